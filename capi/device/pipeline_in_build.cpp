@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdlib>
 #include <mutex>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -30,7 +31,10 @@ class Builders {
   void start(F&& build) {
     const std::lock_guard lock(mutex_);
     std::thread([this, build = std::forward<F>(build)]() mutable {
-      build();
+      {
+        auto own = std::move(build);  // ends before it is counted as done: it may be the last to hold the device
+        own();
+      }
       const std::lock_guard done(mutex_);
       --count_;
       idle_.notify_all();
@@ -87,7 +91,11 @@ PipelineInBuild::Task PipelineInBuild::task(const std::shared_ptr<Device>& devic
 void PipelineInBuild::begin(const std::shared_ptr<Device>& device, std::span<const uint32_t> spirv, uint32_t push_constant_bytes,
                             std::span<const uint32_t> specialisation) {
   if (pipeline_ || building_.valid() || !has_threads(*device)) return;
-  Builders::get().start(task(device, spirv, push_constant_bytes, specialisation));
+  try {
+    Builders::get().start(task(device, spirv, push_constant_bytes, specialisation));
+  } catch (const std::system_error&) {  // no more threads: get() builds in the caller's
+    building_ = {};
+  }
 }
 
 const ComputePipeline& PipelineInBuild::get(const std::shared_ptr<Device>& device, std::span<const uint32_t> spirv,

@@ -105,7 +105,8 @@ class PartOfResults:
 
 def joined(images: Sequence[NDArray[Any]]) -> NDArray[Any] | None:
     """[all environments, ...] where the parts' images [environments, ...] lie in one such array, else None."""
-    whole = images[0].base
+    first, whole = images[0], images[0].base
     if not isinstance(whole, np.ndarray) or any(image.base is not whole for image in images):
         return None
-    return whole if len(whole) == sum(len(image) for image in images) else None
+    shape = (sum(len(image) for image in images), *first.shape[1:])
+    return whole if (whole.shape, whole.dtype) == (shape, first.dtype) else None

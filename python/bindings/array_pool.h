@@ -63,9 +63,14 @@ class ArrayPool {
     return {memory, bytes};
   }
 
-  void keep(const Block& block) {
+  void keep(const Block& block) noexcept {
     const std::lock_guard lock(mutex_);
-    kept_.push_back(block);
+    try {
+      kept_.push_back(block);
+    } catch (const std::bad_alloc&) {
+      std::free(block.memory);
+      return;
+    }
     kept_bytes_ += block.bytes;
     for (; kept_bytes_ > most_kept_bytes; kept_.pop_front()) {
       kept_bytes_ -= kept_.front().bytes;

@@ -242,13 +242,13 @@ void EmbreeWorld::follow_apart(const Scene& scene, const std::vector<uint32_t>& 
     const bool same = put(slot, placement_in(scene, slot, times_));
     for (uint32_t e = 0; e < environments_.size(); ++e) {
       Environment& environment = environments_[e];
-      const bool there = attached && before.seen_by(e), after = placements_[slot].seen_by(e);
+      const bool there = attached && before.seen_by(e), after = placements_[slot].seen_by(e), stays = there && after && same;
       if (!there && !after) continue;
       if (!environment.apart) environment.apart = device_.new_scene();
       const auto [place, is_new] = environment.places.try_emplace(slot, uint32_t(environment.instances.size()));
       if (is_new) environment.instances.push_back(slot);
-      if (there && !same) rtcDetachGeometry(environment.apart.get(), place->second);
-      if (after && !(there && same)) rtcAttachGeometryByID(environment.apart.get(), geometries_[slot].get(), place->second);
+      if (there && !stays) rtcDetachGeometry(environment.apart.get(), place->second);
+      if (after && !stays) rtcAttachGeometryByID(environment.apart.get(), geometries_[slot].get(), place->second);
       concerned[e] = true;
     }
   }

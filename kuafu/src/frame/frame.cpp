@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "device/error.h"
 #include "spirv/write.h"
 
 namespace kuafu {
@@ -32,10 +33,22 @@ void Frame::fit(const Launch& launch) {
     const bool wanted = needs(launch, kind);
     unneeded = wanted ? 0 : std::min(unneeded + 1, most_unneeded);
     if (held && (unneeded == most_unneeded || (wanted && held->size_bytes() < bytes))) held.reset();
-    if (wanted && !held) held = ks::Buffer::create(memory_.device, bytes, memory_.device->is_cpu() ? KS_BUFFER_HOST_VISIBLE : 0);
+    if (wanted && !held) held = new_image(bytes);
   }
   const auto outputs = outputs_.resize(memory_, output_kind_count);
   for (uint32_t kind = 0; kind < output_kind_count; ++kind) outputs[kind] = target(launch, kind);
+}
+
+/// Where memory is short, the images that no launch needs now make room.
+std::shared_ptr<ks::Buffer> Frame::new_image(uint64_t bytes) {
+  const uint32_t flags = memory_.device->is_cpu() ? KS_BUFFER_HOST_VISIBLE : 0;
+  try {
+    return ks::Buffer::create(memory_.device, bytes, flags);
+  } catch (const ks::Error&) {
+    for (HeldImage& image : images_)
+      if (image.unneeded > 0) image.buffer.reset();
+    return ks::Buffer::create(memory_.device, bytes, flags);
+  }
 }
 
 bool Frame::is_empty() const {

@@ -39,6 +39,7 @@ class Frame {
     std::shared_ptr<ks::Buffer> buffer;
     uint32_t unneeded = 0;  // launches since one needed it
   };
+  [[nodiscard]] std::shared_ptr<ks::Buffer> new_image(uint64_t bytes);
   [[nodiscard]] OutputRecord target(const Launch& launch, uint32_t kind) const;
 
   Memory memory_;

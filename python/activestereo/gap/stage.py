@@ -130,12 +130,15 @@ def set_noise(config: StereoDepthSensorConfig, law: NoiseLaw) -> None:
     sensor with SAPIEN's noise."""
     if not isinstance(config.ir_signal, dict):
         raise ValueError(f"{config.model} cannot be given another noise: it has no imager of its own")
-    signal = dict(config.ir_signal)
+    signal = dict(config.ir_signal) | {"read_noise_e": 0.0}
     signal["adc_noise_dn"] = float(np.sqrt(max(law.offset - _ROUNDING_DN2, 0.0)))
     if law.shot > 0.0:  # a count of fewer electrons, and as many counts
-        fewer = law.shot / signal["conversion_gain_dn_per_e"]
+        gain = signal.get("gain", 1.0) * config.ir_camera_gain
+        fewer = law.shot / (signal["conversion_gain_dn_per_e"] * gain)
         signal["responsivity_e"] /= fewer
-        signal["conversion_gain_dn_per_e"] = law.shot
+        signal["conversion_gain_dn_per_e"] *= fewer
+        if "full_well_e" in signal:
+            signal["full_well_e"] /= fewer
     else:
         signal["shot_noise"] = 0.0
     if law.relative > 0.0:

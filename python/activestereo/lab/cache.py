@@ -103,7 +103,7 @@ class LayerCache:
         try:
             with np.load(path) as stored:
                 arrays = {name: stored[name] for name in stored.files}
-        except (OSError, KeyError, ValueError, zipfile.BadZipFile):
+        except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile):
             return None  # absent, or not ours: rendered again and replaced
         with suppress(OSError):  # another run may forget it at any time, and a folder may be read-only
             os.utime(path)

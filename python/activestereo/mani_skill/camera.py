@@ -110,7 +110,12 @@ class StereoDepthCamera(Camera):
         """ManiSkill's, of a late camera those of the next observation's picture: ManiSkill asks for an observation's
         parameters before its picture."""
         begun = self._begun
-        return super().get_params() if begun is None or begun.reset is not self._reset else begun.params
+        return begun.params if begun is not None and self._serves(begun) else super().get_params()
+
+    def _serves(self, begun: _Begun) -> bool:
+        """Whether the picture that was begun is the next observation's: not after a reset(), nor where it failed."""
+        sensors = self._sensors
+        return begun.reset is self._reset and isinstance(sensors, LateStereoDepthSensorBatch) and sensors.has_next
 
     @property
     def _reset(self) -> torch.Tensor:
@@ -124,8 +129,7 @@ class StereoDepthCamera(Camera):
         if not isinstance(sensors, LateStereoDepthSensorBatch):
             sensors.take_picture(infrared_only=not with_rgb)
             return
-        serves = begun is not None and begun.reset is self._reset and (begun.has_rgb or not with_rgb)
-        serves = serves and sensors.has_next
+        serves = begun is not None and self._serves(begun) and (begun.has_rgb or not with_rgb)
         self._begun = None
         sensors.take_picture(infrared_only=not with_rgb)
         if not serves:

@@ -296,6 +296,31 @@ TEST_P(Tracers, ALargeSceneAfterFewAndManyChangesIsOneThatWasMadeSo) {
   }
 }
 
+TEST_P(Tracers, ASlotThatMovedAndIsFilledAnewInAnotherEnvironmentLeavesItsFormerOne) {
+  Scene scene = instanced_world(48, 600, 8.0);
+  std::vector<TestRay> rays = random_rays(49, 500, 8.0);
+  Random random(50);
+  for (TestRay& ray : rays) ray.environment = random.below(2);
+  Instance instance = place(scene.instances()[7]->mesh, random_pose(random, 8.0));
+  const auto expect_like_new = [&](const char* when) {
+    tracer_->update(scene, 2, {});
+    const auto fresh = GetParam().make();
+    fresh->update(scene, 2, {});
+    RayBench expected(*fresh);
+    EXPECT_EQ(bench_->closest(rays), expected.closest(rays)) << when;
+  };
+  uint32_t id = 7;
+  expect_like_new("at first");
+  scene.set_instance_pose(id, random_pose(random, 8.0));
+  expect_like_new("moved");
+  for (const uint32_t environment : {1u, 0u}) {
+    scene.remove_instance(id);
+    instance.environment = environment;
+    id = scene.add_instance(instance);
+    expect_like_new("in another environment");
+  }
+}
+
 TEST_P(Tracers, RemovedMeshesAreForgottenAndTheirNeighboursStay) {
   Random random(43);
   Scene scene;

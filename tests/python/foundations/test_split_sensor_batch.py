@@ -62,6 +62,16 @@ def test_two_devices_give_the_bits_of_one(config):
         np.testing.assert_array_equal(split.render_true_depth(), one.render_true_depth())
 
 
+def test_a_split_batch_of_one_device_has_its_shapes(config):
+    only = mounts()
+    with SplitStereoDepthSensorBatch(config, [only]) as split:
+        split.take_picture(infrared_only=True)
+        split.compute_depth()
+        depth = split.get_depth()
+        assert split.get_depth_mm().shape == split.parts[0].get_depth_mm().shape
+        assert split.render_true_depth().shape == depth.shape
+
+
 def test_so_does_a_device_for_each_sensor(config):
     poses = POSES[:, 0]
     whole, parts = mounts(poses), [mounts(poses) for _ in range(3)]

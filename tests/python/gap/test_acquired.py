@@ -12,7 +12,8 @@ from activestereo.gap.acquired import read_acquired, read_imager, with_acquired
 from activestereo.gap.files import RunFolder
 from activestereo.gap.objects import objects
 from activestereo.gap.settings import GapSettings
-from activestereo.gap.stage import CameraSettings, NoiseLaw, Stage
+from activestereo import StereoDepthSensorConfig
+from activestereo.gap.stage import CameraSettings, NoiseLaw, Stage, set_noise
 from activestereo.gap.views import round_of_views
 from activestereo.gap.worlds import WORLDS
 from activestereo.sensor_model import Imager, Quantity, SensorModel
@@ -90,3 +91,13 @@ def test_a_run_keeps_to_its_noise(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="other settings: camera"):
         folder.keep_settings(GapSettings().described())
     assert "imager" not in GapSettings().described()["camera"]  # as runs before had it
+
+
+def test_acquired_noise_takes_the_place_of_what_reads_the_pixels_and_keeps_their_wells() -> None:
+    config = StereoDepthSensorConfig("D435")
+    config.ir_signal = dict(config.ir_signal) | {"read_noise_e": 5.0, "full_well_e": 9000.0, "gain": 2.0}
+    full_dn = 9000.0 * config.ir_signal["conversion_gain_dn_per_e"]
+    set_noise(config, NoiseLaw(0.3, 0.05))
+    assert config.ir_signal["read_noise_e"] == 0.0
+    assert config.ir_signal["conversion_gain_dn_per_e"] * 2.0 * config.ir_camera_gain == pytest.approx(0.05)
+    assert config.ir_signal["full_well_e"] * config.ir_signal["conversion_gain_dn_per_e"] == pytest.approx(full_dn)

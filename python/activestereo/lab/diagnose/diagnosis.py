@@ -104,9 +104,10 @@ def diagnose(
     share = part_of(progress, _RENDER_SHARE, 1.0)
     engine = None if rendering is None else rendering(capture)
     memory = FitMemory(cache, evidence.train)
-    diagnosis = examine(evidence, model, list(effects.values()), steps, workers, share, gates, engine, memory)
-    memory.save()
-    return diagnosis
+    try:
+        return examine(evidence, model, list(effects.values()), steps, workers, share, gates, engine, memory)
+    finally:
+        memory.save()  # what was done before a cancellation need not be done again
 
 
 def no_infrared(capture_path: str | Path) -> str | None:
