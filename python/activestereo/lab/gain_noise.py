@@ -3,10 +3,9 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from scipy.optimize import nnls
 
 from activestereo.capture import Frame
 from activestereo.effects import View
@@ -16,8 +15,6 @@ from activestereo.lab.noise import NoiseLaw
 _ALIKE = 0.1
 # A squared difference beyond so many variances is a dot out of place.
 _OUTLIER = 12.0
-# What is an outlier depends on what is missing: both are told together in so many rounds.
-_ROUNDS = 2
 
 
 class Shot(Protocol):
@@ -42,49 +39,39 @@ def law_at_other_gains(
     """The law with the shot noise that frames at other gains than the repeats' show between neighbours alike in
     expected value.
 
-    What a missing effect leaves there is the same at all gains (offsets of pixels and columns), or grows with the
-    square of the signal: the shown gains tell how much.
+    What a missing effect leaves there grows with the square of the signal, at all gains alike: the shown gains tell
+    how much.
     """
     shown = [o for o in observations if o.frame.gain in shown_gains and o.frame.projector_power > 0]
     others = [o for o in observations if o.frame.gain not in shown_gains]
     if not shown or not others:
         return law
-    found = np.zeros(2)
-
-    def missing(signal: np.ndarray) -> np.ndarray:
-        return found[0] + found[1] * signal**2
-
-    for _ in range(_ROUNDS):
-        found = found + _slopes(law, shown, images, lambda o, signal: [np.ones(signal.shape), signal**2], missing)
-    [shot] = _slopes(law, others, images, lambda o, signal: [o.frame.gain * signal], missing)
-    return replace(law, shot=law.shot + shot)
+    missing = max(_slope(law, shown, images, lambda o, signal: signal**2, 0.0), 0.0)
+    return replace(
+        law, shot=law.shot + max(_slope(law, others, images, lambda o, signal: o.frame.gain * signal, missing), 0.0)
+    )
 
 
-def _slopes(
+def _slope(
     law: NoiseLaw,
     observations: Sequence[Shot],
     images: dict[tuple[int, str], np.ndarray],
-    levers_of: Callable[[Shot, np.ndarray], list[np.ndarray]],
-    missing: Callable[[np.ndarray], np.ndarray],
-) -> np.ndarray:
-    """By how much the variance between alike neighbours, beyond the law's and what is missing at their signal, grows
-    with each of some levers; not below 0.
+    lever_of: Callable,
+    missing: float,
+) -> float:
+    """By how much the variance between alike neighbours, beyond the law's and missing x signal^2, grows with a
+    lever.
     """
-    gram: Any = 0.0
-    moment: Any = 0.0
+    top = bottom = 0.0
     for o in observations:
         image = images[o.key]
         rest = o.measured - image
         mean = 0.5 * (image[:, 1:] + image[:, :-1])
         signal = np.maximum(mean - law.black_dn, 0.0)
-        known = law.variance(mean, o.frame.gain) + missing(signal)
+        known = law.variance(mean, o.frame.gain) + missing * signal**2
         alike = (np.abs(image[:, 1:] - image[:, :-1]) < _ALIKE * mean) & (mean < o.view.max_dn - 1)
         pair = np.minimum(0.5 * (rest[:, 1:] - rest[:, :-1]) ** 2, _OUTLIER * known)
-        deviation = np.maximum(known, 1.0 / 12.0)[alike]
-        levers = np.stack([lever[alike] / deviation for lever in levers_of(o, signal)])
-        gram = gram + levers @ levers.T
-        moment = moment + levers @ ((pair - known)[alike] / deviation)
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    size, axes = np.linalg.eigh(gram / np.outer(scale, scale))
-    root = np.sqrt(np.maximum(size, 1e-12))
-    return nnls(root[:, None] * axes.T, axes.T @ (moment / scale) / root)[0] / scale
+        lever, weight = lever_of(o, signal), 1.0 / np.maximum(known, 1.0 / 12.0) ** 2
+        top += (weight * lever * (pair - known))[alike].sum()
+        bottom += (weight * lever**2)[alike].sum()
+    return top / bottom if bottom > 0 else 0.0

@@ -81,22 +81,3 @@ def test_an_error_of_the_tone_curve_is_no_grain():
             before, after = (np.mean([r.residual**2 for r in some]) for some in (bent, left))
             share[name, error] = 1.0 - after / before
     assert max(share.values()) < 0.03
-
-
-@pytest.mark.parametrize("pattern_dn", [1.0, 4.0])
-def test_what_few_frames_leave_of_a_pattern_is_foretold(pattern_dn):
-    """Three other places tell a pixel's offset with an error, which the fourth one shows beside its noise."""
-    fit = fit_fields(builtin()["fixed_pattern_noise"], rows_with(pattern_dn, 0.0), (), 0.0, GATES)
-    left = np.mean(np.square(fit.residuals)) / NOISE_DN**2 - 1.0
-    error = 1.0 / (3.0 + (NOISE_DN / pattern_dn) ** 2)
-    assert left == pytest.approx(error, abs=0.03)
-    assert fit.unknown_chi2 / np.size(fit.residuals) == pytest.approx(error, abs=0.03)
-
-
-@pytest.mark.parametrize(("pattern_dn", "remains"), [(4.0, 0.0), (0.4, 1.3)])
-def test_the_mean_of_offsets_goes_with_them_as_far_as_they_explain_it(pattern_dn, remains):
-    """Of a black level that is 1.5 DN off, offsets of 4 DN explain all, and those of 0.4 DN a fifth of a DN."""
-    rows = [row._replace(residual=row.residual + 1.5) for row in rows_with(pattern_dn, 0.0)]
-    fit = fit_fields(builtin()["fixed_pattern_noise"], rows, rows[:1], 0.0, GATES)
-    for residual in (*fit.residuals, *fit.test_residuals):
-        assert residual.mean() == pytest.approx(remains, abs=0.1)

@@ -41,7 +41,6 @@ class FieldFit:
 
     residuals: of the train images after each was predicted from others; test_residuals: of the test images. sigma,
     error: {parameter: deviation of a draw, its standard error}; share: of the places that have a sparse draw.
-    unknown_chi2: what the residuals are expected to have above the noise, because few frames foretell draws badly.
     """
 
     residuals: tuple[np.ndarray, ...]
@@ -49,7 +48,6 @@ class FieldFit:
     sigma: Mapping[str, float]
     error: Mapping[str, float]
     share: float = 0.0
-    unknown_chi2: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -72,8 +70,7 @@ class Explanation:
 
     chi2, tile_chi2: of the train images with it; the base's where the channel looks at something else. solution: the
     fit of an expected image. fields: of random draws. own: the evidence of other channels. repeats_floors: what the
-    effect leaves in every frame of a view alike (rounding to coarse steps, draws that few frames foretell), which is
-    no other effect's.
+    effect leaves in every frame of a view alike (rounding to coarse steps), which is no other effect's.
     """
 
     effect: Effect

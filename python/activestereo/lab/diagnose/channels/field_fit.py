@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from activestereo.effects import Effect
-from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
+from activestereo.effects.core.judging import RandomTerm, SharedBy
 from activestereo.lab.diagnose.channels.dots_seen import dots_seen
 from activestereo.lab.diagnose.channels.draws import DrawIndex, draw_grid, frames_that_share, lever_image
 from activestereo.lab.diagnose.evidence.inadequacy import edges
@@ -24,9 +24,6 @@ from activestereo.lab.diagnose.refine import ImageResidual
 _JACKKNIFE = 16
 # Levels of the expected value by which a curve that all pixels share is told from their own draws.
 _LEVELS = 24
-# Weights are formed from expected values that are the measured ones by half at most (evidence/gather.py): offsets of
-# pixels pull the black level by less than this part of their deviation.
-_MOST_PULLED = 0.5
 
 Beside = Sequence[tuple[RandomTerm, float]]
 
@@ -47,7 +44,7 @@ def fit_fields(
     """
     curves, test_curves = ([_level_means(row) for row in rows] for rows in (train, test))
     train, test = _less(train, curves), _less(test, test_curves)
-    index, share, found, unknown = DrawIndex(), 0.0, False, 0.0
+    index, share, found = DrawIndex(), 0.0, False
     sigma, error = {}, {}
     for term in effect.random_terms:
         rows = [_row_of(term, row, black_dn, index, beside) for row in train]
@@ -67,19 +64,14 @@ def fit_fields(
             sigma[term.parameter], error[term.parameter] = sigma[term.parameter] / seen, error[term.parameter] / seen
         found = True
         tests = [_row_of(term, row, black_dn, index, beside) for row in test]
-        if sparse is None:
-            unknown += sum(_left_unknown(row, rows, totals, variance) for row in rows)
         train = _with_residuals(train, [_corrected(row, rows, totals, variance, sparse) for row in rows])
         test = _with_residuals(test, [_predicted(row, totals, variance, sparse) for row in tests])
         if term.sparse_share:
             share, mean = _sparse(totals, gates.hot_sigma)
             sigma[term.parameter] = sigma[term.parameter] if mean is None else mean
-    train, test = ([*map(_plus, rows, images)] for rows, images in ((train, curves), (test, test_curves)))
-    offsets = [sigma[t.parameter] for t in effect.random_terms if t.lever is Lever.ONE and not t.sparse_share]
-    reach = _MOST_PULLED * float(np.linalg.norm(offsets))
-    train, test = (_less(rows, _means(rows, train, reach)) for rows in (train, test))
-    residuals, test_residuals = (tuple(row.residual for row in rows) for rows in (train, test))
-    return FieldFit(residuals, test_residuals, sigma, error, share, unknown) if found else None
+    residuals = tuple(row.residual + curve for row, curve in zip(train, curves, strict=True))
+    test_residuals = tuple(row.residual + curve for row, curve in zip(test, test_curves, strict=True))
+    return FieldFit(residuals, test_residuals, sigma, error, share) if found else None
 
 
 def _level_means(row: ImageResidual) -> np.ndarray:
@@ -92,23 +84,6 @@ def _level_means(row: ImageResidual) -> np.ndarray:
 
 def _less(rows: Sequence[ImageResidual], images: Sequence[np.ndarray]) -> list[ImageResidual]:
     return _with_residuals(rows, [row.residual - image for row, image in zip(rows, images, strict=True)])
-
-
-def _plus(row: ImageResidual, image: np.ndarray) -> ImageResidual:
-    return row._replace(residual=row.residual + image)
-
-
-def _means(rows: Sequence[ImageResidual], train: Sequence[ImageResidual], reach: float) -> list[np.ndarray]:
-    """The mean of all offsets of a row's eye, as the train images of other places tell it, at most reach. No fit of the
-    black level knows it: both eyes share that, and its weights have seen the offsets.
-    """
-    place = lambda row: row.observation.frame.camera_to_world.tobytes()  # noqa: E731
-    of = [(row.observation.eye, place(row), float(row.residual.mean())) for row in train]
-    out = []
-    for row in rows:
-        told = [mean for eye, where, mean in of if eye == row.observation.eye and where != place(row)]
-        out.append(np.full(row.residual.shape, np.clip(np.mean(told or [0.0]), -reach, reach)))
-    return out
 
 
 def _with_residuals(rows: Sequence[ImageResidual], residuals: Sequence[np.ndarray]) -> list[ImageResidual]:
@@ -243,19 +218,9 @@ def _corrected(
     row: _Row, rows: Sequence[_Row], totals: np.ndarray, variance: float, hot_sigma: float | None
 ) -> np.ndarray:
     """The residual less what the other groups predict."""
-    value = _shrunk(_of_others(row, rows, totals), variance, hot_sigma)
+    own = np.sum([other.sums(totals.shape[1]) for other in rows if other.group == row.group], axis=0)
+    value = _shrunk(totals - own, variance, hot_sigma)
     return row.residual - row.z * value[row.index]
-
-
-def _left_unknown(row: _Row, rows: Sequence[_Row], totals: np.ndarray, variance: float) -> float:
-    """The chi2 that the prediction by few other groups is expected to leave: the variance of its error, weighed."""
-    error = 1.0 / (_of_others(row, rows, totals)[0] + 1.0 / variance)
-    return float((row.weight * row.z**2 * error[row.index]).sum())
-
-
-def _of_others(row: _Row, rows: Sequence[_Row], totals: np.ndarray) -> np.ndarray:
-    """The sums of the other groups."""
-    return totals - np.sum([other.sums(totals.shape[1]) for other in rows if other.group == row.group], axis=0)
 
 
 def _predicted(row: _Row, totals: np.ndarray, variance: float, hot_sigma: float | None) -> np.ndarray:

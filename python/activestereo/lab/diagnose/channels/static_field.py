@@ -45,14 +45,12 @@ class StaticFieldChannel(JudgingChannel):
         tiles = np.zeros(self._evidence.tiles)
         for (o, *_), r in zip(self._base.train, fit.residuals, strict=True):
             tiles += np.bincount(o.tile.ravel(), (o.weight * r**2).ravel(), minlength=len(tiles))
-        known, unknown = field_parameters(effect, fit), fit.unknown_chi2 / self._evidence.pixels
-        return Explanation(effect, self.kind, known, float(tiles.sum()), tiles, fields=fit, repeats_floors=unknown)
+        return Explanation(effect, self.kind, field_parameters(effect, fit), float(tiles.sum()), tiles, fields=fit)
 
 
 def has_extended_draws(effect: Effect) -> bool:
     """Whether pixels that lie together share a draw, which is structure (score/structure.py) until it is predicted."""
-    shared = SharedBy.DOT, SharedBy.COLUMN, SharedBy.ROW
-    return any(term.shared_by in shared for term in effect.random_terms)
+    return any(term.shared_by is SharedBy.DOT for term in effect.random_terms)
 
 
 def field_parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:
