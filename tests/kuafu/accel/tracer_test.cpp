@@ -71,7 +71,32 @@ class Tracers : public testing::TestWithParam<Maker> {
     EXPECT_EQ(wrong_hits, 0u) << "of " << rays.size();
     EXPECT_EQ(wrong_shadows, 0u) << "of " << rays.size();
   }
+
+  /// Brings the tracer up to date: it finds, bit for bit, what one finds that was made for the scene as it is. Returns the hits.
+  std::vector<TestHit> expect_like_new(const Scene& scene, uint32_t environments, const std::vector<TestRay>& rays, const char* when) {
+    tracer_->update(scene, environments, {});
+    const auto fresh = GetParam().make();
+    fresh->update(scene, environments, {});
+    RayBench expected(*fresh);
+    std::vector<TestHit> hits = bench_->closest(rays);
+    EXPECT_EQ(hits, expected.closest(rays)) << when;
+    EXPECT_EQ(bench_->occluded(rays), expected.occluded(rays)) << when;
+    return hits;
+  }
 };
+
+/// Random rays, each of one of the environments.
+std::vector<TestRay> rays_of_environments(uint32_t environments, uint32_t seed, uint32_t count, double half, Random& random) {
+  std::vector<TestRay> rays = random_rays(seed, count, half);
+  for (TestRay& ray : rays) ray.environment = random.below(environments);
+  return rays;
+}
+
+std::vector<uint32_t> first_ids(uint32_t count) {
+  std::vector<uint32_t> ids(count);
+  std::iota(ids.begin(), ids.end(), 0u);
+  return ids;
+}
 
 size_t count_hits(const std::vector<TestHit>& hits) {
   return size_t(std::ranges::count_if(hits, [](const TestHit& hit) { return hit.hit; }));
@@ -264,10 +289,8 @@ void change_some(Scene& scene, std::vector<uint32_t>& ids, uint32_t changes, dou
 TEST_P(Tracers, AnySequenceOfSmallChangesMatchesBruteForce) {
   Random random(40);
   Scene scene = instanced_world(41, 60, 3.0);
-  std::vector<TestRay> rays = random_rays(42, 300, 4.0);
-  for (TestRay& ray : rays) ray.environment = random.below(3);
-  std::vector<uint32_t> ids(60);
-  std::iota(ids.begin(), ids.end(), 0u);
+  const std::vector<TestRay> rays = rays_of_environments(3, 42, 300, 4.0, random);
+  std::vector<uint32_t> ids = first_ids(60);
   for (int round = 0; round < 30; ++round) {
     change_some(scene, ids, random.below(6), 3.0, random);
     tracer_->update(scene, 3, {});
@@ -278,46 +301,30 @@ TEST_P(Tracers, AnySequenceOfSmallChangesMatchesBruteForce) {
 TEST_P(Tracers, ALargeSceneAfterFewAndManyChangesIsOneThatWasMadeSo) {
   Random random(45);
   Scene scene = instanced_world(46, 700, 8.0);
-  std::vector<TestRay> rays = random_rays(47, 700, 8.0);
-  for (TestRay& ray : rays) ray.environment = random.below(3);
-  std::vector<uint32_t> ids(700);
-  std::iota(ids.begin(), ids.end(), 0u);
+  const std::vector<TestRay> rays = rays_of_environments(3, 47, 700, 8.0, random);
+  std::vector<uint32_t> ids = first_ids(700);
   tracer_->update(scene, 3, {});
   for (const uint32_t changes : {1u, 40u, 160u, 260u, 3u}) {
     change_some(scene, ids, changes, 8.0, random);
-    tracer_->update(scene, 3, {});
-    const auto fresh = GetParam().make();
-    fresh->update(scene, 3, {});
-    RayBench expected(*fresh);
-    const std::vector<TestHit> hits = bench_->closest(rays);
-    EXPECT_GT(count_hits(hits), rays.size() / 4);
-    EXPECT_EQ(hits, expected.closest(rays)) << "after " << changes << " changes";
-    EXPECT_EQ(bench_->occluded(rays), expected.occluded(rays)) << "after " << changes << " changes";
+    const std::string when = "after " + std::to_string(changes) + " changes";
+    EXPECT_GT(count_hits(expect_like_new(scene, 3, rays, when.c_str())), rays.size() / 4);
   }
 }
 
 TEST_P(Tracers, ASlotThatMovedAndIsFilledAnewInAnotherEnvironmentLeavesItsFormerOne) {
   Scene scene = instanced_world(48, 600, 8.0);
-  std::vector<TestRay> rays = random_rays(49, 500, 8.0);
   Random random(50);
-  for (TestRay& ray : rays) ray.environment = random.below(2);
+  const std::vector<TestRay> rays = rays_of_environments(2, 49, 500, 8.0, random);
   Instance instance = place(scene.instances()[7]->mesh, random_pose(random, 8.0));
-  const auto expect_like_new = [&](const char* when) {
-    tracer_->update(scene, 2, {});
-    const auto fresh = GetParam().make();
-    fresh->update(scene, 2, {});
-    RayBench expected(*fresh);
-    EXPECT_EQ(bench_->closest(rays), expected.closest(rays)) << when;
-  };
   uint32_t id = 7;
-  expect_like_new("at first");
+  expect_like_new(scene, 2, rays, "at first");
   scene.set_instance_pose(id, random_pose(random, 8.0));
-  expect_like_new("moved");
+  expect_like_new(scene, 2, rays, "moved");
   for (const uint32_t environment : {1u, 0u}) {
     scene.remove_instance(id);
     instance.environment = environment;
     id = scene.add_instance(instance);
-    expect_like_new("in another environment");
+    expect_like_new(scene, 2, rays, "in another environment");
   }
 }
 
