@@ -85,7 +85,7 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--spp", type=integer_from(1), default=32, metavar="N", help="samples per pixel (default: 32)")
     add_max_bounces(parser)
     add_seed(parser, "same seed, same answer")
-    text = "threads that fit (default: one per core)"
+    text = "processes that fit (default: one per core)"
     parser.add_argument("--workers", type=integer_from(1), default=os.cpu_count() or 1, metavar="N", help=text)
     add_device(parser)
     parser.set_defaults(run=run)

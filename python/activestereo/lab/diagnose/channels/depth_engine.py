@@ -25,6 +25,7 @@ from activestereo.lab.diagnose.channels.channel import JudgingChannel, Progress
 from activestereo.lab.diagnose.evidence import TILE_PX, Evidence
 from activestereo.lab.diagnose.findings import BaseFit, Explanation, NotRanked, OwnEvidence
 from activestereo.lab.diagnose.gates import Gates
+from activestereo.lab.diagnose.refine.fitter import MOST_THREADS
 from activestereo.lab.diagnose.score.intervals import Z90, Limits, within_ranges
 from activestereo.lab.diagnose.score.likelihood import design_effect
 
@@ -116,7 +117,7 @@ class DepthEngineChannel(JudgingChannel):
         fits: dict[str, _DepthFit] = {}
         waiting = list(effects)
         while waiting:
-            with ThreadPoolExecutor(self._workers) as pool:
+            with ThreadPoolExecutor(min(self._workers, MOST_THREADS)) as pool:
                 now = dict(zip((e.id for e in waiting), pool.map(judge.fit, waiting), strict=True))
             best = max(waiting, key=lambda e: now[e.id].own.nats)
             is_choice = best.engine_fault.is_matcher_choice and self._is_significant(now[best.id], len(effects))

@@ -8,7 +8,9 @@ there; those that came close to it are polished on all images.
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from threading import Lock
 from typing import ClassVar, TypeVar
 
@@ -22,6 +24,9 @@ from activestereo.lab.diagnose.gates import Gates
 from activestereo.lab.diagnose.propose.scan import Start, starts
 from activestereo.lab.diagnose.propose.surfaces import on_explained
 from activestereo.lab.diagnose.refine import Fitters, ParameterSpace, Solution
+from activestereo.lab.diagnose.refine.fit_ahead import fit_ahead
+from activestereo.lab.diagnose.refine.fit_memory import FitMemory, NotKnown
+from activestereo.lab.diagnose.refine.fitter import MOST_THREADS
 from activestereo.lab.diagnose.score.intervals import intervals
 from activestereo.lab.diagnose.score.likelihood import cross_validated
 
@@ -59,7 +64,7 @@ class ExpectedImageChannel(JudgingChannel):
     """Judges deterministic effects up to the digital numbers.
 
     earlier: {id: an effect's parameters as fitted without the model's last effect}, see propose/scan.py. workers:
-    threads that fit.
+    processes that fit.
     """
 
     kind: ClassVar[Channel] = Channel.EXPECTED_IMAGE
@@ -79,15 +84,14 @@ class ExpectedImageChannel(JudgingChannel):
         self._neutral = scan.nuisance_fit(space, space.start, base.solution.phi, scan.lights(space, space.start), 1)[1]
 
     def explain(self, effects: Sequence[Effect], progress: Progress | None = None) -> list[Explanation | NotRanked]:
-        gates, steps = self._gates, _Steps(progress)
-        with ThreadPoolExecutor(max_workers=self._workers) as pool:
-            seen = steps.all_of(pool, effects, _SCAN_TIME, self._scanned)
-            within = {s.effect.id for s in _close_to_best(seen, gates.out_of_reach)} | set(self._earlier)
-            scanned = sorted((s for s in seen if s.effect.id in within), key=lambda s: -s.gain)
-            approached = steps.all_of(pool, scanned, _FIT_TIME, self._approached)
-            hopeful = _close_to_best(approached, gates.hopeless_share)
-            jobs = [(self._is_worth_steps(rank, a, hopeful[0].gain), a) for rank, a in enumerate(hopeful)]
-            return steps.all_of(pool, jobs, 1.0 - _SCAN_TIME - _FIT_TIME, self._polished)
+        gates, steps = self._gates, _Steps(self._fitters.train.memory, self._workers, progress)
+        seen = steps.all_of(effects, _SCAN_TIME, self._scanned)
+        within = {s.effect.id for s in _close_to_best(seen, gates.out_of_reach)} | set(self._earlier)
+        scanned = sorted((s for s in seen if s.effect.id in within), key=lambda s: -s.gain)
+        approached = steps.all_of(scanned, _FIT_TIME, self._approached)
+        hopeful = _close_to_best(approached, gates.hopeless_share)
+        jobs = [(self._is_worth_steps(rank, a, hopeful[0].gain), a) for rank, a in enumerate(hopeful)]
+        return steps.all_of(jobs, 1.0 - _SCAN_TIME - _FIT_TIME, self._polished)
 
     def _is_worth_steps(self, rank: int, approached: _Approached, best: float) -> bool:
         gates = self._gates
@@ -126,22 +130,35 @@ def _close_to_best(found: Sequence[_Likely], share: float) -> list[_Likely]:
 
 
 class _Steps:
-    """Work over a pool, with the progress of the whole."""
+    """Work by all workers, with the progress of the whole."""
 
-    def __init__(self, progress: Progress | None) -> None:
-        self._progress, self._done, self._lock = progress, 0.0, Lock()
+    def __init__(self, memory: FitMemory | None, workers: int, progress: Progress | None) -> None:
+        self._memory, self._workers, self._progress = memory, workers, progress
+        self._done, self._lock = 0.0, Lock()
 
-    def all_of(
-        self, pool: ThreadPoolExecutor, items: Sequence[_In], share: float, work: Callable[[_In], _Out | None]
-    ) -> list[_Out]:
+    def all_of(self, items: Sequence[_In], share: float, work: Callable[[_In], _Out | None]) -> list[_Out]:
         """The results that are not None, in order. share: of the whole time."""
+        outs: dict[int, _Out | None] = {}
+        counted: set[int] = set()
 
-        def one(item: _In) -> _Out | None:
-            out = work(item)
+        def count(i: int) -> None:
             with self._lock:
-                self._done = min(self._done + share / len(items), 1.0)
-                if self._progress:
-                    self._progress(self._done)
-            return out
+                if i not in counted:
+                    counted.add(i)
+                    self._done = min(self._done + share / len(items), 1.0)
+                    if self._progress:
+                        self._progress(self._done)
 
-        return [out for out in pool.map(one, items) if out is not None]
+        def one(i: int) -> None:
+            outs[i] = work(items[i])
+            count(i)
+
+        if self._memory is not None:
+            for i in range(len(items)):
+                with suppress(NotKnown):
+                    self._memory.by_known(partial(one, i))
+            new = [i for i in range(len(items)) if i not in outs]
+            fit_ahead(self._memory, work, [items[i] for i in new], self._workers, lambda n: count(new[n]))
+        with ThreadPoolExecutor(min(self._workers, MOST_THREADS)) as pool:
+            list(pool.map(one, (i for i in range(len(items)) if i not in outs)))
+        return [out for i in range(len(items)) if (out := outs[i]) is not None]

@@ -10,8 +10,9 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
+from itertools import islice
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 import scipy
@@ -26,6 +27,11 @@ from activestereo.lab.diagnose.refine.parameter_space import ParameterSpace
 _FORMAT = 1
 
 Arrays: TypeAlias = Mapping[str, np.ndarray]
+_Out = TypeVar("_Out")
+
+
+class NotKnown(Exception):
+    """A fit is asked for that is not here."""
 
 
 class FitMemory:
@@ -35,14 +41,37 @@ class FitMemory:
         self._renders, self._key = renders, content_key(_FORMAT, code_digest(), observations)
         self._known: dict[str, Arrays] = dict(_apart(renders.get_arrays(self._key) or {}))
         self._kept_before = len(self._known)
+        self._makes = True
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def since(self, length: int) -> dict[str, Arrays]:
+        """The fits that came after so many."""
+        return dict(islice(self._known.items(), length, None))
+
+    def learn(self, fits: Mapping[str, Arrays]) -> None:
+        """Takes fits that were made elsewhere."""
+        self._known.update(fits)
+
+    def by_known(self, work: Callable[[], _Out]) -> _Out:
+        """work(), or NotKnown where it asks for a fit that is not here. No other thread may fit meanwhile."""
+        self._makes = False
+        try:
+            return work()
+        finally:
+            self._makes = True
 
     def once(self, key: str | None, make: Callable[[], Arrays]) -> Arrays:
         """make(), or what it gave when it was asked for by this key before. None: not to be remembered."""
-        if key is None:
-            return make()
-        if key not in self._known:
-            self._known[key] = make()
-        return self._known[key]
+        if key in self._known:
+            return self._known[key]
+        if not self._makes:
+            raise NotKnown
+        made = make()
+        if key is not None:
+            self._known[key] = made
+        return made
 
     def save(self) -> None:
         """Writes what is new."""

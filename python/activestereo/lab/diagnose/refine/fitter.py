@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
+from multiprocessing import parent_process
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -32,6 +34,10 @@ _DAMPING, _DAMPING_STEP, _LEAST_RAISED, _MOST_DAMPING = 1e-3, 10.0, 1e-2, 10.0
 _LEAST_CHI2 = 0.9
 # Solutions whose images are remembered.
 _REMEMBERED = 12
+# Threads that take turns in Python: more of them take longer.
+MOST_THREADS = 4
+_In = TypeVar("_In")
+_Out = TypeVar("_Out")
 _SomePixels = TypeVar("_SomePixels", Pixels, AllPixels)
 
 
@@ -48,7 +54,8 @@ class Fitter:
     """Fits over given observations.
 
     held_sigma: prior deviations of the nuisances that have one. fine=False, for scans: warps look up pixels alone, and
-    sums are of no folds. memory: where fits are kept, or None. threads: that residuals() may use.
+    sums are of no folds. memory: where fits are kept, or None. threads: that work on images at a time; a process that
+    was made for fits (fit_ahead.py) has one.
     """
 
     def __init__(
@@ -60,7 +67,7 @@ class Fitter:
         memory: FitMemory | None = None,
         threads: int = 1,
     ) -> None:
-        self.observations, self.memory, self.threads = observations, memory, threads
+        self.observations, self.memory, self.threads = observations, memory, min(threads, MOST_THREADS)
         self._fine = fine
         self._held_sigma = held_sigma
         self._tiles = tiles
@@ -91,9 +98,17 @@ class Fitter:
     def phi0(self, nuisances: Nuisances) -> np.ndarray:
         return np.concatenate([nuisances.vector(), np.zeros(len(self._held_sigma))])
 
+    def _side_by_side(self, work: Callable[[_In], _Out], items: Sequence[_In]) -> list[_Out]:
+        """work(item) of each, by the threads."""
+        if self.threads == 1 or len(items) < 2 or parent_process() is not None:
+            return [work(item) for item in items]
+        with ThreadPoolExecutor(self.threads) as pool:
+            return list(pool.map(work, items))
+
     def lights(self, space: ParameterSpace, theta: np.ndarray) -> list[Light]:
         """The Light of every observation."""
-        return list(self.each_light(space, theta))
+        model = space.model(theta)
+        return self._side_by_side(lambda i: self._lights(model, i, self._fine), range(len(self.observations)))
 
     def each_light(self, space: ParameterSpace, theta: np.ndarray) -> Iterator[Light]:
         """The same, each made where it is asked for."""
@@ -118,8 +133,7 @@ class Fitter:
             dots = solution.phi[0] * o.frame.exposure_gain * o.frame.projector_power * light.direct
             return ImageResidual(o, image, dots, o.measured - image)
 
-        with ThreadPoolExecutor(self.threads) as pool:
-            return list(pool.map(residual, range(len(self.observations))))
+        return self._side_by_side(residual, range(len(self.observations)))
 
     def chi2(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> float:
         return self._chi2(self._rests(space, theta, phi, lights), phi)
@@ -129,10 +143,12 @@ class Fitter:
     ) -> list[np.ndarray]:
         """What (theta, phi) leaves of each observation's pixels, DN."""
         model = space.model(theta)
-        return [
-            pixels.measured - _with_focal(exposed(model, pixels, light, phi)[0], pixels, phi)
-            for pixels, light in zip(self._pixels, lights, strict=True)
-        ]
+
+        def rest(seen: tuple[Pixels, Light]) -> np.ndarray:
+            pixels, light = seen
+            return pixels.measured - _with_focal(exposed(model, pixels, light, phi)[0], pixels, phi)
+
+        return self._side_by_side(rest, list(zip(self._pixels, lights, strict=True)))
 
     def _chi2(self, rests: Sequence[np.ndarray], phi: np.ndarray) -> float:
         squares = sum(float(((r * p.root_weight) ** 2).sum()) for p, r in zip(self._pixels, rests, strict=True))
@@ -174,7 +190,9 @@ class Fitter:
         here = space.model(theta)
         # The slope of a warp is known well enough from the pixels alone; what is fitted are the fine images.
         coarse = self._fine and bool(space.in_camera[:n_theta].any())
-        for i, (pixels, light) in enumerate(zip(pixels_of, lights, strict=True)):
+
+        def one(seen: tuple[int, _SomePixels, Light]) -> tuple[_SomePixels, list[np.ndarray], np.ndarray]:
+            i, pixels, light = seen
             image, scale_columns = exposed(here, pixels, light, phi, True)
             near = self._lights(here, i, False) if coarse else light
             from_there = exposed(here, pixels, near, phi)[0] if coarse else image
@@ -189,7 +207,14 @@ class Fitter:
             columns += scale_columns or []
             none, is_right = np.zeros(image.shape), pixels.observation.view.is_right
             columns += [none, pixels.focal_slope] if is_right else [pixels.focal_slope, none]
-            yield pixels, columns, pixels.measured - image - phi[SCALES + is_right] * pixels.focal_slope
+            return pixels, columns, pixels.measured - image - phi[SCALES + is_right] * pixels.focal_slope
+
+        seen = ((i, pixels, light) for i, (pixels, light) in enumerate(zip(pixels_of, lights, strict=True)))
+        if not isinstance(lights, Sequence):  # whoever asks may stop after any of them
+            yield from map(one, seen)
+            return
+        while several := list(islice(seen, self.threads)):  # no more are in memory at a time
+            yield from self._side_by_side(one, several)
 
     @staticmethod
     def _moved(space: ParameterSpace, theta: np.ndarray, steps: np.ndarray, j: int) -> Model | None:

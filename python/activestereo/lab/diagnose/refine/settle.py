@@ -22,7 +22,8 @@ def settled(evidence: Evidence, fitter: Fitter, explanation: Explanation) -> Exp
     """
     effect, start = explanation.effect, explanation.fitted
     observations = [replace(o, weight=evidence.weight(o, expected)) for o, expected, *_ in fitter.residuals(start)]
-    own_weights = Fitter(observations, evidence.held_sigma, evidence.tiles, memory=fitter.memory)
+    sized = evidence.held_sigma, evidence.tiles
+    own_weights = Fitter(observations, *sized, memory=fitter.memory, threads=fitter.threads)
     solution = own_weights.refine(start.space, start.theta, start.phi, _ROUNDS)
     found = intervals(own_weights, solution, effect)
     held = start.space.held[len(start.theta) - len(effect.parameters) :]
