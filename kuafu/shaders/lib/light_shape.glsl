@@ -251,10 +251,10 @@ LightSample sample_light(IN(SceneAddresses) scene, IN(LightRecord) light, IN(Lig
 ShapeHit meet_flat(IN(SceneAddresses) scene, IN(LightRecord) light, IN(LightShape) s, vec3 origin, vec3 direction) {
   ShapeHit hit = ShapeHit(false, 0.0f, Spectrum(0.0f), 0.0f);
   float cosine = -dot(direction, s.axis_z), height = dot(origin - light.position, s.axis_z);
-  if (cosine <= 0.0f || height <= 0.0f) return hit;
   hit.t = height / cosine;
   vec3 p = to_light_frame(s, origin + direction * hit.t - light.position);
-  hit.found = light.kind == light_disk ? dot(xy(p), xy(p)) <= s.radius_m * s.radius_m : abs(p.x) <= s.half_size.x && abs(p.y) <= s.half_size.y;
+  bool inside = light.kind == light_disk ? dot(xy(p), xy(p)) <= s.radius_m * s.radius_m : abs(p.x) <= s.half_size.x && abs(p.y) <= s.half_size.y;
+  hit.found = cosine > 0.0f && height > 0.0f && inside;
   hit.pdf = hit.t * hit.t / (cosine * flat_area(light, s));
   if (hit.found) hit.radiance = flat_radiance(scene, light, s, xy(p));
   return hit;

@@ -42,25 +42,40 @@ vec4 load_color(IN(InstanceRecord) r, uvec3 vertices, vec3 weights) {
   return weights.x * r.colors.at[vertices.x] + weights.y * r.colors.at[vertices.y] + weights.z * r.colors.at[vertices.z];
 }
 
+/// Index of a triangle's material.
+uint material_of(IN(SceneAddresses) scene, IN(InstanceRecord) r, uint primitive) {
+  uint slot = (r.flags & instance_has_slots) != 0u ? r.slots.at[primitive] : 0u;
+  return scene.instance_materials.at[r.first_material + min(slot, r.material_count)];
+}
+
 // The point comes from the triangle, not from the ray: its error is a few ulps of the vertices, whatever the ray's length.
-Surface load_surface(IN(SceneAddresses) scene, IN(InstanceRecord) r, uint primitive, float u, float v) {
-  uvec3 vertices = r.indices.at[primitive];
-  vec3 p_0 = r.positions.at[vertices.x], p_1 = r.positions.at[vertices.y], p_2 = r.positions.at[vertices.z];
-  vec3 weights = vec3(1.0f - u - v, u, v), edge_1 = p_1 - p_0, edge_2 = p_2 - p_0;
+void set_point(IN(InstanceRecord) r, vec3 p_0, vec3 edge_1, vec3 edge_2, float u, float v, INOUT(Surface) s) {
   vec4 local = vec4(p_0 + u * edge_1 + v * edge_2, 1.0f);
-  Surface s;
   s.position = vec3(dot(r.local_to_world[0], local), dot(r.local_to_world[1], local), dot(r.local_to_world[2], local));
   vec3 size = abs(s.position) + abs(vec3(r.local_to_world[0].w, r.local_to_world[1].w, r.local_to_world[2].w));
   s.coordinate_size = max(size.x, max(size.y, size.z));
   s.geometric_normal = normalize(to_world_normal(r, cross(edge_1, edge_2)));
+}
+
+/// From the normals of a triangle's corners.
+vec3 smooth_normal(IN(InstanceRecord) r, vec3 n_0, vec3 n_1, vec3 n_2, vec3 weights, vec3 geometric_normal) {
+  vec3 n = to_world_normal(r, weights.x * n_0 + weights.y * n_1 + weights.z * n_2);
+  float length_squared = dot(n, n);
+  bool some = length_squared > 0.0f;
+  n *= inversesqrt(length_squared);
+  n = vec3(some ? n.x : geometric_normal.x, some ? n.y : geometric_normal.y, some ? n.z : geometric_normal.z);
+  return n * (dot(n, geometric_normal) < 0.0f ? -1.0f : 1.0f);
+}
+
+Surface load_surface(IN(SceneAddresses) scene, IN(InstanceRecord) r, uint primitive, float u, float v) {
+  uvec3 vertices = r.indices.at[primitive];
+  vec3 p_0 = r.positions.at[vertices.x], p_1 = r.positions.at[vertices.y], p_2 = r.positions.at[vertices.z];
+  vec3 weights = vec3(1.0f - u - v, u, v), edge_1 = p_1 - p_0, edge_2 = p_2 - p_0;
+  Surface s;
+  set_point(r, p_0, edge_1, edge_2, u, v, s);
   s.shading_normal = s.geometric_normal;
-  if ((r.flags & instance_has_normals) != 0u) {
-    vec3 n = weights.x * r.normals.at[vertices.x] + weights.y * r.normals.at[vertices.y] + weights.z * r.normals.at[vertices.z];
-    n = to_world_normal(r, n);
-    float length_squared = dot(n, n);
-    if (length_squared > 0.0f) s.shading_normal = n * inversesqrt(length_squared);
-    if (dot(s.shading_normal, s.geometric_normal) < 0.0f) s.shading_normal = -s.shading_normal;
-  }
+  if ((r.flags & instance_has_normals) != 0u)
+    s.shading_normal = smooth_normal(r, r.normals.at[vertices.x], r.normals.at[vertices.y], r.normals.at[vertices.z], weights, s.geometric_normal);
   s.place.uv = s.place.uv_1 = vec2(0.0f);
   s.tangent_u = s.tangent_v = s.tangent_u_1 = s.tangent_v_1 = vec3(0.0f);
   s.color = vec4(1.0f);
@@ -70,8 +85,7 @@ Surface load_surface(IN(SceneAddresses) scene, IN(InstanceRecord) r, uint primit
       s.place.uv_1 = load_uv(r, r.uvs_1, vertices, weights, edge_1, edge_2, s.tangent_u_1, s.tangent_v_1);
     if ((r.flags & instance_has_colors) != 0u) s.color = load_color(r, vertices, weights);
   }
-  uint slot = (r.flags & instance_has_slots) != 0u ? r.slots.at[primitive] : 0u;
-  s.material = scene.instance_materials.at[r.first_material + min(slot, r.material_count)];
+  s.material = material_of(scene, r, primitive);
   s.instance_id = r.id;
   return s;
 }

@@ -67,9 +67,9 @@ void leave_first(INOUT(Path) path) {
 /// Russian roulette by the largest channel of the throughput.
 bool survives(INOUT(Path) path, float u) {
   float survival = max_component(path.throughput);
-  if (push.bounce < 3u || survival >= 1.0f) return survival > 0.0f;
-  path.throughput /= survival;
-  return u < survival;
+  bool sure = push.bounce < 3u || survival >= 1.0f;
+  path.throughput /= sure ? 1.0f : survival;
+  return sure ? survival > 0.0f : u < survival;
 }
 
 struct NextRequest {

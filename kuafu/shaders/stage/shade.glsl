@@ -15,6 +15,12 @@ struct Shading {
   bool hit;  // and not beyond the last bounce
 };
 
+/// The light that is there where a path meets nothing.
+void add_environment(IN(Path) path) {
+  IN(EnvironmentRecord) environment = push.scene.at[0].environments.at[path_environment(path)];
+  add_radiance(path.slot, ambient_group(environment.light_group), path.throughput * band_of(environment.radiance));
+}
+
 /// Everything up to the BSDF of the surface.
 void arrive(uint i, OUT(Shading) s) {
   s.path = load_path(i);
@@ -36,8 +42,7 @@ void arrive(uint i, OUT(Shading) s) {
     load_vertex(i, s.path, s.vertex);
     s.hit = depth(s.path) <= push.max_bounces;
   } else {
-    IN(EnvironmentRecord) environment = push.scene.at[0].environments.at[path_environment(s.path)];
-    add_radiance(s.path.slot, ambient_group(environment.light_group), s.path.throughput * band_of(environment.radiance));
+    add_environment(s.path);
   }
 }
 
@@ -61,11 +66,8 @@ struct LightAtSurface {
   vec3 origin;  // of the shadow ray
 };
 
-void light_at_surface(IN(Path) path, IN(Vertex) vertex, uint k, OUT(LightAtSurface) l) {
-  l.origin = offset_origin(vertex.position, vertex.coordinate_size, vertex.side_normal);
-  l.found = false;
-  find_light(path, vertex.position, l.origin, k, l.asked);
-  if (!l.asked.found) return;
+/// From which side the light reaches the surface.
+void turn_to_light(IN(Vertex) vertex, INOUT(LightAtSurface) l) {
   bool behind = dot(l.asked.light.direction, vertex.side_normal) <= 0.0f;
   if (behind) {
     l.origin = offset_origin(vertex.position, vertex.coordinate_size, -vertex.side_normal);
@@ -73,6 +75,14 @@ void light_at_surface(IN(Path) path, IN(Vertex) vertex, uint k, OUT(LightAtSurfa
   }
   l.wi = to_local(vertex.frame, l.asked.light.direction);
   l.found = behind != (l.wi.z > 0.0f);
+}
+
+void light_at_surface(IN(Path) path, IN(Vertex) vertex, uint k, OUT(LightAtSurface) l) {
+  l.origin = offset_origin(vertex.position, vertex.coordinate_size, vertex.side_normal);
+  l.found = false;
+  find_light(path, vertex.position, l.origin, k, l.asked);
+  if (!l.asked.found) return;
+  turn_to_light(vertex, l);
   if (can_walk() && vertex.from_below) l.asked.seek.found = false;  // `relight` does not know the surface from below
 }
 
@@ -113,13 +123,13 @@ NextRequest go_on(INOUT(Path) path, IN(Vertex) vertex, IN(BsdfSample) b, float r
   NextRequest request = no_next_request();
   vec3 direction = to_world(vertex.frame, b.direction);
   // The shading normal may send a ray to the wrong side of the triangle.
-  if (b.transmitted == (dot(direction, vertex.side_normal) > 0.0f)) return request;
+  bool right_side = b.transmitted != (dot(direction, vertex.side_normal) > 0.0f);
   path.throughput *= b.weight;
   path.pdf = b.pdf;
   if (!b.delta) leave_first(path);
   if (b.transmitted) path.body = vertex.body_beyond;
-  request.wanted = survives(path, roulette);
-  vec3 outward = b.transmitted ? -vertex.side_normal : vertex.side_normal;
+  request.wanted = survives(path, roulette) && right_side;
+  vec3 outward = vertex.side_normal * (b.transmitted ? -1.0f : 1.0f);
   request.ray = Ray(offset_origin(vertex.position, vertex.coordinate_size, outward), 0.0f, direction, uintBitsToFloat(0x7f800000u));
   return request;
 }

@@ -42,6 +42,14 @@ Spectrum absorbed(IN(Path) path, IN(MaterialPoint) m, bool front, float t) {
   return band_exp(attenuation * -t);
 }
 
+/// An interpolated normal may face away from the viewer, where GGX is not defined: it is bent back. Lambert needs no viewer.
+vec3 normal_in_view(vec3 normal, vec3 wo, bool needs_viewer) {
+  float facing = dot(normal, wo);
+  vec3 bent = normalize(normal + (1e-3f - facing) * wo);
+  bool bend = facing < 1e-3f && needs_viewer;
+  return vec3(bend ? bent.x : normal.x, bend ? bent.y : normal.y, bend ? bent.z : normal.z);
+}
+
 /// The surface that ray i met.
 Surface meet_surface(uint i, float time_s, OUT(Vertex) vertex) {
   vec3 wo = -load_direction(push.rays_in, i, push.capacity);
@@ -55,10 +63,7 @@ Surface meet_surface(uint i, float time_s, OUT(Vertex) vertex) {
   vertex.coordinate_size = s.coordinate_size;
   vertex.side_normal = front ? s.geometric_normal : -s.geometric_normal;
   vertex.body_beyond = front ? s.material + 1u : 0u;
-  vec3 normal = front ? s.shading_normal : -s.shading_normal;
-  // An interpolated normal may face away from the viewer, where GGX is not defined: bend it back. Lambert needs no viewer.
-  float facing = dot(normal, wo);
-  if (facing < 1e-3f && m.specular + m.metallic + m.clearcoat + max_component(m.sheen) > 0.0f) normal = normalize(normal + (1e-3f - facing) * wo);
+  vec3 normal = normal_in_view(s.shading_normal * (front ? 1.0f : -1.0f), wo, m.specular + m.metallic + m.clearcoat + max_component(m.sheen) > 0.0f);
   if ((features & feature_anisotropy) != 0u && m.anisotropy > 0.0f) vertex.frame = frame_along(normal, m.tangent);
   else vertex.frame = frame_around(normal);
   vertex.wo = to_local(vertex.frame, wo);

@@ -69,16 +69,5 @@ void visibility(const AovPush& push, uint32_t first, uint32_t end) {
   for (Visibility stage{push}; first < end; ++first) stage.visibility(first);
 }
 
-QueuePlaces::Places QueuePlaces::take(size_t chunk, uint32_t next_count, uint32_t shadow_count) {
-  std::unique_lock lock(mutex_);
-  turned_.wait(lock, [&] { return turn_ == chunk; });
-  const Places mine = ends_;
-  ends_.next += next_count;
-  ends_.shadow += shadow_count;
-  ++turn_;
-  turned_.notify_all();
-  return mine;
-}
-
 }  // namespace host
 }  // namespace kuafu

@@ -3,8 +3,7 @@
 // Thread rule: any thread; ranges are independent, and lanes belong to one thread.
 #pragma once
 
-#include <condition_variable>
-#include <mutex>
+#include <cstdint>
 
 #include "shared/wave.h"
 
@@ -19,26 +18,14 @@ void visibility(const AovPush& push, uint32_t first, uint32_t end);
 using AovKernel = void(const AovPush& push, uint32_t first, uint32_t end);
 AovKernel aov_infrared, aov_visible;
 
-/// Gives chunk after chunk its places in the queues, in the order of the chunks, so that queues do not depend on the threads. Chunks must
-/// be started in order, as ks::ThreadPool does.
-class QueuePlaces {
- public:
-  struct Places {
-    uint32_t next = 0, shadow = 0;
-  };
-  Places take(size_t chunk, uint32_t next_count, uint32_t shadow_count);
-  [[nodiscard]] Places ends() const { return ends_; }
-
- private:
-  std::mutex mutex_;
-  std::condition_variable turned_;
-  size_t turn_ = 0;
-  Places ends_;
+/// How many rays the queues hold that a stage fills. A wave's stages run in one thread, range after range.
+struct QueueEnds {
+  uint32_t next = 0, shadow = 0;
 };
 
 /// These are of host_shade.cpp, which the build compiles once for each band and kind of scene.
-using ShadeKernel = void(const ShadePush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
-using TransmitKernel = void(const TransmitPush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk);
+using ShadeKernel = void(const ShadePush& push, uint32_t first, uint32_t end, QueueEnds& ends);
+using TransmitKernel = void(const TransmitPush& push, uint32_t first, uint32_t end, QueueEnds& ends);
 using RelightKernel = void(const ShadePush& push, uint32_t first, uint32_t end);
 /// The features that each kind knows. Surfaces of `plain` and `lit` scenes have a BSDF that goes in lanes; `lit` ones have lights with an
 /// extent or a profile, as most projectors do.

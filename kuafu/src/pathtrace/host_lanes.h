@@ -20,6 +20,26 @@ inline bool has_avx512() {
 inline bool has_avx2() { return __builtin_cpu_supports("avx2"); }
 #endif
 
+#ifdef __x86_64__
+template <class Loops>
+KUAFU_AVX2 void in_avx2(const Loops& loops) {
+  loops();
+}
+template <class Loops>
+KUAFU_AVX512 void in_avx512(const Loops& loops) {
+  loops();
+}
+#endif
+/// Runs loops over lanes in the widest vectors that the machine has.
+template <class Loops>
+void in_vectors(const Loops& loops) {
+#ifdef __x86_64__
+  if (has_avx512()) return in_avx512(loops);
+  if (has_avx2()) return in_avx2(loops);
+#endif
+  loops();
+}
+
 constexpr uint32_t lane_count = 32;
 template <class T>
 using Lanes = T[lane_count];
@@ -63,6 +83,19 @@ auto spectrum_of(const Lanes<float>* s, uint32_t lane) {
     return s[0][lane];
   else
     return vector_of(s, lane);
+}
+/// Point: MaterialPoint, of which the lanes hold no more.
+template <class Point, uint32_t channels>
+Point material_point(const ScatterLanes<channels>& lanes, uint32_t lane) {
+  Point m{};
+  m.base = spectrum_of<channels>(lanes.base, lane);
+  m.metallic = lanes.metallic[lane];
+  m.roughness = lanes.roughness[lane];
+  m.specular = lanes.specular[lane];
+  m.ior = lanes.ior[lane];
+  m.transmission = lanes.transmission[lane];
+  m.coat = lanes.coat[lane];
+  return m;
 }
 
 }  // namespace kuafu::host

@@ -20,25 +20,15 @@ template <bool replicates>
 }
 
 /// A choice inside the loop would keep it from being vectorised.
-[[gnu::always_inline]] inline void sample_lanes(host::PixelSampleLanes& lanes, bool replicates) {
-  replicates ? sample_lanes<true>(lanes) : sample_lanes<false>(lanes);
-}
-
-#ifdef __x86_64__
-KUAFU_AVX2 void sample_avx2(host::PixelSampleLanes& lanes, bool replicates) { sample_lanes(lanes, replicates); }
-KUAFU_AVX512 void sample_avx512(host::PixelSampleLanes& lanes, bool replicates) { sample_lanes(lanes, replicates); }
-#endif
-
 }  // namespace
 
 namespace host {
 
 void sample_pixels(PixelSampleLanes& lanes, bool replicates) {
-#ifdef __x86_64__
-  if (has_avx512()) return sample_avx512(lanes, replicates);
-  if (has_avx2()) return sample_avx2(lanes, replicates);
-#endif
-  sample_lanes(lanes, replicates);
+  if (replicates)
+    in_vectors([&] { sample_lanes<true>(lanes); });
+  else
+    in_vectors([&] { sample_lanes<false>(lanes); });
 }
 
 }  // namespace host

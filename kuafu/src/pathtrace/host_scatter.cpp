@@ -12,22 +12,25 @@ constexpr uint features = 0;
 
 using BandLanes = host::ScatterLanes<channels>;
 
+/// Whether all paths are at surfaces without layer, metal and glass. Loops that know it compute the base alone, with the same results.
+[[gnu::always_inline]] inline bool are_matt(const BandLanes& lanes) {
+  float most = 0.0f;
+  for (uint l = 0; l < host::lane_count; ++l) most = max(most, max(lanes.metallic[l], max(lanes.coat[l], lanes.transmission[l])));
+  return most == 0.0f;
+}
+
+template <bool matt>
 Bsdf bsdf_of(const BandLanes& lanes, uint l) {
-  MaterialPoint m{};
-  m.base = host::spectrum_of<channels>(lanes.base, l);
-  m.metallic = lanes.metallic[l];
-  m.roughness = lanes.roughness[l];
-  m.specular = lanes.specular[l];
-  m.ior = lanes.ior[l];
-  m.transmission = lanes.transmission[l];
-  m.coat = lanes.coat[l];
+  auto m = host::material_point<MaterialPoint>(lanes, l);
+  if (matt) m.metallic = m.coat = m.transmission = 0.0f;
   return make_bsdf(m, lanes.table, host::vector_of(lanes.wo, l), true);  // sides differ for glass alone, which is not sampled here
 }
 
+template <bool matt>
 [[gnu::always_inline]] inline void evaluate_lanes(BandLanes& lanes) {
 #pragma GCC ivdep
   for (uint l = 0; l < host::lane_count; ++l) {
-    const Bsdf b = bsdf_of(lanes, l);
+    const Bsdf b = bsdf_of<matt>(lanes, l);
     float pdf;
     const Spectrum f = bsdf_evaluate(b, lanes.table, host::vector_of(lanes.wo, l), host::vector_of(lanes.wi, l), lobe_chances(b), pdf);
     lanes.pdf[l] = pdf;
@@ -35,6 +38,7 @@ Bsdf bsdf_of(const BandLanes& lanes, uint l) {
   }
 }
 
+template <bool matt>
 [[gnu::always_inline]] inline void sample_lanes(BandLanes& lanes) {
 #pragma GCC ivdep
   for (uint l = 0; l < host::lane_count; ++l) {
@@ -47,14 +51,14 @@ Bsdf bsdf_of(const BandLanes& lanes, uint l) {
   }
 #pragma GCC ivdep
   for (uint l = 0; l < host::lane_count; ++l) {
-    const Bsdf b = bsdf_of(lanes, l);
+    const Bsdf b = bsdf_of<matt>(lanes, l);
     const vec3 chances = lobe_chances(b);
-    const bool lobe = lanes.choice[l] < chances.z + chances.y;
+    const bool lobe = !matt && lanes.choice[l] < chances.z + chances.y;
     const BsdfSample s = sample_opaque(b, lanes.table, host::vector_of(lanes.wo, l), chances, vec2(lanes.u[0][l], lanes.u[1][l]), lobe);
     for (uint c = 0; c < channels; ++c) lanes.weight[c][l] = channel_of(s.weight, c);
     for (int i = 0; i < 3; ++i) lanes.direction[i][l] = s.direction[i];
     lanes.sampled_pdf[l] = s.pdf;
-    lanes.delta[l] = lanes.choice[l] < chances.z || (lobe && is_mirror(b)) ? 1u : 0u;
+    lanes.delta[l] = !matt && (lanes.choice[l] < chances.z || (lobe && is_mirror(b))) ? 1u : 0u;
   }
 }
 
@@ -62,29 +66,18 @@ Bsdf bsdf_of(const BandLanes& lanes, uint l) {
 
 namespace host {
 
-#ifdef __x86_64__
-namespace {
-KUAFU_AVX2 void evaluate_avx2(BandLanes& lanes) { evaluate_lanes(lanes); }
-KUAFU_AVX2 void scatter_avx2(BandLanes& lanes) { sample_lanes(lanes); }
-KUAFU_AVX512 void evaluate_avx512(BandLanes& lanes) { evaluate_lanes(lanes); }
-KUAFU_AVX512 void scatter_avx512(BandLanes& lanes) { sample_lanes(lanes); }
-}  // namespace
-#endif
-
 void evaluate(BandLanes& lanes) {
-#ifdef __x86_64__
-  if (has_avx512()) return evaluate_avx512(lanes);
-  if (has_avx2()) return evaluate_avx2(lanes);
-#endif
-  evaluate_lanes(lanes);
+  if (are_matt(lanes))
+    in_vectors([&] { evaluate_lanes<true>(lanes); });
+  else
+    in_vectors([&] { evaluate_lanes<false>(lanes); });
 }
 
 void scatter(BandLanes& lanes) {
-#ifdef __x86_64__
-  if (has_avx512()) return scatter_avx512(lanes);
-  if (has_avx2()) return scatter_avx2(lanes);
-#endif
-  sample_lanes(lanes);
+  if (are_matt(lanes))
+    in_vectors([&] { sample_lanes<true>(lanes); });
+  else
+    in_vectors([&] { sample_lanes<false>(lanes); });
 }
 
 }  // namespace host

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stages `shade`, `transmit` and `relight` on the host. The build compiles this file once for each band and kind of scene: KUAFU_CHANNELS
 // and KUAFU_FEATURES say which, KUAFU_HOST_SHADE, KUAFU_HOST_TRANSMIT and KUAFU_HOST_RELIGHT name the functions.
-#include <memory>
+#include <algorithm>
 
 #include "frame/host_language.h"
 #include "pathtrace/host_kernels.h"
@@ -24,103 +24,60 @@ struct Transmit {
 #include "stage/transmit.glsl"
 };
 
-struct QueuedOnward {
-  uint32_t from;
-  Transmit::Onward onward;
-};
-
-/// The rays that a chunk of paths asks for, until they have their places in the queues.
-class Queued {
+/// The queues that the stage fills, from their ends on.
+class Queues {
  public:
-  Queued(uint32_t paths, uint32_t shadow_rays_per_vertex)
-      : shadows_(std::make_unique_for_overwrite<Shadow[]>(size_t(paths) * shadow_rays_per_vertex + 1)),
-        nexts_(std::make_unique_for_overwrite<Next[]>(paths)) {}
-  /// Where the next request is written, for keep(). A struct that is made elsewhere and copied here costs more than all of its arithmetic:
-  /// the copy reads with one load what several stores have just written, which processors wait for.
-  Shade::ShadowRequest& place(const Shade::Path& path, uint32_t k) {
-    Shadow& shadow = shadows_[shadow_count_];
-    shadow.path = path;
-    shadow.k = k;
-    return shadow.request;
+  Queues(Shade& stage, host::QueueEnds& ends) : stage_(stage), ends_(ends) {}
+  void shadow(const Shade::Path& path, const Shade::ShadowRequest& request, uint32_t k) {
+    if (request.wanted)
+      stage_.queue_shadow(path, request, k, ends_.shadow++);
+    else
+      stage_.queue_no_shadow(path, k);
   }
-  void keep() { ++shadow_count_; }
   void next(const Shade::Path& path, const Shade::NextRequest& request) {
-    if (request.wanted) nexts_[next_count_++] = {path, request};
-  }
-  void store(Shade& stage, host::QueuePlaces& places, size_t chunk) const {
-    const host::QueuePlaces::Places mine = places.take(chunk, next_count_, shadow_count_);
-    for (uint32_t i = 0; i < shadow_count_; ++i) stage.queue_shadow(shadows_[i].path, shadows_[i].request, shadows_[i].k, mine.shadow + i);
-    for (uint32_t i = 0; i < next_count_; ++i) stage.queue_next(nexts_[i].path, nexts_[i].request, mine.next + i);
+    if (request.wanted) stage_.queue_next(path, request, ends_.next++);
   }
 
  private:
-  struct Shadow {
-    Shade::Path path;
-    Shade::ShadowRequest request;
-    uint32_t k;
-  };
-  struct Next {
-    Shade::Path path;
-    Shade::NextRequest request;
-  };
-
-  std::unique_ptr<Shadow[]> shadows_;
-  std::unique_ptr<Next[]> nexts_;
-  uint32_t shadow_count_ = 0, next_count_ = 0;
+  Shade& stage_;
+  host::QueueEnds& ends_;
 };
+
+void shade_path(Shade& stage, Queues& queues, uint32_t i) {
+  Shade::Shading shading = stage.begin_shading(i);
+  for (uint32_t k = 0; k < stage.push.shadow_rays_per_vertex; ++k)
+    queues.shadow(shading.path, stage.asks_light(shading, k) ? stage.ask_light(shading, k) : stage.no_shadow_request(), k);
+  if (!stage.goes_on(shading)) return;
+  const Shade::NextRequest next = stage.scatter(shading);
+  queues.next(shading.path, next);
+}
 
 #if KUAFU_IN_LANES
 #include "pathtrace/host_shade_block.inc"
-
-void shade_range(Shade& stage, Queued& queued, uint32_t first, uint32_t end) {
-  ShadeBlock block(stage, queued);
-  while (first < end) {
-    first = block.arrive(first, end);
-    block.ask_lights();
-    block.go_on();
-  }
-}
-#else
-void shade_range(Shade& stage, Queued& queued, uint32_t first, uint32_t end) {
-  for (uint32_t i = first; i < end; ++i) {
-    Shade::Shading shading = stage.begin_shading(i);
-    for (uint32_t k = 0; k < stage.push.shadow_rays_per_vertex; ++k) {
-      Shade::ShadowRequest& request = queued.place(shading.path, k);
-      request.wanted = false;
-      if (stage.asks_light(shading, k)) request = stage.ask_light(shading, k);
-      if (request.wanted)
-        queued.keep();
-      else
-        stage.queue_no_shadow(shading.path, k);
-    }
-    if (!stage.goes_on(shading)) continue;
-    const Shade::NextRequest next = stage.scatter(shading);
-    queued.next(shading.path, next);
-  }
-}
 #endif
 
 }  // namespace
 
 namespace host {
 
-void KUAFU_HOST_SHADE(const ShadePush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk) {
+void KUAFU_HOST_SHADE(const ShadePush& push, uint32_t first, uint32_t end, QueueEnds& ends) {
   Shade stage{push};
-  Queued queued(end - first, push.shadow_rays_per_vertex);
-  shade_range(stage, queued, first, end);
-  queued.store(stage, places, chunk);
+  Queues queues(stage, ends);
+#if KUAFU_IN_LANES
+  if ((push.flags & shade_bends) == 0) {
+    for (ShadeBlock block(stage, queues); first < end; first = block.shade(first, end)) {
+    }
+    return;
+  }
+#endif
+  for (; first < end; ++first) shade_path(stage, queues, first);
 }
 
-void KUAFU_HOST_TRANSMIT(const TransmitPush& push, uint32_t first, uint32_t end, QueuePlaces& places, size_t chunk) {
-  Transmit stage{push};
-  const auto onwards = std::make_unique_for_overwrite<QueuedOnward[]>(end - first);
-  uint32_t count = 0;
-  for (uint32_t i = first; i < end; ++i) {
-    onwards[count] = {i, stage.transmit(i)};
-    if (onwards[count].onward.wanted) ++count;
+void KUAFU_HOST_TRANSMIT(const TransmitPush& push, uint32_t first, uint32_t end, QueueEnds& ends) {
+  for (Transmit stage{push}; first < end; ++first) {
+    const Transmit::Onward onward = stage.transmit(first);
+    if (onward.wanted) stage.queue_onward(first, onward, ends.shadow++);
   }
-  const uint32_t mine = places.take(chunk, 0, count).shadow;
-  for (uint32_t i = 0; i < count; ++i) stage.queue_onward(onwards[i].from, onwards[i].onward, mine + i);
 }
 
 void KUAFU_HOST_RELIGHT(const ShadePush& push, uint32_t first, uint32_t end) {

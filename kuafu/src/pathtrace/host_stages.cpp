@@ -20,53 +20,51 @@ class HostStages final : public Stages {
     std::fill_n(push.counters.at, buffers.counter_bytes() / 4, 0u);
     const uint32_t paths = push.range.pixel_count * push.range.sample_count;
     push.counters.at[counter_ray_count] = paths;
-    run(commands, "generate", paths, chunk_rays, [&](uint32_t first, uint32_t end, size_t) { host::generate(push, first, end); });
+    run(commands, "generate", paths, chunk_rays, [&](uint32_t first, uint32_t end) { host::generate(push, first, end); });
   }
 
   void shade(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) override {
     uint32_t* counters = push.counters.at + push.bounce * counter_words;
-    host::QueuePlaces places;
+    host::QueueEnds ends;
     host::ShadeKernel* const kernel = kernels(buffers).shade;
-    run(commands, "shade", counters[counter_ray_count], chunk_rays,
-        [&](uint32_t first, uint32_t end, size_t chunk) { kernel(push, first, end, places, chunk); });
-    counters[counter_shadow_count] = places.ends().shadow;
-    counters[counter_words + counter_ray_count] = places.ends().next;
+    run(commands, "shade", counters[counter_ray_count], chunk_rays, [&](uint32_t first, uint32_t end) { kernel(push, first, end, ends); });
+    counters[counter_shadow_count] = ends.shadow;
+    counters[counter_words + counter_ray_count] = ends.next;
   }
 
   void transmit(ks::Commands& commands, const TransmitPush& push, const WaveBuffers& buffers) override {
-    host::QueuePlaces places;
+    host::QueueEnds ends;
     host::TransmitKernel* const kernel = kernels(buffers).transmit;
     run(commands, "transmit", push.counters.at[push.block_in * counter_words + counter_shadow_count], chunk_rays,
-        [&](uint32_t first, uint32_t end, size_t chunk) { kernel(push, first, end, places, chunk); });
-    push.counters.at[push.block_out * counter_words + counter_shadow_count] = places.ends().shadow;
+        [&](uint32_t first, uint32_t end) { kernel(push, first, end, ends); });
+    push.counters.at[push.block_out * counter_words + counter_shadow_count] = ends.shadow;
   }
 
   void relight(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) override {
     host::RelightKernel* const kernel = kernels(buffers).relight;
     run(commands, "relight", push.counters.at[push.bounce * counter_words + counter_ray_count], chunk_rays,
-        [&](uint32_t first, uint32_t end, size_t) { kernel(push, first, end); });
+        [&](uint32_t first, uint32_t end) { kernel(push, first, end); });
   }
 
   void resolve(ks::Commands& commands, const ResolvePush& push, const WaveBuffers&) override {
     const uint32_t rays = push.counters.at[push.bounce * counter_words + counter_ray_count];
-    run(commands, "resolve", rays, chunk_rays, [&](uint32_t first, uint32_t end, size_t) { host::resolve(push, first, end); });
+    run(commands, "resolve", rays, chunk_rays, [&](uint32_t first, uint32_t end) { host::resolve(push, first, end); });
   }
 
   void accumulate(ks::Commands& commands, const AccumulatePush& push) override {
     const uint32_t chunk_pixels = std::max(1u, 4 * chunk_rays / push.range.sample_count);
     run(commands, "accumulate", push.range.pixel_count, chunk_pixels,
-        [&](uint32_t first, uint32_t end, size_t) { host::accumulate(push, first, end); });
+        [&](uint32_t first, uint32_t end) { host::accumulate(push, first, end); });
   }
 
   void aov(ks::Commands& commands, const AovPush& push) override {
     push.counters.at[counter_shadow_count] = (push.flags & aov_visibility) != 0 ? push.range.pixel_count : 0;
     const auto kernel = (push.flags & aov_infrared) != 0 ? host::aov_infrared : host::aov_visible;
-    run(commands, "aov", push.range.pixel_count, chunk_rays, [&](uint32_t first, uint32_t end, size_t) { kernel(push, first, end); });
+    run(commands, "aov", push.range.pixel_count, chunk_rays, [&](uint32_t first, uint32_t end) { kernel(push, first, end); });
   }
 
   void visibility(ks::Commands& commands, const AovPush& push) override {
-    run(commands, "aov", push.range.pixel_count, 4 * chunk_rays,
-        [&](uint32_t first, uint32_t end, size_t) { host::visibility(push, first, end); });
+    run(commands, "aov", push.range.pixel_count, 4 * chunk_rays, [&](uint32_t first, uint32_t end) { host::visibility(push, first, end); });
   }
 
  private:
@@ -79,7 +77,7 @@ class HostStages final : public Stages {
     const auto start = std::chrono::steady_clock::now();
     device_->workers().parallel_for((size_t(count) + chunk_size - 1) / chunk_size, [&](size_t chunk) {
       const auto first = uint32_t(chunk) * chunk_size;
-      kernel(first, std::min(count, first + chunk_size), chunk);
+      kernel(first, std::min(count, first + chunk_size));
     });
     commands.add_host_time(name, std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
   }
