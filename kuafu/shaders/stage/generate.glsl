@@ -22,7 +22,8 @@ uint pixel_word(Pixel pixel) { return pixel.row * push.range.width + pixel.colum
 bool through_centres() { return (push.flags & generate_pixel_centre) != 0u; }
 bool in_replicates() { return (push.flags & generate_replicates) != 0u; }
 
-void start_path(uint slot, Pixel pixel, uint key, uint index, vec2 offset) {
+/// The path's ray from the camera.
+void start_ray(uint slot, Pixel pixel, uint key, uint index, vec2 offset) {
   IN(ViewRecord) view = push.views.at[pixel.view];
   bool centre = through_centres();
   vec2 film = vec2(float(pixel.column), float(pixel.row)) + offset;
@@ -44,10 +45,16 @@ void start_path(uint slot, Pixel pixel, uint key, uint index, vec2 offset) {
   store_closest_ray(push.rays, slot, capacity, Ray(origin, view.near_m * metres_per_z, ray / metres_per_z, view.far_m * metres_per_z),
                     time_s, slot);
   if ((push.flags & generate_environments) != 0u) push.ray_environments.at[slot] = view.environment;
-  if (centre || (push.flags & generate_rays_only) != 0u) return;
+}
+
+/// Whether paths follow the rays.
+bool starts_paths() { return !through_centres() && (push.flags & generate_rays_only) == 0u; }
+
+void start_path(uint slot, uint environment, uint key, uint index) {
+  uint capacity = push.range.capacity;
   push.state.at[state_pixel_key * capacity + slot] = key;
   push.state.at[state_sample * capacity + slot] = index;
-  push.state.at[state_flags * capacity + slot] = view.environment | path_all_delta;
+  push.state.at[state_flags * capacity + slot] = environment | path_all_delta;
   uint plane = state_throughput;
   for (; plane < state_radiance(push.channels); ++plane) push.state.at[plane * capacity + slot] = floatBitsToUint(1.0f);
   for (; plane < state_shadow(push.channels, push.groups); ++plane) push.state.at[plane * capacity + slot] = 0u;
@@ -57,5 +64,6 @@ void generate(uint slot) {
   uint index;
   Pixel pixel = slot_pixel(slot, index);
   PixelSample s = pixel_sample(push.views.at[pixel.view].key, pixel_word(pixel), index, in_replicates());
-  start_path(slot, pixel, s.key, s.index, through_centres() ? vec2(0.0f) : s.offset);
+  start_ray(slot, pixel, s.key, s.index, through_centres() ? vec2(0.0f) : s.offset);
+  if (starts_paths()) start_path(slot, push.views.at[pixel.view].environment, s.key, s.index);
 }
