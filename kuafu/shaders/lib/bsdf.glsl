@@ -133,6 +133,9 @@ bool lets_through(IN(Bsdf) b) { return (features & feature_diffuse_transmission)
 /// Has a part that light from behind can be scattered by.
 bool takes_light_behind(IN(Bsdf) b) { return is_rough(b.glass) || lets_through(b); }
 
+/// Light that the base scatters is chosen between its parts.
+bool base_has_parts(IN(Bsdf) b) { return lets_through(b) || wears_sheen(b.sheen); }
+
 /// What several facets scatter. Means of Fresnel's reflectance: Schlick's exactly, the layer's by Kulla and Conty's fit.
 void set_multiple(INOUT(Bsdf) b, IN(MaterialPoint) m, Vec2Array table) {
   float mean = lobe_mean(table, b.roughness), layer_mean = (m.ior - 1.0f) / (4.08567f + 1.00071f * m.ior);

@@ -139,7 +139,7 @@ NextRequest scatter(INOUT(Shading) s) {
   if (s.walk.inside) return wander(s.path, s.walk);
   bool roulette = push.bounce >= 3u;
   vec2 choice = vec2(0.0f);  // where there is nothing to choose, not drawn
-  if (roulette || !s.hit || s.vertex.chances.x < 1.0f) choice = sample_2d(s.path.key, s.path.index, pair_choice(push.bounce));
+  if (roulette || !s.hit || s.vertex.chances.x < 1.0f || base_has_parts(s.vertex.bsdf)) choice = sample_2d(s.path.key, s.path.index, pair_choice(push.bounce));
   if (in_medium()) {
     float fogged = fog_chance(s.path, s.fog, s.hit);
     if (fogged == 1.0f || sample_2d(s.path.key, s.path.index, pair_fog_or_surface(push.bounce)).x < fogged) {

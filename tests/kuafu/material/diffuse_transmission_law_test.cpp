@@ -60,6 +60,23 @@ TEST(DiffuseTransmission, of_white_paper_loses_nothing) {
   }
 }
 
+// Light from one side alone tells whether both parts are sampled as often as their weights say, also where nothing else is there to choose.
+TEST(DiffuseTransmission, gives_back_its_part_of_the_light_from_one_side) {
+  for (const float subsurface : {0.0f, 1.0f}) {  // of a thing out of sight, with which the host takes path by path
+    World world;
+    kuafu_material_desc material = paper(0.8f, 0.25f, 1);
+    material.specular = 0;
+    world.add(sheet, material, placed({0, 0, 1}));
+    world.add(sheet, lambert(0), placed({0, 0, 1.01}));
+    kuafu_material_desc wax = lambert(0.5f);
+    wax.subsurface = subsurface;
+    world.add(sheet, wax, placed({0, 0, 2}));
+    world.set_environment(1.0f);
+    world.desc().samples_per_pixel = 64;
+    EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 8, 8, 2000)).mean(), 0.75 * 0.8, 0.01) << subsurface;
+  }
+}
+
 // Evenly spread light that crosses a slab has 2 E3(optical thickness) left: 0.4432 of 0.5 (Abramowitz and Stegun, table 5.5).
 TEST(DiffuseTransmission, of_a_body_is_absorbed_inside) {
   kuafu_material_desc material = paper(0, 1, 1);
