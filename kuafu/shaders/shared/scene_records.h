@@ -67,6 +67,7 @@ struct MaterialRecord {
   float iridescence, iridescence_ior, iridescence_thickness_nm, iridescence_least_thickness_nm;
   uint iridescence_texture, iridescence_thickness_texture;
   float dispersion;
+  uint needs;  // feature_* of this material
 };
 KUAFU_ARRAY(MaterialArray, MaterialRecord, 4)
 
@@ -211,7 +212,7 @@ KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 
 #ifdef __cplusplus
 static_assert(sizeof(InstanceRecord) == 160);
-static_assert(sizeof(MaterialRecord) == 272);
+static_assert(sizeof(MaterialRecord) == 276);
 static_assert(sizeof(TextureRecord) == 48);
 static_assert(sizeof(LightRecord) == 104);
 static_assert(sizeof(LightShape) == 160);

@@ -126,6 +126,7 @@ MaterialRecord material_record(const Material& material, uint32_t id, const Band
   set_lobes(r, m);
   set_subsurface(r, m);
   set_textures(r, m);
+  r.needs = material_features(m);
   return r;
 }
 
