@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Behaviour cloning of a grasp from depth: one policy for each mode of depth, all tried in a world that none has seen.
+"""Behaviour cloning of a grasp from depth: one policy for each mode of depth, all tried in worlds that none has seen.
 
     PYTHONPATH=build/python python3 examples/train_depth_policy/train_depth_policy.py --out out/train_depth_policy
 
-Needs the packages torch and OpenCV (pip install torch opencv-python-headless).
+Needs the packages torch and OpenCV (pip install torch opencv-python-headless); the world of Mitsuba needs mitsuba, too.
 """
 
 import argparse
@@ -15,60 +15,24 @@ from pathlib import Path
 import numpy as np
 
 try:
-    import cv2
+    import cv2  # noqa: F401 (of foreign_worlds)
     import torch
     from torch import nn
 except ImportError as error:
     sys.exit(f"this example needs the package {error.name}: pip install torch opencv-python-headless")
 
-from activestereo.depth_modes import DepthCamera
+from episodes import film
+from foreign_worlds import foreign_renderers, foreign_world
+
 from activestereo.grasp import GraspWorld, teacher
 from activestereo.grasp.scene import THINGS
-from activestereo.grasp.world import CAMERA_ON_GRIPPER, STEP_SCALE, STEPS
-from activestereo.registration import registered
+from activestereo.grasp.world import STEP_SCALE, STEPS
 
 # The state's offsets in the network's units, and what the teacher's steps are spread by.
 OFFSET_SCALE = np.array([0.05, 0.05, 0.1])
 EXPLORATION = 0.5
 BATCH, LEARNING_RATE = 64, 1e-3
-
-
-class ForeignCamera:
-    """The same place, other figures: a darker exposure, other noise, and OpenCV's StereoSGBM in place of our
-    matcher."""
-
-    def __init__(self, camera: DepthCamera) -> None:
-        self._sensors, self._config = camera.sensors, camera.sensors.get_config()
-        count = -(-self._config.max_disparity // 16) * 16
-        self._matcher = cv2.StereoSGBM_create(
-            0, count, 5, 8 * 25, 32 * 25, 1, 0, 5, 60, 2, cv2.STEREO_SGBM_MODE_HH4
-        )
-        self._border = count
-
-    def take(self) -> np.ndarray:
-        self._sensors.take_picture(infrared_only=True)
-        self._sensors.compute_depth()
-        pairs = zip(*self._sensors.get_ir_measured(), strict=True)
-        return np.stack([self._depth(left, right) for left, right in pairs])
-
-    def seed(self, seed: int) -> None:
-        self._sensors.restart(seed)
-
-    def _depth(self, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-        wide = [cv2.copyMakeBorder(i, 0, 0, self._border, 0, cv2.BORDER_REPLICATE) for i in (left, right)]
-        disparity = self._matcher.compute(*wide)[:, self._border :].astype(np.float32) / 16.0
-        depth = np.where(disparity > 0.5, self._config.focal_baseline_px_m / np.maximum(disparity, 0.5), 0.0)
-        depth = depth.astype(np.float32)
-        return registered(depth, self._config.ir_intrinsic, np.eye(4), self._config)
-
-
-def foreign_world(environments: int, seed: int, things: str) -> GraspWorld:
-    world = GraspWorld(environments, "full", seed=seed, things=things)
-    config = world.camera.sensors.get_config()
-    config.ir_speckle_noise, config.ir_thermal_noise, config.ir_camera_exposure = 4.0, 6.0, 0.003
-    config.max_bounces = 6
-    world.camera = ForeignCamera(DepthCamera("full", config, world.mounts, CAMERA_ON_GRIPPER))
-    return world
+FILMED, FILM_SEED = 6, 5
 
 
 class Policy(nn.Module):
@@ -158,24 +122,29 @@ def run(
     environments: int,
     things: str = "mixed",
 ) -> dict:
-    """{mode: {"own": (held, tried), "foreign": (held, tried)}}, also written to results.json."""
+    """{mode: {"own": (held, tried), "ours": (held, tried), ...}}, the latter in the foreign world of each renderer that
+    is installed; also written to results.json. With Mitsuba, episodes.gif shows some in its world."""
     results: dict[str, dict[str, tuple[int, int]]] = {}
+    policies: dict[str, Policy] = {}
+    renderers = foreign_renderers()
     for mode in modes:
         start = time.perf_counter()
         depths, labels = collect(mode, train_episodes, environments, seed=1, things=things)
         collected = time.perf_counter()
         policy = train(depths, labels, epochs, seed=1)
         trained = time.perf_counter()
-        results[mode] = {
-            "own": successes(policy, GraspWorld(environments, mode, seed=77, things=things), test_episodes),
-            "foreign": successes(policy, foreign_world(environments, seed=99, things=things), test_episodes),
-        }
+        worlds = {"own": GraspWorld(environments, mode, seed=77, things=things)}
+        worlds |= {r: foreign_world(environments, seed=99, things=things, renderer=r) for r in renderers}
+        results[mode] = {name: successes(policy, world, test_episodes) for name, world in worlds.items()}
+        policies[mode] = policy
         shown = [f"{where} {100 * h / n:.1f} % ({100 * interval(h, n)[0]:.1f} to {100 * interval(h, n)[1]:.1f})"
                  for where, (h, n) in results[mode].items()]  # fmt: skip
         spent = f"{len(depths)} images in {collected - start:.0f} s, trained in {trained - collected:.0f} s"
         print(f"{mode}: {', '.join(shown)}; {spent}, tried in {time.perf_counter() - trained:.0f} s", flush=True)
     out.mkdir(parents=True, exist_ok=True)
     (out / "results.json").write_text(json.dumps(results, indent=2) + "\n")
+    if "mitsuba" in renderers:
+        film(out / "episodes.gif", {mode: policy.act for mode, policy in policies.items()}, FILMED, FILM_SEED, things)
     return results
 
 

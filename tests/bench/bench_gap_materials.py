@@ -34,8 +34,8 @@ def acquired(index: int, spp: int) -> SensorModel:
     """Called as the object is; without what the pictures do not determine."""
     thing = objects()[index]
     place = np.array([[1.0, 0, 0, 0], [0, 0, 1, thing.rest_m], [0, -1, 0, 0], [0, 0, 0, 1]])
-    world = MitsubaWorld(thing.mesh, place, lambda _, camera_m: foreign_bsdf(thing, index, camera_m), spp)
     told = thing.material
+    world = MitsubaWorld(thing.mesh, place, lambda _, camera_m: foreign_bsdf(thing.mesh, told, index, camera_m), spp)
     albedo = float(told.base_color[0])
     nominal = tuple(float(getattr(told, name)) for name in FIELDS[:-1]) + (albedo,)
     with tempfile.TemporaryDirectory() as folder:

@@ -58,7 +58,8 @@ def mesh(mi: Any, shape: Mesh, bsdf: dict[str, Any], to_world: NDArray[np.float6
 def projector(
     mi: Any, pattern: NDArray[np.floating], k: NDArray[np.float64], w_per_sr: float, to_world: NDArray[np.float64]
 ) -> dict[str, Any]:
-    """pattern: [height, width], 1 = w_per_sr; k's principal point is the image's middle."""
+    """pattern: [height, width], 1 = w_per_sr; k's principal point is the image's middle. With another "to_world" the
+    dict serves for other poses."""
     height, width = pattern.shape
     x = (np.arange(width) - k[0, 2]) / k[0, 0]
     y = (np.arange(height) - k[1, 2]) / k[1, 1]
@@ -68,11 +69,13 @@ def projector(
         "type": "projector",
         "to_world": pose(mi, to_world),
         "fov": float(np.rad2deg(2 * np.arctan(0.5 * width / k[0, 0]))),
-        "irradiance": {
-            "type": "bitmap",
-            "bitmap": mi.Bitmap(np.repeat(image.astype(np.float32)[..., None], 3, -1)),
-            "raw": True,
-            "filter_type": "bilinear",
-            "wrap_mode": "clamp",
-        },
+        "irradiance": mi.load_dict(
+            {
+                "type": "bitmap",
+                "bitmap": mi.Bitmap(np.repeat(image.astype(np.float32)[..., None], 3, -1)),
+                "raw": True,
+                "filter_type": "bilinear",
+                "wrap_mode": "clamp",
+            }
+        ),
     }

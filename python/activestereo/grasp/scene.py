@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo import solids
 from activestereo.bodies import Bodies, Shape, add_mesh
+from activestereo.meshes import Mesh
 
 OBJECTS = 4  # in each environment
 THINGS = ("mixed", "hard")  # what they are made of
@@ -18,7 +19,8 @@ _TABLE_HALF_M = 0.6
 
 
 class GraspScene:
-    """half_sizes_m: [E, OBJECTS, 3]; a cylinder's first two are its radius. is_round: [OBJECTS]."""
+    """half_sizes_m: [E, OBJECTS, 3]; a cylinder's first two are its radius. is_round: [OBJECTS]. materials:
+    [E][OBJECTS]. thing_to_world: [E, 4, 4] of the thing that is on the table."""
 
     def __init__(
         self,
@@ -37,17 +39,20 @@ class GraspScene:
         sizes[:, self.is_round, 1] = sizes[:, self.is_round, 0]
         self.half_sizes_m = sizes
         looks = _hard_materials() if things == "hard" else _materials()
-        materials = [self.scene.add_material(material) for material in looks]
+        numbers = [self.scene.add_material(material) for material in looks]
+        self.materials: list[list[kuafu.Material]] = [[] for _ in range(environment_count)]
         self._add_room()
         meshes = add_mesh(self.scene, solids.box()), add_mesh(self.scene, solids.cylinder())
         for number in range(OBJECTS):
             own = {}  # each environment's size and material
             for environment in range(environment_count):
                 scale = np.diag([*sizes[environment, number], 1.0])
-                look = [materials[int(random.integers(len(materials)))]]
-                own[environment] = [Shape(meshes[int(self.is_round[number])], look, scale)]
+                look = int(random.integers(len(looks)))
+                self.materials[environment].append(looks[look])
+                own[environment] = [Shape(meshes[int(self.is_round[number])], [numbers[look]], scale)]
             self.bodies.add(f"object {number}", own)
         self._poses = np.broadcast_to(np.eye(4), (environment_count, len(self.bodies.names), 4, 4)).copy()
+        self.thing_to_world = np.broadcast_to(np.eye(4), (environment_count, 4, 4))
 
     def place(self, chosen: NDArray[np.intp], at_m: NDArray[np.float64], yaw_rad: NDArray[np.float64]) -> None:
         """Puts object chosen[e] of each environment at at_m[e] (x, y) on the table, and all others below it."""
@@ -58,8 +63,15 @@ class GraspScene:
         own = np.broadcast_to(np.eye(4), (count, 4, 4)).copy()
         own[:, 0, 0], own[:, 0, 1], own[:, 1, 0], own[:, 1, 1] = cos, -sin, sin, cos
         own[:, :2, 3], own[:, 2, 3] = at_m, self.half_sizes_m[every, chosen, 2]
+        self.thing_to_world = own
         self._poses[every, chosen] = own
         self.bodies.move(self._poses)
+
+    def mesh(self, environment: int, number: int) -> Mesh:
+        """Of object `number`, metres, its middle at the origin."""
+        unit = solids.cylinder() if self.is_round[number] else solids.box()
+        # Scales are of the axes that the normals lie along, or alike in x and y.
+        return Mesh.of(unit.positions * self.half_sizes_m[environment, number], unit.normals, unit.uvs, unit.indices)
 
     def _add_room(self) -> None:
         paint = self.scene.add_material(kuafu.Material(name="table", base_color=(0.5, 0.42, 0.33, 1.0), roughness=0.6))

@@ -20,7 +20,7 @@ CAMERA = CameraSettings(samples=1)
 
 def test_each_object_has_a_surface_of_mitsubas_own_laws() -> None:
     far = np.array([0.0, 0.0, 100.0])
-    made = {thing.name: foreign_bsdf(thing, index, far) for index, thing in enumerate(objects())}
+    made = {thing.name: foreign_bsdf(thing.mesh, thing.material, index, far) for index, thing in enumerate(objects())}
     inner = {name: own.get("bsdf", own) for name, (own, _) in made.items()}
     assert {name: own["type"] for name, own in inner.items()} == {
         "clay block": "diffuse", "steel block": "roughconductor", "glazed vase": "roughplastic",
