@@ -3,10 +3,12 @@
 the depth as an array.
 
 usage: PYTHONPATH=build/python python3 tests/bench/bench_split.py [--environments 256] [--scales 0.15,0.3] [--rounds N]
+                                                                  [--batches N]
 
 Devices are all discrete GPUs, or the CPU twice, which shows that it works. Each environment has eight balls of its own
 before a wall; infrared alone, path depth 3, 4 samples. The least of the rounds counts, and in brackets what that one
-took beyond the devices' own stages, of the picture and of the depth. Depths are compared bit for bit.
+took beyond the devices' own stages, of the picture and of the depth. Depths are compared bit for bit. With --batches
+above 1 each device has as many, each with a scene and a thread: one's depth is copied while another is matched.
 """
 
 import argparse
@@ -69,6 +71,7 @@ def main() -> None:
     parser.add_argument("--environments", type=int, default=256)
     parser.add_argument("--scales", default="0.15,0.3")
     parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--batches", type=int, default=1)
     args = parser.parse_args()
     count = args.environments
     found = [info.index for info in kuafu.Device.enumerate() if info.usable and info.kind == "discrete gpu"]
@@ -82,10 +85,11 @@ def main() -> None:
         sizes = ["{}x{}".format(*size) for size in (config.ir_resolution, config.rgb_resolution)]
         rate = f"{one_ms:8.2f} ms on one ({where}), {1e3 * count / one_ms:8.0f} pairs/s"
         print(f"{sizes[0]}, depth {sizes[1]}: {rate}")
-        for used in range(2, len(devices) + 1):
-            bounds = [k * count // used for k in range(used + 1)]
+        for used in range(2 if args.batches == 1 else 1, len(devices) + 1):
+            homes = [device for device in devices[:used] for _ in range(args.batches)]
+            bounds = [k * count // len(homes) for k in range(len(homes) + 1)]
             own = [range(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
-            parts = [mounts(device, part, count) for device, part in zip(devices, own, strict=False)]
+            parts = [mounts(device, part, count) for device, part in zip(homes, own, strict=True)]
             with SplitStereoDepthSensorBatch(config, parts) as split:
                 ms, where, depth = least_ms(split, args.rounds)
                 same = "the same depths" if np.array_equal(depth, expected) else "OTHER DEPTHS"
