@@ -10,7 +10,8 @@ from PIL import Image
 
 from activestereo.grasp.world import STEPS
 
-TILE_PX, EDGE_PX, GAP_PX = 112, 4, 8
+TILE_PX, EDGE_PX, GAP_PX = 80, 3, 6
+COLORS = 16  # which keeps the file small
 STEP_MS, LAST_MS = 300, 1500
 HELD, LOST = (60, 180, 75), (200, 60, 50)
 Act = Callable[[np.ndarray], np.ndarray]
@@ -24,7 +25,7 @@ def film(path: Path, policies: dict[str, Act], environments: int, seed: int, thi
     frames = []
     for step in range(len(rows[0])):
         parts = [part for row in rows for part in (row[step], gap)][:-1]
-        frames.append(Image.fromarray(np.vstack(parts)).quantize(64))
+        frames.append(Image.fromarray(np.vstack(parts)).quantize(COLORS))
     path.parent.mkdir(parents=True, exist_ok=True)
     spans = [STEP_MS] * (len(frames) - 1) + [LAST_MS]
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=spans, loop=0)
@@ -50,7 +51,7 @@ def _row(infrared: np.ndarray, depth: np.ndarray) -> np.ndarray:
 
 
 def _tile(grey: np.ndarray) -> np.ndarray:
-    image = Image.fromarray(grey.astype(np.uint8)).resize((TILE_PX, TILE_PX), Image.Resampling.NEAREST)
+    image = Image.fromarray(grey.astype(np.uint8)).resize((TILE_PX, TILE_PX), Image.Resampling.BOX)
     return np.array(image.convert("RGB"))
 
 
