@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.stats import binomtest
 
-# Names of the library that describe what a world calls otherwise: its ambient infrared light is a lamp in the room.
-SAME_PHYSICS = {"external_light": "ambient_ir"}
+# Names of the library that describe what a world calls otherwise: its ambient infrared light is a lamp in the room, and
+# its second unit stands on the rig or in the room.
+SAME_PHYSICS = {"external_light": "ambient_ir", "room_projector": "second_projector"}
 # An effect counts as detectable where it leaves this much error on test frames above the noise floor, in floors.
 DETECTABLE = 0.5
 

@@ -120,6 +120,33 @@ def test_a_second_projector_is_the_rooms_light(renderer):
     assert (more[key].ambient - plain[key].ambient).mean() > 0.05 * plain[key].ambient.mean()
 
 
+def test_a_projector_in_the_room_stays_where_it_is_when_the_rig_moves(renderer, nominal):
+    """The engine's dots are those of the formula, which knows the unit's place in the world, from every pose."""
+    from activestereo.effects import Light, View
+    from activestereo.lab.layers import Layers
+
+    unit = {"intensity_m2": 8.0, "azimuth_rad": -2.57, "elevation_rad": -0.5, "roll_rad": 0.1}
+    here, elsewhere = (unit | {"x_m": x_m, "y_m": 0.5, "z_m": 0.45} for x_m in (0.45, 0.3))
+    plain, more = renderer.lights(Model()), renderer.lights(model_of(room_projector=here))
+    assert not np.allclose(nominal.frames[0].camera_to_world, nominal.frames[-1].camera_to_world)
+    for frame in (nominal.frames[0], nominal.frames[-1]):
+        seen = plain[frame.id, "left"]
+        layers = Layers(seen.direct, seen.indirect, seen.ambient, seen.direct, seen.depth_m, seen.normal, seen.material)
+        view, light = View.of(nominal, frame, "left", layers), Light.of(layers)
+        change = _coarse(more[frame.id, "left"].ambient - seen.ambient)
+        like = [
+            np.corrcoef(change, _coarse(EFFECTS["room_projector"](light, view, **place).ambient - light.ambient))[0, 1]
+            for place in (here, elsewhere)
+        ]
+        assert like[0] > 0.8 and like[0] > like[1] + 0.1
+
+
+def _coarse(image):
+    """Means over 6x6 pixels: of few samples, and of bounced light, too little is left to hide the dots."""
+    height, width = (n // 6 for n in image.shape)
+    return image[: 6 * height, : 6 * width].reshape(height, 6, width, 6).mean((1, 3)).ravel()
+
+
 @pytest.mark.parametrize(
     "name", ["gain_error", "dark_signal", "black_level", "response_gamma", "saturation_blooming", "gain_mismatch"]
 )

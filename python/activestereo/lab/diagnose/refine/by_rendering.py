@@ -196,7 +196,7 @@ def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:
     """Steps of differences, 0 for choices and for what the engine does not know; inside the range."""
     out = []
     for p, v in zip(effect.parameters, values, strict=True):
-        step = max(_STEP_TYPICAL * p.typical, _STEP_DISTANCE * abs(v - p.neutral))
+        step = min(max(_STEP_TYPICAL * p.typical, _STEP_DISTANCE * abs(v - p.neutral)), p.slope_step)
         is_fixed = p.choice or not p.in_engine
         out.append(0.0 if is_fixed else -step if v + step > p.high else step)
     return np.array(out)

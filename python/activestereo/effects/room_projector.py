@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Another unit that stands in the room, with a pattern projector of the same kind."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.resample import Pattern, disc_sampler
+from activestereo.effects.core.room_unit import axes, room_unit_starts
+from activestereo.effects.core.shading import Shading
+from activestereo.effects.core.view import View
+
+
+@moves("lights")
+def _engine(
+    inputs: EngineInputs,
+    intensity_m2: float,
+    x_m: float,
+    y_m: float,
+    z_m: float,
+    azimuth_rad: float,
+    elevation_rad: float,
+    roll_rad: float,
+) -> None:
+    own = inputs.projector
+    if own is None or intensity_m2 == 0.0:
+        return
+    place = np.eye(4)
+    place[:3, :3], place[:3, 3] = axes(azimuth_rad, elevation_rad, roll_rad), (x_m, y_m, z_m)
+    inputs.add_light(
+        on_rig=False, kind="projector", name="room projector", k=own.k, light_to_world=place,
+        ir_intensity=intensity_m2 * inputs.ambient_radiance,
+        pattern_scale=own.pattern_scale, dots=own.dots, pattern_width=own.pattern_width,
+        pattern_height=own.pattern_height,
+        dot_sigma_px=own.dot_sigma_px, dot_background=own.dot_background,
+    )  # fmt: skip
+
+
+@effect(
+    "room_projector",
+    stage=Stage.SURFACE,
+    family="second projector",
+    source="overlapping units: holes where two patterns meet (librealsense issue 516)",
+    starts=room_unit_starts,
+    parameters=[
+        Parameter(
+            "intensity_m2", "m^2", neutral=0.0, low=0.0, high=200.0, typical=8.0,
+            source="radiant intensity over ambient radiance: the unit burns whatever the own projector does",
+        ),
+        Parameter("x_m", "m", neutral=-0.2, low=-10.0, high=10.0, typical=0.3, source="of the world", slope_step=0.002),
+        Parameter("y_m", "m", neutral=0.5, low=-10.0, high=10.0, typical=0.3, source="of the world", slope_step=0.002),
+        Parameter("z_m", "m", neutral=0.1, low=-10.0, high=10.0, typical=0.3, source="of the world", slope_step=0.002),
+        Parameter(
+            "azimuth_rad", "rad", neutral=2.8, low=-2 * np.pi, high=2 * np.pi, typical=0.3, slope_step=0.002,
+            source="of its beam, about the world's y axis, from z towards x",
+        ),
+        Parameter(
+            "elevation_rad", "rad", neutral=-1.5, low=-1.55, high=1.55, typical=0.15, slope_step=0.002,
+            source="of its beam, above the world's xz plane",
+        ),
+        Parameter("roll_rad", "rad", neutral=0.0, low=-np.pi, high=np.pi, typical=0.1, slope_step=0.002,
+                  source="about its beam, right-handed"),
+    ],
+    engine=_engine,
+)  # fmt: skip
+def room_projector(
+    light: Light,
+    view: View,
+    intensity_m2: float,
+    x_m: float,
+    y_m: float,
+    z_m: float,
+    azimuth_rad: float,
+    elevation_rad: float,
+    roll_rad: float,
+) -> Light:
+    """A unit that stands in the room projects the same pattern, also while the rig's projector is off; it stays when
+    the rig moves."""
+    if intensity_m2 == 0.0:
+        return light
+    shading = Shading.of(light, view)
+    world_to_camera = view.left_to_camera @ np.linalg.inv(view.frame.camera_to_world)
+    position = world_to_camera[:3, :3] @ np.array([x_m, y_m, z_m]) + world_to_camera[:3, 3]
+    to_camera = world_to_camera[:3, :3] @ axes(azimuth_rad, elevation_rad, roll_rad)
+    dots = shading.pattern_from(
+        (shading.points - position) @ to_camera,
+        view.once("sharp pattern", lambda: disc_sampler(Pattern(view.pattern), 0.0)),
+    )
+    _, _, irradiance = shading.from_source(position)
+    return replace(light, ambient=light.ambient + intensity_m2 * dots * irradiance * shading.reflectance)
