@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.stats import binomtest
 
-# Names of the library that describe what a world calls otherwise: its ambient infrared light is a lamp in the room, and
-# its second unit stands on the rig or in the room.
-SAME_PHYSICS = {"external_light": "ambient_ir", "room_projector": "second_projector"}
+# Names of the library that describe what a world calls otherwise: its ambient infrared light is a lamp in the room.
+SAME_PHYSICS = {"external_light": "ambient_ir"}
 # An effect counts as detectable where it leaves this much error on test frames above the noise floor, in floors.
 DETECTABLE = 0.5
 
@@ -53,7 +52,7 @@ class Result:
         return (
             set()
             if self.failed
-            else {*map(world_name, self.answer["added"]), *self.answer.get("depth", {}).get("added", ())}
+            else {*map(self.world_name, self.answer["added"]), *self.answer.get("depth", {}).get("added", ())}
         )
 
     @property
@@ -63,7 +62,15 @@ class Result:
         return min(oracle.get("alone", {"": oracle["test"]["ratio"]}).values()) >= DETECTABLE
 
     def names(self, count):
-        return [world_name(entry["effect"]) for entry in self.ranking[:count]]
+        return [self.world_name(entry["effect"]) for entry in self.ranking[:count]]
+
+    def world_name(self, effect):
+        """What the world calls an effect of the library. Its second unit stands on the rig or in the room: only where
+        the key says that it stands in the room is room_projector its name."""
+        stands_in_room = self.key["hidden"].get("second_projector", {}).get("on_rig", 1.0) <= 0.0
+        if effect == "room_projector" and stands_in_room:
+            return "second_projector"
+        return SAME_PHYSICS.get(effect, effect)
 
     @property
     def right(self):
@@ -89,11 +96,6 @@ class Result:
     def named(self):
         """Whether the tool puts a name to something."""
         return self.verdict == "effect" or bool(self.added)
-
-
-def world_name(effect):
-    """What the worlds call an effect of the library."""
-    return SAME_PHYSICS.get(effect, effect)
 
 
 def read_results(folder, ids):
@@ -187,12 +189,13 @@ def _resolved(r, how):
 
 
 def _family_right(r):
-    families = {entry["family"] for entry in r.ranking if world_name(entry["effect"]) in r.truth}
+    families = {entry["family"] for entry in r.ranking if r.world_name(entry["effect"]) in r.truth}
     return bool(r.ranking) and r.ranking[0]["family"] in families
 
 
 def _set_of(r):
-    return {world_name(name) for name in (r.ranking[0]["effect"], *r.ranking[0]["equivalent"])} if r.ranking else set()
+    first = r.ranking[0] if r.ranking else None
+    return {r.world_name(name) for name in (first["effect"], *first["equivalent"])} if first else set()
 
 
 def _own_parameters(r):

@@ -17,7 +17,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "build" / "python"))
 
-from bank_score import Result, world_name, read_results  # noqa: E402
+from bank_score import Result, read_results  # noqa: E402
 from bank_sets import ALL, items  # noqa: E402
 
 from activestereo.lab.diagnose.gates import GATES, Gates  # noqa: E402
@@ -69,7 +69,7 @@ def figures(results: Sequence[Result], gates: Gates) -> Figures:
     """(detectable single effects named and right, false alarms, outside said so) of first steps."""
     said = [(r, *verdict_under(r.answer["judging"], gates)) for r in results]
     single = [
-        verdict == "effect" and {world_name(name)} == r.truth
+        verdict == "effect" and {r.world_name(name)} == r.truth
         for r, verdict, name in said
         if r.key["set"] == "single" and r.detectable
     ]

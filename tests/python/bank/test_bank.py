@@ -154,3 +154,10 @@ def test_a_bank_is_run_once_and_resumed(tmp_path):
     assert "No misses." in (out / "README.md").read_text()
     again = subprocess.run(command, capture_output=True, text=True)
     assert "1 answered already" in again.stdout and "[1/" not in again.stdout
+
+
+@pytest.mark.parametrize(("on_rig", "is_right"), [(-0.5, True), (0.5, False)])
+def test_a_unit_in_the_room_is_right_only_where_the_second_unit_stands_there(on_rig, is_right):
+    named = result(["second_projector"], "effect", [entry("room_projector")], ["room_projector"])
+    key = named.key | {"hidden": {"second_projector": {"on_rig": on_rig}}}
+    assert replace(named, key=key).right is is_right
