@@ -41,7 +41,8 @@ infrared pair with projected dots, imager noise, stereo matching, registration t
 the RGB camera.
 
 SCENE is .gltf .glb .obj .dae .stl or .ply, in metres, or .usd .usda .usdc .usdz
-(needs: pip install usd-core). The sensor stands at the file's
+(needs: pip install usd-core); KTX2 textures of glTF need: pip install --pre
+opengl_basisu. The sensor stands at the file's
 first camera, or at --camera-to-world, or where all of the scene is seen. A scene
 without lights gets uniform light (--ambient).
 
@@ -250,14 +251,18 @@ def _load_scene(args: argparse.Namespace) -> kuafu.Scene:
 
 def _load_file(scene: kuafu.Scene, args: argparse.Namespace) -> tuple[float, float, float] | None:
     """Returns the radiance of a USD stage's dome light, where there is one."""
+    from activestereo.ktx2 import Ktx2Error, load_ktx2, needs_ktx2
     from activestereo.usd import UsdError, is_usd, load_usd
 
-    if not is_usd(args.scene):
-        scene.load(args.scene, time_s=args.time)
-        return None
     try:
-        return load_usd(scene, args.scene, args.time).ambient
-    except UsdError as error:
+        if is_usd(args.scene):
+            return load_usd(scene, args.scene, args.time).ambient
+        if needs_ktx2(args.scene):
+            load_ktx2(scene, args.scene, args.time)
+        else:
+            scene.load(args.scene, time_s=args.time)
+        return None
+    except (Ktx2Error, UsdError) as error:
         raise CommandError(str(error)) from error
 
 
