@@ -57,6 +57,9 @@ STRENGTH = {
     "foreshortening_bias": {"offset_px": 2.5}, "post_filter": {"smoothing_px": 6.0},
     "gain_error": {"log_gain": 0.2}, "stereo_roll": {"angle_rad": 0.02}, "thermal_drift": {"cx_px_per_k": 0.03},
     "row_noise": {"sigma_dn": 3.0},
+    "room_projector": {
+        "intensity_m2": 12.0, "x_m": 0.2, "y_m": 0.7, "z_m": 0.6, "azimuth_rad": -2.91, "elevation_rad": -0.64
+    },
 }  # fmt: skip
 # By default every fourth, from the projector to the depth engine; all with ACTIVESTEREO_FULL=1 (about 3 s of a core
 # each).
