@@ -60,8 +60,8 @@ def evidence(tmp_path_factory):
     return replace(clean, train=tuple(map(exposed, clean.train)), test=tuple(map(exposed, clean.test)))
 
 
-def test_the_engines_images_find_the_parameter_that_the_formula_misses(evidence):
-    calls = []
+def rendering_of(evidence, calls):
+    """The engine; calls gets (split, half) of each."""
 
     def rendering(model, split, half=None):
         amount = model.effects[0][1]["amount"] if model.effects else 0.0
@@ -72,6 +72,12 @@ def test_the_engines_images_find_the_parameter_that_the_formula_misses(evidence)
             key: SimpleNamespace(direct=x.direct, indirect=x.indirect, ambient=x.ambient) for key, x in lights.items()
         }
 
+    return rendering
+
+
+def test_the_engines_images_find_the_parameter_that_the_formula_misses(evidence):
+    calls = []
+    rendering = rendering_of(evidence, calls)
     fitters = Fitters.of(evidence, scan_observations(evidence.train))
     base = fit_base(evidence, fitters, Model(), GATES)
     [proposed] = ExpectedImageChannel(fitters, base, GATES, workers=1).explain([glow])
@@ -87,3 +93,14 @@ def test_the_engines_images_find_the_parameter_that_the_formula_misses(evidence)
     test = fitters.test.residuals(refined.solution)  # where they are asked for, test frames are rendered, too
     assert max(np.abs(row.residual).max() for row in test) < 0.5
     assert calls.count(("test", 0)) == calls.count(("test", 1)) == 2
+
+
+def test_a_search_by_small_steps_ends_with_what_its_rounds_reached(evidence):
+    [amount] = glow.parameters
+    careful = replace(glow, parameters=(replace(amount, slope_step=0.01),))
+    fitters = Fitters.of(evidence, scan_observations(evidence.train))
+    base = fit_base(evidence, fitters, Model(), GATES)
+    [proposed] = ExpectedImageChannel(fitters, base, GATES, workers=1).explain([careful])
+    refined = refined_by_rendering(fitters.train, proposed, rendering_of(evidence, []))
+    found, start = refined.parameters["amount"].value, proposed.parameters["amount"].value
+    assert abs(found - TRUTH) < abs(start - TRUTH) and refined.chi2 < proposed.chi2

@@ -171,6 +171,7 @@ def refined_by_rendering(fitter: Fitter, explanation: Explanation, rendering: Re
         if (distance <= _SETTLED * reach).all():
             break
         steps, slopes = _steps(effect, moved), slopes if (distance <= _NEAR * reach).all() else ()
+    slopes = slopes or change.slopes(theta[own], steps, _TRAIN, change.at(theta[own], _TRAIN))
     final = _whole(change, theta[own], steps, slopes)
     solution = fitter.refine(_with_effect(start.space, final.emulated()), theta, phi, 1)
     chi2 = cross_validated(fitter, solution)
