@@ -65,11 +65,13 @@ ShadowRequest ask_light_in_fog(IN(Path) path, IN(FogVertex) fog, uint k) {
   return request;
 }
 
-/// Chance that the path goes on from the fog, not from the surface behind it.
+/// Chance that the path goes on from the fog, not from the surface behind it. Exactly 1 without a surface: a GPU's x / x may be a little less, and one
+/// path in ten million would then be scattered by what is no vertex.
 float fog_chance(IN(Path) path, IN(FogVertex) fog, bool hit) {
   if (!fog.found) return 0.0f;
-  float scattered = max_component(fog.throughput), passed = hit ? max_component(path.throughput) : 0.0f;
-  return scattered / (scattered + passed);
+  if (!hit) return 1.0f;
+  float scattered = max_component(fog.throughput);
+  return scattered / (scattered + max_component(path.throughput));
 }
 
 /// The next ray from the fog; the path takes its throughput, divided by its chance.
