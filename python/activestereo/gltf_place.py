@@ -6,13 +6,13 @@ from __future__ import annotations
 
 import base64
 import json
-import struct
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.gltf_document import read_document
 from activestereo.gltf_writer import GltfWriter
 from activestereo.meshes import Mesh
 from activestereo.output_files import replace_file
@@ -126,15 +126,11 @@ def _matrix(node: dict[str, Any]) -> NDArray[np.float64]:
 
 def _read(path: Path) -> tuple[dict[str, Any], list[bytes]]:
     """The document and its buffers; images of other files become data URIs."""
-    content = path.read_bytes()
-    chunk = b""
-    if content[:4] == b"glTF":
-        (length,) = struct.unpack_from("<I", content, 12)
-        chunk, content = content[28 + length :], content[20 : 20 + length]
     try:
-        document = dict(json.loads(content))
+        document, chunk_at = read_document(path)
     except ValueError as error:
         raise ValueError(f"{path}: is not glTF: {error}") from error
+    chunk = b"" if chunk_at is None else path.read_bytes()[chunk_at:]
     buffers = [_bytes(path, entry.get("uri"), chunk)[: entry["byteLength"]] for entry in document.get("buffers", [])]
     for image in document.get("images", []):
         uri = image.get("uri", "data:")

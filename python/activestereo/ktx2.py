@@ -17,6 +17,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.gltf_document import read_document
 from activestereo.output_files import write_png
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def needs_ktx2(path: str | Path) -> bool:
     if path.suffix.lower() not in (".gltf", ".glb"):
         return False
     try:
-        document = _read(path)[0]
+        document = read_document(path)[0]
         return _EXTENSION in document.get("extensionsRequired", []) or bool(_numbers(document))
     except (OSError, ValueError, AttributeError, TypeError, LookupError, struct.error):
         return False
@@ -49,7 +50,7 @@ def convert(path: str | Path, folder: str | Path) -> Path:
     """
     path, folder = Path(path), Path(folder)
     try:
-        document, chunk = _read(path)
+        document, chunk = read_document(path)
         return _write(path, folder, document, chunk)
     except Ktx2Error:
         raise
@@ -62,17 +63,6 @@ def load_ktx2(scene: kuafu.Scene, path: str | Path, time_s: float | None = None)
     Scene.load raises."""
     with tempfile.TemporaryDirectory() as folder:
         scene.load(convert(path, folder), time_s=time_s)
-
-
-def _read(path: Path) -> tuple[dict[str, Any], int | None]:
-    """The document, and where the binary chunk of a .glb begins in the file; None: there is none."""
-    with path.open("rb") as file:
-        head = file.read(20)
-        if head[:4] != b"glTF":
-            return dict(json.loads(head + file.read())), None
-        (length,) = struct.unpack_from("<I", head, 12)
-        document = dict(json.loads(file.read(length)))
-        return document, 28 + length if len(file.read(8)) == 8 else None
 
 
 def _numbers(document: dict[str, Any]) -> set[int]:

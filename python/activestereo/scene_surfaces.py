@@ -8,7 +8,6 @@ a material keeps the material's number; those after it follow the scene's materi
 
 from __future__ import annotations
 
-import json
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,13 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.effects.core.surfaces import MOST_MATERIALS
+from activestereo.gltf_document import read_document
 from activestereo.pose_arrays import pose_matrices
 
 if TYPE_CHECKING:
     import kuafu
 
 _OF = " of "
-_GLB_HEADER, _TRIANGLES, _FAN = 20, 4, 6
+_TRIANGLES, _FAN = 4, 6
 _DEFAULT = "glTF default"
 
 
@@ -51,7 +51,7 @@ class _Instance:
 def scene_surfaces(scene_path: str | Path | None) -> list[Surface]:
     """The surfaces of a glTF file by number; none where the file cannot be read, which loading it explains."""
     try:
-        document = _document(Path(scene_path)) if scene_path is not None else {}
+        document = read_document(Path(scene_path))[0] if scene_path is not None else {}
         instances = _instances(document)
     except (OSError, ValueError, KeyError, IndexError, TypeError, struct.error):
         return []
@@ -80,7 +80,7 @@ def surface_names(scene_path: str | Path | None) -> list[str]:
 def surfaces_of_object(scene_path: str | Path, name: str) -> list[int]:
     """Numbers of the surfaces of the objects of a name. ValueError lists the objects where there is none, and where one
     has no material."""
-    instances = _instances(_document(Path(scene_path)))
+    instances = _instances(read_document(Path(scene_path))[0])
     chosen = [k for k, instance in enumerate(instances) if instance.name == name]
     if not chosen:
         known = ", ".join(dict.fromkeys(instance.name for instance in instances)) or "none"
@@ -102,7 +102,7 @@ def split_surfaces(scene: kuafu.Scene, scene_path: str | Path) -> None:
     extra = range(scene.summary.material_count, len(surfaces))
     if not extra:
         return
-    instances = _instances(_document(Path(scene_path)))
+    instances = _instances(read_document(Path(scene_path))[0])
     if len(instances) != scene.summary.instance_count:
         found = scene.summary.instance_count
         raise ValueError(f"{scene_path}: the scene has {found} objects, its file {len(instances)}")
@@ -152,19 +152,10 @@ def instance_transforms(scene_path: str | Path, count: int) -> NDArray[np.float6
     path = Path(scene_path)
     if path.suffix.lower() not in (".gltf", ".glb"):
         return np.broadcast_to(np.eye(4), (count, 4, 4)).copy()
-    instances = _instances(_document(path))
+    instances = _instances(read_document(path)[0])
     if len(instances) != count:
         raise ValueError(f"{path}: loading it makes {count} objects, its nodes are {len(instances)}")
     return np.array([instance.to_file for instance in instances]).reshape(-1, 4, 4)
-
-
-def _document(path: Path) -> dict[str, Any]:
-    """A .gltf's JSON, or a .glb's JSON chunk (glTF 2.0, section 4.4)."""
-    content = path.read_bytes()
-    if content[:4] == b"glTF":
-        (length,) = struct.unpack_from("<I", content, 12)
-        content = content[_GLB_HEADER : _GLB_HEADER + length]
-    return dict(json.loads(content))
 
 
 def _instances(document: dict[str, Any]) -> list[_Instance]:

@@ -8,7 +8,6 @@ import numpy as np
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.light import Light
-from activestereo.effects.core.resample import Pattern, disc_sampler
 from activestereo.effects.core.room_unit import axes, room_unit_starts
 from activestereo.effects.core.shading import Shading
 from activestereo.effects.core.view import View
@@ -25,18 +24,9 @@ def _engine(
     elevation_rad: float,
     roll_rad: float,
 ) -> None:
-    own = inputs.projector
-    if own is None or intensity_m2 == 0.0:
-        return
     place = np.eye(4)
     place[:3, :3], place[:3, 3] = axes(azimuth_rad, elevation_rad, roll_rad), (x_m, y_m, z_m)
-    inputs.add_light(
-        on_rig=False, kind="projector", name="room projector", k=own.k, light_to_world=place,
-        ir_intensity=intensity_m2 * inputs.ambient_radiance,
-        pattern_scale=own.pattern_scale, dots=own.dots, pattern_width=own.pattern_width,
-        pattern_height=own.pattern_height,
-        dot_sigma_px=own.dot_sigma_px, dot_background=own.dot_background,
-    )  # fmt: skip
+    inputs.add_unit(on_rig=False, name="room projector", light_to_world=place, intensity_m2=intensity_m2)
 
 
 @effect(
@@ -85,9 +75,5 @@ def room_projector(
     world_to_camera = view.left_to_camera @ np.linalg.inv(view.frame.camera_to_world)
     position = world_to_camera[:3, :3] @ np.array([x_m, y_m, z_m]) + world_to_camera[:3, 3]
     to_camera = world_to_camera[:3, :3] @ axes(azimuth_rad, elevation_rad, roll_rad)
-    dots = shading.pattern_from(
-        (shading.points - position) @ to_camera,
-        view.once("sharp pattern", lambda: disc_sampler(Pattern(view.pattern), 0.0)),
-    )
-    _, _, irradiance = shading.from_source(position)
-    return replace(light, ambient=light.ambient + intensity_m2 * dots * irradiance * shading.reflectance)
+    added = shading.light_of_unit(intensity_m2, (shading.points - position) @ to_camera, position)
+    return replace(light, ambient=light.ambient + added)

@@ -8,7 +8,6 @@ import numpy as np
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves, rotation
 from activestereo.effects.core.light import Light
-from activestereo.effects.core.resample import Pattern, disc_sampler
 from activestereo.effects.core.second_unit import unit_starts
 from activestereo.effects.core.shading import Shading
 from activestereo.effects.core.view import View
@@ -17,18 +16,14 @@ from activestereo.effects.core.view import View
 @moves("rig_lights")
 def _engine(inputs: EngineInputs, intensity_m2: float, offset_x_m: float, offset_y_m: float, yaw_rad: float) -> None:
     own = inputs.projector
-    if own is None or intensity_m2 == 0.0:
+    if own is None:
         return
     place = np.eye(4)
     place[:2, 3] = offset_x_m, offset_y_m
     place[:3, :3] = rotation((0.0, 1.0, 0.0), yaw_rad)
-    inputs.add_light(
-        on_rig=True, kind="projector", name="second projector", k=own.k, light_to_world=own.light_to_world @ place,
-        ir_intensity=intensity_m2 * inputs.ambient_radiance, linear_velocity=own.linear_velocity,
-        angular_velocity=own.angular_velocity,
-        pattern_scale=own.pattern_scale, dots=own.dots, pattern_width=own.pattern_width,
-        pattern_height=own.pattern_height,
-        dot_sigma_px=own.dot_sigma_px, dot_background=own.dot_background,
+    inputs.add_unit(
+        on_rig=True, name="second projector", light_to_world=own.light_to_world @ place, intensity_m2=intensity_m2,
+        linear_velocity=own.linear_velocity, angular_velocity=own.angular_velocity,
     )  # fmt: skip
 
 
@@ -62,10 +57,7 @@ def second_projector(
     offset = np.array([offset_x_m, offset_y_m, 0.0])
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     to_second = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
-    dots = shading.pattern_from(
-        (shading.projector_points() - offset) @ to_second.T,
-        view.once("sharp pattern", lambda: disc_sampler(Pattern(view.pattern), 0.0)),
-    )
     projector_to_camera = np.linalg.inv(view.camera_to_projector)
-    _, _, irradiance = shading.from_source(projector_to_camera[:3, :3] @ offset + projector_to_camera[:3, 3])
-    return replace(light, ambient=light.ambient + intensity_m2 * dots * irradiance * shading.reflectance)
+    position = projector_to_camera[:3, :3] @ offset + projector_to_camera[:3, 3]
+    added = shading.light_of_unit(intensity_m2, (shading.projector_points() - offset) @ to_second.T, position)
+    return replace(light, ambient=light.ambient + added)

@@ -163,6 +163,22 @@ class EngineInputs:
         """One more light, on the rig or standing in the world; `fields` are kuafu.Light's."""
         (self.rig_lights if on_rig else self.lights).append(self.new_light(**fields))
 
+    def add_unit(
+        self, *, on_rig: bool, name: str, light_to_world: NDArray[np.float64], intensity_m2: float, **fields: Any
+    ) -> None:
+        """Another projector with the own one's pattern; intensity_m2: radiant intensity over ambient radiance. `fields`
+        are more of kuafu.Light's. Without an own projector, or of no intensity, there is none."""
+        own = self.projector
+        if own is None or intensity_m2 == 0.0:
+            return
+        self.add_light(
+            on_rig=on_rig, kind="projector", name=name, k=own.k, light_to_world=light_to_world,
+            ir_intensity=intensity_m2 * self.ambient_radiance,
+            pattern_scale=own.pattern_scale, dots=own.dots, pattern_width=own.pattern_width,
+            pattern_height=own.pattern_height,
+            dot_sigma_px=own.dot_sigma_px, dot_background=own.dot_background, **fields,
+        )  # fmt: skip
+
     def fill_with(self, **fields: Any) -> None:
         """Fills the scene with a medium; `fields` are kuafu.Medium's."""
         self.medium = self.new_medium(**fields)

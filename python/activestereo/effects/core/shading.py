@@ -6,7 +6,7 @@ import numpy as np
 
 from activestereo.effects.core.ggx import Cosines, cosines_of
 from activestereo.effects.core.light import Light
-from activestereo.effects.core.resample import BoxSampler
+from activestereo.effects.core.resample import BoxSampler, Pattern, disc_sampler
 from activestereo.effects.core.view import View, transform
 
 # Below this cosine a grazing surface tells nothing of its reflectance.
@@ -76,6 +76,14 @@ class Shading(Facing):
         box = K[0, 0] / view.K[0, 0], K[1, 1] / view.K[1, 1]
         mean = sampler(u, K[1, 1] * y + K[1, 2], *(np.full(u.shape, side) for side in box))
         return np.where(np.isfinite(z) & self.hit, mean, 0.0)
+
+    def light_of_unit(self, intensity_m2: float, unit_points: np.ndarray, position: np.ndarray) -> np.ndarray:
+        """Radiance over the ambient one under another projector with the own one's pattern. unit_points: the points in
+        its frame; position: its place in the camera's."""
+        view = self._view
+        sharp = view.once("sharp pattern", lambda: disc_sampler(Pattern(view.pattern), 0.0))
+        _, _, irradiance = self.from_source(position)
+        return intensity_m2 * self.pattern_from(unit_points, sharp) * irradiance * self.reflectance
 
     def projector_points(self) -> np.ndarray:
         return transform(self._view.camera_to_projector, self.points)
