@@ -20,7 +20,7 @@ from activestereo.effects.core.model import Model, Scales
 from activestereo.engines.capture_inputs import capture_inputs
 from activestereo.engines.halves import half_samples, half_seeds
 from activestereo.engines.imager import ExpectedImager
-from activestereo.engines.smoothing import smooth_view
+from activestereo.engines.smoothing import seen_surfaces, smooth_view
 from activestereo.engines.survey import Survey
 from activestereo.engines.world import (
     changed_world,
@@ -200,8 +200,9 @@ class CaptureRenderer:
         views = [{name: image[k] for name, image in images.items()} for k in range(count)]
         if self._smooth:
             cameras = [eye.camera for job in jobs for eye in job.inputs.eyes]
+            surfaces = seen_surfaces(self._scene, images["material_id"])
             with ThreadPoolExecutor(os.cpu_count()) as pool:
-                views = list(pool.map(lambda view, camera: smooth_view(view, camera, self._scene), views, cameras))
+                views = list(pool.map(lambda view, camera: smooth_view(view, camera, surfaces), views, cameras))
         return [views[k : k + len(EYES)] for k in range(0, count, len(EYES))]
 
     def _render(

@@ -6,6 +6,8 @@ Direct light has edges of its own: shadows of lamps, dots of further projectors.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,12 +22,20 @@ _EVEN = ("ambient", "ambient_direct")
 _BOUNCED = ("projector_indirect", "added_indirect")
 
 
-def smooth_view(view: dict[str, NDArray], camera: kuafu.Camera, scene: kuafu.Scene) -> dict[str, NDArray]:
+def seen_surfaces(scene: kuafu.Scene, material: NDArray[np.uint32]) -> dict[int, kuafu.Material]:
+    """The scene's materials whose ids are in an image of any shape, by their id. A scene is one thread's at a time: read
+    them before images are smoothed in several threads."""
+    return {int(m): scene.get_material(int(m)) for m in np.unique(material) if m != _NOTHING_HIT}
+
+
+def smooth_view(
+    view: dict[str, NDArray], camera: kuafu.Camera, surfaces: Mapping[int, kuafu.Material]
+) -> dict[str, NDArray]:
     """A view's images [height][width][channels] with its bounced and ambient light smoothed on matt surfaces."""
     depth_m, material = view["depth"][..., 0], view["material_id"][..., 0]
     light = {name: view[name][..., 0] for name in (*_EVEN, *_BOUNCED) if name in view and view[name].any()}
     points = np.where(depth_m[..., None] > 0, view["position"], 0.0)
-    smooth = smooth_light(light, depth_m, view["normal"], points, material, camera.k[0, 0], scene)
+    smooth = smooth_light(light, depth_m, view["normal"], points, material, camera.k[0, 0], surfaces)
     return view | {name: image[..., None] for name, image in smooth.items()}
 
 
@@ -36,16 +46,15 @@ def smooth_light(
     points: NDArray,
     material: NDArray[np.uint32],
     focal_px: float,
-    scene: kuafu.Scene,
+    surfaces: Mapping[int, kuafu.Material],
 ) -> dict[str, NDArray]:
     """Images [height][width] of bounced and ambient light, by their output's name, smoothed on matt surfaces. normal
-    and points [height][width][3] in one frame; material: ids of the scene."""
+    and points [height][width][3] in one frame; material: ids; surfaces: at least those materials, by id."""
     if not light:
         return {}
     smooth = smooth_bounced(np.stack(list(light.values())), depth_m, normal, points, material, focal_px)
-    seen = {int(m): scene.get_material(int(m)) for m in np.unique(material) if m != _NOTHING_HIT}
-    is_matt = np.isin(material, [number for number, m in seen.items() if _is_matt(m)])
-    is_opaque = is_matt & np.isin(material, [number for number, m in seen.items() if m.subsurface == 0])
+    is_matt = np.isin(material, [number for number, m in surfaces.items() if _is_matt(m)])
+    is_opaque = is_matt & np.isin(material, [number for number, m in surfaces.items() if m.subsurface == 0])
     return {
         name: np.where(is_matt if name in _EVEN else is_opaque, filtered, raw)
         for (name, raw), filtered in zip(light.items(), smooth, strict=True)

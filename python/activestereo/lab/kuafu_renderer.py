@@ -11,19 +11,16 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 import kuafu
 from activestereo.engines.smooth import SMOOTH_VERSION
-from activestereo.engines.smoothing import smooth_light
+from activestereo.engines.smoothing import seen_surfaces, smooth_light
 from activestereo.lab.cache import scene_digest
 from activestereo.lab.layers import Layers, RenderRequest
 from activestereo.scene_surfaces import split_surfaces
-
-if TYPE_CHECKING:
-    pass
 
 # Light without the pattern varies at edges alone: it needs fewer samples.
 _FLAT_SHARE = 0.5
@@ -71,13 +68,14 @@ class KuafuRenderer:
         single = self._render(world, fewer, cameras, ("projector_direct", "ambient"), 0, None)
         _place_projector(world, request, world.texture)
         images = self._render(world, request, cameras, _OUTPUTS, request.max_bounces, progress)
+        surfaces = seen_surfaces(world.scene, images["material_id"]) if self._smooth else {}
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            layers = lambda i: self._layers(world, images, single, i, request.cameras[i])  # noqa: E731
+            layers = lambda i: self._layers(surfaces, images, single, i, request.cameras[i])  # noqa: E731
             return tuple(pool.map(layers, range(len(cameras))))
 
     def _layers(
         self,
-        world: _World,
+        surfaces: Mapping[int, kuafu.Material],
         images: Mapping[str, np.ndarray],
         single: Mapping[str, np.ndarray],
         i: int,
@@ -92,7 +90,7 @@ class KuafuRenderer:
         bounced = {name: images[name][i, ..., 0] for name in ("projector_indirect", "ambient")}
         bounced |= {"ambient_direct": single["ambient"][i, ..., 0]}
         if self._smooth:
-            bounced |= _smoothed(world.scene, bounced, depth_m, normal, material, camera)
+            bounced |= _smoothed(surfaces, bounced, depth_m, normal, material, camera)
         direct = images["projector_direct"][i, ..., 0].copy()
         indirect, ambient, ambient_direct = (image.astype(np.float32) for image in bounced.values())
         flat = single["projector_direct"][i, ..., 0].copy()
@@ -149,7 +147,7 @@ def _place_projector(world: _World, request: RenderRequest, texture: int) -> Non
 
 
 def _smoothed(
-    scene: kuafu.Scene,
+    surfaces: Mapping[int, kuafu.Material],
     bounced: dict[str, np.ndarray],
     depth_m: np.ndarray,
     normal: np.ndarray,
@@ -161,7 +159,7 @@ def _smoothed(
     x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
     points = np.stack([x * depth_m, y * depth_m, depth_m], axis=-1)
     in_camera = normal @ camera.camera_to_world[:3, :3]
-    return smooth_light(bounced, depth_m, in_camera, points, material, camera.K[0, 0], scene)
+    return smooth_light(bounced, depth_m, in_camera, points, material, camera.K[0, 0], surfaces)
 
 
 def engine_version(device: kuafu.Device) -> str:

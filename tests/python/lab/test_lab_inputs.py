@@ -3,10 +3,13 @@
 models by hand."""
 
 import json
+import threading
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+
+import kuafu
 
 from activestereo.capture import read_capture
 from activestereo.effects import builtin
@@ -45,6 +48,24 @@ def test_an_edited_scene_is_rendered_anew(table_top, tmp_path):
     scene.write_text(json.dumps(document))
     [dark] = renderer(request)
     assert dark.ambient.mean() < 0.2 * bright.ambient.mean()
+
+
+def test_images_are_smoothed_in_threads_that_leave_the_scene_alone(table_top, monkeypatch):
+    """A scene refuses a second call beside the first, however short both are."""
+    read = kuafu.Scene.get_material
+
+    def of_one_thread(scene, number):
+        assert threading.current_thread() is threading.main_thread(), "a scene is one thread's at a time"
+        return read(scene, number)
+
+    monkeypatch.setattr(kuafu.Scene, "get_material", of_one_thread)
+    k, pattern = np.array([[60.0, 0, 32], [0, 60.0, 24], [0, 0, 1]]), np.ones((8, 8), np.float32)
+    cameras = (ViewCamera(64, 48, k, CAMERA_TO_WORLD),) * 2
+    request = RenderRequest(table_top, cameras, pattern, k, CAMERA_TO_WORLD, samples_per_pixel=1, max_bounces=1, seed=0)
+    left, right = KuafuRenderer(smooth=True)(request)
+    raw, _ = KuafuRenderer(smooth=False)(request)
+    np.testing.assert_array_equal(left.ambient, right.ambient)
+    assert np.any(left.ambient != raw.ambient)
 
 
 def test_a_cache_may_lose_entries_to_another_run_meanwhile(tmp_path, monkeypatch):
