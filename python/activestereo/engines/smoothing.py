@@ -23,8 +23,8 @@ _BOUNCED = ("projector_indirect", "added_indirect")
 
 
 def seen_surfaces(scene: kuafu.Scene, material: NDArray[np.uint32]) -> dict[int, kuafu.Material]:
-    """The scene's materials whose ids are in an image of any shape, by their id. A scene is one thread's at a time: read
-    them before images are smoothed in several threads."""
+    """The scene's materials whose ids are in an image of any shape, by their id. A scene is one thread's at a time:
+    read them before images are smoothed in several threads."""
     return {int(m): scene.get_material(int(m)) for m in np.unique(material) if m != _NOTHING_HIT}
 
 
