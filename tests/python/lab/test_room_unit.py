@@ -7,8 +7,12 @@ import numpy as np
 import pytest
 
 from activestereo.effects import View, builtin
+from activestereo.effects.core import room_unit
 from activestereo.effects.core.judging import StartImage
-from activestereo.effects.core.room_unit import angles, axes, room_unit_starts
+from activestereo.effects.core.pointing import angles, axes
+from activestereo.effects.core.room_unit import room_unit_starts
+from activestereo.effects.core.seen_points import SeenPoints
+from activestereo.effects.core.sphere_match import SphereMatch
 from effect_worlds import CAMERA_K, PATTERN, POSE, PROJECTOR_K, SIZE, seen, view_of
 from worlds.view import PatternSource, look
 from worlds.world import look_at, table_top
@@ -36,7 +40,18 @@ def images():
     return [image_of(pose, 0.5) for pose in poses]
 
 
-def test_the_pose_is_found_from_the_dots(images):
+def test_a_place_shows_which_way_a_unit_there_points(images):
+    chosen = [image for image, _ in images]
+    seen = SeenPoints.of(chosen, 6000)
+    match = SphereMatch(chosen[0].view, 4.0, 0.25)
+    (gain, pose), (beside, _) = match.best(seen, np.stack([UNIT[:3, 3], UNIT[:3, 3] + (0.2, 0.0, 0.0)]))
+    np.testing.assert_allclose(pose[3:5], angles(UNIT[:3, 2]), atol=0.03)
+    assert gain > 3 * beside
+
+
+def test_the_pose_is_found_from_the_dots(images, monkeypatch):
+    # This unit lights most of the picture: few places are likelier than its own.
+    monkeypatch.setattr(room_unit, "_PLACES", 250)
     found = room_unit_starts([image for image, _ in images])[0]
     np.testing.assert_allclose([found[name] for name in ("x_m", "y_m", "z_m")], UNIT[:3, 3], atol=0.05)
     turn = axes(found["azimuth_rad"], found["elevation_rad"], found["roll_rad"])
