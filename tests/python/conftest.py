@@ -47,6 +47,15 @@ def stub_cuda(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
+def torch_on_a_gpu():
+    """PyTorch, where it has a CUDA device."""
+    torch = pytest.importorskip("torch", reason="PyTorch is not installed")
+    if not torch.cuda.is_available():
+        pytest.skip("PyTorch sees no CUDA device")
+    return torch
+
+
+@pytest.fixture(scope="session")
 def run_folder(tmp_path_factory):
     """One folder for all processes of this run of pytest."""
     folder = tmp_path_factory.getbasetemp()

@@ -114,17 +114,9 @@ def test_a_batch_for_cuda_is_not_made_without_cuda(monkeypatch: pytest.MonkeyPat
     assert scene.summary.light_count == 0
 
 
-def on_a_gpu() -> Any:
-    """PyTorch, where it has a CUDA device."""
-    torch = pytest.importorskip("torch", reason="PyTorch is not installed")
-    if not torch.cuda.is_available():
-        pytest.skip("PyTorch sees no CUDA device")
-    return torch
-
-
-def test_torch_and_the_renderer_have_one_memory() -> None:
+def test_torch_and_the_renderer_have_one_memory(torch_on_a_gpu: Any) -> None:
     """kuafu renders into a tensor's memory; what PyTorch writes there kuafu reads; no byte is copied between."""
-    torch = on_a_gpu()
+    torch = torch_on_a_gpu
     device = kuafu.Device("auto")
     scene = kuafu.Scene(device)
     positions = np.float32([[-4, -4, 2], [4, -4, 2], [0, 5, 2]])
@@ -143,8 +135,8 @@ def test_torch_and_the_renderer_have_one_memory() -> None:
     assert np.all(buffer.read().view(np.float32) == 7.0)
 
 
-def test_torch_gives_the_depth_engine_its_pair_without_a_copy() -> None:
-    torch = on_a_gpu()
+def test_torch_gives_the_depth_engine_its_pair_without_a_copy(torch_on_a_gpu: Any) -> None:
+    torch = torch_on_a_gpu
     device = simsense.Device("auto")
     height, width, disparity = 96, 160, 7
     texture = np.random.default_rng(1).integers(0, 255, (height, width + disparity), dtype=np.uint8)
@@ -169,8 +161,8 @@ def test_torch_gives_the_depth_engine_its_pair_without_a_copy() -> None:
     assert float((found[:, 32:][valid] - disparity).abs().median()) < 0.1
 
 
-def test_torch_has_a_batchs_results_where_they_were_made() -> None:
-    torch = on_a_gpu()
+def test_torch_has_a_batchs_results_where_they_were_made(torch_on_a_gpu: Any) -> None:
+    torch = torch_on_a_gpu
     scene = kuafu.Scene(kuafu.Device("auto"))
     corners = np.float32([[1, y, z] for y in (-9, 9) for z in (-9, 9)])
     scene.add_instance(scene.add_mesh(corners, np.uint32([[0, 1, 3], [0, 3, 2]])))

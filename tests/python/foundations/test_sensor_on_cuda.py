@@ -119,3 +119,25 @@ def test_what_cannot_be_on_cuda_is_refused_and_leaves_the_scene(
     with pytest.raises(ValueError, match="no engine field expresses quantisation: .* without on_cuda"):
         StereoDepthSensor(config, scene, model=model, on_cuda=True)
     assert scene.summary.light_count == lights
+
+
+def test_torch_has_a_sensors_results_where_they_were_made(torch_on_a_gpu: Any, config: StereoDepthSensorConfig) -> None:
+    scene, set_wall = world(kuafu.Device("auto"))
+    with StereoDepthSensor(config, scene) as plain, StereoDepthSensor(config, scene, on_cuda=True) as sensor:
+        for step in range(2):
+            set_wall(0.1 * step)
+            for each in (plain, sensor):
+                each.take_picture()
+                each.compute_depth()
+            expected = host_results(plain)
+            for name, image in host_results(sensor).items():
+                np.testing.assert_array_equal(image, expected[name], err_msg=name, strict=True)
+                if image.dtype != np.uint32:  # which older PyTorch does not have
+                    tensor = torch_on_a_gpu.as_tensor(sensor.get_cuda(name), device="cuda")
+                    np.testing.assert_array_equal(tensor.cpu().numpy(), image, err_msg=name, strict=True)
+        devices = sensor.device, sensor.engine.device
+        before = sum(device.copied_bytes for device in devices)
+        sensor.take_picture()
+        sensor.compute_depth()
+        size = torch_on_a_gpu.as_tensor(sensor.get_cuda("depth"), device="cuda").nbytes
+        assert sum(device.copied_bytes for device in devices) - before < size // 2  # records of scene and cameras
