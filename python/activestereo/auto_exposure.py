@@ -22,7 +22,8 @@ _DAMPING = 0.8
 _LARGEST_STEP = 2.0
 _SETTLED = 0.002  # relative change of a step after which nothing more is to come
 _MOST_STEPS = 60
-_STRIDE = 2  # every so many pixels are looked at, in x and y
+STRIDE = 2  # every so many pixels are looked at, in x and y
+DARKEST = np.finfo(np.float32).tiny  # that counts as lit: devices may take what is below for 0
 _BLOCK = 1 << 16  # numbers at a time, which stay in the processor's cache
 
 
@@ -76,7 +77,7 @@ class AutoExposure:
         )
         black_dn = signal["black_level_dn"]
         left, top, right, bottom = self._region or (0, 0, light.shape[1], light.shape[0])
-        seen = np.asarray(light[top:bottom:_STRIDE, left:right:_STRIDE], dtype=np.float32) * np.float32(dn_per_light_s)
+        seen = np.asarray(light[top:bottom:STRIDE, left:right:STRIDE], dtype=np.float32) * np.float32(dn_per_light_s)
         counts = np.empty_like(seen)
         if self.mode == "converging":
             return self._step(now, seen, black_dn, max_dn, counts)
@@ -110,15 +111,18 @@ def rgb_exposure(radiance: NDArray[np.float32]) -> float:
     """The factor that puts the median lit pixel's green at a quarter of white, the same float32 as kuafu's output
     `srgb` takes: that of the middle of all light that shares the median's upper 16 bits. radiance: float32 [...,
     height, width, 3]."""
-    green = radiance[..., ::_STRIDE, ::_STRIDE, 1]
-    smallest = np.finfo(np.float32).tiny  # devices may take what is below for 0
-    lit = green[(green >= smallest) & (green < np.inf)]
+    green = radiance[..., ::STRIDE, ::STRIDE, 1]
+    lit = green[(green >= DARKEST) & (green < np.inf)]
     if not lit.size:
         return 1.0
     middle = (lit.size - 1) // 2
-    median = np.partition(lit, middle)[middle : middle + 1].view(np.uint32)
-    shared = (median & np.uint32(0xFFFF0000) | np.uint32(0x8000)).view(np.float32)[0]
-    return float(max(np.float32(0.25) / shared, smallest))
+    return exposure_of_median(np.partition(lit, middle)[middle])
+
+
+def exposure_of_median(green: np.float32) -> float:
+    """rgb_exposure() of pictures with this median, the lower one of two."""
+    shared = (np.float32(green).view(np.uint32) & np.uint32(0xFFFF0000) | np.uint32(0x8000)).view(np.float32)
+    return float(max(np.float32(0.25) / shared, DARKEST))
 
 
 def encoded_rgb(radiance: NDArray[np.float32], exposure: float | None) -> NDArray[np.float32]:
@@ -139,9 +143,9 @@ def srgb(linear: NDArray[np.float32], factor: float = 1.0) -> NDArray[np.float32
         np.maximum(root, np.float32(0.0), out=root)
         np.minimum(root, np.float32(1.0), out=root)
         np.sqrt(root, out=root)
-        root *= len(_SRGB) - 1
+        root *= len(SRGB) - 1
         root += 0.5
-        np.take(_SRGB, root.astype(np.uint16), out=encoded[start : start + _BLOCK], mode="clip")
+        np.take(SRGB, root.astype(np.uint16), out=encoded[start : start + _BLOCK], mode="clip")
     return encoded.reshape(linear.shape)
 
 
@@ -150,4 +154,4 @@ def _srgb_table() -> NDArray[np.float32]:
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055).astype(np.float32)
 
 
-_SRGB = _srgb_table()
+SRGB = _srgb_table()  # by the root of the linear value, from 0 to 1

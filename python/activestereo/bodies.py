@@ -58,7 +58,7 @@ class Bodies:
         self._instances = np.empty(0, np.uint32)
         self._environments = np.empty(0, np.intp)
         self._bodies = np.empty(0, np.intp)
-        self._semantic_ids = np.zeros(1, np.uint32)  # by instance; the last is of pixels without one
+        self._semantic_ids = np.zeros(1, np.uint32)
         self._to_body = np.empty((0, 4, 4))
         self._materials: list[tuple[int, ...]] = []  # as they were given
         self._last = np.zeros((environment_count or 1, 0, 4, 4))
@@ -140,6 +140,11 @@ class Bodies:
     def poses(self) -> NDArray[np.float64]:
         """A copy of where the bodies are: [E, bodies, 4, 4], without environments [bodies, 4, 4]."""
         return self._last[0].copy() if self.environment_count is None else self._last.copy()
+
+    @property
+    def semantic_id_table(self) -> NDArray[np.uint32]:
+        """A copy of semantic_ids() of all instances by number; the last one, 0, is of all numbers beyond."""
+        return self._semantic_ids.copy()
 
     def semantic_ids(self, instances: NDArray[np.uint32]) -> NDArray[np.uint32]:
         """Of a picture of instances, the picture of what add() was given as semantic_id; 0 where there is no body."""

@@ -54,8 +54,8 @@ class _Driver:
             self._library.cuGetErrorString(status, c.byref(text))
             raise CudaError(f"{name} failed with {status} ({(text.value or b'unknown').decode()})")
 
-    def device_of(self, uuid: bytes) -> int:
-        """The CUDA device that Vulkan knows by this UUID."""
+    def device_of(self, uuid: bytes) -> tuple[int, int]:
+        """Number and handle of the CUDA device that Vulkan knows by this UUID."""
         count = c.c_int()
         self.call("cuDeviceGetCount", c.byref(count))
         for ordinal in range(count.value):
@@ -63,7 +63,7 @@ class _Driver:
             self.call("cuDeviceGet", c.byref(device), ordinal)
             self.call("cuDeviceGetUuid", own, device)
             if bytes(own) == uuid:
-                return device.value
+                return ordinal, device.value
         raise CudaError(f"none of the {count.value} CUDA devices is the one that the buffer is on")
 
 
@@ -78,7 +78,7 @@ class CudaMemory:
         self._context: c.c_void_p | None = None  # retained
         self._driver = _Driver(library)
         with buffer.export("opaque_fd") as desc:
-            self._device = self._driver.device_of(desc.device_uuid)
+            self.ordinal, self._device = self._driver.device_of(desc.device_uuid)
             self.size_bytes: int = desc.size_bytes
             context = c.c_void_p()
             self._driver.call("cuDevicePrimaryCtxRetain", c.byref(context), self._device)
@@ -149,6 +149,7 @@ class CudaArray:
 
     def __init__(self, memory: CudaMemory, dtype: np.dtype[Any], shape: tuple[int, ...], address: int) -> None:
         self._memory = memory
+        self.ordinal = memory.ordinal  # CUDA's number of the GPU
         self.__cuda_array_interface__: dict[str, Any] = {
             "shape": shape,
             "typestr": dtype.str,

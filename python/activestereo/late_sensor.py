@@ -27,7 +27,6 @@ from activestereo.auto_exposure import Setting
 from activestereo.ir_link import IrLink
 from activestereo.late_pictures import UnderWay
 from activestereo.matching import Taken
-from activestereo.picture_memory import RGB_OUTPUTS, PictureMemory
 from activestereo.presets import StereoDepthSensorConfig
 from activestereo.progress_bar import Progress
 from activestereo.sensor import StereoDepthSensor
@@ -49,8 +48,7 @@ class LateStereoDepthSensor(StereoDepthSensor):
         self._next_link = IrLink(
             self._device, self._engine.device, width, height, copy=bool(options.get("copy_ir", False))
         )
-        rgb_width, rgb_height = self._config.rgb_resolution
-        self._next_rgb = PictureMemory(self._device, (1, rgb_height, rgb_width), RGB_OUTPUTS)
+        self._next_rgb = self._results.rgb_memory()
         self._next: Taken | None = None
         self._taken_signals = self._next_signals = super()._signals()
         self._taken_exposure = self._present_exposure()
@@ -59,7 +57,7 @@ class LateStereoDepthSensor(StereoDepthSensor):
     @property
     def has_picture(self) -> bool:
         """Whether results are there: from the second take_picture() on."""
-        return self._has_picture
+        return self._results.has_picture
 
     def take_picture(self, infrared_only: bool = False, progress: Progress | None = None) -> None:
         """Begins a picture of the scene as it is now, and makes the one before it the one that results are of. Takes no
@@ -121,14 +119,15 @@ class LateStereoDepthSensor(StereoDepthSensor):
         """What was rendered is the picture now; the one before gives its memory to the next."""
         if self._next is None:
             return
-        self._maps.clear()
+        results = self._results
+        results.maps.clear()
         self._link, self._next_link = self._next_link, self._link
         if self._next_has_rgb:
-            self._rgb, self._next_rgb = self._next_rgb, self._rgb
-            self._has_rgb = True
+            results.rgb, self._next_rgb = self._next_rgb, results.rgb
+            results.has_rgb = True
         self._taken, self._taken_signals, self._next = self._next, self._next_signals, None
         self._taken_exposure = self._present_exposure()
-        self._frame, self._has_picture = self._taken.frame, True
+        self._frame, results.has_picture = self._taken.frame, True
 
     def _present_exposure(self) -> Setting:
         """Between wait() and the next picture's _prepare(): that of the picture that was rendered last."""

@@ -6,9 +6,10 @@ from __future__ import annotations
 
 import warnings
 import weakref
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from copy import deepcopy
+from functools import cached_property
 from os import PathLike
 from typing import Any, Literal, Self
 
@@ -18,14 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 import kuafu
 import simsense
 from activestereo.auto_exposure import AutoExposure, encoded_rgb
+from activestereo.cuda_memory import CudaArray
 from activestereo.effects.core.engine import EngineInputs, apply_engine, moved_pose
 from activestereo.ir_link import IrLink
-from activestereo.lazy_maps import LazyMaps
 from activestereo.lens import pixel_rays
 from activestereo.matching import Taken, engine_parameters, linear_counts, make_engine, renderer_parameters
 from activestereo.mount import Mount as Mount
 from activestereo.mount import RigPlace, as_mount
-from activestereo.picture_memory import RGB_OUTPUTS, PictureMemory
 from activestereo.pose import Pose, as_matrix, camera_to_world
 from activestereo.presets import StereoDepthSensorConfig
 from activestereo.progress_bar import Progress, part_of
@@ -40,6 +40,7 @@ from activestereo.sensor_inputs import (
     twist_of,
 )  # fmt: skip
 from activestereo.sensor_model import SensorModel
+from activestereo.sensor_results import SensorResults
 from activestereo.sensor_world import LATER, SensorWorld
 
 Band = Literal["visible", "infrared"]
@@ -60,12 +61,15 @@ class StereoDepthSensor:
     engine field expresses change the images, with a ModelCostWarning. Its rig, pattern and imager are the config's:
     StereoDepthSensorConfig.from_model(). ValueError says what in it does not fit this scene; then nothing has been
     changed.
+
+    on_cuda: RGB pictures and maps lie where CUDA sees them, for get_cuda(). CudaError where there is no CUDA, or none
+    on this GPU; ValueError for a model that changes the images.
     """
 
     def __init__(
         self, config: StereoDepthSensorConfig, scene_or_mount: kuafu.Scene | Mount | str | PathLike[str],
         pose: Pose | None = None, device: str | int | kuafu.Device = "auto", copy_ir: bool = False,
-        model: SensorModel | str | PathLike[str] | None = None,
+        model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False,
     ) -> None:  # fmt: skip
         self._config = deepcopy(config)
         self._mount = as_mount(scene_or_mount, device)
@@ -80,6 +84,7 @@ class StereoDepthSensor:
         self._exposure, self._next_setting = AutoExposure(self._config), None
         self._renderer = kuafu.Renderer(self._device, **renderer_parameters(self._config))
         self._engine = self.make_engine()
+        self._results = SensorResults(self._device, self._engine.device, self._config, on_cuda)
         width, height = self._config.ir_resolution
         self._link = IrLink(self._device, self._engine.device, width, height, copy=copy_ir)
         pattern = self._config.pattern() if self._config.light_dots is None else None
@@ -89,12 +94,13 @@ class StereoDepthSensor:
         self._image_effects = ImageEffects(weakref.proxy(self), self._left_over)
         if self._image_effects:
             names = ", ".join(self._image_effects.names)
+            if on_cuda:
+                self.close()
+                raise ValueError(f"no engine field expresses {names}: such a model needs a sensor without on_cuda")
             text = f"no engine field expresses {names}: every picture is copied to the host and back"
             warnings.warn(text, ModelCostWarning, stacklevel=2)
         weakref.finalize(self, self._world.leave).atexit = False
-        rgb_width, rgb_height = self._config.rgb_resolution
-        self._rgb = PictureMemory(self._device, (1, rgb_height, rgb_width), RGB_OUTPUTS)
-        self._has_picture, self._has_rgb, self._maps, self._taken = False, False, LazyMaps("depth_rgb"), Taken()
+        self._taken = Taken()
         self._stage_times: dict[str, float] = {}
 
     # ---- taking pictures ----
@@ -102,101 +108,95 @@ class StereoDepthSensor:
     def take_picture(self, infrared_only: bool = False, progress: Progress | None = None) -> None:
         """Renders the infrared pair, and before it the RGB picture unless infrared_only. progress(fraction) may return
         True to cancel. A call that fails or is cancelled leaves no picture."""
-        self._has_picture = False
-        self._maps.clear()
+        results = self._results
+        results.has_picture = False
+        results.maps.clear()
         frame = self._frame + 1
         taken = self._prepare(frame)
         share = 0.0 if infrared_only else 0.5
         with self._projector_on():
             if not infrared_only:
-                self._has_rgb = False
-                self._rgb.forget()
-                self._render([self.rgb_camera()], self._rgb.targets, "visible", frame, part_of(progress, 0.0, share))
-                self._has_rgb = True
+                results.has_rgb = False
+                results.rgb.forget()
+                self._render([self.rgb_camera()], results.rgb.targets, "visible", frame, part_of(progress, 0.0, share))
+                results.has_rgb = True
                 self._keep_times("rgb", self._renderer)
             self._render_infrared(taken, self._link, part_of(progress, share, 1.0))
             self._keep_times("ir", self._renderer)
         self._image_effects.on_light(self._link)
         self._link.deliver()
         self._expose(self._link)
-        self._frame, self._has_picture, self._taken = frame, True, taken
+        self._frame, results.has_picture, self._taken = frame, True, taken
 
     def compute_depth(self) -> None:
         """Noise, matching, registration of the last picture. The same picture gives the same depth. Maps that have been
         read of an earlier picture are computed with it; others when they are first read."""
-        self._require_picture()
+        self._results.require_picture()
         self._tell_engines()
-        self._maps.begin(self._match)
+        self._results.match(self._match)
         self._keep_times("depth", self._engine)
 
     # ---- results ----
 
     def get_rgba8(self) -> NDArray[np.uint8]:
         """uint8 [height, width, 4]: red, green, blue, 255, sRGB-encoded where the picture was rendered."""
-        self._require_rgb()
-        return self._rgb.read("srgb")[0]
+        return self._results.picture("srgb")
 
     def get_rgb(self) -> NDArray[np.float32]:
         """float32 [height, width, 3] in 0..1, sRGB-encoded here; get_rgba8() is a third of the copy and no work."""
-        self._require_rgb()
-        return encoded_rgb(self._rgb.read("radiance")[0], self._config.rgb_exposure)
+        return encoded_rgb(self._results.picture("radiance"), self._config.rgb_exposure)
 
     def get_ir(self) -> list[NDArray[np.float32]]:
         """[left, right] float32 [height, width] in 0..1: what linear imagers would count without noise and dark
         current, over full scale."""
-        self._require_picture()
+        self._results.require_picture()
         return [linear_counts(image, signal) for image, signal in zip(self._link.images, self._signals(), strict=True)]
 
     def get_ir_measured(self) -> list[np.ndarray]:
         """[left, right] uint8 [height, width], uint16 where ir_signal has more than 8 bits: what the sensor gives, with
         noise."""
-        self._require_depth()
-        return [self._maps.read("ir_left", self._match), self._maps.read("ir_right", self._match)]
+        return [self._results.map("ir_left", self._match), self._results.map("ir_right", self._match)]
 
     def get_depth(self) -> NDArray[np.float32]:
         """float32 [height, width] metres in the RGB camera, at its resolution and through its lens; 0 = no
         measurement."""
-        self._require_depth()
-        return self._maps.read("depth_rgb", self._match)
+        return self._results.map("depth_rgb", self._match)
 
     def get_disparity(self) -> NDArray[np.float32]:
         """float32 [height, width] pixels in the left infrared camera, or in its rectified image where the config asks
         for one or the lenses distort; -1 = no measurement."""
-        self._require_depth()
-        return self._maps.read("disparity", self._match)
+        return self._results.map("disparity", self._match)
 
     def get_depth_map(self, name: str) -> np.ndarray:
         """One of the config's depth_maps, of the (rectified) left infrared camera: 'confidence' float32 [height, width]
         0..1, 'reason' uint8 [height, width] an index into simsense.REASONS, 'points' float32 [height, width, 3] metres,
         or 'rectified_left', 'rectified_right'."""
-        self._require_depth()
-        if name not in self._config.depth_maps:
-            raise ValueError(f"'{name}' is none of the config's depth_maps {tuple(self._config.depth_maps)}")
-        return self._maps.read(name, self._match)
+        return self._results.depth_map(name, self._match)
 
     def get_pointcloud(self, with_rgb: bool = False) -> NDArray[np.float32]:
         """float32 [n, 3], metres in the RGB camera's axes (x right, y down, z forward); with_rgb: [n, 6], colours
         0..1."""
         depth = self.get_depth()
         v, u = np.nonzero(depth)
-        rays = pixel_rays(u, v, self._config.rgb_intrinsic, self._config.rgb_distortion)
-        points = (rays * depth[v, u]).T.astype(np.float32)
+        points = (self.rgb_rays[:, v, u] * depth[v, u]).T.astype(np.float32)
         return np.hstack([points, self.get_rgb()[v, u]]) if with_rgb else points
 
     def get_true_depth(self) -> NDArray[np.float32]:
         """float32 [height, width] metres in the RGB camera of the first surface at each pixel's centre; 0 = none."""
-        self._require_rgb()
-        return self._rgb.read("depth")[0, ..., 0]
+        return self._results.picture("depth")[..., 0]
 
     def get_material_ids(self) -> NDArray[np.uint32]:
         """uint32 [height, width] in the RGB camera; scene.material_name() names them, 0xffffffff = nothing there."""
-        self._require_rgb()
-        return self._rgb.read("material_id")[0, ..., 0]
+        return self._results.picture("material_id")[..., 0]
 
     def get_instance_ids(self) -> NDArray[np.uint32]:
         """uint32 [height, width] in the RGB camera; scene.instance_name() names them, 0xffffffff = nothing there."""
-        self._require_rgb()
-        return self._rgb.read("instance_id")[0, ..., 0]
+        return self._results.picture("instance_id")[..., 0]
+
+    def get_cuda(self, name: str) -> CudaArray:
+        """What get_<name>() has, in CUDA memory and without a copy, of a sensor made with on_cuda: the names and the
+        rest are as StereoDepthSensorBatch.get_cuda() has them."""
+        return self._results.cuda(name, self._match)
 
     def get_picture(self, name: str, camera: str = "rgb") -> np.ndarray:
         """[height, width, channels]: one of kuafu's outputs ('position', 'albedo', 'projector_uv', 'motion', ...; see
@@ -291,6 +291,13 @@ class StereoDepthSensor:
         """{stage: milliseconds} of the last take_picture and compute_depth."""
         return dict(self._stage_times)
 
+    @cached_property
+    def rgb_rays(self) -> NDArray[np.float64]:
+        """[3, height, width]: where the middles of the RGB camera's pixels look in its axes, with z = 1."""
+        c = self._config
+        v, u = np.indices(c.rgb_resolution[::-1])
+        return pixel_rays(u.ravel(), v.ravel(), c.rgb_intrinsic, c.rgb_distortion).reshape(3, *u.shape)
+
     def rgb_camera(self) -> kuafu.Camera:
         c = self._config
         more = shutter(c.rgb_line_time_s, c.rgb_readout) | {"exposure_s": c.rgb_exposure_s}
@@ -355,17 +362,16 @@ class StereoDepthSensor:
         self._config, self._exposure = config, AutoExposure(config)
         self._inputs = None
 
-    def _match(self, names: Iterable[str]) -> dict[str, np.ndarray]:
-        """These maps of the last picture."""
+    def _match(self, outputs: Any) -> dict[str, np.ndarray]:
+        """These maps of the last picture; outputs: their names, or what they are written into."""
         self._engine.set_parameters(frame_index=self._taken.frame, scene_index=self._taken.speckle_draw)
         pair = (self._link.left, self._link.right)
         laser = self._link.lasers(self._taken.is_laser_apart)
-        return self._image_effects.depth(self._engine, pair, tuple(names), **laser)
+        return self._image_effects.depth(self._engine, pair, outputs, **laser)
 
     def _match_rest(self) -> None:
         """Before the engine changes: what could still be read is computed."""
-        if self._maps:
-            self._maps.complete(("disparity", "ir_left", "ir_right", *self._config.depth_maps), self._match)
+        self._results.complete(self._match)
 
     def _signals(self) -> list[dict[str, float]]:
         """The imagers' parameters of the last picture, left and right."""
@@ -485,16 +491,3 @@ class StereoDepthSensor:
     def _keep_times(self, group: str, worker: Any) -> None:
         kept = {name: t for name, t in self._stage_times.items() if not name.startswith(f"{group}: ")}
         self._stage_times = kept | {f"{group}: {name}": t for name, t in worker.stage_times.items()}
-
-    def _require_picture(self) -> None:
-        if not self._has_picture:
-            raise RuntimeError("no picture yet: call take_picture() first")
-
-    def _require_rgb(self) -> None:
-        self._require_picture()
-        if not self._has_rgb:
-            raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
-
-    def _require_depth(self) -> None:
-        if not self._maps:
-            raise RuntimeError("no depth of this picture yet: call compute_depth() after take_picture()")

@@ -25,7 +25,7 @@ import kuafu
 import simsense
 from activestereo.auto_exposure import AutoExposure, encoded_rgb
 from activestereo.batch_rig import BatchRig
-from activestereo.cuda_maps import CudaMaps
+from activestereo.cuda_maps import MAPS, PICTURES, CudaMaps, check_cuda_name
 from activestereo.cuda_memory import CudaArray
 from activestereo.ir_link import IrLink
 from activestereo.lazy_maps import LazyMaps
@@ -37,11 +37,6 @@ from activestereo.presets import StereoDepthSensorConfig
 from activestereo.result_memory import Kind, PartOfResults
 from activestereo.sensor_inputs import render_settings, shutter
 from activestereo.sensor_model import SensorModel, read_model
-
-# get_cuda()'s names: the depth engine's or kuafu's by them.
-_ALIKE = ("disparity", "ir_left", "ir_right", "confidence", "reason", "points", "rectified_left", "rectified_right")
-_MAPS = {"depth": "depth_rgb"} | {name: name for name in _ALIKE}
-_PICTURES = {"rgba8": "srgb", "true_depth": "depth", "instance_ids": "instance_id", "material_ids": "material_id"}
 
 
 class SensorPoseError(ValueError):
@@ -228,18 +223,18 @@ class StereoDepthSensorBatch:
     def get_cuda(self, name: str) -> CudaArray:
         """What get_<name>() has, in CUDA memory and without a copy, as float32, uint8, uint16 or uint32: 'depth',
         'disparity', 'ir_left', 'ir_right' (of ir_measured), a map of get_depth_map(), 'rgba8', 'true_depth',
-        'instance_ids' or 'material_ids'. torch.as_tensor(array, device="cuda") takes it. The next take_picture() or
-        compute_depth() writes into the same memory. RuntimeError without on_cuda, ValueError for another name."""
+        'instance_ids' or 'material_ids'; or 'radiance', the light that get_rgb() encodes. torch.as_tensor(array,
+        device="cuda") takes it. The next take_picture() or compute_depth() writes into the same memory. RuntimeError
+        without on_cuda, ValueError for another name."""
         if not self._on_cuda:
             raise RuntimeError("this batch is of the host: make it with on_cuda=True")
-        if name in _MAPS:
+        check_cuda_name(name, "a batch")
+        if name in MAPS:
             self._require_depth()
-            return self._maps_on_cuda.read(_MAPS[name], self._compute_on_cuda)
-        if name not in _PICTURES:
-            raise ValueError(f"a batch has no '{name}' for CUDA (known: {', '.join((*_MAPS, *_PICTURES))})")
+            return self._maps_on_cuda.read(MAPS[name], self._compute_on_cuda)
         self._require_rgb()
-        shape = self._rgb.targets[_PICTURES[name]].shape
-        return self._rgb.cuda(_PICTURES[name], (*self._shape, *(shape[1:] if shape[-1] > 1 else shape[1:-1])))
+        shape = self._rgb.targets[PICTURES[name]].shape
+        return self._rgb.cuda(PICTURES[name], (*self._shape, *(shape[1:] if shape[-1] > 1 else shape[1:-1])))
 
     # ---- the batch itself ----
 
@@ -427,12 +422,8 @@ class StereoDepthSensorBatch:
         return found
 
     def _compute_on_cuda(self, names: list[str]) -> dict[str, CudaArray]:
-        new = self._cuda_maps.missing(names)
-        for name, image in self._match(new).items() if new else ():
-            self._cuda_maps.make(name, image)
-        targets = self._cuda_maps.targets(names)
-        self._match(targets)
-        return {name: self._cuda_maps.array(name, self._shape_of(image)) for name, image in targets.items()}
+        found = self._cuda_maps.compute(names, self._match)
+        return {name: one.array(self._shape_of(one.image)) for name, one in found.items()}
 
     def _shape_of(self, image: NDArray[Any] | simsense.Image) -> tuple[int, ...]:
         return (*self._shape, *image.shape[1 if self._count > 1 else 0 :])

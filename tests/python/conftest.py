@@ -4,6 +4,7 @@
 import fcntl
 import os
 import pickle
+import subprocess
 import sys
 from pathlib import Path
 
@@ -34,6 +35,24 @@ def device():
     import kuafu
 
     return kuafu.Device()
+
+
+@pytest.fixture(scope="session")
+def stub_cuda(tmp_path_factory):
+    """The library of tests/support/stub_cuda.c, in the place of CUDA's driver (shared/cuda_stub.py)."""
+    library = tmp_path_factory.mktemp("cuda") / "libcuda.so.1"
+    source = ROOT / "tests/support/stub_cuda.c"
+    subprocess.run(["cc", "-shared", "-fPIC", "-Wall", "-Werror", "-o", library, source], check=True)
+    return library
+
+
+@pytest.fixture(scope="session")
+def torch_on_a_gpu():
+    """PyTorch, where it has a CUDA device."""
+    torch = pytest.importorskip("torch", reason="PyTorch is not installed")
+    if not torch.cuda.is_available():
+        pytest.skip("PyTorch sees no CUDA device")
+    return torch
 
 
 @pytest.fixture(scope="session")

@@ -3,14 +3,19 @@
  * memory gets the very same bytes. Where in the file they begin is the driver's secret, which a test finds out and tells. For tests on
  * machines without CUDA. */
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
 static uint8_t uuid[16];
-static uint64_t size, data_begin;
+static uint64_t data_begin;
 static int mappings, contexts, pushed;
 
+struct external_memory {
+  char* mapped;
+  uint64_t data_bytes;
+};
 struct handle_desc {
   int type;
   union {
@@ -44,18 +49,23 @@ int cuDevicePrimaryCtxRelease_v2(int device) { return --contexts, device == 8 ? 
 int cuCtxPushCurrent_v2(void* context) { return ++pushed, context == &uuid ? 0 : 1; }
 int cuCtxPopCurrent_v2(void** context) { return *context = &uuid, --pushed, 0; }
 
-int cuImportExternalMemory(void** memory, const struct handle_desc* desc) {
+int cuImportExternalMemory(struct external_memory** memory, const struct handle_desc* desc) {
   if (desc->type != 1 || desc->flags != 1 || pushed != 1) return 1;
   void* mapped = mmap(NULL, data_begin + desc->size, PROT_READ | PROT_WRITE, MAP_SHARED, desc->handle.fd, 0);
   if (mapped == MAP_FAILED) return 1;
   close(desc->handle.fd);
-  size = desc->size;
   ++mappings;
-  return *memory = mapped, 0;
+  *memory = malloc(sizeof(**memory));
+  **memory = (struct external_memory){mapped, desc->size};
+  return 0;
 }
-int cuExternalMemoryGetMappedBuffer(uint64_t* address, void* memory, const struct buffer_desc* desc) {
-  if (desc->flags != 0 || desc->offset + desc->size > size) return 1;
-  return *address = (uint64_t)(uintptr_t)memory + data_begin + desc->offset, 0;
+int cuExternalMemoryGetMappedBuffer(uint64_t* address, const struct external_memory* memory, const struct buffer_desc* desc) {
+  if (desc->flags != 0 || desc->offset + desc->size > memory->data_bytes) return 1;
+  return *address = (uint64_t)(uintptr_t)memory->mapped + data_begin + desc->offset, 0;
 }
 int cuMemFree_v2(uint64_t address) { return address == 0; }
-int cuDestroyExternalMemory(void* memory) { return --mappings, munmap(memory, data_begin + size) == 0 ? 0 : 1; }
+int cuDestroyExternalMemory(struct external_memory* memory) {
+  int failed = munmap(memory->mapped, data_begin + memory->data_bytes) != 0;
+  free(memory);
+  return --mappings, failed;
+}

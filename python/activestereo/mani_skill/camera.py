@@ -3,15 +3,18 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import torch
 from mani_skill.sensors.camera import Camera, CameraConfig
-from numpy.typing import NDArray
 
 import kuafu
+from activestereo.cuda_memory import CudaError
+from activestereo.cuda_tensor import cuda_tensor, wait_for
 from activestereo.late_sensor_batch import LateStereoDepthSensorBatch
 from activestereo.mani_skill.config import StereoDepthCameraConfig
 from activestereo.mani_skill.world import ManiSkillWorld
@@ -48,7 +51,11 @@ class StereoDepthCamera(Camera):
 
     With config.late an observation has the picture that the one before it began, which is rendered while ManiSkill
     simulates and the one before is matched. The first observation after reset(), of some environments too, has a
-    picture of the present instead, as of a camera that has long stood there; so the one after it shows the same."""
+    picture of the present instead, as of a camera that has long stood there; so the one after it shows the same.
+
+    With config.on_cuda observations are made of what the sensors' GPU holds, and no image passes through the host.
+    CudaError where there is no CUDA, or none on this GPU; a UserWarning, and the way through the host, where on_cuda is
+    None and the simulation is on CUDA."""
 
     def __init__(self, camera_config: CameraConfig, scene: Any, articulation: Any = None) -> None:
         if not isinstance(camera_config, StereoDepthCameraConfig):
@@ -71,9 +78,7 @@ class StereoDepthCamera(Camera):
         """Brings the sensors' scene to the present state. Images are rendered when get_obs() asks for them."""
         if self._world is None:
             self._world = ManiSkillWorld.of(self._scene, self.config.device)
-            config = self.config.native(self.camera.get_intrinsic_matrix()[0].cpu().numpy().astype(np.float64))
-            kind = LateStereoDepthSensorBatch if self.config.late else StereoDepthSensorBatch
-            self._sensors = kind(config, _CameraMounts(self.camera, self._world.scene))
+            self._sensors = self._made(self._world)
             if isinstance(self._sensors, LateStereoDepthSensorBatch):
                 self._world.late.add(self._sensors)
         self._world.update()
@@ -94,23 +99,44 @@ class StereoDepthCamera(Camera):
         sensors, out = self.sensors, {}
         self._take_picture(rgb or segmentation)
         if rgb:
-            out["rgb"] = np.ascontiguousarray(sensors.get_rgba8()[..., :3])
+            out["rgb"] = self._taken("rgba8")[..., :3].contiguous()
         if depth or position:
             sensors.compute_depth()
-            found = np.rint(np.minimum(sensors.get_depth() * np.float32(_MM), _FARTHEST_MM))
+            found = (self._taken("depth") * _MM).clamp(max=_FARTHEST_MM).round()
         if depth:
-            out["depth"] = found.astype(np.int16)[..., None]
+            out["depth"] = found.to(torch.int16)[..., None]
         if position:
             out["position"] = self._positions(found)
         if segmentation:
             out["segmentation"] = self._segmentation()
-        return {name: torch.from_numpy(image).to(self._scene.device) for name, image in out.items()}
+        return {name: wait_for(image).to(self._scene.device) for name, image in out.items()}
 
     def get_params(self) -> dict[str, torch.Tensor]:
         """ManiSkill's, of a late camera those of the next observation's picture: ManiSkill asks for an observation's
         parameters before its picture."""
         begun = self._begun
         return begun.params if begun is not None and self._serves(begun) else super().get_params()
+
+    def _made(self, world: ManiSkillWorld) -> StereoDepthSensorBatch:
+        config = self.config.native(self.camera.get_intrinsic_matrix()[0].cpu().numpy().astype(np.float64))
+        kind = LateStereoDepthSensorBatch if self.config.late else StereoDepthSensorBatch
+        mounts = _CameraMounts(self.camera, world.scene)
+        is_there = self._scene.device.type == "cuda"
+        self._on_cuda = is_there if self.config.on_cuda is None else self.config.on_cuda
+        try:
+            return kind(config, mounts, on_cuda=self._on_cuda)
+        except CudaError as error:
+            if self.config.on_cuda:
+                raise
+            warnings.warn(f"observations pass through the host: {error}", stacklevel=3)
+            self._on_cuda = False
+            return kind(config, mounts)
+
+    def _taken(self, name: str) -> torch.Tensor:
+        """What the sensors' get_<name>() have, where observations are made."""
+        if self._on_cuda:
+            return cuda_tensor(self.sensors.get_cuda(name))
+        return torch.from_numpy(getattr(self.sensors, f"get_{name}")())
 
     def _serves(self, begun: _Begun) -> bool:
         """Whether the picture that was begun is the next observation's: not after a reset(), nor where it failed."""
@@ -136,15 +162,24 @@ class StereoDepthCamera(Camera):
             sensors.take_picture(infrared_only=not with_rgb)
         self._begun = _Begun(self._reset, with_rgb, super().get_params())
 
-    def _positions(self, depth_mm: NDArray[np.float32]) -> NDArray[np.int16]:
+    def _positions(self, depth_mm: torch.Tensor) -> torch.Tensor:
         """int16 [E, height, width, 3] millimetres in the camera's OpenGL axes: x right, y up, z backward."""
-        k = self.sensors.get_config().rgb_intrinsic
-        v, u = np.indices(depth_mm.shape[1:], np.float32)
-        x, y = (u - k[0, 2]) / k[0, 0] * depth_mm, -(v - k[1, 2]) / k[1, 1] * depth_mm
-        out = np.stack([x, y, -depth_mm], axis=-1)
-        return np.rint(np.clip(out, -_FARTHEST_MM, _FARTHEST_MM)).astype(np.int16)
+        points = self._rays * depth_mm[..., None]
+        return points.clamp(-_FARTHEST_MM, _FARTHEST_MM).round().to(torch.int16)
 
-    def _segmentation(self) -> NDArray[np.int16]:
+    @cached_property
+    def _rays(self) -> torch.Tensor:
+        """float32 [height, width, 3]: in the same axes, where pixels look, with z = -1."""
+        config = self.sensors.get_config()
+        k, (width, height) = config.rgb_intrinsic, config.rgb_resolution
+        v, u = np.indices((height, width))
+        rays = np.stack([(u - k[0, 2]) / k[0, 0], -(v - k[1, 2]) / k[1, 1], -np.ones(u.shape)], axis=-1)
+        return torch.from_numpy(rays.astype(np.float32)).to(self._taken("depth").device)
+
+    def _segmentation(self) -> torch.Tensor:
         """int16 [E, height, width, 1]: ManiSkill's per_scene_id, 0 = nothing there."""
         assert self._world is not None
-        return self._world.bodies.semantic_ids(self.sensors.get_instance_ids()).astype(np.int16)[..., None]
+        ids = torch.from_numpy(self._world.bodies.semantic_id_table.astype(np.int16))
+        instances = self._taken("instance_ids").view(torch.int32)  # of which what is beyond 2^31 is negative
+        known = torch.where(instances < 0, len(ids) - 1, instances.clamp(max=len(ids) - 1))
+        return ids.to(instances.device)[known][..., None]

@@ -3,23 +3,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:
+    import torch
 
 
 class DeviceArray:
-    """A copy of a host array on the current CUDA device, held by torch. RuntimeError where torch or CUDA is missing."""
+    """A torch tensor's."""
 
-    def __init__(self, array: NDArray[Any]) -> None:
-        try:
-            import torch
-        except ImportError as error:
-            raise RuntimeError("an array on a CUDA device needs the package torch; the host's is get_...()") from error
-        if not torch.cuda.is_available():
-            raise RuntimeError("torch sees no CUDA device here: read the host's array, get_...() without _cuda")
-        self._tensor = torch.from_numpy(np.ascontiguousarray(array)).cuda()
+    def __init__(self, tensor: torch.Tensor) -> None:
+        self._tensor = tensor
 
     @property
     def shape(self) -> list[int]:
@@ -46,7 +40,7 @@ class DeviceArray:
     def __cuda_array_interface__(self) -> dict[str, Any]:
         return dict(self._tensor.__cuda_array_interface__)
 
-    def torch(self) -> Any:
+    def torch(self) -> torch.Tensor:
         """The torch tensor itself."""
         return self._tensor
 

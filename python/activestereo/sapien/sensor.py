@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import activestereo
+from activestereo.cuda_tensor import copied_to_cuda
 from activestereo.pose import Pose, as_matrix
 from activestereo.presets import SAPIEN_NAMES
 from activestereo.presets import StereoDepthSensorConfig as NativeConfig
+from activestereo.sapien.cuda_results import CudaResults
 from activestereo.sapien.device_array import DeviceArray
 from activestereo.sapien.scene import SapienScene
 
@@ -45,12 +47,22 @@ class StereoDepthSensor:
 
     late: a picture is rendered while SAPIEN simulates and the one before is matched (activestereo.late_sensor). Results
     are of the picture before; from the second take_picture() on has_picture is True.
+
+    on_cuda: get_..._cuda() give what lies on the GPU or is computed there, with the host's bits; without, they copy the
+    host's arrays. The first picture then raises CudaError where there is no CUDA, or none on the GPU that renders.
     """
 
     def __init__(
-        self, config: Any, mount_entity: sapien.Entity, pose: sapien.Pose | None = None, *, late: bool = False
+        self,
+        config: Any,
+        mount_entity: sapien.Entity,
+        pose: sapien.Pose | None = None,
+        *,
+        late: bool = False,
+        on_cuda: bool = False,
     ) -> None:
-        self._is_late = late
+        self._is_late, self._on_cuda = late, on_cuda
+        self._cuda: CudaResults | None = None
         self._config = config
         self._mount = mount_entity
         self._pose = sapien.Pose() if pose is None else pose
@@ -72,10 +84,11 @@ class StereoDepthSensor:
             mount = activestereo.Mount(self._world.scene)
             config = native_config(self._config)
             if self._is_late:
-                self._sensor = activestereo.LateStereoDepthSensor(config, mount)
+                self._sensor = activestereo.LateStereoDepthSensor(config, mount, on_cuda=self._on_cuda)
                 self._world.late.add(self._sensor)
             else:
-                self._sensor = activestereo.StereoDepthSensor(config, mount)
+                self._sensor = activestereo.StereoDepthSensor(config, mount, on_cuda=self._on_cuda)
+            self._cuda = CudaResults(self._sensor) if self._on_cuda else None
         sensor = self._made()
         sensor.set_local_pose(as_matrix(self.get_pose()))
         sensor.take_picture(infrared_only)
@@ -107,8 +120,10 @@ class StereoDepthSensor:
 
     def get_rgba_cuda(self) -> DeviceArray:
         """float32 [height, width, 4] on a CUDA device, through torch."""
+        if self._cuda is not None:
+            return DeviceArray(self._cuda.rgba())
         rgb = self.get_rgb()
-        return DeviceArray(np.concatenate([rgb, np.ones_like(rgb[..., :1])], axis=2))
+        return DeviceArray(copied_to_cuda(np.concatenate([rgb, np.ones_like(rgb[..., :1])], axis=2)))
 
     def get_ir(self) -> list[NDArray[np.float32]]:
         """[left, right] float32 [height, width] in 0..1, gamma-coded; noise is not in it."""
@@ -119,8 +134,9 @@ class StereoDepthSensor:
         return self._made().get_depth().copy()
 
     def get_depth_cuda(self) -> DeviceArray:
-        """get_depth() on a CUDA device, through torch."""
-        return DeviceArray(self.get_depth())
+        """get_depth() on a CUDA device, through torch. Of a sensor made with on_cuda the next compute_depth() writes
+        into the same memory."""
+        return DeviceArray(copied_to_cuda(self.get_depth()) if self._cuda is None else self._cuda.depth())
 
     def get_pointcloud(self, with_rgb: bool = False) -> NDArray[np.float32]:
         """float32 [n, 3] or [n, 6]: x right, y down, z forward in the RGB camera, metres; colours 0..1."""
@@ -128,7 +144,9 @@ class StereoDepthSensor:
 
     def get_pointcloud_cuda(self, with_rgb: bool = False) -> DeviceArray:
         """get_pointcloud() on a CUDA device, through torch."""
-        return DeviceArray(self.get_pointcloud(with_rgb))
+        if self._cuda is not None:
+            return DeviceArray(self._cuda.pointcloud(with_rgb))
+        return DeviceArray(copied_to_cuda(self.get_pointcloud(with_rgb)))
 
     # ---- the sensor itself ----
 

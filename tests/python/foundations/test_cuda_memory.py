@@ -2,7 +2,6 @@
 """Exported memory as CUDA memory, against a stub of CUDA's driver that maps the file behind lavapipe's descriptors."""
 
 import ctypes as c
-import subprocess
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -14,6 +13,7 @@ import kuafu
 import simsense
 from activestereo import Mounts, StereoDepthSensorBatch, StereoDepthSensorConfig
 from activestereo.cuda_memory import CudaError, CudaMemory
+from cuda_stub import exportable, place_in_file, seen_by_host, stub_for
 
 
 @pytest.fixture(params=[kuafu, simsense], ids=lambda module: module.__name__)
@@ -32,30 +32,6 @@ def cpu_of(module: ModuleType) -> Any:
 @pytest.fixture
 def own_device(module: ModuleType) -> Any:
     return cpu_of(module)
-
-
-@pytest.fixture(scope="module")
-def stub_cuda(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    library = tmp_path_factory.mktemp("cuda") / "libcuda.so.1"
-    source = Path(__file__).resolve().parents[2] / "support/stub_cuda.c"
-    subprocess.run(["cc", "-shared", "-fPIC", "-Wall", "-Werror", "-o", library, source], check=True)
-    return library
-
-
-def place_in_file(address: int) -> int:
-    """Where in the mapped file an address lies."""
-    for line in Path("/proc/self/maps").read_text().splitlines():
-        span, _, offset = line.split()[:3]
-        start, end = (int(part, 16) for part in span.split("-"))
-        if start <= address < end:
-            return int(offset, 16) + address - start
-    raise AssertionError(f"{address:x} is not mapped")
-
-
-def exportable(module: ModuleType, device: Any) -> Any:
-    if "export_opaque_fd" not in device.info.capabilities:
-        pytest.skip(f"{device.info.name} exports no opaque fd")
-    return module.Buffer(device, 4 * 6 * 5, exportable=True)
 
 
 def test_cuda_sees_the_exported_memory(module: ModuleType, own_device: Any, stub_cuda: Path) -> None:
@@ -95,11 +71,8 @@ def test_cuda_memory_without_cuda_or_on_another_gpu_says_so(
 
 def test_a_batchs_results_are_cudas_too(monkeypatch: pytest.MonkeyPatch, stub_cuda: Path) -> None:
     """The arrays have the bits of the host's, and the next picture's are in the same memory."""
-    monkeypatch.setitem(CudaMemory.__init__.__kwdefaults__, "library", str(stub_cuda))
     device = cpu_of(kuafu)
-    probe = exportable(kuafu, device)
-    begin = place_in_file(probe.image("float32", (6, 5)).array().ctypes.data)
-    c.CDLL(str(stub_cuda)).stub_be(device.info.device_uuid, c.c_uint64(begin))
+    stub_for(device, stub_cuda, monkeypatch)
     scene = kuafu.Scene(device)
     corners = np.float32([[1, y, z] for y in (-9, 9) for z in (-9, 9)])
     scene.add_instance(scene.add_mesh(corners, np.uint32([[0, 1, 3], [0, 3, 2]])))
@@ -117,12 +90,11 @@ def test_a_batchs_results_are_cudas_too(monkeypatch: pytest.MonkeyPatch, stub_cu
         batch.compute_depth()
         for name in ("depth", "disparity", "rgba8", "true_depth", "instance_ids", "ir_left"):
             host = batch.get_ir_measured()[0] if name == "ir_left" else getattr(batch, f"get_{name}")()
-            there = batch.get_cuda(name).__cuda_array_interface__
-            assert there["shape"] == host.shape and there["typestr"] == host.dtype.str, name
-            kind = np.ctypeslib.as_ctypes_type(host.dtype)
-            seen = np.ctypeslib.as_array(c.cast(there["data"][0], c.POINTER(kind)), host.shape)
+            there = batch.get_cuda(name)
+            seen = seen_by_host(there)
+            assert seen.shape == host.shape and seen.dtype == host.dtype, name
             np.testing.assert_array_equal(seen, host)
-            addresses.append(there["data"][0])
+            addresses.append(there.__cuda_array_interface__["data"][0])
     assert addresses[:6] == addresses[6:] and batch.get_depth().any()
     with pytest.raises(ValueError, match="a batch has no 'rgb' for CUDA .*depth, .*confidence, .*rgba8"):
         batch.get_cuda("rgb")
@@ -142,17 +114,9 @@ def test_a_batch_for_cuda_is_not_made_without_cuda(monkeypatch: pytest.MonkeyPat
     assert scene.summary.light_count == 0
 
 
-def on_a_gpu() -> Any:
-    """PyTorch, where it has a CUDA device."""
-    torch = pytest.importorskip("torch", reason="PyTorch is not installed")
-    if not torch.cuda.is_available():
-        pytest.skip("PyTorch sees no CUDA device")
-    return torch
-
-
-def test_torch_and_the_renderer_have_one_memory() -> None:
+def test_torch_and_the_renderer_have_one_memory(torch_on_a_gpu: Any) -> None:
     """kuafu renders into a tensor's memory; what PyTorch writes there kuafu reads; no byte is copied between."""
-    torch = on_a_gpu()
+    torch = torch_on_a_gpu
     device = kuafu.Device("auto")
     scene = kuafu.Scene(device)
     positions = np.float32([[-4, -4, 2], [4, -4, 2], [0, 5, 2]])
@@ -171,8 +135,8 @@ def test_torch_and_the_renderer_have_one_memory() -> None:
     assert np.all(buffer.read().view(np.float32) == 7.0)
 
 
-def test_torch_gives_the_depth_engine_its_pair_without_a_copy() -> None:
-    torch = on_a_gpu()
+def test_torch_gives_the_depth_engine_its_pair_without_a_copy(torch_on_a_gpu: Any) -> None:
+    torch = torch_on_a_gpu
     device = simsense.Device("auto")
     height, width, disparity = 96, 160, 7
     texture = np.random.default_rng(1).integers(0, 255, (height, width + disparity), dtype=np.uint8)
@@ -197,8 +161,8 @@ def test_torch_gives_the_depth_engine_its_pair_without_a_copy() -> None:
     assert float((found[:, 32:][valid] - disparity).abs().median()) < 0.1
 
 
-def test_torch_has_a_batchs_results_where_they_were_made() -> None:
-    torch = on_a_gpu()
+def test_torch_has_a_batchs_results_where_they_were_made(torch_on_a_gpu: Any) -> None:
+    torch = torch_on_a_gpu
     scene = kuafu.Scene(kuafu.Device("auto"))
     corners = np.float32([[1, y, z] for y in (-9, 9) for z in (-9, 9)])
     scene.add_instance(scene.add_mesh(corners, np.uint32([[0, 1, 3], [0, 3, 2]])))

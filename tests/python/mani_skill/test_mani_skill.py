@@ -16,7 +16,9 @@ import torch  # noqa: E402
 
 import kuafu  # noqa: E402
 from activestereo.bodies import BodyPoseError  # noqa: E402
+from activestereo.cuda_memory import CudaError, CudaMemory  # noqa: E402
 from activestereo.mani_skill import ManiSkillWorld, StereoDepthCamera, StereoDepthCameraConfig  # noqa: E402
+from cuda_stub import stub_for_torch  # noqa: E402
 
 SIZE = 64
 
@@ -194,10 +196,14 @@ class FakeCamera:
 
 
 def late_cameras(parallel: Any, names: list[str]) -> list[StereoDepthCamera]:
+    return cameras_of(parallel, names, late=True)
+
+
+def cameras_of(parallel: Any, names: list[str], **options: Any) -> list[StereoDepthCamera]:
     parallel.add_camera = lambda **_: FakeCamera(len(parallel.sub_scenes))
     parallel._reset_mask = torch.ones(3)
     place = sapien.Pose()
-    configs = [StereoDepthCameraConfig(name, place, 48, 48, fov=1.1, samples_per_pixel=1, device="cpu", late=True)
+    configs = [StereoDepthCameraConfig(name, place, 48, 48, fov=1.1, samples_per_pixel=1, device="cpu", **options)
                for name in names]  # fmt: skip
     return [StereoDepthCamera(config, parallel) for config in configs]
 
@@ -250,6 +256,43 @@ def test_a_late_camera_takes_another_picture_where_the_one_begun_does_not_serve(
     _, (again,) = observe(cameras)
     assert torch.equal(found["segmentation"], again["segmentation"])
     assert not torch.equal(found["segmentation"], images["segmentation"])
+
+
+@pytest.mark.parametrize("late", [False, True], ids=["now", "late"])
+def test_observations_that_never_left_the_device_have_the_hosts_bits(
+    parallel: Any, monkeypatch: pytest.MonkeyPatch, stub_cuda: Any, late: bool
+) -> None:
+    """Against a stub of CUDA's driver; torch computes on the processor what it else computes on a GPU."""
+    modalities = {"rgb": True, "position": True}
+    cameras = [*cameras_of(parallel, ["base"], late=late), *cameras_of(parallel, ["other"], late=late, on_cuda=True)]
+    world = ManiSkillWorld(parallel, "cpu")
+    monkeypatch.setattr(ManiSkillWorld, "of", lambda *_: world)
+    taken = stub_for_torch(world.scene.device, stub_cuda, monkeypatch)
+    for step in range(3):
+        parallel.actors["box"].pose.raw_pose[:, 1] = 0.05 * step
+        _, (host, there) = observe(cameras, **modalities)
+        for name in ("rgb", "depth", "position", "segmentation"):
+            assert there[name].dtype == host[name].dtype and torch.equal(there[name], host[name]), name
+        assert len({int(i) for i in host["segmentation"].unique()}) == 2 and host["depth"].any()
+        held = [t.data_ptr() for t in there.values()]
+        assert not set(held) & {array.__cuda_array_interface__["data"][0] for array in taken}
+
+
+def test_a_simulation_on_cuda_does_without_the_host_where_it_can(
+    parallel: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Asked for, what cannot be is an error; else a warning, and observations pass through the host."""
+    monkeypatch.setitem(CudaMemory.__init__.__kwdefaults__, "library", "/nowhere/libcuda.so.1")
+    (camera,) = cameras_of(parallel, ["base"], on_cuda=True)
+    with pytest.raises(CudaError, match="there is no CUDA driver"):
+        camera.capture()
+    (camera,) = cameras_of(parallel, ["base"])
+    world = ManiSkillWorld(parallel, "cpu")
+    parallel.device = SimpleNamespace(type="cuda")
+    with pytest.warns(UserWarning, match="observations pass through the host: there is no CUDA driver"):
+        sensors = camera._made(world)
+    with pytest.raises(RuntimeError, match="on_cuda=True"):
+        sensors.get_cuda("depth")
 
 
 def test_what_is_not_there_is_said(parallel: Any) -> None:

@@ -13,8 +13,10 @@ sapien = pytest.importorskip("sapien", reason="the package sapien is not install
 import sapien.sensor.stereodepth as theirs
 
 import kuafu
+from activestereo.cuda_memory import CudaError, CudaMemory
 from activestereo.pose import body_pose, look_at
 from activestereo.sapien import ActorBuilder, SapienScene, StereoDepthSensor, StereoDepthSensorConfig
+from cuda_stub import stub_for_torch
 
 PAGE = Path(__file__).resolve().parents[3] / "examples/sapien_sensor/README.md"
 
@@ -221,6 +223,43 @@ def test_on_a_device_or_a_clear_no(scene):
         else:
             with pytest.raises(RuntimeError, match="torch sees no CUDA device"):
                 method()
+
+
+@pytest.mark.parametrize(("late", "rgb_exposure"), [(False, None), (True, 0.7)], ids=["now", "late"])
+def test_results_that_never_left_the_device_have_the_hosts_bits(scene, monkeypatch, stub_cuda, late, rgb_exposure):
+    """Against a stub of CUDA's driver; torch computes on the processor what it else computes on a GPU."""
+    world = SapienScene(scene, "cpu")
+    taken = stub_for_torch(world.scene.device, stub_cuda, monkeypatch)
+    mount = camera_entity(scene)
+    add(scene, "table", "box", sapien.Pose([0, 0, -0.02]), half_size=[20, 20, 0.02])
+    add(scene, "ball", "sphere", sapien.Pose([0.0, 0.0, 0.07]), radius=0.07)
+    config = small(config_class=StereoDepthSensorConfig)
+    config.rgb_exposure, config.rgb_distortion = rgb_exposure, [0.1, -0.05, 0.001, 0.002, 0.0]
+    sensor = StereoDepthSensor(config, mount, late=late, on_cuda=True)
+    with pytest.raises(RuntimeError, match="call take_picture"):
+        sensor.get_depth_cuda()
+    for _ in range(3):
+        sensor.take_picture()
+        if not sensor.has_picture:
+            continue
+        sensor.compute_depth()
+        rgba = sensor.get_rgba_cuda().torch().numpy()
+        np.testing.assert_array_equal(rgba[..., :3], sensor.get_rgb(), strict=True)
+        assert (rgba[..., 3] == 1.0).all() and np.ptp(rgba[..., 0]) > 0.1
+        depth = sensor.get_depth_cuda()
+        np.testing.assert_array_equal(depth.torch().numpy(), sensor.get_depth(), strict=True)
+        assert depth.ptr == taken[-1].__cuda_array_interface__["data"][0]  # no copy
+        for with_rgb in (False, True):
+            points = sensor.get_pointcloud_cuda(with_rgb)
+            np.testing.assert_array_equal(points.torch().numpy(), sensor.get_pointcloud(with_rgb), strict=True)
+            assert points.shape[0] > 100 and points.strides == [4 * points.shape[1], 4]
+
+
+def test_a_gpu_that_cuda_does_not_have_is_told(scene, monkeypatch):
+    monkeypatch.setitem(CudaMemory.__init__.__kwdefaults__, "library", "/nowhere/libcuda.so.1")
+    sensor = StereoDepthSensor(small(), camera_entity(scene), on_cuda=True)
+    with pytest.raises(CudaError, match="there is no CUDA driver"):
+        sensor.take_picture()
 
 
 WRONG = [
