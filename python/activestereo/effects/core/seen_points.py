@@ -18,8 +18,8 @@ _DOTS_PX = 0.8, 4.0
 
 @dataclass(frozen=True)
 class SeenPoints:
-    """n pixels. points, normals: world [n][3], metres. glow: DN of irradiance 1. weight: 1/DN^2. residual: DN. dots: size
-    of its part that is as fine as dots are, over the noise of a pixel."""
+    """n pixels. points, normals: world [n][3], metres. glow: DN of irradiance 1. weight: 1/DN^2. residual: DN.
+    dots: size of its part that is as fine as dots are, over the noise of a pixel."""
 
     points: np.ndarray
     normals: np.ndarray
