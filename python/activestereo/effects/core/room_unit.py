@@ -45,8 +45,8 @@ def room_unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
         return [{}]
     seen, view = SeenPoints.of(chosen, _FINE_PIXELS), chosen[0].view
     few = seen.some(_COARSE_PIXELS)
-    places = _likely_places(few) if len(few.points) else []
-    if not len(places):
+    places = _likely_places(few)
+    if len(places) == 0:
         return [{}]
     found = SphereMatch(view, *_COARSE).best(few, places)
     coarse, fine = PlaneMatch(view, *_COARSE), PlaneMatch(view, *_FINE)
@@ -76,6 +76,8 @@ def _likely_places(seen: SeenPoints) -> np.ndarray:
     """Places [n][3], best first, whose light varies over the surfaces as the size of the dots does; none where no
     place's does. (Its mean does not count: a fit of ambient light has taken that.)
     """
+    if len(seen.points) == 0:
+        return np.empty((0, 3))
     low, high = np.quantile(seen.points, 0.02, axis=0) - _BEYOND_M, np.quantile(seen.points, 0.98, axis=0) + _BEYOND_M
     few, (xs, ys, zs) = seen.some(800), (np.arange(a, b, _STEP_M) for a, b in zip(low, high, strict=True))
     dots = few.dots - few.dots.mean()
