@@ -116,3 +116,11 @@ def test_an_error_that_one_frame_of_a_view_shows_is_told_from_one_that_all_show(
     size = np.mean((0.3 * np.gradient(image)[1]) ** 2) / NOISE_DN**2
     assert 0.4 * size < unsteady_floors(moved) < size
     assert abs(uneven_structure(calm)) < 0.02 * size < uneven_structure(moved)
+
+
+def test_an_edge_in_one_corner_of_a_dark_picture_makes_no_structure_of_noise():
+    image = np.full(SHAPE, 6.0)
+    image[4::16, 4::16] += 0.02  # one half of each tile has an edge, of which the other hardly shows anything
+    image[2::16, 1::16] += 8.0
+    noise = NOISE_DN * np.random.default_rng(7).standard_normal((20, *SHAPE))
+    assert max(abs(local_structure([row(image, residual)])) for residual in noise) < 0.05

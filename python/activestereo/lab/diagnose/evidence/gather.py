@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from activestereo.capture import EYES, Capture
-from activestereo.effects import Model, View
+from activestereo.effects import View
+from activestereo.lab.diagnose.evidence.focal_slope import focal_slope
 from activestereo.lab.diagnose.evidence.inadequacy import place_error
 from activestereo.lab.diagnose.evidence.observation import (
     BLOCK_PX,
@@ -32,7 +33,6 @@ _BLOCK_TILES = BLOCK_PX // TILE_PX
 # Noise of captures without repeats: the paper's gamma speckle (k = 60) and a read noise of 1 DN. No effect is ever
 # named by it.
 _ASSUMED_NOISE = (1.0, 0.0, 1.0 / 60.0)
-_FOCAL_STEP = 2e-3
 # A material that covers less than this share of the train frames has no albedo nuisance.
 _SMALLEST_MATERIAL = 0.002
 # At most this share of an expected value is taken from the measurement itself.
@@ -66,7 +66,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, halves: Sequ
         weight = weight_of(law, place_error_m, shot, expected[shot.key])
         outside = np.full(shot.measured.shape, -1)
         tile, fold = tiles.get(shot.key, (outside, outside))
-        material, slope = _material_index(shot, materials, material_of), _focal_slope(shot, nuisances)
+        material, slope = _material_index(shot, materials, material_of), focal_slope(shot, nuisances)
         return Observation(
             shot.frame, shot.eye, shot.view, shot.layers, shot.measured, weight, tile, fold, material, slope
         )
@@ -119,16 +119,6 @@ def noise_at_other_gains(
     return law, floors | {
         s.key: max(law.mean_variance(s.measured, s.frame.gain), QUANTISATION_VARIANCE) for s in others
     }
-
-
-def _focal_slope(shot: Shot, nuisances: Nuisances) -> np.ndarray:
-    """DN per relative change of the focal length, float32 [height][width]."""
-    model, (u, v), (cx, cy) = Model(), shot.view.pixels(), shot.view.K[:2, 2]
-    light = model.light(shot.layers, shot.view, fine=False)
-    shorter = 1.0 / (1.0 + _FOCAL_STEP)
-    longer = light.warped(cx + (u - cx) * shorter, cy + (v - cy) * shorter)
-    change = model.signal(longer, shot.view, nuisances) - model.signal(light, shot.view, nuisances)
-    return (change / _FOCAL_STEP).astype(np.float32)
 
 
 def _expected(

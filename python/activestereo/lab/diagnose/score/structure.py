@@ -19,7 +19,8 @@ from activestereo.lab.diagnose.refine.fitter import ImageResidual
 # Side of the squares that the halves are made of, like a chessboard: neighbours share noise where images were
 # resampled.
 _SQUARE_PX = 4
-# Precision of the coefficients' prior, in units of their own noise's: columns that a tile cannot tell apart stay small.
+# Precision of the coefficients' prior, as a part of what half a tile tells of them on average: columns that it cannot
+# tell apart stay small.
 _RIDGE = 0.05
 
 
@@ -36,11 +37,13 @@ def image_structure(row: ImageResidual) -> float:
     o, image, _, residual = row
     root = np.sqrt(o.weight)
     slope_v, slope_u = np.gradient(image)
-    columns = [_tiles(root * c) for c in (np.ones(image.shape), image, slope_u, slope_v, laplace(image))]
-    x, target = np.stack(columns, axis=-1), _tiles(root * residual)
-    first = _first_half()
-    coefficients, grams = zip(*(_fit(x[:, half], target[:, half]) for half in (first, ~first)), strict=True)
-    agreed = np.einsum("ti,tij,tj->t", coefficients[0], grams[0] + grams[1], coefficients[1])
+    shapes = [_tiles(root * c) for c in (np.ones(image.shape), image, slope_u, slope_v, laplace(image))]
+    x, target = np.stack(shapes, axis=-1), _tiles(root * residual)
+    halves = [(x[:, half], target[:, half]) for half in (_first_half(), ~_first_half())]
+    grams = [np.einsum("tpi,tpj->tij", columns, columns) for columns, _ in halves]
+    norm = np.sqrt(np.maximum(0.5 * np.einsum("tii->ti", grams[0] + grams[1]), 1e-30))
+    a, b = (_fit(gram, columns, y, norm) for gram, (columns, y) in zip(grams, halves, strict=True))
+    agreed = np.einsum("ti,tij,tj->t", a, grams[0] + grams[1], b)
     return float(agreed.sum() / target.size)
 
 
@@ -56,10 +59,12 @@ def _first_half() -> np.ndarray:
     return ((place[:, None] + place) % 2 == 0).ravel()
 
 
-def _fit(x: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients [tile][column] and normal matrices of a ridge regression in each tile."""
-    gram = np.einsum("tpi,tpj->tij", x, x)
-    norm = np.sqrt(np.maximum(np.einsum("tii->ti", gram), 1e-30))
+def _fit(gram: np.ndarray, x: np.ndarray, target: np.ndarray, norm: np.ndarray) -> np.ndarray:
+    """Coefficients [tile][column] of a ridge regression in each tile.
+
+    norm: of the columns, [tile][column], the same for both halves. The ridge is a part of what a half shows of a column
+    on average: what it hardly shows itself, such as an edge that lies in the other half, it is not asked to tell.
+    """
     scaled = gram / (norm[:, :, None] * norm[:, None, :]) + _RIDGE * np.eye(x.shape[2])
     moment = np.einsum("tpi,tp->ti", x, target) / norm
-    return np.linalg.solve(scaled, moment[..., None])[..., 0] / norm, gram
+    return np.linalg.solve(scaled, moment[..., None])[..., 0] / norm
