@@ -54,20 +54,20 @@ bool passed_all(uint i) {
   return false;
 }
 
-uint bend_word(uint p, uint i) { return p * push.capacity + i; }
-vec3 bend_vector(uint p, uint i) { return vec3(push.bends.at[bend_word(p, i)], push.bends.at[bend_word(p + 1u, i)], push.bends.at[bend_word(p + 2u, i)]); }
+uint bend_place(uint p, uint i) { return bend_word(p, i, channels, queue_layout, push.capacity); }
+vec3 bend_vector(uint p, uint i) { return vec3(push.bends.at[bend_place(p, i)], push.bends.at[bend_place(p + 1u, i)], push.bends.at[bend_place(p + 2u, i)]); }
 
 /// Keeps what a search has found; the contribution itself is made by `relight`.
 bool end_segment(uint i, uint state) {
   if (glass_bend.taken) {
     for (uint axis = 0u; axis < 3u; ++axis) {
-      push.bends.at[bend_word(bend_direction + axis, i)] = glass_bend.taken_direction[axis];
-      push.bends.at[bend_word(bend_lit + axis, i)] = glass_bend.lit[axis];
+      push.bends.at[bend_place(bend_direction + axis, i)] = glass_bend.taken_direction[axis];
+      push.bends.at[bend_place(bend_lit + axis, i)] = glass_bend.lit[axis];
     }
-    for (uint c = 0u; c < channels; ++c) push.bends.at[bend_word(bend_gain + c, i)] = channel_of(glass_bend.taken_gain, c);
+    for (uint c = 0u; c < channels; ++c) push.bends.at[bend_place(bend_gain + c, i)] = channel_of(glass_bend.taken_gain, c);
   }
   if (state == bend_ends) {
-    push.bends.at[bend_word(bend_found, i)] = glass_bend.total * glass_bend.share;
+    push.bends.at[bend_place(bend_found, i)] = glass_bend.total * glass_bend.share;
     return false;
   }
   ++glass_passed;
@@ -79,14 +79,15 @@ MetSurface met_surface() { return MetSurface(bvh_hit.instance, bvh_hit.primitive
 
 /// The straight way ended: in the open, or at a surface. Glass begins the search; where there is none on the way, it may lie beside.
 bool begin_search(uint i) {
-  float chance = push.bends.at[bend_word(bend_chance, i)];
+  float chance = push.bends.at[bend_place(bend_chance, i)];
   bool through = bvh_found && passes_light(met_surface(), bvh_ray.time_s);
   if (!through && chance == 0.0) return bvh_found ? blocked(i) : false;
+  if (push.bends.at[bend_place(bend_random, i)] < 0.0) return blocked(i);
   if (bvh_found)
     for (uint c = 0u; c < channels; ++c) push.contributions.at[contribution_word(c, i)] = 0.0;
-  bool directional = (floatBitsToUint(push.bends.at[bend_word(bend_light, i)]) & bend_directional) != 0u;
-  GlassBox box = push.scene.at[0].glass_boxes.at[floatBitsToUint(push.bends.at[bend_word(bend_box, i)])];
-  glass_bend = begin_bend(glass_ray, bend_vector(bend_target, i), directional, box, push.bends.at[bend_word(bend_random, i)]);
+  bool directional = (floatBitsToUint(push.bends.at[bend_place(bend_light, i)]) & bend_directional) != 0u;
+  GlassBox box = push.scene.at[0].glass_boxes.at[floatBitsToUint(push.bends.at[bend_place(bend_box, i)])];
+  glass_bend = begin_bend(glass_ray, bend_vector(bend_target, i), directional, box, push.bends.at[bend_place(bend_random, i)]);
   uint state;
   if (through) state = follow_bend(glass_bend, glass_ray, true, met_surface(), bvh_ray.time_s);
   else state = look_beside(glass_bend, glass_ray, 1.0 / chance);

@@ -45,7 +45,7 @@ KUAFU_CONST shadow_opaque = 0x80000000u;
 KUAFU_CONST shadow_bends = 0x40000000u;
 KUAFU_CONST shadow_index_mask = 0x1fffffffu;
 
-// What is kept of each shadow ray where glass may bend it (stage/bend.glsl): plane p of ray i is p * shadow_capacity + i.
+// What is kept of each shadow ray where glass may bend it (stage/bend.glsl): plane p of ray i stands at bend_word.
 KUAFU_CONST bend_found = 0u;      // irradiance by all bent ways, for an intensity of 1 (a directional light's irradiance); 0: there are none
 KUAFU_CONST bend_light = 1u;      // the light's index and, above, whether it is a directional one
 KUAFU_CONST bend_box = 2u;        // of the glass to look at
@@ -53,7 +53,7 @@ KUAFU_CONST bend_chance = 3u;     // of looking there where the straight way doe
 KUAFU_CONST bend_target = 4u;     // 3: the light's position, or the direction towards it
 KUAFU_CONST bend_direction = 7u;  // 3: of the way that was found, where the light is asked for
 KUAFU_CONST bend_lit = 10u;       // 3: a point that is lit as the end of that way at the light is
-KUAFU_CONST bend_random = 13u;    // a random number, which says the way that is taken of several
+KUAFU_CONST bend_random = 13u;    // a random number, which says the way that is taken of several; negative: none is looked for, glass blocks
 KUAFU_CONST bend_gain = 14u;      // `channels` planes: colour of what passes, times the square of the way's metres; then of throughput / probability
 KUAFU_FN bend_weight(uint channels) { return bend_gain + channels; }
 KUAFU_FN bend_result_planes(uint channels) { return bend_gain + 2u * channels; }
@@ -69,9 +69,14 @@ KUAFU_CONST bend_length = 25u;  // metres of this trial
 KUAFU_CONST bend_share = 26u;   // 1, or 1 / bend_chance
 KUAFU_CONST bend_counts = 27u;  // segments in all and of this seed, surfaces of this trial, seed, ways found: 8, 8, 8, 4 and 4 bits
 KUAFU_CONST bend_ways = 28u;    // 9: directions of the ways that were found
-KUAFU_CONST bend_colour = 37u;  // `channels` planes: of the trial
+KUAFU_CONST bend_open = 37u;    // surfaces of this seed's last trial that ended in the open
+KUAFU_CONST bend_colour = 38u;  // `channels` planes: of the trial
 KUAFU_FN bend_search_planes(uint channels) { return bend_colour + channels; }
 KUAFU_FN bend_planes(uint channels, bool search) { return bend_result_planes(channels) + (search ? bend_search_planes(channels) : 0u); }
+/// On the host a search's words stand together, for each segment reads nearly all; planes there would share few sets of its cache.
+KUAFU_FN bend_word(uint p, uint i, uint channels, uint layout_kind, uint capacity) {
+  return layout_kind == queue_layout_packets ? i * bend_planes(channels, true) + p : p * capacity + i;
+}
 KUAFU_CONST bend_directional = 0x80000000u;
 KUAFU_CONST bend_segments = 96u, bend_seed_segments = 32u;  // a search, and one seed of it, take no more
 

@@ -18,6 +18,7 @@ struct Bend {
   float length_m;
   uint segments, seed_segments;
   uint surfaces;       // of this trial; 0: still in the open
+  uint open;           // of this seed's last trial that ended in the open
   vec3 best;           // direction
   float error;         // of it: metres or radians beside the light; negative: there is none yet
   vec2 step;           // from it, radians
@@ -35,6 +36,7 @@ struct Bend {
 const uint bend_goes_on = 0u, bend_ends = 1u;
 const uint bend_seeds = 4u;  // the straight path is the first
 const float bend_most_radians = 0.3f, bend_least_scale = 0.1f, bend_tolerance = 3e-5f, bend_same_way = 2e-4f;
+const float bend_last_step = 1e-3f;  // in radii of the glass, as seen from where the light is asked for
 const float bend_single = 1.1f;  // light that is hardly focused came on one path
 
 Ray begin_trial(INOUT(Bend) b) {
@@ -56,7 +58,7 @@ Bend begin_bend(IN(Ray) shadow, vec3 target, bool directional, IN(GlassBox) box,
   b.radii = 0.5f * (box.max - box.min);
   b.share = 1.0f;
   b.direction = b.best = shadow.direction;
-  b.segments = b.seed_segments = b.seed = b.ways = 0u;
+  b.segments = b.seed_segments = b.seed = b.ways = b.open = 0u;
   b.error = -1.0f;
   b.step = vec2(0.0f);
   b.scale = 1.0f;
@@ -84,69 +86,96 @@ uint next_seed(INOUT(Bend) b, INOUT(Ray) ray, bool enough) {
   b.error = -1.0f;
   b.scale = 1.0f;
   b.step = vec2(0.0f);
-  b.seed_segments = 0u;
+  b.seed_segments = b.open = 0u;
   ray = begin_trial(b);
   return bend_goes_on;
+}
+
+vec3 turned(vec3 direction, vec2 step) {
+  Frame f = frame_around(direction);
+  return normalize(direction + f.tangent * step.x + f.bitangent * step.y);
 }
 
 /// A step from the best direction, or half of the last one.
 uint try_next(INOUT(Bend) b, INOUT(Ray) ray) {
   if (b.error < 0.0f || b.scale < bend_least_scale || b.seed_segments >= bend_seed_segments) return next_seed(b, ray, false);
-  Frame f = frame_around(b.best);
-  b.direction = normalize(b.best + (f.tangent * b.step.x + f.bitangent * b.step.y) * b.scale);
+  b.direction = turned(b.best, b.step * b.scale);
   b.scale *= 0.5f;
   ray = begin_trial(b);
   return bend_goes_on;
 }
 
-bool is_way(IN(Bend) b, uint way, vec3 direction) { return b.ways > way && length(b.direction - direction) < bend_same_way; }
+bool is_way(IN(Bend) b, uint way, vec3 known, vec3 direction) { return b.ways > way && length(known - direction) < bend_same_way; }
 
 /// The trial reaches the light: each path is counted once.
-void take_way(INOUT(Bend) b, float determinant, float reach_m) {
-  bool known = is_way(b, 0u, b.way_0) || is_way(b, 1u, b.way_1) || is_way(b, 2u, b.way_2);
+void take_way(INOUT(Bend) b, vec3 direction, float determinant, float reach_m) {
+  bool known = is_way(b, 0u, b.way_0, direction) || is_way(b, 1u, b.way_1, direction) || is_way(b, 2u, b.way_2, direction);
   float brings = max_component(b.gain) / determinant;
   if (!known && brings > 0.0f) {
-    if (b.ways == 0u) b.way_0 = b.direction;
-    else if (b.ways == 1u) b.way_1 = b.direction;
-    else b.way_2 = b.direction;
+    if (b.ways == 0u) b.way_0 = direction;
+    else if (b.ways == 1u) b.way_1 = direction;
+    else b.way_2 = direction;
     ++b.ways;
     b.total += brings;
     float chance = brings / b.total;
     b.taken = b.random < chance;
     b.random = b.taken ? b.random / chance : (b.random - chance) / max(1.0f - chance, 1e-6f);
     if (!b.taken) return;
-    b.taken_direction = b.direction;
+    b.taken_direction = direction;
     b.taken_gain = b.gain * (reach_m * reach_m / max_component(b.gain));
   }
 }
 
-/// The trial is in the open. `to_light`: metres to where it passes the light.
-uint judge_trial(INOUT(Bend) b, INOUT(Ray) ray, float to_light, bool blocked) {
-  if (b.surfaces == 0u || to_light <= 0.0f) return try_next(b, ray);
+/// How a trial passes the light, were it in the open from here on.
+struct Aim {
+  float error, determinant;  // metres or radians beside the light; of the error's derivative
+  vec2 step;                 // Newton's, radians
+  bool reaches;
+};
+
+/// What is left to a last step is second order in that: it needs no trial of its own.
+Aim aim_of(IN(Bend) b, IN(Ray) ray, float to_light) {
   Frame f = frame_around(ray.direction);
   vec3 miss_by = b.directional ? ray.direction - b.target : ray.origin + ray.direction * to_light - b.target;
   vec3 by_u = b.directional ? b.spread.direction_u : b.spread.position_u + b.spread.direction_u * to_light;
   vec3 by_v = b.directional ? b.spread.direction_v : b.spread.position_v + b.spread.direction_v * to_light;
   vec2 e = vec2(dot(f.tangent, miss_by), dot(f.bitangent, miss_by));
   vec2 u = vec2(dot(f.tangent, by_u), dot(f.bitangent, by_u)), v = vec2(dot(f.tangent, by_v), dot(f.bitangent, by_v));
-  float determinant = u.x * v.y - v.x * u.y, error = length(miss_by);
-  float whole_m = b.length_m + to_light;
-  if (error < bend_tolerance * (b.directional ? 1.0f : whole_m)) {
-    if (blocked || determinant == 0.0f) return next_seed(b, ray, false);
-    if (push.has_medium != 0u) b.gain *= medium_transmittance(push.scene.at[0].medium.at[0], ray.origin, ray.direction, 0.0f, to_light);
-    b.lit = b.directional ? ray.origin : b.target - ray.direction * whole_m;
-    float reach_m = b.directional ? 1.0f : whole_m;  // irradiance at `lit` is intensity over its square
-    take_way(b, abs(determinant), reach_m);
-    return next_seed(b, ray, reach_m * reach_m < bend_single * abs(determinant));
-  }
-  if (b.error < 0.0f || error < b.error) {
+  Aim aim;
+  aim.determinant = u.x * v.y - v.x * u.y;
+  aim.error = length(miss_by);
+  aim.step = vec2(v.x * e.y - v.y * e.x, u.y * e.x - u.x * e.y) / (aim.determinant == 0.0f ? 1e-30f : aim.determinant);
+  float size = length(b.radii);
+  aim.reaches = aim.error < bend_tolerance * (b.directional ? 1.0f : b.length_m + to_light) ||
+                length(aim.step) < bend_last_step * size / max(length(b.middle - b.from), size);
+  return aim;
+}
+
+/// Newton's method goes on from the best trial.
+uint improve(INOUT(Bend) b, INOUT(Ray) ray, IN(Aim) aim) {
+  if (b.error < 0.0f || aim.error < b.error) {
     b.best = b.direction;
-    b.error = error;
+    b.error = aim.error;
     b.scale = 1.0f;
-    b.step = vec2(v.x * e.y - v.y * e.x, u.y * e.x - u.x * e.y) / (determinant == 0.0f ? 1e-30f : determinant);
-    b.step *= min(1.0f, bend_most_radians / max(length(b.step), 1e-30f));
+    b.step = aim.step * min(1.0f, bend_most_radians / max(length(aim.step), 1e-30f));
   }
   return try_next(b, ray);
+}
+
+/// The trial is in the open. `to_light`: metres to where it passes the light.
+uint judge_trial(INOUT(Bend) b, INOUT(Ray) ray, float to_light, bool blocked) {
+  if (b.surfaces == 0u || to_light <= 0.0f) return try_next(b, ray);
+  Aim aim = aim_of(b, ray, to_light);
+  if (!blocked) b.open = b.surfaces;
+  if (!aim.reaches) return improve(b, ray, aim);
+  if (blocked || aim.determinant == 0.0f) return next_seed(b, ray, false);
+  if (push.has_medium != 0u) b.gain *= medium_transmittance(push.scene.at[0].medium.at[0], ray.origin, ray.direction, 0.0f, to_light);
+  float whole_m = b.length_m + to_light;
+  vec3 arriving = normalize(ray.direction + b.spread.direction_u * aim.step.x + b.spread.direction_v * aim.step.y);
+  b.lit = b.directional ? ray.origin + b.spread.position_u * aim.step.x + b.spread.position_v * aim.step.y : b.target - arriving * whole_m;
+  float reach_m = b.directional ? 1.0f : whole_m;  // irradiance at `lit` is intensity over its square
+  take_way(b, turned(b.direction, aim.step), abs(aim.determinant), reach_m);
+  return next_seed(b, ray, reach_m * reach_m < bend_single * abs(aim.determinant));
 }
 
 /// Through a boundary of a body; false: reflected back totally.
@@ -209,7 +238,11 @@ uint follow_bend(INOUT(Bend) b, INOUT(Ray) ray, bool hit, IN(MetSurface) met, fl
   }
   b.length_m += met.t;
   ++b.surfaces;
-  return bend_goes_on;
+  if (b.surfaces != b.open) return bend_goes_on;
+  // Newton's method needs no more of most trials, so that the last segment is traced for those alone that reach the light.
+  to_light = b.directional ? to_light : dot(b.target - ray.origin, ray.direction);
+  Aim aim = aim_of(b, ray, to_light);
+  return to_light > 0.0f && !aim.reaches ? improve(b, ray, aim) : bend_goes_on;
 }
 
 /// Whether a shadow ray that met this surface goes on.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage `relight`, after stage/shade.glsl: the light that arrives on a refracted path (stage/bend.glsl) from another direction than the straight one that `shade` asked.
-float bend_value(uint p, uint at) { return push.bends.at[p * push.shadow_capacity + at]; }
+float bend_value(uint p, uint at) { return push.bends.at[bend_word(p, at, channels, queue_layout, push.shadow_capacity)]; }
 vec3 bend_vector(uint p, uint at) { return vec3(bend_value(p, at), bend_value(p + 1u, at), bend_value(p + 2u, at)); }
 
 Spectrum bend_spectrum(uint p, uint at) {

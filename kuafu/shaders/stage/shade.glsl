@@ -171,17 +171,19 @@ bool goes_on(IN(Shading) s) {
   return (s.hit || s.fog.found) && bounces_on(s.path);
 }
 
+void write_bend(uint p, uint i, float value) { push.bends.at[bend_word(p, i, channels, queue_layout, push.shadow_capacity)] = value; }
+
 void store_bend(IN(ShadowRequest) request, uint i) {
-  push.bends.at[bend_found * push.shadow_capacity + i] = 0.0f;
+  write_bend(bend_found, i, 0.0f);
   if (!request.seek.found) return;
   bool directional = request.ray.t_far >= 0.5f * infinite_m;
   vec3 target = directional ? request.ray.direction : request.ray.origin + request.ray.direction * (request.ray.t_far / 0.99999f);
-  push.bends.at[bend_light * push.shadow_capacity + i] = uintBitsToFloat(request.light | (directional ? bend_directional : 0u));
-  push.bends.at[bend_box * push.shadow_capacity + i] = uintBitsToFloat(request.seek.box);
-  push.bends.at[bend_chance * push.shadow_capacity + i] = request.seek.chance;
-  push.bends.at[bend_random * push.shadow_capacity + i] = request.seek.random;
-  for (uint axis = 0u; axis < 3u; ++axis) push.bends.at[(bend_target + axis) * push.shadow_capacity + i] = target[axis];
-  for (uint c = 0u; c < channels; ++c) push.bends.at[(bend_weight(channels) + c) * push.shadow_capacity + i] = channel_of(request.weight, c);
+  write_bend(bend_light, i, uintBitsToFloat(request.light | (directional ? bend_directional : 0u)));
+  write_bend(bend_box, i, uintBitsToFloat(request.seek.box));
+  write_bend(bend_chance, i, request.seek.chance);
+  write_bend(bend_random, i, request.seek.random);
+  for (uint axis = 0u; axis < 3u; ++axis) write_bend(bend_target + axis, i, target[axis]);
+  for (uint c = 0u; c < channels; ++c) write_bend(bend_weight(channels) + c, i, channel_of(request.weight, c));
 }
 
 /// What was asked for goes to the places in the queues that the caller found.

@@ -20,13 +20,14 @@ MetSurface met_surface(uint i) {
 }
 
 // Planes of push.bends: the result's, then those of the search.
-uint result_word(uint p, uint at) { return p * push.capacity + at; }
-uint search_word(uint p, uint at) { return (bend_result_planes(channels) + p) * push.capacity + at; }
+uint result_word(uint p, uint at) { return bend_word(p, at, channels, queue_layout, push.capacity); }
+uint search_word(uint p, uint at) { return result_word(bend_result_planes(channels) + p, at); }
+uint next_plane() { return result_word(1u, 0u); }
 float load_bend(uint word) { return push.bends.at[word]; }
-vec3 load_bend_vector(uint word) { return vec3(push.bends.at[word], push.bends.at[word + push.capacity], push.bends.at[word + 2u * push.capacity]); }
+vec3 load_bend_vector(uint word) { return vec3(push.bends.at[word], push.bends.at[word + next_plane()], push.bends.at[word + 2u * next_plane()]); }
 void store_bend(uint word, float value) { push.bends.at[word] = value; }
 void store_bend_vector(uint word, vec3 value) {
-  for (uint axis = 0u; axis < 3u; ++axis) push.bends.at[word + axis * push.capacity] = value[axis];
+  for (uint axis = 0u; axis < 3u; ++axis) push.bends.at[word + axis * next_plane()] = value[axis];
 }
 
 bool is_directional(uint at) { return (floatBitsToUint(load_bend(result_word(bend_light, at))) & bend_directional) != 0u; }
@@ -57,6 +58,7 @@ Bend load_search(uint at) {
   b.way_0 = load_bend_vector(search_word(bend_ways, at));
   b.way_1 = load_bend_vector(search_word(bend_ways + 3u, at));
   b.way_2 = load_bend_vector(search_word(bend_ways + 6u, at));
+  b.open = floatBitsToUint(load_bend(search_word(bend_open, at)));
   b.total = load_bend(result_word(bend_found, at));
   return b;
 }
@@ -78,6 +80,7 @@ void store_search(IN(Bend) b, uint at) {
   store_bend(search_word(bend_share, at), b.share);
   store_bend(search_word(bend_length, at), b.length_m);
   store_bend(search_word(bend_counts, at), uintBitsToFloat(b.segments << 24u | b.seed_segments << 16u | b.surfaces << 8u | b.seed << 4u | b.ways));
+  store_bend(search_word(bend_open, at), uintBitsToFloat(b.open));
   store_bend_vector(search_word(bend_best, at), b.best);
   store_bend(search_word(bend_error, at), b.error);
   store_bend(search_word(bend_step, at), b.step.x);
@@ -113,6 +116,7 @@ bool begins_search(uint i, uint index, bool hit, INOUT(Onward) onward) {
   bool through = hit && passes_light(met_surface(i), time_s);
   if (!through && chance == 0.0f) return false;
   if (hit) darken(index);
+  if (load_bend(result_word(bend_random, index)) < 0.0f) return true;
   Bend b = begin_bend(onward.ray, load_bend_vector(result_word(bend_target, index)), is_directional(index), bend_box_of(index),
                       load_bend(result_word(bend_random, index)));
   uint state;

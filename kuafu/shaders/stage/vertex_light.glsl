@@ -6,6 +6,7 @@ struct GlassSeek {
   bool found;
   uint box;      // SceneAddresses.glass_boxes
   float chance, random;  // as bend_chance and bend_random
+  float weight;          // 1 over the chance of looking at all
 };
 
 /// A light that a vertex asks, before visibility.
@@ -30,14 +31,25 @@ struct ShadowRequest {
   Spectrum weight;  // of what arrives, without BSDF or phase function
 };
 
-GlassSeek no_glass() { return GlassSeek(false, 0u, 0.0f, 0.0f); }
+GlassSeek no_glass() { return GlassSeek(false, 0u, 0.0f, 0.0f, 1.0f); }
 
 ShadowRequest no_shadow_request() { return ShadowRequest(false, false, empty_ray(), Spectrum(0.0f), 0u, no_glass(), 0u, Spectrum(0.0f)); }
 
 void set_seek(INOUT(ShadowRequest) request, IN(LightRequest) asked, Spectrum throughput) {
   request.seek = asked.seek;
   request.light = asked.index;
-  request.weight = throughput / asked.probability;
+  request.weight = throughput * (asked.seek.weight / asked.probability);
+}
+
+/// Most vertices behind a rough surface bring little each: of four, one looks for bent ways.
+GlassSeek looked_at_less(GlassSeek seek, bool crosses) {
+  const float chance = 0.25f;
+  bool looks = seek.random < chance;
+  seek.found = seek.found && (looks || crosses);
+  seek.random = looks ? seek.random / chance : -1.0f;
+  if (!looks) seek.chance = 0.0f;
+  seek.weight = 1.0f / chance;
+  return seek;
 }
 
 /// Where to look for bent ways beside the straight one. Glass near the straight way is looked at with a chance that falls as what it focuses there does.
@@ -61,15 +73,15 @@ GlassSeek seek_glass(IN(Path) path, vec3 origin, IN(LightSample) light, uint k) 
     if (chance < least) chance = 0.0f;
     if (crossed && distance_squared < nearest) {
       nearest = distance_squared;
-      seek = GlassSeek(true, i, u < chance ? chance : 0.0f, random.y);
+      seek = GlassSeek(true, i, u < chance ? chance : 0.0f, random.y, 1.0f);
       crosses = true;
     } else if (!crosses) {
       // One of all: each has its part of [0, 1), and those that find no place there are left out.
-      if (u >= sum && u < sum + chance) seek = GlassSeek(true, i, chance, random.y);
+      if (u >= sum && u < sum + chance) seek = GlassSeek(true, i, chance, random.y, 1.0f);
       sum += chance;
     }
   }
-  return seek;
+  return all_delta(path) ? seek : looked_at_less(seek, crosses);
 }
 
 void find_light(IN(Path) path, vec3 position, vec3 shape_origin, uint k, OUT(LightRequest) request) {

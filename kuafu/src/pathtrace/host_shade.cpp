@@ -64,13 +64,11 @@ void KUAFU_HOST_SHADE(const ShadePush& push, uint32_t first, uint32_t end, Queue
   Shade stage{push};
   Queues queues(stage, ends);
 #if KUAFU_IN_LANES
-  if ((push.flags & shade_bends) == 0) {
-    for (ShadeBlock block(stage, queues); first < end; first = block.shade(first, end)) {
-    }
-    return;
+  for (ShadeBlock block(stage, queues); first < end; first = block.shade(first, end)) {
   }
-#endif
+#else
   for (; first < end; ++first) shade_path(stage, queues, first);
+#endif
 }
 
 void KUAFU_HOST_TRANSMIT(const TransmitPush& push, uint32_t first, uint32_t end, QueueEnds& ends) {

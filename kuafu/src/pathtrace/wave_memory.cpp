@@ -18,7 +18,7 @@ WordsPerPath::WordsPerPath(const WaveSize& size) {
   passed_rays = glass ? shadow_rays : 0;
   shadow_environments = shadows * environments;
   contributions = shadows * (size.channels + (glass ? 1 : 0));
-  bends = size.bends ? shadows * bend_planes(size.channels, glass) : 0;
+  bends = size.bends ? shadows * bend_planes(size.channels, glass || size.queue_layout == queue_layout_packets) : 0;
 }
 
 uint32_t WordsPerPath::all() const {

@@ -160,6 +160,28 @@ TEST(BentLight, a_directional_light_is_focused_by_a_ball) {
   EXPECT_NEAR(mean(glazed) / mean(open) / (std::pow(1 - r, 2) * std::pow(focal / (behind - focal), 2)), 1, 0.02);
 }
 
+TEST(BentLight, glass_that_hardly_refracts_changes_no_light_that_walls_pass_on) {
+  const auto passed_on = [](bool glazed) {
+    World world;
+    world.add(quad({0, 0, 1}, {-0.5, 0, 0}, {0, 0.5, 0}), lambert(0.5f));
+    world.add(quad({-0.5, 0, 0.5}, {0, 0, -0.5}, {0, 0.5, 0}), lambert(0.5f));
+    world.add(quad({-0.5, 0, 0.5}, {0, 0, 0.5}, {0, 0.5, 0}), lambert(0.5f));  // the same wall from its other side
+    if (glazed) world.add(sphere(0.15, 64, true), glass(1.0005f), placed({0, 0, 0.5}));
+    world.add_point({0, 0, 0}, 1.0f);
+    world.desc().samples_per_pixel = 32;
+    world.desc().glass_shadows = KUAFU_GLASS_SHADOWS_BENT;
+    double means[2];
+    for (uint32_t bounces = 0; bounces < 2; ++bounces) {
+      world.desc().max_bounces = bounces;
+      means[bounces] = world.radiance(view_at({0, 0, 0.7}, 48, 48, 40)).mean();
+    }
+    return means[1] - means[0];
+  };
+  const double bare = passed_on(false);
+  EXPECT_GT(bare, 0.0);
+  EXPECT_NEAR(passed_on(true) / bare, 1, 0.02);
+}
+
 TEST(BentLight, an_opaque_thing_behind_the_ball_casts_its_shadow) {
   World world;
   world.add(quad({0, 0, 1}, {-0.5, 0, 0}, {0, 0.5, 0}), lambert(0.5f));

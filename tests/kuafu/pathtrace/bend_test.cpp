@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The search for bent ways, on the shaders' text compiled as C++: the energy that it finds behind a ball, near and far, in and beside the
-// straight shadow, against rays traced from the lamp through the exact ball.
+// straight shadow, against rays traced from the lamp through the exact ball; and how many segments it takes for that.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -73,8 +73,11 @@ class Ball {
   Ball(const Ball&) = delete;
   Ball& operator=(const Ball&) = delete;
 
-  /// Irradiance of the plane z = from.z by bent ways.
-  [[nodiscard]] double irradiance(const vec3& from, float random) const {
+  struct Found {
+    double irradiance;  // of the plane z = from.z by bent ways
+    uint segments;      // that the search followed
+  };
+  [[nodiscard]] Found search_from(const vec3& from, float random) const {
     Search search{push_};
     Ray ray{from, 0.0f, normalize(-from), 1e30f};
     Search::Bend bend = search.begin_bend(ray, vec3(0), false, box_, random);
@@ -83,7 +86,7 @@ class Ball {
     vec3 direction(0);
     for (;;) {
       if (bend.taken) direction = bend.taken_direction;
-      if (state == search.bend_ends) return bend.total * std::abs(direction.z);
+      if (state == search.bend_ends) return {bend.total * std::abs(direction.z), bend.segments};
       met = meet(ray);
       state = search.follow_bend(bend, ray, hits(met), met, 0.0f);
     }
@@ -94,10 +97,17 @@ class Ball {
     double sum = 0;
     for (int i = 0; i < points; ++i) {
       const double r = (i + 0.5) / points * disc, phi = 2.399963 * i;
-      sum +=
-          irradiance({float(r * std::cos(phi)), float(r * std::sin(phi)), wall}, float(std::fmod(0.618034 * i, 1.0))) * 2 * pi_exactly * r;
+      const Found at = search_from({float(r * std::cos(phi)), float(r * std::sin(phi)), wall}, float(std::fmod(0.618034 * i, 1.0)));
+      sum += at.irradiance * 2 * pi_exactly * r;
     }
     return sum * disc / points;
+  }
+  /// Mean segments of a search between two radii of the plane.
+  [[nodiscard]] double segments(float wall, double inner, double outer) const {
+    double sum = 0;
+    constexpr int points = 100;
+    for (int i = 0; i < points; ++i) sum += search_from({float(inner + (outer - inner) * (i + 0.5) / points), 0, wall}, 0.5f).segments;
+    return sum / points;
   }
   [[nodiscard]] double traced(float wall, double disc) const {
     constexpr int rays = 200000;
@@ -155,6 +165,13 @@ TEST(Bend, light_that_lands_beside_the_shadow_is_found) {
   const double disc = 4 * ball.shadow(1.4f), traced = ball.traced(1.4f, disc);
   EXPECT_GT(traced, 4 * ball.traced(1.4f, ball.shadow(1.4f)));
   EXPECT_NEAR(ball.found(1.4f, disc, 300) / traced, 1, 0.01);
+}
+
+TEST(Bend, a_search_follows_few_segments) {
+  const Ball ball(0.7f, 0.06f);
+  const double shadow = ball.shadow(1.4f);
+  EXPECT_LT(ball.segments(1.4f, 0, 0.95 * shadow), 9);
+  EXPECT_LT(ball.segments(1.4f, 1.05 * shadow, 2 * shadow), 9);
 }
 
 TEST(Bend, where_several_ways_cross_their_energy_is_kept) {
