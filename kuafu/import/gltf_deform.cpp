@@ -38,20 +38,23 @@ std::vector<SkinWeights> read_skin_weights(const GltfAttributes& attributes, siz
 }
 
 std::vector<MorphTarget> read_targets(Import& import, const tinygltf::Model& model, const tinygltf::Primitive& primitive,
-                                      size_t vertex_count, const std::string& field) {
+                                      size_t vertex_count, bool tangents, const std::string& field) {
   std::vector<MorphTarget> out;
   for (size_t t = 0; t < primitive.targets.size(); ++t) {
     MorphTarget target;
     for (const auto& [name, accessor] : primitive.targets[t]) {
       const std::string user = std::string(field).append(".targets[").append(std::to_string(t)).append("].").append(name);
-      const bool moves_positions = name == "POSITION";
-      if (!moves_positions && name != "NORMAL") {
-        if (name != "TANGENT") import.warn(field + ": of morph targets, " + clean_name(name) + " is ignored");
+      std::vector<glm::vec3>* to = name == "POSITION" ? &target.positions : name == "NORMAL" ? &target.normals : nullptr;
+      if (name == "TANGENT") {
+        if (!tangents) continue;
+        to = &target.tangents;
+      }
+      if (to == nullptr) {
+        import.warn(field + ": of morph targets, " + clean_name(name) + " is ignored");
         continue;
       }
-      std::vector<glm::vec3>& to = moves_positions ? target.positions : target.normals;
-      to = as_vectors<glm::vec3>(read_floats(import.budget, model, accessor, 3, user));
-      if (to.size() != vertex_count) ks::fail(KS_ERROR_FILE, "%s: %zu values for %zu positions", user.c_str(), to.size(), vertex_count);
+      *to = as_vectors<glm::vec3>(read_floats(import.budget, model, accessor, 3, user));
+      if (to->size() != vertex_count) ks::fail(KS_ERROR_FILE, "%s: %zu values for %zu positions", user.c_str(), to->size(), vertex_count);
     }
     out.push_back(std::move(target));
   }

@@ -9,8 +9,8 @@ namespace kuafu {
 
 /// All sets of JOINTS_n and WEIGHTS_n; the weights of each vertex have the sum 1.
 std::vector<SkinWeights> read_skin_weights(const GltfAttributes& attributes, size_t vertex_count, const std::string& field);
-/// POSITION and NORMAL of each target; what else a target moves gives a message.
+/// POSITION, NORMAL and, where `tangents`, TANGENT of each target; what else a target moves gives a message.
 std::vector<MorphTarget> read_targets(Import& import, const tinygltf::Model& model, const tinygltf::Primitive& primitive,
-                                      size_t vertex_count, const std::string& field);
+                                      size_t vertex_count, bool tangents, const std::string& field);
 
 }  // namespace kuafu

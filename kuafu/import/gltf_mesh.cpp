@@ -56,7 +56,7 @@ void normalise(Mesh& m) {
   }
 }
 
-/// Calls `each` with every array that has a value for each vertex, but for normals.
+/// Calls `each` with every array that has a value for each vertex, but for normals and tangents, which a primitive without normals has not.
 template <class Each>
 void for_each_array(GltfMesh& m, Each&& each) {
   each(m.mesh.positions), each(m.mesh.uvs), each(m.mesh.uvs_1), each(m.mesh.colors);
@@ -110,12 +110,12 @@ GltfMesh read_primitive(Import& import, const tinygltf::Model& model, const tiny
     ks::fail(KS_ERROR_FILE, "%s.attributes: %zu positions, %zu normals, %zu uvs, %zu of TEXCOORD_1, %zu of COLOR_0", field.c_str(), count,
              part.normals.size(), part.uvs.size(), part.uvs_1.size(), part.colors.size());
   out.skin_weights = read_skin_weights(attributes, count, field);
-  out.targets = read_targets(import, model, primitive, count, field);
+  part.tangents = read_tangents(attributes, model, primitive, count, field);
+  out.targets = read_targets(import, model, primitive, count, !part.tangents.empty(), field);
   const std::vector<uint32_t> vertices = attributes.indices(count);
   part.indices = triangles(vertices, attributes.mode(), field);
   check_index_range(part, field);
   normalise(part);
-  judge_tangents(import, model, primitive, part, attributes.vectors<glm::vec4>("TANGENT"), field);
   return out;
 }
 
@@ -135,6 +135,7 @@ void append(GltfMesh& all, GltfMesh&& part, uint32_t slot) {
   join(mesh.uvs, base, more.uvs, count, glm::vec2(0.0f));
   join(mesh.uvs_1, base, more.uvs_1, count, glm::vec2(0.0f));
   join(mesh.colors, base, more.colors, count, glm::vec4(1.0f));
+  join(mesh.tangents, base, more.tangents, count, glm::vec4(0.0f));
   const size_t sets = std::max(all.skin_weights.size(), part.skin_weights.size()),
                targets = std::max(all.targets.size(), part.targets.size());
   all.skin_weights.resize(sets), part.skin_weights.resize(sets), all.targets.resize(targets), part.targets.resize(targets);
@@ -145,6 +146,7 @@ void append(GltfMesh& all, GltfMesh&& part, uint32_t slot) {
   for (size_t i = 0; i < targets; ++i) {
     join(all.targets[i].positions, base, part.targets[i].positions, count, glm::vec3(0.0f));
     join(all.targets[i].normals, base, part.targets[i].normals, count, glm::vec3(0.0f));
+    join(all.targets[i].tangents, base, part.targets[i].tangents, count, glm::vec3(0.0f));
   }
   mesh.positions.insert(mesh.positions.end(), more.positions.begin(), more.positions.end());
   mesh.normals.insert(mesh.normals.end(), more.normals.begin(), more.normals.end());

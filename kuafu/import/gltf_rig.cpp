@@ -89,8 +89,14 @@ uint32_t GltfRig::skin(int index, const std::string& field) {
 
 void GltfRig::add_mesh(uint32_t node, const tinygltf::Node& from, uint32_t mesh, GltfMesh&& deforms, const std::string& field) {
   const Mesh& whole = import_.scene.meshes()[mesh];
-  import_.budget.claim(whole.positions.size() * 2 * sizeof(glm::vec3), field);
-  RigMesh out{.mesh = mesh, .node = node, .positions = whole.positions, .normals = whole.normals, .skin_weights = {}, .targets = {}};
+  import_.budget.claim(whole.positions.size() * 2 * sizeof(glm::vec3) + whole.tangents.size() * sizeof(glm::vec4), field);
+  RigMesh out{.mesh = mesh,
+              .node = node,
+              .positions = whole.positions,
+              .normals = whole.normals,
+              .tangents = whole.tangents,
+              .skin_weights = {},
+              .targets = {}};
   if (!deforms.skin_weights.empty()) out.skin = skin(from.skin, field);
   if (out.skin != none) {
     const size_t joints = model_.skins[static_cast<size_t>(from.skin)].joints.size();
@@ -182,7 +188,8 @@ void GltfRig::finish() {
   const RigPose rest = rest_pose(rig_);
   for (const RigMesh& mesh : rig_.meshes) {
     Vertices vertices = deformed(rig_, mesh, rest);
-    import_.scene.update_mesh_positions(mesh.mesh, std::move(vertices.positions), std::move(vertices.normals));
+    import_.scene.update_mesh_positions(mesh.mesh, std::move(vertices.positions), std::move(vertices.normals),
+                                        std::move(vertices.tangents));
   }
   if (rig_.animations.empty()) return;
   std::erase_if(rig_.meshes, [&](const RigMesh& mesh) { return !moves(mesh); });

@@ -31,11 +31,11 @@ struct MaterialPoint {
 /// Without a body behind it: nothing absorbs there, and no path is inside.
 bool is_sheet(IN(MaterialPoint) m) { return (features & feature_materials) != 0u && m.thin_walled; }
 
-/// World directions in which a texture's own coordinates grow.
+/// World directions in which a texture's own coordinates grow; tangents of the mesh stand for those of any.
 void texture_tangents(IN(TextureRecord) t, IN(Surface) s, OUT(vec3) tangent_u, OUT(vec3) tangent_v) {
   tangent_u = s.tangent_u;
   tangent_v = s.tangent_v;
-  if ((features & feature_lookups) == 0u || t.lookup == 0u) return;
+  if ((features & feature_lookups) == 0u || t.lookup == 0u || s.own_tangents) return;
   if ((t.lookup & lookup_uv_1) != 0u) {
     tangent_u = s.tangent_u_1;
     tangent_v = s.tangent_v_1;

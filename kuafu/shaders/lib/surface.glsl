@@ -11,8 +11,9 @@ struct Surface {
   float coordinate_size;  // largest coordinate that went into the position, metres: its rounding error follows from it
   vec3 geometric_normal;  // outward by winding (counter-clockwise seen from outside)
   vec3 shading_normal;    // same side
-  vec3 tangent_u, tangent_v;  // world directions of growing uv; filled only with uvs
+  vec3 tangent_u, tangent_v;  // world directions of growing uv, or those that the mesh's tangents have in their place
   vec3 tangent_u_1, tangent_v_1;  // the same of the second set; filled only with feature_lookups
+  bool own_tangents;  // the mesh's, which hold for any texture coordinates; read only with feature_lookups
   TexturePlace place;
   vec4 color;  // of the mesh; filled only with feature_lookups
   uint material;  // index into the material table
@@ -40,6 +41,17 @@ vec2 load_uv(IN(InstanceRecord) r, Vec2Array uvs, uvec3 vertices, vec3 weights, 
 
 vec4 load_color(IN(InstanceRecord) r, uvec3 vertices, vec3 weights) {
   return weights.x * r.colors.at[vertices.x] + weights.y * r.colors.at[vertices.y] + weights.z * r.colors.at[vertices.z];
+}
+
+/// The mesh's tangents, where the vertices have any: u grows along xyz, and v against the bitangent, cross(normal, xyz) * w. That product
+/// is taken before the instance's pose, so that a mirrored instance is what a mirror shows.
+void load_tangents(IN(InstanceRecord) r, uvec3 vertices, vec3 weights, INOUT(Surface) s) {
+  vec4 t = weights.x * r.tangents.at[vertices.x] + weights.y * r.tangents.at[vertices.y] + weights.z * r.tangents.at[vertices.z];
+  if (dot(xyz(t), xyz(t)) == 0.0f) return;
+  vec3 n = weights.x * r.normals.at[vertices.x] + weights.y * r.normals.at[vertices.y] + weights.z * r.normals.at[vertices.z];
+  s.tangent_u = s.tangent_u_1 = to_world_vector(r, xyz(t));
+  s.tangent_v = s.tangent_v_1 = to_world_vector(r, cross(xyz(t), n) * t.w);
+  s.own_tangents = true;
 }
 
 /// Index of a triangle's material.
@@ -84,6 +96,8 @@ Surface load_surface(IN(SceneAddresses) scene, IN(InstanceRecord) r, uint primit
     if ((r.flags & instance_has_uvs_1) != 0u)
       s.place.uv_1 = load_uv(r, r.uvs_1, vertices, weights, edge_1, edge_2, s.tangent_u_1, s.tangent_v_1);
     if ((r.flags & instance_has_colors) != 0u) s.color = load_color(r, vertices, weights);
+    s.own_tangents = false;
+    if ((r.flags & instance_has_tangents) != 0u) load_tangents(r, vertices, weights, s);
   }
   s.material = material_of(scene, r, primitive);
   s.instance_id = r.id;

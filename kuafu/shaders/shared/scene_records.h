@@ -16,12 +16,13 @@ KUAFU_CONST instance_has_uvs = 2u;
 KUAFU_CONST instance_has_slots = 4u;
 KUAFU_CONST instance_has_uvs_1 = 8u;
 KUAFU_CONST instance_has_colors = 16u;
+KUAFU_CONST instance_has_tangents = 32u;
 
 struct InstanceRecord {
   Vec3Array positions;
   Vec3Array normals;
   Vec2Array uvs, uvs_1;
-  Vec4Array colors;
+  Vec4Array colors, tangents;
   UVec3Array indices;
   UintArray slots;
   vec4 local_to_world[3];   // rows
@@ -211,7 +212,7 @@ struct SceneAddresses {
 KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 
 #ifdef __cplusplus
-static_assert(sizeof(InstanceRecord) == 160);
+static_assert(sizeof(InstanceRecord) == 168);
 static_assert(sizeof(MaterialRecord) == 276);
 static_assert(sizeof(TextureRecord) == 48);
 static_assert(sizeof(LightRecord) == 104);

@@ -14,7 +14,7 @@
 namespace kuafu {
 namespace {
 
-constexpr uint32_t first_word = 0x344d494bu;  // "KIM4"; grows with the format, which wire_test.cpp weighs
+constexpr uint32_t first_word = 0x354d494bu;  // "KIM5"; grows with the format, which wire_test.cpp weighs
 constexpr uint32_t last_word = 0x21646e65u;
 
 // Each `transfer` lists the fields once, for both directions. The bindings name every field of the struct, so that one who adds a field
@@ -30,8 +30,9 @@ void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, T
 
 template <class Stream, class T>
 void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, Mesh> {
-  auto& [name, positions, normals, uvs, uvs_1, colors, indices, slots, deformation, removed] = t;
-  s.text(name), s.array(positions), s.array(normals), s.array(uvs), s.array(uvs_1), s.array(colors), s.array(indices), s.array(slots);
+  auto& [name, positions, normals, uvs, uvs_1, colors, tangents, indices, slots, deformation, removed] = t;
+  s.text(name), s.array(positions), s.array(normals), s.array(uvs), s.array(uvs_1), s.array(colors), s.array(tangents);
+  s.array(indices), s.array(slots);
   (void)deformation, (void)removed;
 }
 

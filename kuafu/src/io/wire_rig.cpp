@@ -22,10 +22,10 @@ void channel(Stream& s, T& t) {
 
 template <class Stream, class T>
 void mesh(Stream& s, T& t) {
-  auto& [mesh, node, skin, positions, normals, skin_weights, targets] = t;
-  s.plain(mesh), s.plain(node), s.plain(skin), s.array(positions), s.array(normals);
+  auto& [mesh, node, skin, positions, normals, tangents, skin_weights, targets] = t;
+  s.plain(mesh), s.plain(node), s.plain(skin), s.array(positions), s.array(normals), s.array(tangents);
   s.list(skin_weights, [&](auto& set) { s.array(set.joints), s.array(set.weights); });
-  s.list(targets, [&](auto& target) { s.array(target.positions), s.array(target.normals); });
+  s.list(targets, [&](auto& target) { s.array(target.positions), s.array(target.normals), s.array(target.tangents); });
 }
 
 template <class Stream, class T>

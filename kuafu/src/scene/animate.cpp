@@ -21,7 +21,7 @@ void Scene::add_rig(Rig rig) {
   check(rig);
   for (const RigMesh& mesh : rig.meshes)
     if (mesh.mesh >= meshes_.size() || meshes_[mesh.mesh].positions.size() != mesh.positions.size() ||
-        meshes_[mesh.mesh].normals.size() != mesh.normals.size())
+        meshes_[mesh.mesh].normals.size() != mesh.normals.size() || meshes_[mesh.mesh].tangents.size() != mesh.tangents.size())
       ks::fail(KS_ERROR_INVALID_ARGUMENT, "an animated mesh is mesh %u, which is not there or has other vertices", mesh.mesh);
   for (const RigMember& member : rig.members) {
     const size_t count = member.kind == RigMember::Kind::instance ? instances_.size()
@@ -88,7 +88,8 @@ void Scene::gather(const Rig& rig, const RigPose& pose, Posed& to) const {
 
 void Scene::take(Posed&& posed) {
   set_instance_poses(posed.instances, posed.instance_poses);  // checks all of them first, and nothing else was taken yet
-  for (auto& [id, vertices] : posed.meshes) move_vertices(id, std::move(vertices.positions), std::move(vertices.normals));
+  for (auto& [id, vertices] : posed.meshes)
+    move_vertices(id, std::move(vertices.positions), std::move(vertices.normals), std::move(vertices.tangents));
   if (!posed.lights.empty()) set_lights(posed.lights, posed.moved_lights);
   for (const auto& [id, camera_to_world] : posed.camera_poses) cameras_[id].camera_to_world = camera_to_world;
 }

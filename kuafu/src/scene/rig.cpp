@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "scene/finite.h"
 
@@ -49,13 +50,17 @@ void add_targets(const RigMesh& mesh, const std::vector<float>& weights, Vertice
     const MorphTarget& target = mesh.targets[t];
     for (size_t i = 0; i < target.positions.size(); ++i) to.positions[i] += weights[t] * target.positions[i];
     for (size_t i = 0; i < target.normals.size() && i < to.normals.size(); ++i) to.normals[i] += weights[t] * target.normals[i];
+    for (size_t i = 0; i < target.tangents.size() && i < to.tangents.size(); ++i)
+      to.tangents[i] += glm::vec4(weights[t] * target.tangents[i], 0.0f);
   }
 }
 
+/// -1 where it mirrors.
+float side_of(const glm::mat3& m) { return glm::determinant(m) < 0.0f ? -1.0f : 1.0f; }
+
 /// Inverse transpose, but for a positive factor; also where there is no inverse.
 glm::mat3 normal_matrix(const glm::mat3& m) {
-  const float side = glm::determinant(m) < 0.0f ? -1.0f : 1.0f;
-  return side * glm::mat3(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1]));
+  return side_of(m) * glm::mat3(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1]));
 }
 
 void bend(const RigMesh& mesh, const std::vector<glm::mat4>& joints, Vertices& v) {
@@ -66,6 +71,10 @@ void bend(const RigMesh& mesh, const std::vector<glm::mat4>& joints, Vertices& v
         if (set.weights[i][k] != 0.0f) blend += set.weights[i][k] * joints[set.joints[i][k]];
     v.positions[i] = glm::vec3(blend * glm::vec4(v.positions[i], 1.0f));
     if (!v.normals.empty()) v.normals[i] = normal_matrix(glm::mat3(blend)) * v.normals[i];
+    if (!v.tangents.empty()) {
+      const glm::mat3 turn(blend);
+      v.tangents[i] = glm::vec4(turn * glm::vec3(v.tangents[i]), side_of(turn) * v.tangents[i].w);
+    }
   }
 }
 
@@ -95,7 +104,7 @@ RigPose pose_at(const Rig& rig, uint32_t animation, double time_s) {
 }
 
 Vertices deformed(const Rig& rig, const RigMesh& mesh, const RigPose& pose) {
-  Vertices out{.positions = mesh.positions, .normals = mesh.normals};
+  Vertices out{.positions = mesh.positions, .normals = mesh.normals, .tangents = mesh.tangents};
   add_targets(mesh, pose.nodes[mesh.node].weights, out);
   if (mesh.skin != none) {
     const Skin& skin = rig.skins[mesh.skin];
@@ -108,6 +117,11 @@ Vertices deformed(const Rig& rig, const RigMesh& mesh, const RigPose& pose) {
   for (size_t i = 0; i < out.normals.size(); ++i) {
     const float length = glm::length(out.normals[i]);
     out.normals[i] = length > 0.0f ? out.normals[i] / length : mesh.normals[i];
+  }
+  for (size_t i = 0; i < out.tangents.size(); ++i) {
+    const glm::vec3 tangent(out.tangents[i]);
+    const float length = glm::length(tangent);
+    out.tangents[i] = length > 0.0f && std::isfinite(length) ? glm::vec4(tangent / length, out.tangents[i].w) : mesh.tangents[i];
   }
   return out;
 }

@@ -57,7 +57,7 @@ struct SkinWeights {
 
 /// What weight 1 adds to each vertex; empty: nothing.
 struct MorphTarget {
-  std::vector<glm::vec3> positions, normals;
+  std::vector<glm::vec3> positions, normals, tangents;
 };
 
 /// A mesh whose vertices move, as it is before they do.
@@ -66,6 +66,7 @@ struct RigMesh {
   uint32_t node = 0;     // whose weights its targets have
   uint32_t skin = none;  // its vertices are then the file's root's, else the node's
   std::vector<glm::vec3> positions, normals;
+  std::vector<glm::vec4> tangents;
   std::vector<SkinWeights> skin_weights;
   std::vector<MorphTarget> targets;
 };
@@ -99,8 +100,10 @@ RigPose pose_at(const Rig& rig, uint32_t animation, double time_s);
 
 struct Vertices {
   std::vector<glm::vec3> positions, normals;
+  std::vector<glm::vec4> tangents;
 };
-/// Morph targets are added, then the joints' matrices blend (section 3.7.3.3). Normals turn by the blend's inverse transpose.
+/// Morph targets are added, then the joints' matrices blend (section 3.7.3.3). Normals turn by the blend's inverse transpose,
+/// and tangents by the blend itself, so that they keep to the surface.
 Vertices deformed(const Rig& rig, const RigMesh& mesh, const RigPose& pose);
 
 /// Where a member stands in the world. Of lights and cameras the node's scale is left out; nothing where there is no rotation then. An

@@ -35,9 +35,11 @@ bool is_good(const RigMesh& mesh, const Rig& rig) {
   const size_t count = mesh.positions.size();
   const auto fits = [&](const auto& values) { return values.empty() || values.size() == count; };
   if (!all_finite(mesh.positions) || !all_finite(mesh.normals) || !fits(mesh.normals)) return false;
+  if (!all_finite(mesh.tangents) || !fits(mesh.tangents)) return false;
   if (mesh.targets.size() != rig.nodes[mesh.node].rest.weights.size()) return false;
   for (const MorphTarget& t : mesh.targets)
-    if (!fits(t.positions) || !fits(t.normals) || !all_finite(t.positions) || !all_finite(t.normals)) return false;
+    for (const std::vector<glm::vec3>* added : {&t.positions, &t.normals, &t.tangents})
+      if (!fits(*added) || !all_finite(*added)) return false;
   if (mesh.skin == none) return mesh.skin_weights.empty();
   const auto joints = static_cast<uint32_t>(rig.skins[mesh.skin].joints.size());
   for (const SkinWeights& set : mesh.skin_weights) {

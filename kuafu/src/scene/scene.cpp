@@ -123,22 +123,26 @@ uint32_t Scene::add_light(Light light) {
   return add(lights_, std::move(light), revisions_.lights);
 }
 
-void Scene::update_mesh_positions(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals) {
+void Scene::update_mesh_positions(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals,
+                                  std::vector<glm::vec4> tangents) {
   const Mesh& mesh = there(meshes_, "mesh", id);
   const char* name = mesh.name.c_str();
   if (positions.size() != mesh.positions.size())
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu positions for its %zu vertices", name, positions.size(), mesh.positions.size());
   if (normals.size() != mesh.normals.size())
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu normals, it was made with %zu", name, normals.size(), mesh.normals.size());
+  if (!tangents.empty() && tangents.size() != mesh.tangents.size())
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu tangents, it was made with %zu", name, tangents.size(), mesh.tangents.size());
   check_vertices(mesh.name, positions, normals);
-  move_vertices(id, std::move(positions), std::move(normals));
+  move_vertices(id, std::move(positions), std::move(normals), std::move(tangents));
 }
 
-void Scene::move_vertices(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals) {
+void Scene::move_vertices(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals, std::vector<glm::vec4> tangents) {
   Mesh& mesh = meshes_[id];
   mesh_bounds_[id] = bounds_of(positions);
   mesh.positions = std::move(positions);
   mesh.normals = std::move(normals);
+  if (!tangents.empty()) mesh.tangents = std::move(tangents);
   ++mesh.deformation;
   ++revisions_.meshes;
 }

@@ -30,6 +30,9 @@ struct Mesh {
   std::vector<glm::vec2> uvs;        // empty = 0
   std::vector<glm::vec2> uvs_1;      // the second set; empty = 0
   std::vector<glm::vec4> colors;     // linear RGBA; empty = 1
+  // Unit x, y, z along which maps of normals and anisotropy lie; w, 1 or -1: bitangent = cross(normal, xyz) * w. Only with normals; 0 or
+  // empty = as the texture coordinates grow.
+  std::vector<glm::vec4> tangents;
   std::vector<glm::uvec3> indices;
   std::vector<uint32_t> slots;  // per triangle, index into Instance::materials; empty = 0
   uint64_t deformation = 0;     // how often update_mesh_positions moved its vertices
@@ -105,8 +108,10 @@ class Scene {
   uint32_t add_material(Material material);
   uint32_t add_instance(Instance instance);
   uint32_t add_light(Light light);
-  /// Moves the vertices; triangles stay. As many positions as there are vertices, and normals exactly where the mesh has them.
-  void update_mesh_positions(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals);
+  /// Moves the vertices; triangles stay. As many positions as there are vertices, and normals exactly where the mesh has them. Its tangents
+  /// stay where none are given.
+  void update_mesh_positions(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals,
+                             std::vector<glm::vec4> tangents = {});
   /// Replaces the texels; size, channels and format may change.
   void set_texture(uint32_t id, Texture texture);
   void set_material(uint32_t id, Material material);
@@ -171,7 +176,7 @@ class Scene {
   struct Posed;
   void gather(const Rig& rig, const RigPose& pose, Posed& to) const;
   void take(Posed&& posed);
-  void move_vertices(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals);
+  void move_vertices(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals, std::vector<glm::vec4> tangents);
   void take_slot(uint32_t id);
   void note_instance(uint32_t slot);
 

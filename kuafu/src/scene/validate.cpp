@@ -46,6 +46,9 @@ void check_counts(const Mesh& mesh) {
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu uvs_1 for %zu vertices", name, mesh.uvs_1.size(), count);
   if (!mesh.colors.empty() && mesh.colors.size() != count)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu colors for %zu vertices", name, mesh.colors.size(), count);
+  if (!mesh.tangents.empty() && (mesh.tangents.size() != count || mesh.normals.empty()))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %zu tangents for %zu vertices with %zu normals", name, mesh.tangents.size(), count,
+             mesh.normals.size());
 }
 
 }  // namespace
@@ -74,6 +77,8 @@ void check(const Mesh& mesh) {
     for (size_t i = 0; i < uvs->size(); ++i)
       if (!all_finite((*uvs)[i]))
         ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': %s %zu is not finite", name, uvs == &mesh.uvs ? "uv" : "uv_1", i);
+  for (size_t i = 0; i < mesh.tangents.size(); ++i)
+    if (!all_finite(mesh.tangents[i])) ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': tangent %zu is not finite", name, i);
   for (size_t i = 0; i < mesh.colors.size(); ++i)
     if (!all_finite(mesh.colors[i]) || glm::any(glm::lessThan(mesh.colors[i], glm::vec4(0.0f))))
       ks::fail(KS_ERROR_INVALID_ARGUMENT, "mesh '%s': color %zu is (%g, %g, %g, %g), must be finite and >= 0", name, i, mesh.colors[i].r,

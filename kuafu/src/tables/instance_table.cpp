@@ -62,6 +62,7 @@ void InstanceTable::set(const Scene& scene, const MeshTable& meshes, uint32_t sl
   r.uvs = mesh.uvs;
   r.uvs_1 = mesh.uvs_1;
   r.colors = mesh.colors;
+  r.tangents = mesh.tangents;
   r.indices = mesh.indices;
   r.slots = mesh.slots;
   r.flags = mesh.flags;

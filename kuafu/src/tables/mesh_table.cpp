@@ -20,17 +20,18 @@ void MeshTable::add(const Memory& memory, const Scene& scene, size_t first) {
     a.uvs = block.add(m.uvs);
     a.uvs_1 = block.add(m.uvs_1);
     a.colors = block.add(m.colors);
+    a.tangents = block.add(m.tangents);
     a.indices = block.add(m.indices);
     a.slots = block.add(m.slots);
     a.flags = (m.normals.empty() ? 0 : instance_has_normals) | (m.uvs.empty() ? 0 : instance_has_uvs) |
               (m.slots.empty() ? 0 : instance_has_slots) | (m.uvs_1.empty() ? 0 : instance_has_uvs_1) |
-              (m.colors.empty() ? 0 : instance_has_colors);
+              (m.colors.empty() ? 0 : instance_has_colors) | (m.tangents.empty() ? 0 : instance_has_tangents);
     meshes_.push_back(a);
   }
   const auto buffer = block.upload(memory.device);
   for (size_t i = first; i < meshes_.size(); ++i) {
     Addresses& a = meshes_[i];
-    for (uint64_t* offset : {&a.positions, &a.normals, &a.uvs, &a.uvs_1, &a.colors, &a.indices, &a.slots})
+    for (uint64_t* offset : {&a.positions, &a.normals, &a.uvs, &a.uvs_1, &a.colors, &a.tangents, &a.indices, &a.slots})
       *offset += memory.address(*buffer);
     if (!scene.meshes()[i].removed) a.block = buffer;
   }
@@ -40,6 +41,7 @@ void MeshTable::move_vertices(const Memory& memory, const Mesh& mesh, const Addr
   const uint64_t base = memory.address(*a.block);
   a.block->write(a.positions - base, mesh.positions.data(), mesh.positions.size() * sizeof(glm::vec3));
   if (!mesh.normals.empty()) a.block->write(a.normals - base, mesh.normals.data(), mesh.normals.size() * sizeof(glm::vec3));
+  if (!mesh.tangents.empty()) a.block->write(a.tangents - base, mesh.tangents.data(), mesh.tangents.size() * sizeof(glm::vec4));
 }
 
 }  // namespace kuafu

@@ -16,7 +16,7 @@ class MeshTable {
  public:
   /// The addresses of a mesh stay the same as long as it lives.
   struct Addresses {
-    uint64_t positions = 0, normals = 0, uvs = 0, uvs_1 = 0, colors = 0, indices = 0, slots = 0;
+    uint64_t positions = 0, normals = 0, uvs = 0, uvs_1 = 0, colors = 0, tangents = 0, indices = 0, slots = 0;
     uint32_t flags = 0;                 // instance_has_*
     std::shared_ptr<ks::Buffer> block;  // where they lie, with meshes of the same time; freed with the last of them
   };

@@ -64,7 +64,7 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
 }
 
 uint32_t SceneTables::lookups_of(const Scene& scene) const {
-  const auto looks_up = [](const Mesh& mesh) { return !mesh.uvs_1.empty() || !mesh.colors.empty(); };
+  const auto looks_up = [](const Mesh& mesh) { return !mesh.uvs_1.empty() || !mesh.colors.empty() || !mesh.tangents.empty(); };
   return textures_.looks_up() || std::ranges::any_of(scene.meshes(), looks_up) ? feature_lookups : 0;
 }
 

@@ -146,24 +146,60 @@ TEST(GltfLooks, UnlitBecomesMatt) {
   EXPECT_NE(loaded.warnings[0].find("matt"), std::string::npos);
 }
 
-// A triangle whose u grows along x and whose v grows against y: the tangent is x, and the bitangent y is on its positive side.
-TEST(GltfLooks, TangentsThatDifferFromTheTextureCoordinatesAreTold) {
-  const auto warned = [](float angle, float side, bool mapped) {
-    GltfWriter w = with_material(mapped ? json{{"normalTexture", {{"index", 0}}}} : json::object());
-    json& attributes = w.root["meshes"][0]["primitives"][0]["attributes"];
-    const std::vector<float> normals{0, 0, 1, 0, 0, 1, 0, 0, 1}, uvs{0, 0, 1, 0, 0, -1};
-    std::vector<float> tangents;
-    for (int i = 0; i < 3; ++i) tangents.insert(tangents.end(), {std::cos(angle), std::sin(angle), 0, side});
-    attributes["NORMAL"] = w.accessor<float>(normals, type_float, "VEC3", 3);
-    attributes["TEXCOORD_0"] = w.accessor<float>(uvs, type_float, "VEC2", 2);
-    attributes["TANGENT"] = w.accessor<float>(tangents, type_float, "VEC4", 4);
-    const Loaded loaded = load_glb(w);
-    return loaded.warnings.empty() ? std::string() : loaded.warnings[0];
-  };
-  EXPECT_EQ(warned(0.05f, 1, true), "");
-  EXPECT_NE(warned(0.5f, 1, true).find("TANGENT is not read, and is 29 degrees off"), std::string::npos) << warned(0.5f, 1, true);
-  EXPECT_NE(warned(0, -1, true).find("180 degrees"), std::string::npos);
-  EXPECT_EQ(warned(0.5f, 1, false), "") << "nothing follows it";
+/// A triangle with normals and a TANGENT of each vertex.
+GltfWriter with_tangents(const json& material, const std::vector<float>& tangents) {
+  GltfWriter w = with_material(material);
+  json& attributes = w.root["meshes"][0]["primitives"][0]["attributes"];
+  attributes["NORMAL"] = w.accessor<float>({0, 0, 1, 0, 0, 1, 0, 0, 1}, type_float, "VEC3", 3);
+  attributes["TANGENT"] = w.accessor<float>(tangents, type_float, "VEC4", 4);
+  return w;
+}
+
+const json mapped = {{"normalTexture", {{"index", 0}}}};
+const std::vector<float> some_tangents{0, 2, 0, 1, 0.6f, 0.8f, 0, -1, 0, 0, 0, 1};
+
+TEST(GltfLooks, TangentsArriveWhereSomethingFollowsThem) {
+  GltfWriter w = with_tangents(mapped, some_tangents);
+  const Loaded loaded = load_glb(w);
+  EXPECT_TRUE(loaded.warnings.empty());
+  const std::vector<glm::vec4>& tangents = loaded.scene.meshes()[0].tangents;
+  ASSERT_EQ(tangents.size(), 3u);
+  EXPECT_EQ(tangents[0], glm::vec4(0, 1, 0, 1));
+  EXPECT_LT(glm::length(tangents[1] - glm::vec4(0.6f, 0.8f, 0, -1)), 1e-6f);
+  EXPECT_EQ(tangents[2], glm::vec4(0.0f)) << "no direction";
+  GltfWriter brushed = with_tangents({{"extensions", {{"KHR_materials_anisotropy", json::object()}}}}, some_tangents);
+  EXPECT_EQ(load_glb(brushed).scene.meshes()[0].tangents.size(), 3u);
+  GltfWriter plain = with_tangents(json::object(), some_tangents);
+  EXPECT_TRUE(load_glb(plain).scene.meshes()[0].tangents.empty()) << "nothing follows them";
+  w.root["meshes"][0]["primitives"][0]["attributes"].erase("NORMAL");
+  EXPECT_TRUE(load_glb(w).scene.meshes()[0].tangents.empty()) << "without normals they are to be ignored";
+}
+
+TEST(GltfLooks, TangentsOfOnePrimitiveLeaveTheOthersTheTextureCoordinates) {
+  GltfWriter w = with_tangents(mapped, some_tangents);
+  json& primitives = w.root["meshes"][0]["primitives"];
+  primitives.push_back(primitives[0]);
+  primitives[1]["attributes"].erase("TANGENT");
+  const Loaded loaded = load_glb(w);
+  const std::vector<glm::vec4>& tangents = loaded.scene.meshes()[0].tangents;
+  ASSERT_EQ(tangents.size(), 6u);
+  for (size_t i = 3; i < 6; ++i) EXPECT_EQ(tangents[i], glm::vec4(0.0f));
+}
+
+TEST(GltfLooks, MorphTargetsMoveTangents) {
+  GltfWriter w = with_tangents(mapped, {1, 0, 0, 1, 1, 0, 0, 1, 1, 0, 0, -1});
+  const int added = w.accessor<float>({0, 2, 0, 0, 2, 0, 0, 2, 0}, type_float, "VEC3", 3);
+  w.root["meshes"][0]["primitives"][0]["targets"] = {{{"TANGENT", added}}};
+  w.root["meshes"][0]["weights"] = {0.5};
+  const Loaded loaded = load_glb(w);
+  EXPECT_TRUE(loaded.warnings.empty());
+  const float half = std::sqrt(0.5f);
+  EXPECT_LT(glm::length(loaded.scene.meshes()[0].tangents[2] - glm::vec4(half, half, 0, -1)), 1e-6f);
+}
+
+TEST(GltfLooks, AsManyTangentsAsVertices) {
+  GltfWriter w = with_tangents(mapped, {1, 0, 0, 1, 1, 0, 0, 1});
+  EXPECT_NE(glb_error_of(w).find("3 positions, 2 of TANGENT"), std::string::npos) << glb_error_of(w);
 }
 
 TEST(GltfLooks, LightThatIsLetThroughArrivesWithItsTextures) {

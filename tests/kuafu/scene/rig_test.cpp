@@ -157,6 +157,25 @@ TEST(Skin, NormalsStayOnTheirSideOfAMirroredMesh) {
   for (size_t i = 0; i < v.normals.size(); ++i) EXPECT_LT(glm::length(v.normals[i] - mesh.normals[i] * glm::vec3(-1, 1, 1)), 1e-5f);
 }
 
+TEST(Skin, TangentsKeepToTheSurfaceAndToTheirBitangents) {
+  Rig rig = arm();
+  RigMesh& mesh = rig.meshes[0];
+  for (const glm::vec3& n : mesh.normals) mesh.tangents.emplace_back(glm::normalize(glm::cross(n, {0.3f, -0.8f, 0.5f})), 1.0f);
+  mesh.targets.clear();
+  for (const bool mirrored : {false, true}) {
+    rig.nodes[0].rest.scale = {mirrored ? -1 : 1, 1, 1};
+    rig.nodes[1].rest.scale = {1, 3, 0.5};
+    const Vertices v = deformed(rig, mesh, rest_pose(rig));
+    ASSERT_EQ(v.tangents.size(), v.normals.size());
+    for (size_t i = 0; i < v.tangents.size(); ++i) {
+      EXPECT_NEAR(glm::length(glm::vec3(v.tangents[i])), 1.0f, 1e-5f);
+      EXPECT_NEAR(glm::dot(glm::vec3(v.tangents[i]), v.normals[i]), 0.0f, 1e-5f);
+      // Both joints mirror x alone, so the bitangent is mirrored too, but for what the scale adds.
+      EXPECT_EQ(v.tangents[i].w, mirrored ? -1.0f : 1.0f);
+    }
+  }
+}
+
 TEST(Rig, OneAnimationLeavesTheOthersAtRest) {
   const Rig rig = arm();
   const RigPose swing = pose_at(rig, 0, 1.0), all = pose_at(rig, 1, 1.0);
