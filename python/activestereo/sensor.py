@@ -40,7 +40,7 @@ from activestereo.sensor_inputs import (
     twist_of,
 )  # fmt: skip
 from activestereo.sensor_model import SensorModel
-from activestereo.sensor_results import SensorResults
+from activestereo.sensor_results import SensorResults, require_picture
 from activestereo.sensor_world import LATER, SensorWorld
 
 Band = Literal["visible", "infrared"]
@@ -131,7 +131,7 @@ class StereoDepthSensor:
     def compute_depth(self) -> None:
         """Noise, matching, registration of the last picture. The same picture gives the same depth. Maps that have been
         read of an earlier picture are computed with it; others when they are first read."""
-        self._results.require_picture()
+        require_picture(self._results.has_picture)
         self._tell_engines()
         self._results.match(self._match)
         self._keep_times("depth", self._engine)
@@ -149,7 +149,7 @@ class StereoDepthSensor:
     def get_ir(self) -> list[NDArray[np.float32]]:
         """[left, right] float32 [height, width] in 0..1: what linear imagers would count without noise and dark
         current, over full scale."""
-        self._results.require_picture()
+        require_picture(self._results.has_picture)
         return [linear_counts(image, signal) for image, signal in zip(self._link.images, self._signals(), strict=True)]
 
     def get_ir_measured(self) -> list[np.ndarray]:

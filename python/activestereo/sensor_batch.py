@@ -37,6 +37,7 @@ from activestereo.presets import StereoDepthSensorConfig
 from activestereo.result_memory import Kind, PartOfResults
 from activestereo.sensor_inputs import render_settings, shutter
 from activestereo.sensor_model import SensorModel, read_model
+from activestereo.sensor_results import require_depth, require_picture, require_rgb
 
 
 class SensorPoseError(ValueError):
@@ -165,7 +166,7 @@ class StereoDepthSensorBatch:
     def compute_depth(self) -> None:
         """Noise, matching and registration of all pairs. What has been read of earlier pictures is computed at once;
         anything else when it is first read."""
-        self._require_picture()
+        require_picture(self._has_picture)
         self._maps.begin(self._compute)
         if self._on_cuda:
             self._maps_on_cuda.begin(self._compute_on_cuda)
@@ -191,7 +192,7 @@ class StereoDepthSensorBatch:
     def get_ir_radiance(self) -> NDArray[np.float32]:
         """float32 [2, ..., height, width] W/(sr m^2) at the imagers, left then right, without noise; a copy of a
         GPU's memory, elsewhere a view of what the next picture is rendered into."""
-        self._require_picture()
+        require_picture(self._has_picture)
         height, width = self._config.ir_resolution[::-1]
         return self._link.images.reshape(2, *self._shape, height, width)
 
@@ -230,9 +231,9 @@ class StereoDepthSensorBatch:
             raise RuntimeError("this batch is of the host: make it with on_cuda=True")
         check_cuda_name(name, "a batch")
         if name in MAPS:
-            self._require_depth()
+            require_depth(self._maps)
             return self._maps_on_cuda.read(MAPS[name], self._compute_on_cuda)
-        self._require_rgb()
+        require_rgb(self._has_picture, self._has_rgb)
         shape = self._rgb.targets[PICTURES[name]].shape
         return self._rgb.cuda(PICTURES[name], (*self._shape, *(shape[1:] if shape[-1] > 1 else shape[1:-1])))
 
@@ -439,26 +440,13 @@ class StereoDepthSensorBatch:
         return self._engine.compute(*pair, outputs, **lasers)
 
     def _output(self, name: str) -> NDArray[Any]:
-        self._require_depth()
+        require_depth(self._maps)
         return self._maps.read(name, self._compute)
 
     def _picture(self, name: str) -> NDArray[Any]:
-        self._require_rgb()
+        require_rgb(self._has_picture, self._has_rgb)
         image = self._rgb.read(name)
         return image.reshape(*self._shape, *image.shape[1:])
-
-    def _require_picture(self) -> None:
-        if not self._has_picture:
-            raise RuntimeError("no picture yet: call take_picture() first")
-
-    def _require_rgb(self) -> None:
-        self._require_picture()
-        if not self._has_rgb:
-            raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
-
-    def _require_depth(self) -> None:
-        if not self._maps:
-            raise RuntimeError("no depth of this picture yet: call compute_depth() after take_picture()")
 
     def _forget_maps(self) -> None:
         self._maps.clear()

@@ -21,6 +21,25 @@ from activestereo.presets import StereoDepthSensorConfig
 Match = Callable[[Any], Mapping[str, NDArray[Any]]]
 
 
+def require_picture(has_picture: bool) -> None:
+    """RuntimeError where none was taken."""
+    if not has_picture:
+        raise RuntimeError("no picture yet: call take_picture() first")
+
+
+def require_rgb(has_picture: bool, has_rgb: bool) -> None:
+    """RuntimeError where none was taken, or in the infrared alone."""
+    require_picture(has_picture)
+    if not has_rgb:
+        raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
+
+
+def require_depth(maps: LazyMaps) -> None:
+    """RuntimeError where the last picture has not been matched."""
+    if not maps:
+        raise RuntimeError("no depth of this picture yet: call compute_depth() after take_picture()")
+
+
 class SensorResults:
     """match, in each call: the sensor's. RuntimeError where the last picture has not what is asked for.
 
@@ -45,7 +64,7 @@ class SensorResults:
 
     def match(self, match: Match) -> None:
         """Computes the maps that have been read of earlier pictures."""
-        self.require_picture()
+        require_picture(self.has_picture)
         self.maps.begin(lambda names: self._computed(names, match))
 
     def complete(self, match: Match) -> None:
@@ -66,7 +85,7 @@ class SensorResults:
 
     def picture(self, name: str) -> NDArray[Any]:
         """One of the RGB camera's, [height, width, channels]."""
-        self._require_rgb()
+        require_rgb(self.has_picture, self.has_rgb)
         return self.rgb.read(name)[0]
 
     def cuda(self, name: str, match: Match) -> CudaArray:
@@ -79,26 +98,16 @@ class SensorResults:
         if name in MAPS:
             found = self._map(MAPS[name], match)
             return found.array(found.image.shape)
-        self._require_rgb()
+        require_rgb(self.has_picture, self.has_rgb)
         _, height, width, channels = self.rgb.targets[PICTURES[name]].shape
         return self.rgb.cuda(PICTURES[name], (height, width, channels) if channels > 1 else (height, width))
-
-    def require_picture(self) -> None:
-        if not self.has_picture:
-            raise RuntimeError("no picture yet: call take_picture() first")
-
-    def _require_rgb(self) -> None:
-        self.require_picture()
-        if not self.has_rgb:
-            raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
 
     def _check_depth_map(self, name: str) -> None:
         if name not in self._depth_maps:
             raise ValueError(f"'{name}' is none of the config's depth_maps {self._depth_maps}")
 
     def _map(self, name: str, match: Match) -> Any:
-        if not self.maps:
-            raise RuntimeError("no depth of this picture yet: call compute_depth() after take_picture()")
+        require_depth(self.maps)
         return self.maps.read(name, lambda names: self._computed(names, match))
 
     def _computed(self, names: list[str], match: Match) -> Mapping[str, Any]:

@@ -25,6 +25,18 @@ def blurred_pattern(view: View, sigma_px: float, size: float) -> tuple[np.ndarra
     return pattern, K
 
 
+def pixels_of(
+    beam: np.ndarray, K: np.ndarray, shape: tuple[int, ...], margin_px: tuple[float, float] = (0.0, 0.0)
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(row, column, whether there is one) where directions [...][3] of a unit's frame meet an image plane of this shape
+    [rows, columns]. margin_px: rows and columns of it before the pattern's first."""
+    z = np.where(beam[..., 2] > 0.05, beam[..., 2], np.inf)
+    column = np.rint(K[0, 0] * beam[..., 0] / z + K[0, 2] + margin_px[1]).astype(int)
+    row = np.rint(K[1, 1] * beam[..., 1] / z + K[1, 2] + margin_px[0]).astype(int)
+    inside = (column >= 0) & (column < shape[1]) & (row >= 0) & (row < shape[0]) & np.isfinite(z)
+    return row, column, inside
+
+
 class PlaneMatch:
     """The pattern at one sharpness, on a plane twice its size. Poses are (x, y, z, azimuth, elevation, roll)."""
 
@@ -39,12 +51,9 @@ class PlaneMatch:
         """(fall of chi2, intensity, pose) at the best pan and tilt near a pose."""
         way, lit = seen.lit_from(pose[:3])
         turn = axes(*pose[3:])
-        beam = way @ turn
-        z = np.where(beam[:, 2] > 0.05, beam[:, 2], np.inf)
         height, width = self._shape
-        column = np.rint(self._K[0, 0] * beam[:, 0] / z + self._K[0, 2] + width / 4).astype(int)
-        row = np.rint(self._K[1, 1] * beam[:, 1] / z + self._K[1, 2] + height / 4).astype(int)
-        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height) & (lit > 0) & np.isfinite(z)
+        row, column, inside = pixels_of(way @ turn, self._K, self._shape, (height / 4, width / 4))
+        inside &= lit > 0
         at, lit = (row * width + column)[inside], np.where(inside, lit, 0.0)
         left, lit, weight = seen.beyond_even(lit)[inside], lit[inside], seen.weight[inside]
         moment = self._correlated(at, lit * left, self._of_pattern)

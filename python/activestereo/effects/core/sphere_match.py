@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import fft
 
-from activestereo.effects.core.plane_match import blurred_pattern
+from activestereo.effects.core.plane_match import blurred_pattern, pixels_of
 from activestereo.effects.core.pointing import axes
 from activestereo.effects.core.seen_points import SeenPoints
 from activestereo.effects.core.view import View
@@ -67,10 +67,7 @@ class SphereMatch:
 def _drawn(pattern: np.ndarray, K: np.ndarray, beam: np.ndarray) -> np.ndarray:
     """The pattern in directions of a unit's frame; 0 beside it."""
     height, width = pattern.shape
-    z = np.where(beam[..., 2] > 0.05, beam[..., 2], np.inf)
-    column = np.rint(K[0, 0] * beam[..., 0] / z + K[0, 2]).astype(int)
-    row = np.rint(K[1, 1] * beam[..., 1] / z + K[1, 2]).astype(int)
-    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height) & np.isfinite(z)
+    row, column, inside = pixels_of(beam, K, pattern.shape)
     return np.where(inside, pattern[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], 0.0)
 
 
