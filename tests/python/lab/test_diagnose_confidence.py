@@ -128,6 +128,13 @@ def test_unknown_is_what_has_structure_or_is_more_than_surveys_leave(floors, str
     assert not is_unexplained(first, named, first)  # what a named effect leaves is judged by its structure
 
 
+def test_how_far_a_fit_takes_calibration_and_survey_counts_the_farthest_in_its_own_deviations():
+    fitter = Fitter([], np.array([6e-4, 6e-4, 0.03]), 1)
+    phi = np.array([5.0, 9.0, 20.0, 6e-4, -1.8e-3, 0.06])  # scales and black level have no prior
+    assert fitter.held_sigmas(SimpleNamespace(phi=phi)) == pytest.approx(3.0)
+    assert Fitter([], np.array([]), 1).held_sigmas(SimpleNamespace(phi=phi[:SCALES])) == 0.0
+
+
 def test_what_a_survey_may_have_wrong_widens_an_interval():
     """An effect and a focal length that move the images alike: the data tell their sum, the survey one of them."""
     sigma, weight = 6e-4, 1e10

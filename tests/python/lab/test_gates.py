@@ -64,6 +64,19 @@ def test_what_ends_at_its_range_and_leaves_structure_is_a_stand_in():
         assert verdict_of(replace(ranking(0.9), findings=(best,)), calm, True) == verdict
 
 
+@pytest.mark.parametrize(("sigmas", "verdict"), [(3.9, "effect"), (4.1, "unknown")])
+def test_a_name_beside_a_calibration_that_nobody_would_have_made_is_a_stand_in(sigmas, verdict):
+    """It leaves no structure, and nothing above the noise: the focal length paid for that."""
+    first = ranking(0.9)
+    best = replace(first.best, checks=replace(first.best.checks, held_sigmas=sigmas))
+    first = replace(first, findings=(best,))
+    last = replace(first, base=SimpleNamespace(chi2=100.0, white_floors=0.0), findings=())
+    strained = replace(last, base_checks=replace(last.base_checks, held_sigmas=sigmas))
+    assert verdict_of(first, strained, True) == verdict
+    assert verdict_of(first, last, True) == "effect"  # a further effect mended it
+    assert verdict_under(kept(first), GATES)[0] == verdict
+
+
 def test_only_shapes_end_at_their_range():
     length = Parameter("length_m", "m", neutral=0.003, low=0.0002, high=0.03, typical=0.002)
     share = Parameter("fraction", "1", neutral=0.0, low=0.0, high=1.0, typical=0.4)

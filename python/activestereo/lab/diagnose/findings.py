@@ -123,7 +123,8 @@ class Checks:
     expected variance. varying_floors: what a varying amplitude of the effect's trace explains beyond one.
     structure_floors: structure that it leaves (score/structure.py). variation: {effect: varying_floors} of every
     effect that was added to the given model. at_range_end: whether a shape parameter was driven to an end of its range.
-    None and absent: not looked at.
+    held_sigmas: how far the fit takes a focal length or an albedo, the farthest, from what calibration and survey say, in
+    deviations of these. None and absent: not looked at.
     """
 
     plain_share: float | None = None
@@ -132,6 +133,7 @@ class Checks:
     structure_floors: float | None = None
     variation: Mapping[str, float] = field(default_factory=dict)
     at_range_end: bool = False
+    held_sigmas: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -155,6 +157,7 @@ class Remainder:
     repeats_floors: float
     structure_floors: float | None
     variation: Mapping[str, float]
+    held_sigmas: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -197,7 +200,10 @@ class Finding:
     @property
     def remainder(self) -> Remainder:
         e = self.explanation
-        return Remainder(e.chi2, e.repeats_floors, self.checks.structure_floors, self.checks.variation)
+        checks = self.checks
+        return Remainder(
+            e.chi2, e.repeats_floors, checks.structure_floors, checks.variation, checks.held_sigmas
+        )
 
 
 @dataclass(frozen=True)
@@ -223,7 +229,8 @@ class Ranking:
 
     @property
     def base_remainder(self) -> Remainder:
-        return Remainder(self.base.chi2, 0.0, self.base_checks.structure_floors, self.base_checks.variation)
+        checks = self.base_checks
+        return Remainder(self.base.chi2, 0.0, checks.structure_floors, checks.variation, checks.held_sigmas)
 
     @property
     def excess_floors(self) -> float:

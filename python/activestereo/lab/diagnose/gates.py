@@ -124,6 +124,13 @@ class Gates:
         _GENERATION_1,
         moves="halved: named -0.013; doubled: outside -0.036",
     )
+    largest_held_sigmas: float = _gate(
+        4.0,
+        "1",
+        "farthest that a named effect's fit may take a focal length or an albedo from calibration and survey, in their "
+        "deviations",
+        "theory: one normal error in 16 000 is larger",
+    )
     largest_of_surveys_floors: float = _gate(
         0.5,
         "floors",

@@ -155,7 +155,8 @@ def settled_first(bench: Bench, ranking: Ranking) -> Ranking:
     explanation = settled(bench.evidence, bench.fitters.train, first.explanation)
     found = replace(first, explanation=explanation)
     structure = local_structure(_rows_after(bench, ranking.base, found))
-    checks = replace(first.checks, structure_floors=structure, variation=_variation(bench, found.fitted))
+    variation, held = _variation(bench, found.fitted), bench.fitters.train.held_sigmas(found.fitted)
+    checks = replace(first.checks, structure_floors=structure, variation=variation, held_sigmas=held)
     return _with_findings(ranking, (replace(found, checks=checks), *ranking.findings[1:]))
 
 
@@ -316,8 +317,12 @@ def _with_remainders(bench: Bench, ranking: Ranking) -> Ranking:
         if f.id not in matter or not (f.on_images and passes(ranking, f)):
             return f
         structure = local_structure(_rows_after(bench, ranking.base, f))
-        variation = base_checks.variation if f.solution is None else _variation(bench, f.solution)
-        return replace(f, checks=replace(f.checks, structure_floors=structure, variation=variation))
+        solution = f.solution or ranking.base.solution
+        held = bench.fitters.train.held_sigmas(solution)
+        variation = base_checks.variation if f.solution is None else _variation(bench, solution)
+        return replace(
+            f, checks=replace(f.checks, structure_floors=structure, variation=variation, held_sigmas=held)
+        )
 
     return replace(ranking, base_checks=base_checks, findings=tuple(map(checked, ranking.findings)))
 
@@ -326,6 +331,7 @@ def _base_checks(bench: Bench, base: BaseFit) -> BaseChecks:
     return BaseChecks(
         structure_floors=local_structure(base.train),
         variation=_variation(bench, base.solution),
+        held_sigmas=bench.fitters.train.held_sigmas(base.solution),
         plain_excess_floors=_square(base.train) / _floor_square(bench) - 1.0,
         unsteady_floors=unsteady_floors(base.train),
         uneven_structure_floors=uneven_structure(base.train),

@@ -233,6 +233,10 @@ class Fitter:
         pulls = [rows @ moment for moment in solution.sums.block_moment.values()]
         return sum(pull @ pull.T for pull in pulls) + (rows * prior) @ rows.T
 
+    def held_sigmas(self, solution: Solution) -> float:
+        """How far a solution takes a nuisance that has a prior, the farthest, in the prior's deviations."""
+        return float(np.abs(solution.phi[SCALES:] / self._held_sigma).max(initial=0.0))
+
     def inverse(self, solution: Solution) -> np.ndarray:
         """The inverse of the normal matrix with its priors, at a solution: (theta, phi) in rows and columns."""
         gram = solution.sums.gram.sum(0) + np.diag(self.prior(len(solution.theta), solution.space))

@@ -14,7 +14,7 @@ from activestereo.lab.diagnose.verdict.verdict import is_named, verdict_of
 
 Json = dict[str, Any]
 # Of the base's checks, those that verdicts rest on.
-_OF_BASE = ("structure_floors", "plain_excess_floors", "unsteady_floors", "uneven_structure_floors")
+_OF_BASE = ("structure_floors", "held_sigmas", "plain_excess_floors", "unsteady_floors", "uneven_structure_floors")
 
 
 def judging_json(ranking: Ranking, has_floor: bool) -> Json:

@@ -43,7 +43,8 @@ def exceeds_surveys(ranking: Ranking) -> bool:
 def is_unexplained(ranking: Ranking, remainder: Remainder, first: Ranking | None = None) -> bool:
     """Whether what an explanation leaves (the base, where nothing is named) asks for another effect.
 
-    first: the ranking without effects, where something is named. Noise of single pixels asks for none: its level is a
+    first: the ranking without effects, where something is named. What is named only beside a calibration or a survey
+    that nobody would have made stands in for another law, whatever it leaves. Noise of single pixels asks for none: its level is a
     nuisance, and what is random and stays has candidates of its own. Those explain no structure: it is the base's
     that counts beside them. Where nothing is named, more than surveys leave asks, too; what is named has to follow
     its own law.
@@ -51,6 +52,8 @@ def is_unexplained(ranking: Ranking, remainder: Remainder, first: Ranking | None
     gates = ranking.gates
     excess = _excess_beside(ranking, remainder)
     if first is None and excess - ranking.base.white_floors > gates.largest_of_surveys_floors:
+        return True
+    if first is not None and remainder.held_sigmas > gates.largest_held_sigmas:
         return True
     if first is not None and excess > 0.0 and follows_other_law(ranking, remainder, first):
         return True
