@@ -77,6 +77,19 @@ def test_a_name_beside_a_calibration_that_nobody_would_have_made_is_a_stand_in(s
     assert verdict_under(kept(first), GATES)[0] == verdict
 
 
+@pytest.mark.parametrize(
+    ("law_nats", "varying", "verdict"), [(90.0, 0.3, "unknown"), (70.0, 0.3, "effect"), (90.0, 0.1, "effect")]
+)
+def test_a_random_field_stands_in_for_a_law_that_gains_more_but_is_not_the_same_everywhere(law_nats, varying, verdict):
+    first = ranking(0.9)
+    field = replace(first.best, explanation=replace(first.best.explanation, channel=Channel.STATIC_FIELD))
+    shift = replace(first.best.explanation, effect=SimpleNamespace(id="shift"))
+    law = Finding(shift, Score(law_nats, 0.9, 0.4, 1.0), Checks(varying_floors=varying, structure_floors=0.0))
+    both = replace(first, findings=(field, law))
+    assert verdict_of(both, both, True) == verdict
+    assert verdict_under(kept(both), GATES)[0] == verdict
+
+
 def test_only_shapes_end_at_their_range():
     length = Parameter("length_m", "m", neutral=0.003, low=0.0002, high=0.03, typical=0.002)
     share = Parameter("fraction", "1", neutral=0.0, low=0.0, high=1.0, typical=0.4)

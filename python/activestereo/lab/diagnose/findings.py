@@ -123,8 +123,8 @@ class Checks:
     expected variance. varying_floors: what a varying amplitude of the effect's trace explains beyond one.
     structure_floors: structure that it leaves (score/structure.py). variation: {effect: varying_floors} of every
     effect that was added to the given model. at_range_end: whether a shape parameter was driven to an end of its range.
-    held_sigmas: how far the fit takes a focal length or an albedo, the farthest, from what calibration and survey say, in
-    deviations of these. None and absent: not looked at.
+    held_sigmas: how far the fit takes a focal length or an albedo, the farthest, from what calibration and survey
+    say, in deviations of these. None and absent: not looked at.
     """
 
     plain_share: float | None = None

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which findings may be named: beyond chance, of practical size, and an improvement wherever they act."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from activestereo.effects.core.judging import Channel
@@ -22,6 +24,12 @@ def passes(ranking: Ranking, finding: Finding) -> bool:
     if finding.channel is Channel.DEPTH_ENGINE and not ranking.at_floor:
         return False  # first what the images show: the engine matched those
     return _is_large(ranking, finding) and is_significant(ranking, finding)
+
+
+def varies_too_much(ranking: Ranking, finding: Finding) -> bool:
+    """Whether a finding may not be named for the sole reason that its amplitude is not the same everywhere."""
+    constant = replace(finding, checks=replace(finding.checks, varying_floors=0.0))
+    return not passes(ranking, finding) and passes(ranking, constant)
 
 
 def comes_near(ranking: Ranking, finding: Finding) -> bool:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from activestereo.effects.core.judging import Channel
 from activestereo.lab.diagnose.findings import Finding, Ranking, Remainder
+from activestereo.lab.diagnose.verdict.acceptance import passes, varies_too_much
 
 
 def follows_other_law(ranking: Ranking, remainder: Remainder, first: Ranking) -> bool:
@@ -15,6 +16,16 @@ def follows_other_law(ranking: Ranking, remainder: Remainder, first: Ranking) ->
     gates = ranking.gates
     limit = max(gates.other_law_share * (first.base.chi2 - remainder.chi2) / ranking.pixels, gates.other_law_floors)
     return any(varying > limit for varying in remainder.variation.values())
+
+
+def has_field_for_law(ranking: Ranking) -> bool:
+    """Whether random fields may be named where an expected image gains more than any of them, and is refused for its
+    varying amplitude alone: what they share among pixels follows a law, which is none of the library's.
+    """
+    fields = [f.score.nats for f in ranking.findings if f.channel is Channel.STATIC_FIELD and passes(ranking, f)]
+    images = (f for f in ranking.findings if f.channel is Channel.EXPECTED_IMAGE)
+    laws = [f.score.nats for f in images if varies_too_much(ranking, f)]
+    return bool(fields and laws) and max(laws) > max(fields)
 
 
 def lacks_nothing(ranking: Ranking, noise: Finding) -> bool:
@@ -44,10 +55,10 @@ def is_unexplained(ranking: Ranking, remainder: Remainder, first: Ranking | None
     """Whether what an explanation leaves (the base, where nothing is named) asks for another effect.
 
     first: the ranking without effects, where something is named. What is named only beside a calibration or a survey
-    that nobody would have made stands in for another law, whatever it leaves. Noise of single pixels asks for none: its level is a
-    nuisance, and what is random and stays has candidates of its own. Those explain no structure: it is the base's
-    that counts beside them. Where nothing is named, more than surveys leave asks, too; what is named has to follow
-    its own law.
+    that nobody would have made stands in for another law, whatever it leaves. Noise of single pixels asks for none:
+    its level is a nuisance, and what is random and stays has candidates of its own. Those explain no structure: it is
+    the base's that counts beside them. Where nothing is named, more than surveys leave asks, too; what is named has to
+    follow its own law.
     """
     gates = ranking.gates
     excess = _excess_beside(ranking, remainder)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from activestereo.lab.diagnose.findings import Ranking
 from activestereo.lab.diagnose.verdict.acceptance import passes
-from activestereo.lab.diagnose.verdict.completeness import exceeds_surveys, is_unexplained
+from activestereo.lab.diagnose.verdict.completeness import exceeds_surveys, has_field_for_law, is_unexplained
 
 EFFECT, NONE, UNKNOWN, UNDETERMINED = "effect", "none", "unknown", "undetermined"
 
@@ -32,6 +32,8 @@ def verdict_of(first: Ranking, last: Ranking, has_floor: bool) -> str:
         return UNKNOWN if is_unexplained(last, rest) else EFFECT
     if best.checks.at_range_end and is_unexplained(last, best.remainder, first):
         return UNKNOWN  # a stand-in: what mends it is another stand-in
+    if has_field_for_law(last):
+        return UNKNOWN
     passing = [f.remainder for f in last.findings if passes(last, f)]
     end = min([last.base_remainder, *passing], key=lambda rest: rest.chi2)
     return UNKNOWN if all(is_unexplained(last, rest, first) for rest in (best.remainder, end)) else EFFECT
