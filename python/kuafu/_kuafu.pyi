@@ -770,8 +770,8 @@ class Renderer:
           the images are then means over that time.
         glass_shadows: How light of points, directions, projectors and spots passes smooth glass that bounds a body;
           thin-walled glass is passed straight. 'straight': On the straight line, dimmed: dots stay where they would be
-          without the glass, and nothing is focused. 'bent': On the refracted paths of Snell's law, with their focusing,
-          in and beside the straight shadow; not on paths that glass reflects.
+          without the glass, and nothing is focused. 'bent': On the paths of Snell's and Fresnel's laws, refracted and
+          reflected, with their focusing: shadows, caustics and displaced dots.
         max_seconds: Time budget; 0 is none. samples_per_pixel is then the largest number of samples. The views are
           rendered in rounds, at least one, and the render stops before max_seconds would be exceeded, as estimated from
           the previous rounds.

@@ -67,8 +67,8 @@ extern "C" {
  * bounds a body; thin-walled glass is passed straight. */
 /* On the straight line, dimmed: dots stay where they would be without the glass, and nothing is focused. */
 #define KUAFU_GLASS_SHADOWS_STRAIGHT 0u
-/* On the refracted paths of Snell's law, with their focusing, in and beside the straight shadow; not on paths that
- * glass reflects. */
+/* On the paths of Snell's and Fresnel's laws, refracted and reflected, with their focusing: shadows, caustics and
+ * displaced dots. */
 #define KUAFU_GLASS_SHADOWS_BENT 1u
 
 #define KUAFU_TYPE_RENDER_SUMMARY 0x100eu

@@ -2,7 +2,7 @@
 // Surfaces that are not everywhere there: what a tracer asks where a ray meets a triangle, so that cameras, paths and shadow rays agree about it.
 #ifndef KUAFU_CUTOUT_GLSL
 #define KUAFU_CUTOUT_GLSL
-#include "lib/cutout_kind.glsl"
+#include "shared/wave.h"
 #include "lib/sequence.glsl"
 #include "lib/texture.glsl"
 
@@ -35,7 +35,7 @@ bool stands_at(IN(SceneAddresses) scene, uint index, uint primitive, float u, fl
   if ((r.flags & instance_has_colors) != 0u)
     vertex_alpha = weights.x * r.colors.at[vertices.x].a + weights.y * r.colors.at[vertices.y].a + weights.z * r.colors.at[vertices.z].a;
   float share = coverage(scene, m, place, vertex_alpha);
-  if (share <= 0.0f || share >= 1.0f || kind == cutout_search) return share > 0.0f;
+  if (share <= 0.0f || share >= 1.0f) return share > 0.0f;
   return unit_float(hash(floatBitsToUint(u) ^ hash(floatBitsToUint(v) ^ hash(primitive ^ hash(2u * index + kind))))) < share;
 }
 #endif

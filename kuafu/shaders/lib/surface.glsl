@@ -6,6 +6,13 @@
 #include "lib/motion.glsl"
 #include "lib/texture.glsl"
 
+/// Where a ray ended.
+struct MetSurface {
+  uint instance, primitive;
+  float u, v;
+  float t;  // way to it, metres
+};
+
 struct Surface {
   vec3 position;
   float coordinate_size;  // largest coordinate that went into the position, metres: its rounding error follows from it

@@ -84,7 +84,8 @@ KUAFU_CONST no_texture = 0xffffffffu;
 KUAFU_CONST texel_half4 = 0u;
 KUAFU_CONST texel_float4 = 1u;
 
-// TextureRecord.lookup: 0 is linear, repeating, at the mesh's first texture coordinates as they are. Bits 0 and 1: wrap_* of u; 2 and 3: of v.
+// TextureRecord.lookup: 0 is linear, repeating, at the mesh's first texture coordinates as they are. Bits 0 and 1: wrap_* of u; 2 and 3: of
+// v.
 KUAFU_CONST wrap_repeat = 0u;
 KUAFU_CONST wrap_clamp = 1u;
 KUAFU_CONST wrap_mirror = 2u;
@@ -112,15 +113,15 @@ KUAFU_CONST light_mesh = 7u;  // all emissive surfaces of an environment
 KUAFU_CONST light_map = 8u;   // the environment's texture
 
 struct LightRecord {
-  UintArray pattern;  // [height][width] relative radiant intensity of pattern_bits each, packed; projectors only
+  UintArray pattern;                 // [height][width] relative radiant intensity of pattern_bits each, packed; projectors only
   uint width, height, pattern_bits;  // 8 and 16: 0..1 as an integer; 32: float
   vec3 position;
   uint kind;
-  vec3 intensity;          // in the band being rendered: W/sr (point, spot, projector), W/m^2 (directional) or W/(sr m^2) (those with an area)
-  vec3 world_to_pixel[3];  // rows of K R: homogeneous pixel of a world direction from the light
+  vec3 intensity;  // in the band being rendered: W/sr (point, spot, projector), W/m^2 (directional) or W/(sr m^2) (those with an area)
+  vec3 world_to_pixel[3];                     // rows of K R: homogeneous pixel of a world direction from the light
   float probability, cumulative;              // selection among all lights of the environment, by power
   float other_probability, other_cumulative;  // the same among those that are no projectors
-  uint light_group;  // not of a projector; light_mesh has those of its materials
+  uint light_group;                           // not of a projector; light_mesh has those of its materials
 };
 KUAFU_ARRAY(LightArray, LightRecord, 8)
 
@@ -134,14 +135,14 @@ struct LightShape {
   uint texture;                 // or no_texture
   vec2 focal, centre;           // projector: of K, pixels
   float skew, falloff, focus_m;
-  float distortion[8];          // k1 k2 p1 p2 k3 k4 k5 k6
-  float distortion_reach;       // tangent of the angle up to which the distortion grows
-  uint first, count;            // of light_cumulative: mesh: triangles; map: rows, whose columns follow
-  uint first_triangle;          // of light_triangles
-  uint columns;                 // map
-  float half_texel;             // map: of a row
-  float total;                  // mesh: sum of emission times area
-  float range_m;                // point without a radius, spot: where it ends, 0: never
+  float distortion[8];     // k1 k2 p1 p2 k3 k4 k5 k6
+  float distortion_reach;  // tangent of the angle up to which the distortion grows
+  uint first, count;       // of light_cumulative: mesh: triangles; map: rows, whose columns follow
+  uint first_triangle;     // of light_triangles
+  uint columns;            // map
+  float half_texel;        // map: of a row
+  float total;             // mesh: sum of emission times area
+  float range_m;           // point without a radius, spot: where it ends, 0: never
   uint reserved;
 };
 KUAFU_ARRAY(LightShapeArray, LightShape, 4)
@@ -156,9 +157,9 @@ KUAFU_ARRAY(LightMotionArray, LightMotion, 4)
 struct EnvironmentRecord {
   vec3 radiance;
   uint first_light, projector_count, light_count;  // projectors come first
-  uint first_shape;  // from here to the end: lights that rays meet; counted from first_light
-  uint mesh_light;   // index into lights, or miss
-  uint light_group;  // of the radiance
+  uint first_shape;                                // from here to the end: lights that rays meet; counted from first_light
+  uint mesh_light;                                 // index into lights, or miss
+  uint light_group;                                // of the radiance
 };
 KUAFU_ARRAY(EnvironmentArray, EnvironmentRecord, 4)
 
@@ -169,7 +170,7 @@ KUAFU_CONST specular_albedo_entries = 32u * 33u + 16u * 16u * 32u;
 KUAFU_CONST sheen_albedo_first = 32u * 33u + 16u * 16u * 32u;  // filled where a scene has sheen
 KUAFU_CONST sheen_albedo_roughnesses = 16u;
 KUAFU_CONST sheen_albedo_entries = 16u * 32u;
-KUAFU_CONST sheen_least_percent = 7u;  // the least roughness of sheen that is told apart
+KUAFU_CONST sheen_least_percent = 7u;                                      // the least roughness of sheen that is told apart
 KUAFU_CONST glass_albedo_first = 32u * 33u + 16u * 16u * 32u + 16u * 32u;  // where a scene has rough glass
 KUAFU_CONST glass_albedo_indices = 20u;
 KUAFU_CONST glass_albedo_roughnesses = 24u;
@@ -185,12 +186,6 @@ struct MediumRecord {
 };
 KUAFU_ARRAY(MediumArray, MediumRecord, 4)
 
-/// A box in the world around smooth glass that bends light.
-struct GlassBox {
-  vec3 min, max;
-};
-KUAFU_ARRAY(GlassBoxArray, GlassBox, 4)
-
 struct SceneAddresses {
   InstanceArray instances;
   UintArray instance_materials;  // index into materials
@@ -198,16 +193,15 @@ struct SceneAddresses {
   TextureArray textures;
   LightArray lights;
   EnvironmentArray environments;
-  Vec2Array specular_albedo;  // material/albedo_tables.h
+  Vec2Array specular_albedo;     // material/albedo_tables.h
   LightShapeArray light_shapes;  // as lights
   FloatArray light_cumulative;
-  UintArray light_triangles;  // instance and primitive
-  MediumArray medium;         // one, where there is one
-  MotionArray instance_motions;  // as instances; filled where something moves
+  UintArray light_triangles;       // instance and primitive
+  MediumArray medium;              // one, where there is one
+  MotionArray instance_motions;    // as instances; filled where something moves
   LightMotionArray light_motions;  // as lights
-  uint moves;  // nonzero: an instance or a light moves or goes on or off while a shutter is open
-  uint glass_box_count;
-  GlassBoxArray glass_boxes;
+  uint moves;                      // nonzero: an instance or a light moves or goes on or off while a shutter is open
+  uint reserved;
 };
 KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 
@@ -219,7 +213,7 @@ static_assert(sizeof(LightRecord) == 104);
 static_assert(sizeof(LightShape) == 160);
 static_assert(sizeof(EnvironmentRecord) == 36);
 static_assert(sizeof(MediumRecord) == 56);
-static_assert(sizeof(SceneAddresses) == 120);
+static_assert(sizeof(SceneAddresses) == 112);
 }  // namespace kuafu
 #endif
 #endif

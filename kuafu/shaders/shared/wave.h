@@ -1,17 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the stages of one wave of paths share, read by GLSL and C++ (scalar layout): per-path state, queue counters, views, outputs, push constants.
+// What the stages of one wave of paths share, read by GLSL and C++ (scalar layout): per-path state, queue counters, views, outputs, push
+// constants.
 #ifndef KUAFU_WAVE_H
 #define KUAFU_WAVE_H
 
 #include "shared/aov_record.h"
 #include "shared/camera_record.h"
+#include "shared/landing_record.h"
 #include "shared/scene_records.h"
 
 #ifdef __cplusplus
 namespace kuafu {
 #endif
 
-// What a path sums apart, plane after plane: the projectors' light, and all other. The latter has a plane for each light group where one of them is asked for.
+// What a path sums apart, plane after plane: the projectors' light, and all other. The latter has a plane for each light group where one of
+// them is asked for.
 KUAFU_CONST group_projector_direct = 0u;
 KUAFU_CONST group_projector_indirect = 1u;
 KUAFU_CONST group_ambient = 2u;
@@ -40,48 +43,13 @@ KUAFU_FN state_shadow(uint channels, uint groups) { return state_throughput + ch
 // A path's shadow-ray plane holds its index in the shadow queue and, above, the light group it feeds.
 KUAFU_CONST shadow_none = 0xffffffffu;
 KUAFU_CONST shadow_group_shift = 29u;
-// A shadow ray's ray_id is the index of its contribution and, above, whether glass stops it all the same, and whether glass may bend it.
+// A shadow ray's ray_id is the index of its contribution and, above, whether glass stops it all the same, and whether glass of bodies does.
 KUAFU_CONST shadow_opaque = 0x80000000u;
-KUAFU_CONST shadow_bends = 0x40000000u;
+KUAFU_CONST shadow_bent = 0x40000000u;
 KUAFU_CONST shadow_index_mask = 0x1fffffffu;
 
-// What is kept of each shadow ray where glass may bend it (stage/bend.glsl): plane p of ray i stands at bend_word.
-KUAFU_CONST bend_found = 0u;      // irradiance by all bent ways, for an intensity of 1 (a directional light's irradiance); 0: there are none
-KUAFU_CONST bend_light = 1u;      // the light's index and, above, whether it is a directional one
-KUAFU_CONST bend_box = 2u;        // of the glass to look at
-KUAFU_CONST bend_chance = 3u;     // of looking there where the straight way does not meet glass; 0: not now
-KUAFU_CONST bend_target = 4u;     // 3: the light's position, or the direction towards it
-KUAFU_CONST bend_direction = 7u;  // 3: of the way that was found, where the light is asked for
-KUAFU_CONST bend_lit = 10u;       // 3: a point that is lit as the end of that way at the light is
-KUAFU_CONST bend_random = 13u;    // a random number, which says the way that is taken of several; negative: none is looked for, glass blocks
-KUAFU_CONST bend_gain = 14u;      // `channels` planes: colour of what passes, times the square of the way's metres; then of throughput / probability
-KUAFU_FN bend_weight(uint channels) { return bend_gain + channels; }
-KUAFU_FN bend_result_planes(uint channels) { return bend_gain + 2u * channels; }
-// The rest is of a search that goes surface by surface, in queues.
-KUAFU_CONST bend_from = 0u;     // 3: where the light is asked for
-KUAFU_CONST bend_trial = 3u;    // 3: direction of the trial
-KUAFU_CONST bend_spread = 6u;   // 12: Differential
-KUAFU_CONST bend_best = 18u;    // 3: the best direction so far
-KUAFU_CONST bend_error = 21u;   // of it
-KUAFU_CONST bend_step = 22u;    // 2: from it
-KUAFU_CONST bend_scale = 24u;   // of the step
-KUAFU_CONST bend_length = 25u;  // metres of this trial
-KUAFU_CONST bend_share = 26u;   // 1, or 1 / bend_chance
-KUAFU_CONST bend_counts = 27u;  // segments in all and of this seed, surfaces of this trial, seed, ways found: 8, 8, 8, 4 and 4 bits
-KUAFU_CONST bend_ways = 28u;    // 9: directions of the ways that were found
-KUAFU_CONST bend_open = 37u;    // surfaces of this seed's last trial that ended in the open
-KUAFU_CONST bend_colour = 38u;  // `channels` planes: of the trial
-KUAFU_FN bend_search_planes(uint channels) { return bend_colour + channels; }
-KUAFU_FN bend_planes(uint channels, bool search) { return bend_result_planes(channels) + (search ? bend_search_planes(channels) : 0u); }
-/// On the host a search's words stand together, for each segment reads nearly all; planes there would share few sets of its cache.
-KUAFU_FN bend_word(uint p, uint i, uint channels, uint layout_kind, uint capacity) {
-  return layout_kind == queue_layout_packets ? i * bend_planes(channels, true) + p : p * capacity + i;
-}
-KUAFU_CONST bend_directional = 0x80000000u;
-KUAFU_CONST bend_segments = 96u, bend_seed_segments = 32u;  // a search, and one seed of it, take no more
-
 // Counters: one block per bounce; then, where shadow rays pass glass, one per bounce and surface that they passed.
-KUAFU_CONST counter_trace_arguments = 0u;   // VkDispatchIndirectCommand of `closest`
+KUAFU_CONST counter_trace_arguments = 0u;  // VkDispatchIndirectCommand of `closest`
 KUAFU_CONST counter_ray_count = 3u;
 KUAFU_CONST counter_shade_arguments = 4u;
 KUAFU_CONST counter_shadow_arguments = 8u;  // VkDispatchIndirectCommand of `occluded`
@@ -114,7 +82,7 @@ KUAFU_CONST output_projector_uv = 9u;
 KUAFU_CONST output_projector_visibility = 10u;
 KUAFU_CONST output_projector_geometry = 11u;
 KUAFU_CONST output_motion = 12u;
-KUAFU_CONST output_radiance = 13u;  // then projector direct, projector indirect, ambient
+KUAFU_CONST output_radiance = 13u;     // then projector direct, projector indirect, ambient
 KUAFU_CONST output_light_group = 17u;  // 0, then the others
 KUAFU_CONST output_variance = 21u;
 KUAFU_CONST output_sample_count = 22u;
@@ -144,27 +112,30 @@ KUAFU_ARRAY(OutputArray, OutputRecord, 8)
 /// Which pixels and samples a wave holds: path slot = local pixel * sample_count + local sample.
 struct WaveRange {
   uint first_pixel, pixel_count;  // of the permuted sequence of all views' pixels
-  uint block_count, block_stride; // permutation of full blocks of pixel_block pixels; stride 0: blocks are tiles where the image has no others
+  uint block_count,
+      block_stride;  // permutation of full blocks of pixel_block pixels; stride 0: blocks are tiles where the image has no others
   uint first_sample, sample_count;
   uint width, height;
   uint capacity;
 };
 
-// Features: what a scene needs of the kernels. They are constants of a compilation, so that what no scene needs costs nothing; no bit: plain.
+// Features: what a scene needs of the kernels. They are constants of a compilation, so that what no scene needs costs nothing; no bit:
+// plain.
 KUAFU_CONST feature_lights = 1u << 0u;      // lights with an extent or a profile (LightShape); multiple importance sampling
 KUAFU_CONST feature_materials = 1u << 1u;   // rough transmission, absorption inside, rough diffuse
 KUAFU_CONST feature_medium = 1u << 2u;      // a participating medium
 KUAFU_CONST feature_subsurface = 1u << 3u;  // light that wanders below surfaces
 KUAFU_CONST feature_motion = 1u << 4u;      // rays have a time: SceneAddresses.moves
 KUAFU_CONST feature_camera = 1u << 5u;      // of `generate` and `aov`: generate_camera or aov_camera may be there
-KUAFU_CONST feature_lookups = 1u << 6u;     // textures with a lookup of their own (TextureRecord), second texture coordinates, vertex colours, normal_scale
-KUAFU_CONST feature_clearcoat = 1u << 8u;   // a clear coat over the surface
+KUAFU_CONST feature_lookups =
+    1u << 6u;  // textures with a lookup of their own (TextureRecord), second texture coordinates, vertex colours, normal_scale
+KUAFU_CONST feature_clearcoat = 1u << 8u;             // a clear coat over the surface
 KUAFU_CONST feature_diffuse_transmission = 1u << 9u;  // light that the diffuse base lets through
 KUAFU_CONST feature_anisotropy = 1u << 10u;           // lobes that are drawn out along a direction
 KUAFU_CONST feature_sheen = 1u << 11u;                // a lobe of fibres over the surface
 KUAFU_CONST feature_iridescence = 1u << 12u;          // thin films
 KUAFU_CONST feature_dispersion = 1u << 13u;           // glass that parts colours
-KUAFU_CONST feature_cutouts = 1u << 7u;     // of tracers: surfaces that are not everywhere there (alpha_mask, alpha_blend)
+KUAFU_CONST feature_cutouts = 1u << 7u;               // of tracers: surfaces that are not everywhere there (alpha_mask, alpha_blend)
 
 struct GeneratePush {
   ViewArray views;
@@ -196,7 +167,7 @@ struct ShadePush {
   uint bounce, max_bounces;
   uint shadow_rays_per_vertex, flags;  // shade_*
   uint groups, reserved;
-  FloatArray bends;  // bend_*; null without shade_bends
+  LandingTableArray landings;  // null without shade_bends
 };
 
 // Of the scene.
@@ -208,7 +179,7 @@ KUAFU_CONST shade_medium = 1u << 3u;         // there is a medium; half of a ver
 KUAFU_CONST shade_lights_only = 1u << 4u;    // light with an extent is found by light samples alone, or
 KUAFU_CONST shade_bsdf_only = 1u << 5u;      // by BSDF samples alone; else by both, weighted
 KUAFU_CONST shade_glass_shadows = 1u << 6u;  // shadow rays pass smooth glass: they stand in a closest queue, and `transmit` follows them
-KUAFU_CONST shade_bends = 1u << 7u;          // and are bent by it
+KUAFU_CONST shade_bends = 1u << 7u;          // bodies of it bend light: `gather` finds where that landed, and no shadow ray passes them
 
 struct ResolvePush {
   UintArray rays, shadow_rays;
@@ -231,16 +202,16 @@ struct TransmitPush {
   uint has_environments;
   uint last;  // nonzero: whatever stands in the way blocks
   uint has_medium;
-  uint surfaces;     // of glass that a way may pass
-  FloatArray bends;  // as in ShadePush
 };
 
-/// Where the variance of a pixel's mean is asked for, its samples are dealt out to this many sequences with scrambles of their own: sample i is number
-/// i / replicate_count of sequence i % replicate_count. Their means are independent, as points of one scrambled sequence are not.
+/// Where the variance of a pixel's mean is asked for, its samples are dealt out to this many sequences with scrambles of their own: sample
+/// i is number i / replicate_count of sequence i % replicate_count. Their means are independent, as points of one scrambled sequence are
+/// not.
 KUAFU_CONST replicate_count = 8u;
 
 struct AccumulatePush {
-  FloatArray state, sums;  // sums: plane p of local pixel i is p * sums_stride + sums_first + i; planes: (group, channel), then (channel, replicate)
+  FloatArray state,
+      sums;  // sums: plane p of local pixel i is p * sums_stride + sums_first + i; planes: (group, channel), then (channel, replicate)
   OutputArray outputs;
   WaveRange range;
   uint channels, groups, flags;  // accumulate_*
@@ -293,7 +264,7 @@ static_assert(sizeof(OutputRecord) == 32);
 static_assert(sizeof(GeneratePush) == 104);
 static_assert(sizeof(ShadePush) == 112);
 static_assert(sizeof(ResolvePush) == 72);
-static_assert(sizeof(TransmitPush) == 96);
+static_assert(sizeof(TransmitPush) == 80);
 static_assert(sizeof(AccumulatePush) == 96);
 static_assert(sizeof(AovPush) == 120);
 static_assert(sizeof(WritePush) == 72);

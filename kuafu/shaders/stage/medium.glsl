@@ -58,8 +58,7 @@ ShadowRequest ask_light_in_fog(IN(Path) path, IN(FogVertex) fog, uint k) {
   request.contribution *= open_transmittance(fog.position, asked.light.direction, asked.light.distance_m);
   request.opaque = asked.light.pdf > 0.0f;
   if (request.opaque && (push.flags & shade_lights_only) == 0u) request.contribution *= mis_weight(asked.light.pdf * asked.probability, pdf);
-  request.wanted = max_component(request.contribution) > 0.0f || asked.seek.found;
-  set_seek(request, asked, fog.throughput);
+  request.wanted = max_component(request.contribution) > 0.0f;
   request.group = asked.projector ? group_projector_indirect : asked.group;
   request.ray = Ray(fog.position, 0.0f, asked.light.direction, asked.light.distance_m * 0.99999f);
   return request;

@@ -83,7 +83,6 @@ void light_at_surface(IN(Path) path, IN(Vertex) vertex, uint k, OUT(LightAtSurfa
   find_light(path, vertex.position, l.origin, k, l.asked);
   if (!l.asked.found) return;
   turn_to_light(vertex, l);
-  if (can_walk() && vertex.from_below) l.asked.seek.found = false;  // `relight` does not know the surface from below
 }
 
 /// f, pdf: of bsdf_evaluate for the light's direction.
@@ -92,8 +91,8 @@ void request_light(IN(Path) path, IN(LightAtSurface) l, Spectrum f, float pdf, O
   if (in_medium()) request.contribution *= open_transmittance(l.origin, l.asked.light.direction, l.asked.light.distance_m);
   request.opaque = l.asked.light.pdf > 0.0f;  // directions that find it go through glass by themselves
   if (request.opaque && (push.flags & shade_lights_only) == 0u) request.contribution *= mis_weight(l.asked.light.pdf * l.asked.probability, pdf);
-  request.wanted = max_component(request.contribution) > 0.0f || l.asked.seek.found;
-  set_seek(request, l.asked, path.throughput);
+  request.wanted = max_component(request.contribution) > 0.0f;
+  request.bent = (push.flags & shade_bends) != 0u && !request.opaque;
   request.group = !l.asked.projector ? l.asked.group : all_delta(path) ? group_projector_direct : group_projector_indirect;
   request.ray = Ray(l.origin, 0.0f, l.asked.light.direction, l.asked.light.distance_m * 0.99999f);
 }
@@ -106,6 +105,7 @@ ShadowRequest ask_light_at_surface(IN(Path) path, IN(Vertex) vertex, uint k) {
   float pdf;
   Spectrum f = bsdf_evaluate(vertex.bsdf, push.scene.at[0].specular_albedo, vertex.wo, l.wi, vertex.chances, pdf);
   request_light(path, l, f, pdf, request);
+  if (can_walk() && vertex.from_below) request.bent = false;  // `gather` does not know the surface from below
   return request;
 }
 
@@ -171,24 +171,9 @@ bool goes_on(IN(Shading) s) {
   return (s.hit || s.fog.found) && bounces_on(s.path);
 }
 
-void write_bend(uint p, uint i, float value) { push.bends.at[bend_word(p, i, channels, queue_layout, push.shadow_capacity)] = value; }
-
-void store_bend(IN(ShadowRequest) request, uint i) {
-  write_bend(bend_found, i, 0.0f);
-  if (!request.seek.found) return;
-  bool directional = request.ray.t_far >= 0.5f * infinite_m;
-  vec3 target = directional ? request.ray.direction : request.ray.origin + request.ray.direction * (request.ray.t_far / 0.99999f);
-  write_bend(bend_light, i, uintBitsToFloat(request.light | (directional ? bend_directional : 0u)));
-  write_bend(bend_box, i, uintBitsToFloat(request.seek.box));
-  write_bend(bend_chance, i, request.seek.chance);
-  write_bend(bend_random, i, request.seek.random);
-  for (uint axis = 0u; axis < 3u; ++axis) write_bend(bend_target + axis, i, target[axis]);
-  for (uint c = 0u; c < channels; ++c) write_bend(bend_weight(channels) + c, i, channel_of(request.weight, c));
-}
-
 /// What was asked for goes to the places in the queues that the caller found.
 void queue_shadow(IN(Path) path, IN(ShadowRequest) request, uint k, uint i) {
-  uint id = i | (request.opaque ? shadow_opaque : 0u) | (request.seek.found ? shadow_bends : 0u);
+  uint id = i | (request.opaque ? shadow_opaque : 0u) | (request.bent ? shadow_bent : 0u);
   if ((push.flags & shade_glass_shadows) != 0u) {
     store_closest_ray(push.shadow_rays, i, push.shadow_capacity, request.ray, path.time_s, id);
     push.contributions.at[channels * push.shadow_capacity + i] = request.ray.t_far;
@@ -197,7 +182,6 @@ void queue_shadow(IN(Path) path, IN(ShadowRequest) request, uint k, uint i) {
   }
   if ((push.flags & shade_environments) != 0u) push.shadow_environments.at[i] = path_environment(path);
   for (uint c = 0u; c < channels; ++c) push.contributions.at[c * push.shadow_capacity + i] = channel_of(request.contribution, c);
-  if ((push.flags & shade_bends) != 0u) store_bend(request, i);
   push.state.at[plane(state_shadow(channels, push.groups) + k, path.slot)] = i | (request.group << shadow_group_shift);
 }
 

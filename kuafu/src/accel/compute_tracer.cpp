@@ -2,7 +2,6 @@
 // Our own two-level BVH2, built on the host and traced in Vulkan compute: the portable tracer of GPUs, and of CPU devices when asked for.
 #include <array>
 #include <map>
-#include <tuple>
 #include <utility>
 
 #include "accel/bvh_world.h"
@@ -25,7 +24,7 @@ struct TracePush {
 
 struct GlassPush {
   TracePush trace;
-  uint64_t contributions = 0, bends = 0;
+  uint64_t contributions = 0;
   uint32_t has_medium = 0, unused = 0;
 };
 
@@ -66,7 +65,7 @@ class ComputeTracer final : public Tracer {
 
   [[nodiscard]] bool passes_glass() const override { return true; }
   void occluded_by_more_than_glass(ks::Commands& commands, const RayQueue& rays, const GlassWay& glass) override {
-    GlassPush all{.trace = push(rays), .contributions = glass.contributions, .bends = glass.bends, .has_medium = glass.medium ? 1u : 0u};
+    GlassPush all{.trace = push(rays), .contributions = glass.contributions, .has_medium = glass.medium ? 1u : 0u};
     all.trace.scene = glass.scene;
     all.trace.glass_surfaces = glass.surfaces;
     commands.dispatch_indirect(glass_pipeline(glass), all, *rays.counters, rays.arguments_offset);
@@ -85,15 +84,15 @@ class ComputeTracer final : public Tracer {
     return specialisation(world_.moves(), cutouts ? feature_cutouts | feature_lookups : 0);
   }
 
-  [[nodiscard]] Constants specialisation(bool moves, uint32_t features = 0, bool bends = false) const {
-    return {group_size_, layout_, moves ? 1u : 0u, features, spread_, bends ? 1u : 0u, nodes_per_step_};
+  [[nodiscard]] Constants specialisation(bool moves, uint32_t features = 0) const {
+    return {group_size_, layout_, moves ? 1u : 0u, features, spread_, 0, nodes_per_step_};
   }
   /// Built for the features of a scene that asks for it.
   [[nodiscard]] const ks::ComputePipeline& glass_pipeline(const GlassWay& glass) {
     const uint32_t features = world_.moves() ? glass.features : glass.features & ~feature_motion;  // of lights alone: rays need no time
-    return glass_[{glass.infrared, glass.bends != 0, features}].get(
+    return glass_[{glass.infrared, features}].get(
         device_, glass.infrared ? std::span<const uint32_t>(trace_glass_infrared_spirv) : trace_glass_visible_spirv, sizeof(GlassPush),
-        specialisation(world_.moves(), features, glass.bends != 0));
+        specialisation(world_.moves(), features));
   }
 
   [[nodiscard]] TracePush push(const RayQueue& rays) const {
@@ -113,7 +112,7 @@ class ComputeTracer final : public Tracer {
 
   uint32_t layout_, group_size_, spread_, nodes_per_step_;
   Pipelines closest_, occluded_;
-  std::map<std::tuple<bool, bool, uint32_t>, ks::PipelineInBuild> glass_;  // by infrared, whether light is bent, and features
+  std::map<std::pair<bool, uint32_t>, ks::PipelineInBuild> glass_;  // by infrared and features
   std::shared_ptr<ks::Device> device_;
   BvhWorld world_;
 };

@@ -20,8 +20,8 @@ void filter(const RTCFilterFunctionNArguments* a) {
   for (uint32_t i = 0; i < a->N; ++i) {
     if (a->valid[i] == 0) continue;
     const uint32_t instance = context.instances[RTCHitN_instID(a->hit, a->N, i, 0)];
-    const uint32_t kind = context.kind == cutout_closest ? closest_kind(RTCRayN_id(a->ray, a->N, i)) : context.kind;
-    if (!stands_at(*context.scene, instance, RTCHitN_primID(a->hit, a->N, i), RTCHitN_u(a->hit, a->N, i), RTCHitN_v(a->hit, a->N, i), kind))
+    if (!stands_at(*context.scene, instance, RTCHitN_primID(a->hit, a->N, i), RTCHitN_u(a->hit, a->N, i), RTCHitN_v(a->hit, a->N, i),
+                   context.kind))
       a->valid[i] = 0;
   }
 }

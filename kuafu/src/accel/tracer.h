@@ -28,7 +28,6 @@ struct RayQueue {
 /// What a tracer must know to follow shadow rays through glass.
 struct GlassWay {
   uint64_t contributions = 0, scene = 0;  // device addresses (FloatArray, SceneReference)
-  uint64_t bends = 0;                     // FloatArray (shaders/shared/wave.h); 0: glass lets light through straight
   uint32_t surfaces = 0;                  // that a ray may pass
   uint32_t features = 0;                  // feature_* of the scene
   bool infrared = false, medium = false;

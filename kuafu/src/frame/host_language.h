@@ -2,6 +2,7 @@
 // GLSL's names for C++: include before shaders/lib and shaders/stage, inside namespace kuafu's files only.
 #pragma once
 
+#include <atomic>
 #include <glm/glm.hpp>
 #include <glm/gtc/packing.hpp>
 
@@ -16,6 +17,10 @@ namespace {
 using namespace glm;
 using uint = uint32_t;
 constexpr uint queue_layout = queue_layout_packets;
+
+// Counts of several workers.
+inline uint atomicAdd(uint& word, uint more) { return std::atomic_ref<uint>(word).fetch_add(more, std::memory_order_relaxed); }
+inline uint atomicOr(uint& word, uint bits) { return std::atomic_ref<uint>(word).fetch_or(bits, std::memory_order_relaxed); }
 
 // This is a byte swap and three exchanges, where glm's generic function takes far more.
 inline uint bitfieldReverse(uint x) {

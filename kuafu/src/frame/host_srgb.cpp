@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <atomic>
-
 #include "frame/host_language.h"
 #include "frame/srgb.h"
 
@@ -8,8 +6,6 @@ namespace kuafu {
 namespace {
 
 #include "lib/pixels.glsl"
-
-void atomicAdd(uint& word, uint more) { std::atomic_ref(word).fetch_add(more, std::memory_order_relaxed); }
 
 struct Srgb {
   const SrgbPush& push;

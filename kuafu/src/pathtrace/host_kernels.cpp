@@ -12,6 +12,7 @@ namespace {
 
 constexpr uint features = feature_camera | feature_motion | feature_lookups;
 #include "lib/camera.glsl"
+#include "lib/landing.glsl"
 #include "lib/pixel_sample.glsl"
 #include "lib/pixels.glsl"
 #include "lib/queue.glsl"
@@ -34,6 +35,11 @@ struct Accumulate {
 struct Visibility {
   const AovPush& push;
 #include "stage/visibility.glsl"
+};
+
+struct TableOfLandings {
+  const LandingTablePush& push;
+#include "stage/landing_table.glsl"
 };
 
 }  // namespace
@@ -82,6 +88,10 @@ void accumulate(const AccumulatePush& push, uint32_t first, uint32_t end) {
 
 void visibility(const AovPush& push, uint32_t first, uint32_t end) {
   for (Visibility stage{push}; first < end; ++first) stage.visibility(first);
+}
+
+void landing_table(const LandingTablePush& push, uint32_t first, uint32_t end) {
+  for (TableOfLandings stage{push}; first < end; ++first) stage.table_step(first);
 }
 
 }  // namespace host

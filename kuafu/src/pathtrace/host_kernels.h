@@ -13,6 +13,7 @@ void generate(const GeneratePush& push, uint32_t first, uint32_t end);
 void resolve(const ResolvePush& push, uint32_t first, uint32_t end);
 void accumulate(const AccumulatePush& push, uint32_t first, uint32_t end);
 void visibility(const AovPush& push, uint32_t first, uint32_t end);
+void landing_table(const LandingTablePush& push, uint32_t first, uint32_t end);
 
 /// These are of host_aov.cpp, which the build compiles once for each band.
 using AovKernel = void(const AovPush& push, uint32_t first, uint32_t end);
@@ -26,38 +27,45 @@ struct QueueEnds {
 /// These are of host_shade.cpp, which the build compiles once for each band and kind of scene.
 using ShadeKernel = void(const ShadePush& push, uint32_t first, uint32_t end, QueueEnds& ends);
 using TransmitKernel = void(const TransmitPush& push, uint32_t first, uint32_t end, QueueEnds& ends);
-using RelightKernel = void(const ShadePush& push, uint32_t first, uint32_t end);
+using GatherKernel = void(const ShadePush& push, uint32_t first, uint32_t end);
+using SendKernel = void(const LandPush& push, uint32_t first, uint32_t end);
+using LandKernel = void(const LandPush& push, uint32_t first, uint32_t end, QueueEnds& ends);
 /// The features that each kind knows. Surfaces of `plain` and `lit` scenes have a BSDF that goes in lanes; `lit` ones have lights with an
 /// extent or a profile, as most projectors do. In `worn` scenes some surfaces have lobes of their own, and the others go in lanes.
 inline constexpr uint32_t lobe_features = feature_materials | feature_clearcoat | feature_diffuse_transmission | feature_anisotropy |
                                           feature_sheen | feature_iridescence | feature_dispersion;
 inline constexpr uint32_t plain_features = feature_lookups, lit_features = plain_features | feature_lights | feature_cutouts,
                           worn_features = lit_features | lobe_features, full_features = ~0u;
-ShadeKernel shade_infrared_plain, shade_infrared_lit, shade_infrared_worn, shade_infrared_full, shade_visible_plain, shade_visible_lit,
-    shade_visible_worn, shade_visible_full;
-TransmitKernel transmit_infrared_plain, transmit_infrared_lit, transmit_infrared_worn, transmit_infrared_full, transmit_visible_plain,
-    transmit_visible_lit, transmit_visible_worn, transmit_visible_full;
-RelightKernel relight_infrared_plain, relight_infrared_lit, relight_infrared_worn, relight_infrared_full, relight_visible_plain,
-    relight_visible_lit, relight_visible_worn, relight_visible_full;
-
+#define KUAFU_KIND(kind)          \
+  ShadeKernel shade_##kind;       \
+  TransmitKernel transmit_##kind; \
+  GatherKernel gather_##kind;     \
+  SendKernel send_##kind;         \
+  LandKernel land_##kind;         \
+  inline constexpr SurfaceKernels kernels_##kind{shade_##kind, transmit_##kind, gather_##kind, send_##kind, land_##kind};
 struct SurfaceKernels {
   ShadeKernel* shade;
   TransmitKernel* transmit;
-  RelightKernel* relight;
+  GatherKernel* gather;
+  SendKernel* send;
+  LandKernel* land;
 };
+KUAFU_KIND(infrared_plain)
+KUAFU_KIND(infrared_lit)
+KUAFU_KIND(infrared_worn)
+KUAFU_KIND(infrared_full)
+KUAFU_KIND(visible_plain)
+KUAFU_KIND(visible_lit)
+KUAFU_KIND(visible_worn)
+KUAFU_KIND(visible_full)
+#undef KUAFU_KIND
+
 /// The ones that know no more than a scene needs. A scene's tracer alone looks at cutouts, but for those that shine.
 constexpr SurfaceKernels surface_kernels(bool infrared, uint32_t features) {
-  if ((features & ~(plain_features | feature_cutouts)) == 0)
-    return infrared ? SurfaceKernels{shade_infrared_plain, transmit_infrared_plain, relight_infrared_plain}
-                    : SurfaceKernels{shade_visible_plain, transmit_visible_plain, relight_visible_plain};
-  if ((features & ~lit_features) == 0)
-    return infrared ? SurfaceKernels{shade_infrared_lit, transmit_infrared_lit, relight_infrared_lit}
-                    : SurfaceKernels{shade_visible_lit, transmit_visible_lit, relight_visible_lit};
-  if ((features & ~worn_features) == 0)
-    return infrared ? SurfaceKernels{shade_infrared_worn, transmit_infrared_worn, relight_infrared_worn}
-                    : SurfaceKernels{shade_visible_worn, transmit_visible_worn, relight_visible_worn};
-  return infrared ? SurfaceKernels{shade_infrared_full, transmit_infrared_full, relight_infrared_full}
-                  : SurfaceKernels{shade_visible_full, transmit_visible_full, relight_visible_full};
+  if ((features & ~(plain_features | feature_cutouts)) == 0) return infrared ? kernels_infrared_plain : kernels_visible_plain;
+  if ((features & ~lit_features) == 0) return infrared ? kernels_infrared_lit : kernels_visible_lit;
+  if ((features & ~worn_features) == 0) return infrared ? kernels_infrared_worn : kernels_visible_worn;
+  return infrared ? kernels_infrared_full : kernels_visible_full;
 }
 
 }  // namespace kuafu::host

@@ -1,27 +1,41 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages `shade`, `transmit` and `relight` on the host. The build compiles this file once for each band and kind of scene: KUAFU_CHANNELS
-// and KUAFU_FEATURES say which, KUAFU_HOST_SHADE, KUAFU_HOST_TRANSMIT and KUAFU_HOST_RELIGHT name the functions.
+// Stages `shade`, `transmit`, `gather`, `send` and `land` on the host. The build compiles this file once for each band and kind of scene:
+// KUAFU_CHANNELS and KUAFU_FEATURES say which, KUAFU_HOST_KIND ends the functions' names.
 #include <algorithm>
+#include <vector>
 
 #include "frame/host_language.h"
 #include "pathtrace/host_kernels.h"
 #include "pathtrace/host_lanes.h"
 
+#define KUAFU_JOIN(stage, kind) stage##_##kind
+#define KUAFU_JOINED(stage, kind) KUAFU_JOIN(stage, kind)
+#define KUAFU_NAME(stage) KUAFU_JOINED(stage, KUAFU_HOST_KIND)
+
 namespace kuafu {
 namespace {
 
 constexpr uint features = KUAFU_FEATURES;
+constexpr uint32_t most_prefetched = 16;  // pencils of a bucket
+#include "lib/landing.glsl"
+#include "lib/refraction.glsl"
 #include "lib/shading.glsl"
 
 struct Shade {
   const ShadePush& push;
-#include "stage/relight.glsl"
 #include "stage/shade.glsl"
+
+#include "stage/gather.glsl"
 };
 
 struct Transmit {
   const TransmitPush& push;
 #include "stage/transmit.glsl"
+};
+
+struct Land {
+  const LandPush& push;
+#include "stage/land.glsl"
 };
 
 /// The queues that the stage fills, from their ends on.
@@ -52,6 +66,41 @@ void shade_path(Shade& stage, Queues& queues, uint32_t i) {
   queues.next(shading.path, next);
 }
 
+/// What landed stands anywhere in memory, in three places that one leads to the next: a block of paths asks for each of them together.
+void gather_block(Shade& stage, uint32_t first, uint32_t end) {
+  static thread_local std::vector<Shade::Gathering> gatherings;
+  static thread_local std::vector<uint32_t> rays;
+  static thread_local std::vector<const uint32_t*> heads;
+  gatherings.clear(), rays.clear(), heads.clear();
+  const LandingTable& table = stage.push.landings.at[0];
+  for (uint32_t i = first; i < end; ++i) {
+    const Shade::Gathering g = stage.begin_gathering(i);
+    if (!g.wanted) continue;
+    gatherings.push_back(g);
+    rays.push_back(i);
+    for (uint32_t k = 0; k < stage.gathered_lights(); ++k) {
+      const LightChoice light = stage.gathered_light(g, k);
+      if (light.probability == 0.0f) continue;
+      for (uint32_t levels = table.words.at[landing_levels]; levels != 0; levels &= levels - 1) {
+        const int level = findLSB(levels) + landing_least_level;
+        const uint32_t bucket = bucket_of(table, cell_of(g.position, level), level, light.index, stage.path_environment(g.path));
+        heads.push_back(table.words.at + landing_heads + 2 * bucket);
+        __builtin_prefetch(heads.back());
+      }
+    }
+  }
+  const uint32_t* const entries = table.words.at + landing_heads + 2 * table.buckets;
+  for (const uint32_t* head : heads)
+    if (head[1] > 0) __builtin_prefetch(entries + head[0]);
+  for (const uint32_t* head : heads)
+    for (uint32_t k = 0; k < std::min(head[1], most_prefetched); ++k) {
+      const auto* pencil = reinterpret_cast<const char*>(table.pencils.at + entries[head[0] + k]);
+      __builtin_prefetch(pencil);
+      __builtin_prefetch(pencil + 64);
+    }
+  for (size_t k = 0; k < rays.size(); ++k) stage.gather(rays[k], gatherings[k]);
+}
+
 #if KUAFU_IN_LANES
 #include "pathtrace/host_shade_block.inc"
 #endif
@@ -60,7 +109,7 @@ void shade_path(Shade& stage, Queues& queues, uint32_t i) {
 
 namespace host {
 
-void KUAFU_HOST_SHADE(const ShadePush& push, uint32_t first, uint32_t end, QueueEnds& ends) {
+void KUAFU_NAME(shade)(const ShadePush& push, uint32_t first, uint32_t end, QueueEnds& ends) {
   Shade stage{push};
   Queues queues(stage, ends);
 #if KUAFU_IN_LANES
@@ -71,15 +120,28 @@ void KUAFU_HOST_SHADE(const ShadePush& push, uint32_t first, uint32_t end, Queue
 #endif
 }
 
-void KUAFU_HOST_TRANSMIT(const TransmitPush& push, uint32_t first, uint32_t end, QueueEnds& ends) {
+void KUAFU_NAME(transmit)(const TransmitPush& push, uint32_t first, uint32_t end, QueueEnds& ends) {
   for (Transmit stage{push}; first < end; ++first) {
     const Transmit::Onward onward = stage.transmit(first);
     if (onward.wanted) stage.queue_onward(first, onward, ends.shadow++);
   }
 }
 
-void KUAFU_HOST_RELIGHT(const ShadePush& push, uint32_t first, uint32_t end) {
-  for (Shade stage{push}; first < end; ++first) stage.relight(first);
+void KUAFU_NAME(gather)(const ShadePush& push, uint32_t first, uint32_t end) {
+  constexpr uint32_t block = 32;
+  Shade stage{push};
+  for (; first < end; first += block) gather_block(stage, first, std::min(end, first + block));
+}
+
+void KUAFU_NAME(send)(const LandPush& push, uint32_t first, uint32_t end) {
+  for (Land stage{push}; first < end; ++first) stage.send_pencil(first);
+}
+
+void KUAFU_NAME(land)(const LandPush& push, uint32_t first, uint32_t end, QueueEnds& ends) {
+  for (Land stage{push}; first < end; ++first) {
+    const Land::Segment onward = stage.follow_pencil(first);
+    if (onward.wanted) stage.queue_pencil(onward, ends.next++);
+  }
 }
 
 }  // namespace host

@@ -2,6 +2,7 @@
 #include "pathtrace/path_tracer.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "device/error.h"
 #include "device/thread_pool.h"
@@ -30,12 +31,18 @@ WaveBackend make_backend(const std::shared_ptr<ks::Device>& device, TracerKind k
   return {.memory = {.device = device, .on_host = on_host}, .tracer = std::move(tracer), .stages = std::move(stages)};
 }
 
+/// A part of the paths, so that light takes a small part of the time, and of one view alone, so that others beside it change nothing.
+uint32_t pencils_of(const Launch& launch) {
+  constexpr uint64_t paths_per_pencil = 32, least = 1u << 14, most = 1u << 18;
+  return uint32_t(std::clamp(uint64_t(launch.width) * launch.height * launch.samples / paths_per_pencil, least, most));
+}
+
 uint32_t round_up(uint32_t n, uint32_t step) { return (n + step - 1) / step * step; }
 
 }  // namespace
 
 PathTracer::PathTracer(const std::shared_ptr<ks::Device>& device, TracerKind tracer)
-    : backend_(make_backend(device, tracer)), tables_(memory()), aov_tables_(memory()), slots_(memory()) {}
+    : backend_(make_backend(device, tracer)), tables_(memory()), aov_tables_(memory()), slots_(memory()), landings_(memory()) {}
 
 void PathTracer::update_tables(const Scene& scene, const Launch& launch) {
   tables_.update(scene, launch.band, launch.environment_count(), open_span(launch));
@@ -46,6 +53,11 @@ void PathTracer::update_tables(const Scene& scene, const Launch& launch) {
   const auto cameras = cameras_.resize(memory(), special ? launch.views.size() : 0);
   for (size_t i = 0; i < cameras.size(); ++i) cameras[i] = camera_record(launch.views[i]);
   plan_ = plan_of(launch, special);
+  if (!plan_.bends) return;
+  landings_.fit(make_pencil_sources(tables_.sharp_lights(), tables_.glass_bodies(), tables_.radius_m(), launch.environment_count(),
+                                    pencils_of(launch)));
+  plan_.bends = landings_.pencil_count() > 0;
+  plan_.landings = landings_.table();
 }
 
 WavePlan PathTracer::plan_of(const Launch& launch, bool special_cameras) const {
@@ -76,17 +88,15 @@ void PathTracer::fit(const Launch& launch, uint32_t rays_per_square) {
   const uint32_t total = launch.pixel_count();
   const uint32_t samples = launch.wants_radiance() ? std::min(launch.samples, most_pass_samples(launch.has_budget())) : 1;
   const bool by_surfaces = plan_.passes_glass && !backend_.tracer->passes_glass();
-  const uint32_t passes = plan_.bends ? bend_segments + launch.glass_surfaces + 1 : launch.glass_surfaces;
   WaveSize size{.queue_layout = backend_.tracer->queue_layout(),
                 .channels = launch.band.channels(),
                 .groups = plan_.groups,
                 .shadow_rays_per_vertex = plan_.shadow_rays_per_vertex,
-                .bounces = plan_.last_lit + 3,
+                .bounces = std::max(plan_.last_lit + 3, plan_.bends ? launch.glass_surfaces + 3 : 0),
                 .environments = plan_.environments,
                 .features = plan_.features,
                 .visibility = launch.wants_visibility(),
-                .glass_passes = by_surfaces ? passes : 0,
-                .bends = plan_.bends};
+                .glass_passes = by_surfaces ? launch.glass_surfaces : 0};
   const uint32_t paths = memory().on_host ? host_wave_paths(size.shadow_rays_per_vertex) : most_paths(*memory().device, size);
   const uint32_t wave = std::min(total, std::max(paths / samples, pixel_block));
   // One wave of a fourth of the pixels: seldom do more ask for rays over their squares, and each wave ends in a few slow rays.
@@ -122,6 +132,30 @@ void PathTracer::in_waves(ks::Commands& commands, const Launch& launch, const Wa
     Wave wave(backend_, launch, plan_, lease.slot().buffers, *lease.slot().commands, range);
     step(wave);
   });
+}
+
+void PathTracer::land_light(ks::Commands& commands, const Launch& launch, uint32_t first_sample) {
+  if (!plan_.bends) return;
+  // Grids of consecutive samples are moved by Roberts's sequence ("The unreasonable effectiveness of quasirandom sequences", 2018).
+  const double u = double(launch.seed % 65521) / 65521 + first_sample * 0.7548776662466927;
+  const double v = double(launch.seed % 65519) / 65519 + first_sample * 0.5698402909980532;
+  LandPush push = landings_.push(uint32_t(launch.seed ^ launch.seed >> 32) + 0x9e3779b9u * first_sample,
+                                 {float(u - std::floor(u)), float(v - std::floor(v))});
+  const uint32_t capacity = slots_.size().capacity, total = landings_.pencil_count();
+  const auto follow = [&](WaveBuffers& buffers, ks::Commands& recorder, uint32_t first) {
+    LandPush part = push;
+    part.first = first;
+    part.count = std::min(capacity, total - first);
+    Wave(backend_, launch, plan_, buffers, recorder, {}).follow_pencils(part);
+  };
+  if (memory().on_host)
+    memory().device->workers().parallel_for((total + capacity - 1) / capacity, [&](size_t i) {
+      const WaveSlots::Lease lease(slots_);
+      follow(lease.slot().buffers, *lease.slot().commands, uint32_t(i) * capacity);
+    });
+  else
+    for (uint32_t first = 0; first < total; first += capacity) follow(slots_.only(), commands, first);
+  backend_.stages->tabulate(commands, landings_);
 }
 
 WaveRange PathTracer::range(const Launch& launch, uint32_t first_pixel, uint32_t pixel_count, uint32_t first_sample,

@@ -46,8 +46,9 @@ void Wave::trace_paths() {
   generate(flag(launch_.wants_variance(), generate_replicates));
   trace_closest(0);
   for (uint32_t bounce = 0; bounce <= plan_.last_bounce; ++bounce) {
-    shade(bounce);
     const bool lit = plan_.shadow_rays_per_vertex > 0 && bounce <= plan_.last_lit;
+    if (lit && plan_.bends) backend_.stages->gather(commands_, shade_push(bounce), buffers_);
+    shade(bounce);
     bool more = bounce < plan_.last_bounce;
     if (lit && more && !on_cpu_device() && !glass_shadows()) {
       commands_.set_automatic_barriers(false);
@@ -60,7 +61,6 @@ void Wave::trace_paths() {
       more = more && buffers_.ray_count(bounce + 1) > 0;
       if (more) trace_closest(bounce + 1);
     }
-    if (lit && plan_.bends) backend_.stages->relight(commands_, shade_push(bounce), buffers_);
     if (lit) resolve(bounce);
     if (!more) break;
   }
@@ -85,7 +85,6 @@ void Wave::trace_shadows(uint32_t bounce, const char* stage) {
   backend_.tracer->occluded_by_more_than_glass(commands_, rays,
                                                {.contributions = buffers_.contributions(),
                                                 .scene = plan_.scene,
-                                                .bends = buffers_.bends(),
                                                 .surfaces = launch_.glass_surfaces,
                                                 .features = plan_.features,
                                                 .infrared = launch_.band.infrared,
@@ -112,10 +111,32 @@ void Wave::trace_by_surfaces(uint32_t bounce) {
                                .block_out = buffers_.shadow_block(bounce, last ? passed : passed + 1),
                                .has_environments = flag(plan_.environments, 1),
                                .last = flag(last, 1),
-                               .has_medium = flag(plan_.medium, 1),
-                               .surfaces = launch_.glass_surfaces,
-                               .bends = buffers_.bends()},
+                               .has_medium = flag(plan_.medium, 1)},
                               buffers_);
+  }
+}
+
+void Wave::follow_pencils(LandPush push) {
+  push.counters = buffers_.counter_address();
+  push.scene = plan_.scene;
+  push.capacity = buffers_.size().capacity;
+  push.surfaces = launch_.glass_surfaces;
+  push.flags = flag(plan_.environments, land_environments) | flag(plan_.medium, land_medium);
+  for (uint32_t passed = 0; passed <= launch_.glass_surfaces; ++passed) {
+    push.rays_in = buffers_.closest_rays(passed);
+    push.environments_in = buffers_.closest_environments(passed);
+    if (passed == 0) {
+      push.rays_out = push.rays_in;
+      push.environments_out = push.environments_in;
+      backend_.stages->send(commands_, push, buffers_);
+    }
+    push.rays_out = buffers_.closest_rays(passed + 1);
+    push.environments_out = buffers_.closest_environments(passed + 1);
+    push.block = passed;
+    trace_closest(passed);
+    backend_.stages->land(commands_, push, buffers_);
+    if (on_cpu_device()) commands_.flush();  // then the host sees how many are left
+    if (buffers_.ray_count(passed + 1) == 0) return;
   }
 }
 
@@ -159,7 +180,7 @@ ShadePush Wave::shade_push(uint32_t bounce) const {
                    flag(launch_.light_sampling == LightSampling::bsdf, shade_bsdf_only) | flag(plan_.bends, shade_bends),
           .groups = plan_.groups,
           .reserved = 0,
-          .bends = buffers_.bends()};
+          .landings = plan_.landings};
 }
 
 void Wave::resolve(uint32_t bounce) {

@@ -18,15 +18,13 @@ WordsPerPath::WordsPerPath(const WaveSize& size) {
   passed_rays = glass ? shadow_rays : 0;
   shadow_environments = shadows * environments;
   contributions = shadows * (size.channels + (glass ? 1 : 0));
-  bends = size.bends ? shadows * bend_planes(size.channels, glass || size.queue_layout == queue_layout_packets) : 0;
 }
 
 uint32_t WordsPerPath::all() const {
-  return 2 * (rays + environments) + state + shadow_rays + passed_rays + (passed_rays ? 2 : 1) * shadow_environments + contributions +
-         bends;
+  return 2 * (rays + environments) + state + shadow_rays + passed_rays + (passed_rays ? 2 : 1) * shadow_environments + contributions;
 }
 
-uint32_t WordsPerPath::widest_array() const { return std::max({rays, state, shadow_rays, contributions, bends}); }
+uint32_t WordsPerPath::widest_array() const { return std::max({rays, state, shadow_rays, contributions}); }
 
 void WaveBuffers::fit(const WaveSize& size) {
   size_ = size;
@@ -39,7 +37,6 @@ void WaveBuffers::fit(const WaveSize& size) {
   grow(memory_, shadow_environments_[0], capacity * words.shadow_environments);
   grow(memory_, shadow_environments_[1], words.passed_rays ? capacity * words.shadow_environments : 0);
   grow(memory_, contributions_, capacity * words.contributions);
-  if (size.bends) grow(memory_, bends_, capacity * words.bends);
   grow(memory_, state_, capacity * words.state);
   grow(memory_, counters_, counter_bytes() / 4);
 }

@@ -25,7 +25,6 @@ struct WaveSize {
   uint32_t features = 0;      // feature_*
   bool visibility = false;    // `aov` asks a shadow ray of each pixel
   uint32_t glass_passes = 0;  // queues of shadow rays that pass glass, surface by surface; 0: shadow rays ask once
-  bool bends = false;         // glass bends them
 
   [[nodiscard]] uint32_t shadow_rays_per_path() const { return std::max(shadow_rays_per_vertex, visibility ? 1u : 0u); }
 };
@@ -35,7 +34,7 @@ struct WordsPerPath {
   uint32_t rays, environments;  // of two arrays each
   uint32_t state;
   uint32_t shadow_rays, passed_rays;  // the latter of a second array, for those that passed glass
-  uint32_t shadow_environments, contributions, bends;
+  uint32_t shadow_environments, contributions;
 
   explicit WordsPerPath(const WaveSize& size);
   [[nodiscard]] uint32_t all() const;
@@ -61,7 +60,6 @@ class WaveBuffers {
   [[nodiscard]] uint64_t closest_environments(uint32_t bounce) const { return address(environments_[bounce & 1]); }
   [[nodiscard]] uint64_t shadow_environments(uint32_t passed = 0) const { return address(shadow_environments_[passed & 1]); }
   [[nodiscard]] uint64_t contributions() const { return address(contributions_); }
-  [[nodiscard]] uint64_t bends() const { return size_.bends ? address(bends_) : 0; }
   [[nodiscard]] uint64_t state() const { return address(state_); }
   [[nodiscard]] const ks::Buffer& counters() const { return *counters_; }
   [[nodiscard]] uint64_t counter_address() const { return address(counters_); }
@@ -78,8 +76,7 @@ class WaveBuffers {
 
   Memory memory_;
   WaveSize size_;
-  std::shared_ptr<ks::Buffer> rays_[2], environments_[2], shadow_rays_[2], shadow_environments_[2], contributions_, bends_, state_,
-      counters_;
+  std::shared_ptr<ks::Buffer> rays_[2], environments_[2], shadow_rays_[2], shadow_environments_[2], contributions_, state_, counters_;
 };
 
 /// A wave is rendered in a slot, which has memory for queues and state, and a recorder.

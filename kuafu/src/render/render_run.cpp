@@ -91,6 +91,7 @@ void RenderRun::finish_round() {
 
 void RenderRun::render_round() {
   const uint32_t total = launch_.pixel_count(), batch = parts_.paths.pixels_per_batch();
+  if (launch_.wants_radiance()) parts_.paths.land_light(commands_, launch_, first_sample() + samples_before());
   for (uint32_t first = 0; first < total; first += batch) {
     const uint32_t count = std::min(batch, total - first);
     if ((launch_.wants_aovs() || denoises()) && budget_.done() == 0) render_surfaces(first, count);

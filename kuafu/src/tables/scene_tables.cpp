@@ -37,7 +37,7 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
   if (materials_changed) write_materials(scene);
   if (now.instances != seen_.instances) instances_.update(memory_, scene, meshes_);
   if (has_bending_ && (materials_changed || now.instances != seen_.instances || now.meshes != seen_.meshes))
-    glass_boxes_.update(memory_, scene, band);
+    glass_bodies_.update(scene, band);
   if (lights_changed) write_lights(scene, environment_count);
   write_medium(scene);
   if (now.instances != seen_.instances || lights_changed) write_instance_motions(scene);
@@ -58,8 +58,7 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
                                    .instance_motions = instance_motions_.address(),
                                    .light_motions = light_motions_.address(),
                                    .moves = moves_ ? 1u : 0u,
-                                   .glass_box_count = has_bending_ ? glass_boxes_.count() : 0,
-                                   .glass_boxes = glass_boxes_.address()};
+                                   .reserved = 0};
   scene_ = &scene;
 }
 
@@ -87,7 +86,7 @@ void SceneTables::forget() {
   meshes_.forget();
   instances_.forget();
   textures_.forget();
-  glass_boxes_.forget();
+  glass_bodies_.forget();
 }
 
 void SceneTables::write_materials(const Scene& scene) {
@@ -154,6 +153,7 @@ void SceneTables::write_lights(const Scene& scene, uint32_t environment_count) {
   std::ranges::copy(table.shapes, light_shapes_.resize(memory_, table.shapes.size()).begin());
   std::ranges::copy(table.cumulative, light_cumulative_.resize(memory_, table.cumulative.size()).begin());
   std::ranges::copy(table.triangles, light_triangles_.resize(memory_, table.triangles.size()).begin());
+  sharp_lights_ = kuafu::sharp_lights(table);
   light_features_ = table.has_shapes ? feature_lights : 0;
   std::ranges::copy(table.environments, environments_.resize(memory_, table.environments.size()).begin());
   shadow_rays_per_vertex_ = table.shadow_rays_per_vertex;

@@ -7,10 +7,11 @@
 
 #include "frame/band.h"
 #include "light/light_table.h"
+#include "light/sharp_light.h"
 #include "scene/scene.h"
 #include "shared/scene_records.h"
 #include "shared/wave.h"
-#include "tables/glass_boxes.h"
+#include "tables/glass_bodies.h"
 #include "tables/instance_table.h"
 #include "tables/texture_tables.h"
 
@@ -42,6 +43,10 @@ class SceneTables {
   [[nodiscard]] bool has_glass() const { return has_glass_; }
   /// Whether some of it is smooth and bounds a body.
   [[nodiscard]] bool has_bending() const { return has_bending_; }
+  /// With has_bending.
+  [[nodiscard]] const std::vector<GlassBody>& glass_bodies() const { return glass_bodies_.bodies(); }
+  [[nodiscard]] const std::vector<SharpLight>& sharp_lights() const { return sharp_lights_; }
+  [[nodiscard]] double radius_m() const { return world_radius_m_; }  // half the diagonal of what there is, where some light is directional
   /// Whether the environment or a surface shines in the band: light that only BSDF rays find.
   [[nodiscard]] bool has_ambient() const { return has_environment_light_ || (light_features_ & feature_lights) != 0 || emissive_; }
 
@@ -66,7 +71,8 @@ class SceneTables {
 
   MeshTable meshes_;
   InstanceTable instances_;
-  GlassBoxes glass_boxes_;
+  GlassBodies glass_bodies_;
+  std::vector<SharpLight> sharp_lights_;
   TextureTables textures_;
   MappedTable<MaterialRecord> materials_;
   MappedTable<LightRecord> lights_;

@@ -11,19 +11,25 @@ namespace {
 
 constexpr double ior = 1.5;
 
-/// Where a ray from a lamp at the origin lands that leaves at `angle` from +z towards +x, and what share of it arrives.
+/// Where a ray lands that meets a ball, and what share of it arrives.
 struct Landing {
+  bool found = false;
   double x = 0, share = 0;
 };
 
-/// Through a ball on the axis, onto the wall z = wall.
-Landing through_ball(double angle, double centre, double radius, double wall) {
-  const double in = std::asin(centre * std::sin(angle) / radius), inside = std::asin(std::sin(in) / ior), r = reflectance(in, ior);
-  // The point of entry has polar angle in - angle about the ball's centre, seen from the lamp's side; the chord turns it by pi - 2 inside.
-  const double entry = pi - (in - angle), exit = entry - (pi - 2 * inside);
-  const double z = centre + radius * std::cos(exit), x = radius * std::sin(exit), direction = angle - 2 * (in - inside);
-  return {x + std::tan(direction) * (wall - z), (1 - r) * (1 - r)};
+/// A ball on the axis, and the wall z = wall. The ray meets the ball at the angle `in`, goes at `angle` from +z towards +x before, and is
+/// reflected so many times inside.
+Landing through_ball(double angle, double in, double centre, double radius, double wall, int reflections) {
+  const double inside = std::asin(std::sin(in) / ior), r = reflectance(in, ior);
+  // The point of entry has polar angle in - angle about the ball's centre, seen from the lamp's side; each chord turns it by pi - 2 inside.
+  const double exit = pi - (in - angle) - (1 + reflections) * (pi - 2 * inside);
+  const double direction = angle - 2 * (in - inside) - reflections * (pi - 2 * inside);
+  if (std::cos(direction) <= 0.05) return {};
+  const double z = centre + radius * std::cos(exit), x = radius * std::sin(exit);
+  return {true, x + std::tan(direction) * (wall - z), (1 - r) * (1 - r) * std::pow(r, reflections)};
 }
+
+constexpr int most_reflections = 6;  // a ray passes eight surfaces at most
 
 /// Mean irradiances of rings of equal width that fill a disc of the wall around the axis, for a lamp of 1 W/sr.
 std::vector<double> rings_by_light_tracing(double centre, double radius, double wall, double disc, size_t count) {
@@ -31,10 +37,12 @@ std::vector<double> rings_by_light_tracing(double centre, double radius, double 
   const double most = std::asin(radius / centre);
   constexpr int rays = 400000;
   for (int i = 0; i < rays; ++i) {
-    const double angle = most * (i + 0.5) / rays;
-    const Landing l = through_ball(angle, centre, radius, wall);
-    const auto ring = size_t(std::abs(l.x) / disc * double(count));
-    if (ring < count) rings[ring] += l.share * 2 * pi * std::sin(angle) * most / rays;
+    const double angle = most * (i + 0.5) / rays, in = std::asin(centre * std::sin(angle) / radius);
+    for (int reflections = 0; reflections <= most_reflections; ++reflections) {
+      const Landing l = through_ball(angle, in, centre, radius, wall, reflections);
+      const auto ring = size_t(std::abs(l.x) / disc * double(count));
+      if (l.found && ring < count) rings[ring] += l.share * 2 * pi * std::sin(angle) * most / rays;
+    }
   }
   for (size_t k = 0; k < count; ++k) rings[k] /= pi * disc * disc * double(2 * k + 1) / double(count * count);
   return rings;
@@ -65,7 +73,7 @@ TEST(BentLight, a_ball_spreads_a_lamps_light_as_traced_rays_say) {
     world.add(quad({0, 0, wall}, {-0.5, 0, 0}, {0, 0.5, 0}), lambert(0.5f));
     world.add(sphere(radius, 128, true), glass(float(ior)), placed({0, 0, centre}));
     world.add_point({0, 0, 0}, 1.0f);
-    world.desc().samples_per_pixel = tracer == KUAFU_TRACER_AUTO ? 4 : 1;
+    world.desc().samples_per_pixel = tracer == KUAFU_TRACER_AUTO ? 64 : 4;
     world.desc().max_bounces = 0;
     world.desc().glass_shadows = KUAFU_GLASS_SHADOWS_BENT;
     const auto side = uint32_t(2 * shadow_px) + 3;
@@ -73,7 +81,8 @@ TEST(BentLight, a_ball_spreads_a_lamps_light_as_traced_rays_say) {
         rings_of(world.radiance(view_at({0, 0, camera}, side, side, focal_px)), shadow_px, expected.size(), 0.5);
     double sum = 0, expected_sum = 0;
     for (size_t k = 0; k < expected.size(); ++k) {
-      EXPECT_NEAR(found[k] / expected[k], 1, 0.03) << "ring " << k << " of tracer " << tracer;
+      // What is reflected inside crosses on the axis: few pencils have much of the innermost ring's light.
+      EXPECT_NEAR(found[k] / expected[k], 1, k == 0 ? 0.1 : 0.03) << "ring " << k << " of tracer " << tracer;
       sum += found[k] * double(2 * k + 1);
       expected_sum += expected[k] * double(2 * k + 1);
     }
@@ -118,7 +127,7 @@ TEST(BentLight, dots_behind_a_slab_are_displaced_as_snell_says) {
   for (uint32_t c = 0; c < ramp.width; ++c) {
     const double x = (c - (ramp.width - 1) / 2.0) / 150 * 0.25;
     const double straight = BehindSlab::focal_px * x + (BehindSlab::columns - 1) / 2.0, expected = BehindSlab::column_at(x);
-    EXPECT_NEAR(ramp.at(0, 4, c) / flat.at(0, 4, c), expected, 0.02) << x;
+    EXPECT_NEAR(ramp.at(0, 4, c) / flat.at(0, 4, c), expected, 0.05) << x;  // light that the slab reflects twice lands elsewhere
     moved = std::max(moved, std::abs(expected - straight));
   }
   EXPECT_GT(moved, 0.3);
@@ -142,22 +151,28 @@ TEST(BentLight, a_pane_dims_by_fresnel_and_brings_the_lamp_nearer) {
 }
 
 TEST(BentLight, a_directional_light_is_focused_by_a_ball) {
-  const double radius = 0.06, behind = 0.5, focal = ior * radius / (2 * (ior - 1));
-  World open, glazed;
-  for (World* world : {&open, &glazed}) {
-    world->add(quad({0, 0, behind}, {-0.5, 0, 0}, {0, 0.5, 0}), lambert(0.5f));
-    kuafu_light_desc sun = kuafu_light_desc_init(KUAFU_LIGHT_DIRECTIONAL);
-    sun.ir_intensity = 1.0f;
-    world->add_light(sun, placed({0, 0, 0}));
-    world->desc().samples_per_pixel = 4;
-    world->desc().max_bounces = 0;
-    world->desc().glass_shadows = KUAFU_GLASS_SHADOWS_BENT;
+  const double radius = 0.06, behind = 0.5, disc = 0.04, camera = 0.2, focal_px = 600;
+  World world;
+  world.add(quad({0, 0, behind}, {-0.5, 0, 0}, {0, 0.5, 0}), lambert(0.5f));
+  world.add(sphere(radius, 128, true), glass(float(ior)));
+  kuafu_light_desc sun = kuafu_light_desc_init(KUAFU_LIGHT_DIRECTIONAL);
+  sun.ir_intensity = 1.0f;
+  world.add_light(sun, placed({0, 0, 0}));
+  world.desc().samples_per_pixel = 64;
+  world.desc().max_bounces = 0;
+  world.desc().glass_shadows = KUAFU_GLASS_SHADOWS_BENT;
+  world.desc().glass_surfaces = 2;  // no reflection inside
+  constexpr int rays = 400000;
+  double power = 0;
+  for (int i = 0; i < rays; ++i) {
+    const double aside = (i + 0.5) / rays, in = std::asin(aside);
+    const Landing l = through_ball(0, in, 0, radius, behind, 0);
+    if (l.found && std::abs(l.x) < disc) power += l.share * 2 * pi * aside * radius * radius / rays;
   }
-  glazed.add(sphere(radius, 128, true), glass(float(ior)));
-  const auto mean = [](World& world) { return world.radiance(view_at({0, 0, 0.2}, 3, 3, 5000)).mean(); };
-  // Paraxial rays cross at the focal length behind the centre.
-  const double r = reflectance(0, ior);
-  EXPECT_NEAR(mean(glazed) / mean(open) / (std::pow(1 - r, 2) * std::pow(focal / (behind - focal), 2)), 1, 0.02);
+  const double disc_px = disc / (behind - camera) * focal_px;
+  const auto side = uint32_t(2 * disc_px) + 3;
+  const double found = rings_of(world.radiance(view_at({0, 0, camera}, side, side, focal_px)), disc_px, 1, 0.5)[0];
+  EXPECT_NEAR(found * pi * disc * disc / power, 1, 0.005);
 }
 
 TEST(BentLight, glass_that_hardly_refracts_changes_no_light_that_walls_pass_on) {

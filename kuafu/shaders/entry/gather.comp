@@ -7,9 +7,11 @@
 
 layout(push_constant, scalar) uniform Push { ShadePush push; };
 #include "stage/shade.glsl"
-#include "stage/relight.glsl"
+#include "stage/gather.glsl"
 
 void main() {
   uint i = gl_GlobalInvocationID.x;
-  if (i < push.counters.at[push.bounce * counter_words + counter_ray_count]) relight(i);
+  if (i >= push.counters.at[push.bounce * counter_words + counter_ray_count]) return;
+  Gathering g = begin_gathering(i);
+  if (g.wanted) gather(i, g);
 }

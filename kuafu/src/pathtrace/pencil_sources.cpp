@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pathtrace/pencil_sources.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace kuafu {
+namespace {
+
+constexpr double least_facing = 0.2;  // of a box's corners, else the light is too near for one plane
+constexpr uint32_t turned_part = 4;   // of all pencils, those of light that is reflected in part
+constexpr uint32_t least_side = 8;    // nodes along a grid
+
+struct Frame {
+  glm::dvec3 u, v, axis;
+};
+
+Frame frame_around(const glm::dvec3& axis) {
+  const glm::dvec3 beside = std::abs(axis.x) < 0.7 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0);
+  const glm::dvec3 u = glm::normalize(glm::cross(beside, axis));
+  return {u, glm::cross(axis, u), axis};
+}
+
+std::array<glm::dvec3, 8> corners(const GlassBody& body) {
+  std::array<glm::dvec3, 8> out;
+  for (int corner = 0; corner < 8; ++corner)
+    out[size_t(corner)] = {corner & 1 ? body.max.x : body.min.x, corner & 2 ? body.max.y : body.min.y,
+                           corner & 4 ? body.max.z : body.min.z};
+  return out;
+}
+
+struct Window {
+  glm::dvec2 low{1e300}, high{-1e300};
+  void take(const glm::dvec2& p) {
+    low = glm::min(low, p);
+    high = glm::max(high, p);
+  }
+};
+
+/// Adds grids, of about so many pencils, to what there is.
+class Grids {
+ public:
+  Grids(PencilSources& out, const SharpLight& light, const GlassBody& body) : out_(out), light_(light), body_(body) {}
+
+  void add(const glm::dvec3& origin, const Frame& frame, const Window& window, double pencils) {
+    add_grid(origin, frame, window, pencils * (turned_part - 1) / turned_part, 0);
+    add_grid(origin, frame, window, pencils / turned_part, source_turned);
+  }
+
+ private:
+  /// The nodes go one step beyond the window on one side: moved by up to a step they cover it.
+  void add_grid(const glm::dvec3& origin, const Frame& frame, const Window& window, double pencils, uint32_t flags) {
+    const uint32_t side = std::max(least_side, uint32_t(std::sqrt(pencils)));
+    const glm::dvec2 step = glm::max(window.high - window.low, glm::dvec2(1e-9)) / double(side);
+    const double reach_m = light_.directional ? 1.0 : glm::length(0.5 * (body_.min + body_.max) - origin);
+    out_.finest_m = std::min(out_.finest_m, std::max(1e-7, std::min(step.x, step.y) * reach_m));
+    out_.sources.push_back({.origin = glm::vec3(origin),
+                            .axis_u = glm::vec3(frame.u),
+                            .axis_v = glm::vec3(frame.v),
+                            .axis = glm::vec3(frame.axis),
+                            .first = glm::vec2(window.low - step),
+                            .step = glm::vec2(step),
+                            .columns = side + 2,
+                            .first_pencil = out_.pencil_count,
+                            .light = light_.index,
+                            .environment = light_.environment,
+                            .instance = body_.slot,
+                            .flags = flags | (light_.directional ? source_directional : 0)});
+    out_.pencil_count += (side + 2) * (side + 2);
+  }
+
+  PencilSources& out_;
+  const SharpLight& light_;
+  const GlassBody& body_;
+};
+
+void add_directional(Grids& grids, const SharpLight& light, const GlassBody& body, double world_radius_m, double pencils) {
+  const Frame frame = frame_around(light.direction);
+  const glm::dvec3 middle = 0.5 * (body.min + body.max);
+  Window window;
+  for (const glm::dvec3& corner : corners(body)) window.take({glm::dot(corner - middle, frame.u), glm::dot(corner - middle, frame.v)});
+  grids.add(middle - frame.axis * (2 * world_radius_m + glm::length(body.max - body.min)), frame, window, pencils);
+}
+
+void add_from_point(Grids& grids, const SharpLight& light, const GlassBody& body, double pencils) {
+  const glm::dvec3 from(light.position), middle = 0.5 * (body.min + body.max);
+  const bool inside = glm::all(glm::greaterThanEqual(from, body.min)) && glm::all(glm::lessThanEqual(from, body.max));
+  if (!inside) {
+    const Frame frame = frame_around(glm::normalize(middle - from));
+    Window window;
+    bool faces = true;
+    for (const glm::dvec3& corner : corners(body)) {
+      const glm::dvec3 way = corner - from;
+      const double along = glm::dot(way, frame.axis);
+      faces = faces && along > least_facing * glm::length(way);
+      if (faces) window.take({glm::dot(way, frame.u) / along, glm::dot(way, frame.v) / along});
+    }
+    if (faces) return grids.add(from, frame, window, pencils);
+  }
+  Window whole;
+  whole.take(glm::dvec2(-1));
+  whole.take(glm::dvec2(1));
+  for (int axis = 0; axis < 3; ++axis)
+    for (const double sign : {-1.0, 1.0}) {
+      glm::dvec3 towards(0);
+      towards[axis] = sign;
+      grids.add(from, frame_around(towards), whole, pencils / 6);
+    }
+}
+
+}  // namespace
+
+PencilSources make_pencil_sources(const std::vector<SharpLight>& lights, const std::vector<GlassBody>& bodies, double world_radius_m,
+                                  uint32_t environment_count, uint32_t pencils_per_environment) {
+  PencilSources out;
+  const auto meet = [](const SharpLight& light, const GlassBody& body) {
+    return body.environment == none || body.environment == light.environment;
+  };
+  std::vector<uint32_t> pairs(environment_count);
+  for (const SharpLight& light : lights)
+    for (const GlassBody& body : bodies)
+      if (meet(light, body)) ++pairs[light.environment];
+  for (const SharpLight& light : lights)
+    for (const GlassBody& body : bodies) {
+      if (!meet(light, body)) continue;
+      Grids grids(out, light, body);
+      const double pencils = double(pencils_per_environment) / pairs[light.environment];
+      if (light.directional)
+        add_directional(grids, light, body, world_radius_m, pencils);
+      else
+        add_from_point(grids, light, body, pencils);
+    }
+  return out;
+}
+
+}  // namespace kuafu

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where pencils of light begin (shared/landing_record.h): for each light without extent and each body of smooth glass, grids over the glass
+// as the light sees it. Thread rule: pure functions.
+#pragma once
+
+#include <vector>
+
+#include "light/sharp_light.h"
+#include "shared/landing_record.h"
+#include "tables/glass_bodies.h"
+
+namespace kuafu {
+
+struct PencilSources {
+  std::vector<PencilSource> sources;
+  uint32_t pencil_count = 0;
+  double finest_m = 1e30;  // the least distance of neighbours where they reach their glass
+};
+
+/// About so many pencils for each environment. world_radius_m: half the diagonal of what there is.
+PencilSources make_pencil_sources(const std::vector<SharpLight>& lights, const std::vector<GlassBody>& bodies, double world_radius_m,
+                                  uint32_t environment_count, uint32_t pencils_per_environment);
+
+}  // namespace kuafu

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tables/glass_bodies.h"
+
+#include <algorithm>
+
+#include "material/material_record.h"
+
+namespace kuafu {
+namespace {
+
+bool bends(const Scene& scene, const Instance& instance, const Band& band) {
+  return std::ranges::any_of(instance.materials,
+                             [&](uint32_t id) { return id != none && bends_light(in_band(scene.materials()[id], band)); });
+}
+
+}  // namespace
+
+const Scene::Bounds& GlassBodies::local_box(const Scene& scene, uint32_t mesh) {
+  const Mesh& m = scene.meshes()[mesh];
+  const auto [found, is_new] = meshes_.try_emplace(mesh);
+  MeshBox& box = found->second;
+  if (!is_new && box.deformation == m.deformation) return box.local;
+  box = {m.deformation, {}};
+  for (const glm::vec3& p : m.positions) {
+    box.local.min = glm::min(box.local.min, glm::dvec3(p));
+    box.local.max = glm::max(box.local.max, glm::dvec3(p));
+  }
+  return box.local;
+}
+
+void GlassBodies::update(const Scene& scene, const Band& band) {
+  bodies_.clear();
+  for (uint32_t slot = 0; slot < scene.instance_slots().size(); ++slot) {
+    const uint32_t id = scene.instance_slots()[slot];
+    if (id == none) continue;
+    const Instance& instance = *scene.instances()[id];
+    if (!bends(scene, instance, band) || scene.meshes()[instance.mesh].positions.empty()) continue;
+    const Scene::Bounds& local = local_box(scene, instance.mesh);
+    GlassBody body{.min = glm::dvec3(1e300), .max = glm::dvec3(-1e300), .slot = slot, .environment = instance.environment};
+    for (int corner = 0; corner < 8; ++corner) {
+      const glm::dvec4 p(corner & 1 ? local.max.x : local.min.x, corner & 2 ? local.max.y : local.min.y,
+                         corner & 4 ? local.max.z : local.min.z, 1.0);
+      const glm::dvec3 world(instance.local_to_world * p);
+      body.min = glm::min(body.min, world);
+      body.max = glm::max(body.max, world);
+    }
+    bodies_.push_back(body);
+  }
+}
+
+}  // namespace kuafu
