@@ -18,7 +18,9 @@ Array = NDArray[np.float64]
 LAMP_Z_M, GLASS_Z_M, CAMERA_Z_M, WALL_HALF_M, ALBEDO = 1.4, 0.7, 0.4, 2.0, 0.02  # light between wall and glass is lost
 SIDE_PX, CAMERA_FOV_DEG, PATTERN_PX, PATTERN_FOV_DEG = 96, 90.0, 64, 24.0
 IOR = 1.5
-ENLARGED = 100.0  # Mitsuba's scene, about the glass: its rays leave surfaces by 2e-4 of 1 + their largest coordinate, a tenth of a wall of 3 mm
+# Mitsuba's scene, about the glass: its rays leave surfaces by 2e-4 of 1 + their largest coordinate, which would be a
+# tenth of a wall of 3 mm.
+ENLARGED = 100.0
 
 
 @dataclass
@@ -175,14 +177,16 @@ def light_traced(mi: Any, mesh: Mesh | None, pattern: NDArray[np.float32], spp: 
         props["mesh_bsdf"] = mi.load_dict(bsdf)
         result = mi.Mesh("", len(mesh.positions), len(mesh.faces), has_vertex_normals=True, props=props)
         parameters = mi.traverse(result)
-        parameters["vertex_positions"] = (ENLARGED * (mesh.positions + [0, 0, z_m - GLASS_Z_M])).astype(np.float32).ravel()
+        placed = ENLARGED * (mesh.positions + [0, 0, z_m - GLASS_Z_M])
+        parameters["vertex_positions"] = placed.astype(np.float32).ravel()
         parameters["faces"] = mesh.faces.ravel()
         parameters["vertex_normals"] = np.asarray(mesh.normals, np.float32).ravel()
         parameters.update()
         return result
 
     def pose(z_m: float) -> Any:  # Mitsuba: x left, y up, z forward
-        return mi.ScalarTransform4f((downwards(ENLARGED * (z_m - GLASS_Z_M)) @ np.diag([-1.0, -1.0, 1.0, 1.0])).tolist())
+        placed = downwards(ENLARGED * (z_m - GLASS_Z_M)) @ np.diag([-1.0, -1.0, 1.0, 1.0])
+        return mi.ScalarTransform4f(placed.tolist())
 
     def grey(value: float) -> dict[str, Any]:
         return {"type": "rgb", "value": [value] * 3}
