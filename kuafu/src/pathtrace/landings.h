@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "frame/device_array.h"
-#include "pathtrace/pencil_sources.h"
+#include "tables/pencil_sources.h"
 
 namespace kuafu {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "frame/host_language.h"
-#include "pathtrace/pencil_sources.h"
+#include "tables/pencil_sources.h"
 
 #define KUAFU_CHANNELS 3
 namespace kuafu {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pathtrace/pencil_sources.h"
+#include "tables/pencil_sources.h"
 
 #include <algorithm>
 #include <array>
