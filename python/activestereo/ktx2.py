@@ -61,8 +61,14 @@ def convert(path: str | Path, folder: str | Path) -> Path:
 def load_ktx2(scene: kuafu.Scene, path: str | Path, time_s: float | None = None) -> None:
     """Adds the glTF file at `path` to the scene, at that time of its animations. Raises Ktx2Error of one line, and what
     Scene.load raises."""
+    import kuafu
+
     with tempfile.TemporaryDirectory() as folder:
-        scene.load(convert(path, folder), time_s=time_s)
+        copy = convert(path, folder)
+        try:
+            scene.load(copy, time_s=time_s)
+        except kuafu.Error as error:  # what is wrong is wrong in the caller's file
+            raise type(error)(str(error).replace(str(copy), str(path))) from error
 
 
 def _numbers(document: dict[str, Any]) -> set[int]:

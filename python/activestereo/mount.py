@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import kuafu
 from activestereo.pose import Pose, PoseLike, as_matrix
+from activestereo.scene_files import load_scene_file
 
 
 class HasPose(Protocol):
@@ -56,12 +57,15 @@ class RigPlace:
 def as_mount(
     scene_or_mount: kuafu.Scene | HasPose | str | PathLike[str], device: str | int | kuafu.Device
 ) -> HasPose:
-    """A Mount, or another object with a scene and a pose, of that, of a scene, or of a scene file on a device."""
+    """A Mount, or another object with a scene and a pose, of that, of a scene, or of a scene file on a device (any that
+    load_scene_file knows; a USD stage's dome light is the environment)."""
     if isinstance(scene_or_mount, kuafu.Scene):
         return Mount(scene_or_mount)
     if isinstance(scene_or_mount, (str, PathLike)):
         scene = kuafu.Scene(device if isinstance(device, kuafu.Device) else kuafu.Device(device))
-        scene.load(scene_or_mount)
+        ambient = load_scene_file(scene, scene_or_mount)
+        if ambient is not None:
+            scene.set_environment(ambient)
         return Mount(scene)
     if isinstance(getattr(scene_or_mount, "scene", None), kuafu.Scene):
         return scene_or_mount

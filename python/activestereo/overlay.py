@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
+from activestereo.scene_files import load_scene_file
 
 _ORANGE = (255, 140, 0)
 _STRENGTH = 0.85
@@ -28,7 +29,7 @@ class Overlay:
         """share: of the rendered surfaces, lit from the camera, in what is shown of them, 0 to 1."""
         self._device = kuafu.Device(device)
         self._scene, self._renderer = kuafu.Scene(self._device), kuafu.Renderer(self._device)
-        self._scene.load(scene_path)
+        load_scene_file(self._scene, scene_path)
         self._path, self._share = scene_path, share
         self._kept: tuple[bytes, NDArray[np.bool_], NDArray[np.uint8] | None] | None = None
 

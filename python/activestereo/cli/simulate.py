@@ -251,17 +251,12 @@ def _load_scene(args: argparse.Namespace) -> kuafu.Scene:
 
 def _load_file(scene: kuafu.Scene, args: argparse.Namespace) -> tuple[float, float, float] | None:
     """Returns the radiance of a USD stage's dome light, where there is one."""
-    from activestereo.ktx2 import Ktx2Error, load_ktx2, needs_ktx2
-    from activestereo.usd import UsdError, is_usd, load_usd
+    from activestereo.ktx2 import Ktx2Error
+    from activestereo.scene_files import load_scene_file
+    from activestereo.usd import UsdError
 
     try:
-        if is_usd(args.scene):
-            return load_usd(scene, args.scene, args.time).ambient
-        if needs_ktx2(args.scene):
-            load_ktx2(scene, args.scene, args.time)
-        else:
-            scene.load(args.scene, time_s=args.time)
-        return None
+        return load_scene_file(scene, args.scene, args.time)
     except (Ktx2Error, UsdError) as error:
         raise CommandError(str(error)) from error
 

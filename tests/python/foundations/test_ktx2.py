@@ -15,8 +15,9 @@ import pytest
 from PIL import Image
 
 import kuafu
-from activestereo import cli
+from activestereo import StereoDepthSensor, StereoDepthSensorConfig, cli
 from activestereo.ktx2 import Ktx2Error, convert, load_ktx2, needs_ktx2
+from activestereo.scene_files import load_scene_file
 
 PIXELS = np.arange(2 * 3 * 4, dtype=np.uint8).reshape(2, 3, 4) * 10
 EXTENSION = "KHR_texture_basisu"
@@ -111,6 +112,27 @@ def test_the_scene_has_it(tmp_path: Path, decoder: None) -> None:
     scene = kuafu.Scene(kuafu.Device("cpu"))
     load_ktx2(scene, tmp_path / "a.glb")
     assert (scene.summary.triangle_count, scene.summary.texture_count) == (1, 1)
+
+
+def test_a_sensor_and_all_that_takes_scene_files_has_it(tmp_path: Path, decoder: None) -> None:
+    (tmp_path / "a.ktx2").write_bytes(b"\xabKTX")
+    write_glb(tmp_path / "a.glb", document([{"uri": "a.ktx2"}], b""), points())
+    sensor = StereoDepthSensor(StereoDepthSensorConfig("D435").scaled(0.1), tmp_path / "a.glb", device="cpu")
+    assert sensor.scene.summary.texture_count >= 1
+    scene = kuafu.Scene(kuafu.Device("cpu"))
+    assert load_scene_file(scene, str(tmp_path / "a.glb")) is None
+    assert scene.summary.texture_count == 1
+
+
+def test_what_is_wrong_is_wrong_in_the_callers_file(tmp_path: Path, decoder: None) -> None:
+    (tmp_path / "a.ktx2").write_bytes(b"\xabKTX")
+    content = document([{"uri": "a.ktx2"}], b"")
+    content["accessors"][0]["count"] = 300  # beyond the buffer
+    write_glb(tmp_path / "a.glb", content, points())
+    with pytest.raises(kuafu.FileError) as raised:
+        load_scene_file(kuafu.Scene(kuafu.Device("cpu")), tmp_path / "a.glb")
+    assert str(tmp_path / "a.glb") in str(raised.value)
+    assert "/a.gltf" not in str(raised.value)
 
 
 # As some files of Khronos's sample assets are, without the extension.
