@@ -155,7 +155,7 @@ def settled_first(bench: Bench, ranking: Ranking) -> Ranking:
     explanation = settled(bench.evidence, bench.fitters.train, first.explanation)
     found = replace(first, explanation=explanation)
     structure = local_structure(_rows_after(bench, ranking.base, found))
-    variation, held = _variation(bench, found.fitted), bench.fitters.train.held_sigmas(found.fitted)
+    variation, held = _variation(bench, found.fitted), _held_sigmas(bench, found.fitted)
     checks = replace(first.checks, structure_floors=structure, variation=variation, held_sigmas=held)
     return _with_findings(ranking, (replace(found, checks=checks), *ranking.findings[1:]))
 
@@ -318,7 +318,7 @@ def _with_remainders(bench: Bench, ranking: Ranking) -> Ranking:
             return f
         structure = local_structure(_rows_after(bench, ranking.base, f))
         solution = f.solution or ranking.base.solution
-        held = bench.fitters.train.held_sigmas(solution)
+        held = _held_sigmas(bench, solution)
         variation = base_checks.variation if f.solution is None else _variation(bench, solution)
         return replace(
             f, checks=replace(f.checks, structure_floors=structure, variation=variation, held_sigmas=held)
@@ -331,11 +331,20 @@ def _base_checks(bench: Bench, base: BaseFit) -> BaseChecks:
     return BaseChecks(
         structure_floors=local_structure(base.train),
         variation=_variation(bench, base.solution),
-        held_sigmas=bench.fitters.train.held_sigmas(base.solution),
+        held_sigmas=_held_sigmas(bench, base.solution),
         plain_excess_floors=_square(base.train) / _floor_square(bench) - 1.0,
         unsteady_floors=unsteady_floors(base.train),
         uneven_structure_floors=uneven_structure(base.train),
     )
+
+
+def _held_sigmas(bench: Bench, solution: Solution) -> float:
+    """How far a solution takes a focal length or an albedo, in deviations. What is named of a surface makes of its
+    albedo another quantity than the survey's: beside it nothing is held.
+    """
+    if any(e.stage is Stage.SURFACE and e.id not in bench.given for e in solution.effects):
+        return 0.0
+    return bench.fitters.train.held_sigmas(solution)
 
 
 def _floor_square(bench: Bench) -> float:
