@@ -33,12 +33,12 @@ class Ktx2Error(ValueError):
 def needs_ktx2(path: str | Path) -> bool:
     """Whether a .gltf or .glb file has textures as KTX2 alone. What is no glTF that can be read is not told here."""
     path = Path(path)
-    if path.suffix.lower() not in (".gltf", ".glb"):
+    if path.suffix.lower() not in (".gltf", ".glb") or not path.is_file():
         return False
     try:
         document = read_document(path)[0]
         return _EXTENSION in document.get("extensionsRequired", []) or bool(_numbers(document))
-    except (OSError, ValueError, AttributeError, TypeError, LookupError, struct.error):
+    except (OSError, ValueError, AttributeError, TypeError, LookupError, RecursionError, struct.error):
         return False
 
 
@@ -54,7 +54,7 @@ def convert(path: str | Path, folder: str | Path) -> Path:
         return _write(path, folder, document, chunk)
     except Ktx2Error:
         raise
-    except (OSError, ValueError, AttributeError, TypeError, LookupError, struct.error) as error:
+    except (OSError, ValueError, AttributeError, TypeError, LookupError, RecursionError, struct.error) as error:
         raise Ktx2Error(f"{path}: its KTX2 textures cannot be read: {error}".splitlines()[0]) from error
 
 
@@ -68,7 +68,9 @@ def load_ktx2(scene: kuafu.Scene, path: str | Path, time_s: float | None = None)
         try:
             scene.load(copy, time_s=time_s)
         except kuafu.Error as error:  # what is wrong is wrong in the caller's file
-            raise type(error)(str(error).replace(str(copy), str(path))) from error
+            renamed = type(error)(str(error).replace(str(copy), str(path)))
+            vars(renamed).update(vars(error))  # its status
+            raise renamed from error
 
 
 def _numbers(document: dict[str, Any]) -> set[int]:

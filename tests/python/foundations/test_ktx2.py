@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import struct
 import sys
 from pathlib import Path
@@ -133,6 +134,14 @@ def test_what_is_wrong_is_wrong_in_the_callers_file(tmp_path: Path, decoder: Non
         load_scene_file(kuafu.Scene(kuafu.Device("cpu")), tmp_path / "a.glb")
     assert str(tmp_path / "a.glb") in str(raised.value)
     assert "/a.gltf" not in str(raised.value)
+    assert raised.value.status == raised.value.__cause__.status
+
+
+def test_what_is_no_plain_file_or_too_deep_is_left_to_the_importer(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.gltf")
+    assert not needs_ktx2(tmp_path / "pipe.gltf")
+    (tmp_path / "deep.gltf").write_text('{"a": ' + "[" * 100_000)
+    assert not needs_ktx2(tmp_path / "deep.gltf")
 
 
 # As some files of Khronos's sample assets are, without the extension.
