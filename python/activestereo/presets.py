@@ -250,10 +250,12 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         """The sensor that a model describes: a sensor_model.SensorModel or the path of a model.json. What it does not
         say is the preset's. Give the model to the sensor, too: StereoDepthSensor(config, scene, model=model)."""
         from activestereo.sensor_model import SensorModel, read_model
-        from activestereo.sensor_model.configure import configure
+        from activestereo.sensor_model.configure import configured
 
         config = cls(base)
-        configure(config, model if isinstance(model, SensorModel) else read_model(model))
+        known = model if isinstance(model, SensorModel) else read_model(model)
+        for name, value in configured(vars(config), known).items():
+            setattr(config, name, value)
         return config
 
     @property

@@ -11,14 +11,14 @@ from dataclasses import replace
 import numpy as np
 
 from activestereo.effects import Light, Model
-from activestereo.lab.diagnose.evidence.observation import Shot
+from activestereo.lab.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.lab.fit import Nuisances
 
 # A relative change of the focal length: a fifth of a pixel at the border of a small image.
 _STEP = 2e-3
 
 
-def focal_slope(shot: Shot, nuisances: Nuisances) -> np.ndarray:
+def focal_slope(shot: MeasuredImage, nuisances: Nuisances) -> np.ndarray:
     """DN per relative change of the focal length, float32 [height][width]."""
     model, (u, v), (cx, cy) = Model(), shot.view.pixels(), shot.view.K[:2, 2]
     light = _on_its_own(model.light(shot.layers, shot.view))

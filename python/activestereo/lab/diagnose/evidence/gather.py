@@ -12,6 +12,7 @@ from activestereo.capture import EYES, Capture
 from activestereo.effects import View
 from activestereo.lab.diagnose.evidence.focal_slope import focal_slope
 from activestereo.lab.diagnose.evidence.inadequacy import place_error
+from activestereo.lab.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.lab.diagnose.evidence.observation import (
     BLOCK_PX,
     FOLDS,
@@ -19,7 +20,6 @@ from activestereo.lab.diagnose.evidence.observation import (
     TILE_PX,
     Evidence,
     Observation,
-    Shot,
     weight_of,
 )
 from activestereo.lab.fit import Nuisances, fit_nuisances, predict
@@ -46,7 +46,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, halves: Sequ
     halves: of the test frames' layers, which are the halves' mean.
     """
     shots = [
-        Shot(f, eye, View.of(capture, f, eye, layers[f.id][eye], seed), layers[f.id][eye], capture.ir(f, eye))
+        MeasuredImage(f, eye, View.of(capture, f, eye, layers[f.id][eye], seed), layers[f.id][eye], capture.ir(f, eye))
         for f in capture.frames
         for eye in EYES
     ]
@@ -62,7 +62,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, halves: Sequ
     material_of = _material_of(capture)
     materials = _albedo_materials(train, material_of)
 
-    def observation(shot: Shot) -> Observation:
+    def observation(shot: MeasuredImage) -> Observation:
         weight = weight_of(law, place_error_m, shot, expected[shot.key])
         outside = np.full(shot.measured.shape, -1)
         tile, fold = tiles.get(shot.key, (outside, outside))
@@ -93,7 +93,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, halves: Sequ
     )
 
 
-def _noise(capture: Capture, shots: Sequence[Shot], nuisances: Nuisances) -> tuple[Floors, NoiseLaw, bool]:
+def _noise(capture: Capture, shots: Sequence[MeasuredImage], nuisances: Nuisances) -> tuple[Floors, NoiseLaw, bool]:
     """(floor of each image in DN^2, noise law, whether repeats gave them)."""
     no_noise = unsteady_light({s.key: (s.frame, s.layers, s.measured) for s in shots})
     floors, law = frame_floors(capture, nuisances.black_dn, no_noise)
@@ -106,8 +106,8 @@ def _noise(capture: Capture, shots: Sequence[Shot], nuisances: Nuisances) -> tup
 def noise_at_other_gains(
     law: NoiseLaw,
     floors: Floors,
-    shots: Sequence[Shot],
-    train: Sequence[Shot],
+    shots: Sequence[MeasuredImage],
+    train: Sequence[MeasuredImage],
     predicted: Mapping[tuple[int, str], np.ndarray],
 ) -> tuple[NoiseLaw, Floors]:
     """The law and floors with the noise that frames at gains without repeats show. predicted: expected DN of the train
@@ -122,7 +122,7 @@ def noise_at_other_gains(
 
 
 def _expected(
-    shots: Sequence[Shot], floors: Floors, nuisances: Nuisances, max_dn: float
+    shots: Sequence[MeasuredImage], floors: Floors, nuisances: Nuisances, max_dn: float
 ) -> dict[tuple[int, str], np.ndarray]:
     """Expected values: the model's prediction, and of the measurement (the mean of repeats) as much as the
     prediction lacks.
@@ -131,7 +131,7 @@ def _expected(
     as good as the noise allows is therefore trusted alone; one that misses something gives way to the measurement, at
     most by half.
     """
-    groups: dict[Hashable, list[Shot]] = {}
+    groups: dict[Hashable, list[MeasuredImage]] = {}
     for s in shots:
         key = (s.frame.repeat_group, s.eye) if s.frame.repeat_group is not None else s.key
         groups.setdefault(key, []).append(s)
@@ -146,7 +146,7 @@ def _expected(
     return expected
 
 
-def _tiles(train: Sequence[Shot]) -> tuple[dict[tuple[int, str], tuple[np.ndarray, np.ndarray]], int]:
+def _tiles(train: Sequence[MeasuredImage]) -> tuple[dict[tuple[int, str], tuple[np.ndarray, np.ndarray]], int]:
     """({key: (tile, fold)} of each image, number of tiles).
 
     Folds are blocks of the image, other ones in every pose: a highlight that one place shows is judged by those of
@@ -172,21 +172,21 @@ def _material_of(capture: Capture) -> np.ndarray:
     return np.array([surface.material for surface in scene_surfaces(capture.scene_path)], dtype=np.int64)
 
 
-def _materials(shot: Shot, material_of: np.ndarray) -> np.ndarray:
+def _materials(shot: MeasuredImage, material_of: np.ndarray) -> np.ndarray:
     """The material [height][width] of each pixel's surface; what is no surface of the file keeps its number."""
     surface = np.asarray(shot.layers.material).astype(np.int64)
     known = surface < len(material_of)
     return np.where(known, material_of[np.where(known, surface, 0)] if len(material_of) else surface, surface)
 
 
-def _albedo_materials(train: Sequence[Shot], material_of: np.ndarray) -> list[int]:
+def _albedo_materials(train: Sequence[MeasuredImage], material_of: np.ndarray) -> list[int]:
     """Materials that cover enough of the train frames, but for the largest one: its albedo is part of the scales."""
     ids, counts = np.unique(np.concatenate([_materials(s, material_of).ravel() for s in train]), return_counts=True)
     order = np.argsort(-counts)
     return [ids[i] for i in order if counts[i] > _SMALLEST_MATERIAL * counts.sum()][1:]
 
 
-def _material_index(shot: Shot, materials: Sequence[int], material_of: np.ndarray) -> np.ndarray:
+def _material_index(shot: MeasuredImage, materials: Sequence[int], material_of: np.ndarray) -> np.ndarray:
     index, seen = np.full(shot.measured.shape, -1), _materials(shot, material_of)
     for number, name in enumerate(materials):
         index[seen == name] = number

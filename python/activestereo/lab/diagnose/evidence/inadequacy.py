@@ -7,22 +7,19 @@ earnest stays to be explained.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
+from activestereo.lab.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.lab.noise import NoiseLaw
-
-if TYPE_CHECKING:
-    from activestereo.lab.diagnose.evidence.observation import Shot
 
 # Largest survey error of a place that is believed, metres; beyond it something else is missing.
 _LARGEST_PLACE_ERROR_M = 1.5e-3
 _DEPTH_STEP = 0.03
 
 
-def edges(o: "Shot") -> np.ndarray:
+def edges(o: MeasuredImage) -> np.ndarray:
     """Pixels next to an edge of a material or a surface, bool [height][width]: what they show depends on its place."""
     return o.view.once("edges", lambda: _edges(o.view.depth_m, np.asarray(o.layers.material)))
 
@@ -32,7 +29,7 @@ def _edges(z: np.ndarray, material: np.ndarray) -> np.ndarray:
     return edge | (maximum_filter(z, 3) - minimum_filter(z, 3) > _DEPTH_STEP * z)
 
 
-def edge_slopes(o: "Shot", image: np.ndarray) -> np.ndarray:
+def edge_slopes(o: MeasuredImage, image: np.ndarray) -> np.ndarray:
     """Change of the expected image in DN per metre of misplacement, at pixels next to an edge, else 0; float32
     [height][width].
     """
@@ -43,7 +40,7 @@ def edge_slopes(o: "Shot", image: np.ndarray) -> np.ndarray:
 
 
 def place_error(
-    observations: Sequence["Shot"], images: dict[tuple[int, str], np.ndarray], law: NoiseLaw
+    observations: Sequence[MeasuredImage], images: dict[tuple[int, str], np.ndarray], law: NoiseLaw
 ) -> float:
     """Deviation of the edges' places in metres, from the static frames' excess at edges; 0 where there is none."""
     excess = slopes = 0.0

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from activestereo.capture import EYES, Capture, Frame
-from activestereo.effects import View
+from activestereo.capture import EYES, Capture
 from activestereo.lab.diagnose.evidence.inadequacy import edge_slopes
+from activestereo.lab.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.lab.fit import Nuisances
-from activestereo.lab.layers import Layers
 from activestereo.lab.noise import NoiseLaw
 
 # Correlated errors are judged by tiles of this side.
@@ -31,23 +30,8 @@ FOCAL_SIGMA = 6e-4
 
 
 @dataclass(frozen=True)
-class Shot:
-    """One eye of one frame before it is weighed. measured: DN [height][width]."""
-
-    frame: Frame
-    eye: str
-    view: View
-    layers: Layers
-    measured: np.ndarray
-
-    @property
-    def key(self) -> tuple[int, str]:
-        return self.frame.id, self.eye
-
-
-@dataclass(frozen=True)
-class Observation(Shot):
-    """A Shot with what fits need of it. All images are [height][width].
+class Observation(MeasuredImage):
+    """A measured image with what fits need of it. All images are [height][width].
 
     weight: 1 / variance of the measurement, 1/DN^2. tile: each pixel's tile, numbered over all train
     observations, and fold: the tile's cross-validation fold (both -1 for test frames). material: index into the
@@ -113,7 +97,7 @@ class Evidence:
         return weight_of(self.law, self.place_error_m, observation, expected_dn)
 
 
-def weight_of(law: NoiseLaw, place_error_m: float, observation: Shot, expected_dn: np.ndarray) -> np.ndarray:
+def weight_of(law: NoiseLaw, place_error_m: float, observation: MeasuredImage, expected_dn: np.ndarray) -> np.ndarray:
     """1 / variance of pixels: the noise law's variance, and at edges what their misplacement adds."""
     variance = np.maximum(law.variance(expected_dn, observation.frame.gain), QUANTISATION_VARIANCE)
     if place_error_m > 0:
