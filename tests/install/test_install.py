@@ -109,7 +109,7 @@ def test_cpp17_client_by_find_package(moved_prefix, tmp_path):
     assert "wall 1." in run(tmp_path / "first_depth", SCENE)
 
 
-@pytest.mark.parametrize("library, older", [("kuafu", "0.0"), ("simsense", "0.2")])
+@pytest.mark.parametrize("library, older", [("kuafu", "0.1"), ("simsense", "0.3")])
 def test_other_versions_are_refused(moved_prefix, tmp_path, library, older):
     (tmp_path / "CMakeLists.txt").write_text(
         f"cmake_minimum_required(VERSION 3.16)\nproject(p NONE)\nfind_package({library} {older} REQUIRED)\n"
@@ -120,7 +120,7 @@ def test_other_versions_are_refused(moved_prefix, tmp_path, library, older):
         text=True,
     )
     assert said.returncode != 0
-    assert "0.1.0" in said.stderr
+    assert "0.2.0" in said.stderr
 
 
 def test_project_that_takes_this_one_in(tmp_path):
@@ -169,7 +169,7 @@ def test_debian_packages_name_what_they_need(tmp_path):
     assert set(needs) == {"libkuafu0", "libsimsense0", "libactivestereo-dev"}
     assert "libembree3-3" in needs["libkuafu0"]
     assert "libhwy1" in needs["libsimsense0"]
-    assert "libkuafu0 (= 0.1.0), libsimsense0 (= 0.1.0)" in needs["libactivestereo-dev"]
+    assert "libkuafu0 (= 0.2.0), libsimsense0 (= 0.2.0)" in needs["libactivestereo-dev"]
     held = run("dpkg-deb", "-c", next(tmp_path.glob("libkuafu0_*.deb")))
     assert "./usr/lib/libkuafu.so.0" in held
     assert "./usr/share/doc/libkuafu0/copyright" in held

@@ -35,7 +35,7 @@
 #include "kuafu/render.h"
 
 #define KUAFU_VERSION_MAJOR 0
-#define KUAFU_VERSION_MINOR 1
+#define KUAFU_VERSION_MINOR 2
 #define KUAFU_VERSION_PATCH 0
 
 #if defined(__GNUC__)

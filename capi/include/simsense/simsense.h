@@ -30,7 +30,7 @@
 #include "simsense/signal.h"
 
 #define SIMSENSE_VERSION_MAJOR 0
-#define SIMSENSE_VERSION_MINOR 1
+#define SIMSENSE_VERSION_MINOR 2
 #define SIMSENSE_VERSION_PATCH 0
 
 #if defined(__GNUC__)

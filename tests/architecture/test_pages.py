@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pages of results are what their data say, and prose stays short."""
+
+import pathlib
+import re
+import subprocess
+import sys
+
+import pytest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+# References that a script writes from tables or descriptors; their length is not a writer's choice.
+GENERATED = {"capi/tables/reference.md", "examples/effects/README.md"}
+RESULTS = ("tests/bench", "tests/bank")
+MOST_WORDS, MOST_WORDS_OF_RESULTS, MOST_LINES_OF_A_RELEASE = 45_000, 1_200, 60
+
+
+def words(page: str) -> int:
+    return len((ROOT / page).read_text(encoding="utf-8").split())
+
+
+@pytest.mark.parametrize("folder", RESULTS)
+def test_a_page_of_results_is_what_its_data_say(folder: str) -> None:
+    run = subprocess.run([sys.executable, ROOT / folder / "make_page.py", "--check"], capture_output=True, text=True)
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert words(f"{folder}/README.md") <= MOST_WORDS_OF_RESULTS
+
+
+def test_hand_written_prose_stays_short() -> None:
+    listed = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True)
+    pages = set(listed.stdout.splitlines())
+    assert pages >= GENERATED
+    assert sum(words(page) for page in pages - GENERATED if (ROOT / page).is_file()) <= MOST_WORDS
+
+
+def test_a_release_of_the_changelog_fits_a_screen() -> None:
+    releases = re.split(r"^## ", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]
+    assert [release.split("]")[0] for release in releases][:2] == ["[0.2.0", "[0.1.0"]
+    assert {r.splitlines()[0]: len(r.splitlines()) for r in releases if len(r.splitlines()) > MOST_LINES_OF_A_RELEASE} == {}
