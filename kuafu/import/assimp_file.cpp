@@ -8,11 +8,13 @@
 #include <assimp/Importer.hpp>
 #include <cmath>
 #include <new>
+#include <optional>
 
 #include "device/error.h"
 #include "import/assimp_files.h"
 #include "import/assimp_guard.h"
 #include "import/assimp_material.h"
+#include "import/plain_mesh.h"
 
 namespace kuafu {
 namespace {
@@ -62,10 +64,18 @@ Mesh read_mesh(const aiMesh& from, size_t index) {
   return mesh;
 }
 
-void check_header(const Import& import) {
-  if (lower_extension(import.path) != ".ply") return;
-  const std::vector<uint8_t> bytes = import.folder.read_scene_file();
-  check_ply({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+/// What must come out of the file, where that can be counted; `bytes` become what assimp reads right.
+std::optional<PlainMesh> plain_mesh(const std::string& extension, std::vector<uint8_t>& bytes) {
+  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  if (extension == ".obj") {
+    PlainObj obj = plain_obj(text);
+    bytes = std::move(obj.text);
+    return obj.mesh;
+  }
+  if (extension == ".stl") return plain_stl(text);
+  if (extension != ".ply") return std::nullopt;
+  check_ply(text);
+  return plain_ply(text);
 }
 
 /// assimp catches what it throws itself, lack of memory among it.
@@ -124,14 +134,16 @@ void place(Import& import, const aiScene& file, const Tables& tables) {
 void read_scene_file(Import& import) { import_assimp(import); }
 
 void import_assimp(Import& import) {
-  check_header(import);
+  std::vector<uint8_t> bytes = import.folder.read_scene_file();
+  const std::optional<PlainMesh> plain = plain_mesh(lower_extension(import.path), bytes);
   const Listening listening(import);
   Assimp::Importer importer;
-  importer.SetIOHandler(new SceneFiles(import));
+  importer.SetIOHandler(new SceneFiles(import, std::move(bytes)));
   importer.SetPropertyInteger(AI_CONFIG_PP_SBP_REMOVE, aiPrimitiveType_POINT | aiPrimitiveType_LINE);
   const aiScene* file = importer.ReadFile(import.path.filename().string(), aiProcess_ValidateDataStructure);
   if (file == nullptr) fail_read(importer);
   check_read(*file);
+  if (plain) check_against(*plain, *file);
   file = importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_JoinIdenticalVertices | aiProcess_SortByPType | aiProcess_FlipUVs);
   if (file == nullptr) fail_read(importer);
   if (file->mRootNode == nullptr || file->mNumMeshes == 0) ks::fail(KS_ERROR_FILE, "there are no triangles in it");

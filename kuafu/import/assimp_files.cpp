@@ -19,18 +19,18 @@ class FileInMemory final : public Assimp::MemoryIOStream {
   std::vector<uint8_t> bytes_;  // moving it left them where they are
 };
 
-std::vector<uint8_t> read_named(const Import& import, const char* name) {
-  if (import.path.filename() == name) return import.folder.read_scene_file();
+}  // namespace
+
+std::vector<uint8_t> SceneFiles::read_named(const char* name) const {
+  if (import_.path.filename() == name) return scene_file_;
   std::string uri(name);
   std::replace(uri.begin(), uri.end(), '\\', '/');
-  return import.folder.read(uri);
+  return import_.folder.read(uri);
 }
-
-}  // namespace
 
 bool SceneFiles::Exists(const char* name) const {
   try {
-    return !read_named(import_, name).empty();
+    return !read_named(name).empty();
   } catch (const ks::Error&) {
     return false;
   }
@@ -39,7 +39,7 @@ bool SceneFiles::Exists(const char* name) const {
 Assimp::IOStream* SceneFiles::Open(const char* name, const char* mode) {
   if (std::strchr(mode, 'w') != nullptr) return nullptr;
   try {
-    return new FileInMemory(read_named(import_, name));
+    return new FileInMemory(read_named(name));
   } catch (const ks::Error& error) {
     // What is not there assimp says itself, if it was asked for and not tried by guess.
     const std::string_view reason(error.what());

@@ -10,17 +10,21 @@
 
 namespace kuafu {
 
-/// What a file may not name is said as a warning, and is not there for assimp, which does without it or fails.
+/// What a file may not name is said as a warning, and is not there for assimp, which does without it or fails. `scene_file`: what the scene
+/// file has for assimp.
 class SceneFiles final : public Assimp::IOSystem {
  public:
-  explicit SceneFiles(Import& import) : import_(import) {}
+  SceneFiles(Import& import, std::vector<uint8_t> scene_file) : import_(import), scene_file_(std::move(scene_file)) {}
   bool Exists(const char* name) const override;
   char getOsSeparator() const override { return '/'; }
   Assimp::IOStream* Open(const char* name, const char* mode) override;
   void Close(Assimp::IOStream* file) override { delete file; }
 
  private:
+  [[nodiscard]] std::vector<uint8_t> read_named(const char* name) const;
+
   Import& import_;
+  std::vector<uint8_t> scene_file_;
 };
 
 class WarningStream final : public Assimp::LogStream {

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// Lines, words and numbers of text files. Thread rule: pure functions.
+#pragma once
+
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <string_view>
+
+#include "device/error.h"
+
+namespace kuafu {
+
+inline bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
+
+/// Takes the next word off a line; empty at its end.
+inline std::string_view take_word(std::string_view& line) {
+  size_t at = 0;
+  while (at < line.size() && is_blank(line[at])) ++at;
+  size_t end = at;
+  while (end < line.size() && !is_blank(line[end])) ++end;
+  const std::string_view word = line.substr(at, end - at);
+  line.remove_prefix(end);
+  return word;
+}
+
+/// Takes the next line off a text, without its end: "\n", "\r\n" or, as on old Macs, "\r".
+inline std::string_view take_line(std::string_view& text) {
+  const size_t end = std::min(text.find_first_of("\r\n"), text.size());
+  const std::string_view line = text.substr(0, end);
+  const bool two = text.substr(end, 2) == "\r\n";
+  text.remove_prefix(std::min(end + (two ? 2 : 1), text.size()));
+  return line;
+}
+
+/// A decimal number as C writes it, with a "+" too. Throws where the word is none, or is beyond what a float holds.
+inline double parse_real(std::string_view word, uint64_t line) {
+  const std::string_view digits = word.substr(word.starts_with('+') ? 1 : 0);
+  double value = 0;
+  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+  if (digits.starts_with('+') || digits.empty() || error == std::errc::invalid_argument || end != digits.data() + digits.size())
+    ks::fail(KS_ERROR_FILE, "line %zu: '%.*s' is no number", static_cast<size_t>(line), static_cast<int>(std::min<size_t>(word.size(), 40)),
+             word.data());
+  if (error == std::errc::result_out_of_range)  // of a double: from_chars leaves the value as it was
+    value = digits.find("e-") != std::string_view::npos || digits.find("E-") != std::string_view::npos ? 0.0 : HUGE_VAL;
+  if (!std::isfinite(value) || std::fabs(value) > double{std::numeric_limits<float>::max()})
+    ks::fail(KS_ERROR_FILE, "line %zu: %.*s is beyond what a 32-bit number holds", static_cast<size_t>(line),
+             static_cast<int>(std::min<size_t>(word.size(), 40)), word.data());
+  return value;
+}
+
+}  // namespace kuafu
