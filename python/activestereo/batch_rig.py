@@ -41,8 +41,11 @@ class BatchRig:
         self.laser_power = np.ones(len(environments))
         self.right_turn = np.broadcast_to(np.eye(4), (len(environments), 4, 4)).copy()
         materials = {number: scene.get_material(number) for number in self.inputs.materials}
-        enter_world(scene, self.inputs)
-        texture = _texture(scene, self.inputs, image)
+        has_medium = self.inputs.medium is not None
+        own_lights: list[int] = []
+        own_textures: list[int] = []
+        self.leave = weakref.finalize(self, _leave, scene, own_lights, own_textures, materials, has_medium)
+        self.leave.atexit = False
         own = [] if self.inputs.projector is None else [self.inputs.projector]
         self._projectors = len(own) * len(environments)  # the first of the lights
         self._lights: list[kuafu.Light] = []
@@ -54,16 +57,21 @@ class BatchRig:
             for environment in environments:
                 placed = copy_light(light)
                 placed.environment, placed.ir_intensity = environment, 0.0
-                if light.kind == "projector" and texture is not None and not len(light.dots):
-                    placed.texture = texture
                 self._lights.append(placed)
-        self._numbers = [scene.add_light(light) for light in self._lights]
-        standing = [scene.add_light(light) for light in self.inputs.lights]
-        has_medium = self.inputs.medium is not None
-        self.leave = weakref.finalize(
-            self, _leave, scene, [*self._numbers, *standing], texture, materials, has_medium
-        )
-        self.leave.atexit = False
+        try:
+            enter_world(scene, self.inputs)
+            texture = _texture(scene, self.inputs, image)
+            if texture is not None:
+                own_textures.append(texture)
+                for light in self._lights:
+                    if light.kind == "projector" and not len(light.dots):
+                        light.texture = texture
+            for light in (*self._lights, *self.inputs.lights):
+                own_lights.append(scene.add_light(light))
+        except BaseException:
+            self.leave()
+            raise
+        self._numbers = own_lights[: len(self._lights)]
 
     def place(self, rigs: NDArray[np.float64]) -> None:
         """rigs: [count, 4, 4], body axes."""
@@ -114,11 +122,11 @@ def _texture(scene: kuafu.Scene, inputs: EngineInputs, image: NDArray[np.uint8] 
 
 
 def _leave(
-    scene: kuafu.Scene, lights: list[int], texture: int | None, materials: dict[int, kuafu.Material], has_medium: bool
+    scene: kuafu.Scene, lights: list[int], textures: list[int], materials: dict[int, kuafu.Material], has_medium: bool
 ) -> None:
     for number in lights:
         scene.remove_light(number)
-    if texture is not None:
+    for texture in textures:
         scene.remove_texture(texture)
     for number, material in materials.items():
         scene.set_material(number, material)

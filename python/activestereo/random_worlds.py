@@ -96,10 +96,14 @@ class RandomWorlds:
             self._scene.set_lights(numbers, lamps)
 
     def close(self) -> None:
-        """Takes the lamps out of the scene."""
+        """Takes the lamps and the copies of materials out of the scene: the bodies have the materials they came with."""
         for lamp in (lamp for own in self._lamps for lamp in own):
             self._scene.remove_light(lamp)
         self._lamps = [[] for _ in self._lamps]
+        self._bodies.dress(lambda environment, number: number)
+        for material in self._own.values():
+            self._scene.remove_material(material)
+        self._own = {}
 
     def _own_material(self, environment: int, number: int) -> int:
         if number not in self._base:

@@ -89,8 +89,13 @@ class StereoDepthSensor:
         self._link = IrLink(self._device, self._engine.device, width, height, copy=copy_ir)
         pattern = self._config.pattern() if self._config.light_dots is None else None
         self._world = SensorWorld(self._scene, None if pattern is None else pattern[0])
+        weakref.finalize(self, self._world.leave).atexit = False
         self._inputs, self._frame, self._lit_frame, self._is_closed = None, -1, -1, False
-        self._tell_engines()
+        try:
+            self._tell_engines()
+        except BaseException:
+            self.close()
+            raise
         self._image_effects = ImageEffects(weakref.proxy(self), self._left_over)
         if self._image_effects:
             names = ", ".join(self._image_effects.names)
@@ -99,7 +104,6 @@ class StereoDepthSensor:
                 raise ValueError(f"no engine field expresses {names}: such a model needs a sensor without on_cuda")
             text = f"no engine field expresses {names}: every picture is copied to the host and back"
             warnings.warn(text, ModelCostWarning, stacklevel=2)
-        weakref.finalize(self, self._world.leave).atexit = False
         self._taken = Taken()
         self._stage_times: dict[str, float] = {}
 
@@ -318,7 +322,7 @@ class StereoDepthSensor:
         self.close()
 
     def close(self) -> None:
-        """Takes the projector, and what else a model brought, out of the scene."""
+        """Takes the projector, its pattern, and what else a model brought, out of the scene."""
         self._world.leave()
         self._is_closed = True
 

@@ -125,7 +125,11 @@ class StereoDepthSensorBatch:
         self._link = IrLink(device, self._engine.device, width, height, count=self._count)
         model = read_model(Path(model)) if isinstance(model, (str, PathLike)) else model
         self._rig = BatchRig(self._config, self._scene, self._environments, model)
-        self._make_rig()
+        try:
+            self._make_rig()
+        except BaseException:
+            self.close()
+            raise
         self._light_share = np.ones(self._count)  # of each sensor, over its exposure
         self._frame, self._has_picture, self._speckle_draw, self._taken = -1, False, -1, Taken()
         self._has_rgb = False

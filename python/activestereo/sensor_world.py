@@ -44,7 +44,7 @@ class SensorWorld:
     def enter(self, inputs: EngineInputs) -> None:
         """Puts the inputs' world into the scene, in place of what this sensor had there. Lights on the rig are dark
         until place()."""
-        self.leave()
+        self._leave_but_pattern()
         self._materials = {number: self._scene.get_material(number) for number in inputs.materials}
         enter_world(self._scene, inputs)
         self._has_medium = inputs.medium is not None
@@ -82,7 +82,14 @@ class SensorWorld:
             light.intensity, light.ir_intensity = visible, infrared
 
     def leave(self) -> None:
-        """Takes everything out of the scene but the pattern's texture."""
+        """Takes everything out of the scene."""
+        self._leave_but_pattern()
+        if self._texture is not None:
+            self._scene.remove_texture(self._texture)
+        self._texture = None
+
+    def _leave_but_pattern(self) -> None:
+        """The pattern's texture stays, for enter() to use again."""
         for number in (*(entry[0] for entry in self._on_rig), *self._standing):
             self._scene.remove_light(number)
         if self._changed_texture is not None:

@@ -36,6 +36,7 @@ class World:
         bodies.add("wall", [Shape(add_mesh(scene, solids.box()), [paint], np.diag([0.1, 3.0, 3.0, 1.0]))])
         bodies.move(np.array([[[0.9, 0, 0, 1, 0, 0, 0]]] * ENVIRONMENTS, float))
         self.batch = StereoDepthSensorBatch(config, Mounts(scene, [[0, 0, 0, 1, 0, 0, 0]] * ENVIRONMENTS))
+        self.scene, self.bodies = scene, bodies
         self.worlds = None if ranges is None else RandomWorlds(bodies, self.batch, ranges, seed)
 
     def look(self):
@@ -126,3 +127,13 @@ def test_the_example_runs(tmp_path):
     shares = module.run(tmp_path / "random_worlds.png", environments=3, samples=2)
     assert len(set(shares)) == 3 and min(shares) > 0.2
     assert (tmp_path / "random_worlds.png").stat().st_size > 1000
+
+
+def test_worlds_that_are_closed_leave_the_scene_as_it_was(config):
+    world = World(config)
+    plain, counts = world.look(), world.scene.summary
+    worlds = RandomWorlds(world.bodies, world.batch, WorldRanges(lamps=(1, 2)), 5)
+    worlds.close()
+    now = world.scene.summary
+    assert (now.material_count, now.light_count) == (counts.material_count, counts.light_count)
+    np.testing.assert_array_equal(plain[0], world.look()[0])

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """StereoDepthSensor in front of the example scene, at half resolution, and in scenes made for one question."""
 
+import os
 from copy import deepcopy
 
 import numpy as np
 import pytest
 
 import kuafu
-from activestereo import Mount, Pose, StereoDepthSensor, StereoDepthSensorConfig
+from activestereo import Mount, Mounts, Pose, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
 from activestereo.accuracy import accuracy_by_material
 from activestereo.pose import body_pose
 from sensor_scenes import wall_scene
@@ -317,3 +318,36 @@ def test_speckle_is_of_the_laser_alone_where_asked(table_top, small_config):
         ambient = laser < 0.1 * all_light
         assert ambient.sum() > 500
         assert np.std(noise[ambient] / all_light[ambient]) < 0.05
+
+
+@pytest.mark.parametrize("kind", ["sensor", "batch"])
+def test_sensors_that_are_closed_leave_nothing_in_the_scene(kind):
+    scene, pose = wall_scene(1.0), Pose()
+    config = StereoDepthSensorConfig("D435").scaled(0.08)
+    device, before = scene.device, None
+    for _ in range(10_000 if os.environ.get("ACTIVESTEREO_FULL") else 30):
+        if kind == "sensor":
+            StereoDepthSensor(config, scene, pose=pose).close()
+        else:
+            StereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None])).close()
+        s = scene.summary
+        counts = s.texture_count, s.light_count, s.material_count, s.instance_count, s.mesh_count
+        before = before or (counts, device.allocated_bytes)
+        assert (counts, device.allocated_bytes) == before
+
+
+@pytest.mark.parametrize("kind", ["sensor", "batch"])
+def test_a_sensor_that_cannot_be_made_leaves_nothing_in_the_scene(kind, monkeypatch):
+    scene = wall_scene(1.0)
+    config = StereoDepthSensorConfig("D435").scaled(0.08)
+
+    def refuse(*signals):
+        raise ValueError("no such signal")
+
+    monkeypatch.setattr("simsense.Engine.set_signal", refuse)
+    with pytest.raises(ValueError, match="no such signal"):
+        if kind == "sensor":
+            StereoDepthSensor(config, scene)
+        else:
+            StereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None]))
+    assert (scene.summary.texture_count, scene.summary.light_count) == (0, 0)
