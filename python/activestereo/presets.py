@@ -264,6 +264,12 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         baseline_m = np.linalg.norm(self.trans_pose_r.p - self.trans_pose_l.p)
         return float(self.ir_intrinsic[0, 0] * baseline_m)
 
+    @property
+    def projector_in_left_m(self) -> tuple[float, float, float]:
+        """The projector's place in the left IR camera's frame (x right, y down, z forward), metres."""
+        forward, left, up = (self.pose_rgb_irproj.p - self.trans_pose_l.p).tolist()
+        return -left, -up, forward
+
     def emitter_power(self, frame_index: int) -> float:
         """The laser's light in a picture over that at its nominal setting. ValueError for a setting that there is
         not."""

@@ -129,7 +129,9 @@ def _write_color_depth(args: argparse.Namespace, recording: ColorDepthRecording)
     config = StereoDepthSensorConfig(args.sensor)
     baseline_m = config.focal_baseline_px_m / float(config.ir_intrinsic[0][0])
     with ProgressBar(f"importing {args.recording.name}") as bar:
-        return write_color_depth(recording, args.out, baseline_m, *_pattern(args.sensor), args.scene, progress=bar)
+        return write_color_depth(
+            recording, args.out, baseline_m, *_pattern(args.sensor), config.projector_in_left_m, args.scene, bar
+        )
 
 
 def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
@@ -138,6 +140,7 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
     from activestereo.importers.realsense_folder import import_realsense
     from activestereo.importers.realsense_text import read_device_text
     from activestereo.importers.trajectory import read_trajectory
+    from activestereo.presets import StereoDepthSensorConfig
     from activestereo.progress_bar import ProgressBar
 
     units: float | None = None
@@ -163,6 +166,7 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
             device,
             args.out,
             *_pattern(args.sensor),
+            StereoDepthSensorConfig(args.sensor).projector_in_left_m,
             depth_scale,
             args.scene,
             trajectory,

@@ -69,10 +69,11 @@ def write_color_depth(
     baseline_m: float,
     pattern: NDArray[np.uint8],
     pattern_K: NDArray[np.float64],
+    projector_in_left_m: tuple[float, float, float],
     scene: Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Capture:
-    """Writes the capture `out`, which must not exist. baseline_m, pattern, pattern_K: the preset's. ValueError names
+    """Writes the capture `out`, which must not exist. The four after `out` are the preset's. ValueError names
     the file where sizes are mixed, depth is 8-bit or a file is damaged."""
     tell = progress or (lambda fraction: None)
     width, height = image_size(recording.frames[0].depth, "depth")
@@ -103,7 +104,7 @@ def write_color_depth(
         tell((number + 1) / len(recording.frames))
     camera = Camera(width, height, recording.K)
     left_to_right, left_to_projector = np.eye(4), np.eye(4)
-    left_to_right[0, 3], left_to_projector[0, 3] = -baseline_m, -0.58 * baseline_m
+    left_to_right[0, 3], left_to_projector[:3, 3] = -baseline_m, -np.array(projector_in_left_m)
     color = ColorCamera(width, height, recording.K) if colors else None
     projector = Projector(Path("pattern.png"), pattern_K, left_to_projector)
     rig = Rig(camera, camera, left_to_right, projector, color=color)

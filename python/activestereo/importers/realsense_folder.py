@@ -118,15 +118,15 @@ def _view_files(folder: Path) -> list[FrameFiles]:
 
 def import_realsense(
     folder: Path, device: DeviceText, out: Path, pattern: NDArray[np.uint8], pattern_K: NDArray[np.float64],
-    depth_scale: float | None = None, scene: Path | None = None,
+    projector_in_left_m: tuple[float, float, float], depth_scale: float | None = None, scene: Path | None = None,
     trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None, exposure_s: float = 0.008,
-    projector_to_left_m: tuple[float, float, float] | None = None, robot: RobotPoses | None = None,
+    robot: RobotPoses | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Capture:  # fmt: skip
     """Writes the capture `out` (which must not exist) and returns it.
 
-    pattern: uint8, the nominal one of the device, under pattern_K; projector_to_left_m: its place in the left camera's
-    frame, None for 0.58 of the baseline, as on a D435. depth_scale: metres per unit of the depth images. scene: a glTF
+    pattern: uint8, the nominal one of the device, under pattern_K; projector_in_left_m: its nominal place in
+    the left camera's frame. depth_scale: metres per unit of the depth images. scene: a glTF
     file, None for an empty one. trajectory: camera poses over seconds; robot: poses of a gripper that carries the
     camera. Without either the camera stands still, and all frames are repeats of one view.
     """
@@ -164,7 +164,7 @@ def import_realsense(
         tell((number + 1) / len(files))
     baseline_m = float(np.linalg.norm(left_to_right[:3, 3]))
     left_to_projector = np.eye(4)
-    left_to_projector[:3, 3] = -np.array(projector_to_left_m or (0.58 * baseline_m, 0.0, 0.0))
+    left_to_projector[:3, 3] = -np.array(projector_in_left_m)
     rig = Rig(
         Camera(width, height, left.K, left.distortion), Camera(width, height, right.K, right.distortion), left_to_right,
         Projector(Path("pattern.png"), pattern_K, left_to_projector), 8 if first.dtype == np.uint8 else 16,

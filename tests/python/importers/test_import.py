@@ -57,6 +57,13 @@ def test_a_recording_becomes_a_capture(recording):
     assert np.array_equal(capture.ir(capture.frames[1], "right"), read_gray(sorted(recording.glob("*Infrared 2*"))[1]))
 
 
+@pytest.mark.parametrize(("sensor", "x_m"), [("d415", 0.029), ("d455", 0.047), ("d435", 0.0291)])
+def test_the_projector_is_where_the_preset_has_it(recording, sensor, x_m):
+    assert main(_arguments(recording, "--depth-scale", "0.001", "--sensor", sensor)) == 0
+    left_to_projector = read_capture(recording.parent / "capture").rig.projector.left_to_projector
+    assert left_to_projector[0, 3] == pytest.approx(-x_m, abs=1e-5)
+
+
 def test_folders_of_eyes_and_a_trajectory(recording, tmp_path):
     folder = tmp_path / "eyes"
     for eye in ("left", "right"):
