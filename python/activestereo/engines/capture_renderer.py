@@ -5,6 +5,7 @@ and simsense."""
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -89,15 +90,20 @@ class CaptureRenderer:
         self.samples_per_pixel, self.max_bounces, self.seed = samples_per_pixel, max_bounces, seed
         self._device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
         self._renderer = kuafu.Renderer(self._device)
-        self._scene = kuafu.Scene(self._device)
-        self._scene.load(capture.scene_path)
-        split_surfaces(self._scene, capture.scene_path)
-        self._scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
+        self._scene = self._loaded_scene()
+        self._one_at_a_time = threading.Lock()
         self._pattern = capture.rig.projector.pattern()
         self._smooth = smooth
         self._kept: dict[tuple, list[list[dict[str, NDArray]]]] = {}
         camera = capture.rig.left
         self._imager = ExpectedImager(camera.width, camera.height, capture.rig.max_dn)
+
+    def _loaded_scene(self) -> kuafu.Scene:
+        scene = kuafu.Scene(self._device)
+        scene.load(self.capture.scene_path)
+        split_surfaces(scene, self.capture.scene_path)
+        scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
+        return scene
 
     @property
     def device(self) -> kuafu.Device:
@@ -178,14 +184,21 @@ class CaptureRenderer:
     def _images(
         self, jobs: list[_Job], progress: Callable[[float], object] | None, half: int | None
     ) -> list[list[dict[str, NDArray]]]:
-        """[job][eye]: images by name; remembered, so that what changes no ray traces none."""
+        """[job][eye]: images by name; remembered, so that what changes no ray traces none. One thread at a time, and a
+        render that failed leaves neither images nor a changed scene."""
         key = (half, *(_job_key(job.inputs) for job in jobs))
-        if key not in self._kept:
-            with changed_world(self._scene, jobs[0].inputs):
-                self._kept[key] = self._render_world(jobs, progress, half)
-            while len(self._kept) > _KEPT:
-                self._kept.pop(next(iter(self._kept)))
-        return self._kept[key]
+        with self._one_at_a_time:
+            if key not in self._kept:
+                try:
+                    with changed_world(self._scene, jobs[0].inputs):
+                        images = self._render_world(jobs, progress, half)
+                except BaseException:
+                    self._scene = self._loaded_scene()  # what could not be taken back goes with the old one
+                    raise
+                self._kept[key] = images
+                while len(self._kept) > _KEPT:
+                    self._kept.pop(next(iter(self._kept)))
+            return self._kept[key]
 
     def _render_world(
         self, jobs: list[_Job], progress: Callable[[float], object] | None, half: int | None

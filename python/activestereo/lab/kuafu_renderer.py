@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -52,6 +53,7 @@ class KuafuRenderer:
         self._device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
         self._renderer = kuafu.Renderer(self._device)
         self._world: _World | None = None
+        self._one_at_a_time = threading.Lock()
 
     @property
     def version(self) -> str:
@@ -60,7 +62,16 @@ class KuafuRenderer:
         return f"{engine_version(self._device)}{smooth}, flat {_FLAT_SHARE}"
 
     def __call__(self, request: RenderRequest, progress: Callable[[float], object] | None = None) -> tuple[Layers, ...]:
-        """One Layers per camera. progress: called as progress(fraction)."""
+        """One Layers per camera. progress: called as progress(fraction). One thread at a time; after an error the scene
+        is loaded anew."""
+        with self._one_at_a_time:
+            try:
+                return self._rendered(request, progress)
+            except BaseException:
+                self._world = None
+                raise
+
+    def _rendered(self, request: RenderRequest, progress: Callable[[float], object] | None) -> tuple[Layers, ...]:
         world = self._load(request)
         cameras = [kuafu.Camera(c.width, c.height, c.K, c.camera_to_world) for c in request.cameras]
         _place_projector(world, request, world.white)

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -74,12 +73,15 @@ class Trial:
 
 @dataclass
 class _Run:
-    """The small world under one seed."""
+    """The small world under one seed. engine_base, base: its images without any effect, by the engines and by
+    formulas."""
 
     capture: Capture
     engine: CaptureRenderer
     views: dict[Key, View]
     layers: LayersOfFrames
+    engine_base: dict[Key, NDArray] = field(default_factory=dict)
+    base: dict[Key, NDArray] = field(default_factory=dict)
 
     @classmethod
     def make(cls, capture: Capture, folder: Path, device: str | int, seed: int) -> _Run:
@@ -94,20 +96,15 @@ class _Run:
             scale=WARP_SCALE,
         )
         views = {(f.id, eye): View.of(capture, f, eye, layers[f.id][eye]) for f in capture.frames for eye in EYES}
-        return cls(capture, engine, views, layers)
+        run = cls(capture, engine, views, layers)
+        run.engine_base = engine.expected(Model(), _NUISANCES)
+        run.base = run._by_formula(Model(), random=False)
+        return run
 
     def changes(self, model: Model, random: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """What a model changes in the engines and by its formulas, DN [image][height][width] each."""
-        in_engine = _change(self.engine.expected(model, _NUISANCES, random=random), self._engine_base)
-        return in_engine, _change(self._by_formula(model, random), self._base)
-
-    @cached_property
-    def _engine_base(self) -> dict[Key, NDArray]:
-        return self.engine.expected(Model(), _NUISANCES)
-
-    @cached_property
-    def _base(self) -> dict[Key, NDArray]:
-        return self._by_formula(Model(), random=False)
+        in_engine = _change(self.engine.expected(model, _NUISANCES, random=random), self.engine_base)
+        return in_engine, _change(self._by_formula(model, random), self.base)
 
     def _by_formula(self, model: Model, random: bool) -> dict[Key, NDArray]:
         out = {}

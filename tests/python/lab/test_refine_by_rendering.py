@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """An image function only proposes: the engine's images, which follow another law, decide an effect's parameters."""
 
+import threading
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -104,3 +105,20 @@ def test_a_search_by_small_steps_ends_with_what_its_rounds_reached(evidence):
     refined = refined_by_rendering(fitters.train, proposed, rendering_of(evidence, []))
     found, start = refined.parameters["amount"].value, proposed.parameters["amount"].value
     assert abs(found - TRUTH) < abs(start - TRUTH) and refined.chi2 < proposed.chi2
+
+
+def test_test_frames_are_rendered_before_threads_start(evidence):
+    """A cached property has no lock since Python 3.12: threads that render meet inside of the scene."""
+    threads = set()
+    quiet = rendering_of(evidence, [])
+
+    def rendering(model, split, half=None):
+        threads.add(threading.current_thread())
+        return quiet(model, split, half)
+
+    fitters = Fitters.of(evidence, scan_observations(evidence.train), threads=4)
+    base = fit_base(evidence, fitters, Model(), GATES)
+    [proposed] = ExpectedImageChannel(fitters, base, GATES, workers=1).explain([glow])
+    refined = refined_by_rendering(fitters.train, proposed, rendering)
+    fitters.test.residuals(refined.solution)
+    assert threads == {threading.current_thread()}

@@ -20,7 +20,7 @@ and says why.
 """
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from typing import Any
@@ -93,7 +93,8 @@ class Effect:
     variance(signal, view, **parameters): DN^2 that a random effect adds to its stage's value. engine(inputs,
     **parameters): changes EngineInputs, see engine.py; None where no engine field expresses the effect: image_only says
     why. judged: how the lab finds it, where its expected image is not what changes. starts: proposes where fits begin,
-    where a coarse scan of the parameters would miss.
+    where a coarse scan of the parameters would miss. prepare: makes what apply needs for these views; whoever lets
+    threads apply an effect calls it before they start, for it may render.
     """
 
     id: str
@@ -109,6 +110,7 @@ class Effect:
     image_only: str = ""
     judged: tuple[Judgement, ...] = ()
     starts: Starts | None = None
+    prepare: Callable[[Iterable[Any]], None] | None = None
 
     @property
     def engine_fields(self) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ solution; they are rendered anew as the solution moves. The search looks at draf
 with is rendered whole. Test frames are rendered where they are asked for, which is for what is added to a model alone.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
@@ -93,7 +93,8 @@ class _Change:
 @dataclass(frozen=True)
 class _Rendered:
     """An effect whose image function is its change as rendered at theta, with slopes: of the train frames. steps: of
-    the slopes, for the test frames'.
+    the slopes, for the test frames'. test: (the change of the test frames by either half of the samples, its slopes),
+    once prepare() has been asked for one of them.
     """
 
     rendered: _Change
@@ -101,29 +102,33 @@ class _Rendered:
     steps: np.ndarray
     change: _Images
     slopes: tuple[_Images, ...]
+    test: list[tuple[tuple[_Images, _Images], tuple[_Images, ...]]] = field(default_factory=list)
 
     def emulated(self) -> Effect:
         """The effect with these images for its image function; neutral amplitudes change nothing."""
-        return replace(self.rendered.effect, apply=self._apply)
+        return replace(self.rendered.effect, apply=self._apply, prepare=self._prepare)
 
     @cached_property
     def content(self) -> str:
         """Hash of what decides the train frames."""
         return content_key(self.theta, self.change, self.slopes)
 
-    @cached_property
-    def _test(self) -> tuple[tuple[_Images, _Images], tuple[_Images, ...]]:
-        """(the change of the test frames by either half of the samples, its slopes)."""
+    def _prepare(self, views: Iterable[View]) -> None:
+        """Renders the test frames where one of the views is of them."""
+        if self.test or all((view.frame.id, view.eye) in self.change for view in views):
+            return
         first, second = (self.rendered.at(self.theta, _TEST, half) for half in HALVES)
         draft = self.rendered.at(self.theta, _TEST)
-        return (first, second), self.rendered.slopes(self.theta, self.steps, _TEST, draft)
+        self.test.append(((first, second), self.rendered.slopes(self.theta, self.steps, _TEST, draft)))
 
     def _of_view(self, view: View) -> tuple[np.ndarray, list[np.ndarray | None]]:
         """(the change at theta, its slopes) of one image."""
         key = view.frame.id, view.eye
         if key in self.change:
             return self.change[key], [slope.get(key) for slope in self.slopes]
-        halves, slopes = self._test
+        if not self.test:
+            raise RuntimeError(f"effect {self.rendered.effect.id}: frame {key[0]} is asked for before prepare()")
+        halves, slopes = self.test[0]
         change = 0.5 * (halves[0][key] + halves[1][key]) if view.half is None else halves[view.half][key]
         return change, [slope.get(key) for slope in slopes]
 

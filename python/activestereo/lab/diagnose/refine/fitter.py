@@ -105,14 +105,21 @@ class Fitter:
         with ThreadPoolExecutor(self.threads) as pool:
             return list(pool.map(work, items))
 
+    def _prepared(self, model: Model) -> Model:
+        """The model, whose effects have at hand what they need for every observation: threads render nothing."""
+        for effect, _ in model.effects:
+            if effect.prepare is not None:
+                effect.prepare(o.view for o in self.observations)
+        return model
+
     def lights(self, space: ParameterSpace, theta: np.ndarray) -> list[Light]:
         """The Light of every observation."""
-        model = space.model(theta)
+        model = self._prepared(space.model(theta))
         return self._side_by_side(lambda i: self._lights(model, i, self._fine), range(len(self.observations)))
 
     def each_light(self, space: ParameterSpace, theta: np.ndarray) -> Iterator[Light]:
         """The same, each made where it is asked for."""
-        model = space.model(theta)
+        model = self._prepared(space.model(theta))
         return (self._lights(model, i, self._fine) for i in range(len(self.observations)))
 
     def residuals(self, solution: Solution) -> list[ImageResidual]:
@@ -125,7 +132,7 @@ class Fitter:
         return self._residuals[id(solution)][1]
 
     def _residuals_of(self, solution: Solution) -> list[ImageResidual]:
-        model = solution.model
+        model = self._prepared(solution.model)
 
         def residual(i: int) -> ImageResidual:
             o, light = self.observations[i], self._lights(model, i, self._fine)
