@@ -31,7 +31,7 @@ key elsewhere, runs the tool on the capture alone, and scores what it says.
 is the bank's own. `--only NAME...` takes worlds by id or by an effect that they hide. A run goes on where it was
 stopped. `DIR/README.md` is its score page, `score.json` holds the numbers, and `keys/` the truth. `hide.py` makes one
 more world for [examples/hidden_effect](../../examples/hidden_effect/README.md), and `gate_study.py` halves and doubles
-each [threshold](../../python/activestereo/lab/README.md#the-gates).
+each [threshold](../../python/activestereo/lab/README.md#thresholds).
 
 | set | worlds | hidden |
 |---|---|---|

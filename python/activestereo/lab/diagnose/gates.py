@@ -11,11 +11,11 @@ said so 0.964.
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-_GENERATION_1 = "calibrated: worlds of generation 1"
+_GENERATION_1 = "calibrated"
 
 
-_NO_FIGURE = "no figure"
-_EARLIER = "acts before the verdict"
+_NO_FIGURE = "none"
+_EARLIER = "not judged"
 
 
 def _gate(value: float, unit: str, decides: str, source: str, moves: str = _NO_FIGURE) -> Any:
@@ -30,7 +30,7 @@ def _earlier(value: float, unit: str, decides: str, source: str) -> Any:
 
 @dataclass(frozen=True)
 class Gates:
-    """Floors: mean squares in units of the noise floor. Shares: of the error above the floor, unless said otherwise."""
+    """Noise variances: mean squares over that of the noise (a reduced chi-square). Shares: of the error above the floor, unless said otherwise."""
 
     # May it be named?
     margin_nats: float = _gate(
@@ -57,14 +57,14 @@ class Gates:
     )
     smallest_gain_floors: float = _gate(
         0.01,
-        "floors",
+        "noise variances",
         "least decrease of the mean squared error",
         _GENERATION_1,
         moves="halved: false alarms +0.010; doubled: false alarms -0.010",
     )
     smallest_plain_floors: float = _gate(
         0.05,
-        "floors",
+        "noise variances",
         "least decrease of the unweighted error, where that decrease alone makes an effect large",
         _GENERATION_1,
     )
@@ -98,21 +98,21 @@ class Gates:
     )
     other_law_floors: float = _gate(
         0.012,
-        "floors",
+        "noise variances",
         "least size of that variation that counts at all",
         _GENERATION_1,
         moves="doubled: named +0.013",
     )
     unexplained_floors: float = _gate(
         0.12,
-        "floors",
+        "noise variances",
         "structure and excess above which something is missing, where no effect is named",
         _GENERATION_1,
         moves="halved: named -0.027; doubled: outside -0.107",
     )
     structure_of_named_floors: float = _gate(
         0.075,
-        "floors",
+        "noise variances",
         "structure above which something is missing beside a named effect",
         _GENERATION_1,
         moves="halved: named -0.053, outside +0.036; doubled: outside -0.071",
@@ -133,20 +133,20 @@ class Gates:
     )
     largest_of_surveys_floors: float = _gate(
         0.5,
-        "floors",
+        "noise variances",
         "largest excess of any shape that errors of the survey leave, where no effect is named",
         _GENERATION_1,
         moves="doubled: outside -0.036",
     )
     unsteady_floors: float = _gate(
         0.06,
-        "floors",
+        "noise variances",
         "largest difference between the frames of one view that noise makes, where no effect is named",
         _GENERATION_1,
     )
     uneven_structure_floors: float = _gate(
         0.12,
-        "floors",
+        "noise variances",
         "largest structure of one image beyond the median image's, where no effect is named",
         _GENERATION_1,
         moves="doubled: outside -0.036",
@@ -158,14 +158,14 @@ class Gates:
         "theory: few steps in dark pictures",
     )
     images_at_floor: float = _gate(
-        0.12, "floors", "excess below which the images lack nothing, so that the depth is judged", _GENERATION_1
+        0.12, "noise variances", "excess below which the images lack nothing, so that the depth is judged", _GENERATION_1
     )
     # Can it be distinguished from others?
     same_excess_ratio: float = _gate(
         1.2, "1", "ratio of excess errors within which two explanations count as equal", _GENERATION_1
     )
     same_excess_floors: float = _gate(
-        0.002, "floors", "absolute difference that is allowed in addition to that ratio", _GENERATION_1
+        0.002, "noise variances", "absolute difference that is allowed in addition to that ratio", _GENERATION_1
     )
     same_gain_share: float = _gate(
         0.25, "1", "least share of the other's gain that an explanation needs to count as equal", "convention"
@@ -189,7 +189,7 @@ class Gates:
         "temperature of the softmax, over the logarithm of the remaining error, that gives the confidences",
         _GENERATION_1,
     )
-    floor_known_to: float = _gate(0.01, "floors", "uncertainty of the noise floor itself", _GENERATION_1)
+    floor_known_to: float = _gate(0.01, "noise variances", "uncertainty of the noise floor itself", _GENERATION_1)
     nats_per_unit: float = _gate(
         20.0, "nats", "nats of an approximate likelihood that raise the logarithm of a confidence by one", _GENERATION_1
     )
@@ -204,7 +204,7 @@ class Gates:
         "loss of likelihood below which an effect is removed again",
         "as margin_nats",
     )
-    needless_floors: float = _earlier(0.005, "floors", "the same limit in units of the noise floor", _GENERATION_1)
+    needless_floors: float = _earlier(0.005, "noise variances", "the same limit in units of the noise floor", _GENERATION_1)
     formulas_share: float = _earlier(
         0.015,
         "1",
@@ -223,7 +223,7 @@ class Gates:
         0.03, "1", "least share of its effect's gain that a free parameter must contribute", _GENERATION_1
     )
     needless_parameter_floors: float = _earlier(
-        0.005, "floors", "the same limit in units of the noise floor", _GENERATION_1
+        0.005, "noise variances", "the same limit in units of the noise floor", _GENERATION_1
     )
     # Random fields.
     white_share: float = _earlier(
@@ -233,7 +233,7 @@ class Gates:
         _GENERATION_1,
     )
     largest_white_floors: float = _earlier(
-        0.06, "floors", "largest error that the renderer's own noise causes", "theory: Monte Carlo noise of 32 samples"
+        0.06, "noise variances", "largest error that the renderer's own noise causes", "theory: Monte Carlo noise of 32 samples"
     )
     field_correlation: float = _earlier(
         0.4,
@@ -340,7 +340,7 @@ GATES = Gates()
 def gates_table(gates: Gates = GATES) -> str:
     """The table as Markdown: name, value, unit, what it decides, source, what moves with it."""
     lines = [
-        "| gate | value | unit | decides | source | figures that change when it is halved or doubled |",
+        "| threshold | value | unit | decides | source | changes when it is halved or doubled |",
         "|---|---|---|---|---|---|",
     ]
     for f in fields(gates):
