@@ -13,6 +13,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 GENERATED = {"capi/tables/reference.md", "examples/effects/README.md"}
 RESULTS = ("tests/bench", "tests/bank")
 MOST_WORDS, MOST_WORDS_OF_RESULTS, MOST_LINES_OF_A_RELEASE = 45_000, 1_200, 60
+MOST_WORDS_EXPLAINED = 25
 
 
 def words(page: str) -> int:
@@ -31,6 +32,17 @@ def test_hand_written_prose_stays_short() -> None:
     pages = set(listed.stdout.splitlines())
     assert pages >= GENERATED
     assert sum(words(page) for page in pages - GENERATED if (ROOT / page).is_file()) <= MOST_WORDS
+
+
+def test_there_is_one_glossary_and_it_is_short() -> None:
+    glossary = (ROOT / "examples/guide/glossary.md").read_text(encoding="utf-8")
+    entries = re.findall(r"^\| ([^|]+) \|", glossary, flags=re.MULTILINE)[1:]
+    assert 10 <= len(entries) <= MOST_WORDS_EXPLAINED
+    assert entries == sorted(entries, key=str.lower)
+    listed = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True)
+    pages = [ROOT / page for page in listed.stdout.splitlines() if (ROOT / page).is_file()]
+    others = [page for page in pages if re.search(r"^\| *(term|word) *\|", page.read_text("utf-8"), re.MULTILINE)]
+    assert others == [ROOT / "examples/guide/glossary.md"]
 
 
 def test_a_release_of_the_changelog_fits_a_screen() -> None:
