@@ -152,7 +152,15 @@ def _practice(run):
         gap = "" if row["gap"] is None else f"{row['gap']:.2f}"
         cells = (row["capture"], row["hidden"], row["answer"], gap)
         lines.append(f"|{'|'.join(cells)}|{row['diagnosis_dn']:.3f}|{row['engines_dn']:.3f}|")
-    return lines
+    found = run["parameters"]
+    values = "; ".join(
+        f"{r['parameter']} {r['found']:g} ({r['low']:g} to {r['high']:g}; truth {r['truth']:g})" for r in found["rows"]
+    )
+    return [
+        *lines,
+        "",
+        f"Parameters of {found['capture']} with their 90 % intervals ({found['date']}, {found['machine']}): {values}.",
+    ]
 
 
 def _read(name):

@@ -112,6 +112,7 @@ def draw_targets(path):
     axes.axvline(1, color="#1f2933", lw=0.8)
     axes.set_xscale("log")
     axes.set_yticks(range(len(ratios)), [name for name, _ in ratios], size=7)
+    axes.margins(y=0.01)
     axes.invert_yaxis()
     axes.set_xlabel("measured over target (1 or less reaches it)")
     axes.spines[["top", "right"]].set_visible(False)
