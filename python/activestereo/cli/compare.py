@@ -73,7 +73,6 @@ def run(args: argparse.Namespace) -> None:
             max_bounces=args.max_bounces,
             seed=args.seed,
             progress=bar,
-            is_fine=(args.out / "diagnose.json").is_file(),
             **under_model,
         )
     with ProgressBar("writing the report") as bar:

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from activestereo.capture import EYES, SPLITS, Capture, read_capture
-from activestereo.effects.core.descriptor import Stage
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.view import View
 from activestereo.engines import Survey
@@ -61,7 +60,7 @@ class Comparison:
 def compare(
     capture_path: str | Path, model: Model | None = None, renderer: Renderer | None = None, samples_per_pixel: int = 64,
     max_bounces: int = 8, seed: int = 0, cache: LayerCache | None = None,
-    progress: Callable[[float], object] | None = None, is_fine: bool = False,
+    progress: Callable[[float], object] | None = None,
     engines: Callable[[Capture], CaptureRenderer] | None = None, survey: Survey | None = None,
     calibrate: Callable[[Capture], Capture] | None = None,
 ) -> Comparison:  # fmt: skip
@@ -69,8 +68,7 @@ def compare(
 
     model: effects on top of the base renderer, a Model; expected images are compared, so random effects show in the
     noise floor alone. renderer: see lab.render; None for kuafu on the best device. progress: called as
-    progress(fraction done). is_fine: renders images finer than the pixels even where the model does not warp them, for
-    effects that are added to the Comparison's layers later. engines: makes a CaptureRenderer of the capture, in which
+    progress(fraction done). engines: makes a CaptureRenderer of the capture, in which
     the model's effects act; None: their image functions do. survey: an engines.Survey, what is known of focal lengths
     and albedos. calibrate: replaces the capture's nominal rig and pattern by measured ones.
     """
@@ -84,10 +82,7 @@ def compare(
         renderer = KuafuRenderer()
     share = part_of(progress, 0.0, _RENDER_SHARE)
     model = model or Model()
-    moves = is_fine or any(effect.stage is Stage.CAMERA for effect, _ in model.effects)
-    halves = render_halves(
-        capture, renderer, samples_per_pixel, max_bounces, seed, cache, share, WARP_SCALE if moves else 1
-    )
+    halves = render_halves(capture, renderer, samples_per_pixel, max_bounces, seed, cache, share, WARP_SCALE)
     layers = mean_of_halves(halves)
     views = {
         key: View.of(capture, frame, key[1], layers[frame.id][key[1]], seed)

@@ -18,7 +18,7 @@ from activestereo.lab.compare import compare
 from activestereo.lab.fit import Nuisances, fit_nuisances, predict
 from activestereo.lab.layers import rig_request
 from activestereo.lab.noise import frame_floors
-from activestereo.lab.render import render_frames
+from activestereo.lab.render import WARP_SCALE, render_frames
 from activestereo.lab.report import summary_table, write_report
 from worlds.sensor import expected
 
@@ -182,7 +182,7 @@ def test_an_effect_that_the_world_has_makes_the_error_fall(lab_world, comparison
     copy = Path(shutil.copytree(lab_world.capture_path, tmp_path / "copy"))
     capture = read_capture(copy)
     renderer = RememberingRenderer(WorldRenderer(lab_world, grid=6))
-    layers = render_frames(capture, renderer, cache=LayerCache(tmp_path / "cache"))
+    layers = render_frames(capture, renderer, cache=LayerCache(tmp_path / "cache"), scale=WARP_SCALE)
     truth, rng = Nuisances(9.0e4, 3.0e3, 4.0), np.random.default_rng(8)
     for frame in capture.frames:
         for eye in ("left", "right"):

@@ -78,6 +78,16 @@ def test_the_true_model_leaves_the_noise(hidden):
     assert rmse_of(hidden, model_of(**HIDDEN), SURVEY) < 1.5 * floor
 
 
+def test_figures_do_not_depend_on_what_lies_in_the_folder(hidden, tmp_path):
+    """A diagnose.json in the output folder is shown in the report, and changes no figure."""
+    arguments = ["compare", str(hidden), "--spp", "4", "--max-bounces", str(BOUNCES)]
+    (tmp_path / "diagnosed").mkdir()
+    (tmp_path / "diagnosed" / "diagnose.json").write_text("{}")
+    for name in ("empty", "diagnosed"):
+        assert main([*arguments, "--out", str(tmp_path / name)]) == 0
+    assert (tmp_path / "empty/compare.json").read_bytes() == (tmp_path / "diagnosed/compare.json").read_bytes()
+
+
 def test_the_command_takes_a_model_with_calibration_and_albedos(nominal, hidden, tmp_path, capsys):
     names = ["table", "wall", "clay", "card"]
     model = diagnosed_model(
