@@ -20,7 +20,8 @@ Makes a capture of a recording. RECORDING is one of
 
   a folder of PNG files of both infrared streams, of depth (16-bit) and colour where
     they were saved; names tell the stream (Infrared 1, Infrared 2, Depth, Color, or
-    left, right, depth) and the time. Folders inside with both eyes of their own are
+    left, right, depth) and the time or number; names without one are the same in
+    each stream but for that word. Folders inside with both eyes of their own are
     views of their own (walls/near, walls/far); one named off has frames with the
     projector off (desk/on, desk/off). Needs --calibration: what rs-enumerate-devices
     -c prints, saved to a file, from the same device

@@ -73,8 +73,8 @@ def write_color_depth(
     scene: Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Capture:
-    """Writes the capture `out`, which must not exist. The four after `out` are the preset's. ValueError names
-    the file where sizes are mixed, depth is 8-bit or a file is damaged."""
+    """Writes the capture `out`, which must not exist. The four after `out` are the preset's. ValueError names the
+    file where sizes are mixed, depth is 8-bit or a file is damaged."""
     tell = progress or (lambda fraction: None)
     width, height = image_size(recording.frames[0].depth, "depth")
     still = all(frame.camera_to_world is None for frame in recording.frames)

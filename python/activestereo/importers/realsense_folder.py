@@ -4,7 +4,8 @@ PNG, and colour.
 
 Files are known by their names, in any order of the words: "Infrared 1" or left, "Infrared 2" or right, Depth, Color,
 and the last number is the timestamp in milliseconds or the frame's number: rs-convert's and the viewer's names, and
-left/000001.png beside right/000001.png.
+left/000001.png beside right/000001.png. Names without such a number are the same but for those words: left/desk.png
+beside right/desk.png, desk_left.png beside desk_right.png.
 """
 
 import re
@@ -55,8 +56,8 @@ class RobotPoses:
 
 @dataclass(frozen=True)
 class FrameFiles:
-    """Files of one frame by stream, the number in the left one's name, and the view, by number, that it is of.
-    projector_on: False below a folder that is named off."""
+    """Files of one frame by stream, the number in the left one's name (its place in order where names have none), and
+    the view, by number, that it is of. projector_on: False below a folder that is named off."""
 
     number: float
     files: dict[str, Path]
@@ -86,23 +87,36 @@ def _has_both(folder: Path) -> bool:
 
 
 def _view_files(folder: Path) -> list[FrameFiles]:
-    by_stream: dict[str, list[tuple[float, Path]]] = {stream: [] for stream in _STREAMS}
+    by_stream: dict[str, list[Path]] = {stream: [] for stream in _STREAMS}
     for file in sorted(folder.rglob("*.png")):
         name = file.relative_to(folder).as_posix()
         stream = next((s for s, pattern in _STREAMS.items() if pattern.search(name)), None)
-        number = _LAST_NUMBER.search(file.stem)
-        if stream is not None and number is not None:
-            by_stream[stream].append((float(number[1]), file))
+        if stream is not None:
+            by_stream[stream].append(file)
     for stream in ("left", "right"):
         if not by_stream[stream]:
             raise ValueError(
                 f"{folder}: {_NAMES[stream]}: no PNG file has a name with it: record both infrared streams"
             )
+    numbers = {stream: [_number(file) for file in files] for stream, files in by_stream.items()}
+    are_numbered = all(None not in own and len(set(own)) == len(own) for own in numbers.values())
+    return _by_number(folder, by_stream) if are_numbered else _by_name(folder, by_stream)
+
+
+def _number(file: Path) -> float | None:
+    """The last one in its name."""
+    found = _LAST_NUMBER.search(file.stem)
+    return None if found is None else float(found[1])
+
+
+def _by_number(folder: Path, by_stream: dict[str, list[Path]]) -> list[FrameFiles]:
+    """Frames of files whose numbers are the same, or times that are near."""
+    numbered = {stream: [(_number(file) or 0.0, file) for file in files] for stream, files in by_stream.items()}
     frames = []
-    for time_ms, left in sorted(by_stream["left"]):
+    for time_ms, left in sorted(numbered["left"]):
         files = {"left": left}
         for stream in ("right", "depth", "color"):
-            nearest = min(by_stream[stream], key=lambda item: abs(item[0] - time_ms), default=None)
+            nearest = min(numbered[stream], key=lambda item: abs(item[0] - time_ms), default=None)
             if (
                 nearest is not None
                 and abs(nearest[0] - time_ms) < _SAME_FRAME_MS
@@ -116,6 +130,32 @@ def _view_files(folder: Path) -> list[FrameFiles]:
     return frames
 
 
+def _by_name(folder: Path, by_stream: dict[str, list[Path]]) -> list[FrameFiles]:
+    """Frames of files whose names are the same but for the words that tell the stream, in natural order."""
+    named: dict[str, dict[str, Path]] = {}
+    for stream, files in by_stream.items():
+        for file in files:
+            name = _STREAMS[stream].sub("", file.relative_to(folder).as_posix())
+            if stream in named.setdefault(name, {}):
+                raise ValueError(f"{file}: is named as {named[name][stream]}, expected one image of a frame and stream")
+            named[name][stream] = file
+    for own in named.values():
+        for eye, other in (("left", "right"), ("right", "left")):
+            if eye in own and other not in own:
+                raise ValueError(
+                    f"{own[eye]}: has no {other} image: names without a number of their own are the same in each "
+                    "stream but for its word, such as left/desk.png and right/desk.png, or desk_left.png and "
+                    "desk_right.png"
+                )
+    ordered = sorted((name for name in named if "left" in named[name]), key=_natural)
+    return [FrameFiles(float(index), named[name]) for index, name in enumerate(ordered)]
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    """A key of sorting by which 'view 9' is before 'view 10'."""
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)]
+
+
 def import_realsense(
     folder: Path, device: DeviceText, out: Path, pattern: NDArray[np.uint8], pattern_K: NDArray[np.float64],
     projector_in_left_m: tuple[float, float, float], depth_scale: float | None = None, scene: Path | None = None,
@@ -125,10 +165,10 @@ def import_realsense(
 ) -> Capture:  # fmt: skip
     """Writes the capture `out` (which must not exist) and returns it.
 
-    pattern: uint8, the nominal one of the device, under pattern_K; projector_in_left_m: its nominal place in
-    the left camera's frame. depth_scale: metres per unit of the depth images. scene: a glTF
-    file, None for an empty one. trajectory: camera poses over seconds; robot: poses of a gripper that carries the
-    camera. Without either the camera stands still, and all frames are repeats of one view.
+    pattern: uint8, the nominal one of the device, under pattern_K; projector_in_left_m: its nominal place in the left
+    camera's frame. depth_scale: metres per unit of the depth images. scene: a glTF file, None for an empty one.
+    trajectory: camera poses over seconds; robot: poses of a gripper that carries the camera. Without either the camera
+    stands still, and all frames are repeats of one view.
     """
     tell = progress or (lambda fraction: None)
     files = frame_files(folder)

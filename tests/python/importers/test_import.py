@@ -92,6 +92,26 @@ def test_folders_of_eyes_and_a_trajectory(recording, tmp_path):
     assert capture.ir(capture.frames[3], "right")[0, 0] == 31
 
 
+@pytest.mark.parametrize("names", ["{}/{}.png", "{1}_{0}.png", "{} {} 1.png"])
+def test_names_without_numbers_of_their_own_are_paired_as_they_are(recording, tmp_path, names, capsys):
+    folder, things = tmp_path / "named", ("view 10 desk", "view 9 desk", "cup")
+    for stream in ("left", "right"):
+        for value, thing in enumerate(things):
+            file = folder / names.format(stream, thing)
+            file.parent.mkdir(parents=True, exist_ok=True)
+            write_gray(file, np.full((48, 64), 10 * value + (stream == "right"), np.uint8))
+    arguments = ["import", str(folder), "--calibration", str(tmp_path / "d435.txt"), "--out", str(tmp_path / "capture")]
+    assert main(arguments) == 0
+    capture = read_capture(tmp_path / "capture")
+    seen = [(capture.ir(f, "left")[0, 0], capture.ir(f, "right")[0, 0]) for f in capture.frames]
+    assert seen == [(20, 21), (10, 11), (0, 1)]
+    (folder / names.format("right", "cup")).unlink()
+    arguments[-1] = str(tmp_path / "other")
+    capsys.readouterr()
+    assert main(arguments) == 2
+    assert "has no right image" in capsys.readouterr().err
+
+
 def test_what_is_wrong_is_told_with_file_key_and_value(recording, tmp_path, capsys):
     text = tmp_path / "d435.txt"
     assert "depth scale: is not known" in _refused(_arguments(recording), capsys)
