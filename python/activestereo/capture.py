@@ -14,6 +14,22 @@ import numpy as np
 
 from activestereo.capture_json import CaptureError, JsonObject
 from activestereo.images import image_size, read_color, read_gray
+from activestereo.limits import (
+    BITS,
+    DEPTH_SCALE,
+    DISTORTION,
+    EXPOSURE,
+    GAIN,
+    LENGTH,
+    LINE_TIME,
+    POWER,
+    RADIUS,
+    SIDE,
+    SPEED,
+    TEMPERATURE,
+    TIME,
+    TURN_RATE,
+)
 
 FORMAT = "active-stereo-capture"
 VERSION = 1
@@ -211,8 +227,8 @@ def read_capture(path: str | Path) -> Capture:
 
 
 def _read_camera(entry: JsonObject) -> Camera:
-    width, height = entry.integer("width", minimum=1), entry.integer("height", minimum=1)
-    return Camera(width, height, entry.camera_matrix("K"), entry.numbers("distortion", (5,)))
+    width, height = entry.integer("width", SIDE), entry.integer("height", SIDE)
+    return Camera(width, height, entry.camera_matrix("K"), entry.numbers("distortion", [DISTORTION] * 5))
 
 
 def _read_color(entry: JsonObject) -> ColorCamera:
@@ -221,27 +237,24 @@ def _read_color(entry: JsonObject) -> ColorCamera:
 
 
 def _read_light(entry: JsonObject) -> KnownLight:
-    radius = entry.number("radius_m", optional=True, minimum=0.0)
-    return KnownLight(entry.text("name"), entry.numbers("position_m", (3,)), 0.0 if radius is None else radius)
+    radius = entry.number("radius_m", RADIUS, optional=True)
+    return KnownLight(entry.text("name"), entry.numbers("position_m", [LENGTH] * 3), 0.0 if radius is None else radius)
 
 
 def _read_rig(entry: JsonObject) -> Rig:
     projector = entry.object("projector")
     readout = entry.object("readout", optional=True)
-    rig = Rig(
+    return Rig(
         left=_read_camera(entry.object("left")),
         right=_read_camera(entry.object("right")),
         left_to_right=entry.rigid_transform("left_to_right"),
         projector=Projector(
             projector.file("pattern"), projector.camera_matrix("K"), projector.rigid_transform("left_to_projector")
         ),
-        bit_depth=entry.integer("bit_depth", minimum=1),
-        line_time_s=readout.number("line_time_s", optional=True) if readout else None,
+        bit_depth=entry.integer("bit_depth", BITS),
+        line_time_s=readout.number("line_time_s", LINE_TIME, optional=True) if readout else None,
         color=_read_color(entry.object("color")) if entry.has("color") else None,
     )
-    if rig.bit_depth > 16:
-        entry.fail("bit_depth", f"is {rig.bit_depth}; images have at most 16 bits")
-    return rig
 
 
 def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
@@ -262,24 +275,24 @@ def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
     split = entry.text("split")
     if split not in SPLITS:
         entry.fail("split", f"is {split!r}, expected 'train' or 'test'")
-    velocity = entry.numbers("camera_velocity", (6,), optional=True)
+    velocity = entry.numbers("camera_velocity", [SPEED] * 3 + [TURN_RATE] * 3, optional=True)
     return Frame(
         id=frame_id,
         left_path=entry.file("left") if has_infrared else None,
         right_path=entry.file("right") if has_infrared else None,
-        timestamp_s=entry.number("timestamp_s"),
-        exposure_s=entry.number("exposure_s", above=0.0),
-        gain=entry.number("gain", above=0.0),
-        projector_power=entry.number("projector_power", minimum=0.0),
-        ambient=entry.number("ambient", optional=True, minimum=0.0),
-        temperature_c=entry.number("temperature_c", optional=True, minimum=-273.15, maximum=1000.0),
+        timestamp_s=entry.number("timestamp_s", TIME),
+        exposure_s=entry.number("exposure_s", EXPOSURE),
+        gain=entry.number("gain", GAIN),
+        projector_power=entry.number("projector_power", POWER),
+        ambient=entry.number("ambient", POWER, optional=True),
+        temperature_c=entry.number("temperature_c", TEMPERATURE, optional=True),
         camera_to_world=entry.rigid_transform("camera_to_world"),
         camera_velocity=np.zeros(6) if velocity is None else velocity,
         repeat_group=entry.integer("repeat_group", optional=True),
         split=split,
         depth_path=depth_path,
         # A scale may stand without a depth image, but not the other way round.
-        depth_scale=entry.number("depth_scale", optional=depth_path is None, above=0.0),
+        depth_scale=entry.number("depth_scale", DEPTH_SCALE, optional=depth_path is None),
         color_path=color_path,
         gripper_to_base=entry.rigid_transform("gripper_to_base") if entry.has("gripper_to_base") else None,
     )

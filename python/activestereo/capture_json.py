@@ -4,16 +4,19 @@
 from __future__ import annotations
 
 import json
-import math
-import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
 
+from activestereo.limits import ANY, FOCAL, LENGTH, NUMBER, PIXEL, Limits
+from activestereo.own_files import own_file
 from activestereo.pose import rigid_fault
 
-LARGEST_INTEGER = 2**53
+# Row by row; what else they must be is told in their own words.
+_CAMERA_MATRIX = (PIXEL,) * 9
+_TRANSFORM = ((ANY,) * 3 + (LENGTH,)) * 3 + (ANY,) * 4
 
 
 class CaptureError(ValueError):
@@ -74,8 +77,9 @@ class JsonObject:
         rows = self._get(key)
         if not isinstance(rows, list) or not all(isinstance(row, list) and len(row) == columns for row in rows):
             self.fail(key, f"is not a list of rows of {columns} numbers")
-        if not all(_is_finite_number(value) for row in rows for value in row):
-            self.fail(key, "holds something that is not a finite number")
+        for i, row in enumerate(rows):
+            for value in row:
+                self._within(f"{key}[{i}]", value, ANY)
         return np.array(rows, dtype=np.float64).reshape(-1, columns)
 
     def fail(self, key: str, what: str) -> NoReturn:
@@ -125,75 +129,50 @@ class JsonObject:
             self.fail(key, f"is {value!r}, expected text")
         return value
 
-    def number(
-        self,
-        key: str,
-        optional: bool = False,
-        minimum: float | None = None,
-        above: float | None = None,
-        maximum: float | None = None,
-    ) -> Any:
+    def number(self, key: str, limits: Limits = ANY, optional: bool = False) -> Any:
         value = self._get(key, optional)
-        if value is None:
-            return None
-        if not _is_finite_number(value):
-            self.fail(key, f"is {value!r}, expected a finite number")
-        if minimum is not None and value < minimum:
-            self.fail(key, f"is {value}, expected at least {minimum}")
-        if above is not None and value <= above:
-            self.fail(key, f"is {value}, expected more than {above}")
-        if maximum is not None and value > maximum:
-            self.fail(key, f"is {value}, expected at most {maximum}")
-        return float(value)
+        return None if value is None else float(self._within(key, value, limits))
 
-    def integer(self, key: str, optional: bool = False, minimum: int | None = None) -> Any:
+    def integer(self, key: str, limits: Limits = NUMBER, optional: bool = False) -> Any:
         value = self._get(key, optional)
-        if value is None:
-            return None
-        if isinstance(value, bool) or not isinstance(value, int):
-            self.fail(key, f"is {value!r}, expected an integer")
-        if abs(value) > LARGEST_INTEGER:
-            self.fail(key, f"is {value}, expected at most 2^53 in size: JSON keeps no more digits (RFC 8259 section 6)")
-        if minimum is not None and value < minimum:
-            self.fail(key, f"is {value}, expected at least {minimum}")
-        return value
+        return None if value is None else self._within(key, value, limits)
 
-    def numbers(self, key: str, shape: tuple[int, ...], optional: bool = False) -> Any:
-        """Row-major list of numbers as a float64 array of `shape`."""
+    def numbers(self, key: str, limits: Sequence[Limits], optional: bool = False) -> Any:
+        """A list with a number for each of the limits, as float64."""
         values = self._get(key, optional)
         if values is None:
             return None
-        count = math.prod(shape)
-        if not isinstance(values, list) or len(values) != count:
+        if not isinstance(values, list) or len(values) != len(limits):
             got = f"{len(values)} entries" if isinstance(values, list) else type(values).__name__
-            self.fail(key, f"has {got}, expected {count} numbers")
-        if not all(_is_finite_number(v) for v in values):
-            self.fail(key, "holds something that is not a finite number")
-        return np.array(values, dtype=np.float64).reshape(shape)
+            self.fail(key, f"has {got}, expected {len(limits)} numbers")
+        for i, (value, own) in enumerate(zip(values, limits, strict=True)):
+            self._within(f"{key}[{i}]", value, own)
+        return np.array(values, dtype=np.float64)
 
     def camera_matrix(self, key: str) -> np.ndarray:
-        k = self.numbers(key, (3, 3))
-        if k[0, 0] <= 0 or k[1, 1] <= 0 or np.any(k[2] != [0, 0, 1]) or k[1, 0] != 0:
-            self.fail(key, "is not a camera matrix [fx s cx, 0 fy cy, 0 0 1] with positive focal lengths")
+        k = self.numbers(key, _CAMERA_MATRIX).reshape(3, 3)
+        if min(k[0, 0], k[1, 1]) < FOCAL.low or np.any(k[2] != [0, 0, 1]) or k[1, 0] != 0:
+            self.fail(key, f"is not a camera matrix [fx s cx, 0 fy cy, 0 0 1] with focal lengths of {FOCAL}")
         return k
 
     def rigid_transform(self, key: str) -> np.ndarray:
-        pose = self.numbers(key, (4, 4))
+        pose = self.numbers(key, _TRANSFORM).reshape(4, 4)
         fault = rigid_fault(pose)
         if fault is not None:
             self.fail(key, fault)
         return pose
 
+    def _within(self, key: str, value: Any, limits: Limits) -> Any:
+        fault = limits.fault(value)
+        if fault is not None:
+            self.fail(key, fault)
+        return value
+
     def file(self, key: str, optional: bool = False) -> Any:
-        """A path in the file, relative to the file's folder; the file must exist."""
+        """A path in the file, relative to the file's folder; the file must exist there (own_files says more)."""
         if self._get(key, optional) is None:
             return None
-        path = self.path.parent / self.text(key)
-        if not path.is_file():
-            self.fail(key, f"{path} does not exist")
-        return path
-
-
-def _is_finite_number(value: Any) -> bool:
-    # Whole numbers have no limit in JSON; those beyond a float's range are not finite here. NaN fails the comparison.
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+        try:
+            return own_file(self.path.parent, self.text(key))
+        except ValueError as error:
+            self.fail(key, str(error))

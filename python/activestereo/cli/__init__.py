@@ -9,6 +9,7 @@ import re
 import sys
 import traceback
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import NoReturn
 
 from activestereo.cli import (
@@ -30,6 +31,7 @@ from activestereo.cli import (
     simulate,
 )
 from activestereo.cli.arguments import CommandError
+from activestereo.own_files import outside_allowed
 
 _COMMANDS = (
     simulate,
@@ -63,6 +65,8 @@ def make_parser() -> argparse.ArgumentParser:
         "path-traced image pair, stereo matching.",
         epilog="Each command has its own help: activestereo simulate --help",
     )
+    text = "files that captures, models and lists of recordings name may lie outside of their folders"
+    parser.add_argument("--allow-outside", action="store_true", help=text)
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for command in _COMMANDS:
         command.add_parser(commands)
@@ -73,7 +77,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Exit status: 0 done, 1 the device or the program failed, 2 the input is wrong, 130 stopped from the keyboard."""
     try:
         args = _parsed(_glued(sys.argv[1:] if arguments is None else arguments))
-        args.run(args)
+        with outside_allowed() if args.allow_outside else nullcontext():
+            args.run(args)
         sys.stdout.flush()
     except KeyboardInterrupt:
         return _fail("stopped", 130)

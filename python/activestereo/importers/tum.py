@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from activestereo.importers.color_depth import ColorDepthFrame, ColorDepthRecording, nearest
 from activestereo.importers.trajectory import pose_at, read_trajectory
+from activestereo.own_files import own_file
 
 _UNIT_M = 1.0 / 5000.0
 _WITHIN_S = 0.02
@@ -50,8 +51,8 @@ def _listed(path: Path) -> dict[float, Path]:
             time_s = np.nan
         if len(words) != 2 or not np.isfinite(time_s):
             raise ValueError(f"{path}: line {number}: '{line.strip()}' is not a time and a file")
-        file = path.parent / words[1]
-        if not file.is_file():
-            raise ValueError(f"{path}: line {number}: {file} does not exist")
-        out[time_s] = file
+        try:
+            out[time_s] = own_file(path.parent, words[1])
+        except ValueError as error:
+            raise ValueError(f"{path}: line {number}: {error}") from error
     return out

@@ -4,10 +4,10 @@ them."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
+from activestereo.capture_json import CaptureError, JsonObject
 from activestereo.effects import Effect, Model, builtin, load_effects
 from activestereo.lab.fit import Nuisances
 from activestereo.scene_surfaces import surface_names
@@ -51,8 +51,8 @@ def scene_of(capture_path: str | Path) -> Path | None:
     folder = Path(capture_path)
     file = folder if folder.name == "capture.json" else folder / "capture.json"
     try:
-        return file.parent / json.loads(file.read_text(encoding="utf-8"))["scene"]
-    except (OSError, ValueError, KeyError, TypeError):
+        return cast(Path, JsonObject.read(file).file("scene"))
+    except CaptureError:
         return None
 
 

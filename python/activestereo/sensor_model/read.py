@@ -4,6 +4,7 @@ nothing is read in part."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from activestereo.capture_json import CaptureError, JsonObject
 from activestereo.effects import builtin
 from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.surfaces import SURFACES
+from activestereo.limits import BITS, DISTORTION, EXPOSURE, FOCAL, GAIN, LINE_TIME, POWER, SIDE
 from activestereo.sensor_model.model import (
     MATERIAL_FIELDS,
     NOISE_TERMS,
@@ -27,6 +29,9 @@ from activestereo.sensor_model.model import (
 
 FORMAT = "active-stereo-model"
 VERSION = 2
+# The depth engine takes no less.
+_EYE_SIDE = replace(SIDE, low=32)
+_BIT_DEPTH = replace(BITS, low=8)
 # Keys that explain a file to its reader; they are written, and not read.
 _NOTES = ("simulated", "image_only", "unit")
 
@@ -149,18 +154,18 @@ def _rig(entry: JsonObject) -> Rig:
         right=_eye(entry.object("right")),
         left_to_right=entry.rigid_transform("left_to_right"),
         left_to_projector=to_projector,
-        bit_depth=entry.integer("bit_depth", minimum=8) if entry.has("bit_depth") else 8,
-        line_time_s=entry.number("line_time_s", optional=True),
-        exposure_s=entry.number("exposure_s", optional=True, above=0.0),
-        gain=entry.number("gain", optional=True, above=0.0),
+        bit_depth=entry.integer("bit_depth", _BIT_DEPTH) if entry.has("bit_depth") else 8,
+        line_time_s=entry.number("line_time_s", LINE_TIME, optional=True),
+        exposure_s=entry.number("exposure_s", EXPOSURE, optional=True),
+        gain=entry.number("gain", GAIN, optional=True),
         source=_source(entry),
     )
 
 
 def _eye(entry: JsonObject) -> Eye:
-    distortion = tuple(map(float, entry.numbers("distortion", (5,)))) if entry.has("distortion") else (0.0,) * 5
+    distortion = tuple(map(float, entry.numbers("distortion", [DISTORTION] * 5))) if entry.has("distortion") else (0.0,) * 5
     return Eye(
-        entry.integer("width", minimum=32), entry.integer("height", minimum=32), entry.camera_matrix("K"), distortion
+        entry.integer("width", _EYE_SIDE), entry.integer("height", _EYE_SIDE), entry.camera_matrix("K"), distortion
     )
 
 
@@ -168,9 +173,9 @@ def _pattern(entry: JsonObject) -> Pattern:
     source, k = _source(entry), entry.camera_matrix("K")
     if not entry.has("dots"):
         return Pattern(k, file=entry.file("file"), source=source)
-    size = entry.integer("width", minimum=1), entry.integer("height", minimum=1)
-    sigma_px = entry.number("dot_sigma_px", above=0.0)
-    background = entry.number("background", minimum=0.0) if entry.has("background") else 0.0
+    size = entry.integer("width", SIDE), entry.integer("height", SIDE)
+    sigma_px = entry.number("dot_sigma_px", FOCAL)
+    background = entry.number("background", POWER) if entry.has("background") else 0.0
     return Pattern(
         k, dots=entry.table("dots", 3), size=size, dot_sigma_px=sigma_px, background=background, source=source
     )

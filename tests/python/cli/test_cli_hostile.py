@@ -85,7 +85,7 @@ def test_what_nobody_foresaw_is_one_line(monkeypatch, capsys, raised, said):
     def broken(_: object) -> None:
         raise raised
 
-    monkeypatch.setattr(cli, "_parsed", lambda _: argparse.Namespace(run=broken))
+    monkeypatch.setattr(cli, "_parsed", lambda _: argparse.Namespace(run=broken, allow_outside=False))
     assert cli.main(["devices"]) == 1
     text = capsys.readouterr().err
     assert text.count("\n") == 1 and said in text

@@ -12,6 +12,7 @@ import pytest
 from activestereo.capture import CaptureError, CaptureWarning, read_capture
 from activestereo.capture_write import write_capture
 from activestereo.images import write_gray
+from activestereo.own_files import outside_allowed
 from worlds.world import make_world
 
 
@@ -96,7 +97,56 @@ def test_unknown_keys_warn_and_are_ignored(folder):
 )
 def test_numbers_that_nothing_can_have(folder, key, value):
     edit(folder, lambda root: root["frames"][0].update({key: value}))
-    expect_error(folder, key, "expected at")
+    expect_error(folder, key, "expected")
+
+
+@pytest.mark.parametrize("where", ["/etc/passwd", "../outside.png", "left/../../outside.png", "link.png"])
+@pytest.mark.parametrize("key", ["scene", "rig.projector.pattern", "frames[id=0].left"])
+def test_files_stay_in_the_folder_unless_the_user_says_otherwise(folder, where, key):
+    shutil.copy(folder / "left/000000.png", folder.parent / "outside.png")
+    (folder / "link.png").symlink_to(folder.parent / "outside.png")
+
+    def change(root):
+        owner = {"scene": root, "rig.projector.pattern": root["rig"]["projector"], "frames[id=0].left": root["frames"][0]}
+        owner[key][key.rpartition(".")[2]] = where
+
+    edit(folder, change)
+    expect_error(folder, key, where, "lies outside of", "--allow-outside")
+    if where != "/etc/passwd":
+        with outside_allowed():
+            read_capture(folder)
+
+
+def test_every_number_has_a_finite_range(folder):
+    edit(
+        folder,
+        lambda root: root.update(lights=[{"name": "lamp", "position_m": [0, 0, 0], "radius_m": 0.1}]),
+    )
+    edit(folder, lambda root: root["rig"]["readout"].update(line_time_s=1e-5))
+    edit(folder, lambda root: root["frames"][0].update(ambient=1.0, temperature_c=20.0, depth_scale=0.001))
+    text, tried = (folder / "capture.json").read_text(), set()
+    for place in numbers_in(json.loads(text)):
+        key = next(part for part in reversed(place) if isinstance(part, str))
+        for value in (1e300, -1e300, 1e31, 10**400, float("nan")):
+            root = json.loads(text)
+            container = root
+            for part in place[:-1]:
+                container = container[part]
+            container[place[-1]] = value
+            (folder / "capture.json").write_text(json.dumps(root))
+            expect_error(folder, key)
+        tried.add(key)
+    assert {"K", "distortion", "camera_velocity", "exposure_s", "depth_scale", "position_m", "line_time_s"} <= tried
+
+
+def numbers_in(value, place=()):
+    """Where the numbers are, of the first frame alone."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        yield place
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in items:
+        if place + (key,) != ("depth_engine",) and not (place == ("frames",) and key > 0):
+            yield from numbers_in(inner, (*place, key))
 
 
 def test_a_good_capture_gives_no_warning(pristine):
@@ -122,7 +172,7 @@ def test_a_good_capture_gives_no_warning(pristine):
         (lambda c: c["frames"][1].update(split="both"), ["frames[id=1].split", "both"]),
         (lambda c: c["frames"][1].update(id=0), ["frames", "id 0", "more than once"]),
         (lambda c: c["frames"][3].pop("exposure_s"), ["frames[id=3].exposure_s", "missing"]),
-        (lambda c: c["frames"][3].update(exposure_s=0), ["frames[id=3].exposure_s", "more than 0"]),
+        (lambda c: c["frames"][3].update(exposure_s=0), ["frames[id=3].exposure_s", "1e-09 to 100 s"]),
         (lambda c: c["frames"][3].update(gain="high"), ["frames[id=3].gain", "high"]),
         (lambda c: c["frames"][3].update(exposure_s=float("nan")), ["frames[id=3].exposure_s", "finite"]),
         (lambda c: c["frames"][3].update(gain=10**400), ["frames[id=3].gain", "finite"]),

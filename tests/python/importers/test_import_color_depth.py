@@ -86,6 +86,16 @@ def test_a_tum_folder(tum, capsys):
         capture.ir(capture.frames[0], "left")
 
 
+def test_a_tum_list_names_files_of_its_folder_unless_the_user_says_otherwise(tum, capsys):
+    (tum / "rgb" / "000000.png").rename(tum.parent / "outside.png")
+    (tum / "rgb.txt").write_text("1.0 ../outside.png\n1.1 rgb/000001.png\n")
+    out = tum.parent / "capture"
+    command = ["import", str(tum), "--k", ",".join(map(str, _K)), "--out", str(out)]
+    told = refused(command, capsys)
+    assert "rgb.txt: line 1" in told and "lies outside of" in told and "--allow-outside" in told
+    assert main(["--allow-outside", *command]) == 0
+
+
 def test_what_needs_infrared_says_so(tum, capsys):
     out = tum.parent / "capture"
     assert main(["import", str(tum), "--k", ",".join(map(str, _K)), "--out", str(out)]) == 0

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Finite ranges of numbers that users give: in a capture, to a sensor's configuration and to its setters."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The numbers from low to high."""
+
+    low: float
+    high: float
+    unit: str = ""
+    whole: bool = False
+
+    def fault(self, value: Any) -> str | None:
+        """What keeps a value from being such a number, in words that follow its name; None where it is one."""
+        kind = "a whole" if self.whole else "a finite"
+        is_number = isinstance(value, Integral if self.whole else Real) and not isinstance(value, bool)
+        if not is_number or not math.isfinite(_as_float(value)):
+            return f"is {_short(value)}, expected {kind} number, {self}"
+        if not self.low <= value <= self.high:
+            return f"is {_short(value)}, expected {self}: correct the value or its unit"
+        return None
+
+    def check(self, name: str, value: Any) -> Any:
+        """The value. ValueError with the name where it is none of these."""
+        fault = self.fault(value)
+        if fault is not None:
+            raise ValueError(f"{name} {fault}")
+        return value
+
+    def __str__(self) -> str:
+        low, high = (f"{end:.0f}" if self.whole else f"{end:g}" for end in (self.low, self.high))
+        return f"{low} to {high} {self.unit}".rstrip()
+
+
+def _as_float(value: Any) -> float:
+    try:
+        return float(value)
+    except OverflowError:  # a whole number beyond a float's range
+        return math.inf
+
+
+def _short(value: Any) -> str:
+    text = f"{value:g}" if isinstance(value, float) else repr(value)
+    return text if len(text) <= 40 else f"{text[:40]}..."
+
+
+# What a sensor, a lamp or a view can be; wide enough for any that there is, and far from where float32 ends.
+ANY = Limits(-1e30, 1e30)
+SPEED = Limits(-1e3, 1e3, "m/s")
+TURN_RATE = Limits(-1e3, 1e3, "rad/s")
+EXPOSURE = Limits(1e-9, 100.0, "s")
+GAIN = Limits(1e-9, 1e6)
+POWER = Limits(0.0, 1e6)
+TEMPERATURE = Limits(-273.15, 1000.0, "degrees Celsius")
+TIME = Limits(-1e12, 1e12, "s")
+LENGTH = Limits(-1e7, 1e7, "m")
+RADIUS = Limits(0.0, 1e4, "m")
+DEPTH_SCALE = Limits(1e-9, 10.0, "m per unit of the depth image")
+LINE_TIME = Limits(-1.0, 1.0, "s")
+SIDE = Limits(1, 65535, "px", whole=True)
+FOCAL = Limits(1e-3, 1e6, "px")
+PIXEL = Limits(-1e6, 1e6, "px")
+DISTORTION = Limits(-1e4, 1e4)
+BITS = Limits(1, 16, "bits", whole=True)
+# JSON keeps whole numbers up to here (RFC 8259, section 6).
+NUMBER = Limits(-(2**53), 2**53, whole=True)

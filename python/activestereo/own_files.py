@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files that a capture, a model or a recording's list names: they lie in its own folder, for who shares such a folder
+should not choose what is read elsewhere. Links count by where they lead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from pathlib import Path
+
+_MAY_LEAVE = ContextVar("may_leave", default=False)
+
+
+@contextmanager
+def outside_allowed() -> Iterator[None]:
+    """Here the files may lie anywhere, as under the command line's --allow-outside."""
+    token = _MAY_LEAVE.set(True)
+    try:
+        yield
+    finally:
+        _MAY_LEAVE.reset(token)
+
+
+def own_file(folder: Path, name: str) -> Path:
+    """The path of the file `name` of the folder. ValueError where it does not exist, or lies outside and
+    outside_allowed() is not there; nothing outside is looked at then."""
+    path = folder / name
+    try:
+        inside = path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, or a name that no file has
+        raise ValueError(f"{str(path)!r} does not exist: {error}") from error
+    if not inside and not _MAY_LEAVE.get():
+        raise ValueError(
+            f"{path} lies outside of {folder}: move it into the folder, or allow it where you trust who wrote this "
+            "(activestereo --allow-outside COMMAND ..., in Python activestereo.own_files.outside_allowed())"
+        )
+    if not path.is_file():
+        raise ValueError(f"{path} does not exist")
+    return path
