@@ -10,7 +10,7 @@ build_all
 cd "$root"
 echo "== building the example scene"
 mkdir -p out/quickstart
-PYTHONPATH="$root/build/python" /usr/bin/python3 -m activestereo.scene out/quickstart/table_top.gltf
+PYTHONPATH="$root/build/python" /usr/bin/python3 -m activestereo.scene_io.example_scene out/quickstart/table_top.gltf
 echo "== simulating a D435 in front of it"
 build/bin/activestereo simulate out/quickstart/table_top.gltf --sensor d435 --out out/quickstart "$@"
 echo "== done: open out/quickstart/overview.png"

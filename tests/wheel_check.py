@@ -9,8 +9,8 @@ import kuafu
 import numpy as np
 import simsense
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
-from activestereo.pose import body_pose
-from activestereo.scene import CAMERA_TO_WORLD, write_table_top
+from activestereo.common.pose import body_pose
+from activestereo.scene_io.example_scene import CAMERA_TO_WORLD, write_table_top
 
 write_table_top("table_top.gltf")
 config = StereoDepthSensorConfig("D435").scaled(0.5)

@@ -139,7 +139,7 @@ def _option_table(what: str, structs: dict[str, Struct], owner: str, records: di
     sources = ", ".join(s.source for s in (*structs.values(), *records.values()))
     text = [*textwrap.wrap("# " + GENERATED.format(sources), WIDTH, subsequent_indent="# "),
             f'"""{what}: what a sensor\'s configuration and the command line have of them."""', "",
-            "from typing import Literal", "", "from activestereo.parameter import Parameter"]  # fmt: skip
+            "from typing import Literal", "", "from activestereo.common.parameter import Parameter"]  # fmt: skip
     shown = {key: [f for f in named(s).fields if f.config] for key, s in structs.items()}
     for key, fields in (shown | {key: named(s).fields for key, s in records.items()}).items():
         text += ["", f"{key} = (", *(line for f in fields for line in _row(f)), ")"]
@@ -149,7 +149,7 @@ def _option_table(what: str, structs: dict[str, Struct], owner: str, records: di
 
 
 def matcher_table(tables: Tables) -> str:
-    """python/activestereo/matcher_table.py"""
+    """python/activestereo/common/matcher_table.py"""
     structs = {"MATCHER": tables.structs["simsense_parameters"], "RIG": tables.structs["simsense_rig_desc"]}
     return _option_table(
         "The stereo engine's options", structs, "MatcherFields", {"SIGNAL": tables.structs["simsense_signal"]}
@@ -157,6 +157,6 @@ def matcher_table(tables: Tables) -> str:
 
 
 def render_table(tables: Tables) -> str:
-    """python/activestereo/render_table.py"""
+    """python/activestereo/common/render_table.py"""
     structs = {"RENDERER": tables.structs["kuafu_renderer_desc"], "RENDER": tables.structs["kuafu_render_desc"]}
     return _option_table("The renderer's options", structs, "RenderFields", {"FILM": tables.structs["kuafu_film_desc"]})

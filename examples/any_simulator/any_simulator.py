@@ -11,9 +11,10 @@ import kuafu
 import numpy as np
 from PIL import Image
 
-from activestereo import Mounts, StereoDepthSensorBatch, StereoDepthSensorConfig, solids
-from activestereo.bodies import Bodies, Shape, add_mesh
-from activestereo.pose import body_pose, look_at
+from activestereo import Mounts, StereoDepthSensorBatch, StereoDepthSensorConfig
+from activestereo.scene_io import solids
+from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
+from activestereo.common.pose import body_pose, look_at
 
 BALLS, RADIUS_M, STEP_S = 5, 0.05, 0.01
 

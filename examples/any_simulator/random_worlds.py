@@ -10,9 +10,10 @@ import kuafu
 import numpy as np
 from PIL import Image
 
-from activestereo import Mounts, StereoDepthSensorBatch, StereoDepthSensorConfig, solids
-from activestereo.bodies import Bodies, Shape, add_mesh
-from activestereo.random_worlds import RandomWorlds, WorldRanges, drawn_bodies
+from activestereo import Mounts, StereoDepthSensorBatch, StereoDepthSensorConfig
+from activestereo.scene_io import solids
+from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
+from activestereo.sensor.random_worlds import RandomWorlds, WorldRanges, drawn_bodies
 
 RANGES = WorldRanges(bodies=(2, 5), lamps=(1, 3), albedo_factor=(0.3, 1.2), laser_power=(0.5, 1.0), exposure=(0.7, 1.4))
 

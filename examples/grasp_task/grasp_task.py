@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from activestereo.depth_modes import MODES
-from activestereo.grasp import GraspWorld, teacher
+from activestereo.sensor.depth_modes import MODES
+from activestereo.benchmarks.grasp import GraspWorld, teacher
 
 STEPS_BEFORE_PICTURE = 3
 

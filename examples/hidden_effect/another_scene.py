@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 import simsense
 from activestereo import Pose, StereoDepthSensor, StereoDepthSensorConfig
-from activestereo.capture import Capture, Frame, read_capture
-from activestereo.matching import matcher_parameters
-from activestereo.pose import CAMERA_TO_BODY, as_matrix
-from activestereo.sensor_model import Quantity, SensorModel
+from activestereo.capture.capture import Capture, Frame, read_capture
+from activestereo.camera.matching import matcher_parameters
+from activestereo.common.pose import CAMERA_TO_BODY, as_matrix
+from activestereo.model import Quantity, SensorModel
 
 INK = "#1f2933"
 # Errors beyond it are mismatches, which no law of a sensor explains.

@@ -18,9 +18,9 @@ from another_scene import picture as errors_picture
 from another_scene import true_and_simulated, without_effects
 
 from activestereo.lab import Lab
-from activestereo.lab.diagnose.report import parameter_text
-from activestereo.output_files import replace_file
-from activestereo.progress_bar import ProgressBar
+from activestereo.report.diagnosis_text import parameter_text
+from activestereo.common.output_files import replace_file
+from activestereo.common.progress_bar import ProgressBar
 
 HIDE = Path(__file__).resolve().parents[2] / "tests" / "bank" / "hide.py"
 INK, WARM, COOL = "#1f2933", "#c53030", "#2f855a"

@@ -19,7 +19,7 @@ try:
 except ImportError as error:
     sys.exit(f"this example needs the package {error.name}: pip install mani_skill")
 
-import activestereo.mani_skill  # noqa: F401 (its camera takes ManiSkill's place)
+import activestereo.integrations.mani_skill  # noqa: F401 (its camera takes ManiSkill's place)
 
 
 def run(out: Path, name: str, size: int, samples: int, steps: int) -> float:

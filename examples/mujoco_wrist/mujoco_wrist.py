@@ -20,7 +20,7 @@ except ImportError:
     sys.exit("this example needs the package mujoco: pip install mujoco")
 
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
-from activestereo.mujoco import MujocoScene
+from activestereo.integrations.mujoco import MujocoScene
 
 TABLE = """<mujoco>
 <asset>

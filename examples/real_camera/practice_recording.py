@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import kuafu
-from activestereo import StereoDepthSensorConfig, meshes
-from activestereo.gltf_writer import GltfWriter
-from activestereo.images import write_gray
-from activestereo.pose import look_at
+from activestereo import StereoDepthSensorConfig
+from activestereo.scene_io import meshes
+from activestereo.scene_io.gltf_writer import GltfWriter
+from activestereo.capture.images import write_gray
+from activestereo.common.pose import look_at
 
 WIDTH, HEIGHT, FOCAL_PX, BASELINE_M = 424, 240, 213.5, 0.05
 K = np.array([[FOCAL_PX, 0, 211.7], [0, FOCAL_PX, 119.2], [0, 0, 1.0]])

@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import simsense
-from activestereo.output_files import replace_file
+from activestereo.common.output_files import replace_file
 
 K = np.array([[427.12, 0, 426.93], [0, 427.12, 234.78], [0, 0, 1]])
 BASELINE_M = 0.05

@@ -18,7 +18,7 @@ try:
 except ImportError:
     sys.exit("this example needs the package sapien: pip install sapien")
 
-from activestereo.sapien import ActorBuilder, StereoDepthSensor, StereoDepthSensorConfig
+from activestereo.integrations.sapien import ActorBuilder, StereoDepthSensor, StereoDepthSensorConfig
 
 
 def make_scene() -> tuple[sapien.Scene, sapien.Entity]:

@@ -6,14 +6,14 @@ import importlib.util
 import cv2
 import numpy as np
 
-from activestereo.depth_modes import DepthCamera
-from activestereo.gap.foreign_mitsuba import foreign_room, foreign_things
-from activestereo.gap.mitsuba_camera import MitsubaCamera
-from activestereo.gap.sgbm import Sgbm
-from activestereo.grasp import GraspWorld
-from activestereo.grasp.world import CAMERA_ON_GRIPPER
-from activestereo.pose import Pose
-from activestereo.registration import registered
+from activestereo.sensor.depth_modes import DepthCamera
+from activestereo.benchmarks.sim_to_real.foreign_mitsuba import foreign_room, foreign_things
+from activestereo.benchmarks.sim_to_real.mitsuba_camera import MitsubaCamera
+from activestereo.benchmarks.sim_to_real.sgbm import Sgbm
+from activestereo.benchmarks.grasp import GraspWorld
+from activestereo.benchmarks.grasp.world import CAMERA_ON_GRIPPER
+from activestereo.common.pose import Pose
+from activestereo.camera.registration import registered
 
 RENDERERS = ("ours", "mitsuba")
 MITSUBA_SAMPLES = 4  # rays per pixel of the dots, and as many of the room
@@ -47,8 +47,8 @@ class ForeignCamera:
 
 
 class MitsubaWrist:
-    """Images of Mitsuba 3 with its materials, light, optics and noise (the table in activestereo/gap/foreign_mitsuba.py
-    says what differs), and OpenCV's StereoSGBM."""
+    """Images of Mitsuba 3 with its materials, light, optics and noise (the table in
+    activestereo/benchmarks/sim_to_real/foreign_mitsuba.py says what differs), and OpenCV's StereoSGBM."""
 
     def __init__(self, world: GraspWorld) -> None:
         self._world, config = world, world.camera.sensors.get_config()

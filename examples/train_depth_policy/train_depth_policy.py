@@ -24,9 +24,9 @@ except ImportError as error:
 from episodes import film
 from foreign_worlds import foreign_renderers, foreign_world
 
-from activestereo.grasp import GraspWorld, teacher
-from activestereo.grasp.scene import THINGS
-from activestereo.grasp.world import STEP_SCALE, STEPS
+from activestereo.benchmarks.grasp import GraspWorld, teacher
+from activestereo.benchmarks.grasp.scene import THINGS
+from activestereo.benchmarks.grasp.world import STEP_SCALE, STEPS
 
 # The state's offsets in the network's units, and what the teacher's steps are spread by.
 OFFSET_SCALE = np.array([0.05, 0.05, 0.1])

@@ -14,16 +14,27 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
+# What users import, by the module that defines it.
 _HOMES = {
-    "LateStereoDepthSensor": "late_sensor",
-    "LateStereoDepthSensorBatch": "late_sensor_batch",
-    "Mount": "sensor",
-    "Mounts": "sensor_batch",
-    "Pose": "pose",
-    "SplitStereoDepthSensorBatch": "split_sensor_batch",
-    "StereoDepthSensor": "sensor",
-    "StereoDepthSensorBatch": "sensor_batch",
-    "StereoDepthSensorConfig": "presets",
+    "Capture": "capture.capture",
+    "Comparison": "compare.compare",
+    "Diagnosis": "diagnose.diagnosis",
+    "Lab": "lab",
+    "LateStereoDepthSensor": "sensor.pipelined",
+    "LateStereoDepthSensorBatch": "sensor.pipelined_batch",
+    "Mount": "sensor.mount",
+    "Mounts": "sensor.batch",
+    "Pose": "common.pose",
+    "SensorModel": "model.model",
+    "SplitStereoDepthSensorBatch": "sensor.split_batch",
+    "StereoDepthSensor": "sensor.sensor",
+    "StereoDepthSensorBatch": "sensor.batch",
+    "StereoDepthSensorConfig": "camera.presets",
+    "load_scene_file": "scene_io.scene_files",
+    "read_capture": "capture.capture",
+    "read_model": "model.read",
+    "write_model": "model.write",
+    "write_report": "report.write",
 }
 
 __all__ = sorted(_HOMES)
@@ -34,3 +45,7 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'activestereo' has no attribute '{name}'")
     return getattr(import_module(f"activestereo.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES})

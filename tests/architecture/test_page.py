@@ -2,6 +2,7 @@
 """ARCHITECTURE.md says what is there: its tree are the folders, its orders of layers are those of the imports."""
 
 import ast
+import graphlib
 import pathlib
 import re
 import subprocess
@@ -39,57 +40,80 @@ def tracked_folders() -> set[str]:
     return {"/".join(p.parts[:depth]) for p in paths for depth in (1, 2) if len(p.parts) > depth}
 
 
-def rows_of_page() -> list[list[str]]:
-    """Modules of activestereo by row, lowest first."""
-    rows = re.findall(r"^\| \d+ \| ([^|]+) \|", PAGE, re.MULTILINE)
-    assert len(rows) > 3, "ARCHITECTURE.md has no rows of modules"
-    return [re.findall(r"`(\w+)`", row) for row in rows]
+def parts_of_page() -> dict[str, tuple[int, set[str]]]:
+    """{part of activestereo: (its floor, the parts that it imports)}, as the page says."""
+    rows = re.findall(r"^\| (\d+) \| `(\w+)` \| ([^|]*) \| [^|]+ \|$", PAGE, re.MULTILINE)
+    assert len(rows) > 3, "ARCHITECTURE.md has no table of packages"
+    return {name: (int(floor), set(re.findall(r"`(\w+)`", imports))) for floor, name, imports in rows}
 
 
-def modules_of_package() -> set[str]:
-    files = [path.relative_to(PACKAGE) for path in PACKAGE.rglob("*.py") if "__pycache__" not in path.parts]
-    return {path.parts[0].removesuffix(".py") for path in files} - BESIDE_THE_LAYERS
+def files_of_package() -> dict[str, pathlib.Path]:
+    """{module without `activestereo.`: its file}; a package's name is its __init__.py's. The face, activestereo
+    itself, and __main__ are no parts."""
+    found = {}
+    for path in PACKAGE.rglob("*.py"):
+        name = ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__")
+        if "__pycache__" not in path.parts and name not in BESIDE_THE_LAYERS:
+            found[name] = path
+    return found
 
 
-class WithoutTypes(ast.NodeTransformer):
-    """Drops what only a type checker imports."""
-
-    def visit_If(self, node: ast.If) -> ast.AST | None:
-        return None if "TYPE_CHECKING" in ast.unparse(node.test) else self.generic_visit(node)
+FILES = files_of_package()
 
 
 def imports_of(path: pathlib.Path) -> set[str]:
-    """Modules and packages of activestereo that a file imports when it runs, wherever in the file."""
+    """Modules of activestereo that a file imports, wherever in the file, for type checkers too."""
     found = set()
-    for node in ast.walk(WithoutTypes().visit(ast.parse(path.read_text(encoding="utf-8"), filename=str(path)))):
-        names = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), filename=str(path))):
         if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module == "activestereo":
-            names = [f"activestereo.{alias.name}" for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            names = [node.module]
-        found |= {name.split(".")[1] for name in names if name.startswith("activestereo.")}
-    return found
+            found |= {alias.name.removeprefix("activestereo.") for alias in node.names if "activestereo." in alias.name}
+        elif isinstance(node, ast.ImportFrom) and f"{node.module}.".startswith("activestereo."):
+            inside = f"{node.module}.".removeprefix("activestereo.")
+            assert inside or all(alias.name in FILES for alias in node.names), f"{path} imports from the package's face"
+            found |= {n if (n := inside + alias.name) in FILES else inside[:-1] for alias in node.names}
+    return found & set(FILES)
+
+
+IMPORTS = {name: imports_of(path) for name, path in FILES.items()}
+
+
+def part(module: str) -> str:
+    return module.split(".")[0]
 
 
 def test_tree_of_the_page_is_the_tree_of_folders():
     assert sorted(tree_of_page()) == sorted(tracked_folders())
 
 
-def test_every_module_has_its_row():
-    assert sorted(name for names in rows_of_page() for name in names) == sorted(modules_of_package())
+def test_every_part_has_its_row_with_what_it_imports():
+    uses: dict[str, set[str]] = {part(name): set() for name in FILES}
+    for name, others in IMPORTS.items():
+        uses[part(name)] |= {part(other) for other in others} - {part(name)}
+    assert {name: imports for name, (_, imports) in parts_of_page().items()} == uses
 
 
-def test_every_module_imports_only_from_rows_above():
-    row_of = {name: number for number, names in enumerate(rows_of_page(), start=1) for name in names}
-    seen = []
-    for path in PACKAGE.rglob("*.py"):
-        own = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
-        for other in imports_of(path) - {own}:
-            if own in row_of and row_of[other] >= row_of[own]:
-                seen.append(f"{path.relative_to(ROOT)} (row {row_of[own]}) imports {other} (row {row_of[other]})")
-    assert not seen
+def test_a_part_stands_on_the_floor_above_what_it_imports():
+    parts = parts_of_page()
+    wrong = {
+        name for name, (floor, imports) in parts.items() if floor != 1 + max((parts[i][0] for i in imports), default=0)
+    }
+    assert not wrong
+
+
+def test_parts_are_few():
+    packages = {name for name in parts_of_page() if (PACKAGE / name / "__init__.py").exists()}
+    assert len(packages) <= 14
+    assert len(parts_of_page()) - len(packages) <= 4
+    assert max(floor for floor, _ in parts_of_page().values()) <= 10
+
+
+def test_only_the_command_line_imports_integrations_and_benchmarks():
+    parts = parts_of_page()
+    assert {name for name, (_, imports) in parts.items() if imports & {"integrations", "benchmarks"}} <= {"cli"}
+
+
+def test_no_file_imports_itself_through_others():
+    graphlib.TopologicalSorter(IMPORTS).prepare()  # CycleError names the circle
 
 
 def test_recipes_name_what_exists():

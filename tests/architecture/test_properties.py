@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""No work hides in attribute access: a property neither renders nor reads nor waits, for since Python 3.12 even a cached
-one may run in several threads at once."""
+"""No work hides in attribute access: a property neither renders nor reads nor waits, for since Python 3.12 even a
+cached one may run in several threads at once."""
 
 import ast
 import pathlib

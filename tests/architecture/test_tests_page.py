@@ -38,7 +38,7 @@ def test_each_named_python_file_exists() -> None:
 def test_pythons_tests_stand_by_package() -> None:
     modules = TESTS.parent / "python"
     packages = {path.parent.name for path in (modules / "activestereo").glob("*/__init__.py")}
-    subjects = packages | {"kuafu", "simsense", "bindings", "foundations", "bank"}
+    subjects = packages | {"kuafu", "simsense", "bindings", "benchmark_suite"}
     folders = {path.parent for path in (TESTS / "python").rglob("test_*.py")}
     assert {folder.name for folder in folders} <= subjects
     assert {folder.parent for folder in folders} == {TESTS / "python"}

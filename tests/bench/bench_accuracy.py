@@ -109,8 +109,8 @@ def rendered_table_top(folder):
     at pixel centres."""
     import kuafu
     from activestereo import Pose, StereoDepthSensor, StereoDepthSensorConfig
-    from activestereo.pose import body_pose
-    from activestereo.scene import write_table_top
+    from activestereo.common.pose import body_pose
+    from activestereo.scene_io.example_scene import write_table_top
 
     config = StereoDepthSensorConfig("sapien-D435")
     config.rgb_resolution, config.rgb_intrinsic = config.ir_resolution, config.ir_intrinsic

@@ -23,14 +23,14 @@ from numpy.typing import NDArray
 from wall_worlds import WallWorld
 
 import kuafu
-from activestereo.acquire.frames import Repeats
-from activestereo.acquire.noise import acquire_noise
-from activestereo.acquire.noise_laws import GammaLaw, ShotLaw
-from activestereo.acquire.pattern import acquire_pattern
-from activestereo.capture import Capture, read_capture
-from activestereo.overlay import Overlay
-from activestereo.pose import look_at
-from activestereo.sensor_model.calibrated import calibrated
+from activestereo.calibrate.frames import Repeats
+from activestereo.calibrate.noise import acquire_noise
+from activestereo.calibrate.noise_models import GammaLaw, ShotLaw
+from activestereo.calibrate.pattern import acquire_pattern
+from activestereo.capture.capture import Capture, read_capture
+from activestereo.report.overlay import Overlay
+from activestereo.common.pose import look_at
+from activestereo.model.calibrated import calibrated
 
 SIZE = (40, 64)
 WALLS = ((1.0, 0.0), (1.7, 0.1))  # metres, yaw

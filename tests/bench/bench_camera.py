@@ -34,8 +34,8 @@ from scipy.ndimage import gaussian_filter, map_coordinates, shift
 
 import kuafu
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
-from activestereo.pose import body_pose
-from activestereo.scene import write_table_top
+from activestereo.common.pose import body_pose
+from activestereo.scene_io.example_scene import write_table_top
 
 Field = NDArray[np.float32]
 

@@ -21,11 +21,11 @@ import numpy as np
 from material_worlds import record
 from material_worlds_mitsuba import MitsubaWorld
 
-from activestereo.acquire.materials import acquire_materials
-from activestereo.gap.foreign_mitsuba import foreign_bsdf
-from activestereo.gap.objects import objects
-from activestereo.sensor_model import SensorModel, read_model
-from activestereo.sensor_model.write import write_model
+from activestereo.calibrate.materials import acquire_materials
+from activestereo.benchmarks.sim_to_real.foreign_mitsuba import foreign_bsdf
+from activestereo.benchmarks.sim_to_real.objects import objects
+from activestereo.model import SensorModel, read_model
+from activestereo.model.write import write_model
 
 FIELDS = ("roughness", "metallic", "specular", "transmission", "ir_albedo")
 

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.acquire.frames import Repeats
-from activestereo.acquire.noise import acquire_noise
-from activestereo.gap.foreign_mitsuba import MitsubaStage
-from activestereo.gap.objects import objects
-from activestereo.gap.stage import CameraSettings
-from activestereo.gap.views import round_of_views
-from activestereo.sensor_model.write import write_model
+from activestereo.calibrate.frames import Repeats
+from activestereo.calibrate.noise import acquire_noise
+from activestereo.benchmarks.sim_to_real.foreign_mitsuba import MitsubaStage
+from activestereo.benchmarks.sim_to_real.objects import objects
+from activestereo.benchmarks.sim_to_real.stage import CameraSettings
+from activestereo.benchmarks.sim_to_real.views import round_of_views
+from activestereo.model.write import write_model
 
 
 def main() -> None:

@@ -21,8 +21,8 @@ from typing import Any
 
 from material_worlds import COLOR, record
 
-from activestereo.acquire.material_fit import PARAMETERS
-from activestereo.acquire.materials import acquire_materials
+from activestereo.calibrate.material_fit import PARAMETERS
+from activestereo.calibrate.materials import acquire_materials
 
 # roughness, metallic, specular, transmission, ir_albedo
 PAINTS = {

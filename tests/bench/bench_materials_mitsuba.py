@@ -33,11 +33,11 @@ from numpy.typing import NDArray
 
 import kuafu
 import simsense
-from activestereo.acquire.material_fit import MaterialFit, light_intensities
-from activestereo.acquire.material_views import MaterialScene, Picture
-from activestereo.acquire.materials import acquire_materials
-from activestereo.capture import read_capture
-from activestereo.gap.mitsuba_scene import grey, mitsuba
+from activestereo.calibrate.material_fit import MaterialFit, light_intensities
+from activestereo.calibrate.material_views import MaterialScene, Picture
+from activestereo.calibrate.materials import acquire_materials
+from activestereo.capture.capture import read_capture
+from activestereo.benchmarks.sim_to_real.mitsuba_scene import grey, mitsuba
 
 Image = NDArray[np.float64]
 IR_ALBEDO = 0.5

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo import meshes
-from activestereo.gap import mitsuba_scene
-from activestereo.pose import look_at
+from activestereo.scene_io import meshes
+from activestereo.benchmarks.sim_to_real import mitsuba_scene
+from activestereo.common.pose import look_at
 
 Image = NDArray[np.float64]
 Point = tuple[float, float, float]

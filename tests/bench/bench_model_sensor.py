@@ -12,9 +12,9 @@ from pathlib import Path
 
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.effects import builtin
-from activestereo.pose import body_pose
-from activestereo.scene import CAMERA_TO_WORLD, write_table_top
-from activestereo.sensor_model import Quantity, SensorModel
+from activestereo.common.pose import body_pose
+from activestereo.scene_io.example_scene import CAMERA_TO_WORLD, write_table_top
+from activestereo.model import Quantity, SensorModel
 
 EFFECTS = ("vignetting", "lens_psf", "principal_point_offset", "projector_vignetting", "shot_noise")
 

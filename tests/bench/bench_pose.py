@@ -24,12 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo import meshes
-from activestereo.acquire.object_pose import refine_pose
-from activestereo.acquire.object_views import View
-from activestereo.capture import Frame
-from activestereo.gltf_writer import GltfWriter
-from activestereo.pose import look_at
+from activestereo.scene_io import meshes
+from activestereo.calibrate.object_pose import refine_pose
+from activestereo.calibrate.object_views import View
+from activestereo.capture.capture import Frame
+from activestereo.scene_io.gltf_writer import GltfWriter
+from activestereo.common.pose import look_at
 
 WIDTH, HEIGHT, FOCAL_PX = 240, 160, 170.0
 K = np.array([[FOCAL_PX, 0, 119.5], [0, FOCAL_PX, 79.5], [0, 0, 1.0]])

@@ -23,9 +23,9 @@ import numpy as np
 
 import kuafu
 from activestereo import LateStereoDepthSensor, StereoDepthSensor, StereoDepthSensorConfig
-from activestereo.grasp import GraspWorld
-from activestereo.pose import body_pose
-from activestereo.scene import CAMERA_TO_WORLD, write_table_top
+from activestereo.benchmarks.grasp import GraspWorld
+from activestereo.common.pose import body_pose
+from activestereo.scene_io.example_scene import CAMERA_TO_WORLD, write_table_top
 
 # Samples per pixel, and whether there is an RGB picture, which is read as bytes.
 ROWS = ((2, False), (8, False), (32, False), (2, True), (8, True))

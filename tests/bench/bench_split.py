@@ -17,8 +17,9 @@ import time
 import numpy as np
 
 import kuafu
-from activestereo import Mounts, SplitStereoDepthSensorBatch, StereoDepthSensorBatch, StereoDepthSensorConfig, solids
-from activestereo.bodies import Bodies, Shape, add_mesh
+from activestereo import Mounts, SplitStereoDepthSensorBatch, StereoDepthSensorBatch, StereoDepthSensorConfig
+from activestereo.scene_io import solids
+from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
 
 
 def mounts(device: kuafu.Device, environments: range, count: int) -> Mounts:

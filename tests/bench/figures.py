@@ -8,7 +8,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "examples/guide/figures.md"
 TEMPLATE = """# How good it is
 
-The values come from the data of the [benchmarks](../../tests/bench/README.md) and of [the bank](../../tests/bank/README.md),
+The values come from the data of the [benchmarks](../../tests/bench/README.md) and of [the bank](../../tests/benchmark_suite/README.md),
 where all others stand with their machine and date.
 
 |measured|value|measure again by|
@@ -46,6 +46,6 @@ def _value(place):
 
 
 def _bank():
-    newest = max((ROOT / "tests/bank/results").glob("generation-*.json"))
+    newest = max((ROOT / "tests/benchmark_suite/results").glob("generation-*.json"))
     first = json.loads(newest.read_text())["measures"]["top-1"]
     return f"{100 * first['value']:.0f} % ({100 * first['low']:.0f} to {100 * first['high']:.0f} %)"

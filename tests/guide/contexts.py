@@ -20,8 +20,8 @@ def write_pair(folder: pathlib.Path) -> None:
 def write_scene_and_models(folder: pathlib.Path) -> None:
     """A scene under two names, and models before and after an effect was found."""
     from activestereo.effects import builtin
-    from activestereo.scene import write_table_top
-    from activestereo.sensor_model import Eye, Quantity, Rig, SensorModel, write_model
+    from activestereo.scene_io.example_scene import write_table_top
+    from activestereo.model import Eye, Quantity, Rig, SensorModel, write_model
 
     for name in ("scene.gltf", "SCENE.gltf"):
         write_table_top(folder / name)
@@ -43,7 +43,7 @@ def hide_an_effect(folder: pathlib.Path) -> None:
 FILES: dict[str, Callable[[pathlib.Path], None]] = {
     "examples/hidden_effect/README.md": hide_an_effect,
     "examples/opencv_users/README.md": write_pair,
-    "python/activestereo/sensor_model/README.md": write_scene_and_models,
+    "python/activestereo/model/README.md": write_scene_and_models,
 }
 
 # Python text that runs before the blocks of a page.

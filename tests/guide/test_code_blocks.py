@@ -45,9 +45,9 @@ SPECIAL: dict[str, tuple[str, str]] = {
         ("test -f {1}", "it needs a package that Debian lacks; tests/guide/test_examples.py runs it where it is"),
     r"rs-enumerate-devices": ("true", "it needs a RealSense camera"),
     r"/usr/bin/python3 examples/real_camera/":
-        ("test -f {1}", "it renders for minutes; tests/python/acquire/test_afternoon.py runs the page"),
+        ("test -f {1}", "it renders for minutes; tests/python/calibrate/test_afternoon.py runs the page"),
     r"activestereo (simulate|model show|pair) out/(desk|model|practice)":
-        (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "tests/python/acquire/test_afternoon.py runs the page"),
+        (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "tests/python/calibrate/test_afternoon.py runs the page"),
     r"activestereo simulate": ("{0} {1:} --spp 1", "as few samples as possible"),
     r"activestereo (acquire|import|overlay|compare|diagnose)":
         (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "it needs a capture; its options are parsed"),

@@ -23,7 +23,7 @@ def build():
 @pytest.fixture(scope="session")
 def table_top(tmp_path_factory):
     """The example scene's file."""
-    from activestereo.scene import write_table_top
+    from activestereo.scene_io.example_scene import write_table_top
 
     path = tmp_path_factory.mktemp("scene") / "table_top.gltf"
     write_table_top(path)
@@ -82,7 +82,7 @@ def lab_world(run_folder):
 @pytest.fixture(scope="session")
 def lab_cache(run_folder):
     """Renders that every test of this run may take."""
-    from activestereo.lab.cache import LayerCache
+    from activestereo.compare.cache import LayerCache
 
     return LayerCache(run_folder / "layers")
 

@@ -13,15 +13,15 @@ from contextlib import nullcontext
 from typing import NoReturn
 
 from activestereo.cli import (
-    acquire,
     add,
+    benchmark,
+    calibrate,
     compare,
     depth,
     depth_quality,
     devices,
     diagnose,
     effect,
-    gap,
     generate,
     import_capture,
     model,
@@ -43,11 +43,11 @@ _COMMANDS = (
     diagnose,
     add,
     model,
-    acquire,
+    calibrate,
     import_capture,
     overlay,
     effect,
-    gap,
+    benchmark,
     generate,
     devices,
 )

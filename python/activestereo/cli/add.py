@@ -44,11 +44,11 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
+    from activestereo.compare.model_file import find, library
     from activestereo.effects.core.surfaces import SURFACES
-    from activestereo.lab.model_file import find, library
-    from activestereo.sensor_model import Quantity, SensorModel, read_model, write_model
-    from activestereo.sensor_model.found import found_effect
-    from activestereo.sensor_model.words import quantity_text
+    from activestereo.model import Quantity, SensorModel, read_model, write_model
+    from activestereo.model.found import found_effect
+    from activestereo.model.words import quantity_text
 
     effects = library(*args.effects)
     model = SensorModel() if args.model is None else read_model(args.model, effects)

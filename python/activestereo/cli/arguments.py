@@ -9,8 +9,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from activestereo.pose import rigid_fault
-from activestereo.render_table import RENDER
+from activestereo.common.pose import rigid_fault
+from activestereo.common.render_table import RENDER
 
 # What a command's add_parser gets, and adds its own parser to.
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"

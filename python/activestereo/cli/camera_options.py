@@ -12,7 +12,7 @@ import numpy as np
 from activestereo.cli.arguments import CommandError, numbers, positive
 
 if TYPE_CHECKING:
-    from activestereo.presets import StereoDepthSensorConfig
+    from activestereo.camera.presets import StereoDepthSensorConfig
 
 READOUTS = ("rows_down", "rows_up", "columns_right", "columns_left")
 

@@ -19,7 +19,7 @@ where the model fails. Where the pattern, the geometry or the order of the eyes 
 one than the files say, that is the first line: nothing below it means anything then.
 
 Writes into DIR:
-  compare.json  all figures (documented in lab/schema/compare.schema.json)
+  compare.json  all figures (documented in report/schema/compare.schema.json)
   compare.png   measured, simulated and residual images, error of each frame
   report.html   the same on one page, to explore in a browser: every frame and eye,
                 measured and modelled; it needs no other file and no network. A
@@ -56,11 +56,12 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from activestereo.lab.compare import compare
-    from activestereo.lab.kuafu_renderer import KuafuRenderer
-    from activestereo.lab.model_file import library
-    from activestereo.lab.report import summary_table, write_report
-    from activestereo.progress_bar import ProgressBar
+    from activestereo.common.progress_bar import ProgressBar
+    from activestereo.compare.compare import compare
+    from activestereo.compare.kuafu_renderer import KuafuRenderer
+    from activestereo.compare.model_file import library
+    from activestereo.report.summary import summary_table
+    from activestereo.report.write import write_report
 
     make_folder(args.out)
     effects = library(*args.effects)
@@ -83,11 +84,11 @@ def run(args: argparse.Namespace) -> None:
 
 def _under_model(args: argparse.Namespace, effects: "dict[str, Effect]") -> dict[str, Any]:
     """What compare() takes of a model: its effects and survey in this scene, and engines in which they act."""
-    from activestereo.engines import CaptureRenderer
-    from activestereo.lab.model_file import scene_of
-    from activestereo.scene_surfaces import surface_names
-    from activestereo.sensor_model import read_model
-    from activestereo.sensor_model.calibrated import calibrated
+    from activestereo.compare.model_file import scene_of
+    from activestereo.effects.core.scene_surfaces import surface_names
+    from activestereo.effects.engines import CaptureRenderer
+    from activestereo.model import read_model
+    from activestereo.model.calibrated import calibrated
 
     model, names = read_model(args.model, effects), surface_names(scene_of(args.capture))
     return {

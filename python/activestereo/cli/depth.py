@@ -10,14 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from activestereo.cli.arguments import (
-    CommandError,
-    Commands,
-    add_out,
-    camera_matrix,
-    make_folder,
-    positive,
-)
+from activestereo.cli.arguments import CommandError, Commands, add_out, camera_matrix, make_folder, positive
 from activestereo.cli.depth_hints import depth_hints
 from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
 from activestereo.cli.engine_options import add_matching, given_matching, given_rig
@@ -103,7 +96,7 @@ def run(args: argparse.Namespace) -> None:
         raise CommandError(f"the images differ in depth: {args.left} and {args.right} have {bits} bits")
     engine = _make_engine(args, left, right)
     make_folder(args.out)
-    from activestereo.progress_bar import ProgressBar
+    from activestereo.common.progress_bar import ProgressBar
 
     with ProgressBar(f"matching {left.shape[1]}x{left.shape[0]}") as bar:
         result = engine.compute(left, right, ("depth", "disparity", "points", *wanted_maps(args)), progress=bar)
@@ -114,7 +107,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _read(path: Path) -> np.ndarray:
-    from activestereo.images import read_image_array
+    from activestereo.capture.images import read_image_array
 
     return read_image_array(path, key="image")
 
@@ -136,8 +129,8 @@ def _make_engine(args: argparse.Namespace, left: np.ndarray, right: np.ndarray) 
 
 
 def _write(args: argparse.Namespace, left: np.ndarray, right: np.ndarray, result: Mapping[str, np.ndarray]) -> None:
-    from activestereo.output_files import replace_file, write_depth_png, write_ply, write_png
-    from activestereo.overview import colored, depth_span, matching_figure, write_figure
+    from activestereo.common.output_files import replace_file, write_depth_png, write_ply, write_png
+    from activestereo.report.overview import colored, depth_span, matching_figure, write_figure
 
     depth, disparity = result["depth"], result["disparity"]
     write_depth_png(args.out / "depth.png", depth)

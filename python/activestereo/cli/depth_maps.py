@@ -30,7 +30,7 @@ def wanted_maps(args: argparse.Namespace) -> tuple[str, ...]:
 
 def write_maps(folder: Path, maps: Mapping[str, np.ndarray]) -> None:
     """Each as DIR/<name>.png; images are [height, width]."""
-    from activestereo.output_files import write_png
+    from activestereo.common.output_files import write_png
 
     for name, image in maps.items():
         write_png(folder / f"{name}.png", np.rint(65535.0 * image).astype(np.uint16) if name == "confidence" else image)

@@ -72,7 +72,7 @@ def add_parser(commands: Commands) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from activestereo.depth_quality import depth_quality, quality_table, region_of
+    from activestereo.compare.depth_quality import depth_quality, quality_table, region_of
 
     if args.roi > 1:
         raise CommandError(f"--roi is {args.roi:g}: a fraction of the image, 0..1")
@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> None:
     if hint := _steps(args, frames):
         print(hint)
     if args.json:
-        from activestereo.output_files import replace_file
+        from activestereo.common.output_files import replace_file
 
         values = {name: None if np.isnan(value) else value for name, value in asdict(quality).items()}
         text = json.dumps({"frames": len(frames), **values}, indent=2) + "\n"
@@ -127,7 +127,7 @@ def _read_all(args: argparse.Namespace) -> np.ndarray:
 def _read(path: Path, unit_m: float) -> np.ndarray:
     """[frames, height, width] in metres."""
     if path.suffix != ".npy":
-        from activestereo.images import read_gray
+        from activestereo.capture.images import read_gray
 
         return read_gray(path, key="depth")[None] * unit_m
     try:

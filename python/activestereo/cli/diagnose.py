@@ -41,7 +41,7 @@ examples:
   activestereo diagnose captures/table --out out/diagnosis
   activestereo diagnose captures/table --greedy --effects mine.py --out out/2
 
-Every threshold, with its unit and where it comes from: python/activestereo/lab/README.md.
+Every threshold, with its unit and where it comes from: python/activestereo/diagnose/README.md.
 """
 
 
@@ -49,7 +49,7 @@ class _HelpWithGates(argparse.RawDescriptionHelpFormatter):
     """Fills thresholds into the help from the table that decides, which takes its time to load."""
 
     def _format_text(self, text: str) -> str:
-        from activestereo.lab.diagnose.gates import GATES, share_words
+        from activestereo.diagnose.thresholds import GATES, share_words
 
         return super()._format_text(text.format(share=share_words(GATES.smallest_share)))
 
@@ -92,12 +92,13 @@ def add_parser(commands: Commands) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from activestereo.lab.diagnose import diagnose
-    from activestereo.lab.diagnose.report import diagnosis_text, write_diagnosis
-    from activestereo.lab.engine_prediction import EngineImages
-    from activestereo.lab.kuafu_renderer import KuafuRenderer
-    from activestereo.lab.model_file import library, read_model, scene_of
-    from activestereo.progress_bar import ProgressBar
+    from activestereo.common.progress_bar import ProgressBar
+    from activestereo.compare.engine_prediction import EngineImages
+    from activestereo.compare.kuafu_renderer import KuafuRenderer
+    from activestereo.compare.model_file import library, read_model, scene_of
+    from activestereo.diagnose import diagnose
+    from activestereo.report.diagnosis_text import diagnosis_text
+    from activestereo.report.write_diagnosis import write_diagnosis
 
     make_folder(args.out)
     effects = library(*args.effects)

@@ -78,9 +78,9 @@ def run_list(args: argparse.Namespace) -> None:
 def run_measure(args: argparse.Namespace) -> None:
     import json
 
-    from activestereo.lab.model_file import find, library
-    from activestereo.lab.surrogate import differences
-    from activestereo.output_files import replace_file
+    from activestereo.common.output_files import replace_file
+    from activestereo.compare.model_file import find, library
+    from activestereo.compare.surrogate import differences
 
     effects = library(*args.files)
     chosen = [find(effects, name) for name in args.effects] or list(effects.values())

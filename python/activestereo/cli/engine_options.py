@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from activestereo.cli.arguments import real, size, whole
-from activestereo.matcher_table import MATCHER, RIG
-from activestereo.parameter import Parameter
+from activestereo.common.matcher_table import MATCHER, RIG
+from activestereo.common.parameter import Parameter
 
 
 def add_options(

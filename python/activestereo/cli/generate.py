@@ -84,12 +84,12 @@ def _part(text: str) -> tuple[int, int]:
 
 
 def run(args: argparse.Namespace) -> None:
-    from activestereo.declared_ranges import read_ranges
-    from activestereo.generate.ranges import Ranges
-    from activestereo.generate.run import generate
-    from activestereo.generate.shards import write_shards
-    from activestereo.generate.studio import Settings
-    from activestereo.progress_bar import ProgressBar, duration
+    from activestereo.benchmarks.generate.ranges import Ranges
+    from activestereo.benchmarks.generate.run import generate
+    from activestereo.benchmarks.generate.shards import write_shards
+    from activestereo.benchmarks.generate.studio import Settings
+    from activestereo.common.declared_ranges import read_ranges
+    from activestereo.common.progress_bar import ProgressBar, duration
 
     if args.ray is None and args.ray_cpus is not None:
         raise CommandError("--ray-cpus goes with --ray, which is not given")

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 from activestereo.cli.arguments import CommandError, Commands, camera_matrix, integer_from, positive, size
 
 if TYPE_CHECKING:
-    from activestereo.capture import Capture
-    from activestereo.importers.color_depth import ColorDepthRecording
-    from activestereo.importers.realsense_folder import RobotPoses
+    from activestereo.capture.capture import Capture
+    from activestereo.capture.importers.color_depth import ColorDepthRecording
+    from activestereo.capture.importers.realsense_folder import RobotPoses
 
 _TEXT = """\
 Makes a capture of a recording. RECORDING is one of
@@ -109,9 +109,9 @@ def _run(args: argparse.Namespace) -> None:
 
 def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecording | None:
     """The recording where its layout is that of colour and depth alone."""
-    from activestereo.importers.bop import is_bop, read_bop
-    from activestereo.importers.open3d import is_open3d, read_open3d
-    from activestereo.importers.tum import is_tum, read_tum
+    from activestereo.capture.importers.bop import is_bop, read_bop
+    from activestereo.capture.importers.open3d import is_open3d, read_open3d
+    from activestereo.capture.importers.tum import is_tum, read_tum
 
     if is_bop(args.recording):
         return read_bop(args.recording, temporary / "scene.gltf", args.depth_scale)
@@ -123,9 +123,9 @@ def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecordi
 
 
 def _write_color_depth(args: argparse.Namespace, recording: ColorDepthRecording) -> Capture:
-    from activestereo.importers.color_depth import write_color_depth
-    from activestereo.presets import StereoDepthSensorConfig
-    from activestereo.progress_bar import ProgressBar
+    from activestereo.camera.presets import StereoDepthSensorConfig
+    from activestereo.capture.importers.color_depth import write_color_depth
+    from activestereo.common.progress_bar import ProgressBar
 
     config = StereoDepthSensorConfig(args.sensor)
     baseline_m = config.focal_baseline_px_m / float(config.ir_intrinsic[0][0])
@@ -136,13 +136,13 @@ def _write_color_depth(args: argparse.Namespace, recording: ColorDepthRecording)
 
 
 def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
-    from activestereo.importers.bag import extract_bag, is_bag
-    from activestereo.importers.live import record_live
-    from activestereo.importers.realsense_folder import import_realsense
-    from activestereo.importers.realsense_text import read_device_text
-    from activestereo.importers.trajectory import read_trajectory
-    from activestereo.presets import StereoDepthSensorConfig
-    from activestereo.progress_bar import ProgressBar
+    from activestereo.camera.presets import StereoDepthSensorConfig
+    from activestereo.capture.importers.bag import extract_bag, is_bag
+    from activestereo.capture.importers.live import record_live
+    from activestereo.capture.importers.realsense_folder import import_realsense
+    from activestereo.capture.importers.realsense_text import read_device_text
+    from activestereo.capture.importers.trajectory import read_trajectory
+    from activestereo.common.progress_bar import ProgressBar
 
     units: float | None = None
     is_live, bag = str(args.recording) == "live", is_bag(args.recording)
@@ -178,9 +178,9 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
 
 
 def _robot(args: argparse.Namespace) -> RobotPoses | None:
-    from activestereo.acquire.hand_eye import read_poses
-    from activestereo.capture_json import JsonObject
-    from activestereo.importers.realsense_folder import RobotPoses
+    from activestereo.calibrate.hand_eye import read_poses
+    from activestereo.capture.capture_json import JsonObject
+    from activestereo.capture.importers.realsense_folder import RobotPoses
 
     if args.robot is None:
         return None
@@ -194,6 +194,6 @@ def _pattern(sensor: str) -> tuple[Any, Any]:
     """The preset's nominal pattern and its K; black where a camera has no projector."""
     import numpy as np
 
-    from activestereo.presets import StereoDepthSensorConfig
+    from activestereo.camera.presets import StereoDepthSensorConfig
 
     return StereoDepthSensorConfig(sensor).pattern() or (np.zeros((2, 2), np.uint8), np.eye(3))

@@ -41,9 +41,9 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
 
 
 def run_show(args: argparse.Namespace) -> None:
-    from activestereo.lab.model_file import library
-    from activestereo.sensor_model import read_model
-    from activestereo.sensor_model.words import show
+    from activestereo.compare.model_file import library
+    from activestereo.model import read_model
+    from activestereo.model.words import show
 
     effects = library(*args.effects)
     texts = [show(read_model(file, effects)) for file in args.files]
@@ -53,9 +53,9 @@ def run_show(args: argparse.Namespace) -> None:
 
 
 def run_diff(args: argparse.Namespace) -> None:
-    from activestereo.lab.model_file import library
-    from activestereo.sensor_model import read_model
-    from activestereo.sensor_model.words import diff
+    from activestereo.compare.model_file import library
+    from activestereo.model import read_model
+    from activestereo.model.words import diff
 
     effects = library(*args.effects)
     print(diff(*(read_model(file, effects) for file in args.files)) or "the two say the same")

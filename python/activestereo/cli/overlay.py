@@ -48,8 +48,8 @@ def add_parser(commands: Commands) -> None:
 
 
 def _run(args: argparse.Namespace) -> None:
-    from activestereo.output_files import write_png
-    from activestereo.overlay import show_window
+    from activestereo.common.output_files import write_png
+    from activestereo.report.overlay import show_window
 
     is_capture = (args.source / "capture.json").is_file() or args.source.name == "capture.json"
     if args.scene is None and not is_capture:
@@ -71,9 +71,9 @@ def _run(args: argparse.Namespace) -> None:
 def _of_capture(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]]]:
     import numpy as np
 
-    from activestereo.acquire.object_views import View, object_views
-    from activestereo.capture import read_capture
-    from activestereo.overlay import Overlay
+    from activestereo.calibrate.object_views import View, object_views
+    from activestereo.capture.capture import read_capture
+    from activestereo.report.overlay import Overlay
 
     capture = read_capture(args.source)
     try:
@@ -100,8 +100,8 @@ def _of_capture(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint
 
 
 def _of_files(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]]]:
-    from activestereo.images import read_color
-    from activestereo.overlay import Overlay, live_pictures
+    from activestereo.capture.images import read_color
+    from activestereo.report.overlay import Overlay, live_pictures
 
     overlay = Overlay(args.scene, args.device, args.blend)
     if str(args.source) == "live":

@@ -60,10 +60,10 @@ def add_parser(commands: Commands) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from activestereo.images import read_gray
-    from activestereo.lab.pair_findings import findings_text, pair_findings
-    from activestereo.lab.pair_statistics import pair_statistics, statistics_text
-    from activestereo.output_files import replace_file
+    from activestereo.capture.images import read_gray
+    from activestereo.common.output_files import replace_file
+    from activestereo.compare.pair_findings import findings_text, pair_findings
+    from activestereo.compare.pair_statistics import pair_statistics, statistics_text
 
     left, right = _read(args.left, args.right)
     device = (
@@ -93,15 +93,15 @@ def run(args: argparse.Namespace) -> None:
     print(findings_text(findings))
     print(f"\n{statistics_text(statistics)}")
     if "against" in pairs:
-        from activestereo.lab.report.pair_figure import pair_figure
-        from activestereo.overview import write_figure
+        from activestereo.report.overview import write_figure
+        from activestereo.report.pair_figure import pair_figure
 
         write_figure(args.out / "against.png", pair_figure(pairs, disparity, statistics))
     print(f"written: pair.json{', against.png' if 'against' in pairs else ''} in {args.out}")
 
 
 def _read(left_path: Path, right_path: Path) -> tuple[np.ndarray, np.ndarray]:
-    from activestereo.images import read_gray
+    from activestereo.capture.images import read_gray
 
     left, right = (read_gray(path, key="image") for path in (left_path, right_path))
     if left.shape != right.shape or left.dtype != right.dtype:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from activestereo.cli.arguments import Commands
 
 if TYPE_CHECKING:
-    from activestereo.camera_file import CameraData, Figure
+    from activestereo.camera.camera_file import CameraData, Figure
 
 _TEXT = """\
 Prints the cameras that the simulator knows, and of one camera every figure with
@@ -44,7 +44,7 @@ def add_parser(commands: Commands) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from activestereo.camera_file import camera_names, read_camera
+    from activestereo.camera.camera_file import camera_names, read_camera
 
     cameras = [read_camera(name) for name in ([args.name] if args.name else camera_names())]
     if args.json:
@@ -72,7 +72,7 @@ def _table(cameras: list[CameraData]) -> str:
 
 
 def _figures(camera: CameraData) -> str:
-    from activestereo.camera_file import FIELDS
+    from activestereo.camera.camera_file import FIELDS
 
     lines = [f"{camera.name}: {camera.title}"]
     for section, figures in camera.figures.items():

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from activestereo.cli.arguments import CommandError, real
 
 if TYPE_CHECKING:
-    from activestereo.presets import StereoDepthSensorConfig
+    from activestereo.camera.presets import StereoDepthSensorConfig
 
 _MORE = "may be given several times; capi/tables/reference.md has all"
 

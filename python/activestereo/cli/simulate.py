@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from activestereo.camera.presets import OF_THE_CAMERA, SAPIEN_DEFAULTS
 from activestereo.cli.arguments import (
     CommandError,
     Commands,
@@ -25,15 +26,14 @@ from activestereo.cli.camera_options import add_camera_options, set_cameras
 from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
 from activestereo.cli.engine_options import add_matching, add_options, given, given_matching, given_rig
 from activestereo.cli.record_options import add_records, set_records
-from activestereo.presets import OF_THE_CAMERA, SAPIEN_DEFAULTS
-from activestereo.render_table import RENDER, RENDERER
+from activestereo.common.render_table import RENDER, RENDERER
 
 if TYPE_CHECKING:
     import kuafu
-    from activestereo.pose import Pose
-    from activestereo.presets import StereoDepthSensorConfig
-    from activestereo.sensor import StereoDepthSensor
-    from activestereo.sensor_model import SensorModel
+    from activestereo.camera.presets import StereoDepthSensorConfig
+    from activestereo.common.pose import Pose
+    from activestereo.model import SensorModel
+    from activestereo.sensor.sensor import StereoDepthSensor
 
 _TEXT = """\
 Puts a depth sensor into a scene and takes one frame: path-traced RGB picture and
@@ -140,8 +140,8 @@ def run(args: argparse.Namespace) -> None:
     config = make_config(args, model)
     if not args.scene.exists():
         raise CommandError(f"{args.scene}: there is no such file")
-    from activestereo.progress_bar import ProgressBar
-    from activestereo.sensor import StereoDepthSensor
+    from activestereo.common.progress_bar import ProgressBar
+    from activestereo.sensor.sensor import StereoDepthSensor
 
     scene = _load_scene(args)
     sensor = StereoDepthSensor(config, scene, pose=_sensor_pose(args, scene), model=model)
@@ -164,16 +164,16 @@ def read_sensor_model(args: argparse.Namespace) -> SensorModel | None:
         raise CommandError(
             "--resolution and --model exclude one another: a model's figures are in pixels of its own images"
         )
-    from activestereo.lab.model_file import library
-    from activestereo.sensor_model import read_model
+    from activestereo.compare.model_file import library
+    from activestereo.model import read_model
 
     return read_model(args.model, library(*args.effects))
 
 
 def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> StereoDepthSensorConfig:
     """The preset, the model's own figures, and the options that were given."""
-    from activestereo.matching import engine_parameters
-    from activestereo.presets import StereoDepthSensorConfig
+    from activestereo.camera.matching import engine_parameters
+    from activestereo.camera.presets import StereoDepthSensorConfig
 
     config = (
         StereoDepthSensorConfig(args.sensor)
@@ -219,7 +219,7 @@ def _resized(config: StereoDepthSensorConfig, resolution: tuple[int, int]) -> St
 
 def _load_scene(args: argparse.Namespace) -> kuafu.Scene:
     import kuafu
-    from activestereo.usd import is_usd
+    from activestereo.scene_io.usd import is_usd
 
     scene = kuafu.Scene(kuafu.Device(args.device))
     dome = _load_file(scene, args)
@@ -228,7 +228,7 @@ def _load_scene(args: argparse.Namespace) -> kuafu.Scene:
     if not scene.summary.triangle_count:
         raise CommandError(f"{args.scene}: there is nothing to see in it: no triangles")
     if args.reflectances is not None:
-        from activestereo.reflectance import ReflectanceError, apply_reflectances, read_reflectances
+        from activestereo.scene_io.reflectance import ReflectanceError, apply_reflectances, read_reflectances
 
         try:
             apply_reflectances(scene, read_reflectances(args.reflectances))
@@ -240,7 +240,7 @@ def _load_scene(args: argparse.Namespace) -> kuafu.Scene:
     if args.environment is None:
         scene.set_environment(dome if dome and args.ambient is None else (ambient, ambient, ambient))
         return scene
-    from activestereo.environment_map import EnvironmentMapError, set_environment_map
+    from activestereo.scene_io.environment_map import EnvironmentMapError, set_environment_map
 
     try:
         set_environment_map(scene, args.environment, 1.0 if args.ambient is None else args.ambient)
@@ -251,9 +251,9 @@ def _load_scene(args: argparse.Namespace) -> kuafu.Scene:
 
 def _load_file(scene: kuafu.Scene, args: argparse.Namespace) -> tuple[float, float, float] | None:
     """Returns the radiance of a USD stage's dome light, where there is one."""
-    from activestereo.ktx2 import Ktx2Error
-    from activestereo.scene_files import load_scene_file
-    from activestereo.usd import UsdError
+    from activestereo.scene_io.ktx2 import Ktx2Error
+    from activestereo.scene_io.scene_files import load_scene_file
+    from activestereo.scene_io.usd import UsdError
 
     try:
         return load_scene_file(scene, args.scene, args.time)
@@ -262,7 +262,7 @@ def _load_file(scene: kuafu.Scene, args: argparse.Namespace) -> tuple[float, flo
 
 
 def _sensor_pose(args: argparse.Namespace, scene: kuafu.Scene) -> Pose:
-    from activestereo.pose import body_pose
+    from activestereo.common.pose import body_pose
 
     if args.camera_to_world is not None:
         return body_pose(args.camera_to_world)
@@ -277,7 +277,7 @@ def _sensor_pose(args: argparse.Namespace, scene: kuafu.Scene) -> Pose:
 def _overall_view(summary: kuafu.SceneSummary) -> np.ndarray:
     """A camera in front of the scene and above it (y up, as in glTF) that sees all of it in the middle half of the
     picture."""
-    from activestereo.pose import look_at
+    from activestereo.common.pose import look_at
 
     low, high = np.array(summary.bounds_min_m), np.array(summary.bounds_max_m)
     centre, radius = 0.5 * (low + high), max(0.5 * float(np.linalg.norm(high - low)), 0.05)
@@ -286,7 +286,7 @@ def _overall_view(summary: kuafu.SceneSummary) -> np.ndarray:
 
 
 def _accuracy(sensor: StereoDepthSensor) -> list[Any]:
-    from activestereo.accuracy import accuracy_by_material
+    from activestereo.compare.accuracy import accuracy_by_material
 
     name_of, max_depth = sensor.scene.material_name, sensor.get_config().max_depth_m
     return accuracy_by_material(
@@ -295,8 +295,8 @@ def _accuracy(sensor: StereoDepthSensor) -> list[Any]:
 
 
 def _write(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]) -> None:
-    from activestereo.output_files import write_depth_png, write_ply, write_png
-    from activestereo.overview import simulation_figure, write_figure
+    from activestereo.common.output_files import write_depth_png, write_ply, write_png
+    from activestereo.report.overview import simulation_figure, write_figure
 
     rgb, ir, depth, true_depth = sensor.get_rgb(), sensor.get_ir_measured(), sensor.get_depth(), sensor.get_true_depth()
     write_png(args.out / "rgb.png", np.rint(255.0 * rgb).astype(np.uint8))
@@ -312,8 +312,8 @@ def _write(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any])
 
 
 def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]) -> None:
-    from activestereo.accuracy import accuracy_table
     from activestereo.cli.report import matching_line, stage_table
+    from activestereo.compare.accuracy import accuracy_table
 
     groups: dict[str, dict[str, float]] = {}
     for name, time in sensor.stage_times.items():

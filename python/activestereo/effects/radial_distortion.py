@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lens distortion that the nominal calibration lacks."""
 
+from activestereo.common.lens import undistort
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View
-from activestereo.lens import undistort
 
 
 @moves("camera.distortion")

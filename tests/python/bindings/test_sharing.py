@@ -9,7 +9,7 @@ import pytest
 import kuafu
 import simsense
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
-from activestereo.ir_link import IrLink, shared_memory_kind
+from activestereo.sensor.ir_link import IrLink, shared_memory_kind
 from sensor_scenes import wall_scene
 
 SIZE = 64 * 48
@@ -90,7 +90,7 @@ def test_memory_of_a_gpu_is_read_and_written_by_copies(device, engine_device, mo
     """What a GPU with memory of its own does, on any device that shares file descriptors."""
     if shared_memory_kind(device, engine_device) != "opaque_fd":
         pytest.skip(f"{device.info.name} and {engine_device.info.name} share no file descriptors")
-    monkeypatch.setattr("activestereo.ir_link.has_own_memory", lambda device: True)
+    monkeypatch.setattr("activestereo.sensor.ir_link.has_own_memory", lambda device: True)
     link = IrLink(device, engine_device, 64, 48, count=2)
     pair = np.random.default_rng(0).random((4, 48, 64), dtype=np.float32)
     link.put(pair)
@@ -105,7 +105,7 @@ def test_a_sensor_sees_the_same_in_memory_of_a_gpu(monkeypatch):
     config.samples_per_pixel, config.max_bounces, config.ir_exposure_mode = 1, 0, "settled"
     seen = []
     for is_on_gpu in (False, True):
-        monkeypatch.setattr("activestereo.ir_link.has_own_memory", lambda device, own=is_on_gpu: own)
+        monkeypatch.setattr("activestereo.sensor.ir_link.has_own_memory", lambda device, own=is_on_gpu: own)
         sensor = StereoDepthSensor(config, wall_scene(1.0))
         sensor.take_picture(infrared_only=True)
         sensor.compute_depth()

@@ -10,7 +10,7 @@ import pytest
 
 from activestereo.effects import Light, Model, Parameter, Randomness, Stage, broken_laws, builtin, effect
 from activestereo.effects.core.laws import example_value, example_view
-from activestereo.lab.fit import Nuisances, predict
+from activestereo.compare.nuisances import Nuisances, predict
 
 EFFECTS = builtin()
 

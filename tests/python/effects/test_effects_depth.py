@@ -8,7 +8,7 @@ import pytest
 
 from activestereo.effects import Model, Stage, builtin
 from activestereo.effects.core.laws import example_value, example_view
-from activestereo.lab.fit import Nuisances
+from activestereo.compare.nuisances import Nuisances
 
 EFFECTS = builtin()
 

@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 import pytest
 
-from activestereo.capture import Camera, Projector, Rig
+from activestereo.capture.capture import Camera, Projector, Rig
 from activestereo.effects import Light, builtin
 from activestereo.effects.core.laws import example_view
 from activestereo.effects.core.resample import blur
-from activestereo.lens import distort, undistort
-from activestereo.lab.layers import Layers, Sampling, ViewCamera, ideal_pixels, sampling_of
-from activestereo.engines.smooth import smooth_bounced
+from activestereo.common.lens import distort, undistort
+from activestereo.compare.layers import Layers, Sampling, ViewCamera, ideal_pixels, sampling_of
+from activestereo.effects.engines.smooth import smooth_bounced
 
 K = np.array([[60.0, 0, 47.5], [0, 60.0, 35.5], [0, 0, 1]])
 LENS = np.array([-0.12, 0.03, 0.002, -0.001, 0.004])

@@ -12,8 +12,8 @@ from activestereo.effects.core.beam import glow
 from activestereo.effects.core.descriptor import Stage
 from activestereo.effects.core.ggx import reflected_share
 from activestereo.effects.core.laws import example_value, example_view
-from activestereo.lab.kuafu_renderer import KuafuRenderer
-from activestereo.lab.layers import RenderRequest, ViewCamera
+from activestereo.compare.kuafu_renderer import KuafuRenderer
+from activestereo.compare.layers import RenderRequest, ViewCamera
 from effect_worlds import CAMERA_K, PATTERN, POSE, PROJECTOR_K, SIZE, seen, shift, smooth_places, view_of
 from worlds.view import PatternSource, look
 from worlds.world import look_at

@@ -6,7 +6,7 @@ import pytest
 
 import kuafu
 from activestereo import StereoDepthSensor
-from activestereo.pose import body_pose
+from activestereo.common.pose import body_pose
 
 CAMERA = kuafu.Camera(48, 36, [[40, 0, 23.5], [0, 40, 17.5], [0, 0, 1]])
 

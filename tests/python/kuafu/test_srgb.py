@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import kuafu
-from activestereo.auto_exposure import rgb_exposure
+from activestereo.camera.auto_exposure import rgb_exposure
 
 CAMERA = kuafu.Camera(31, 23, [[20, 0, 15], [0, 20, 11], [0, 0, 1]])
 

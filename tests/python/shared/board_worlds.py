@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from activestereo.acquire.boards import Board
-from activestereo.acquire.rig import BoardView
+from activestereo.calibrate.boards import Board
+from activestereo.calibrate.rig import BoardView
 
 BOARD = Board("chessboard", 9, 6, 0.03)
 _CORNER_NOISE_PX = 0.08

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import kuafu
-from activestereo.cuda_memory import CudaArray, CudaMemory
+from activestereo.sensor.cuda_memory import CudaArray, CudaMemory
 
 
 def place_in_file(address: int) -> int:

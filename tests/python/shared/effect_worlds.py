@@ -4,7 +4,7 @@
 import numpy as np
 from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
 
-from activestereo.capture import Camera, Frame, Projector, Rig
+from activestereo.capture.capture import Camera, Frame, Projector, Rig
 from activestereo.effects import Light, View
 from worlds.view import PatternSource, look
 from worlds.world import dot_pattern, look_at, table_top

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.capture import read_capture
-from activestereo.images import read_gray, write_gray
-from activestereo.lab.cache import request_key
-from activestereo.lab.depth_model import DepthModel
-from activestereo.lab.layers import Layers
+from activestereo.capture.capture import read_capture
+from activestereo.capture.images import read_gray, write_gray
+from activestereo.compare.cache import request_key
+from activestereo.compare.depth_model import DepthModel
+from activestereo.compare.layers import Layers
 from worlds.view import PatternSource, look
 
 DEPTH_SCALE_M = 1e-4

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 
 import kuafu
-from activestereo import meshes
-from activestereo.acquire.material_views import MaterialScene, Picture, pictures
-from activestereo.capture import Camera, Capture, ColorCamera, Frame, Projector, Rig, read_capture
-from activestereo.capture_write import write_capture
-from activestereo.gltf_writer import GltfWriter
-from activestereo.pattern import PatternDesign, make_pattern
-from activestereo.pose import look_at
-from activestereo.scene_surfaces import surfaces_of_object
+from activestereo.scene_io import meshes
+from activestereo.calibrate.material_views import MaterialScene, Picture, pictures
+from activestereo.capture.capture import Camera, Capture, ColorCamera, Frame, Projector, Rig, read_capture
+from activestereo.capture.write import write_capture
+from activestereo.scene_io.gltf_writer import GltfWriter
+from activestereo.common.pattern import PatternDesign, make_pattern
+from activestereo.common.pose import look_at
+from activestereo.effects.core.scene_surfaces import surfaces_of_object
 
 # roughness, metallic, specular, transmission, ir_albedo
 PAINTS = {

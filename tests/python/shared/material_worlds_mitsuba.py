@@ -11,8 +11,8 @@ from material_worlds import (
 )  # fmt: skip
 from numpy.typing import NDArray
 
-from activestereo import meshes
-from activestereo.gap.mitsuba_scene import grey, mesh, mitsuba, pose, projector
+from activestereo.scene_io import meshes
+from activestereo.benchmarks.sim_to_real.mitsuba_scene import grey, mesh, mitsuba, pose, projector
 
 PROJECTOR = 1.0  # W/sr at the brightest: dots as strong as those of a D435 at this distance
 Image = NDArray[np.float64]

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from activestereo.lab.cache import LayerCache
-from activestereo.lab.compare import Comparison, compare
+from activestereo.compare.cache import LayerCache
+from activestereo.compare.compare import Comparison, compare
 from lab_worlds import WorldRenderer, with_device_depth
 from worlds.world import make_world
 

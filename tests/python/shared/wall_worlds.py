@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 import kuafu
-from activestereo import StereoDepthSensorConfig, meshes
-from activestereo.capture import Camera, Capture, Frame, Projector, Rig
-from activestereo.capture_write import write_capture
-from activestereo.pattern import dots, make_pattern
+from activestereo import StereoDepthSensorConfig
+from activestereo.scene_io import meshes
+from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig
+from activestereo.capture.write import write_capture
+from activestereo.common.pattern import dots, make_pattern
 
 BASELINE_M, BLACK_DN, READ_DN, GAIN_DN_PER_E = 0.05, 5.0, 0.4, 0.02
 # Where the projector really stands in the left camera's frame, and where the rig believes that it does.

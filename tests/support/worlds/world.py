@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from activestereo.capture import Camera, Capture, Frame, Projector, Rig
-from activestereo.capture_write import write_capture
+from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig
+from activestereo.capture.write import write_capture
 from worlds.gltf import write_gltf
 from worlds.pcg import Pcg
 from worlds.sensor import Sensor, expose

@@ -33,7 +33,7 @@ def table(effects: dict[str, Effect]) -> str:
 
 def page(effects: dict[str, Effect], differences: dict[str, float] | None = None) -> str:
     """Markdown: a user's own effect as an example, what the engines have, then every effect with its parameters, in the
-    order of the pipeline. differences: how far the image function is from the engines, see lab/surrogate.py."""
+    order of the pipeline. differences: how far the image function is from the engines, see compare/surrogate.py."""
     in_engine = sum(e.engine is not None for e in effects.values())
     lines = [
         "# Physical effects",

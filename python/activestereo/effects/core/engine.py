@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from activestereo.capture import Frame
+from activestereo.capture.capture import Frame
 from activestereo.effects.core.random_stream import random_stream
 from activestereo.effects.core.resample import blur
 from activestereo.effects.core.surfaces import material_numbers

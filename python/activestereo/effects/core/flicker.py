@@ -10,7 +10,7 @@ as one of that size, or slow waves of which frames show a few similar phases wou
 
 import numpy as np
 
-from activestereo.capture import Frame
+from activestereo.capture.capture import Frame
 from activestereo.effects.core.judging import StartImage
 
 # Lamps flicker at twice the mains' 50 or 60 Hz, which grids and generators keep to 2 %; few frames alone would fit

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.capture import Frame
+from activestereo.capture.capture import Frame
 from activestereo.effects.core.descriptor import Effect, Randomness, Stage
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View

@@ -19,7 +19,7 @@ _PROJECTOR, _AMBIENT = ("direct", "indirect"), ("ambient",)
 
 
 class Rendered(Protocol):
-    """Rendered images of one view (lab/layers.py), each [height][width]; it may also have `fine`, a FineImages."""
+    """Rendered images of one view (compare/layers.py), each [height][width]; it may also have `fine`, a FineImages."""
 
     @property
     def direct(self) -> np.ndarray: ...

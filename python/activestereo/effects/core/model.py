@@ -13,7 +13,7 @@ from activestereo.effects.core.light import Light, Rendered
 from activestereo.effects.core.view import View
 
 if TYPE_CHECKING:
-    from activestereo.capture import Frame
+    from activestereo.capture.capture import Frame
 
 
 class Scales(Protocol):

@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from activestereo.common.lens import distort, undistort
 from activestereo.effects.core.random_stream import random_stream
-from activestereo.lens import distort, undistort
 
 if TYPE_CHECKING:
-    from activestereo.capture import Capture, Frame
+    from activestereo.capture.capture import Capture, Frame
 
 REFERENCE_TEMPERATURE_C = 25.0
 _NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class RenderedSurfaces(Protocol):
-    """What a View takes from rendered images (lab/layers.py), each [height][width]; normal [height][width][3]. They may
-    also have `ambient_direct`."""
+    """What a View takes from rendered images (compare/layers.py), each [height][width]; normal [height][width][3]. They
+    may also have `ambient_direct`."""
 
     @property
     def depth_m(self) -> np.ndarray: ...
@@ -41,8 +41,8 @@ class RenderedSurfaces(Protocol):
 class View:
     """One eye of one frame. Arrays are [height][width]; depth 0 = nothing there; normal [height][width][3], unit,
     camera coordinates; a_to_b maps coordinates in a to those in b; distortion: of the nominal camera, see
-    activestereo/lens.py; material: index in the scene file, or None; ambient_bounced: the share of the ambient light
-    that comes over other surfaces, or None where it is not known; half: the light is of this half of a renderer's
+    activestereo/common/lens.py; material: index in the scene file, or None; ambient_bounced: the share of the ambient
+    light that comes over other surfaces, or None where it is not known; half: the light is of this half of a renderer's
     samples (0 or 1), or None of all. Disparity and depth effects get the left eye's view.
     """
 

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The files of the BOP format (Hodan et al., BOP: Benchmark for 6D object pose estimation, ECCV 2018; its scenes'
+format is described beside the BOP toolkit).
+
+    DIR/camera.json  DIR/models/models_info.json  DIR/dataset.json
+    DIR/train_pbr/000000/{rgb,depth,ir_left,ir_right,depth_true,mask,mask_visib}/000000.png
+    DIR/train_pbr/000000/{scene_camera,scene_gt,scene_gt_info,scene_gt_coco}.json
+
+ir_left, ir_right and depth_true are ours. Lengths are millimetres. A frame's record is written after its pictures: a
+frame with a record is whole.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.benchmarks.generate.studio import Found, Frame
+from activestereo.benchmarks.generate.things import Thing
+from activestereo.common.output_files import write_bytes, write_depth_png, write_png, write_text
+
+SPLIT = "train_pbr"
+FRAMES_PER_SCENE = 1000
+_RECORDS = ".frames"
+
+
+def is_done(out: Path, number: int) -> bool:
+    return record_path(out, number).exists()
+
+
+def remove_left_over(out: Path, numbers: Collection[int]) -> None:
+    """Temporary files of these frames, whose process ended before it renamed them."""
+    for path in (out / SPLIT).glob("*/*/.[0-9]*"):
+        if int(path.parts[-3]) * FRAMES_PER_SCENE + int(path.name[1:7]) in numbers:
+            path.unlink(missing_ok=True)
+
+
+def write_frame(out: Path, frame: Frame) -> None:
+    """Pictures, then the record."""
+    folder, name = scene_folder(out, frame.number), f"{frame.number % FRAMES_PER_SCENE:06d}"
+    for kind in ("rgb", "depth", "ir_left", "ir_right", "depth_true", "mask", "mask_visib", _RECORDS):
+        (folder / kind).mkdir(parents=True, exist_ok=True)
+    write_png(folder / "rgb" / f"{name}.png", frame.rgb)
+    write_png(folder / "ir_left" / f"{name}.png", frame.left)
+    write_png(folder / "ir_right" / f"{name}.png", frame.right)
+    write_depth_png(folder / "depth" / f"{name}.png", frame.depth)
+    write_depth_png(folder / "depth_true" / f"{name}.png", frame.true_depth)
+    for order, found in enumerate(frame.found):
+        for kind, mask in (("mask", found.mask), ("mask_visib", found.mask_visible)):
+            write_png(folder / kind / f"{name}_{order:06d}.png", np.where(mask, np.uint8(255), np.uint8(0)))
+    record = {
+        "camera": {
+            "cam_K": frame.k.ravel().tolist(),
+            "depth_scale": 1.0,
+            "cam_R_w2c": frame.world_to_camera[:3, :3].ravel().tolist(),
+            "cam_t_w2c": (1000.0 * frame.world_to_camera[:3, 3]).tolist(),
+        },
+        "gt": [_pose(found) for found in frame.found],
+        "gt_info": [_info(found, frame.depth) for found in frame.found],
+    }
+    _write_json(record_path(out, frame.number), record)
+
+
+def read_files(out: Path) -> dict[str, bytes]:
+    """All there are, by path below `out`."""
+    return {str(path.relative_to(out)): path.read_bytes() for path in out.rglob("*") if path.is_file()}
+
+
+def write_files(out: Path, files: Mapping[str, bytes]) -> None:
+    """A frame's files, as read_files() has them: pictures, then the record."""
+    for name in sorted(files, key=lambda name: (_RECORDS in name, name)):
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(out / name, files[name])
+
+
+def write_scenes(out: Path, count: int) -> None:
+    """Each scene's tables, of the records of its frames."""
+    for first in range(0, count, FRAMES_PER_SCENE):
+        records = {n % FRAMES_PER_SCENE: json.loads(record_path(out, n).read_text())
+                   for n in range(first, min(first + FRAMES_PER_SCENE, count))}  # fmt: skip
+        folder = scene_folder(out, first)
+        for file, key in (("scene_camera", "camera"), ("scene_gt", "gt"), ("scene_gt_info", "gt_info")):
+            _write_json(folder / f"{file}.json", {str(n): record[key] for n, record in records.items()})
+        _write_json(folder / "scene_gt_coco.json", _coco(folder, records))
+
+
+def write_head(
+    out: Path, things: list[Thing], k: NDArray[np.float64], size: tuple[int, int], about: dict[str, Any]
+) -> None:
+    """camera.json, models_info.json (boxes; `diameter` is the box's diagonal) and dataset.json: how it was made."""
+    camera = {"fx": k[0, 0], "fy": k[1, 1], "cx": k[0, 2], "cy": k[1, 2], "depth_scale": 1.0}
+    _write_json(out / "camera.json", camera | {"width": size[0], "height": size[1]})
+    models = {}
+    for thing in things:
+        low, extent = 1000.0 * thing.low_m, 1000.0 * (thing.high_m - thing.low_m)
+        box = {f"min_{axis}": float(v) for axis, v in zip("xyz", low, strict=True)}
+        box |= {f"size_{axis}": float(v) for axis, v in zip("xyz", extent, strict=True)}
+        models[str(thing.id)] = {"diameter": float(np.linalg.norm(extent)), **box}
+    (out / "models").mkdir(exist_ok=True)
+    _write_json(out / "models" / "models_info.json", models)
+    _write_json(out / "dataset.json", about)
+
+
+def _pose(found: Found) -> dict[str, Any]:
+    rotation, offset = found.model_to_camera[:3, :3], 1000.0 * found.model_to_camera[:3, 3]
+    return {"cam_R_m2c": rotation.ravel().tolist(), "cam_t_m2c": offset.tolist(), "obj_id": found.thing_id}
+
+
+def _info(found: Found, depth: NDArray[np.float32]) -> dict[str, Any]:
+    whole, visible = int(found.mask.sum()), int(found.mask_visible.sum())
+    return {
+        "bbox_obj": _box(found.mask),
+        "bbox_visib": _box(found.mask_visible),
+        "px_count_all": whole,
+        "px_count_valid": int((found.mask & (depth > 0)).sum()),
+        "px_count_visib": visible,
+        "visib_fract": visible / whole if whole else 0.0,
+    }
+
+
+def _box(mask: NDArray[np.bool_]) -> list[int]:
+    """[x, y, width, height]; -1 four times where there is nothing, as BOP has it."""
+    if not mask.any():
+        return [-1, -1, -1, -1]
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    return [int(columns[0]), int(rows[0]), int(columns[-1] - columns[0] + 1), int(rows[-1] - rows[0] + 1)]
+
+
+def _coco(folder: Path, records: dict[int, Any]) -> dict[str, Any]:
+    """COCO's instances: boxes and areas of what is seen, and masks as its uncompressed run lengths."""
+    from PIL import Image
+
+    images: list[Any] = []
+    annotations: list[Any] = []
+    categories: set[int] = set()
+    for number, record in records.items():
+        name = f"rgb/{number:06d}.png"
+        with Image.open(folder / name) as image:
+            width, height = image.size
+        images.append({"id": number, "file_name": name, "width": width, "height": height})
+        for order, (pose, info) in enumerate(zip(record["gt"], record["gt_info"], strict=True)):
+            if not info["px_count_visib"]:
+                continue
+            with Image.open(folder / "mask_visib" / f"{number:06d}_{order:06d}.png") as image:
+                mask = np.asarray(image) > 0
+            categories.add(pose["obj_id"])
+            annotations.append(
+                {
+                    "id": len(annotations) + 1,
+                    "image_id": number,
+                    "category_id": pose["obj_id"],
+                    "iscrowd": 0,
+                    "area": info["px_count_visib"],
+                    "bbox": info["bbox_visib"],
+                    "segmentation": {"size": [height, width], "counts": run_lengths(mask)},
+                }
+            )
+    named = [{"id": number, "name": str(number)} for number in sorted(categories)]
+    return {"images": images, "annotations": annotations, "categories": named}
+
+
+def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
+    """Column by column, background first, as COCO counts."""
+    flat = np.concatenate([[False], mask.ravel(order="F")])
+    edges = np.flatnonzero(np.diff(flat.astype(np.int8))) if mask.size else np.empty(0, np.intp)
+    return np.diff(np.concatenate([[0], edges, [mask.size]])).astype(int).tolist()
+
+
+def scene_folder(out: Path, number: int) -> Path:
+    return out / SPLIT / f"{number // FRAMES_PER_SCENE:06d}"
+
+
+def record_path(out: Path, number: int) -> Path:
+    return scene_folder(out, number) / _RECORDS / f"{number % FRAMES_PER_SCENE:06d}.json"
+
+
+def _write_json(path: Path, content: Any) -> None:
+    write_text(path, json.dumps(content, indent=1) + "\n")

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Makes a data set with workers, each with a device of its own. What is there already is not made again."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import kuafu
+from activestereo.benchmarks.generate import bop
+from activestereo.benchmarks.generate.ray_actors import made_by_ray
+from activestereo.benchmarks.generate.studio import Frame, Settings, Studio, sensor_config
+from activestereo.benchmarks.generate.things import Things
+
+_studio: Studio | None = None  # a worker's
+
+
+@dataclass(frozen=True)
+class Done:
+    """Frames made now, of this part there before, and of other parts not there yet."""
+
+    made: int
+    there: int
+    missing: int
+    seconds: float
+
+
+def generate(
+    settings: Settings,
+    out: Path,
+    count: int,
+    workers: int,
+    part: tuple[int, int] = (1, 1),
+    progress: Callable[[float], object] | None = None,
+    ray: tuple[str, int] | None = None,
+) -> Done:
+    """Frames 0 to count - 1 in BOP's format under `out`, or part k of n of them; other parts may be made at the same
+    time, also by other machines that share the folder. Whoever makes the last frame writes the scenes' tables.
+    ValueError where `out` has frames of other settings; ChildProcessError where a worker was ended from outside: what
+    is done stays, and the same call goes on. ray: a cluster's address and the processors of an actor there, which take
+    the place of the workers (ray_actors.py)."""
+    things = Things(kuafu.Scene(kuafu.Device(settings.device)), list(settings.things)).things  # its checks come first
+    about = description(settings)
+    _check_same(out, about)
+    out.mkdir(parents=True, exist_ok=True)
+    config = sensor_config(settings)
+    bop.write_head(out, things, config.rgb_intrinsic, settings.rgb_size, about)
+    number, parts = part
+    own = range(number - 1, count, parts)
+    missing = [frame for frame in own if not bop.is_done(out, frame)]
+    bop.remove_left_over(out, set(missing))
+    start = time.monotonic()
+    made = _made(settings, out, missing, workers) if ray is None else made_by_ray(settings, out, missing, *ray)
+    for done, _ in enumerate(made, 1):
+        if progress is not None:
+            progress(done / len(missing))
+    seconds = time.monotonic() - start
+    others = sum(not bop.is_done(out, frame) for frame in range(count))
+    if not others:
+        bop.write_scenes(out, count)
+    return Done(len(missing), len(own) - len(missing), others, seconds)
+
+
+def description(settings: Settings) -> dict[str, Any]:
+    """What the frames depend on, for dataset.json."""
+    about = asdict(settings)
+    del about["device"]
+    return about | {"things": [path.name for path in settings.things], "rgb_size": list(settings.rgb_size),
+                    "ranges": {name: list(pair) for name, pair in about["ranges"].items()}}  # fmt: skip
+
+
+def _made(settings: Settings, out: Path, missing: list[int], workers: int) -> Iterator[int]:
+    """The number of each frame after it is written."""
+    if workers == 1 or len(missing) < 2:
+        yield from _made_here(settings, out, missing)
+        return
+    with _pool(settings, workers) as pool:
+        tasks = [pool.submit(_make, out, number) for number in missing]
+        try:
+            for task in as_completed(tasks):
+                yield task.result()
+        except BrokenProcessPool as error:
+            raise ChildProcessError(
+                "a worker was ended from outside, perhaps for want of memory; what is done is kept: run the same again"
+            ) from error
+
+
+def _made_here(settings: Settings, out: Path, missing: list[int]) -> Iterator[int]:
+    """A frame is written while the next one is rendered."""
+    if not missing:
+        return
+    studio = Studio(settings)
+    with ThreadPoolExecutor(1) as writer:
+        written: Future[int] | None = None
+        for number in missing:
+            frame = studio.take(number)
+            if written is not None:
+                yield written.result()
+            written = writer.submit(_write, out, frame)
+        assert written is not None
+        yield written.result()
+
+
+def _write(out: Path, frame: Frame) -> int:
+    bop.write_frame(out, frame)
+    return frame.number
+
+
+@contextmanager
+def _pool(settings: Settings, workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Begun anew (spawn), since a device does not survive a fork. Left by an error, it does no more frames."""
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(settings,))
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _begin(settings: Settings) -> None:
+    global _studio
+    _studio = Studio(settings)
+
+
+def _make(out: Path, number: int) -> int:
+    assert _studio is not None
+    return _write(out, _studio.take(number))
+
+
+def _check_same(out: Path, about: dict[str, Any]) -> None:
+    path = out / "dataset.json"
+    if not path.exists():
+        return
+    before = json.loads(path.read_text())
+    different = [key for key in about if before.get(key) != json.loads(json.dumps(about[key]))]
+    if different:
+        key = different[0]
+        text = f"{out} has frames of other settings: {key} was {before.get(key)} and is {about[key]}"
+        raise ValueError(f"{text}; choose another folder, or the same settings")

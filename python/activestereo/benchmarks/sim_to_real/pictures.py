@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Takes the depth pictures of a world that are not there yet."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.benchmarks.sim_to_real.files import RunFolder
+from activestereo.benchmarks.sim_to_real.foreign import ForeignStage
+from activestereo.benchmarks.sim_to_real.foreign_mitsuba import MitsubaStage
+from activestereo.benchmarks.sim_to_real.objects import GapObject, objects
+from activestereo.benchmarks.sim_to_real.settings import GapSettings
+from activestereo.benchmarks.sim_to_real.stage import Stage
+from activestereo.benchmarks.sim_to_real.views import SPLITS, View, round_of_views
+from activestereo.benchmarks.sim_to_real.workers import each_done
+from activestereo.benchmarks.sim_to_real.worlds import World
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.progress_bar import Progress
+
+
+class _TakesViews(Protocol):
+    config: StereoDepthSensorConfig
+
+    def take(self, views: list[View], seed: int) -> NDArray[np.float32]: ...
+
+
+def take_pictures(
+    folder: RunFolder,
+    settings: GapSettings,
+    world: World,
+    split: str,
+    rounds: int,
+    device: str | int = "auto",
+    workers: int = 1,
+    progress: Progress | None = None,
+    things: tuple[GapObject, ...] | None = None,
+) -> None:
+    """The depths that are missing of rounds 0 to rounds - 1. workers: processes that render with Mitsuba; our own
+    renderer fills a device by itself. things: objects(), perhaps of other materials."""
+    missing = [number for number in range(rounds) if not folder.depth_path(world.name, split, number).exists()]
+    if not missing:
+        return
+    if world.mode == "foreign" and settings.foreign == "mitsuba":
+        tasks = [(folder, settings, world, split, number) for number in missing]
+        for done, _ in enumerate(each_done(_take_with_mitsuba, tasks, workers), 1):
+            if progress is not None:
+                progress(done / len(missing))
+        return
+    stage = (ForeignStage if world.mode == "foreign" else Stage)(things or objects(), world, settings.camera, device)
+    for done, number in enumerate(missing, 1):
+        _take(folder, settings, world, split, number, stage)
+        if progress is not None:
+            progress(done / len(missing))
+
+
+def _take(
+    folder: RunFolder, settings: GapSettings, world: World, split: str, number: int, stage: _TakesViews
+) -> None:
+    views = round_of_views(objects(), settings.seed, split, number)
+    depth = stage.take(views, _seed(settings.seed, split, number))
+    folder.write_depth(world.name, split, number, depth, stage.config.rgb_intrinsic)
+
+
+def _take_with_mitsuba(folder: RunFolder, settings: GapSettings, world: World, split: str, number: int) -> None:
+    _take(folder, settings, world, split, number, _mitsuba_stage(settings))
+
+
+@cache
+def _mitsuba_stage(settings: GapSettings) -> MitsubaStage:
+    return MitsubaStage(objects(), settings.camera, settings.foreign_samples)
+
+
+def _seed(seed: int, split: str, number: int) -> int:
+    """Of what a round's pictures draw, another one for each round."""
+    return int(np.random.SeedSequence([seed, SPLITS.index(split), number]).generate_state(1)[0] % 2**31)

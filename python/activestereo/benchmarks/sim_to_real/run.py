@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Takes all pictures, tunes the methods, finds all poses. What is there already is not made again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from activestereo.benchmarks.sim_to_real.files import RunFolder
+from activestereo.benchmarks.sim_to_real.mitsuba_scene import mitsuba
+from activestereo.benchmarks.sim_to_real.pictures import take_pictures
+from activestereo.benchmarks.sim_to_real.poses import find_poses
+from activestereo.benchmarks.sim_to_real.settings import GapSettings
+from activestereo.benchmarks.sim_to_real.tuning import Model, candidates_of, every_candidate, tuned
+from activestereo.benchmarks.sim_to_real.worlds import SIMULATED, WORLDS
+from activestereo.common.progress_bar import Progress, part_of
+
+# When each part ends, as a share of the time, about: pictures for tuning and for the test, poses likewise.
+_ENDS = (0.1, 0.7, 0.85, 1.0)
+# How long a round of pictures takes in a world, against 'clean'.
+_EFFORT = {"clean": 1.0, "raster": 10.0, "full": 20.0, "foreign": 60.0}
+
+
+def run(
+    settings: GapSettings,
+    out: Path,
+    device: str | int = "auto",
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> list[Model]:
+    """Everything that a score needs, under `out`; returns the nine models. ValueError where `out` has results of other
+    settings, or the foreign world's renderer is not installed; ChildProcessError where a worker was ended from outside:
+    what is done stays, and the same call goes on."""
+    folder = RunFolder(out)
+    if settings.foreign == "mitsuba":
+        mitsuba()  # told before hours of work
+    folder.keep_settings(settings.described())
+    worlds_of = {"tuning": SIMULATED, "test": tuple(WORLDS)}
+    for (split, worlds), start, end in zip(worlds_of.items(), (0.0, _ENDS[0]), _ENDS[:2], strict=True):
+        effort = {world: _EFFORT[world] for world in worlds}
+        for world in worlds:
+            own = part_of(part_of(progress, start, end), *_share(effort, world))
+            take_pictures(folder, settings, WORLDS[world], split, settings.rounds(split), device, workers, own)
+    every, seed = every_candidate(), settings.seed
+    own = part_of(progress, _ENDS[1], _ENDS[2])
+    tuning = find_poses(folder, seed, SIMULATED, "tuning", settings.rounds("tuning"), every, workers, own)
+    models, own = tuned(tuning, every), part_of(progress, _ENDS[2], _ENDS[3])
+    find_poses(folder, seed, tuple(WORLDS), "test", settings.rounds("test"), candidates_of(models), workers, own)
+    return models
+
+
+def _share(effort: dict[str, float], world: str) -> tuple[float, float]:
+    """Where a world's part begins and ends in the time that all take, one after the other."""
+    names = list(effort)
+    before = sum(effort[name] for name in names[: names.index(world)])
+    whole = sum(effort.values())
+    return before / whole, (before + effort[world]) / whole

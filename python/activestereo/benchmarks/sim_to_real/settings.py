@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run depends on."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from activestereo.benchmarks.sim_to_real.files import RunFolder
+from activestereo.benchmarks.sim_to_real.objects import objects
+from activestereo.benchmarks.sim_to_real.stage import CameraSettings, NoiseLaw
+
+
+@dataclass(frozen=True)
+class GapSettings:
+    """views, tuning_views: at least so many, in whole rounds of one view of each object. foreign: one of FOREIGN."""
+
+    views: int = 320
+    tuning_views: int = 64
+    seed: int = 0
+    camera: CameraSettings = CameraSettings()
+    foreign: str = "sensor"
+    foreign_samples: int = 64
+
+    def rounds(self, split: str) -> int:
+        return -(-(self.views if split == "test" else self.tuning_views) // len(objects()))
+
+    def described(self) -> dict[str, Any]:
+        """Without the number of test views, which may grow, and without a noise law where there is none."""
+        out = asdict(self)
+        del out["views"]
+        if self.camera.imager is None:
+            del out["camera"]["imager"]
+        return out | {"tuning_views": self.rounds("tuning") * len(objects())}
+
+    @staticmethod
+    def of(folder: RunFolder) -> GapSettings:
+        """As described() wrote them."""
+        told = folder.settings()
+        try:
+            camera = dict(told["camera"])
+            camera["size_px"] = tuple(camera["size_px"])
+            if "imager" in camera:
+                camera["imager"] = NoiseLaw(**camera["imager"])
+            own = {name: told[name] for name in ("tuning_views", "seed", "foreign", "foreign_samples")}
+            return GapSettings(camera=CameraSettings(**camera), **own)
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"{folder.path}/settings.json is not of a run of this version: {error}") from error

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scene from measured depth alone, where nobody has geometry: the surface that one pose of the camera saw, as a
+mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from activestereo.capture.capture import Capture, Frame
+from activestereo.scene_io.gltf_writer import GltfWriter
+from activestereo.scene_io.meshes import Mesh
+
+NOTE = (
+    "warning: this scene is what the camera measured, errors included: what it saw wrongly (gloss, glass, edges) is "
+    "truth in it, what it did not see is empty, one albedo holds for all, and depth simulated on it tells nothing of "
+    "the device's own bias. Give geometry where you have it"
+)
+# Neighbours farther apart than this share of their depth belong to two surfaces.
+_JUMP = 0.03
+_MEDIAN_PX = 5
+_IR_ALBEDO = 0.5
+
+
+@dataclass(frozen=True)
+class HeightField:
+    """share: of the depth image's pixels that the surface covers; frames: how many repeats its median is of."""
+
+    mesh: Mesh
+    share: float
+    frames: int
+
+
+def height_field(capture: Capture, frame_id: int | None = None, step_px: int = 2) -> HeightField:
+    """Of the pose of a frame, the first with depth by default; all its repeats. In the world's axes.
+
+    ValueError where no such frame has depth, or hardly any of it is measured.
+    """
+    with_depth = [f for f in capture.frames if f.depth_path is not None and frame_id in (None, f.id)]
+    if not with_depth:
+        which = "every frame" if frame_id is None else f"frames[id={frame_id}] is not there or"
+        raise ValueError(f"{capture.path}: {which} has no depth: record the depth stream, too")
+    pose = with_depth[0].camera_to_world
+    repeats = [
+        f for f in capture.frames if f.depth_path is not None and np.allclose(f.camera_to_world, pose, atol=1e-9)
+    ]
+    depth = _median(capture, repeats)
+    mesh, share = _mesh(depth, capture.rig.left.K, pose, step_px)
+    if share < 0.01:
+        raise ValueError(
+            f"{with_depth[0].depth_path}: {100 * share:.2f} % of it is a surface: it has too few measured pixels"
+        )
+    return HeightField(mesh, share, len(repeats))
+
+
+def write_height_field(path: Path, field: HeightField, capture: Capture, pose: NDArray[np.float64]) -> None:
+    """The scene with the surface, and the camera that saw it."""
+    writer = GltfWriter("activestereo acquire scene")
+    gray = {"baseColorFactor": [_IR_ALBEDO] * 3 + [1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0}
+    material = writer.add_material(
+        "measured surface",
+        pbrMetallicRoughness=gray,
+        doubleSided=True,
+        extras={"ir_albedo": _IR_ALBEDO},
+        extensions={"KHR_materials_specular": {"specularFactor": 0.0}},
+    )
+    writer.add_placed_mesh("measured surface", field.mesh, material, np.eye(4))
+    camera = capture.rig.left
+    angle = 2.0 * float(np.arctan(0.5 * camera.height / camera.K[1, 1]))
+    writer.add_camera("camera", pose, angle, camera.width / camera.height)
+    writer.write(path)
+
+
+def _median(capture: Capture, frames: list[Frame]) -> NDArray[np.float64]:
+    """Of the measured values of each pixel; 0 where fewer than half of the frames have one."""
+    stack = np.array([capture.depth(frame) for frame in frames], dtype=np.float64)
+    known = stack > 0
+    values = np.where(known, stack, np.nan)
+    often = known.sum(axis=0) * 2 > len(frames)
+    out = np.zeros(stack.shape[1:])
+    out[often] = np.nanmedian(values[:, often], axis=0)
+    smooth = median_filter(out, _MEDIAN_PX)
+    return np.where((out > 0) & (np.abs(smooth - out) < _JUMP * out), smooth, out)
+
+
+def _mesh(
+    depth: NDArray[np.float64], K: NDArray[np.float64], pose: NDArray[np.float64], step_px: int
+) -> tuple[Mesh, float]:
+    v, u = np.mgrid[0 : depth.shape[0] : step_px, 0 : depth.shape[1] : step_px]
+    z = depth[v, u]
+    rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(K).T
+    points = (rays * z[..., None]) @ pose[:3, :3].T + pose[:3, 3]
+    a, b, c, d = (np.s_[:-1, :-1], np.s_[:-1, 1:], np.s_[1:, :-1], np.s_[1:, 1:])
+    number = np.arange(z.size).reshape(z.shape)
+    faces = []
+    for corners in ((a, c, b), (b, c, d)):
+        each = np.stack([z[k] for k in corners])
+        whole = (each > 0).all(axis=0) & (np.ptp(each, axis=0) < _JUMP * step_px * each.min(axis=0))
+        faces.append(np.stack([number[k][whole] for k in corners], axis=-1))
+    triangles = np.concatenate(faces)
+    if not len(triangles):
+        return Mesh.of(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros((0, 3))), 0.0
+    corners3 = points.reshape(-1, 3)[triangles]
+    area = np.cross(corners3[:, 1] - corners3[:, 0], corners3[:, 2] - corners3[:, 0])
+    normals = np.zeros((z.size, 3))
+    for k in range(3):
+        np.add.at(normals, triangles[:, k], area)
+    used, triangles = np.unique(triangles, return_inverse=True)
+    triangles = triangles.reshape(-1, 3)
+    own = normals[used] / np.maximum(np.linalg.norm(normals[used], axis=1, keepdims=True), 1e-30)
+    uvs = np.stack([u / depth.shape[1], v / depth.shape[0]], axis=-1).reshape(-1, 2)[used]
+    share = len(triangles) / (2.0 * (z.shape[0] - 1) * (z.shape[1] - 1))
+    return Mesh.of(points.reshape(-1, 3)[used], own, uvs, triangles), float(share)

@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How well rendered pictures under a candidate's materials explain the recorded ones.
+
+loss = colour + lambda infrared, each the square of the residual in deviations plus that of an oriented filter bank
+(derivatives of Gaussians of two sizes, four directions), or of a network's early layers where one is given. Squares are
+products of the residuals of two halves of the samples: the renderer's own noise has no part in their mean, where the
+plain square prefers rough surfaces, which render with less of it. Of a network that holds to first order only, for its
+layers are not linear.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+import kuafu
+from activestereo.calibrate.material_views import MaterialScene, Picture
+from activestereo.calibrate.network_features import Network, PictureFeatures
+from activestereo.effects.engines.scene_measurement import set_surface
+
+PARAMETERS = ("roughness", "metallic", "specular", "transmission", "ir_albedo")
+COLORS = ("red", "green", "blue")
+_RANGES = {
+    "roughness": (0.03, 1.0), "metallic": (0.0, 1.0), "specular": (0.0, 1.0), "transmission": (0.0, 1.0),
+    "ir_albedo": (0.01, 0.98), "red": (0.02, 0.98), "green": (0.02, 0.98), "blue": (0.02, 0.98),
+}  # fmt: skip
+_GRAY = 0.2  # base colour beside white, to tell what in a picture goes with it
+_PERCEPTUAL = 0.5  # weight of the filter bank, or of the network, beside the plain residual
+_INFRARED = 1.0  # lambda
+_SIZES_PX = (1.0, 2.0)
+_DIRECTIONS = 4
+_HUBER = 4.0
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """first, second: of the two halves of the samples, in deviations times weights, in which large differences count as
+    their square root; loss: mean of their products, never below 0 on average."""
+
+    first: NDArray[np.float64]
+    second: NDArray[np.float64]
+    weights: NDArray[np.float64]
+
+    @property
+    def loss(self) -> float:
+        return float(np.mean(self.first * self.second))
+
+    @property
+    def mean(self) -> NDArray[np.float64]:
+        return 0.5 * (self.first + self.second)
+
+
+class MaterialFit:
+    """Residuals of candidates. theta: the values of `parameters` in turn, which are (material's number, name):
+    PARAMETERS of each surface, and COLORS too where no one gave it a colour (white, without a texture) and colour
+    images are there. A colour that is found once and then held would hide gloss in it."""
+
+    def __init__(
+        self,
+        scene: MaterialScene,
+        pictures: Sequence[Picture],
+        surfaces: Sequence[int],
+        seed: int = 0,
+        network: Network | None = None,
+    ) -> None:
+        """network: takes the filter bank's place."""
+        self._scene, self._pictures, self._surfaces, self._seed = scene, pictures, surfaces, seed
+        self._materials = {n: scene.scene.get_material(n) for n in surfaces}
+        colored = any(p.band == "visible" for p in pictures)
+        self.parameters = tuple(
+            (n, name)
+            for n in surfaces
+            for name in PARAMETERS + (COLORS if colored and _is_blank(self._materials[n]) else ())
+        )
+        self.low, self.high = np.array([_RANGES[name] for _, name in self.parameters]).reshape(-1, 2).T
+        self._features = None if network is None else {p.name: PictureFeatures(network, p) for p in pictures}
+        self.renders = 0
+        self._nominal = self._as_the_scene_has_it()
+
+    def start(self) -> NDArray[np.float64]:
+        """What the scene says."""
+        return self._nominal.copy()
+
+    def _as_the_scene_has_it(self) -> NDArray[np.float64]:
+        out = []
+        for number, name in self.parameters:
+            material = self._materials[number]
+            if name in COLORS:
+                out.append(material.base_color[COLORS.index(name)])
+            elif name == "ir_albedo" and material.ir_albedo is None:
+                out.append(material.base_color[0])
+            else:
+                out.append(getattr(material, name))
+        return np.clip(np.array(out), self.low, self.high)
+
+    def residuals(
+        self, theta: NDArray[np.float64], samples: int, weights: NDArray[np.float64] | None = None
+    ) -> Residuals:
+        """samples: of each half. weights: those of another candidate, for derivatives between the two."""
+        self.set(theta)
+        self.renders += 1
+        halves: tuple[list[NDArray], list[NDArray], list[NDArray]] = ([], [], [])
+        rendered = [
+            [self._scene.lights(p, samples, self._seed + 2 * k + half) for half in (0, 1)]
+            for k, p in enumerate(self._pictures)
+        ]
+        for band, weight in (("visible", 1.0), ("infrared", _INFRARED)):
+            chosen = [(p, r) for p, r in zip(self._pictures, rendered, strict=True) if p.band == band]
+            if not chosen:
+                continue
+            intensities = light_intensities([(p, a, b) for p, (a, b) in chosen])
+            count = sum(int(p.usable.sum()) for p, _ in chosen)
+            for picture, pair in chosen:
+                first, second = (self._compare(picture, np.einsum("yxcl,cl->yxc", r, intensities)) for r in pair)
+                halves[0].append(first)
+                halves[1].append(second)
+                # The weight knows no sign, so that noises still cancel.
+                halves[2].append(np.sqrt(weight / count) * (1.0 + (first**2 + second**2) / (2.0 * _HUBER**2)) ** -0.25)
+        one, two, own = (np.concatenate(parts) for parts in halves)
+        if weights is None:
+            weights = np.sqrt(len(own)) * own
+        return Residuals(weights * one, weights * two, weights)
+
+    def with_colors(self, theta: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
+        """theta with the colours that go best with its other values, under the lights that the surroundings tell."""
+        free = np.array([name in COLORS for _, name in self.parameters])
+        if not free.any():
+            return theta
+        chosen = [p for p in self._pictures if p.band == "visible"]
+        white, gray = (self._visible(np.where(free, value, theta), chosen, samples) for value in (1.0, _GRAY))
+        out = theta.copy()
+        for place, number in enumerate(self._surfaces):
+            own = [p.usable & (p.surface == 1 + place) for p in chosen]
+            seen, bright, dark = (
+                np.concatenate([image[mask] for image, mask in zip(stack, own, strict=True)])
+                for stack in ([p.seen for p in chosen], white, gray)
+            )
+            rows = [k for k, (n, name) in enumerate(self.parameters) if n == number and name in COLORS]
+            for channel, row in enumerate(rows):
+                # A picture is linear in a surface's colour, but for what it casts on itself.
+                share = (bright - dark)[:, channel] / (1.0 - _GRAY)
+                told = share > 0.2 * max(float(np.median(share)), 1e-6) if len(share) else []
+                if np.sum(told) >= 20:
+                    value = 1.0 - (bright - seen)[told, channel] / share[told]
+                    out[row] = np.clip(np.median(value), self.low[row], self.high[row])
+        return out
+
+    def _visible(self, theta: NDArray[np.float64], chosen: Sequence[Picture], samples: int) -> list[NDArray]:
+        """The colour images under the lights that the surroundings tell."""
+        self.set(theta)
+        rendered = [self._scene.lights(p, samples, self._seed + k) for k, p in enumerate(chosen)]
+        around = [replace(p, usable=p.usable & (p.surface == 0)) for p in chosen]
+        intensities = light_intensities(list(zip(around, rendered, rendered, strict=True)))
+        return [np.einsum("yxcl,cl->yxc", lights, intensities) for lights in rendered]
+
+    def _compare(self, picture: Picture, image: NDArray) -> NDArray[np.float64]:
+        """Differences in deviations, and those of the filter bank or network."""
+        rest = np.where(picture.usable[..., None], (image - picture.seen) / picture.sigma, 0.0)
+        seen = _filtered(rest) if self._features is None else self._features[picture.name].differences(image)
+        return np.concatenate([rest.ravel(), *(np.sqrt(_PERCEPTUAL) * part.ravel() for part in seen)])
+
+    def set(self, theta: NDArray[np.float64]) -> None:
+        for number, material in self._materials.items():
+            values = {name: float(v) for (n, name), v in zip(self.parameters, theta, strict=True) if n == number}
+            set_surface(material, {name: values[name] for name in PARAMETERS})
+            if "red" in values:
+                material.base_color = (values["red"], values["green"], values["blue"], 1.0)
+            self._scene.scene.set_material(number, material)
+
+
+def _is_blank(material: kuafu.Material) -> bool:
+    return material.base_color_texture is None and min(material.base_color[:3]) > 0.999
+
+
+def light_intensities(pictures: Sequence[tuple[Picture, NDArray, NDArray]]) -> NDArray[np.float64]:
+    """[channel][light] of all pictures of a band together, none below 0.
+
+    Each half is the other's instrument: with the plain square, noise in the rendered lights would take intensity from
+    them (errors in variables; Fuller, Measurement Error Models, 1987, section 1.4).
+    """
+    out = []
+    for channel in range(pictures[0][1].shape[2]):
+        count = pictures[0][1].shape[3]
+        H, b = np.zeros((count, count)), np.zeros(count)
+        for picture, first, second in pictures:
+            weight = 1.0 / picture.sigma[picture.usable][:, channel].astype(np.float64)
+            one, two = (half[picture.usable][:, channel] * weight[:, None] for half in (first, second))
+            H += 0.5 * (one.T @ two + two.T @ one)
+            b += 0.5 * (one + two).T @ (picture.seen[picture.usable][:, channel] * weight)
+        out.append(_not_negative(H, b))
+    return np.array(out)
+
+
+def _not_negative(H: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solves H x = b; what is below 0, or lights nothing, is 0 and the rest solved again."""
+    kept = np.flatnonzero(np.diag(H) > 1e-12 * max(float(np.diag(H).max()), 1e-300))
+    while len(kept):
+        size = np.sqrt(np.diag(H)[kept])
+        x = np.linalg.lstsq(H[np.ix_(kept, kept)] / np.outer(size, size), b[kept] / size, rcond=1e-9)[0] / size
+        if (x >= 0).all():
+            out = np.zeros(len(b))
+            out[kept] = x
+            return out
+        kept = np.delete(kept, int(np.argmin(x * size)))
+    return np.zeros(len(b))
+
+
+def _filtered(rest: NDArray) -> list[NDArray[np.float64]]:
+    """Differences as the filter bank sees them: linear in the image, for only then do two halves' noises cancel in the
+    mean."""
+    parts = []
+    for size in _SIZES_PX:
+        across, down = (gaussian_filter(rest, (size, size, 0), order=(*order, 0)) for order in ((0, 1), (1, 0)))
+        norm = size * np.sqrt(8.0 * np.pi) * size  # white noise keeps its deviation
+        share = norm / np.sqrt(len(_SIZES_PX) * _DIRECTIONS)
+        angles = np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+        parts += [share * (np.cos(angle) * across + np.sin(angle) * down) for angle in angles]
+    return parts

@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An object's materials from a capture: a wide search by successive halving (Jamieson and Talwalkar 2016), then
+Gauss-Newton steps from the best, from the best that is rough or smooth where that one is not, and from what the scene
+says. What the pictures do not determine is named, and not written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from activestereo.calibrate.material_fit import COLORS, PARAMETERS, MaterialFit
+from activestereo.calibrate.material_refine import Refined, refine
+from activestereo.calibrate.material_views import MaterialScene, pictures
+from activestereo.calibrate.network_features import Network
+from activestereo.capture.capture import read_capture
+from activestereo.common.progress_bar import part_of
+from activestereo.effects.core.scene_surfaces import surface_names, surfaces_of_object
+from activestereo.model import Quantity, SensorModel
+from activestereo.model.calibrated import calibrated
+
+_CANDIDATES, _KEEP = 32, 4  # a quarter of each round goes on, with four times the samples
+_LEAST_KEPT = 4  # so that one of another roughness is among the last
+_SAMPLES = (4, 16, 64)
+_FINE_SAMPLES = 32
+_FIRST_REACH, _REACHES = 0.2, (0.15, 0.1)
+_OTHER_ROUGHNESS = 0.2  # gloss has more than one minimum: sharp and weak looks like wide and strong
+_INTERVAL_90 = 1.645
+# Half an interval wider than this says that the pictures do not determine the value.
+_UNDETERMINED = {
+    "roughness": 0.25, "metallic": 0.4, "specular": 0.5, "transmission": 0.3, "ir_albedo": 0.25, "color": 0.25,
+}  # fmt: skip
+_METAL = 0.9
+
+
+@dataclass(frozen=True)
+class Materials:
+    """found: {surface: {parameter: Quantity}}, those that the pictures determine; undetermined: {surface: names}; loss:
+    mean square in deviations, before and after; renders: how many candidates were rendered; colors:
+    linear RGB of surfaces that the scene has no colour for."""
+
+    object_name: str
+    found: dict[str, dict[str, Quantity]]
+    undetermined: dict[str, tuple[str, ...]]
+    loss: tuple[float, float]
+    renders: int
+    pictures: tuple[str, ...]
+    colors: dict[str, list[float]]
+
+    def model(self) -> SensorModel:
+        """model.json's section."""
+        return SensorModel(materials={name: fields for name, fields in self.found.items() if fields})
+
+    def text(self) -> str:
+        """What a reader wants first."""
+        lines = [f"{self.object_name}, from {', '.join(self.pictures)}"]
+        for surface, fields in self.found.items():
+            lines.append(f"{surface}:")
+            lines += [f"  {name:13}{q.value:.3f} ({q.low:.3f} to {q.high:.3f})" for name, q in fields.items()]
+            if surface in self.colors:
+                red, green, blue = self.colors[surface]
+                lines.append(f"  colour as linear RGB {red:.2f} {green:.2f} {blue:.2f}, for the scene has none for it")
+            if self.undetermined[surface]:
+                lines.append(f"  not determined by these pictures: {', '.join(self.undetermined[surface])}")
+        before, after = self.loss
+        lines.append(
+            f"mean square of the residuals {after:.2f} (as the scene had it: {before:.2f}); {self.renders} candidates "
+            "rendered"
+        )
+        return "\n".join(lines)
+
+
+def acquire_materials(
+    path: Path,
+    object_name: str,
+    seed: int = 0,
+    full_grid: bool = False,
+    device: str = "auto",
+    model: SensorModel | None = None,
+    network_path: Path | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Materials:
+    """full_grid: all candidates of the wide search are rendered with the most samples. model: what is known of rig and
+    pattern already, in place of the capture's. network_path: an ONNX file whose early layers compare pictures in place
+    of the filter bank. ValueError names what is wrong: no such object, a part without material, two of one name, out of
+    view, no infrared image, no network."""
+    network = None if network_path is None else Network(network_path)
+    capture = read_capture(path)
+    if model is not None:
+        capture = calibrated(capture, model)
+    surfaces = surfaces_of_object(capture.scene_path, object_name)
+    names = surface_names(capture.scene_path)
+    _refuse_twins(capture.scene_path, [names[number] for number in surfaces])
+    scene = MaterialScene(capture, device)
+    seen = pictures(scene, capture, surfaces)
+    fit = MaterialFit(scene, seen, surfaces, seed, network)
+    tell = progress or (lambda fraction: None)
+    nominal = fit.start()
+    ranked = _wide(fit, nominal, seed, full_grid, part_of(tell, 0.0, 0.5))
+    scenes_own = fit.with_colors(nominal, _FINE_SAMPLES)
+    starts = [ranked[0], _other(fit, ranked), scenes_own]
+    firsts = [
+        refine(fit, theta, (_FIRST_REACH,), _FINE_SAMPLES, part_of(tell, 0.5 + 0.1 * k, 0.6 + 0.1 * k))
+        for k, theta in enumerate(starts)
+    ]
+    better = min(firsts, key=lambda refined: refined.residuals.loss).theta
+    best = refine(fit, better, _REACHES, _FINE_SAMPLES, part_of(tell, 0.8, 1.0))
+    before = fit.residuals(scenes_own, _FINE_SAMPLES).loss
+    source = f"acquire materials: {len(seen)} pictures of {capture.name}"
+    found, undetermined, colors = _judged(fit, best, names, source)
+    tell(1.0)
+    losses = before, best.residuals.loss
+    return Materials(object_name, found, undetermined, losses, fit.renders, tuple(p.name for p in seen), colors)
+
+
+def _judged(
+    fit: MaterialFit, best: Refined, names: list[str], source: str
+) -> tuple[dict[str, dict[str, Quantity]], dict[str, tuple[str, ...]], dict[str, list[float]]]:
+    """(found, undetermined, colours), as Materials has them; names: of all surfaces."""
+    told = dict.fromkeys(names[number] for number, _ in fit.parameters)
+    found: dict[str, dict[str, Quantity]] = {surface: {} for surface in told}
+    open_: dict[str, list[str]] = {surface: [] for surface in told}
+    colors: dict[str, list[float]] = {}
+    for (number, name), value, error in zip(fit.parameters, best.theta, best.sigma, strict=True):
+        half, surface = _INTERVAL_90 * float(error), names[number]
+        kind = "color" if name in COLORS else name
+        if half > _UNDETERMINED[kind]:
+            open_[surface].append(name)
+        elif name in COLORS:
+            colors.setdefault(surface, []).append(float(value))
+        else:
+            low, high = max(float(value) - half, 0.0), min(float(value) + half, 1.0)
+            found[surface][name] = Quantity(float(value), low, high, "1", source)
+    for surface, fields in found.items():
+        # What is metal lets no light through, whatever its transmission.
+        if "transmission" in fields and "metallic" in fields and fields["metallic"].value > _METAL:
+            del fields["transmission"]
+            open_[surface].append("transmission")
+        if any(name in COLORS for name in open_[surface]):
+            colors.pop(surface, None)
+            open_[surface] = [name for name in open_[surface] if name not in COLORS] + ["colour"]
+    return found, {surface: tuple(fields) for surface, fields in open_.items()}, colors
+
+
+def _refuse_twins(scene_path: object, names: list[str]) -> None:
+    twins = sorted({name for name in names if names.count(name) > 1})
+    if twins:
+        raise ValueError(f"{scene_path}: more than one surface is called '{twins[0]}': give each a name of its own")
+
+
+def _other(fit: MaterialFit, ranked: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """The best candidate with another roughness than the first one's, or the second where all are alike."""
+    rough = np.array([name == "roughness" for _, name in fit.parameters])
+    for theta in ranked[1:]:
+        if np.abs(theta - ranked[0])[rough].max() > _OTHER_ROUGHNESS:
+            return theta
+    return ranked[1]
+
+
+def _wide(
+    fit: MaterialFit, nominal: NDArray[np.float64], seed: int, full_grid: bool, tell: Callable[[float], object]
+) -> list[NDArray[np.float64]]:
+    """The best candidates, best first."""
+    searched = [k for k, (_, name) in enumerate(fit.parameters) if name in PARAMETERS]
+    unit = qmc.Sobol(len(searched), seed=seed).random(_CANDIDATES)
+    # Few materials are between metal and not, or half clear.
+    for column, k in zip(unit.T, searched, strict=True):
+        if fit.parameters[k][1] in ("metallic", "transmission"):
+            column[:] = np.clip(1.5 * (column - 0.6) / 0.4, 0.0, 1.0)
+    spread = np.tile(nominal, (_CANDIDATES, 1))
+    spread[:, searched] = fit.low[searched] + unit * (fit.high - fit.low)[searched]
+    candidates = [nominal, *spread]
+    rounds = (_SAMPLES[-1],) if full_grid else _SAMPLES
+    total, done = sum(len(candidates) // _KEEP**k * s for k, s in enumerate(rounds)), 0
+    for number, samples in enumerate(rounds):
+        losses = []
+        for k, candidate in enumerate(candidates):
+            theta = candidates[k] = fit.with_colors(candidate, samples)
+            losses.append(fit.residuals(theta, samples // 2).loss)
+            done += samples
+            tell(min(done / total, 1.0))
+        order = np.argsort(losses)
+        keep = len(candidates) if number == len(rounds) - 1 else max(_LEAST_KEPT, len(candidates) // _KEEP)
+        candidates = [candidates[k] for k in order[:keep]]
+    return candidates

@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The imager's temporal noise from repeats of static views: which law, and its parameters.
+
+Repeats show what changes from frame to frame. Static speckle, fixed patterns and a pixel's own gain are the same in
+every repeat: they never show here.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from activestereo.calibrate.frames import Repeats, check_still, read_repeats
+from activestereo.calibrate.noise_fit import LAWS, Counts, LawFit, dark_log_density, fit_law, fit_literally, log_density
+from activestereo.model import Imager, Quantity, SensorModel
+
+# Counts that are looked at: enough for half a percent of k; more repeats then mean fewer pixels.
+_COUNTS, _FEWEST_PIXELS, _MOST_PIXELS = 150_000, 1500, 4000
+_LARGEST_DARK = 200_000
+_LARGEST_CLIPPED = 0.5
+_ROUNDING_DN2 = 1.0 / 12.0
+_NOTE = (
+    "Static speckle and fixed patterns are the same in every repeat: they never show in repeats, and are not part of "
+    "this."
+)
+
+
+@dataclass(frozen=True)
+class TransferPoint:
+    """Repeats at one exposure: seconds x gain, mean and temporal variance of the pixels that do not clip."""
+
+    exposure_gain: float
+    mean_dn: float
+    variance_dn2: float
+
+
+@dataclass(frozen=True)
+class Noise:
+    """fit: of the law that gives pixels it was not fitted to the higher density; margin_nats: by how much, per held-out
+    pixel, with its standard error. clipped_share: of all counts, censored. black_from: its source."""
+
+    fit: LawFit
+    margin_nats: tuple[float, float]
+    pixels: int
+    repeats: int
+    clipped_share: float
+    black_from: str
+    bit_depth: int
+    transfer: tuple[TransferPoint, ...] = ()
+    literal: dict[str, float] | None = None
+
+    @property
+    def chosen(self) -> str:
+        """The law's name."""
+        return self.fit.law.name
+
+    def model(self) -> SensorModel:
+        """model.json's `imager`, and the black level among its nuisances. Rounding's variance is part of the offset."""
+        law, fit = self.fit.law, self.fit
+        source = (
+            f"acquire noise: {self.chosen} law, {self.pixels} pixels, {self.repeats} repeats; static speckle does not "
+            "show in repeats"
+        )
+        sigma, zero = fit.interval("sigma_dn"), Quantity(0.0, unit="1")
+        value, low, high = (v**2 + _ROUNDING_DN2 for v in (law.sigma_dn, *sigma))
+        offset = Quantity(value, low, high, unit="DN^2", source=source)
+        if self.chosen == "gamma":
+            high, low = fit.interval("shape")
+            imager = Imager(
+                offset, replace(zero, unit="DN"), Quantity(1.0 / law.shape, 1.0 / low, 1.0 / high, "1", source)
+            )
+        else:
+            imager = Imager(offset, Quantity(law.shape, *fit.interval("shape"), "DN", source), zero)
+        black = Quantity(law.black_dn, *fit.interval("black_dn"), "DN", f"acquire noise: from {self.black_from}")
+        return SensorModel(imager=imager, nuisances={"black_dn": black})
+
+    def text(self) -> str:
+        """What a reader wants first."""
+        law, fit = self.fit.law, self.fit
+        margin, error = self.margin_nats
+        other = next(kind.name for kind in LAWS if kind.name != self.chosen)
+        sure = "" if margin > 2.0 * error else "; the two are alike on this data: record brighter and darker views"
+        lines = [f"law: {self.chosen}, by {margin:.3g} ± {error:.2g} nats per held-out pixel over {other}{sure}"]
+        rows = [
+            ("k" if self.chosen == "gamma" else "K", "shape", "" if self.chosen == "gamma" else " DN/e-"),
+            ("sigma", "sigma_dn", " DN"),
+            ("black", "black_dn", " DN"),
+        ]
+        for word, name, unit in rows:
+            low, high = fit.interval(name)
+            lines.append(f"{word:6} {getattr(law, name):.4g} ({low:.4g} to {high:.4g}){unit}")
+        if self.chosen == "gamma":
+            lines.append(f"theta  {1.0 / law.shape:.4g} = 1/k: a gauge, for the clean image is the frames' mean")
+        if self.literal:
+            lines.append(
+                "the paper's literal fit (clean image = average): "
+                + ", ".join(f"{k} {v:.4g}" for k, v in self.literal.items())
+            )
+        lines += [
+            f"exposure x gain {p.exposure_gain:.4g} s: mean {p.mean_dn:.2f} DN, variance {p.variance_dn2:.3f} DN²"
+            for p in self.transfer
+        ]
+        lines.append(
+            f"black from {self.black_from}; {100 * self.clipped_share:.2f} % of the counts clipped, censored; "
+            f"{self.pixels} pixels, {self.repeats} repeats"
+        )
+        return "\n".join([*lines, _NOTE])
+
+
+def acquire_noise(
+    frames: Path | list[Repeats], dark: Path | list[Repeats] | None = None, literal: bool = False, seed: int = 0,
+    progress: Callable[[float], object] | None = None,
+) -> Noise:  # fmt: skip
+    """The Noise of repeats; dark: repeats without any light. literal: fit as the paper writes it, too. seed: which
+    pixels are looked at.
+
+    ValueError with file, number and remedy: fewer than 10 repeats, repeats that move, clipped views, dark frames that
+    are not dark.
+    """
+    tell = progress or (lambda fraction: None)
+    views = read_repeats(frames) if isinstance(frames, (str, Path)) else frames
+    darks = [] if dark is None else read_repeats(dark, least=2) if isinstance(dark, (str, Path)) else dark
+    for view in views:
+        check_still(view)
+    bit_depth = _bit_depth([*views, *darks])
+    max_dn = 2**bit_depth - 1
+    rng = np.random.default_rng(seed)
+    pixels = _chosen_pixels(views, max_dn, rng)
+    dark_counts = _dark_counts(darks, views, rng)
+    counts = Counts.of(pixels, dark_counts, max_dn)
+    transfer = _transfer(views, max_dn)
+    black = None if dark_counts is not None else _black_of_exposures(views, max_dn)
+    held = rng.random(len(counts.means)) < 0.5
+    halves, density = {}, {}
+    for place, kind in enumerate(LAWS):
+        halves[kind.name] = fit_law(kind, counts.part(np.flatnonzero(~held)), None, black, with_error=False)
+        density[kind.name] = log_density(counts.part(np.flatnonzero(held)), halves[kind.name].law)
+        density[kind.name] += dark_log_density(counts, halves[kind.name].law) / held.sum()
+        tell(0.05 + 0.25 * (place + 1))
+    chosen = max(density, key=lambda name: float(density[name].sum()))
+    law = halves[chosen].law
+    fit = fit_law(type(law), counts, law, black)
+    difference = density[chosen] - density[next(name for name in density if name != chosen)]
+    margin = float(difference.mean()), float(difference.std(ddof=1) / np.sqrt(len(difference)))
+    every = [view.counts for view in views]
+    return Noise(
+        fit, margin, len(counts.means), int(max(len(view.counts) for view in views)),
+        float(np.mean([np.mean((c == 0) | (c == max_dn)) for c in every])),
+        "dark frames" if darks else "the exposures' intercept" if black is not None else "the views' darkest pixels",
+        bit_depth, transfer, fit_literally(pixels, max_dn) if literal else None,
+    )  # fmt: skip
+
+
+def _bit_depth(views: list[Repeats]) -> int:
+    """8, or as many bits as 16-bit files use."""
+    if all(view.counts.dtype == np.uint8 for view in views):
+        return 8
+    highest = max(int(view.counts.max()) for view in views)
+    return max(8, highest.bit_length())
+
+
+def _chosen_pixels(views: list[Repeats], max_dn: int, rng: np.random.Generator) -> list[np.ndarray]:
+    """[pixel][repeat] of each view: pixels spread evenly over the logarithm of their level; those that mostly clip tell
+    nothing."""
+    wanted = int(np.clip(_COUNTS / max(len(view.counts) for view in views), _FEWEST_PIXELS, _MOST_PIXELS))
+    out = []
+    for view in views:
+        flat = view.counts.reshape(len(view.counts), -1)
+        level = flat.mean(axis=0)
+        middle = np.median(flat, axis=0)
+        usable = np.flatnonzero((middle > 0) & (middle < max_dn))
+        if len(usable) < _LARGEST_CLIPPED * flat.shape[1]:
+            clipped = 1.0 - len(usable) / flat.shape[1]
+            raise ValueError(
+                f"{view.name}: {100 * clipped:.0f} % of the pixels clip at 0 or {max_dn} DN: change the exposure so "
+                "that most lie between"
+            )
+        group = np.floor(4.0 * np.log2(level[usable] - level[usable].min() + 2.0)).astype(int)
+        weight = 1.0 / np.bincount(group)[group]
+        number = min(-(-wanted // len(views)), len(usable))
+        out.append(flat[:, rng.choice(usable, number, replace=False, p=weight / weight.sum())].T)
+    return out
+
+
+def _dark_counts(darks: list[Repeats], views: list[Repeats], rng: np.random.Generator) -> np.ndarray | None:
+    if not darks:
+        return None
+    brightest, darkest = max(float(d.counts.mean()) for d in darks), min(float(v.counts.mean()) for v in views)
+    if brightest >= darkest:
+        raise ValueError(
+            f"{darks[0].name}: its mean is {brightest:.2f} DN, the lit frames' {darkest:.2f}: give frames without any "
+            "light to --dark"
+        )
+    flat = np.concatenate([d.counts.ravel() for d in darks])
+    return flat if flat.size <= _LARGEST_DARK else rng.choice(flat, _LARGEST_DARK, replace=False)
+
+
+def _transfer(views: list[Repeats], max_dn: int) -> tuple[TransferPoint, ...]:
+    known = [(view.exposure_gain, view) for view in views if view.exposure_gain is not None]
+    if len({exposure_gain for exposure_gain, _ in known}) < 2:
+        return ()
+    points = []
+    for exposure_gain, view in sorted(known, key=lambda one: one[0]):
+        counts = view.counts.astype(np.float64)
+        clear = ((counts > 0) & (counts < max_dn)).all(axis=0)
+        variance = counts.var(axis=0, ddof=1)
+        points.append(
+            TransferPoint(exposure_gain, float(counts.mean(axis=0)[clear].mean()), float(variance[clear].mean()))
+        )
+    return tuple(points)
+
+
+def _black_of_exposures(views: list[Repeats], max_dn: int) -> float | None:
+    """Where the mean of unclipped pixels of one view would be at exposure 0; None where no view was exposed
+    differently."""
+    of: dict[str, list[Repeats]] = {}
+    for view in views:
+        if view.exposure_gain is not None:
+            of.setdefault(view.view, []).append(view)
+    blacks = []
+    for same in of.values():
+        times = np.array([view.exposure_gain for view in same])
+        if len(np.unique(times)) < 2:
+            continue
+        means = np.stack([view.counts.mean(axis=0).ravel() for view in same])
+        clear = np.all([((v.counts > 0) & (v.counts < max_dn)).all(axis=0).ravel() for v in same], axis=0)
+        if clear.sum() > 100:
+            blacks.append(float(np.polyfit(times, means[:, clear].mean(axis=1), 1)[1]))
+    return float(np.median(blacks)) if blacks else None

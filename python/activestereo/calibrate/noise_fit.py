@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fits a noise law to repeats by maximum a posteriori: each pixel's mean is integrated out, so that few repeats do not
+bias the law.
+
+A pixel's counts y_1..y_n share an unknown mean s above black: p(pixel | law) = integral of p(y_1 | s) ... p(y_n | s)
+ds, over a grid as fine as the mean's own error. Dark frames have s = 0 and stand beside, without the integral.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.sparse import csr_matrix
+
+from activestereo.calibrate.noise_models import GammaLaw, Law, ShotLaw
+
+# Counts are grouped so that a table has at most so many columns.
+_LARGEST_BINS = 512
+_PRIOR = {"gamma": (np.log(30.0), 2.5), "shot": (np.log(0.1), 2.5)}
+_SIGMA_PRIOR = (np.log(0.6), 1.5)
+_BLACK_PRIOR_DN = 30.0
+_INTERVAL_90 = 1.6449
+_STEPS = np.array([0.02, 0.04, 0.02])
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Pixels by how often they gave each count. histograms: [pixel][bin], sparse; repeats: of each pixel; dark: [bin]
+    of dark frames, or None."""
+
+    histograms: csr_matrix
+    means: np.ndarray
+    dark: np.ndarray | None
+    max_dn: int
+    bin_dn: int
+
+    @classmethod
+    def of(cls, pixels: list[np.ndarray], dark: np.ndarray | None, max_dn: int) -> "Counts":
+        """pixels: arrays [pixel][repeat] of counts, one per view; dark: counts of any shape."""
+        bin_dn = -(-(max_dn + 1) // _LARGEST_BINS)
+        columns = max_dn // bin_dn + 1
+        rows, place, means = [], 0, []
+        for counts in pixels:
+            row = np.repeat(np.arange(place, place + len(counts)), counts.shape[1])
+            rows.append((row, counts.ravel() // bin_dn))
+            means.append(counts.mean(axis=1))
+            place += len(counts)
+        row, column = (np.concatenate(part) for part in zip(*rows, strict=True))
+        histograms = csr_matrix((np.ones(len(row)), (row, column)), shape=(place, columns))
+        tally = None if dark is None else np.bincount(dark.ravel() // bin_dn, minlength=columns)
+        return cls(histograms, np.concatenate(means), tally, max_dn, bin_dn)
+
+    def part(self, chosen: np.ndarray, with_dark: bool = True) -> "Counts":
+        return Counts(
+            self.histograms[chosen], self.means[chosen], self.dark if with_dark else None, self.max_dn, self.bin_dn
+        )
+
+
+@dataclass(frozen=True)
+class LawFit:
+    """law: the most probable one. error: standard deviations of log shape, log sigma and black."""
+
+    law: Law
+    error: np.ndarray
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """The 90 % interval of shape, sigma_dn or black_dn."""
+        value, error = getattr(self.law, name), _INTERVAL_90 * self.error[("shape", "sigma_dn", "black_dn").index(name)]
+        if name == "black_dn":
+            return value - error, value + error
+        return value * np.exp(-error), value * np.exp(error)
+
+
+def log_density(counts: Counts, law: Law) -> np.ndarray:
+    """Nats of each pixel under a law, its mean integrated out."""
+    grid, width = _signal_grid(counts, law)
+    table = law.log_probabilities(grid, counts.max_dn, counts.bin_dn)
+    joint = counts.histograms @ table.T + np.log(width)
+    top = joint.max(axis=1)
+    return top + np.log(np.exp(joint - top[:, None]).sum(axis=1))
+
+
+def dark_log_density(counts: Counts, law: Law) -> float:
+    """Nats of the dark frames; 0 without."""
+    if counts.dark is None:
+        return 0.0
+    return float(law.log_probabilities(np.array([1e-3]), counts.max_dn, counts.bin_dn)[0] @ counts.dark)
+
+
+def _signal_grid(counts: Counts, law: Law) -> tuple[np.ndarray, np.ndarray]:
+    """Means above black as finely spaced as a pixel's mean is known, and the width of each."""
+    repeats = counts.histograms[0].sum()
+    top = 1.1 * max(float(counts.means.max()) - law.black_dn, 1.0) + 6.0 * np.sqrt(
+        law.variance(np.array([counts.means.max()]))[0] / repeats
+    )
+    middles: list[float] = []
+    at = 0.0
+    while at < top:
+        step = np.sqrt((law.variance(np.array([at]))[0] + counts.bin_dn**2 / 12.0) / repeats)
+        middles.append(at + 0.5 * step)
+        at += step
+    grid = np.array(middles)
+    return grid, np.gradient(grid) if len(grid) > 1 else np.ones(1)
+
+
+def fit_law(
+    kind: type[Law],
+    counts: Counts,
+    start: Law | None = None,
+    fixed_black_dn: float | None = None,
+    with_error: bool = True,
+) -> LawFit:
+    """The most probable law of a kind. fixed_black_dn: black is known from elsewhere. with_error=False: errors are 0,
+    in half the time."""
+    start = start or _start(kind, counts, fixed_black_dn)
+    free = 2 if fixed_black_dn is not None else 3
+
+    def law_of(x: np.ndarray) -> Law:
+        black = float(x[2]) if fixed_black_dn is None else fixed_black_dn
+        return kind(float(np.exp(np.clip(x[0], -9.0, 12.0))), float(np.exp(np.clip(x[1], -4.0, 6.0))), black)
+
+    def cost(x: np.ndarray) -> float:
+        law = law_of(x)
+        nats = float(log_density(counts, law).sum()) + dark_log_density(counts, law)
+        centre, spread = _PRIOR[kind.name]
+        prior = ((x[0] - centre) / spread) ** 2 + ((x[1] - _SIGMA_PRIOR[0]) / _SIGMA_PRIOR[1]) ** 2
+        return -nats + 0.5 * (prior + (law.black_dn / _BLACK_PRIOR_DN) ** 2)
+
+    first = np.array([np.log(start.shape), np.log(start.sigma_dn), start.black_dn])[:free]
+    scale = 1.0 / float(counts.histograms.sum())
+    found = minimize(
+        lambda x: scale * cost(x),
+        first,
+        method="L-BFGS-B",
+        options={"eps": 1e-3, "ftol": 1e-10, "gtol": 1e-6, "maxiter": 40},
+    )
+    if not with_error:
+        return LawFit(law_of(found.x), np.zeros(3))
+    hessian = _hessian(cost, found.x, _STEPS[:free])
+    covariance = np.linalg.pinv(hessian, hermitian=True)
+    error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return LawFit(law_of(found.x), np.concatenate([error, np.zeros(3 - free)]))
+
+
+def _start(kind: type[Law], counts: Counts, black_dn: float | None) -> Law:
+    """From variances of pixels against their means, a quadratic: its terms are sigma, shot and gamma noise."""
+    values = (np.arange(counts.histograms.shape[1]) + 0.5) * counts.bin_dn - 0.5
+    repeats = np.asarray(counts.histograms.sum(axis=1)).ravel()
+    mean = counts.histograms @ values / repeats
+    variance = (counts.histograms @ values**2 / repeats - mean**2) * repeats / np.maximum(repeats - 1, 1)
+    clear = (mean > np.quantile(mean, 0.02)) & (mean + 3.0 * np.sqrt(variance) < counts.max_dn)
+    black = (
+        black_dn
+        if black_dn is not None
+        else min(
+            float(np.quantile(mean, 0.01)),
+            float(values @ counts.dark / counts.dark.sum()) if counts.dark is not None else np.inf,
+        )
+    )
+    signal = np.maximum(mean - black, 0.0)[clear]
+    column = signal**2 if kind is GammaLaw else signal
+    weight = 1.0 / (variance[clear].mean() * 0.05 + column + 0.05)
+    slope = float(np.sum(weight**2 * column * variance[clear]) / max(np.sum(weight**2 * column**2), 1e-12))
+    dark = counts.dark if counts.dark is not None else None
+    sigma = (
+        0.5
+        if dark is None
+        else max(
+            float(np.sqrt(max(dark @ values**2 / dark.sum() - (dark @ values / dark.sum()) ** 2 - 1 / 12, 0.01))), 0.1
+        )
+    )
+    shape = 1.0 / max(slope, 1e-5) if kind is GammaLaw else max(slope, 1e-3)
+    return kind(shape, sigma, black)
+
+
+def _hessian(cost: Callable[[np.ndarray], float], x: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Second derivatives by central differences."""
+    n, out = len(x), np.zeros((len(x), len(x)))
+    for i in range(n):
+        for j in range(i + 1):
+            a, b = np.eye(n)[i] * step[i], np.eye(n)[j] * step[j]
+            out[i, j] = out[j, i] = (cost(x + a + b) - cost(x + a - b) - cost(x - a + b) + cost(x - a - b)) / (
+                4.0 * step[i] * step[j]
+            )
+    return out
+
+
+def fit_literally(pixels: list[np.ndarray], max_dn: int) -> dict[str, float]:
+    """The paper's own reading: the clean image is the average, and k, theta, mu and sigma are free. {name: value}."""
+    average = np.concatenate([counts.mean(axis=1) for counts in pixels])
+    counts = Counts.of(pixels, None, max_dn)
+    seen = (average > 1.0) & (average < max_dn - 1.0)
+    order = np.argsort(average[seen])
+    groups = np.array_split(order, min(300, len(order)))
+    histograms, level = counts.histograms[np.flatnonzero(seen)], average[seen]
+    tallies = np.stack([np.asarray(histograms[g].sum(axis=0)).ravel() for g in groups])
+    clean = np.array([level[g].mean() for g in groups])
+
+    def cost(x: np.ndarray) -> float:
+        law = GammaLaw(float(np.exp(x[0])), float(np.exp(x[3])), float(x[2]))
+        table = law.log_probabilities(clean * np.exp(x[0] + x[1]), max_dn, counts.bin_dn)
+        return -float((table * tallies).sum()) / tallies.sum()
+
+    start = [np.log(4.0), np.log(0.25), 0.0, np.log(0.8)]
+    found = minimize(
+        cost,
+        start,
+        method="Nelder-Mead",
+        options={
+            "xatol": 1e-3,
+            "fatol": 1e-9,
+            "maxiter": 600,
+            "initial_simplex": np.vstack([start, start + 0.3 * np.eye(4)]),
+        },
+    )
+    k, theta, mu, sigma = found.x
+    return {"k": float(np.exp(k)), "theta": float(np.exp(theta)), "mu_dn": float(mu), "sigma_dn": float(np.exp(sigma))}
+
+
+LAWS: tuple[type[Law], ...] = (GammaLaw, ShotLaw)

@@ -1,0 +1,441 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The projector's pattern from frames of a flat wall: each dot's direction and power, and where the projector stands.
+
+Dots are found in the averaged images of both eyes (spots.py) and lie on the wall's plane (wall.py). Two distances give
+each dot a line; where the lines meet stands the projector. One distance leaves its place nominal. A dot's power follows
+from what it looks like: the camera sees radiance, which falls with the projector's distance and angle and with the
+camera's (power_factor in glow.py, which also finds the light between the dots).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from activestereo.calibrate.frames import LEAST_REPEATS, Repeats, check_still
+from activestereo.calibrate.glow import ProjectorView, SeenWall, light_between_dots, power_factor, projected
+from activestereo.calibrate.spots import Spots, find_spots
+from activestereo.calibrate.wall import Wall, find_wall
+from activestereo.capture.capture import EYES, Capture, Frame, read_capture
+from activestereo.capture.capture import Rig as CaptureRig
+from activestereo.capture.images import read_gray
+from activestereo.common.progress_bar import part_of
+from activestereo.model import Eye, Rig, SensorModel
+from activestereo.model import Pattern as SensorPattern
+from activestereo.model.calibrated import calibrated
+
+# A dot covers some ten pixels of a hundred: a tenth of the dots may clip at their tops.
+_LARGEST_SATURATED = 0.005
+_LEAST_DISTANCE_RATIO = 1.2
+# The same dot at two distances: so far from where the projector's last place puts it, pixels of the pattern.
+_SAME_DOT_PX = (6.0, 3.0, 1.5, 1.5)
+# A spot that a border cuts is another dot than those known if it lies so far from all of them.
+_OTHER_DOT_PX = 3.0
+_ALIKE_POWERS = 0.3
+_INTERPOLATED_PX2 = 1.0 / 6.0  # a tent's variance
+_LEAST_LINES = 100
+_INTERVAL_90 = 1.6449
+# Of the right eye: what calibrations of rectified images err by, and more. Beside the row, in baselines: 0.25 mm of a
+# D435's move a dot by a tenth of a pixel at half a metre, and matched rows take half of that.
+_MOST_TURNED_DEG, _MOST_ASIDE = 0.3, 0.005
+
+
+@dataclass(frozen=True)
+class WallView:
+    """One distance: averaged images by eye, their spots, those that the images' borders cut, the wall they lie on, and
+    the exposure."""
+
+    name: str
+    images: dict[str, np.ndarray]
+    spots: dict[str, Spots]
+    cut: dict[str, Spots]
+    wall: Wall
+    exposure_s: float
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """dots [n][3]: u, v in pixels of an image of `size` under K, and power in pixels squared, their mean that of the
+    nominal pattern (or 1). place_m: the projector's origin in the left camera's frame; place_error_m: its standard
+    deviations, None where it is nominal. background: light between the dots, in the powers' unit per square pixel, and
+    half of what the eyes differ by; None where it was not measured. seen_twice: dots that two distances show. rig: what
+    was believed."""
+
+    dots: np.ndarray
+    size: tuple[int, int]
+    K: np.ndarray
+    place_m: np.ndarray
+    place_error_m: np.ndarray | None
+    left_to_projector: np.ndarray
+    dot_sigma_px: float
+    background: tuple[float, float] | None
+    views: tuple[WallView, ...]
+    seen_twice: int
+    rig: CaptureRig
+
+    def model(self) -> SensorModel:
+        """model.json's `pattern`, and in its `rig`, the one that was believed, the projector's place."""
+        source = f"acquire pattern: {len(self.dots)} dots, walls at " + ", ".join(
+            f"{view.wall.distance_m:.3f} m" for view in self.views
+        )
+        where = (
+            "the projector's place is nominal" if self.place_error_m is None else "the projector's place is measured"
+        )
+        pattern = SensorPattern(
+            self.K,
+            dots=self.dots,
+            size=self.size,
+            dot_sigma_px=self.dot_sigma_px,
+            background=0.0 if self.background is None else self.background[0],
+            source=f"{source}; {where}",
+        )
+        eyes = (self.rig.left, self.rig.right)
+        left, right = (Eye(c.width, c.height, c.K, tuple(c.distortion)) for c in eyes)
+        nominal = Rig(
+            left,
+            right,
+            self.rig.left_to_right,
+            self.left_to_projector,
+            self.rig.bit_depth,
+            self.rig.line_time_s,
+            source="the rig that acquire pattern believed",
+        )
+        return SensorModel(pattern=pattern, rig=nominal)
+
+    def text(self) -> str:
+        """What a reader wants first."""
+        lines = [
+            f"{len(self.dots)} dots; {self.seen_twice} of them are seen at two distances; sigma "
+            f"{self.dot_sigma_px:.2f} px of the pattern"
+        ]
+        for view in self.views:
+            wall = view.wall
+            share = 100.0 * np.mean(wall.is_seen_by_both)
+            lines.append(
+                f"{view.name}: wall at {wall.distance_m:.4f} m, {len(view.spots['left'])} and "
+                f"{len(view.spots['right'])} dots, {share:.0f} % matched, flat to {wall.flatness_px:.3f} px"
+            )
+        x, y, z = 1e3 * self.place_m
+        if self.place_error_m is None:
+            lines.append(
+                f"projector at {x:.2f}, {y:.2f}, {z:.2f} mm of the left camera: NOMINAL; a wall at a second distance, "
+                "1.5 times as far, would tell it"
+            )
+        else:
+            ex, ey, ez = 1e3 * _INTERVAL_90 * self.place_error_m
+            lines.append(
+                f"projector at {x:.3f} ± {ex:.3f}, {y:.3f} ± {ey:.3f}, {z:.3f} ± {ez:.3f} mm of the left camera (90 %)"
+            )
+        if self.background is None:
+            lines.append(
+                "light between the dots: NOT MEASURED, taken as none; it takes walls at two distances, exposed alike"
+            )
+        else:
+            peak = float(self.dots[:, 2].max()) / (2.0 * np.pi * self.dot_sigma_px**2)
+            value, differ = 100.0 * self.background[0] / peak, 200.0 * self.background[1] / peak
+            lines.append(
+                f"light between the dots: {value:.2f} % of the brightest dot's peak; the eyes differ by {differ:.2f} %"
+            )
+        return "\n".join(lines)
+
+
+def acquire_pattern(
+    path: Path, progress: Callable[[float], object] | None = None, model: SensorModel | None = None
+) -> Pattern:
+    """The Pattern of a capture whose repeat groups look at one flat, matt wall, each group from one distance, the
+    projector on.
+
+    The rig is believed, `model`'s where it has one and else the capture's nominal one: K, the baseline, the projector's
+    K and, for one distance, its place. Dots are directions from that rig's eyes, and right beside no other one.
+    ValueError with file, number and remedy: too few or moving repeats, a saturated wall, a distorted lens, what is not
+    flat.
+    """
+    tell = progress or (lambda fraction: None)
+    capture, source = read_capture(path), f"{path}/capture.json"
+    if model is not None and model.rig is not None:
+        nominal, own = capture.rig.projector.left_to_projector, model.rig
+        # The projector's place is what is measured here.
+        capture = calibrated(capture, SensorModel(rig=replace(own, left_to_projector=nominal)))
+        source = "the model"
+    _check_rig(capture, source)
+    groups = capture.repeats()
+    if not groups:
+        raise ValueError(
+            f"{capture.path}: no frames share a repeat_group: record {LEAST_REPEATS} or more frames of the wall at "
+            "each distance"
+        )
+    views = []
+    for number, (group, frames) in enumerate(groups.items()):
+        share = part_of(tell, 0.95 * number / len(groups), 0.95 * (number + 1) / len(groups))
+        views.append(_wall_view(capture, f"{capture.path}: repeat group {group}", frames, share))
+    views.sort(key=lambda view: view.wall.distance_m)
+    pattern = merged_pattern(tuple(views), capture)
+    tell(1.0)
+    return pattern
+
+
+def _check_rig(capture: Capture, source: str) -> None:
+    """source: which file says so."""
+    rig = capture.rig
+    if not (rig.left.is_pinhole and rig.right.is_pinhole):
+        raise ValueError(
+            f"{source}: rig.left.distortion: dots are matched along rows: rectify the images; their capture has zeros "
+            "then, and acquire rig takes --rectified"
+        )
+    turned = np.rad2deg(np.linalg.norm(Rotation.from_matrix(rig.left_to_right[:3, :3]).as_rotvec()))
+    if turned > _MOST_TURNED_DEG:
+        raise ValueError(
+            f"{source}: rig.left_to_right: turns the right camera by {turned:.2f} degrees, at most "
+            f"{_MOST_TURNED_DEG:g} are taken for rectified images: rectify them"
+        )
+    x, y, z = _right_eye(rig)
+    if x <= 0:
+        raise ValueError(f"{source}: rig.left_to_right: x is {-x:g}, expected below 0: left and right are swapped")
+    if np.hypot(y, z) > _MOST_ASIDE * x:
+        raise ValueError(
+            f"{source}: rig.left_to_right: the right camera stands {1e3 * np.hypot(y, z):.2f} mm beside the left one's "
+            f"row, at most {1e3 * _MOST_ASIDE * x:.2f} mm are taken for rectified images: rectify them"
+        )
+
+
+def _right_eye(rig: CaptureRig) -> np.ndarray:
+    """Its place in the left camera's frame, metres."""
+    return np.asarray(-rig.left_to_right[:3, :3].T @ rig.left_to_right[:3, 3])
+
+
+def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[[float], object]) -> WallView:
+    if len(frames) < LEAST_REPEATS:
+        raise ValueError(
+            f"{name}: {len(frames)} repeats, at least {LEAST_REPEATS} are needed: record more frames of the wall"
+        )
+    images, spots, cut = {}, {}, {}
+    for place, eye in enumerate(EYES):
+        counts = np.stack([read_gray(frame.path(eye), key=f"frames[id={frame.id}].{eye}") for frame in frames])
+        check_still(Repeats(f"{name}, {eye}", counts))
+        _check_saturation(f"{name}, {eye}", counts, capture.rig.max_dn)
+        images[eye] = counts.mean(axis=0)
+        found = find_spots(images[eye], _variance_of_mean(counts), part_of(tell, 0.5 * place, 0.5 * place + 0.5))
+        is_whole = found.is_whole
+        if eye == "right":
+            found = _as_if_not_turned(found, capture.rig)
+        spots[eye], cut[eye] = found.of(is_whole), found.of(~is_whole)
+    wall = find_wall(
+        spots["left"], spots["right"], capture.rig.left.K, capture.rig.right.K, capture.rig.baseline_m, name
+    )
+    return WallView(name, images, spots, cut, wall, frames[0].exposure_s)
+
+
+def _as_if_not_turned(right: Spots, rig: CaptureRig) -> Spots:
+    """Where the right eye's spots would lie, were its axes the left one's: a measured rig is a little turned."""
+    H = rig.right.K @ rig.left_to_right[:3, :3].T @ np.linalg.inv(rig.right.K)
+    u, v, w = H @ np.stack([right.u, right.v, np.ones(len(right))])
+    return replace(right, u=u / w, v=v / w)
+
+
+def _check_saturation(name: str, counts: np.ndarray, max_dn: int) -> None:
+    share = float(np.mean((counts == max_dn).any(axis=0)))
+    if share > _LARGEST_SATURATED:
+        raise ValueError(
+            f"{name}: {100 * share:.1f} % of the pixels reach {max_dn} DN: the wall saturates: shorten the exposure or "
+            "lower the laser's power"
+        )
+
+
+def _variance_of_mean(counts: np.ndarray) -> np.ndarray:
+    """A straight line of each pixel's variance over its mean, divided by the number of frames: less noisy than the
+    variances."""
+    mean, variance = counts.mean(axis=0), counts.var(axis=0, ddof=1)
+    slope, offset = np.polyfit(mean.ravel(), variance.ravel(), 1)
+    return np.maximum(offset + slope * mean, 1.0 / 12.0) / len(counts)
+
+
+def merged_pattern(views: tuple[WallView, ...], capture: Capture) -> Pattern:
+    """One pattern of walls at one or several distances, nearest first."""
+    projector = capture.rig.projector
+    image = projector.pattern()
+    height, width = image.shape
+    rotation = projector.left_to_projector[:3, :3]
+    place = -rotation.T @ projector.left_to_projector[:3, 3]
+    error, pairs = None, np.empty((0, 2), dtype=int)
+    far = [view for view in views if view.wall.distance_m > _LEAST_DISTANCE_RATIO * views[0].wall.distance_m]
+    if far:
+        place, error, pairs = _meeting_point(views[0].wall, far[-1].wall, place, rotation, projector.K)
+    power_scale = 1.0
+    by_view = [_dots_of(view, capture.rig, projector.K, place, rotation) for view in (views[0], *far[-1:])]
+    dots = by_view[0]
+    if len(by_view) > 1:
+        power_scale = float(np.median(by_view[0][pairs[:, 0], 2] / by_view[1][pairs[:, 1], 2]))
+        by_view[1][:, 2] *= power_scale
+        dots = _union(by_view[0], by_view[1], pairs)
+    for number, view in enumerate((views[0], *far[-1:])):
+        cut = _cut_dots(view, capture.rig, projector.K, place, rotation) * [1.0, 1.0, power_scale if number else 1.0]
+        for dot in cut:
+            if np.hypot(*(dots[:, :2] - dot[:2]).T).min() > _OTHER_DOT_PX:
+                dots = np.vstack([dots, dot])
+    inside = (dots[:, 0] > -0.5) & (dots[:, 0] < width - 0.5) & (dots[:, 1] > -0.5) & (dots[:, 1] < height - 0.5)
+    dots = dots[inside]
+    background = None
+    if far and far[-1].exposure_s == views[0].exposure_s:
+        stands = ProjectorView(place, rotation, projector.K, (width, height))
+        background = _background(capture.rig, ((views[0], 1.0), (far[-1], power_scale)), stands)
+    left, top, right, bottom = _field(dots)
+    light = dots[:, 2].sum() + (0.0 if background is None else background[0] * (right - left) * (bottom - top))
+    # Where dots are seen: the light of the nominal pattern, dots and background together; without one a dot's mean is
+    # 1.
+    unit = (float(image[top:bottom, left:right].sum()) if image.any() else float(len(dots))) / light
+    dots[:, 2] *= unit
+    if background is not None:
+        background = (unit * background[0], unit * background[1])
+    left_to_projector = np.eye(4)
+    left_to_projector[:3, :3], left_to_projector[:3, 3] = rotation, -rotation @ place
+    sigma = _pattern_sigma(views[0], capture, place)
+    return Pattern(
+        dots,
+        (width, height),
+        projector.K,
+        place,
+        error,
+        left_to_projector,
+        sigma,
+        background,
+        views,
+        len(pairs),
+        capture.rig,
+    )
+
+
+def _field(dots: np.ndarray) -> tuple[int, int, int, int]:
+    """left, top, right, bottom of the rectangle of the pattern in which dots are seen; the ends are one past."""
+    low, high = np.rint(dots[:, :2].min(axis=0)).astype(int), np.rint(dots[:, :2].max(axis=0)).astype(int) + 1
+    return int(low[0]), int(low[1]), int(high[0]), int(high[1])
+
+
+def _background(
+    rig: CaptureRig, views: tuple[tuple[WallView, float], ...], projector: ProjectorView
+) -> tuple[float, float]:
+    """light_between_dots() of both eyes; views with what brings each one's powers to the first one's."""
+    places = {"left": np.zeros(3), "right": _right_eye(rig)}
+    cameras = {"left": rig.left.K, "right": rig.right.K}
+    walls = [
+        [
+            SeenWall(view.spots[eye].background, view.wall.plane, places[eye], cameras[eye], scale)
+            for view, scale in views
+        ]
+        for eye in EYES
+    ]
+    return light_between_dots(walls, projector)
+
+
+def _dots_of(
+    view: WallView, rig: CaptureRig, projector_K: np.ndarray, place: np.ndarray, rotation: np.ndarray
+) -> np.ndarray:
+    """[dot][3]: u, v in the pattern and power, in units that the views share but for exposure. First the left eye's
+    spots in their order, then those of the right eye that lie out of the left one's sight."""
+    right, eye = view.spots["right"], _right_eye(rig)
+    points = _on_wall(right, view.wall, rig.right.K, eye)
+    border = view.spots["left"].border_px
+    outside = np.zeros(len(points), dtype=bool)
+    for axis, size in enumerate((rig.left.width, rig.left.height)):
+        pixel = rig.left.K[axis, axis] * points[:, axis] / points[:, 2] + rig.left.K[axis, 2]
+        outside |= (pixel <= border) | (pixel >= size - 1 - border)
+    parts = [(view.wall.points, np.zeros(3), view.spots["left"].flux), (points[outside], eye, right.flux[outside])]
+    return np.vstack([_as_dots(*part, view.wall, projector_K, place, rotation) for part in parts])
+
+
+def _cut_dots(
+    view: WallView, rig: CaptureRig, projector_K: np.ndarray, place: np.ndarray, rotation: np.ndarray
+) -> np.ndarray:
+    """[dot][3], as _dots_of() has them, of spots that an image's border cuts: less sure, for where nothing else is."""
+    out = []
+    for eye, camera, origin in (("left", rig.left, np.zeros(3)), ("right", rig.right, _right_eye(rig))):
+        points = _on_wall(view.cut[eye], view.wall, camera.K, origin)
+        out.append(_as_dots(points, origin, view.cut[eye].flux, view.wall, projector_K, place, rotation))
+    return np.vstack(out)
+
+
+def _on_wall(spots: Spots, wall: Wall, K: np.ndarray, eye: np.ndarray) -> np.ndarray:
+    """[spot][3], in the left camera's frame, where an eye at `eye` sees them."""
+    ray = np.column_stack([(spots.u - K[0, 2]) / K[0, 0], (spots.v - K[1, 2]) / K[1, 1], np.ones(len(spots))])
+    return np.asarray(eye + ray * ((wall.plane[3] - wall.plane[:3] @ eye) / (ray @ wall.plane[:3]))[:, None])
+
+
+def _as_dots(
+    points: np.ndarray,
+    eye: np.ndarray,
+    flux: np.ndarray,
+    wall: Wall,
+    projector_K: np.ndarray,
+    place: np.ndarray,
+    rotation: np.ndarray,
+) -> np.ndarray:
+    """[dot][3]: u, v in the pattern and power of what an eye sees on the wall."""
+    uv, beam = projected(points, place, rotation, projector_K)
+    return np.column_stack([uv, flux * power_factor(points - eye, wall.plane[:3], beam)])
+
+
+def _meeting_point(
+    near: Wall, far: Wall, place: np.ndarray, rotation: np.ndarray, projector_K: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(the point that the lines through equal dots meet in, its standard deviations, pairs [n][2] of equal dots)."""
+    pairs = np.empty((0, 2), dtype=int)
+    for reach in _SAME_DOT_PX:
+        first, second = (projected(wall.points, place, rotation, projector_K)[0] for wall in (near, far))
+        distance, other = cKDTree(second).query(first)
+        back = cKDTree(first).query(second)[1]
+        chosen = np.flatnonzero((distance < reach) & (back[other] == np.arange(len(first))))
+        pairs = np.column_stack([chosen, other[chosen]])
+        if len(pairs) < _LEAST_LINES:
+            raise ValueError(
+                f"only {len(pairs)} dots are the same on the walls at {near.distance_m:.2f} and {far.distance_m:.2f} "
+                "m: check the projector's nominal place and K"
+            )
+        a, b = near.points[pairs[:, 0]], far.points[pairs[:, 1]]
+        place, error = _nearest_to_lines(a, b)
+    # A wall's plane errs for all of its dots at once, which the lines' own scatter does not show.
+    moved = [_nearest_to_lines(off[pairs[:, 0]], b)[0] for off in near.points_if_off]
+    moved += [_nearest_to_lines(a, off[pairs[:, 1]])[0] for off in far.points_if_off]
+    return place, np.sqrt(error**2 + np.sum((np.array(moved) - place) ** 2, axis=0)), pairs
+
+
+def _nearest_to_lines(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(the point whose summed squared distance to the lines through a and b is least, its standard deviations);
+    outliers are left out twice."""
+    along = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
+    across = np.eye(3) - along[:, :, None] * along[:, None, :]
+    use = np.ones(len(a), dtype=bool)
+    for _ in range(3):
+        gram = across[use].sum(axis=0)
+        point = np.linalg.solve(gram, (across[use] @ a[use][:, :, None]).sum(axis=0)[:, 0])
+        off = np.linalg.norm((across @ (a - point)[:, :, None])[:, :, 0], axis=1)
+        use = off < 4.0 * np.median(off)
+    variance = float(np.sum(off[use] ** 2)) / max(2 * int(use.sum()) - 3, 1)
+    return point, np.sqrt(variance * np.diag(np.linalg.inv(gram)))
+
+
+def _union(near: np.ndarray, far: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """Dots of both walls: equal ones are averaged, the others of each are kept. Where their powers differ, the far wall
+    shows merged dots that it splits wrongly: the near wall's stay."""
+    out = near.copy()
+    first, second = near[pairs[:, 0]], far[pairs[:, 1]]
+    alike = np.abs(second[:, 2] - first[:, 2]) < _ALIKE_POWERS * first[:, 2]
+    out[pairs[alike, 0]] = 0.5 * (first + second)[alike]
+    alone = np.setdiff1d(np.arange(len(far)), pairs[:, 1])
+    # What the near wall shows close by is one dot there and two merged ones here, or the other way round.
+    clear = alone[cKDTree(out[:, :2]).query(far[alone, :2])[0] > _SAME_DOT_PX[0]] if len(alone) else alone
+    return np.vstack([out, far[clear]])
+
+
+def _pattern_sigma(view: WallView, capture: Capture, place: np.ndarray) -> float:
+    """A dot's width in the pattern: the spot's without the pixel's square, seen from the projector at the wall's
+    middle, and without what interpolation between the pattern's pixels widens it by when it is projected again."""
+    camera, projector = capture.rig.left.K, capture.rig.projector.K
+    middle = view.wall.points[:, 2].mean()
+    to_pattern = projector[0, 0] / camera[0, 0] * middle / (middle - place[2])
+    variance = np.maximum(view.spots["left"].sigma_px ** 2 - 1.0 / 12.0, 0.05) * to_pattern**2
+    return float(np.sqrt(max(variance - _INTERPOLATED_PX2, 0.25 * variance)))
+
+
+__all__ = ["Pattern", "WallView", "acquire_pattern", "merged_pattern"]

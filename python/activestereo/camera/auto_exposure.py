@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Automatic exposure and gain, as librealsense's options have them: a mean count to aim at, a region that is looked at,
+limits for each; exposure goes first, gain only when exposure is at its limit.
+
+The devices' own steps are not published. Here a step takes the light by _DAMPING of its error in the logarithm, and at
+most twice or half of it; clipped pixels make a step too small, never wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from activestereo.camera.presets import StereoDepthSensorConfig
+
+_DAMPING = 0.8
+_LARGEST_STEP = 2.0
+_SETTLED = 0.002  # relative change of a step after which nothing more is to come
+_MOST_STEPS = 60
+STRIDE = 2  # every so many pixels are looked at, in x and y
+DARKEST = np.finfo(np.float32).tiny  # that counts as lit: devices may take what is below for 0
+_BLOCK = 1 << 16  # numbers at a time, which stay in the processor's cache
+
+
+@dataclass(frozen=True)
+class Setting:
+    exposure_s: float
+    gain: float
+
+    @property
+    def light_s(self) -> float:
+        return self.exposure_s * self.gain
+
+
+class AutoExposure:
+    """The rule of one sensor. ValueError where the configuration's figures cannot be."""
+
+    def __init__(self, config: StereoDepthSensorConfig) -> None:
+        self.mode = config.ir_exposure_mode
+        if self.mode not in ("fixed", "converging", "settled"):
+            raise ValueError(f"ir_exposure_mode is '{self.mode}' (known: fixed, converging, settled)")
+        self.start = Setting(float(config.ir_camera_exposure), float(config.ir_camera_gain))
+        self._target_dn = float(config.ir_exposure_target_dn)
+        self._exposures, self._gains = config.ir_exposure_limits_s, config.ir_gain_limits
+        self._region = config.ir_exposure_region
+        if self.mode == "fixed":
+            return
+        for name, (low, high) in (("ir_exposure_limits_s", self._exposures), ("ir_gain_limits", self._gains)):
+            if not 0.0 < low <= high:
+                raise ValueError(f"{name} is {low:g} to {high:g}, expected two numbers above 0 in order")
+        if not config.ir_black_level_dn < self._target_dn:
+            raise ValueError(
+                f"ir_exposure_target_dn is {self._target_dn:g}, "
+                f"expected more than the black level, {config.ir_black_level_dn:g}"
+            )
+        if self._region is not None:
+            left, top, right, bottom = self._region
+            width, height = config.ir_resolution
+            if not (0 <= left < right <= width and 0 <= top < bottom <= height):
+                raise ValueError(
+                    f"ir_exposure_region {self._region} is not inside of {width}x{height} (left, top, right, bottom)"
+                )
+
+    def after(
+        self, config: StereoDepthSensorConfig, signal: Mapping[str, float], light: NDArray[np.float32], max_dn: float
+    ) -> Setting:
+        """The setting that follows the configuration's on one view; 'settled': what the steps from the start end at.
+        signal: simsense's, under the present setting; light: radiance [height][width]."""
+        now = Setting(config.ir_camera_exposure, config.ir_camera_gain)
+        dn_per_light_s = (
+            signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"] / config.ir_camera_gain
+        )
+        black_dn = signal["black_level_dn"]
+        left, top, right, bottom = self._region or (0, 0, light.shape[1], light.shape[0])
+        seen = np.asarray(light[top:bottom:STRIDE, left:right:STRIDE], dtype=np.float32) * np.float32(dn_per_light_s)
+        counts = np.empty_like(seen)
+        if self.mode == "converging":
+            return self._step(now, seen, black_dn, max_dn, counts)
+        setting = self.start
+        for _ in range(_MOST_STEPS):
+            former, setting = setting, self._step(setting, seen, black_dn, max_dn, counts)
+            if abs(setting.light_s / former.light_s - 1.0) < _SETTLED:
+                break
+        return setting
+
+    def _step(
+        self, now: Setting, seen: NDArray[np.float32], black_dn: float, max_dn: float, counts: NDArray[np.float32]
+    ) -> Setting:
+        """counts: memory for those of `seen`, which is written."""
+        np.multiply(seen, np.float32(now.light_s), out=counts)
+        counts += np.float32(black_dn)
+        np.maximum(counts, np.float32(0.0), out=counts)
+        np.minimum(counts, np.float32(max_dn), out=counts)
+        mean_dn = float(counts.mean())
+        wanted = (self._target_dn - black_dn) / max(mean_dn - black_dn, 1e-6)
+        light_s = now.light_s * _clipped(wanted**_DAMPING, 1.0 / _LARGEST_STEP, _LARGEST_STEP)
+        exposure_s = _clipped(light_s / self._gains[0], *self._exposures)
+        return Setting(exposure_s, _clipped(light_s / exposure_s, *self._gains))
+
+
+def _clipped(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high)
+
+
+def rgb_exposure(radiance: NDArray[np.float32]) -> float:
+    """The factor that puts the median lit pixel's green at a quarter of white, the same float32 as kuafu's output
+    `srgb` takes: that of the middle of all light that shares the median's upper 16 bits. radiance: float32 [...,
+    height, width, 3]."""
+    green = radiance[..., ::STRIDE, ::STRIDE, 1]
+    lit = green[(green >= DARKEST) & (green < np.inf)]
+    if not lit.size:
+        return 1.0
+    middle = (lit.size - 1) // 2
+    return exposure_of_median(np.partition(lit, middle)[middle])
+
+
+def exposure_of_median(green: np.float32) -> float:
+    """rgb_exposure() of pictures with this median, the lower one of two."""
+    shared = (np.float32(green).view(np.uint32) & np.uint32(0xFFFF0000) | np.uint32(0x8000)).view(np.float32)
+    return float(max(np.float32(0.25) / shared, DARKEST))
+
+
+def encoded_rgb(radiance: NDArray[np.float32], exposure: float | None) -> NDArray[np.float32]:
+    """0..1, sRGB-encoded, under this exposure or, for None or 0, that of rgb_exposure(). radiance: [..., height, width,
+    3]."""
+    return srgb(radiance, exposure or rgb_exposure(radiance))
+
+
+def srgb(linear: NDArray[np.float32], factor: float = 1.0) -> NDArray[np.float32]:
+    """sRGB's transfer curve (IEC 61966-2-1) on linear values times a factor, clipped to 0..1. Accurate to 2e-5, by a
+    table over the root of the value, where the curve is nearly straight."""
+    light = np.ascontiguousarray(linear).reshape(-1)
+    encoded = np.empty_like(light)
+    scratch = np.empty(min(_BLOCK, light.size), dtype=np.float32)
+    for start in range(0, light.size, _BLOCK):
+        root = scratch[: light.size - start]
+        np.multiply(light[start : start + _BLOCK], np.float32(factor), out=root)
+        np.maximum(root, np.float32(0.0), out=root)
+        np.minimum(root, np.float32(1.0), out=root)
+        np.sqrt(root, out=root)
+        root *= len(SRGB) - 1
+        root += 0.5
+        np.take(SRGB, root.astype(np.uint16), out=encoded[start : start + _BLOCK], mode="clip")
+    return encoded.reshape(linear.shape)
+
+
+def _srgb_table() -> NDArray[np.float32]:
+    linear = np.linspace(0.0, 1.0, 1 << 16) ** 2
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055).astype(np.float32)
+
+
+SRGB = _srgb_table()  # by the root of the linear value, from 0 to 1

@@ -1,0 +1,353 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor's configuration: StereoDepthSensorConfig("D435"), or another camera of camera/data, whose files tell every
+figure with its source ('activestereo presets' prints them). Names are SAPIEN's; what SAPIEN has no name for follows
+them. "sapien-D435" and "sapien-D415" have SAPIEN's values, too.
+
+Exposure. A pixel's noise-free count is ir_camera_exposure * ir_camera_gain * ir_responsivity_dn * radiance, plus the
+black level. The devices' presets find exposure and gain by themselves (auto_exposure.py); SAPIEN's are fixed, so that a
+mean dot reaches about 130 counts at 1 m on a surface of albedo 0.5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import deepcopy
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.camera.camera_file import CameraData, camera_titles, read_camera
+from activestereo.common.matcher_table import MATCHER, RIG, MatcherFields
+from activestereo.common.pattern import PatternDesign, make_pattern
+from activestereo.common.pose import Pose
+from activestereo.common.render_table import RENDER, RENDERER, RenderFields
+
+if TYPE_CHECKING:
+    from activestereo.model import SensorModel
+
+
+def _k(fx: float, fy: float, cx: float, cy: float) -> np.ndarray:
+    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+
+def _pose(camera: CameraData, name: str) -> Pose:
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.reshape(camera.value("rig", "ir_rotation"), (3, 3))
+    matrix[:3, 3] = camera.value("rig", name)
+    return Pose(matrix)
+
+
+def _pattern_design(camera: CameraData) -> PatternDesign:
+    width, height = camera.value("projector", "pattern_size")
+    figures = {
+        name: camera.value("projector", name) for name in ("dot_pitch_px", "dot_sigma_px", "weakest_dot", "background")
+    }
+    return PatternDesign(width, height, seed=camera.value("projector", "pattern_seed"), **figures)
+
+
+def _signal(camera: CameraData) -> dict[str, float] | None:
+    """simsense's imager for counts, None where the camera's file has none: SAPIEN's noise then."""
+    imager = camera.figures["imager"]
+    if "conversion_gain_dn_per_e" not in imager:
+        return None
+    gain, contrast = camera.value("imager", "conversion_gain_dn_per_e"), camera.value("imager", "speckle_contrast", 0.0)
+    signal = {
+        "responsivity_e": 1.0 / gain,
+        "conversion_gain_dn_per_e": gain,
+        "shot_noise": 1.0,
+        "adc_noise_dn": camera.value("imager", "adc_noise_dn", 0.0),
+        "prnu": camera.value("imager", "prnu", 0.0),
+    }
+    if contrast > 0.0:
+        signal |= {
+            "speckle_shape": contrast**-2,
+            "speckle_scale": contrast**2,
+            "speckle_correlation": camera.value("imager", "speckle_correlation", 0.0),
+            "speckle_psf_sigma_px": camera.value("imager", "speckle_psf_sigma_px", 0.0),
+        }
+    return signal
+
+
+# What SAPIEN's StereoDepthSensorConfig calls the engines' parameters: a configuration answers to those names, too. And
+# where its defaults are others.
+SAPIEN_NAMES = {
+    "noise_seed": "ir_noise_seed",
+    "max_disparity": "max_disp",
+    "p1": "p1_penalty",
+    "p2": "p2_penalty",
+    "median_size": "median_filter_size",
+    "min_depth_m": "min_depth",
+    "max_depth_m": "max_depth",
+    "ir_ambient_scale": "ir_light_dim_factor",
+    "ir_ambient_radiance": "ir_ambient_strength",
+}
+SAPIEN_DEFAULTS = {"depth_dilation": True}
+# Parameters of the engines that are a camera's own, with the section of its data where they stand.
+OF_THE_CAMERA = {
+    "min_depth_m": "rig",
+    "max_depth_m": "rig",
+    "max_disparity": "rig",
+    "ir_ambient_scale": "room",
+    "ir_ambient_radiance": "room",
+    "denoise": "room",
+    "block_width": "matcher",
+    "block_height": "matcher",
+    "median_size": "matcher",
+    "min_texture_dn": "matcher",
+}
+
+
+# A block of summed costs covers at least this side, that of a census window.
+_LEAST_BLOCK_PX = 7
+
+
+def _scaled_block(side_px: int, factor: float) -> int:
+    """An odd side."""
+    return min(side_px, max(_LEAST_BLOCK_PX, 2 * int(0.5 * side_px * factor) + 1))
+
+
+_OWN_NAMES = {sapien: own for own, sapien in SAPIEN_NAMES.items()}
+
+
+class StereoDepthSensorConfig(MatcherFields, RenderFields):
+    """Everything about a sensor; change any field before making the sensor. model: a camera's name, or the path of a
+    TOML file like those of camera/data. Raises ValueError for an unknown model, AttributeError for a field that there
+    is not."""
+
+    SUPPORTED_MODELS = tuple(camera_titles())
+    _FIELDS: tuple[str, ...] = ()  # all names, once a first one has been made
+
+    def __init__(self, model: str = "D435") -> None:
+        camera = read_camera(model)
+        self.model = camera.name
+
+        # Cameras. Resolutions are (width, height); poses are those of the IR cameras and the projector in the RGB
+        # camera's body frame (x forward, y left, z up).
+        self.rgb_resolution = tuple(camera.value("rig", "rgb_resolution"))
+        self.ir_resolution = tuple(camera.value("rig", "ir_resolution"))
+        self.rgb_intrinsic = _k(*camera.value("rig", "rgb_intrinsic"))
+        self.ir_intrinsic = _k(*camera.value("rig", "ir_intrinsic"))
+        self.trans_pose_l = _pose(camera, "left_position_m")
+        self.trans_pose_r = _pose(camera, "right_position_m")
+        # Lenses, of Brown and Conrady as in OpenCV: k1, k2, p1, p2, k3; both IR cameras have the same one. rectified:
+        # the infrared pair is matched as it comes, its rows aligned; a pair with a distorting lens is rectified first
+        # all the same.
+        self.ir_distortion: tuple[float, ...] = (0.0,) * 5
+        # Of the right IR camera, where it is not as the left one; None = it is.
+        self.ir_intrinsic_right: NDArray[np.float64] | None = None
+        self.ir_distortion_right: tuple[float, ...] | None = None
+        self.rgb_distortion: tuple[float, ...] = (0.0,) * 5
+        self.rectified = True
+
+        # Projector. active_light_fov: the pattern image's horizontal angle, radians. light_pattern: "generated" from
+        # pattern_design, an 8-bit gray array, the path of an image, or None for no projector.
+        self.pose_rgb_irproj = _pose(camera, "projector_position_m")
+        self.active_light_fov = float(np.deg2rad(camera.value("projector", "field_of_view_deg")))
+        self.light_pattern = "generated" if camera.value("projector", "has_projector", True) else None
+        # 3x3 of the pattern image in place of active_light_fov.
+        self.pattern_intrinsic: NDArray[np.float64] | None = None
+        self.pattern_design = _pattern_design(camera)
+        # In place of light_pattern: [n, 3] u, v and power of dots, in pixels of pattern_design's image and with its
+        # dot_sigma_px. A dot's power is the pattern's integral over it, in pixels squared. light_pattern_scale
+        # magnifies the pattern about its middle; light_dot_background is what every pixel of it has beside the dots.
+        self.light_dots: NDArray[np.float32] | None = None
+        self.light_dot_background = 0.0
+        self.light_pattern_scale = 1.0
+        self.projector_intensity = camera.value("projector", "intensity_w_sr")  # W/sr where the pattern is 1
+        # The laser's setting: light goes with laser_power_mw over laser_power_nominal_mw. emitter: 'on', 'off', or
+        # 'alternating' (on in every even picture, as librealsense's emitter on-off).
+        self.laser_power_mw = camera.value("projector", "laser_power_mw")
+        self.laser_power_nominal_mw = self.laser_power_mw
+        self.laser_power_limits_mw = tuple(camera.value("projector", "laser_power_limits_mw"))
+        self.emitter = "on"
+        # A dot's beam is so wide where it leaves the projector; 0 = no wider than its angle makes it. Dots fall with
+        # this power of the cosine from the projector's axis.
+        self.projector_beam_radius_m = camera.value("projector", "beam_radius_m", 0.0)
+        self.projector_falloff = camera.value("projector", "falloff", 0.0)
+        # True: other sensors of the scene see its dots, too, as those of real sensors do that look at one thing.
+        self.projector_always_on = False
+
+        # Exposure and infrared light. ir_camera_exposure in seconds; ir_responsivity_dn in counts per W s / (sr m^2).
+        # ir_exposure_mode: 'fixed'; 'converging': after each picture exposure, then gain, take a step towards a mean
+        # count of ir_exposure_target_dn in ir_exposure_region (left, top, right, bottom; None = the whole left image);
+        # 'settled': each picture has what such steps end at, as if the camera had looked at this view for a while.
+        self.ir_camera_exposure = camera.value("exposure", "exposure_s")
+        self.ir_camera_gain = camera.value("exposure", "gain")
+        self.ir_exposure_mode = camera.value("exposure", "mode")
+        self.ir_exposure_target_dn = camera.value("exposure", "target_dn")
+        self.ir_exposure_region: tuple[int, int, int, int] | None = None
+        self.ir_exposure_limits_s = tuple(camera.value("exposure", "exposure_limits_s"))
+        self.ir_gain_limits = tuple(camera.value("exposure", "gain_limits"))
+        self.ir_responsivity_dn = camera.value("imager", "responsivity_dn")
+        self.rgb_exposure = None  # colour value per radiance; None = the median lit pixel at a quarter of white
+
+        # Shutters, which what moves is seen through (the sensor by set_velocity(), instances and lights by
+        # kuafu.Scene). The IR cameras' is open for ir_camera_exposure, the RGB camera's for rgb_exposure_s, seconds,
+        # each centred on the same instant. A line time is how many seconds later each line is exposed than the one
+        # before; 0 = a global shutter. A readout is the way the lines go: 'rows_down', 'rows_up', 'columns_right' or
+        # 'columns_left'.
+        self.rgb_exposure_s = 0.0
+        self.ir_line_time_s = camera.value("rig", "line_time_s")
+        self.rgb_line_time_s = 0.0
+        self.ir_readout = "rows_down"
+        self.rgb_readout = "rows_down"
+
+        self.ir_black_level_dn = camera.value("imager", "black_level_dn")  # counts in the dark
+
+        # Noise: 1 is SAPIEN's level (a gamma factor of 2.7 % and 0.25 counts), 0 for ir_speckle_noise switches both
+        # off.
+        self.noise_seed = 0
+        self.ir_speckle_noise = 1.0
+        self.ir_thermal_noise = 1.0
+        # Of which light the speckle is, that of ir_signal too: False = of all, as SAPIEN and the paper have it; True =
+        # of the projector's alone, which is coherent (two more images are rendered and copied to the engine).
+        self.ir_signal: Any = _signal(camera)
+        self.ir_speckle_of_laser = bool(self.ir_signal and "speckle_shape" in self.ir_signal)
+        # Instead of that noise: 'd435', 'paper-d415' or another of simsense.signal_preset, or a dict of
+        # simsense_signal's parameters whose input is in counts; exposure, responsivity and black level above come on
+        # top. (Set above, with the devices' own noise.)
+
+        # Further settings of the engines (capi/tables/reference.md): every parameter of matching and depth, where
+        # the depth engine works and which faults of the published SimSense it keeps, who traces rays, and how pictures
+        # are rendered.
+        for p in (*MATCHER, *RIG, *RENDERER, *RENDER):
+            setattr(self, p.name, SAPIEN_DEFAULTS.get(p.name, p.default))
+        for name, section in OF_THE_CAMERA.items():
+            setattr(self, name, camera.value(section, name))
+        self.render_seed = 0
+        # What compute_depth() gives besides, out of 'confidence', 'reason', 'points', 'rectified_left' and
+        # 'rectified_right'; get_depth_map() returns it.
+        self.depth_maps: tuple[str, ...] = ()
+
+        # Optics of the cameras: a dict of kuafu.Film's fields (vignetting_exponent, psf_sigma_px, ...); None is
+        # perfect.
+        self.ir_film: dict[str, Any] | None = {
+            name: figure.value for name, figure in camera.figures["optics"].items()
+        } or None
+        self.rgb_film: dict[str, Any] | None = None
+
+    if not TYPE_CHECKING:  # our own code uses our own names
+
+        def __getattr__(self, name: str) -> Any:
+            """A field under SAPIEN's name."""
+            if name in _OWN_NAMES:
+                return getattr(self, _OWN_NAMES[name])
+            raise AttributeError(f"a sensor's configuration has no field '{name}'")
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        name = _OWN_NAMES.get(name, name)
+        if self._FIELDS and name not in self._FIELDS:
+            close = get_close_matches(name, self._FIELDS, 1)
+            hint = f"; did you mean '{close[0]}'?" if close else ""
+            raise AttributeError(f"a sensor's configuration has no field '{name}'{hint}")
+        object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_model(cls, model: SensorModel | str | Path, base: str = "D435") -> StereoDepthSensorConfig:
+        """The sensor that a model describes: a sensor_model.SensorModel or the path of a model.json. What it does not
+        say is the preset's. Give the model to the sensor, too: StereoDepthSensor(config, scene, model=model)."""
+        from activestereo.model import SensorModel, read_model
+        from activestereo.model.configure import configured
+
+        config = cls(base)
+        known = model if isinstance(model, SensorModel) else read_model(model)
+        for name, value in configured(vars(config), known).items():
+            setattr(config, name, value)
+        return config
+
+    @property
+    def focal_baseline_px_m(self) -> float:
+        """f * B of the IR pair: depth = this / disparity."""
+        baseline_m = np.linalg.norm(self.trans_pose_r.p - self.trans_pose_l.p)
+        return float(self.ir_intrinsic[0, 0] * baseline_m)
+
+    @property
+    def projector_in_left_m(self) -> tuple[float, float, float]:
+        """The projector's place in the left IR camera's frame (x right, y down, z forward), metres."""
+        forward, left, up = (self.pose_rgb_irproj.p - self.trans_pose_l.p).tolist()
+        return -left, -up, forward
+
+    def emitter_power(self, frame_index: int) -> float:
+        """The laser's light in a picture over that at its nominal setting. ValueError for a setting that there is
+        not."""
+        low, high, _ = self.laser_power_limits_mw
+        if not low <= self.laser_power_mw <= high:
+            raise ValueError(f"laser_power_mw is {self.laser_power_mw:g}, expected {low:g} to {high:g}")
+        if self.emitter not in ("on", "off", "alternating"):
+            raise ValueError(f"emitter is '{self.emitter}' (known: on, off, alternating)")
+        if self.emitter == "off" or (self.emitter == "alternating" and frame_index % 2):
+            return 0.0
+        return self.laser_power_mw / self.laser_power_nominal_mw
+
+    def ir_eye(self, is_right: bool) -> tuple[np.ndarray, Sequence[float]]:
+        """(K, distortion) of an infrared camera."""
+        if not is_right:
+            return self.ir_intrinsic, self.ir_distortion
+        k, lens = self.ir_intrinsic_right, self.ir_distortion_right
+        return self.ir_intrinsic if k is None else k, self.ir_distortion if lens is None else lens
+
+    def scaled(self, factor: float) -> StereoDepthSensorConfig:
+        """A copy with all images and the disparity range `factor` times as large; fields of view, readout times,
+        projector and depths are the same. The matcher's block shrinks with them, but not below 7 pixels, and never
+        grows."""
+        if not 0.0 < factor <= 100.0:
+            raise ValueError(f"a sensor is scaled by a factor above 0 and up to 100, not {factor}")
+        out = deepcopy(self)
+        out.max_disparity = max(32, round(self.max_disparity * factor))
+        out.block_width, out.block_height = (
+            _scaled_block(side, factor) for side in (self.block_width, self.block_height)
+        )
+        if isinstance(out.ir_signal, dict) and "speckle_psf_sigma_px" in out.ir_signal:
+            grain_px = factor * out.ir_signal["speckle_psf_sigma_px"]
+            out.ir_signal["speckle_psf_sigma_px"] = grain_px if grain_px >= 0.1 else 0.0  # less is a pixel's own
+        for camera in ("rgb", "ir"):
+            old = np.array(getattr(self, f"{camera}_resolution"))
+            new = np.maximum(np.rint(old * factor).astype(int), 1)
+            ratio = np.array([new[0] / old[0], new[1] / old[1], 1.0])
+            setattr(out, f"{camera}_resolution", (int(new[0]), int(new[1])))
+            for name in [f"{camera}_intrinsic"] + (
+                ["ir_intrinsic_right"] if camera == "ir" and self.ir_intrinsic_right is not None else []
+            ):
+                k = getattr(self, name).copy()
+                k[:2, 2] += 0.5  # pixel centres are at integers: the image's corner is at -0.5
+                k = k * ratio[:, None]
+                k[:2, 2] -= 0.5
+                setattr(out, name, k)
+            if camera == "ir" and self.ir_exposure_region is not None:
+                left, top, right, bottom = self.ir_exposure_region
+                x, y = ratio[:2]
+                out.ir_exposure_region = (round(left * x), round(top * y), round(right * x), round(bottom * y))
+            film = getattr(self, f"{camera}_film")
+            if film is not None:
+                setattr(out, f"{camera}_film", {n: v * ratio[0] if n.endswith("_px") else v for n, v in film.items()})
+            lines = 0 if "columns" in getattr(self, f"{camera}_readout") else 1
+            setattr(out, f"{camera}_line_time_s", getattr(self, f"{camera}_line_time_s") / ratio[lines])
+        return out
+
+    def pattern(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """The projector's image as uint8 [height, width] and its 3x3 K, or None where there is no projector."""
+        if self.light_pattern is None:
+            return None
+        if isinstance(self.light_pattern, str) and self.light_pattern == "generated":
+            image = make_pattern(self.pattern_design)
+        elif isinstance(self.light_pattern, np.ndarray):
+            image = self.light_pattern
+        else:
+            from activestereo.capture.images import read_gray
+
+            image = read_gray(self.light_pattern, key="light_pattern")
+        height, width = image.shape
+        return image, self.pattern_k(width, height)
+
+    def pattern_k(self, width: int, height: int) -> np.ndarray:
+        """The projector's 3x3 K for a pattern image of this size."""
+        if self.pattern_intrinsic is not None:
+            return np.array(self.pattern_intrinsic, dtype=np.float64)
+        focal = 0.5 * width / np.tan(0.5 * self.active_light_fov)
+        return _k(focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
+
+
+StereoDepthSensorConfig._FIELDS = tuple(vars(StereoDepthSensorConfig()))

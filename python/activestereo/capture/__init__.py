@@ -1,0 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Captures: recordings of a real camera with the scene that it saw. capture.py reads them, write.py writes them, and
+importers makes them of other programs' recordings.
+"""

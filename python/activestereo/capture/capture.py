@@ -1,0 +1,328 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A capture: what a real active stereo sensor measured, and what is known about the scene (capture format, version 1).
+
+Metres, seconds, radians. Cameras: x right, y down, z forward, pixel centres at integers. A transform `a_to_b` is a 4x4
+array that maps coordinates in a to coordinates in b. Images are digital numbers (DN), read when asked for.
+"""
+
+import warnings
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from activestereo.capture.capture_json import CaptureError, JsonObject
+from activestereo.capture.images import image_size, read_color, read_gray
+from activestereo.limits import (
+    BITS,
+    DEPTH_SCALE,
+    DISTORTION,
+    EXPOSURE,
+    GAIN,
+    LENGTH,
+    LINE_TIME,
+    POWER,
+    RADIUS,
+    SIDE,
+    SPEED,
+    TEMPERATURE,
+    TIME,
+    TURN_RATE,
+)
+
+FORMAT = "active-stereo-capture"
+VERSION = 1
+EYES = ("left", "right")
+SPLITS = ("train", "test")
+
+
+class CaptureWarning(UserWarning):
+    """Something in a capture was ignored."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Nominal pinhole with Brown-Conrady distortion [k1, k2, p1, p2, k3] (OpenCV's order)."""
+
+    width: int
+    height: int
+    K: np.ndarray
+    distortion: np.ndarray = field(default_factory=lambda: np.zeros(5))
+
+    @property
+    def is_pinhole(self) -> bool:
+        return not np.any(self.distortion)
+
+
+@dataclass(frozen=True)
+class Projector:
+    """Point source; `pattern` / 255 is its relative radiant intensity towards pixel (u, v) of K."""
+
+    pattern_path: Path
+    K: np.ndarray
+    left_to_projector: np.ndarray
+
+    def pattern(self) -> np.ndarray:
+        """Relative radiant intensity, float32 [height][width], 0..1."""
+        image = read_gray(self.pattern_path, key="rig.projector.pattern")
+        if image.dtype != np.uint8:
+            raise CaptureError(f"{self.pattern_path}: rig.projector.pattern: is a 16-bit image, expected 8-bit gray")
+        return image.astype(np.float32) / 255.0
+
+
+@dataclass(frozen=True)
+class ColorCamera(Camera):
+    """The colour camera of the same housing, and where it stands."""
+
+    left_to_color: np.ndarray = field(default_factory=lambda: np.eye(4))
+
+
+@dataclass(frozen=True)
+class KnownLight:
+    """A lamp of the room whose place was measured; how bright it is, is not known. position_m: in the world's axes."""
+
+    name: str
+    position_m: np.ndarray
+    radius_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The nominal calibration: what the user believes."""
+
+    left: Camera
+    right: Camera
+    left_to_right: np.ndarray
+    projector: Projector
+    bit_depth: int = 8
+    line_time_s: float | None = None
+    color: ColorCamera | None = None
+
+    def camera(self, eye: str) -> Camera:
+        return {"left": self.left, "right": self.right}[eye]
+
+    @property
+    def baseline_m(self) -> float:
+        return float(np.linalg.norm(self.left_to_right[:3, 3]))
+
+    @property
+    def max_dn(self) -> int:
+        """The largest digital number the sensor can give."""
+        return 2**self.bit_depth - 1
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One exposure of the rig. `camera_to_world` is the left camera's pose at mid-exposure. left_path, right_path: None
+    in recordings of colour and depth alone."""
+
+    id: int
+    left_path: Path | None
+    right_path: Path | None
+    timestamp_s: float
+    exposure_s: float
+    camera_to_world: np.ndarray
+    split: str
+    gain: float = 1.0
+    projector_power: float = 1.0
+    ambient: float | None = None
+    temperature_c: float | None = None
+    camera_velocity: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    repeat_group: int | None = None
+    depth_path: Path | None = None
+    depth_scale: float | None = None
+    color_path: Path | None = None
+    gripper_to_base: np.ndarray | None = None
+
+    def path(self, eye: str) -> Path:
+        """Of an eye's image. CaptureError where the recording has none."""
+        path = {"left": self.left_path, "right": self.right_path}[eye]
+        if path is None:
+            raise CaptureError(
+                f"frames[id={self.id}].{eye}: there are no infrared images, only colour and depth"
+            )
+        return path
+
+    @property
+    def has_infrared(self) -> bool:
+        return self.left_path is not None and self.right_path is not None
+
+    @property
+    def exposure_gain(self) -> float:
+        """Seconds times gain: what scales every light in this frame alike."""
+        return self.exposure_s * self.gain
+
+    @property
+    def is_moving(self) -> bool:
+        return bool(np.any(self.camera_velocity))
+
+
+@dataclass(frozen=True)
+class Capture:
+    """A folder in the capture format. Frames keep the file's order."""
+
+    path: Path
+    name: str
+    scene_path: Path
+    rig: Rig
+    frames: tuple[Frame, ...]
+    depth_engine: dict[str, Any] = field(default_factory=dict)
+    lights: tuple[KnownLight, ...] = ()
+
+    def split(self, name: str) -> list[Frame]:
+        return [frame for frame in self.frames if frame.split == name]
+
+    def ir(self, frame: Frame, eye: str) -> np.ndarray:
+        """One IR image, float32 [height][width], DN."""
+        camera = self.rig.camera(eye)
+        image = read_gray(frame.path(eye), (camera.width, camera.height), f"frames[id={frame.id}].{eye}")
+        return image.astype(np.float32)
+
+    def depth(self, frame: Frame) -> np.ndarray | None:
+        """The device's own depth in metres, float32 [height][width], 0 = no measurement; None where there is none."""
+        if frame.depth_path is None:
+            return None
+        size = (self.rig.left.width, self.rig.left.height)
+        image = read_gray(frame.depth_path, size, f"frames[id={frame.id}].depth")
+        return image.astype(np.float32) * np.float32(frame.depth_scale)
+
+    def color(self, frame: Frame) -> np.ndarray | None:
+        """The colour image as stored, sRGB uint8 [height][width][3]; None where there is none."""
+        if frame.color_path is None or self.rig.color is None:
+            return None
+        size = (self.rig.color.width, self.rig.color.height)
+        return read_color(frame.color_path, size, f"frames[id={frame.id}].color")
+
+    def repeats(self, split: str | None = None) -> dict[int, list[Frame]]:
+        """Frames by repeat group, groups of at least two: {group: [frames]}."""
+        groups: dict[int, list[Frame]] = {}
+        for frame in self.frames:
+            if frame.repeat_group is not None and split in (None, frame.split):
+                groups.setdefault(frame.repeat_group, []).append(frame)
+        return {group: frames for group, frames in groups.items() if len(frames) > 1}
+
+
+def read_capture(path: str | Path) -> Capture:
+    """Reads and checks CAPTURE/capture.json. CaptureError names the file and the key; unknown keys give a
+    CaptureWarning."""
+    folder = Path(path)
+    if folder.name == "capture.json":
+        folder = folder.parent
+    root = JsonObject.read(folder / "capture.json")
+    if root.text("format") != FORMAT:
+        root.fail("format", f"is {root.text('format')!r}, expected {FORMAT!r}")
+    if root.integer("version") != VERSION:
+        root.fail("version", f"is {root.integer('version')}; this program reads version {VERSION}")
+    rig = _read_rig(root.object("rig"))
+    frames = tuple(_read_frame(entry, rig) for entry in root.objects("frames"))
+    _check_frames(root, frames)
+    lights = tuple(_read_light(entry) for entry in root.objects("lights")) if root.has("lights") else ()
+    capture = Capture(
+        folder, root.text("name"), root.file("scene"), rig, frames, root.free_form("depth_engine"), lights
+    )
+    for key in root.unknown_keys():
+        warnings.warn(f"{root.path}: unknown key {key} is ignored", CaptureWarning, stacklevel=2)
+    return capture
+
+
+def _read_camera(entry: JsonObject) -> Camera:
+    width, height = entry.integer("width", SIDE), entry.integer("height", SIDE)
+    return Camera(width, height, entry.camera_matrix("K"), entry.numbers("distortion", [DISTORTION] * 5))
+
+
+def _read_color(entry: JsonObject) -> ColorCamera:
+    camera = _read_camera(entry)
+    return ColorCamera(camera.width, camera.height, camera.K, camera.distortion, entry.rigid_transform("left_to_color"))
+
+
+def _read_light(entry: JsonObject) -> KnownLight:
+    radius = entry.number("radius_m", RADIUS, optional=True)
+    return KnownLight(entry.text("name"), entry.numbers("position_m", [LENGTH] * 3), 0.0 if radius is None else radius)
+
+
+def _read_rig(entry: JsonObject) -> Rig:
+    projector = entry.object("projector")
+    readout = entry.object("readout", optional=True)
+    return Rig(
+        left=_read_camera(entry.object("left")),
+        right=_read_camera(entry.object("right")),
+        left_to_right=entry.rigid_transform("left_to_right"),
+        projector=Projector(
+            projector.file("pattern"), projector.camera_matrix("K"), projector.rigid_transform("left_to_projector")
+        ),
+        bit_depth=entry.integer("bit_depth", BITS),
+        line_time_s=readout.number("line_time_s", LINE_TIME, optional=True) if readout else None,
+        color=_read_color(entry.object("color")) if entry.has("color") else None,
+    )
+
+
+def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
+    frame_id = entry.integer("id")
+    entry.rename(f"frames[id={frame_id}]")
+    depth_path = entry.file("depth", optional=True)
+    if depth_path is not None:
+        _check_size(entry, "depth", (rig.left.width, rig.left.height))
+    has_infrared = depth_path is None or any(entry.has(eye) for eye in EYES)
+    for eye in EYES if has_infrared else ():
+        camera = rig.camera(eye)
+        _check_size(entry, eye, (camera.width, camera.height))
+    color_path = entry.file("color", optional=True)
+    if color_path is not None:
+        if rig.color is None:
+            entry.fail("color", "rig.color is missing: say which camera took it")
+        _check_size(entry, "color", (rig.color.width, rig.color.height))
+    split = entry.text("split")
+    if split not in SPLITS:
+        entry.fail("split", f"is {split!r}, expected 'train' or 'test'")
+    velocity = entry.numbers("camera_velocity", [SPEED] * 3 + [TURN_RATE] * 3, optional=True)
+    return Frame(
+        id=frame_id,
+        left_path=entry.file("left") if has_infrared else None,
+        right_path=entry.file("right") if has_infrared else None,
+        timestamp_s=entry.number("timestamp_s", TIME),
+        exposure_s=entry.number("exposure_s", EXPOSURE),
+        gain=entry.number("gain", GAIN),
+        projector_power=entry.number("projector_power", POWER),
+        ambient=entry.number("ambient", POWER, optional=True),
+        temperature_c=entry.number("temperature_c", TEMPERATURE, optional=True),
+        camera_to_world=entry.rigid_transform("camera_to_world"),
+        camera_velocity=np.zeros(6) if velocity is None else velocity,
+        repeat_group=entry.integer("repeat_group", optional=True),
+        split=split,
+        depth_path=depth_path,
+        # A scale may stand without a depth image, but not the other way round.
+        depth_scale=entry.number("depth_scale", DEPTH_SCALE, optional=depth_path is None),
+        color_path=color_path,
+        gripper_to_base=entry.rigid_transform("gripper_to_base") if entry.has("gripper_to_base") else None,
+    )
+
+
+def _check_size(entry: JsonObject, key: str, expected: tuple[int, int]) -> None:
+    path = entry.file(key)
+    size = image_size(path, entry.key(key))
+    if size != expected:
+        entry.fail(key, f"{path.name} is {size[0]}x{size[1]}, the rig says {expected[0]}x{expected[1]}")
+
+
+def _check_frames(root: JsonObject, frames: tuple[Frame, ...]) -> None:
+    if not frames:
+        root.fail("frames", "is empty")
+    ids = [frame.id for frame in frames]
+    repeated = sorted({i for i in ids if ids.count(i) > 1})
+    if repeated:
+        root.fail("frames", f"id {repeated[0]} is used more than once")
+
+
+__all__ = [
+    "Camera",
+    "Capture",
+    "CaptureError",
+    "CaptureWarning",
+    "ColorCamera",
+    "Frame",
+    "KnownLight",
+    "Projector",
+    "Rig",
+    "read_capture",
+]

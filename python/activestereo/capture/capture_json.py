@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checked reading of a capture's JSON: every failure is a CaptureError that names the file, the key and the number."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from activestereo.common.pose import rigid_fault
+from activestereo.limits import ANY, FOCAL, LENGTH, NUMBER, PIXEL, Limits
+from activestereo.own_files import own_file
+
+# Row by row; what else they must be is told in their own words.
+_CAMERA_MATRIX = (PIXEL,) * 9
+_TRANSFORM = ((ANY,) * 3 + (LENGTH,)) * 3 + (ANY,) * 4
+
+
+class CaptureError(ValueError):
+    """A capture that cannot be used: the message names the file, the key and what is wrong."""
+
+
+class JsonObject:
+    """One object of the file: typed reads by key, remembering which keys were asked for."""
+
+    def __init__(self, path: Path, name: str, values: dict[str, Any]) -> None:
+        self.path, self.name = path, name
+        self._values = values
+        self._known: set[str] = set()
+        self._children: list[JsonObject] = []
+
+    @classmethod
+    def read(cls, path: str | Path) -> JsonObject:
+        try:
+            values = json.loads(Path(path).read_text(encoding="utf-8"))
+        except OSError as error:
+            raise CaptureError(
+                f"{path}: cannot be read ({error.strerror}); a capture is a folder with a capture.json"
+            ) from error
+        except (ValueError, RecursionError) as error:
+            raise CaptureError(f"{path}: is not JSON: {error}") from error
+        if not isinstance(values, dict):
+            raise CaptureError(f"{path}: is not a JSON object")
+        return cls(Path(path), "", values)
+
+    def key(self, key: str) -> str:
+        return f"{self.name}.{key}" if self.name else key
+
+    def rename(self, name: str) -> None:
+        """A friendlier name for messages, once an entry's identity is known."""
+        self.name = name
+
+    def has(self, key: str) -> bool:
+        """Whether the key is there and not null."""
+        return self._values.get(key) is not None
+
+    def keys(self) -> list[str]:
+        """The names of the entries, in the file's order."""
+        return list(self._values)
+
+    def plain(self, key: str) -> object:
+        """An entry as it stands."""
+        return self._get(key)
+
+    def texts(self, key: str) -> list[str]:
+        """A list of text."""
+        values = self._get(key)
+        if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
+            self.fail(key, "is not a list of text")
+        return values
+
+    def table(self, key: str, columns: int) -> np.ndarray:
+        """A list of rows of so many numbers each, as float64 [n][columns]."""
+        rows = self._get(key)
+        if not isinstance(rows, list) or not all(isinstance(row, list) and len(row) == columns for row in rows):
+            self.fail(key, f"is not a list of rows of {columns} numbers")
+        for i, row in enumerate(rows):
+            for value in row:
+                self._within(f"{key}[{i}]", value, ANY)
+        return np.array(rows, dtype=np.float64).reshape(-1, columns)
+
+    def fail(self, key: str, what: str) -> NoReturn:
+        raise CaptureError(f"{self.path}: {self.key(key)}: {what}")
+
+    def unknown_keys(self) -> list[str]:
+        """Keys present in the file that nobody asked for, here and below, in the file's order."""
+        own = [self.key(key) for key in self._values if key not in self._known]
+        return own + [key for child in self._children for key in child.unknown_keys()]
+
+    def _get(self, key: str, optional: bool = False) -> Any:
+        self._known.add(key)
+        value = self._values.get(key)
+        if value is None and not optional:
+            self.fail(key, "is missing" if key not in self._values else "is null")
+        return value
+
+    def object(self, key: str, optional: bool = False) -> Any:
+        value = self._get(key, optional)
+        if value is None:
+            return None
+        return self._child(key, self.key(key), value)
+
+    def objects(self, key: str) -> list[JsonObject]:
+        values = self._get(key)
+        if not isinstance(values, list):
+            self.fail(key, "is not a list")
+        return [self._child(key, f"{self.key(key)}[{i}]", value) for i, value in enumerate(values)]
+
+    def _child(self, key: str, name: str, value: Any) -> JsonObject:
+        if not isinstance(value, dict):
+            raise CaptureError(f"{self.path}: {name}: is not an object")
+        child = JsonObject(self.path, name, value)
+        self._children.append(child)
+        return child
+
+    def free_form(self, key: str) -> dict[str, Any]:
+        """An optional object whose keys are nobody's business."""
+        value = self._get(key, optional=True)
+        if value is not None and not isinstance(value, dict):
+            self.fail(key, "is not an object")
+        return value or {}
+
+    def text(self, key: str) -> str:
+        value = self._get(key)
+        if not isinstance(value, str):
+            self.fail(key, f"is {value!r}, expected text")
+        return value
+
+    def number(self, key: str, limits: Limits = ANY, optional: bool = False) -> Any:
+        value = self._get(key, optional)
+        return None if value is None else float(self._within(key, value, limits))
+
+    def integer(self, key: str, limits: Limits = NUMBER, optional: bool = False) -> Any:
+        value = self._get(key, optional)
+        return None if value is None else self._within(key, value, limits)
+
+    def numbers(self, key: str, limits: Sequence[Limits], optional: bool = False) -> Any:
+        """A list with a number for each of the limits, as float64."""
+        values = self._get(key, optional)
+        if values is None:
+            return None
+        if not isinstance(values, list) or len(values) != len(limits):
+            got = f"{len(values)} entries" if isinstance(values, list) else type(values).__name__
+            self.fail(key, f"has {got}, expected {len(limits)} numbers")
+        for i, (value, own) in enumerate(zip(values, limits, strict=True)):
+            self._within(f"{key}[{i}]", value, own)
+        return np.array(values, dtype=np.float64)
+
+    def camera_matrix(self, key: str) -> np.ndarray:
+        k = self.numbers(key, _CAMERA_MATRIX).reshape(3, 3)
+        if min(k[0, 0], k[1, 1]) < FOCAL.low or np.any(k[2] != [0, 0, 1]) or k[1, 0] != 0:
+            self.fail(key, f"is not a camera matrix [fx s cx, 0 fy cy, 0 0 1] with focal lengths of {FOCAL}")
+        return k
+
+    def rigid_transform(self, key: str) -> np.ndarray:
+        pose = self.numbers(key, _TRANSFORM).reshape(4, 4)
+        fault = rigid_fault(pose)
+        if fault is not None:
+            self.fail(key, fault)
+        return pose
+
+    def _within(self, key: str, value: Any, limits: Limits) -> Any:
+        fault = limits.fault(value)
+        if fault is not None:
+            self.fail(key, fault)
+        return value
+
+    def file(self, key: str, optional: bool = False) -> Any:
+        """A path in the file, relative to the file's folder; the file must exist there (own_files says more)."""
+        if self._get(key, optional) is None:
+            return None
+        try:
+            return own_file(self.path.parent, self.text(key))
+        except ValueError as error:
+            self.fail(key, str(error))

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gray image files of captures: 8-bit or 16-bit PNG to and from numpy arrays, with errors that name the file and the
+key."""
+
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, UnidentifiedImageError
+
+from activestereo.capture.capture_json import CaptureError
+
+_GRAY_MODES = ("L", "I;16", "I;16B", "I")
+_COLOR_MODES = ("RGB", "RGBA", "LA", "P")
+
+
+def image_size(path: str | Path, key: str = "image") -> tuple[int, int]:
+    """(width, height) from the file's header, without decoding the pixels."""
+    with _open(path, key) as image:
+        return image.size
+
+
+def read_gray(path: str | Path, expected_size: tuple[int, int] | None = None, key: str = "image") -> np.ndarray:
+    """Pixels as stored: uint8 or uint16 [height][width]. expected_size: (width, height). A colour image whose channels
+    are equal is gray, too."""
+    with _open(path, key) as image:
+        if image.mode in _COLOR_MODES:
+            return _of_equal_channels(image, path, expected_size, key)
+        if image.mode not in _GRAY_MODES:
+            raise CaptureError(f"{path}: {key}: is a {image.mode} image, expected 8-bit or 16-bit gray")
+        if expected_size is not None and image.size != expected_size:
+            raise CaptureError(
+                f"{path}: {key}: is {image.size[0]}x{image.size[1]}, expected {expected_size[0]}x{expected_size[1]}"
+            )
+        try:
+            pixels = np.asarray(image)
+        except (OSError, SyntaxError) as error:
+            raise CaptureError(f"{path}: {key}: is damaged: {error}") from error
+    if pixels.dtype == np.uint8:
+        return pixels
+    if pixels.size and not 0 <= pixels.min() <= pixels.max() <= 65535:
+        raise CaptureError(f"{path}: {key}: has values from {pixels.min()} to {pixels.max()}, 16 bits hold 0 to 65535")
+    return pixels.astype(np.uint16)
+
+
+def read_color(path: str | Path, expected_size: tuple[int, int] | None = None, key: str = "image") -> np.ndarray:
+    """A colour image as stored, uint8 [height][width][3]; a gray one has three equal channels. expected_size: (width,
+    height)."""
+    with _open(path, key) as image:
+        if image.mode not in (*_COLOR_MODES, "L"):
+            raise CaptureError(f"{path}: {key}: is a {image.mode} image, expected 8-bit colour")
+        if expected_size is not None and image.size != expected_size:
+            sizes = tuple(f"{width}x{height}" for width, height in (image.size, expected_size))
+            raise CaptureError(f"{path}: {key}: is {sizes[0]}, expected {sizes[1]}")
+        try:
+            return np.asarray(image.convert("RGB"))
+        except (OSError, SyntaxError) as error:
+            raise CaptureError(f"{path}: {key}: is damaged: {error}") from error
+
+
+def read_image_array(path: str | Path, key: str = "image") -> np.ndarray:
+    """read_gray(), or a .npy array uint8 or uint16 [height][width]."""
+    if Path(path).suffix != ".npy":
+        return read_gray(path, key=key)
+    try:
+        pixels = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError, OverflowError, EOFError) as error:
+        raise CaptureError(f"{path}: {key}: cannot be read as a .npy array: {error}") from error
+    if pixels.ndim != 2 or pixels.dtype not in (np.uint8, np.uint16):
+        raise CaptureError(f"{path}: {key}: is {pixels.dtype} {pixels.shape}, expected uint8 or uint16 [height][width]")
+    return np.array(pixels)
+
+
+def _of_equal_channels(
+    image: Image.Image, path: str | Path, expected_size: tuple[int, int] | None, key: str
+) -> np.ndarray:
+    if expected_size is not None and image.size != expected_size:
+        sizes = (f"{width}x{height}" for width, height in (image.size, expected_size))
+        raise CaptureError(f"{path}: {key}: is {next(sizes)}, expected {next(sizes)}")
+    try:
+        channels = np.asarray(image.convert("RGB"))
+    except (OSError, SyntaxError) as error:
+        raise CaptureError(f"{path}: {key}: is damaged: {error}") from error
+    if not (channels == channels[..., :1]).all():
+        raise CaptureError(f"{path}: {key}: is a colour image, expected 8-bit or 16-bit gray, or equal channels")
+    return np.ascontiguousarray(channels[..., 0])
+
+
+def write_gray(path: str | Path, pixels: np.ndarray) -> None:
+    """uint8 or uint16 [height][width]."""
+    if pixels.dtype not in (np.uint8, np.uint16) or pixels.ndim != 2:
+        raise ValueError(f"{path}: expected uint8 or uint16 [height][width], got {pixels.dtype} {pixels.shape}")
+    Image.fromarray(np.ascontiguousarray(pixels)).save(path)
+
+
+def _open(path: str | Path, key: str) -> Image.Image:
+    try:
+        return Image.open(path)
+    except UnidentifiedImageError as error:
+        raise CaptureError(f"{path}: {key}: cannot be read as an image") from error
+    except (OSError, Image.DecompressionBombError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise CaptureError(f"{path}: {key}: cannot be read as an image: {reason}") from error

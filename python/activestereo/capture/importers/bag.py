@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags of ROS 1 and ROS 2, librealsense's own .bag files among them, as a folder of PNG files and a DeviceText.
+
+Reading needs the package rosbags, which is not one of ours: pip install rosbags. Topics are known by their names:
+librealsense's /device_0/sensor_0/Infrared_1/image/data, realsense-ros's /camera/infra1/image_rect_raw, and others with
+the same words. The baseline is that of the right eye's camera_info (-P[3] / P[0]) where it is there, else of
+librealsense's transform of the stream; Infrared 1 is the left eye on every D4xx.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.capture.images import write_gray
+from activestereo.capture.importers.realsense_text import DeviceText, Intrinsic
+
+_STREAMS = {
+    "Infrared 1": re.compile(r"infra(?:red)?_?1", re.I),
+    "Infrared 2": re.compile(r"infra(?:red)?_?2", re.I),
+    "Depth": re.compile(r"(?<!aligned_)depth", re.I),
+}
+_TYPES = {"mono8": np.uint8, "8UC1": np.uint8, "mono16": np.uint16, "16UC1": np.uint16}
+_ROS2_DEPTH_SCALE_M = 0.001  # realsense-ros publishes 16UC1 in millimetres (REP 118)
+
+
+@dataclass
+class _Found:
+    """What a bag tells beside its images."""
+
+    intrinsics: dict[str, Intrinsic] = field(default_factory=dict)
+    baselines_m: dict[str, float] = field(default_factory=dict)
+    depth_units_m: float | None = None
+    counts: dict[str, int] = field(default_factory=dict)
+
+
+def is_bag(path: Path) -> bool:
+    """A ROS 1 bag, or the folder or file of a ROS 2 one."""
+    return path.suffix in (".bag", ".db3", ".mcap") or (path / "metadata.yaml").is_file()
+
+
+def extract_bag(
+    path: Path, folder: Path, progress: Callable[[float], None] | None = None
+) -> tuple[DeviceText, float | None]:
+    """Writes the images of both infrared streams and of depth into `folder`, named by stream and time, as
+    realsense_folder reads them. Returns (calibration, metres per unit of depth or None).
+
+    ImportError where rosbags is missing; ValueError of one line names the bag and what it lacks.
+    """
+    found = _Found()
+    for topic, message, time_ms, share in _messages(path):
+        stream = next((name for name, words in _STREAMS.items() if words.search(topic)), None)
+        kind = type(message).__name__
+        if kind.endswith("sensor_msgs__msg__Image") and stream is not None:
+            write_gray(folder / f"{stream} {time_ms:.3f}.png", _pixels(path, topic, message))
+            found.counts[stream] = found.counts.get(stream, 0) + 1
+            if stream == "Depth" and found.depth_units_m is None and not topic.startswith("/device_"):
+                found.depth_units_m = _ROS2_DEPTH_SCALE_M
+        elif kind.endswith("CameraInfo") and stream is not None and stream not in found.intrinsics:
+            found.intrinsics[stream] = _intrinsic(path, topic, message)
+            projection = np.asarray(_either(message, "p"), float)
+            if projection[0] > 0 and projection[3] != 0:
+                found.baselines_m[stream] = float(-projection[3] / projection[0])
+        elif kind.endswith("Transform") and stream == "Infrared 2":
+            found.baselines_m.setdefault(stream, abs(float(message.translation.x)))
+        elif "depth_units" in topic.lower() and hasattr(message, "data"):
+            found.depth_units_m = float(message.data)
+        if progress is not None:
+            progress(share)
+    return _device(path, found), found.depth_units_m
+
+
+def _messages(path: Path) -> Iterator[tuple[str, Any, float, float]]:
+    """(topic, message, time in ms, share of the bag that is read)."""
+    try:
+        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise ValueError(
+            f"{path}: bags are read by the package rosbags, which is missing: pip install rosbags"
+        ) from error
+    source = path.parent if path.suffix in (".db3", ".mcap") else path
+    try:
+        with AnyReader([source], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            wanted = [c for c in reader.connections if _is_wanted(c.topic, c.msgtype)]
+            total = max(1, sum(c.msgcount for c in wanted))
+            for number, (connection, time_ns, raw) in enumerate(reader.messages(wanted)):
+                message = reader.deserialize(raw, connection.msgtype)
+                yield connection.topic, message, 1e-6 * time_ns, (number + 1) / total
+    except (AnyReaderError, OSError, KeyError, AssertionError) as error:
+        raise ValueError(
+            f"{path}: cannot be read as a bag: {' '.join(str(error).split()) or 'it is damaged'}"
+        ) from error
+
+
+def _is_wanted(topic: str, kind: str) -> bool:
+    name = kind.split("/")[-1]
+    if "depth_units" in topic.lower():
+        return True
+    return name in ("Image", "CameraInfo", "Transform") and any(words.search(topic) for words in _STREAMS.values())
+
+
+def _either(message: Any, name: str) -> Any:
+    """A field of CameraInfo: capital in ROS 1, small in ROS 2."""
+    return getattr(message, name) if hasattr(message, name) else getattr(message, name.upper())
+
+
+def _pixels(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
+    kind = _TYPES.get(message.encoding)
+    if kind is None:
+        raise ValueError(f"{path}: {topic}: encoding is '{message.encoding}', expected one of {', '.join(_TYPES)}")
+    row = message.step // np.dtype(kind).itemsize
+    values = np.frombuffer(np.asarray(message.data, np.uint8).tobytes(), kind)
+    if values.size != row * message.height or row < message.width:
+        raise ValueError(f"{path}: {topic}: {values.size} pixels do not fill {message.width}x{message.height}")
+    pixels = values.reshape(message.height, row)[:, : message.width]
+    return np.ascontiguousarray(pixels.byteswap() if message.is_bigendian and kind == np.uint16 else pixels)
+
+
+def _intrinsic(path: Path, topic: str, message: Any) -> Intrinsic:
+    K = np.asarray(_either(message, "k"), float).reshape(3, 3)
+    distortion = np.zeros(5)
+    coefficients = np.asarray(_either(message, "d"), float)[:5]
+    distortion[: len(coefficients)] = coefficients
+    if not (K[0, 0] > 0 and K[1, 1] > 0):
+        raise ValueError(f"{path}: {topic}: K is {K.ravel().tolist()}, expected focal lengths above 0")
+    return Intrinsic(int(message.width), int(message.height), K, distortion)
+
+
+def _device(path: Path, found: _Found) -> DeviceText:
+    for stream in ("Infrared 1", "Infrared 2"):
+        if stream not in found.counts:
+            raise ValueError(f"{path}: {stream}: no topic has its images: record both infrared streams")
+        if stream not in found.intrinsics:
+            raise ValueError(f"{path}: {stream}: no camera_info topic: give --calibration, or record it")
+    baseline_m = found.baselines_m.get("Infrared 2")
+    if baseline_m is None:
+        raise ValueError(
+            f"{path}: Infrared 2: the baseline is nowhere in it (camera_info's P[3] is 0): give --calibration"
+        )
+    if baseline_m <= 0:
+        raise ValueError(
+            f"{path}: Infrared 2: the baseline is {baseline_m:g} m, expected above 0: left and right are swapped"
+        )
+    left_to_right = np.eye(4)
+    left_to_right[0, 3] = -baseline_m
+    modes = {(name, i.width, i.height): i for name, i in found.intrinsics.items()}
+    return DeviceText(path, modes, {("Infrared 1", "Infrared 2"): left_to_right})

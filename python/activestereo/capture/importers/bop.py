@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One scene of a data set of the BOP benchmark (Hodan et al., ECCV 2018): rgb/ or gray/, depth/, scene_camera.json with
+K and millimetres, scene_gt.json with the objects' poses, and models/ beside the dataset's scenes.
+
+World is that of cam_R_w2c where it is there; else the first frame's camera, and the others stand where the first
+object's poses put them.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.capture.importers.color_depth import (
+    ColorDepthFrame,
+    ColorDepthRecording,
+    camera_matrix_of,
+    image_files,
+)
+from activestereo.common.pose import printed_motion
+from activestereo.scene_io.gltf_writer import GltfWriter
+from activestereo.scene_io.mesh_files import read_mesh
+
+_MM = 0.001
+_RATE_HZ = 30.0
+
+
+def is_bop(folder: Path) -> bool:
+    return (folder / "scene_camera.json").is_file()
+
+
+def read_bop(folder: Path, scene: Path, depth_scale: float | None = None) -> ColorDepthRecording:
+    """scene: where the objects' glTF file is written, if there are models. ValueError names file, key and value."""
+    path = folder / "scene_camera.json"
+    cameras, truth = _json(path), _json(folder / "scene_gt.json") if (folder / "scene_gt.json").is_file() else {}
+    depths, colors = image_files(folder / "depth"), image_files(folder / "rgb") or image_files(folder / "gray")
+    frames, Ks = [], []
+    for number, name in enumerate(sorted(cameras, key=int)):
+        entry, stem = cameras[name], f"{int(name):06d}"
+        if stem not in depths:
+            raise ValueError(f"{folder / 'depth'}: {stem}.png: is missing, scene_camera.json has frame {name}")
+        Ks.append(camera_matrix_of(path, f"{name}.cam_K", entry.get("cam_K")))
+        if depth_scale is None and not entry.get("depth_scale"):
+            raise ValueError(f"{path}: {name}.depth_scale: is missing: give --depth-scale")
+        scale = _MM * float(entry["depth_scale"]) if depth_scale is None else depth_scale
+        pose = _camera_to_world(path, name, entry, truth, min(cameras, key=int))
+        frames.append(ColorDepthFrame(number / _RATE_HZ, depths[stem], colors.get(stem), scale, pose))
+    if not frames:
+        raise ValueError(f"{path}: has no frames")
+    if any(not np.allclose(K, Ks[0], atol=1e-6) for K in Ks):
+        raise ValueError(f"{path}: cam_K: differs between the frames: import frames of one camera")
+    written = _write_scene(folder, truth, cameras, frames[0], scene)
+    return ColorDepthRecording(folder, "a BOP scene", Ks[0], tuple(frames), scene if written else None)
+
+
+def _camera_to_world(
+    path: Path, name: str, entry: dict[str, Any], truth: dict[str, Any], first: str
+) -> NDArray[np.float64] | None:
+    if "cam_R_w2c" in entry:
+        return np.linalg.inv(_motion(path, name, entry, "w2c"))
+    if not truth.get(name) or not truth.get(first):
+        return None
+    here, there = (_motion(path, n, truth[n][0], "m2c") for n in (name, first))
+    return np.asarray(there @ np.linalg.inv(here))
+
+
+def _motion(path: Path, key: str, entry: dict[str, Any], way: str) -> NDArray[np.float64]:
+    """way: w2c or m2c."""
+    name, translation = f"{path}: {key}.cam_R_{way}, cam_t_{way}", entry.get(f"cam_t_{way}")
+    pose = printed_motion(entry[f"cam_R_{way}"], translation if translation is not None else (), name)
+    pose[:3, 3] *= _MM
+    return pose
+
+
+def _write_scene(
+    folder: Path, truth: dict[str, Any], cameras: dict[str, Any], frame: ColorDepthFrame, scene: Path
+) -> bool:
+    """The objects of the first frame whose models are there."""
+    first = min(cameras, key=int)
+    models = next((p / "models" for p in (folder.parent, folder.parent.parent) if (p / "models").is_dir()), None)
+    if models is None or frame.camera_to_world is None:
+        return False
+    writer, count = GltfWriter("activestereo import"), 0
+    for number, entry in enumerate(truth.get(first, [])):
+        file = models / f"obj_{int(entry['obj_id']):06d}.ply"
+        if not file.is_file():
+            continue
+        name = f"object {entry['obj_id']}" + (f" ({number})" if number else "")
+        material = writer.add_material(name, pbrMetallicRoughness={"metallicFactor": 0.0, "roughnessFactor": 0.6})
+        pose = frame.camera_to_world @ _motion(folder / "scene_gt.json", first, entry, "m2c")
+        writer.add_placed_mesh(name, read_mesh(file, _MM), material, pose)
+        count += 1
+    if count:
+        writer.write(scene)
+    return count > 0
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path}: is not a JSON object: {error}") from error

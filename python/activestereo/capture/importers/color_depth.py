@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings of colour and depth without infrared images become captures: what the readers of TUM, Open3D and BOP
+folders have in common.
+
+Depth of these recordings lies on the colour image's pixels, so that one camera took both. Baseline, pattern and
+projector are the preset's, and only nominal: such a capture places objects, gives depth to compare, and tells nothing
+of noise and dots.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.capture.capture import Camera, Capture, ColorCamera, Frame, Projector, Rig
+from activestereo.capture.images import image_size, read_color, read_gray
+from activestereo.capture.write import write_capture
+
+EMPTY_SCENE = '{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}\n'
+
+
+@dataclass(frozen=True)
+class ColorDepthFrame:
+    """Files of one moment; depth_scale: metres per unit of the depth file; camera_to_world: None where not known."""
+
+    time_s: float
+    depth: Path
+    color: Path | None
+    depth_scale: float
+    camera_to_world: NDArray[np.float64] | None = None
+
+
+@dataclass(frozen=True)
+class ColorDepthRecording:
+    """K: of both images, in pixels; kind: whose layout it is; scene: a glTF file of what was in view, None where there
+    is none."""
+
+    path: Path
+    kind: str
+    K: NDArray[np.float64]
+    frames: tuple[ColorDepthFrame, ...]
+    scene: Path | None = None
+
+
+def camera_matrix_of(path: Path, key: str, values: object) -> NDArray[np.float64]:
+    """K from nine numbers, row by row. ValueError names file, key and value."""
+    try:
+        K = np.array(values, dtype=np.float64).reshape(3, 3)
+    except (TypeError, ValueError):
+        raise ValueError(f"{path}: {key}: is {values!r}, expected nine numbers") from None
+    if not (np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0 and np.array_equal(K[2], [0, 0, 1])):
+        raise ValueError(f"{path}: {key}: is {K.ravel().tolist()}, expected fx 0 cx 0 fy cy 0 0 1 with fx, fy above 0")
+    return K
+
+
+def image_files(folder: Path) -> dict[str, Path]:
+    """PNG and JPEG files of a folder by their names without suffix, in order."""
+    files = [*folder.glob("*.png"), *folder.glob("*.jpg"), *folder.glob("*.jpeg")] if folder.is_dir() else []
+    return {file.stem: file for file in sorted(files)}
+
+
+def write_color_depth(
+    recording: ColorDepthRecording,
+    out: Path,
+    baseline_m: float,
+    pattern: NDArray[np.uint8],
+    pattern_K: NDArray[np.float64],
+    projector_in_left_m: tuple[float, float, float],
+    scene: Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Capture:
+    """Writes the capture `out`, which must not exist. The four after `out` are the preset's. ValueError names the
+    file where sizes are mixed, depth is 8-bit or a file is damaged."""
+    tell = progress or (lambda fraction: None)
+    width, height = image_size(recording.frames[0].depth, "depth")
+    still = all(frame.camera_to_world is None for frame in recording.frames)
+    frames, depths, colors = [], {}, {}
+    for number, entry in enumerate(recording.frames):
+        depth = read_gray(entry.depth, (width, height), "depth")
+        if depth.dtype != np.uint16:
+            raise ValueError(f"{entry.depth}: depth: is an 8-bit picture of depth, expected 16-bit depth")
+        depths[number] = depth
+        if entry.color is not None:
+            colors[number] = read_color(entry.color, (width, height), "color")
+        frames.append(
+            Frame(
+                number,
+                None,
+                None,
+                entry.time_s,
+                0.008,
+                np.eye(4) if entry.camera_to_world is None else entry.camera_to_world,
+                "train",
+                repeat_group=0 if still else None,
+                depth_path=entry.depth,
+                depth_scale=entry.depth_scale,
+                color_path=entry.color,
+            )
+        )
+        tell((number + 1) / len(recording.frames))
+    camera = Camera(width, height, recording.K)
+    left_to_right, left_to_projector = np.eye(4), np.eye(4)
+    left_to_right[0, 3], left_to_projector[:3, 3] = -baseline_m, -np.array(projector_in_left_m)
+    color = ColorCamera(width, height, recording.K) if colors else None
+    projector = Projector(Path("pattern.png"), pattern_K, left_to_projector)
+    rig = Rig(camera, camera, left_to_right, projector, color=color)
+    empty = out.with_name(f".{out.name}.scene.gltf")
+    chosen = scene or recording.scene
+    try:
+        if chosen is None:
+            empty.write_text(EMPTY_SCENE, encoding="utf-8")
+        notes = {
+            "notes": f"imported from {recording.kind}: colour and depth, no infrared; baseline and pattern are nominal"
+        }
+        capture = Capture(out, out.name, chosen or empty, rig, tuple(frames), notes)
+        write_capture(out, capture, {}, pattern, depths, colors)
+    finally:
+        empty.unlink(missing_ok=True)
+    return capture
+
+
+def nearest(times: Iterable[float], time_s: float, within_s: float) -> float | None:
+    """Of some times the one nearest to another, None where it is farther than within_s."""
+    found = min(times, key=lambda t: abs(t - time_s), default=None)
+    return found if found is not None and abs(found - time_s) <= within_s else None

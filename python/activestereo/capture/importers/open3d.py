@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Folders as Open3D's recorders write them: color/, depth/, camera_intrinsic.json (K column by column), and poses of
+the camera as trajectory.log or, as its viewer saves them, trajectory.json."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.capture.importers.color_depth import (
+    ColorDepthFrame,
+    ColorDepthRecording,
+    camera_matrix_of,
+    image_files,
+)
+from activestereo.common.pose import printed_motion
+
+_INTRINSICS = ("camera_intrinsic.json", "intrinsic.json")
+_TRAJECTORIES = ("trajectory.log", "scene/trajectory.log", "trajectory.json", "scene/trajectory.json")
+_UNIT_M = 0.001
+_RATE_HZ = 30.0
+
+
+def is_open3d(folder: Path) -> bool:
+    return any((folder / name).is_file() for name in _INTRINSICS) and (folder / "depth").is_dir()
+
+
+def read_open3d(
+    folder: Path, K: NDArray[np.float64] | None = None, depth_scale: float | None = None
+) -> ColorDepthRecording:
+    """K and depth_scale go before what the folder says. ValueError names file, key and value."""
+    path = next(folder / name for name in _INTRINSICS if (folder / name).is_file())
+    intrinsics = _json(path)
+    if K is None:
+        if "intrinsic_matrix" not in intrinsics:
+            raise ValueError(f"{path}: intrinsic_matrix: is missing: give --k FX,FY,CX,CY")
+        K = _columns(path, intrinsics)
+    colors, depths = image_files(folder / "color"), image_files(folder / "depth")
+    if not depths:
+        raise ValueError(f"{folder / 'depth'}: holds no PNG files")
+    poses = _poses(folder)
+    if poses is not None and len(poses) != len(depths):
+        raise ValueError(f"{folder}: the trajectory has {len(poses)} poses, depth/ {len(depths)} images")
+    scale = depth_scale or (1.0 / float(intrinsics["depth_scale"]) if intrinsics.get("depth_scale") else _UNIT_M)
+    frames = [
+        ColorDepthFrame(number / _RATE_HZ, file, colors.get(name), scale, None if poses is None else poses[number])
+        for number, (name, file) in enumerate(depths.items())
+    ]
+    return ColorDepthRecording(folder, "an Open3D folder", K, tuple(frames))
+
+
+def _columns(path: Path, intrinsics: dict[str, Any]) -> NDArray[np.float64]:
+    try:
+        values = np.array(intrinsics["intrinsic_matrix"], dtype=np.float64).reshape(3, 3).T
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{path}: intrinsic_matrix: is {intrinsics['intrinsic_matrix']!r}, expected nine numbers, column by column"
+        ) from None
+    return camera_matrix_of(path, "intrinsic_matrix", values)
+
+
+def _poses(folder: Path) -> list[NDArray[np.float64]] | None:
+    path = next((folder / name for name in _TRAJECTORIES if (folder / name).is_file()), None)
+    if path is None:
+        return None
+    blocks: list[Any]
+    if path.suffix == ".log":
+        rows = [line.split() for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+        blocks = [rows[k + 1 : k + 5] for k in range(0, len(rows), 5)]
+    else:
+        # Column by column, and from the world to the camera.
+        blocks = [np.reshape(entry["extrinsic"], (4, 4)).T for entry in _json(path).get("parameters", [])]
+    out = []
+    for number, block in enumerate(blocks):
+        try:
+            pose = np.array(block, dtype=np.float64).reshape(4, 4)
+        except ValueError:
+            raise ValueError(f"{path}: pose {number}: is not a 4x4 of numbers") from None
+        pose = printed_motion(pose[:3, :3], pose[:3, 3], f"{path}: pose {number}", pose[3])
+        out.append(pose if path.suffix == ".log" else np.linalg.inv(pose))
+    return out
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path}: is not a JSON object: {error}") from error

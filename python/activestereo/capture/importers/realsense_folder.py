@@ -1,0 +1,258 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A folder of a librealsense recording's PNG files becomes a capture: infrared pairs, depth where it is there as 16-bit
+PNG, and colour.
+
+Files are known by their names, in any order of the words: "Infrared 1" or left, "Infrared 2" or right, Depth, Color,
+and the last number is the timestamp in milliseconds or the frame's number: rs-convert's and the viewer's names, and
+left/000001.png beside right/000001.png. Names without such a number are the same but for those words: left/desk.png
+beside right/desk.png, desk_left.png beside desk_right.png.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.capture.capture import Camera, Capture, ColorCamera, Frame, Projector, Rig
+from activestereo.capture.images import image_size, read_color, read_gray
+from activestereo.capture.importers.color_depth import EMPTY_SCENE
+from activestereo.capture.importers.realsense_text import DeviceText
+from activestereo.capture.importers.trajectory import pose_at
+from activestereo.capture.write import write_capture
+
+_STREAMS = {
+    "left": re.compile(r"infra(?:red)?[ _-]?1|left|ir1", re.I),
+    "right": re.compile(r"infra(?:red)?[ _-]?2|right|ir2", re.I),
+    "depth": re.compile(r"depth", re.I),
+    "color": re.compile(r"color|colour|rgb", re.I),
+}
+_NAMES = {"left": "Infrared 1", "right": "Infrared 2"}
+# Folders of frames that were taken with the projector off.
+_OFF = re.compile(r"(?:^|[ _-])off(?:$|[ _-])", re.I)
+_LAST_NUMBER = re.compile(r"(\d+(?:\.\d+)?)(?!.*\d)")
+# Streams of one frame differ by less than this, milliseconds.
+_SAME_FRAME_MS = 8.0
+
+
+@dataclass(frozen=True)
+class RobotPoses:
+    """gripper_to_base by the name of a frame's left file without suffix, and the camera's place on the gripper."""
+
+    gripper_to_base: dict[str, NDArray[np.float64]]
+    camera_to_gripper: NDArray[np.float64]
+
+    def at(self, left: Path) -> tuple[NDArray[np.float64], int]:
+        """(gripper_to_base, repeat group) of a frame; frames of one pose are repeats. ValueError where it is not
+        listed."""
+        if left.stem not in self.gripper_to_base:
+            raise ValueError(f"{left}: the robot's poses do not name it ({len(self.gripper_to_base)} are there)")
+        pose = self.gripper_to_base[left.stem]
+        groups = list(dict.fromkeys(p.tobytes() for p in self.gripper_to_base.values()))
+        return pose, groups.index(pose.tobytes())
+
+
+@dataclass(frozen=True)
+class FrameFiles:
+    """Files of one frame by stream, the number in the left one's name (its place in order where names have none), and
+    the view, by number, that it is of. projector_on: False below a folder that is named off."""
+
+    number: float
+    files: dict[str, Path]
+    view: int = 0
+    projector_on: bool = True
+
+
+def frame_files(folder: Path) -> list[FrameFiles]:
+    """Frames with both eyes: of each view in order of time. A folder inside with both eyes of its own is a view of its
+    own, such as walls/near and walls/far, or desk/on and desk/off. ValueError where there are none."""
+    folder = Path(folder)
+    out = []
+    for number, view in enumerate(_views(folder)):
+        is_on = not any(_OFF.search(part) for part in view.relative_to(folder).parts)
+        out += [replace(entry, view=number, projector_on=is_on) for entry in _view_files(view)]
+    return out
+
+
+def _views(folder: Path) -> list[Path]:
+    children = [child for child in sorted(folder.iterdir()) if child.is_dir() and _has_both(child)]
+    return [view for child in children for view in _views(child)] or [folder]
+
+
+def _has_both(folder: Path) -> bool:
+    names = [file.relative_to(folder).as_posix() for file in folder.rglob("*.png")]
+    return all(any(_STREAMS[eye].search(name) for name in names) for eye in ("left", "right"))
+
+
+def _view_files(folder: Path) -> list[FrameFiles]:
+    by_stream: dict[str, list[Path]] = {stream: [] for stream in _STREAMS}
+    for file in sorted(folder.rglob("*.png")):
+        name = file.relative_to(folder).as_posix()
+        stream = next((s for s, pattern in _STREAMS.items() if pattern.search(name)), None)
+        if stream is not None:
+            by_stream[stream].append(file)
+    for stream in ("left", "right"):
+        if not by_stream[stream]:
+            raise ValueError(
+                f"{folder}: {_NAMES[stream]}: no PNG file has a name with it: record both infrared streams"
+            )
+    numbers = {stream: [_number(file) for file in files] for stream, files in by_stream.items()}
+    are_numbered = all(None not in own and len(set(own)) == len(own) for own in numbers.values())
+    return _by_number(folder, by_stream) if are_numbered else _by_name(folder, by_stream)
+
+
+def _number(file: Path) -> float | None:
+    """The last one in its name."""
+    found = _LAST_NUMBER.search(file.stem)
+    return None if found is None else float(found[1])
+
+
+def _by_number(folder: Path, by_stream: dict[str, list[Path]]) -> list[FrameFiles]:
+    """Frames of files whose numbers are the same, or times that are near."""
+    numbered = {stream: [(_number(file) or 0.0, file) for file in files] for stream, files in by_stream.items()}
+    frames = []
+    for time_ms, left in sorted(numbered["left"]):
+        files = {"left": left}
+        for stream in ("right", "depth", "color"):
+            nearest = min(numbered[stream], key=lambda item: abs(item[0] - time_ms), default=None)
+            if (
+                nearest is not None
+                and abs(nearest[0] - time_ms) < _SAME_FRAME_MS
+                and (time_ms > 1e6 or nearest[0] == time_ms)
+            ):
+                files[stream] = nearest[1]
+        if "right" in files:
+            frames.append(FrameFiles(time_ms, files))
+    if not frames:
+        raise ValueError(f"{folder}: no left and right image have the same time or number in their names")
+    return frames
+
+
+def _by_name(folder: Path, by_stream: dict[str, list[Path]]) -> list[FrameFiles]:
+    """Frames of files whose names are the same but for the words that tell the stream, in natural order."""
+    named: dict[str, dict[str, Path]] = {}
+    for stream, files in by_stream.items():
+        for file in files:
+            name = _STREAMS[stream].sub("", file.relative_to(folder).as_posix())
+            if stream in named.setdefault(name, {}):
+                raise ValueError(f"{file}: is named as {named[name][stream]}, expected one image of a frame and stream")
+            named[name][stream] = file
+    for own in named.values():
+        for eye, other in (("left", "right"), ("right", "left")):
+            if eye in own and other not in own:
+                raise ValueError(
+                    f"{own[eye]}: has no {other} image: names without a number of their own are the same in each "
+                    "stream but for its word, such as left/desk.png and right/desk.png, or desk_left.png and "
+                    "desk_right.png"
+                )
+    ordered = sorted((name for name in named if "left" in named[name]), key=_natural)
+    return [FrameFiles(float(index), named[name]) for index, name in enumerate(ordered)]
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    """A key of sorting by which 'view 9' is before 'view 10'."""
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)]
+
+
+def import_realsense(
+    folder: Path, device: DeviceText, out: Path, pattern: NDArray[np.uint8], pattern_K: NDArray[np.float64],
+    projector_in_left_m: tuple[float, float, float], depth_scale: float | None = None, scene: Path | None = None,
+    trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None, exposure_s: float = 0.008,
+    robot: RobotPoses | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Capture:  # fmt: skip
+    """Writes the capture `out` (which must not exist) and returns it.
+
+    pattern: uint8, the nominal one of the device, under pattern_K; projector_in_left_m: its nominal place in the left
+    camera's frame. depth_scale: metres per unit of the depth images. scene: a glTF file, None for an empty one.
+    trajectory: camera poses over seconds; robot: poses of a gripper that carries the camera. Without either the camera
+    stands still, and all frames are repeats of one view.
+    """
+    tell = progress or (lambda fraction: None)
+    files = frame_files(folder)
+    first = read_gray(files[0].files["left"], key="Infrared 1")
+    height, width = first.shape
+    left, right = (device.intrinsic(_NAMES[eye], width, height) for eye in ("left", "right"))
+    left_to_right = device.extrinsic("Infrared 1", "Infrared 2")
+    if left_to_right[0, 3] >= 0:
+        raise ValueError(
+            f'{device.path}: Extrinsic from "Infrared 1" To "Infrared 2": x is {left_to_right[0, 3]:g} m, expected '
+            'below 0: left and right are swapped'
+        )
+    images, depths, colors, frames = {}, {}, {}, []
+    color = _color_camera(files, device)
+    for number, entry in enumerate(files):
+        for eye in ("left", "right"):
+            images[number, eye] = read_gray(entry.files[eye], (width, height), _NAMES[eye])
+        if "depth" in entry.files:
+            if depth_scale is None:
+                raise ValueError(
+                    f"{entry.files['depth']}: depth scale: is not known: give --depth-scale, 0.001 unless the device "
+                    "was set otherwise"
+                )
+            depths[number] = read_gray(entry.files["depth"], (width, height), "Depth")
+            if depths[number].dtype != np.uint16:
+                raise ValueError(
+                    f"{entry.files['depth']}: Depth: is an 8-bit picture of depth, expected 16-bit depth: save the raw "
+                    "stream"
+                )
+        if color is not None and "color" in entry.files:
+            colors[number] = read_color(entry.files["color"], (color.width, color.height), "Color")
+        frames.append(_frame(number, entry, exposure_s, depth_scale, trajectory, robot))
+        tell((number + 1) / len(files))
+    baseline_m = float(np.linalg.norm(left_to_right[:3, 3]))
+    left_to_projector = np.eye(4)
+    left_to_projector[:3, 3] = -np.array(projector_in_left_m)
+    rig = Rig(
+        Camera(width, height, left.K, left.distortion), Camera(width, height, right.K, right.distortion), left_to_right,
+        Projector(Path("pattern.png"), pattern_K, left_to_projector), 8 if first.dtype == np.uint8 else 16,
+        color=color,
+    )  # fmt: skip
+    out = Path(out)
+    empty = out.with_name(f".{out.name}.scene.gltf")
+    try:
+        if scene is None:
+            empty.write_text(EMPTY_SCENE, encoding="utf-8")
+        capture = Capture(
+            out, out.name, Path(scene) if scene else empty, rig, tuple(frames), {"notes": "imported from librealsense"}
+        )
+        write_capture(out, capture, images, pattern, depths, colors)
+    finally:
+        empty.unlink(missing_ok=True)
+    return capture
+
+
+def _color_camera(files: list[FrameFiles], device: DeviceText) -> ColorCamera | None:
+    """None where no frame has a colour image, or the device's text does not know the camera."""
+    first = next((entry.files["color"] for entry in files if "color" in entry.files), None)
+    if first is None or not any(stream == "Color" for stream, _, _ in device.intrinsics):
+        return None
+    intrinsic = device.intrinsic("Color", *image_size(first, "Color"))
+    left_to_color = device.extrinsic("Infrared 1", "Color")
+    return ColorCamera(intrinsic.width, intrinsic.height, intrinsic.K, intrinsic.distortion, left_to_color)
+
+
+def _frame(
+    number: int,
+    entry: FrameFiles,
+    exposure_s: float,
+    depth_scale: float | None,
+    trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
+    robot: RobotPoses | None,
+) -> Frame:
+    time = 1e-3 * entry.number if entry.number > 1e6 else float(number) / 30.0
+    pose, group, gripper_to_base = np.eye(4), None if trajectory is not None else entry.view, None
+    if trajectory is not None:
+        pose = pose_at(*trajectory, time, str(entry.files["left"]))
+    elif robot is not None:
+        gripper_to_base, place = robot.at(entry.files["left"])
+        group = place + entry.view * len(robot.gripper_to_base)
+        pose = gripper_to_base @ robot.camera_to_gripper
+    return Frame(
+        number, entry.files["left"], entry.files["right"], time, exposure_s, pose, "train",
+        projector_power=float(entry.projector_on), repeat_group=group,
+        depth_path=entry.files.get("depth"), depth_scale=depth_scale,
+        color_path=entry.files.get("color"), gripper_to_base=gripper_to_base,
+    )  # fmt: skip

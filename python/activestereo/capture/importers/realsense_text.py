@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `rs-enumerate-devices -c` prints of one device: intrinsics of every stream and mode, extrinsics between streams.
+
+    Intrinsic of "Infrared 1" / 848x480 / {Y8}         Extrinsic from "Infrared 1"  To  "Infrared 2" :
+      Width:  848                                       Rotation Matrix:
+      PPX:    425.16                                      1  0  0 ...
+      Fx:     430.14                                    Translation Vector: -0.04995  0  0
+      Distortion: Brown Conrady
+      Coeffs:  0 0 0 0 0
+
+An extrinsic maps coordinates in the first stream to those in the second: the right eye's x is minus the baseline.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.common.pose import printed_motion
+
+_INTRINSIC = re.compile(r'Intrinsic of\s+"(?P<stream>[^"]+)"\s*/\s*(?P<width>\d+)x(?P<height>\d+)')
+_EXTRINSIC = re.compile(r'Extrinsic from\s+"(?P<first>[^"]+)"\s+To\s+"(?P<second>[^"]+)"', re.IGNORECASE)
+_FIELD = re.compile(r"^\s*(?P<key>Width|Height|PPX|PPY|Fx|Fy|Distortion|Coeffs)\s*:\s*(?P<value>.*)$")
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+# Of librealsense's distortion models these are Brown and Conrady's five numbers; "Inverse" holds for images that are
+# distorted already.
+_BROWN = ("brown conrady", "modified brown conrady", "none", "inverse brown conrady")
+
+
+@dataclass(frozen=True)
+class Intrinsic:
+    """One stream in one mode."""
+
+    width: int
+    height: int
+    K: NDArray[np.float64]
+    distortion: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class DeviceText:
+    """intrinsics: by (stream, width, height); extrinsics: a_to_b 4x4 by (a, b)."""
+
+    path: Path
+    intrinsics: dict[tuple[str, int, int], Intrinsic]
+    extrinsics: dict[tuple[str, str], NDArray[np.float64]]
+
+    def intrinsic(self, stream: str, width: int, height: int) -> Intrinsic:
+        """ValueError lists the modes that there are."""
+        found = self.intrinsics.get((stream, width, height))
+        if found is None:
+            modes = ", ".join(f"{w}x{h}" for s, w, h in self.intrinsics if s == stream) or "none"
+            raise ValueError(
+                f'{self.path}: Intrinsic of "{stream}": none for the images\' {width}x{height} (there are: {modes})'
+            )
+        return found
+
+    def extrinsic(self, first: str, second: str) -> NDArray[np.float64]:
+        """first_to_second, 4x4. ValueError where the text has neither it nor its inverse."""
+        if (first, second) in self.extrinsics:
+            return self.extrinsics[first, second]
+        if (second, first) in self.extrinsics:
+            return np.linalg.inv(self.extrinsics[second, first])
+        raise ValueError(
+            f'{self.path}: Extrinsic from "{first}" To "{second}": is missing: run rs-enumerate-devices -c, with -c'
+        )
+
+
+def read_device_text(path: Path) -> DeviceText:
+    """The DeviceText of a file. ValueError names file, key and value of what is wrong."""
+    path = Path(path)
+    try:
+        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read: {error.strerror}") from error
+    intrinsics: dict[tuple[str, int, int], Intrinsic] = {}
+    extrinsics: dict[tuple[str, str], NDArray[np.float64]] = {}
+    for number, line in enumerate(lines):
+        if found := _INTRINSIC.search(line):
+            key = found["stream"], int(found["width"]), int(found["height"])
+            intrinsics.setdefault(key, _intrinsic(path, key, lines[number + 1 : number + 12]))
+        elif found := _EXTRINSIC.search(line):
+            extrinsics.setdefault(
+                (found["first"], found["second"]), _extrinsic(path, line.strip(), lines[number + 1 : number + 8])
+            )
+    if not intrinsics:
+        raise ValueError(f'{path}: "Intrinsic of": is nowhere in it: give the output of rs-enumerate-devices -c')
+    return DeviceText(path, intrinsics, extrinsics)
+
+
+def _intrinsic(path: Path, key: tuple[str, int, int], lines: list[str]) -> Intrinsic:
+    stream, width, height = key
+    name = f'Intrinsic of "{stream}" / {width}x{height}'
+    fields: dict[str, str] = {}
+    for line in lines:
+        if _INTRINSIC.search(line):
+            break
+        if found := _FIELD.match(line):
+            fields.setdefault(found["key"], found["value"].strip())
+    numbers = {}
+    for field in ("Fx", "Fy", "PPX", "PPY"):
+        if field not in fields or not _NUMBER.fullmatch(fields[field]):
+            raise ValueError(f"{path}: {name}: {field} is {fields.get(field, 'missing')!r}, expected a number")
+        numbers[field] = float(fields[field])
+    if numbers["Fx"] <= 0 or numbers["Fy"] <= 0:
+        raise ValueError(f"{path}: {name}: Fx, Fy are {numbers['Fx']:g}, {numbers['Fy']:g}, expected above 0")
+    model = fields.get("Distortion", "none").lower()
+    coefficients = np.array([float(n) for n in _NUMBER.findall(fields.get("Coeffs", ""))] or [0.0] * 5)
+    if len(coefficients) != 5:
+        raise ValueError(f"{path}: {name}: Coeffs has {len(coefficients)} numbers, expected 5")
+    if np.any(coefficients) and model not in _BROWN[:3]:
+        raise ValueError(
+            f"{path}: {name}: Distortion is {model!r} with coefficients that are not zero: record rectified infrared "
+            "(Y8)"
+        )
+    K = np.array([[numbers["Fx"], 0.0, numbers["PPX"]], [0.0, numbers["Fy"], numbers["PPY"]], [0.0, 0.0, 1.0]])
+    return Intrinsic(width, height, K, coefficients)
+
+
+def _extrinsic(path: Path, name: str, lines: list[str]) -> NDArray[np.float64]:
+    text = "\n".join(lines)
+    rotation = [float(n) for n in _NUMBER.findall(text.split("Translation Vector")[0])]
+    translation = (
+        [float(n) for n in _NUMBER.findall(text.split("Translation Vector")[-1].splitlines()[0])]
+        if "Translation Vector" in text
+        else []
+    )
+    if len(rotation) < 9 or len(translation) < 3:
+        raise ValueError(
+            f"{path}: {name} {len(rotation)} numbers of rotation and {len(translation)} of translation, expected 9 and "
+            "3"
+        )
+    return printed_motion(rotation[:9], translation[:3], f"{path}: {name}")

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes captures (capture format, version 1): for recorders and for programs that make worlds with a known answer."""
+
+import json
+import shutil
+from collections.abc import Container, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from activestereo.capture.capture import FORMAT, VERSION, Camera, Capture, Frame
+from activestereo.capture.images import write_gray
+
+
+def write_capture(
+    path: str | Path,
+    capture: Capture,
+    images: Mapping[tuple[int, str], np.ndarray],
+    pattern: np.ndarray,
+    depths: Mapping[int, np.ndarray] | None = None,
+    colors: Mapping[int, np.ndarray] | None = None,
+) -> None:
+    """Writes `capture` as a folder at `path` (made in a sibling folder, then renamed; `path` must not exist).
+
+    images: {(frame id, eye): uint8 or uint16 [height][width]}, none of recordings of colour and depth alone; pattern:
+    uint8 [height][width]; depths: {frame id: uint16 [height][width]} in units of the frame's depth_scale; colors:
+    {frame id: sRGB uint8 [height][width][3]}. The scene and the files it names are the caller's:
+    capture.scene_path is copied with every file beside it that has the same stem.
+    """
+    final = Path(path)
+    if final.exists():
+        raise FileExistsError(f"{final}: exists already; a capture is written once")
+    partial = final.with_name(final.name + ".partial")
+    shutil.rmtree(partial, ignore_errors=True)  # of a call that failed
+    for folder in ("left", "right", "depth", *(("color",) if colors else ())):
+        (partial / folder).mkdir(parents=True, exist_ok=True)
+    for source in capture.scene_path.parent.glob(capture.scene_path.stem + ".*"):
+        if source.is_file():
+            (partial / source.name).write_bytes(source.read_bytes())
+    write_gray(partial / "pattern.png", pattern)
+    for (frame_id, eye), image in images.items():
+        write_gray(partial / eye / f"{frame_id:06d}.png", image)
+    for frame_id, image in (depths or {}).items():
+        write_gray(partial / "depth" / f"{frame_id:06d}.png", image)
+    for frame_id, image in (colors or {}).items():
+        Image.fromarray(image).save(partial / "color" / f"{frame_id:06d}.png")
+    with_infrared = {frame_id for frame_id, _ in images}
+    entries = [_frame_json(f, with_infrared, depths or {}, colors or {}) for f in capture.frames]
+    text = json.dumps(_capture_json(capture) | {"frames": entries}, indent=1)
+    (partial / "capture.json").write_text(text + "\n")
+    partial.rename(final)
+
+
+def _capture_json(capture: Capture) -> dict[str, Any]:
+    rig = capture.rig
+    root: dict[str, Any] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "name": capture.name,
+        "scene": capture.scene_path.name,
+        "rig": {
+            "left": _camera_json(rig.left),
+            "right": _camera_json(rig.right),
+            "left_to_right": _flat(rig.left_to_right),
+            "projector": {
+                "pattern": "pattern.png",
+                "K": _flat(rig.projector.K),
+                "left_to_projector": _flat(rig.projector.left_to_projector),
+            },
+            "bit_depth": rig.bit_depth,
+            "readout": {"line_time_s": rig.line_time_s},
+        },
+        "depth_engine": capture.depth_engine,
+    }
+    if rig.color is not None:
+        root["rig"]["color"] = _camera_json(rig.color) | {"left_to_color": _flat(rig.color.left_to_color)}
+    if capture.lights:
+        root["lights"] = [
+            {"name": light.name, "position_m": _flat(light.position_m), "radius_m": light.radius_m}
+            for light in capture.lights
+        ]
+    return root
+
+
+def _camera_json(camera: Camera) -> dict[str, Any]:
+    return {
+        "width": camera.width,
+        "height": camera.height,
+        "K": _flat(camera.K),
+        "distortion": _flat(camera.distortion),
+    }
+
+
+def _frame_json(
+    frame: Frame, with_infrared: Container[int], depths: Container[int], colors: Container[int]
+) -> dict[str, Any]:
+    name = f"{frame.id:06d}.png"
+    entry: dict[str, Any] = {"id": frame.id}
+    if frame.id in with_infrared:
+        entry |= {"left": f"left/{name}", "right": f"right/{name}"}
+    if frame.id in depths:
+        entry |= {"depth": f"depth/{name}", "depth_scale": frame.depth_scale}
+    if frame.id in colors:
+        entry["color"] = f"color/{name}"
+    if frame.gripper_to_base is not None:
+        entry["gripper_to_base"] = _flat(frame.gripper_to_base)
+    return entry | {
+        "timestamp_s": frame.timestamp_s,
+        "exposure_s": frame.exposure_s,
+        "gain": frame.gain,
+        "projector_power": frame.projector_power,
+        "ambient": frame.ambient,
+        "temperature_c": frame.temperature_c,
+        "camera_to_world": _flat(frame.camera_to_world),
+        "camera_velocity": _flat(frame.camera_velocity),
+        "repeat_group": frame.repeat_group,
+        "split": frame.split,
+    }
+
+
+def _flat(array: np.ndarray) -> list[float]:
+    return np.asarray(array, dtype=float).ravel().tolist()

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""activestereo acquire noise | pattern | rig: frames of a real camera become sections of model.json."""
+
+import argparse
+import json
+from pathlib import Path
+
+from activestereo.cli import calibrate_pose, calibrate_scene
+from activestereo.cli.arguments import CommandError, add_seed, camera_matrix
+
+_TEXT = """\
+Measures a real camera. Each part replaces its own section of model.json, and
+leaves the others as they are; the file is written at the end, whole.
+
+  noise      repeats of static views  -> imager
+  pattern    frames of a flat wall    -> pattern
+  rig        frames of a board        -> rig
+  materials  views of an object       -> materials
+  pose       views of parts with CAD  -> the capture's scene with the parts in it
+  scene      depth of one pose        -> a scene where there is no CAD
+
+activestereo acquire noise --help tells more.
+"""
+
+_NOISE = """\
+The imager's temporal noise from repeats. Two laws are fitted, the paper's gamma
+factor with Gaussian noise, and shot noise with read noise; the one that gives
+pixels it was not fitted to the higher density is chosen.
+
+FRAMES is a folder of PNG files of one static view (10 or more), a folder of such
+folders, a .npy stack uint8 or uint16 [frame][height][width], or a capture with
+repeat groups. Groups of several exposures give a photon transfer table and the
+black level. Bright and dark regions in one view are best: k shows where it is
+bright, sigma and black where it is dark. --dark: frames with the lens covered;
+shot noise alone cannot tell black from read noise.
+
+Static speckle is the same in every repeat: it never shows in repeats.
+
+examples:
+  activestereo acquire noise wall/ --dark covered/ -o model.json
+  activestereo acquire noise stack.npy --paper -o model.json
+"""
+
+_PATTERN = """\
+The projector's dots, each with direction and power, from frames of a flat, matt
+wall, and the projector's place.
+
+WALL_FRAMES is a capture: 10 or more repeats of the wall in one repeat group per
+distance, both eyes, rectified, projector on, no dot clipped. Two distances, the
+second 1.5 times as far or more, tell where the projector stands; with one its
+nominal place is kept. The nearest wall stands as near as things will. K and the
+baseline are those of FILE's rig where it has one, which acquire rig measures, else
+the capture's; the projector's K and nominal place are the capture's.
+
+example:
+  activestereo acquire pattern walls/ -o model.json
+"""
+
+_RIG = """\
+Both infrared cameras' calibration from pairs of frames of a board, projector off:
+K, lens, the place of the right eye, all with 90 % intervals, and a picture of
+where corners were seen (FILE's name with .coverage.png). 15 boards or more,
+tilted up to 40 degrees and into every corner of the picture.
+
+BOARD is one of
+  9x6:0.03                   chessboard, 9x6 inner corners, squares of 0.03 m
+  charuco:9x6:0.03:0.022     ChArUco, 9x6 squares of 0.03 m, markers (5x5) of 0.022 m
+  apriltag:6x4:0.04:0.01     6x4 AprilTags (36h11) of 0.04 m, 0.01 m apart
+
+With --robot the camera's place on the gripper follows, by five methods side by
+side and least squares over all poses; it goes into FILE's name with
+.hand_eye.json. The CSV names the frames as the PNG files do.
+
+examples:
+  activestereo acquire rig boards/ --board 9x6:0.03 -o model.json
+  activestereo acquire rig boards/ --board charuco:9x6:0.03:0.022 --robot poses.csv -o model.json
+"""
+
+
+def add_parser(commands: argparse._SubParsersAction) -> None:
+    parser = commands.add_parser(
+        "acquire", help="measure a real camera: frames become sections of model.json", description=_TEXT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    parts = parser.add_subparsers(dest="part", metavar="PART", required=True)
+    noise = _part(parts, "noise", "the imager's temporal noise from repeats", _NOISE)
+    noise.add_argument("frames", type=Path, metavar="FRAMES", help="repeats of static views")
+    noise.add_argument("--dark", type=Path, metavar="FRAMES", help="repeats without light")
+    noise.add_argument(
+        "--paper",
+        action="store_true",
+        help="print the paper's literal fit, too: clean image = average, theta and mu free",
+    )
+    noise.set_defaults(run=_run_noise)
+    pattern = _part(parts, "pattern", "the projector's dots from frames of a flat wall", _PATTERN)
+    pattern.add_argument("frames", type=Path, metavar="WALL_FRAMES", help="capture whose repeat groups look at a wall")
+    pattern.set_defaults(run=_run_pattern)
+    rig = _part(parts, "rig", "both cameras' calibration from frames of a board", _RIG)
+    rig.add_argument(
+        "frames", type=Path, metavar="BOARD_FRAMES", help="folder with left/ and right/, PNG files of equal names"
+    )
+    rig.add_argument(
+        "--board",
+        required=True,
+        metavar="BOARD",
+        help="9x6:0.03, charuco:9x6:0.03:0.022 or apriltag:6x4:0.04:0.01 (metres)",
+    )
+    rig.add_argument("--robot", type=Path, metavar="FILE", help="CSV of gripper_to_base: name,x,y,z,qx,qy,qz,qw")
+    rig.add_argument("--rectified", action="store_true", help="the images are rectified: no lens distortion is fitted")
+    rig.add_argument(
+        "--k", type=camera_matrix, metavar="FX,FY,CX,CY", help="the device's own K of both rectified eyes, held"
+    )
+    rig.set_defaults(run=_run_rig)
+    calibrate_pose.add_part(parts)
+    calibrate_scene.add_parts(parts)
+
+
+def _part(parts: argparse._SubParsersAction, name: str, summary: str, text: str) -> argparse.ArgumentParser:
+    parser = parts.add_parser(
+        name, help=summary, description=text, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "-o",
+        "--out",
+        required=True,
+        type=Path,
+        metavar="FILE",
+        help="model.json; made if it is not there, else one section is replaced",
+    )
+    add_seed(parser, "same seed, same result")
+    return parser
+
+
+def _check_out(path: Path) -> None:
+    """Fails before the long work, not after it."""
+    if path.is_dir():
+        raise CommandError(f"{path} is a folder: give the name of a file, such as {path / 'model.json'}")
+    if not path.absolute().parent.is_dir():
+        raise CommandError(f"the folder {path.parent} does not exist: make it first")
+
+
+def _run_noise(args: argparse.Namespace) -> None:
+    from activestereo.calibrate.model_section import replace_sections
+    from activestereo.calibrate.noise import acquire_noise
+    from activestereo.common.progress_bar import ProgressBar
+
+    _check_out(args.out)
+    with ProgressBar("fitting noise") as bar:
+        noise = acquire_noise(args.frames, args.dark, args.paper, args.seed, bar)
+    replace_sections(args.out, noise.model())
+    print(noise.text())
+    print(f"written: imager in {args.out}")
+
+
+def _run_pattern(args: argparse.Namespace) -> None:
+    from activestereo.calibrate.model_section import replace_sections
+    from activestereo.calibrate.pattern import acquire_pattern
+    from activestereo.common.progress_bar import ProgressBar
+    from activestereo.model import read_model
+
+    _check_out(args.out)
+    model = read_model(args.out) if args.out.is_file() else None
+    with ProgressBar("finding dots") as bar:
+        pattern = acquire_pattern(args.frames, bar, model)
+    replace_sections(args.out, pattern.model(), keep_rig=True)
+    print(pattern.text())
+    print(f"written: pattern in {args.out}")
+
+
+def _run_rig(args: argparse.Namespace) -> None:
+    from activestereo.calibrate.boards import Board
+    from activestereo.calibrate.coverage import write_coverage
+    from activestereo.calibrate.hand_eye import hand_eye, read_poses
+    from activestereo.calibrate.model_section import replace_sections
+    from activestereo.calibrate.rig import acquire_rig
+    from activestereo.common.output_files import replace_file
+    from activestereo.common.progress_bar import ProgressBar
+
+    _check_out(args.out)
+    robot = None if args.robot is None else read_poses(args.robot)
+    with ProgressBar("calibrating") as bar:
+        result = acquire_rig(args.frames, Board.parse(args.board), not args.rectified and args.k is None, args.k, bar)
+    hand = None
+    if robot is not None:
+        named = {Path(name).stem: pose for name, pose in robot.items()}
+        both = [name for name in result.board_to_left if Path(name).stem in named]
+        if not both:
+            raise CommandError(
+                f"{args.robot}: names no frame of {args.frames / 'left'}, such as {next(iter(result.board_to_left))}"
+            )
+        hand = hand_eye([named[Path(name).stem] for name in both], [result.board_to_left[name] for name in both])
+    replace_sections(args.out, result.model())
+    written = [args.out.with_suffix(".coverage.png")]
+    write_coverage(written[0], result)
+    print(result.text())
+    if hand is not None:
+        written.append(args.out.with_suffix(".hand_eye.json"))
+        text = (json.dumps(hand.as_json(), indent=1) + "\n").encode()
+        replace_file(written[1], lambda file: file.write(text))
+        print(hand.text())
+    print(f"written: rig in {args.out}, {', '.join(path.name for path in written)}")

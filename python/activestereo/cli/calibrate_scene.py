@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""activestereo acquire scene | materials: what stands before the camera, and what it is made of."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from activestereo.cli.arguments import CommandError, add_device, add_seed, integer_from
+
+_SCENE = """\
+A scene where no geometry exists: the surface that one pose of the camera measured, as
+a mesh with one albedo, and the camera. Its repeats give the median. The command warns
+of what such a scene cannot tell: where you have CAD files, acquire pose places them.
+
+example:
+  activestereo acquire scene captures/desk -o desk.gltf
+"""
+
+_MATERIALS = """\
+What an object of the capture's scene is made of: roughness, metallic, specular,
+transmission and infrared albedo of each of its parts, into the section materials of
+model.json under the materials' names. The object's pose must be known (acquire pose);
+what lies around it, such as the table, keeps the scene's materials, which tell how
+bright the lights are. Rig and pattern are those of model.json, where it has them
+already. Put lamps whose place you measured into the capture's "lights".
+
+Infrared images with the projector on are needed; with it off, and colour images, tell
+more. What the pictures do not determine is named and not written. The clean way: two
+or three poses, a matt table of known albedo, the object large in the picture.
+
+example:
+  activestereo acquire materials captures/desk --object cup -o model.json
+"""
+
+
+def add_parts(parts: argparse._SubParsersAction) -> None:
+    """The parsers of acquire's two parts."""
+    raw = argparse.RawDescriptionHelpFormatter
+    scene = parts.add_parser("scene", help="a measured depth map as a scene", description=_SCENE, formatter_class=raw)
+    scene.add_argument("capture", type=Path, metavar="CAPTURE", help="capture with depth")
+    scene.add_argument(
+        "--frame", type=integer_from(0), metavar="ID", help="frame of the pose (default: first with depth)"
+    )
+    scene.add_argument(
+        "--step", type=integer_from(1), default=2, metavar="PX", help="pixels between points (default: 2)"
+    )
+    scene.add_argument("-o", "--out", required=True, type=Path, metavar="FILE", help=".gltf or .glb")
+    scene.set_defaults(run=_run_scene)
+    materials = parts.add_parser(
+        "materials", help="what an object is made of", description=_MATERIALS, formatter_class=raw
+    )
+    add = materials.add_argument
+    add("capture", type=Path, metavar="CAPTURE", help="capture whose scene has the object at its place")
+    add("--object", required=True, metavar="NAME", help="the object's name in the scene")
+    add("-o", "--out", required=True, type=Path, metavar="FILE", help="model.json; other sections stay as they are")
+    add("--full-grid", action="store_true", help="render every candidate of the wide search in full, to check it")
+    add(
+        "--network",
+        type=Path,
+        metavar="FILE",
+        help="ONNX, such as AlexNet: its early layers compare the pictures, in place of the filter bank",
+    )
+    add_device(materials)
+    add_seed(materials, "same seed, same result")
+    materials.set_defaults(run=_run_materials)
+
+
+def _run_scene(args: argparse.Namespace) -> None:
+    from activestereo.calibrate.height_field import NOTE, height_field, write_height_field
+    from activestereo.capture.capture import read_capture
+
+    if args.out.suffix not in (".gltf", ".glb") or not args.out.absolute().parent.is_dir():
+        raise CommandError(f"{args.out}: -o is the name of a .gltf or .glb file in a folder that exists")
+    capture = read_capture(args.capture)
+    field = height_field(capture, args.frame, args.step)
+    frame = next(f for f in capture.frames if f.depth_path is not None and args.frame in (None, f.id))
+    write_height_field(args.out, field, capture, frame.camera_to_world)
+    triangles = len(field.mesh.indices.reshape(-1, 3))
+    print(f"{triangles} triangles from {field.frames} frames; {100 * field.share:.0f} % of the image is a surface")
+    print(NOTE)
+    print(f"written: {args.out}")
+
+
+def _run_materials(args: argparse.Namespace) -> None:
+    from activestereo.calibrate.materials import acquire_materials
+    from activestereo.calibrate.model_section import replace_sections
+    from activestereo.common.progress_bar import ProgressBar
+    from activestereo.model import read_model
+
+    if args.out.is_dir() or not args.out.absolute().parent.is_dir():
+        raise CommandError(f"{args.out}: -o is the name of a file in a folder that exists, such as model.json")
+    with ProgressBar(f"materials of {args.object}") as bar:
+        model = read_model(args.out) if args.out.is_file() else None
+        found = acquire_materials(
+            args.capture, args.object, args.seed, args.full_grid, args.device, model, args.network, bar
+        )
+    replace_sections(args.out, found.model())
+    print(found.text())
+    print(f"written: materials in {args.out}")

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rendered layers kept on disk by the content of what made them: a second look at a capture traces no ray.
+
+Entries are whole or absent (written aside, then renamed), so that parallel runs may share one folder.
+"""
+
+import hashlib
+import json
+import os
+import warnings
+import zipfile
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from activestereo.common.output_files import replace_file
+from activestereo.compare.layers import Layers, RenderRequest
+
+# Raised when the meaning of a cached array changes.
+_FORMAT = 4
+_LIMIT_BYTES = 4 << 30
+
+
+def default_cache_folder() -> Path:
+    """ACTIVESTEREO_CACHE, else the user's cache folder."""
+    own = os.environ.get("ACTIVESTEREO_CACHE")
+    if own:
+        return Path(own)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "activestereo" / "layers"
+
+
+def scene_digest(scene_path: str | Path) -> str:
+    """Content hash of a glTF scene and every file it refers to."""
+    digest = hashlib.sha256()
+    path = Path(scene_path)
+    digest.update(path.read_bytes())
+    if path.suffix == ".gltf":
+        document = json.loads(path.read_text(encoding="utf-8"))
+        for entry in document.get("buffers", []) + document.get("images", []):
+            uri = entry.get("uri", "")
+            if uri and not uri.startswith("data:"):
+                digest.update((path.parent / uri).read_bytes())
+    return digest.hexdigest()
+
+
+def request_key(request: RenderRequest, renderer_version: str) -> str:
+    """Hash of all that decides the pixels: equal keys mean equal layers."""
+    digest = hashlib.sha256()
+
+    def add(value: Any) -> None:
+        if isinstance(value, np.ndarray):
+            digest.update(f"{value.dtype.str}{value.shape}".encode())
+            digest.update(np.ascontiguousarray(value).tobytes())
+        elif isinstance(value, tuple):
+            for camera in value:
+                for field in fields(camera):
+                    add(getattr(camera, field.name))
+        else:
+            digest.update(repr(value).encode())
+
+    add(repr((_FORMAT, renderer_version)))
+    for field in fields(request):
+        value = getattr(request, field.name)
+        add(scene_digest(value) if field.name == "scene_path" else value)
+    return digest.hexdigest()
+
+
+class CacheWarning(UserWarning):
+    """Renders cannot be kept."""
+
+
+class LayerCache:
+    """Folder of `<key>.npz`, one rig pose or one set of images each. The oldest entries go when it grows over its
+    limit."""
+
+    def __init__(self, folder: str | Path | None = None, limit_bytes: int = _LIMIT_BYTES) -> None:
+        self.folder = Path(folder) if folder else default_cache_folder()
+        self._limit_bytes = limit_bytes
+
+    def get(self, key: str) -> tuple[Layers, ...] | None:
+        """The stored layers, one entry per camera, or None."""
+        stored = self.get_arrays(key) or {}
+        names = [field.name for field in fields(Layers)]
+        present = {f.name for f in fields(Layers) if f.default is MISSING or f"{f.name}_0" in (stored or {})}
+        try:
+            count = int(stored["count"])
+            return tuple(Layers(**{n: stored[f"{n}_{i}"] for n in names if n in present}) for i in range(count))
+        except (KeyError, ValueError):
+            return None
+
+    def put(self, key: str, layers: tuple[Layers, ...]) -> None:
+        arrays = {f"{f.name}_{i}": getattr(view, f.name) for i, view in enumerate(layers) for f in fields(Layers)}
+        arrays = {name: array for name, array in arrays.items() if array is not None}
+        self.put_arrays(key, arrays | {"count": np.array(len(layers))})
+
+    def get_arrays(self, key: str) -> dict[str, np.ndarray] | None:
+        """The stored arrays by name, or None."""
+        path = self.folder / f"{key}.npz"
+        try:
+            with np.load(path) as stored:
+                arrays = {name: stored[name] for name in stored.files}
+        except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile):
+            return None  # absent, or not ours: rendered again and replaced
+        with suppress(OSError):  # another run may forget it at any time, and a folder may be read-only
+            os.utime(path)
+        return arrays
+
+    def put_arrays(self, key: str, arrays: Mapping[str, np.ndarray]) -> None:
+        """A folder that cannot be written (read-only, full) costs a CacheWarning and the time to render again, not the
+        caller's work."""
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            replace_file(self.folder / f"{key}.npz", lambda file: np.savez(file, **arrays))
+        except OSError as error:
+            text = f"renders are not kept for a second look: {error}; ACTIVESTEREO_CACHE names another folder"
+            warnings.warn(text, CacheWarning, stacklevel=2)
+            return
+        self._forget_oldest()
+
+    def _forget_oldest(self) -> None:
+        entries = []
+        for path in self.folder.glob("*.npz"):
+            with suppress(OSError):
+                status = path.stat()
+                entries.append((status.st_mtime, status.st_size, path))
+        used = 0
+        for _, size, path in sorted(entries, reverse=True):
+            used += size
+            if used > self._limit_bytes:
+                with suppress(OSError):
+                    path.unlink(missing_ok=True)

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One eye's image as the other eye would see it, through the depth of the known scene."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from activestereo.common.lens import distort, undistort
+from activestereo.effects.core.view import View
+
+_OCCLUSION = 0.02  # relative difference of depth from which on the two eyes see different surfaces
+
+
+@dataclass(frozen=True)
+class Warp:
+    """Where each pixel of the left eye is in the right eye's image: u, v [height][width]; seen: both eyes see it."""
+
+    u: NDArray[np.float64]
+    v: NDArray[np.float64]
+    seen: NDArray[np.bool_]
+
+    def read(self, right: NDArray[np.generic], shift_px: float = 0.0, order: int = 1) -> NDArray[np.float64]:
+        """The right image at those places, `shift_px` further to the right."""
+        return map_coordinates(np.asarray(right, np.float64), [self.v, self.u + shift_px], order=order, mode="nearest")
+
+    @property
+    def interpolation_variance(self) -> NDArray[np.float64]:
+        """By what a linear interpolation's variance is smaller than a pixel's, [height][width]."""
+        parts = [(x - np.floor(x), 1.0 - (x - np.floor(x))) for x in (self.u, self.v)]
+        return (parts[0][0] ** 2 + parts[0][1] ** 2) * (parts[1][0] ** 2 + parts[1][1] ** 2)
+
+
+def warp_between(left: View, right: View) -> Warp:
+    """The Warp of two eyes of one frame."""
+    height, width = left.shape
+    v, u = np.mgrid[0:height, 0:width].astype(np.float64)
+    x, y = (u - left.K[0, 2]) / left.K[0, 0], (v - left.K[1, 2]) / left.K[1, 1]
+    if np.any(left.distortion):
+        x, y = undistort(x, y, left.distortion)
+    points = np.stack([x, y, np.ones_like(x)]) * left.depth_m
+    pose = right.left_to_camera
+    there = np.tensordot(pose[:3, :3], points, axes=1) + pose[:3, 3][:, None, None]
+    z = np.where(there[2] > 1e-6, there[2], 1.0)
+    x, y = there[0] / z, there[1] / z
+    if np.any(right.distortion):
+        x, y = distort(x, y, right.distortion)
+    to_u, to_v = right.K[0, 0] * x + right.K[0, 2], right.K[1, 1] * y + right.K[1, 2]
+    inside = (left.depth_m > 0) & (to_u >= 1) & (to_u <= width - 2) & (to_v >= 1) & (to_v <= height - 2)
+    depth = map_coordinates(right.depth_m, [to_v, to_u], order=0, mode="nearest")
+    return Warp(to_u, to_v, inside & (np.abs(depth - there[2]) < _OCCLUSION * z))

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The device's depth beside the model's and the true geometry: error in metres and in pixels of disparity, fill, and
+noise floor.
+
+A device frame is one noisy measurement and so is the model's; two repeats of one of them differ as much as a perfect
+model would from the device. The floor comes from repeated device frames with depth, else from the model's own repeats.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from activestereo.capture.capture import EYES, SPLITS, Frame
+from activestereo.compare.depth_model import DepthModel, expose, residual_variance
+from activestereo.compare.noise import NoiseLaw
+
+if TYPE_CHECKING:
+    from activestereo.capture.capture import Capture
+    from activestereo.effects.core.model import Model
+    from activestereo.effects.core.view import View
+
+
+@dataclass(frozen=True)
+class DepthFrame:
+    """Depths of one frame, metres [height][width], 0 = none: the device's, two exposures of the model, true geometry.
+    focal_baseline: pixels x metres, disparity = focal_baseline / depth."""
+
+    frame: Frame
+    measured: np.ndarray
+    model: tuple[np.ndarray, ...]
+    truth: np.ndarray
+    focal_baseline: float
+
+    def disparity_error(self, depth_m: np.ndarray, reference_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(depth's disparity minus the reference's [height][width], where both are valid)."""
+        both = (depth_m > 0) & (reference_m > 0)
+        safe = lambda z: np.where(both, z, 1.0)  # noqa: E731
+        return np.where(both, self.focal_baseline * (1.0 / safe(depth_m) - 1.0 / safe(reference_m)), 0.0), both
+
+
+def model_depths(
+    capture: Capture,
+    measured: Mapping[tuple[int, str], np.ndarray],
+    predictions: Mapping[tuple[int, str], np.ndarray],
+    views: Mapping[tuple[int, str], View],
+    law: NoiseLaw | None,
+    model: Model,
+    seed: int = 0,
+    split: str | None = None,
+) -> list[DepthFrame]:
+    """A DepthFrame for each frame that has the device's depth. measured, predictions: {(frame id, eye): DN}; views:
+    {...: View}.
+
+    model: its effects on disparity and depth act on what simsense matches. split: frames of it alone.
+    """
+    frames = [frame for frame in capture.frames if frame.depth_path is not None and split in (None, frame.split)]
+    if not frames:
+        return []
+    engine = DepthModel(capture)
+    focal_baseline = float(capture.rig.left.K[0, 0]) * capture.rig.baseline_m
+    out = []
+    for frame in frames:
+        view, draws = views[frame.id, "left"], []
+        device = capture.depth(frame)
+        assert device is not None  # it has a depth_path
+        for draw in range(2):
+            pair = []
+            for index, eye in enumerate(EYES):
+                expected = predictions[frame.id, eye].astype(np.float64)
+                noise = law or NoiseLaw(residual_variance(measured[frame.id, eye], expected), 0.0, 0.0, 0.0)
+                rng = np.random.Generator(np.random.Philox(key=[seed, 4 * frame.id + 2 * draw + index]))
+                pair.append(expose(expected, frame.gain, noise, capture.rig.max_dn, rng))
+            draws.append(model.depth(engine.depth(*pair), view))
+        out.append(DepthFrame(frame, device, tuple(draws), view.depth_m, focal_baseline))
+    return out
+
+
+def depth_scores(depths: Sequence[DepthFrame]) -> dict[str, dict[str, Any]]:
+    """compare.json's `depth`: {split: scores}, splits without device depth left out."""
+    scores = {}
+    for split in SPLITS:
+        chosen = [d for d in depths if d.frame.split == split]
+        if chosen:
+            scores[split] = _split_scores(chosen) | {"frames": [frame_scores(d) for d in chosen]}
+    return scores
+
+
+def frame_scores(depth: DepthFrame) -> dict[str, Any]:
+    return {"id": depth.frame.id} | _against_model([depth]) | _floor([depth], [])
+
+
+def _split_scores(depths: Sequence[DepthFrame]) -> dict[str, Any]:
+    return _against_model(depths) | _floor(depths, _repeats(depths)) | {"truth": _against_truth(depths)}
+
+
+def _against_model(depths: Sequence[DepthFrame]) -> dict[str, Any]:
+    pairs = [(d, d.measured, d.model[0]) for d in depths]
+    measured = np.concatenate([(d.measured > 0).ravel() for d in depths])
+    model = np.concatenate([(d.model[0] > 0).ravel() for d in depths])
+    return _error(pairs) | {
+        "fill_measured": float(measured.mean()),
+        "fill_model": float(model.mean()),
+        "validity_iou": _overlap(measured, model),
+    }
+
+
+def _floor(depths: Sequence[DepthFrame], repeats: Sequence[Any]) -> dict[str, Any]:
+    pairs = repeats or [(d, d.model[0], d.model[1]) for d in depths]
+    error = _error(pairs)
+    return {
+        "noise_floor_px": error["rmse_px"],
+        "noise_floor_median_abs_px": error["median_abs_px"],
+        "noise_floor_validity_iou": _overlap(*(np.concatenate([(p[k] > 0).ravel() for p in pairs]) for k in (1, 2))),
+        "noise_floor_from": "repeats" if repeats else "model",
+    }
+
+
+def _against_truth(depths: Sequence[DepthFrame]) -> Any:
+    return {
+        "measured": _error([(d, d.measured, d.truth) for d in depths]),
+        "model": _error([(d, d.model[0], d.truth) for d in depths]),
+    }
+
+
+def _repeats(depths: Sequence[DepthFrame]) -> list[Any]:
+    """Pairs of the device's own depths of one static view."""
+    groups: dict[int, list[DepthFrame]] = {}
+    for d in depths:
+        if d.frame.repeat_group is not None:
+            groups.setdefault(d.frame.repeat_group, []).append(d)
+    return [(a, a.measured, b.measured) for g in groups.values() for a, b in zip(g, g[1:], strict=False)]
+
+
+def _error(pairs: Sequence[Any]) -> dict[str, Any]:
+    """Errors of (DepthFrame, depth, reference), pooled over pixels where both are valid; None where there is none."""
+    in_metres, in_pixels = [], []
+    for d, depth, reference in pairs:
+        error, both = d.disparity_error(depth, reference)
+        in_pixels.append(error[both])
+        in_metres.append((depth.astype(np.float64) - reference)[both])
+    metres, pixels = np.concatenate(in_metres), np.concatenate(in_pixels)
+    if not metres.size:
+        return dict.fromkeys(("rmse_m", "bias_m", "rmse_px", "median_abs_px"))
+    return {
+        "rmse_m": float(np.sqrt(np.mean(metres**2))),
+        "bias_m": float(metres.mean()),
+        "rmse_px": float(np.sqrt(np.mean(pixels**2))),
+        "median_abs_px": float(np.median(np.abs(pixels))),
+    }
+
+
+def _overlap(a: np.ndarray, b: np.ndarray) -> float:
+    """Intersection over union; 1 where both are empty."""
+    union = np.count_nonzero(a | b)
+    return float(np.count_nonzero(a & b) / union) if union else 1.0

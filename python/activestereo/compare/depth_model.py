@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The model's own depth: the predicted pair with the capture's noise through simsense, as the device would have matched
+it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from activestereo.capture.capture import Capture, CaptureWarning, Rig
+from activestereo.common.matcher_table import MATCHER
+from activestereo.compare.noise import NoiseLaw
+
+# Quantisation is in the measured variance already, and rounding adds it again.
+_QUANTISATION_VARIANCE = 1.0 / 12.0
+# Farther than the engine's own default: a device's depth reaches as far as its 16 bits.
+_DEFAULT_MAX_DEPTH_M = 65.0
+_MAX_DISPARITY = next(p for p in MATCHER if p.name == "max_disparity")
+_HINTS = (
+    "max_disparity", "census_width", "census_height", "block_width", "block_height", "p1", "p2", "uniqueness_ratio",
+    "lr_max_diff", "median_size", "path_count", "min_disparity", "min_depth_m", "max_depth_m",
+)  # fmt: skip
+_MAD_TO_SIGMA = 1.4826
+
+
+def expose(
+    expected_dn: np.ndarray, gain: float, law: NoiseLaw, max_dn: float, rng: np.random.Generator
+) -> np.ndarray:
+    """One noisy exposure of an expected image, whole DN in float32: gamma speckle for the law's quadratic term, the
+    rest normal."""
+    signal = np.maximum(expected_dn - law.black_dn, 0.0)
+    variance = np.maximum(law.offset - _QUANTISATION_VARIANCE + law.shot * gain * signal, 0.0)
+    noise = np.sqrt(variance) * rng.standard_normal(signal.shape)
+    if law.relative > 0:
+        noise += signal * (rng.gamma(1.0 / law.relative, law.relative, signal.shape) - 1.0)
+    return np.clip(np.rint(expected_dn + noise), 0, max_dn).astype(np.float32)
+
+
+def residual_variance(measured: np.ndarray, predicted: np.ndarray) -> float:
+    """DN^2 of a stand-in for the noise where no repeat tells it: the middle half of the residual, taken as normal."""
+    residual = measured - predicted
+    return float((_MAD_TO_SIGMA * np.median(np.abs(residual - np.median(residual)))) ** 2)
+
+
+class DepthModel:
+    """simsense on a capture's nominal calibration. Depth is z in the left camera's frame, metres, 0 = none.
+
+    Of the capture's depth_engine hints those that bear an engine parameter's name are followed; the rest of the
+    device's matcher is not known, so the engine's own defaults hold.
+    """
+
+    def __init__(self, capture: Capture) -> None:
+        import simsense
+
+        rig = capture.rig
+        left, right = (simsense.Camera(c.width, c.height, c.K, c.distortion) for c in (rig.left, rig.right))
+        is_ideal = _is_rectified(rig)
+        registered: dict[str, Any] = {} if is_ideal else {"rgb": left, "left_to_rgb": np.eye(4)}
+
+        def engine(parameters: Mapping[str, Any]) -> simsense.Engine:
+            device, bits = simsense.Device("host"), max(8, rig.bit_depth)
+            return simsense.Engine(
+                device, left, right, rig.left_to_right, rectified=is_ideal, bit_depth=bits, **registered, **parameters
+            )
+
+        self.parameters = _followed(capture.depth_engine)
+        try:
+            self._engine = engine(self.parameters)
+        except simsense.ArgumentError as error:
+            text = f"{capture.path}: depth_engine hints cannot be followed: {error}"
+            warnings.warn(text, CaptureWarning, stacklevel=2)
+            self.parameters = _followed({})
+            self._engine = engine(self.parameters)
+        self._output = "depth" if is_ideal else "depth_rgb"
+        self._dtype = np.uint8 if rig.bit_depth <= 8 else np.uint16
+
+    def depth(self, left_dn: np.ndarray, right_dn: np.ndarray) -> np.ndarray:
+        """float32 [height][width] of a pair in whole DN."""
+        left, right = left_dn.astype(self._dtype), right_dn.astype(self._dtype)
+        return self._engine.compute(left, right, outputs=(self._output,))[self._output].copy()
+
+
+def _followed(hints: Mapping[str, Any]) -> dict[str, Any]:
+    """The engine's parameters under the hints that it understands."""
+    known = {name: hints[name] for name in _HINTS if isinstance(hints.get(name), int | float)}
+    parameters = {"max_disparity": _MAX_DISPARITY.default, "max_depth_m": _DEFAULT_MAX_DEPTH_M} | known
+    if _MAX_DISPARITY.range is not None:
+        least, most = _MAX_DISPARITY.range
+        parameters["max_disparity"] = min(max(parameters["max_disparity"], least), most)
+    return parameters
+
+
+def _is_rectified(rig: Rig) -> bool:
+    same_k = np.allclose(rig.left.K, rig.right.K) and (rig.left.width, rig.left.height) == (
+        rig.right.width,
+        rig.right.height,
+    )
+    shift = rig.left_to_right.copy()
+    shift[0, 3] = 0.0
+    return same_k and rig.left.is_pinhole and rig.right.is_pinhole and np.allclose(shift, np.eye(4))

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A capture's expected images under a model by the engines themselves: effects with engine fields act inside of kuafu
+and simsense."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.capture.capture import EYES, Capture
+from activestereo.common.progress_bar import part_of
+from activestereo.compare.cache import LayerCache, scene_digest
+from activestereo.compare.fit_model import fit_under_model
+from activestereo.compare.kuafu_renderer import engine_version
+from activestereo.compare.layers import Layers
+from activestereo.compare.nuisances import Fit, Nuisances
+from activestereo.effects import Light, Model, View
+from activestereo.effects.core.descriptor import Randomness
+from activestereo.effects.engines import CaptureRenderer, EyeLight, Survey
+from activestereo.effects.engines.halves import HALVES
+from activestereo.effects.engines.imager import ExpectedImager
+from activestereo.effects.engines.smooth import SMOOTH_VERSION
+
+Key = tuple[int, str]
+
+
+class EngineModel:
+    """A Model whose signal is simsense's; what has no engine field acts on the image before (light) or after it
+    (counts).
+
+    It stands in for a Model where nuisances are fitted: `effects` and `signal` mean the same.
+    """
+
+    def __init__(self, model: Model, renderer: CaptureRenderer) -> None:
+        capture = renderer.capture
+        self.effects = model.effects
+        self.rest = Model(
+            tuple((e, p) for e, p in model.effects if e.engine is None and e.randomness is Randomness.NONE)
+        )
+        self._imager = ExpectedImager(capture.rig.left.width, capture.rig.left.height, capture.rig.max_dn)
+        self._signals = {
+            (frame.id, eye): part.signal
+            for frame in capture.frames
+            for eye, part in zip(EYES, renderer.inputs(frame, model).eyes, strict=True)
+        }
+
+    def light(self, seen: EyeLight, flat: NDArray[np.float32], view: View) -> Light:
+        """What falls on the imager. flat: of the base layers, for effects of the projector that have no engine
+        field."""
+        images = (seen.direct, seen.indirect, seen.ambient, flat)
+        light = Light.of_images([np.asarray(image, dtype=np.float64) for image in images])
+        return self.rest.light(light, view) if self.rest.effects else light
+
+    def signal(self, light: Light, view: View, nuisances: Nuisances) -> NDArray[np.float64]:
+        """Expected DN [height][width], black level included."""
+        frame, signal = view.frame, self._signals[view.frame.id, view.eye]
+        level = 1.0 if frame.ambient is None else frame.ambient
+        value = (
+            nuisances.projector_scale * frame.projector_power * light.projector
+            + nuisances.ambient_scale * level * light.ambient
+        )
+        black = signal["black_level_dn"] + nuisances.black_dn
+        counts = self._imager.one(np.maximum(value, 0.0), signal | {"black_level_dn": black}).astype(np.float64)
+        if not self.rest.effects:
+            return counts
+        return self.rest.digital(counts - black, view, black)
+
+
+class EngineImages:
+    """A capture's light under a model by the engine (a Rendering of diagnose/refine/by_rendering.py). Images are kept
+    in the user's cache of renders.
+
+    Arguments as of CaptureRenderer. Samples are of the base model's images; a draft has a quarter of them. What a
+    search ends with has twice as many, as many as `compare` has: light below surfaces is noisier than the base model's,
+    and its images are no longer filtered there.
+    """
+
+    def __init__(
+        self, capture: Capture, device: str | int, samples_per_pixel: int, max_bounces: int, seed: int
+    ) -> None:
+        draft, whole = max(1, samples_per_pixel // 4), 2 * samples_per_pixel
+        self._draft, self._whole = (
+            CaptureRenderer(capture, device, spp, max_bounces, seed) for spp in (draft, whole)
+        )
+        self._cache = LayerCache()
+
+    def __call__(self, model: Model, split: str, half: int | None = None) -> Mapping[Key, LightOnly]:
+        renderer = self._draft if half is None else self._whole
+        frames, key = renderer.capture.split(split), _images_key(renderer, model, split, half)
+        stored = self._cache.get_arrays(key)
+        if stored is None:
+            seen = renderer.lights(model, frames, half=half)
+            stored = {f"{eye}_{id}": np.stack([x.direct, x.indirect, x.ambient]) for (id, eye), x in seen.items()}
+            self._cache.put_arrays(key, stored)
+        return {(f.id, eye): LightOnly(*stored[f"{eye}_{f.id}"]) for f in frames for eye in EYES}
+
+
+class LightOnly(NamedTuple):
+    """Radiance float32 [height][width], as EyeLight has it."""
+
+    direct: NDArray[np.float32]
+    indirect: NDArray[np.float32]
+    ambient: NDArray[np.float32]
+
+
+def _images_key(renderer: CaptureRenderer, model: Model, split: str, half: int | None) -> str:
+    """Hash of all that decides the images: the capture, the code that renders, and what the effects do to it."""
+    capture, digest = renderer.capture, hashlib.sha256()
+    digest.update((capture.path / "capture.json").read_bytes())
+    digest.update(scene_digest(capture.scene_path).encode())
+    digest.update(np.ascontiguousarray(capture.rig.projector.pattern()).tobytes())
+    settings = renderer.samples_per_pixel, renderer.max_bounces, renderer.seed, split, half, SMOOTH_VERSION
+    digest.update(repr((settings, engine_version(renderer.device))).encode())
+    for effect, parameters in model.effects:
+        digest.update(repr((effect.id, sorted(parameters.items()))).encode())
+        digest.update(b"" if effect.engine is None else inspect.getsource(effect.engine).encode())
+    return digest.hexdigest()
+
+
+def predict_in_engines(
+    capture: Capture,
+    model: Model,
+    survey: Survey,
+    renderer: CaptureRenderer,
+    layers: Mapping[int, Mapping[str, Layers]],
+    views: Mapping[Key, View],
+    measured: Mapping[Key, NDArray],
+    progress: Callable[[float], object] | None = None,
+) -> tuple[Fit, dict[Key, list[NDArray[np.float64]]]]:
+    """(the Fit of the nuisances on the train frames, {(frame id, eye): expected DN [height][width] by each of two
+    independent halves of the samples}).
+
+    layers: the base model's; views and measured: {(frame id, eye): View and DN}. ValueError where there is nothing to
+    fit.
+    """
+    engine, halves = EngineModel(model, renderer), []
+    for half in HALVES:
+        share = part_of(progress, half / 2, (half + 1) / 2)
+        seen = renderer.lights(model, survey=survey, progress=share, half=half)
+        halves.append({k: engine.light(seen[k], layers[k[0]][k[1]].flat, view) for k, view in views.items()})
+    train = [
+        (views[f.id, eye], mean_light(*(lights[f.id, eye] for lights in halves)), measured[f.id, eye])
+        for f in capture.split("train")
+        for eye in EYES
+    ]
+    fit = fit_under_model(engine, train, capture.rig.max_dn)
+    return fit, {
+        key: [engine.signal(lights[key], view, fit.nuisances) for lights in halves] for key, view in views.items()
+    }
+
+
+def mean_light(first: Light, second: Light) -> Light:
+    """The mean of two renders' light on the imager."""
+    names = ("direct", "indirect", "ambient", "flat")
+    return Light.of_images([0.5 * (getattr(first, name) + getattr(second, name)) for name in names])

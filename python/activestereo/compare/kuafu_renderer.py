@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""kuafu as the lab's renderer: the known scene under the projector at power 1 and under ambient radiance 1, infrared
+band."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import kuafu
+from activestereo.compare.cache import scene_digest
+from activestereo.compare.layers import Layers, RenderRequest
+from activestereo.effects.core.scene_surfaces import split_surfaces
+from activestereo.effects.engines.smooth import SMOOTH_VERSION
+from activestereo.effects.engines.smoothing import seen_surfaces, smooth_light
+
+# Light without the pattern varies at edges alone: it needs fewer samples.
+_FLAT_SHARE = 0.5
+_OUTPUTS = ("projector_direct", "projector_indirect", "ambient", "depth", "normal", "material_id")
+
+
+@dataclass
+class _World:
+    """A loaded scene. texture, white: its nominal pattern and one that is 1 everywhere; light: the projector's number,
+    None before it is placed."""
+
+    digest: str
+    pattern: np.ndarray
+    scene: kuafu.Scene
+    texture: int
+    white: int
+    light: int | None = None
+
+
+class KuafuRenderer:
+    """Renders RenderRequests. A scene is loaded once and kept; the projector moves from request to request.
+
+    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: filter bounced and ambient light on diffuse surfaces, see
+    smooth.py. Raises kuafu.NoDeviceError or kuafu.FileError.
+    """
+
+    def __init__(self, device: str | int | kuafu.Device = "auto", smooth: bool = True) -> None:
+        self._smooth = smooth
+        self._device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
+        self._renderer = kuafu.Renderer(self._device)
+        self._world: _World | None = None
+        self._one_at_a_time = threading.Lock()
+
+    @property
+    def version(self) -> str:
+        """Changes with the library's code and the device: pixels are the same bits on one device only."""
+        smooth = f", smoothed {SMOOTH_VERSION}" if self._smooth else ""
+        return f"{engine_version(self._device)}{smooth}, flat {_FLAT_SHARE}"
+
+    def __call__(self, request: RenderRequest, progress: Callable[[float], object] | None = None) -> tuple[Layers, ...]:
+        """One Layers per camera. progress: called as progress(fraction). One thread at a time; after an error the scene
+        is loaded anew."""
+        with self._one_at_a_time:
+            try:
+                return self._rendered(request, progress)
+            except BaseException:
+                self._world = None
+                raise
+
+    def _rendered(self, request: RenderRequest, progress: Callable[[float], object] | None) -> tuple[Layers, ...]:
+        world = self._load(request)
+        cameras = [kuafu.Camera(c.width, c.height, c.K, c.camera_to_world) for c in request.cameras]
+        _place_projector(world, request, world.white)
+        fewer = replace(request, samples_per_pixel=max(1, round(_FLAT_SHARE * request.samples_per_pixel)))
+        single = self._render(world, fewer, cameras, ("projector_direct", "ambient"), 0, None)
+        _place_projector(world, request, world.texture)
+        images = self._render(world, request, cameras, _OUTPUTS, request.max_bounces, progress)
+        surfaces = seen_surfaces(world.scene, images["material_id"]) if self._smooth else {}
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            layers = lambda i: self._layers(surfaces, images, single, i, request.cameras[i])  # noqa: E731
+            return tuple(pool.map(layers, range(len(cameras))))
+
+    def _layers(
+        self,
+        surfaces: Mapping[int, kuafu.Material],
+        images: Mapping[str, np.ndarray],
+        single: Mapping[str, np.ndarray],
+        i: int,
+        camera: Any,
+    ) -> Layers:
+        """Of one camera. single: light straight off the first surface, under a pattern that is 1 everywhere."""
+        depth_m, normal, material = (
+            images["depth"][i, ..., 0].copy(),
+            images["normal"][i].copy(),
+            images["material_id"][i, ..., 0].copy(),
+        )
+        bounced = {name: images[name][i, ..., 0] for name in ("projector_indirect", "ambient")}
+        bounced |= {"ambient_direct": single["ambient"][i, ..., 0]}
+        if self._smooth:
+            bounced |= _smoothed(surfaces, bounced, depth_m, normal, material, camera)
+        direct = images["projector_direct"][i, ..., 0].copy()
+        indirect, ambient, ambient_direct = (image.astype(np.float32) for image in bounced.values())
+        flat = single["projector_direct"][i, ..., 0].copy()
+        return Layers(direct, indirect, ambient, flat, depth_m, normal, material, ambient_direct)
+
+    def _render(
+        self,
+        world: _World,
+        request: RenderRequest,
+        cameras: Sequence[kuafu.Camera],
+        outputs: Sequence[str],
+        max_bounces: int,
+        progress: Callable[[float], object] | None,
+    ) -> Mapping[str, np.ndarray]:
+        return self._renderer.render(
+            world.scene,
+            cameras,
+            outputs,
+            band="infrared",
+            spp=request.samples_per_pixel,
+            max_bounces=max_bounces,
+            seed=request.seed,
+            progress=progress,
+        )
+
+    def _load(self, request: RenderRequest) -> _World:
+        """The scene and its two patterns. An edited file is another scene."""
+        digest, world = scene_digest(request.scene_path), self._world
+        if world is not None and digest == world.digest and np.array_equal(request.pattern, world.pattern):
+            return world
+        scene = kuafu.Scene(self._device)
+        scene.load(request.scene_path)
+        split_surfaces(scene, request.scene_path)
+        scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
+        texture = scene.add_texture(request.pattern, name="pattern")
+        white = scene.add_texture(np.ones_like(request.pattern), name="white pattern")
+        self._world = _World(digest, request.pattern, scene, texture, white)
+        return self._world
+
+
+def _place_projector(world: _World, request: RenderRequest, texture: int) -> None:
+    light = kuafu.Light(
+        kind="projector",
+        name="projector",
+        texture=texture,
+        k=request.projector_K,
+        ir_intensity=1.0,
+        light_to_world=request.projector_to_world,
+    )
+    if world.light is None:
+        world.light = world.scene.add_light(light)
+    else:
+        world.scene.set_light(world.light, light)
+
+
+def _smoothed(
+    surfaces: Mapping[int, kuafu.Material],
+    bounced: dict[str, np.ndarray],
+    depth_m: np.ndarray,
+    normal: np.ndarray,
+    material: np.ndarray,
+    camera: Any,
+) -> dict[str, np.ndarray]:
+    column, row = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    y = (row - camera.K[1, 2]) / camera.K[1, 1]
+    x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
+    points = np.stack([x * depth_m, y * depth_m, depth_m], axis=-1)
+    in_camera = normal @ camera.camera_to_world[:3, :3]
+    return smooth_light(bounced, depth_m, in_camera, points, material, camera.K[0, 0], surfaces)
+
+
+def engine_version(device: kuafu.Device) -> str:
+    """Changes with the library's code and the device: pixels are the same bits on one device only."""
+    return f"kuafu {kuafu.__version__} {_library_digest()} on {device.info.name}"
+
+
+@cache
+def _library_digest() -> str:
+    """Short content hash of the loaded libkuafu, so that no cached picture outlives the code that made it."""
+    maps = Path("/proc/self/maps").read_text(encoding="utf-8").split("\n")
+    paths = sorted({line.split(maxsplit=5)[5] for line in maps if "/libkuafu.so" in line})
+    return hashlib.sha256(b"".join(Path(path).read_bytes() for path in paths)).hexdigest()[:12]

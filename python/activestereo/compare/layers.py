@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Light layers: what one rig pose looks like under each light alone, so that exposure, power and scale need no new ray.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from activestereo.capture.capture import EYES, Camera, Capture, Frame, Rig
+from activestereo.common.lens import distort, undistort
+from activestereo.effects.core.fine import FineImages
+
+# Rendered beyond the frame at finer scales: what calibration errors, lenses and motion bring into sight.
+_MARGIN_SHARE = 0.02
+_LARGEST_MARGIN_PX = 200
+# A lens that draws a border pixel so far from where it was looked up draws several places there, or none.
+_LARGEST_FOLD_PX = 1.0
+# A lens is drawn by resampling, which needs finer images than the pixels themselves.
+_LEAST_SCALE_OF_A_LENS = 2
+# Depths that differ by less than this share belong to one surface.
+_SMOOTH_SHARE = 0.02
+
+
+@dataclass(frozen=True)
+class ViewCamera:
+    """An ideal pinhole at a pose."""
+
+    width: int
+    height: int
+    K: np.ndarray
+    camera_to_world: np.ndarray
+
+
+@dataclass(frozen=True)
+class RenderRequest:
+    """Everything that decides the pixels of one rig pose; equal requests give equal layers."""
+
+    scene_path: Path
+    cameras: tuple[ViewCamera, ...]
+    pattern: np.ndarray
+    projector_K: np.ndarray
+    projector_to_world: np.ndarray
+    samples_per_pixel: int
+    max_bounces: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class Layers:
+    """One camera's view, float32 [height][width] unless said. Radiance is the mean over the pixel's square.
+
+    direct, indirect: the projector's light at power 1, straight off the first surface and otherwise; flat: what
+    `direct` would be under a pattern that is 1 everywhere; ambient: under uniform radiance 1 from all directions.
+    depth_m: z, 0 = nothing hit; normal: [height][width][3], world frame; material: uint32. ambient_direct: of
+    `ambient`, what comes straight off the first surface; None where the renderer does not tell it.
+    """
+
+    direct: np.ndarray
+    indirect: np.ndarray
+    ambient: np.ndarray
+    flat: np.ndarray
+    depth_m: np.ndarray
+    normal: np.ndarray
+    material: np.ndarray
+    ambient_direct: np.ndarray | None = None
+
+    @property
+    def projector(self) -> np.ndarray:
+        return self.direct + self.indirect
+
+
+@dataclass(frozen=True)
+class PixelLayers(Layers):
+    """Layers of the camera's pixels, with the finer and wider images (direct, indirect, ambient, flat) that they are
+    means of."""
+
+    fine: FineImages = field(kw_only=True)
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How finely the lights are rendered: scale x scale samples of the image per pixel, margin_px pixels beyond the
+    frame.
+
+    The samples per pixel stay what they are: they are spread over the finer image."""
+
+    scale: int = 1
+    margin_px: int = 0
+
+    def camera(self, camera: ViewCamera) -> ViewCamera:
+        """The ViewCamera that sees the finer, wider image."""
+        if self.scale == 1 and self.margin_px == 0:
+            return camera
+        shift = self.margin_px + 0.5
+        to_fine = np.array(
+            [[self.scale, 0, self.scale * shift - 0.5], [0, self.scale, self.scale * shift - 0.5], [0, 0, 1.0]]
+        )
+        width, height = ((size + 2 * self.margin_px) * self.scale for size in (camera.width, camera.height))
+        return ViewCamera(width, height, to_fine @ camera.K, camera.camera_to_world)
+
+    def pixel_layers(self, layers: Layers, camera: Camera) -> Layers:
+        """PixelLayers of a capture's Camera from the Layers that camera() gave; a lens that distorts is drawn here."""
+        images = np.stack([layers.direct, layers.indirect, layers.ambient, layers.flat])
+        fine = FineImages(images, self.scale, self.margin_px)
+        sky = None if layers.ambient_direct is None else replace(fine, images=layers.ambient_direct[None])
+        column, row = np.meshgrid(np.arange(camera.width, dtype=np.float64), np.arange(camera.height, dtype=np.float64))
+        if not camera.is_pinhole:
+            column, row = ideal_pixels(camera, column, row)
+            fine, sky = fine.warped(column, row), sky and sky.warped(column, row)
+        direct, indirect, ambient, flat = (image.astype(np.float32) for image in fine.pixels)
+        ambient_direct = None if sky is None else sky.pixels[0].astype(np.float32)
+        surfaces = self._surfaces(layers, column, row)
+        return PixelLayers(direct, indirect, ambient, flat, *surfaces, ambient_direct, fine=fine)
+
+    def _surfaces(
+        self, layers: Layers, column: np.ndarray, row: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Depth, normal and material at pixel positions: of the nearest sample, but depth is a mean where it is smooth.
+        """
+        shape = layers.depth_m.shape
+        at = ((x + self.margin_px + 0.5) * self.scale - 0.5 for x in (row, column))
+        exact = [np.clip(x, 0, size - 1.001) for x, size in zip(at, shape, strict=True)]
+        (v, u), (dv, du) = zip(*((x.astype(int), x - x.astype(int)) for x in exact), strict=True)
+        corners = np.stack(
+            [layers.depth_m[v, u], layers.depth_m[v, u + 1], layers.depth_m[v + 1, u], layers.depth_m[v + 1, u + 1]]
+        )
+        mean = (1 - dv) * ((1 - du) * corners[0] + du * corners[1]) + dv * ((1 - du) * corners[2] + du * corners[3])
+        near_v, near_u = v + (dv > 0.5), u + (du > 0.5)
+        nearest = layers.depth_m[near_v, near_u]
+        smooth = corners.max(axis=0) - corners.min(axis=0) < _SMOOTH_SHARE * corners.min(axis=0)
+        depth_m = np.where(smooth, mean, nearest).astype(np.float32)
+        return depth_m, layers.normal[near_v, near_u], layers.material[near_v, near_u]
+
+
+def ideal_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where an ideal pinhole of the same K draws what a capture's Camera draws at pixels (column, row)."""
+    y = (row - camera.K[1, 2]) / camera.K[1, 1]
+    x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
+    x, y = undistort(x, y, camera.distortion)
+    return camera.K[0, 0] * x + camera.K[0, 1] * y + camera.K[0, 2], camera.K[1, 1] * y + camera.K[1, 2]
+
+
+def drawn_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """[2][...]: where the Camera draws what an ideal pinhole of the same K draws at pixels (column, row):
+    ideal_pixels() inverted."""
+    y = (row - camera.K[1, 2]) / camera.K[1, 1]
+    x, y = distort((column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0], y, camera.distortion)
+    return np.stack([camera.K[0, 0] * x + camera.K[0, 1] * y + camera.K[0, 2], camera.K[1, 1] * y + camera.K[1, 2]])
+
+
+def sampling_of(rig: Rig, scale: int) -> Sampling:
+    """The Sampling at a scale: at 1 the pixels alone; finer ones with a margin, and always enough for the nominal
+    lenses."""
+    cameras = [rig.camera(eye) for eye in EYES]
+    if scale == 1 and all(camera.is_pinhole for camera in cameras):
+        return Sampling()
+    reach = max(_reach_px(camera) for camera in cameras)
+    share = max(int(np.ceil(_MARGIN_SHARE * max(camera.width, camera.height))) for camera in cameras)
+    if not reach <= _LARGEST_MARGIN_PX:
+        how_far = f"{reach:.0f} pixels" if np.isfinite(reach) else "without limit"
+        raise ValueError(
+            f"the rig's lens distortion reaches {how_far} beyond an ideal camera's frame; at most "
+            f"{_LARGEST_MARGIN_PX} pixels are rendered: rectify the images and give the rig's distortion as zeros"
+        )
+    return Sampling(max(scale, _LEAST_SCALE_OF_A_LENS), share + int(np.ceil(reach)))
+
+
+def _reach_px(camera: Any) -> float:
+    """How far beyond the ideal frame the distorted one looks, pixels."""
+    if camera.is_pinhole:
+        return 0.0
+    right, bottom = camera.width - 1.0, camera.height - 1.0
+    along = np.linspace(0.0, 1.0, 65)
+    border_u = np.concatenate([along * right, along * right, 0 * along, 0 * along + right])
+    border_v = np.concatenate([0 * along, 0 * along + bottom, along * bottom, along * bottom])
+    with np.errstate(all="ignore"):  # a lens beyond all sense diverges
+        u, v = ideal_pixels(camera, border_u, border_v)
+        reach = np.max([0.0, -u.min(), -v.min(), u.max() - right, v.max() - bottom])
+        is_single_valued = np.abs(drawn_pixels(camera, u, v) - np.stack([border_u, border_v])).max() < _LARGEST_FOLD_PX
+    return float(reach) if is_single_valued and np.isfinite(reach) else np.inf
+
+
+def rig_request(
+    capture: Capture,
+    frame: Frame,
+    samples_per_pixel: int,
+    max_bounces: int,
+    seed: int,
+    sampling: Sampling = Sampling(),
+) -> RenderRequest:
+    """The render of a frame's pose: both eyes, and the projector that rides with the rig."""
+    rig = capture.rig
+    left_to_world = frame.camera_to_world
+    poses = {"left": left_to_world, "right": left_to_world @ np.linalg.inv(rig.left_to_right)}
+    cameras = tuple(
+        sampling.camera(ViewCamera(rig.camera(eye).width, rig.camera(eye).height, rig.camera(eye).K, poses[eye]))
+        for eye in EYES
+    )
+    return RenderRequest(
+        scene_path=capture.scene_path,
+        cameras=cameras,
+        pattern=rig.projector.pattern(),
+        projector_K=rig.projector.K,
+        projector_to_world=left_to_world @ np.linalg.inv(rig.projector.left_to_projector),
+        samples_per_pixel=max(1, round(samples_per_pixel / sampling.scale**2)),
+        max_bounces=max_bounces,
+        seed=seed,
+    )

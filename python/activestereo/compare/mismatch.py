@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a capture's pattern and geometry are those of its files at all: what has to be said before any effect.
+
+The dots are the evidence. Both eyes see the same dots at the scene's depth where its geometry is right, whatever the
+pattern is; and the rendered dots are the measured ones where the pattern is right, too. Both are correlations of images
+without their slow parts, over shifts of a few pixels: effects of calibration may move dots, never exchange them.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from activestereo.capture.capture import Capture, Frame
+from activestereo.compare.camera_warp import Warp, warp_between
+from activestereo.compare.noise import NoiseLaw
+from activestereo.effects.core.view import View
+
+_FRAMES = 3  # this many frames are looked at
+_SLOW_PX = 3.0
+# Dots may be off by this share of the median disparity, at least by one pixel and at most by so many.
+_SHIFT_SHARE = 0.12
+_MOST_SHIFT_PX = 4
+# Of what noise lets a correlation reach. Another pattern gives 0.05 at most; dots moved, blurred and dimmed by the
+# strongest effects of the library keep more than 0.4.
+_LEAST = 0.25
+_LEAST_DOTS = 1.0  # variance of the dots over that of noise, below which nothing is concluded
+
+Key = tuple[int, str]
+Image = NDArray[np.generic]
+
+
+@dataclass(frozen=True)
+class Match:
+    """Correlations, -1..1, each with the largest that noise allows; None where no dots are seen or there is no frame.
+    """
+
+    pattern: float | None
+    geometry: float | None
+    swapped: float | None
+    possible: float | None
+    frames: tuple[int, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        return asdict(self) | {"frames": list(self.frames)}
+
+    @property
+    def warnings(self) -> list[str]:
+        """One line each, to be said before all else; empty where pattern and geometry are right or nothing is known."""
+        if self.pattern is None or self.geometry is None or self.possible is None or self.swapped is None:
+            return []
+        limit = _LEAST * self.possible
+        if self.geometry < limit and self.swapped > max(limit, self.geometry):
+            return [
+                f"the eyes are exchanged: at the scene's depth the images correlate {self.swapped:.2f} with left and "
+                f"right exchanged and {self.geometry:.2f} as they are: exchange left/ and right/ in the capture"
+            ]
+        if self.geometry < limit:
+            return [
+                f"geometry does not match: at the scene's depth the eyes' dots correlate {self.geometry:.2f} (noise "
+                f"alone would leave {self.possible:.2f}) and the rendered dots {self.pattern:.2f}: check "
+                "camera_to_world, the scene's place and units, K and the baseline; no effect explains this"
+            ]
+        if self.pattern < limit:
+            return [
+                f"the pattern does not match: the rendered dots correlate {self.pattern:.2f} with the measured ones, "
+                f"the eyes' own dots {self.geometry:.2f} with each other at the scene's depth: check pattern.png and "
+                "the projector's K and pose, or measure them by 'activestereo acquire pattern'; no effect explains "
+                "this"
+            ]
+        return []
+
+
+def match_of(
+    capture: Capture,
+    views: Mapping[Key, View],
+    projector: Mapping[Key, Image],
+    measured: Mapping[Key, Image],
+    law: NoiseLaw | None,
+) -> Match:
+    """The Match of a capture's train frames. projector: rendered light of the projector; measured: DN."""
+    frames = [f for f in capture.split("train") if f.projector_power > 0 and not f.is_moving]
+    frames = frames[:: max(1, len(frames) // _FRAMES)][:_FRAMES]
+    rows = [row for f in frames if (row := _one(f, views, projector, measured, law)) is not None]
+    if not rows:
+        return Match(None, None, None, None, ())
+    pattern, geometry, swapped, possible = (float(x) for x in np.mean([row[1:] for row in rows], axis=0))
+    return Match(pattern, geometry, swapped, possible, tuple(int(row[0]) for row in rows))
+
+
+def _one(
+    frame: Frame,
+    views: Mapping[Key, View],
+    projector: Mapping[Key, Image],
+    measured: Mapping[Key, Image],
+    law: NoiseLaw | None,
+) -> tuple[float, ...] | None:
+    """(frame id, pattern, geometry, swapped, possible), None where dots are not seen."""
+    keys = (frame.id, "left"), (frame.id, "right")
+    left, right = (_fast(measured[key]) for key in keys)
+    warp = warp_between(views[keys[0]], views[keys[1]])
+    inside = warp.seen & (np.asarray(measured[keys[0]], dtype=np.float64) < views[keys[0]].max_dn - 1)
+    if inside.sum() < 1000:
+        return None
+    noise = 0.0 if law is None else law.mean_variance(np.asarray(measured[keys[0]]), frame.gain)
+    dots = left[inside].var() - noise
+    if dots < _LEAST_DOTS * max(noise, 1.0 / 12.0):
+        return None
+    possible = dots / (dots + noise)
+    columns = np.arange(inside.shape[1])[None, :]
+    disparity = float(np.median(np.abs(columns - warp.u)[inside]))
+    reach = int(np.clip(round(_SHIFT_SHARE * disparity), 1, _MOST_SHIFT_PX))
+    pattern = _best_shift(left, _fast(projector[keys[0]]), inside, reach)
+    geometry, swapped = (_between(a, b, warp, inside, reach) for a, b in ((left, right), (right, left)))
+    return frame.id, pattern, geometry, swapped, possible
+
+
+def _between(
+    left: NDArray[np.float64], right: NDArray[np.float64], warp: Warp, inside: NDArray[np.bool_], reach: int
+) -> float:
+    """The best correlation between the eyes over shifts along a row."""
+    return max(_correlation(left[inside], warp.read(right, shift)[inside]) for shift in range(-reach, reach + 1))
+
+
+def _best_shift(image: NDArray[np.float64], other: NDArray[np.float64], inside: NDArray[np.bool_], reach: int) -> float:
+    values, shifts = image[inside], range(-reach, reach + 1)
+    return max(
+        _correlation(values, np.roll(other, (row, column), axis=(0, 1))[inside]) for row in shifts for column in shifts
+    )
+
+
+def _correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    a, b = a - a.mean(), b - b.mean()
+    scale = float(np.sqrt((a @ a) * (b @ b)))
+    return float(a @ b) / scale if scale > 0 else 0.0
+
+
+def _fast(image: Image) -> NDArray[np.float64]:
+    """Without what varies slowly: light of the room, falloff, albedo."""
+    value = np.asarray(image, np.float64)
+    return value - gaussian_filter(value, _SLOW_PX)
+
+
+def warnings_of(fit: Mapping[str, Any], match: Match) -> list[str]:
+    """What to say before all else, of a Fit as JSON and a Match."""
+    words = {
+        "projector_scale": "the projector's scale is at its bound, 0: the measured images show none of its light where "
+                           "it is rendered",
+        "ambient_scale": "the ambient scale is at its bound, 0: the images are darker where the rendered room light is "
+                         "brighter; "
+        "albedos or the scene's lights are wrong, or the capture has no room light",
+    }
+    return [*match.warnings, *(words[name] for name in fit["at_bound"])]
+
+
+__all__: Sequence[str] = ("Match", "match_of", "warnings_of")

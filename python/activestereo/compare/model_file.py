@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Libraries of effects, built in or a user's own file; and the effects of a model file (sensor_model/) as the lab takes
+them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, cast
+
+from activestereo.capture.capture_json import CaptureError, JsonObject
+from activestereo.compare.nuisances import Nuisances
+from activestereo.effects import Effect, Model, builtin, load_effects
+from activestereo.effects.core.scene_surfaces import surface_names
+from activestereo.model import Quantity, SensorModel
+from activestereo.model import read_model as read_sensor_model
+from activestereo.model import write_model as write_sensor_model
+from activestereo.model.model import NUISANCES, with_surfaces
+
+FORMAT = "active-stereo-model"
+
+
+def library(*files: str | Path) -> dict[str, Effect]:
+    """The built-in effects and those of files, by id; a file's effect replaces a built-in one of the same id."""
+    effects = builtin()
+    for file in files:
+        effects |= load_effects(file)
+    return effects
+
+
+def find(effects: dict[str, Effect], effect_id: str) -> Effect:
+    """The effect of an id; ValueError lists what there is."""
+    if effect_id not in effects:
+        raise ValueError(f"no effect '{effect_id}' (there are: {', '.join(effects)})")
+    return effects[effect_id]
+
+
+def read_model(path: str | Path | None, effects: dict[str, Effect], scene_path: str | Path | None = None) -> Model:
+    """The effects of a model file, or none for None. scene_path: the scene whose surfaces the file may name.
+    ValueError says what is wrong."""
+    if path is None:
+        return Model()
+    names = surface_names(scene_path)
+    try:
+        return read_sensor_model(path, effects).bound(names)
+    except ValueError as error:
+        raise ValueError(str(error) if str(path) in str(error) else f"{path}: {error}") from error
+
+
+def scene_of(capture_path: str | Path) -> Path | None:
+    """The scene file of a capture folder; None where its capture.json does not tell, which read_capture explains."""
+    folder = Path(capture_path)
+    file = folder if folder.name == "capture.json" else folder / "capture.json"
+    try:
+        return cast(Path, JsonObject.read(file).file("scene"))
+    except CaptureError:
+        return None
+
+
+def model_json(model: Model, nuisances: Nuisances | None = None) -> dict[str, Any]:
+    """A model's effects and nuisances in plain numbers, as diagnose.json has them."""
+    effects = [{"id": e.id, "parameters": dict(values)} for e, values in model.effects]
+    return {"format": FORMAT, "version": 1, "effects": effects, "nuisances": vars(nuisances) if nuisances else {}}
+
+
+def write_model(
+    path: str | Path, model: Model, nuisances: Nuisances | None = None, scene_path: str | Path | None = None
+) -> None:
+    """Writes a model file of the effects and nuisances alone."""
+    names = surface_names(scene_path)
+    values = vars(nuisances) if nuisances else {}
+    quantities = {name: Quantity(float(value), unit=NUISANCES[name][0]) for name, value in values.items()}
+    out = SensorModel(nuisances=quantities)
+    for effect, values in model.effects:
+        units = {p.name: p.unit for p in effect.parameters}
+        plain, surfaces = with_surfaces(effect, values, names)
+        out = out.with_effect(effect, {n: Quantity(v, unit=units[n]) for n, v in plain.items()}, surfaces)
+    write_sensor_model(path, out)

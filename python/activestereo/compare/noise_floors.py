@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The noise floor of every image of a capture, from the best evidence that there is: repeats, the law that they tell,
+or the difference of a frame's own two eyes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from activestereo.capture.capture import EYES, Capture, Frame
+from activestereo.compare.gain_noise import law_at_other_gains
+from activestereo.compare.noise import NoiseLaw, frame_floors
+from activestereo.compare.pair_noise import pair_law
+from activestereo.effects.core.view import View
+
+Key = tuple[int, str]
+_QUANTISATION_VARIANCE = 1.0 / 12.0
+
+
+@dataclass(frozen=True)
+class _Shot:
+    frame: Frame
+    view: View
+    measured: np.ndarray
+    key: Key
+
+
+def floors_of(
+    capture: Capture,
+    views: Mapping[Key, View],
+    measured: Mapping[Key, np.ndarray],
+    predicted: Mapping[Key, np.ndarray],
+    black_dn: float,
+    no_noise: Mapping[Key, np.ndarray],
+) -> tuple[dict[Key, tuple[float, str]], NoiseLaw | None]:
+    """({(frame id, eye): (variance in DN^2, 'repeats', 'law' or 'pair')}, law). Empty and None where not even the pairs
+    tell: nothing in them is smooth. predicted: expected DN; no_noise: what is known to differ between repeats, DN."""
+    floors, law = frame_floors(capture, black_dn, no_noise)
+    if law is None:
+        frames = capture.split("train") or capture.frames
+        pairs = [
+            (views[f.id, "left"], views[f.id, "right"], measured[f.id, "left"], measured[f.id, "right"]) for f in frames
+        ]
+        law = pair_law(pairs, black_dn)
+        if law is None:
+            return {}, None
+        return {key: (_variance(law, measured[key], views[key].frame.gain), "pair") for key in measured}, law
+    # As a diagnosis has it: at gains that no repeat shows the law is what neighbours tell.
+    train = [_Shot(f, views[f.id, e], measured[f.id, e], (f.id, e)) for f in capture.split("train") for e in EYES]
+    shown = {f.gain for f in capture.split("train") if f.repeat_group is not None}
+    law = law_at_other_gains(law, train, dict(predicted), shown)
+    others = {key: view.frame.gain for key, view in views.items() if view.frame.gain not in shown}
+    at_others = {key: (_variance(law, measured[key], gain), "law") for key, gain in others.items()}
+    return {key: (max(v, _QUANTISATION_VARIANCE), source) for key, (v, source) in floors.items()} | at_others, law
+
+
+def _variance(law: NoiseLaw, image: np.ndarray, gain: float) -> float:
+    return max(law.mean_variance(image, gain), _QUANTISATION_VARIANCE)

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a rectified infrared pair tells without a scene: saturation, gain and offset between the eyes, row offset, and f
+x baseline against the device's own depth. Intervals are 95 %, from a bootstrap over blocks of the image: pixels are not
+independent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+from activestereo.compare.bootstrap import interval
+
+_BLOCK_PX = 48
+_DRAWS = 400
+_SEED = 3
+_ROW_STEP_PX = 0.5
+_SMOOTH_PX = 2.0
+# Of device and own disparity: larger differences are mismatches of one of them.
+_LARGEST_MISMATCH_PX = 1.0
+_LEAST_PIXELS = 500
+
+
+@dataclass(frozen=True)
+class Finding:
+    """text: what it is; value with its interval, in unit; neutral: the value of a perfect pair."""
+
+    name: str
+    text: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    neutral: float
+
+    @property
+    def stands_out(self) -> bool:
+        return not self.low <= self.neutral <= self.high
+
+    def as_json(self) -> dict[str, Any]:
+        return vars(self) | {"stands_out": self.stands_out}
+
+
+def pair_findings(
+    left: np.ndarray,
+    right: np.ndarray,
+    disparity: np.ndarray,
+    max_dn: float,
+    device_disparity: np.ndarray | None = None,
+) -> list[Finding]:
+    """Findings of a pair: left, right DN [height][width]; disparity: matched, left image, 0 = none; device_disparity:
+    the device's own on the same grid, at its nominal f x baseline, 0 = none. ValueError where too little of the image
+    is matched."""
+    left, right = np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
+    blocks = Blocks(left.shape)
+    found = [_saturation("left", left, max_dn, blocks), _saturation("right", right, max_dn, blocks)]
+    v, u = np.mgrid[0 : left.shape[0], 0 : left.shape[1]].astype(np.float64)
+    seen = (disparity > 0) & (u - disparity >= 1)
+    if seen.sum() < _LEAST_PIXELS:
+        raise ValueError(f"only {int(seen.sum())} pixels of the pair are matched; {_LEAST_PIXELS} are needed")
+    there = map_coordinates(right, [v, u - disparity], order=1, mode="nearest")
+    found += _gain(left, there, seen & (left < max_dn - 1) & (there < max_dn - 1), blocks)
+    found += _rows(left, right, disparity, seen & (left < max_dn - 1), blocks, u, v)
+    if device_disparity is not None:
+        found += _scale(disparity, device_disparity, blocks)
+    return found
+
+
+class Blocks:
+    """Square blocks of the image and the bootstrap's weights for them, [draws][blocks]; the first draw is the image
+    itself."""
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        rows, columns = np.arange(shape[0]) // _BLOCK_PX, np.arange(shape[1]) // _BLOCK_PX
+        self._index = (rows[:, None] * (columns[-1] + 1) + columns[None]).ravel()
+        self._count = int(self._index.max()) + 1
+        rng = np.random.Generator(np.random.Philox(_SEED))
+        self._weights = np.vstack([np.ones(self._count), rng.poisson(1.0, (_DRAWS, self._count))])
+
+    def sums(self, values: np.ndarray, mask: np.ndarray) -> np.ndarray:
+        """Sums of an image over a mask under each draw, [draws + 1]."""
+        of_block = np.bincount(self._index, np.where(mask, values, 0.0).ravel(), minlength=self._count)
+        return self._weights @ of_block
+
+
+def _finding(name: str, text: str, draws: np.ndarray, unit: str, neutral: float) -> Finding:
+    low, high = interval(draws[1:])
+    return Finding(name, text, float(draws[0]), float(low), float(high), unit, neutral)
+
+
+def _saturation(eye: str, image: np.ndarray, max_dn: float, blocks: Any) -> Finding:
+    everywhere = np.ones(image.shape, bool)
+    share = blocks.sums(image >= max_dn, everywhere) / blocks.sums(everywhere, everywhere)
+    return _finding(f"saturated_{eye}", f"pixels of the {eye} image at full scale", share, "1", 0.0)
+
+
+def _gain(left: np.ndarray, there: np.ndarray, mask: np.ndarray, blocks: Any) -> list[Finding]:
+    """Right = gain x left + offset, by orthogonal regression of smoothed images: both are equally noisy."""
+    weight = gaussian_filter(mask.astype(np.float64), _SMOOTH_PX)
+    a, b = (
+        gaussian_filter(np.where(mask, image, 0.0), _SMOOTH_PX) / np.maximum(weight, 1e-6) for image in (left, there)
+    )
+    inside = mask & (weight > 0.6)
+    n = np.maximum(blocks.sums(np.ones(a.shape), inside), 1.0)
+    mean_a, mean_b = blocks.sums(a, inside) / n, blocks.sums(b, inside) / n
+    aa, bb = blocks.sums(a * a, inside) / n - mean_a**2, blocks.sums(b * b, inside) / n - mean_b**2
+    ab = blocks.sums(a * b, inside) / n - mean_a * mean_b
+    slope = (bb - aa + np.sqrt((bb - aa) ** 2 + 4 * ab**2)) / (2 * np.where(ab != 0, ab, 1e-12))
+    return [
+        _finding("gain_ratio", "gain of the right eye over the left", slope, "1", 1.0),
+        _finding("offset_dn", "offset of the right eye at that gain", mean_b - slope * mean_a, "DN", 0.0),
+    ]
+
+
+def _rows(
+    left: np.ndarray,
+    right: np.ndarray,
+    disparity: np.ndarray,
+    mask: np.ndarray,
+    blocks: Any,
+    u: np.ndarray,
+    v: np.ndarray,
+) -> list[Finding]:
+    """By how much the right image's rows lie lower, and how that changes from top to bottom and from left to right:
+    least squares on the derivative along columns, Lucas and Kanade's step once."""
+    there = map_coordinates(right, [v, u - disparity], order=3, mode="nearest")
+    above, below = (
+        map_coordinates(right, [v + s * _ROW_STEP_PX, u - disparity], order=3, mode="nearest") for s in (-1, 1)
+    )
+    slope = (below - above) / (2 * _ROW_STEP_PX)
+    # The eyes' own gain and offset must not pass for a shift.
+    smooth = lambda image: gaussian_filter(image, 4 * _SMOOTH_PX)  # noqa: E731
+    rest = (left - smooth(left)) - (there - smooth(there))
+    x, y = 2 * u / (u.shape[1] - 1) - 1, 2 * v / (v.shape[0] - 1) - 1
+    columns = [slope, slope * x, slope * y]
+    gram = np.stack([[blocks.sums(a * b, mask) for b in columns] for a in columns]).transpose(2, 0, 1)
+    moment = np.stack([blocks.sums(a * rest, mask) for a in columns], axis=1)
+    solution = np.linalg.solve(gram + 1e-9 * np.eye(3), moment[..., None])[..., 0]
+    return [
+        _finding("row_offset_px", "rows of the right image lie lower by", solution[:, 0], "px", 0.0),
+        _finding(
+            "row_offset_across_px",
+            "and by so much more at the right border than at the left (roll)",
+            2 * solution[:, 1],
+            "px",
+            0.0,
+        ),
+        _finding(
+            "row_offset_down_px",
+            "and by so much more at the bottom than at the top (pitch, focal length)",
+            2 * solution[:, 2],
+            "px",
+            0.0,
+        ),
+    ]
+
+
+def _scale(disparity: np.ndarray, device: np.ndarray, blocks: Any) -> list[Finding]:
+    """Own disparity = (1 + scale) x device's + offset: with one of the two, and with both."""
+    both = (disparity > 0) & (device > 0)
+    both &= (
+        np.abs(disparity - device - np.median((disparity - device)[both]) if both.any() else 0.0) < _LARGEST_MISMATCH_PX
+    )
+    n, d, r = blocks.sums(np.ones(device.shape), both), blocks.sums(device, both), blocks.sums(disparity - device, both)
+    dd, dr = blocks.sums(device**2, both), blocks.sums(device * (disparity - device), both)
+    determinant = np.maximum(n * dd - d * d, 1e-12)
+    return [
+        _finding(
+            "focal_baseline_error",
+            "f x baseline larger than given, if nothing else is wrong",
+            dr / np.maximum(dd, 1e-12),
+            "1",
+            0.0,
+        ),
+        _finding(
+            "disparity_offset_px",
+            "disparity larger than given, if nothing else is wrong",
+            r / np.maximum(n, 1.0),
+            "px",
+            0.0,
+        ),
+        _finding(
+            "focal_baseline_error_beside_offset",
+            "f x baseline larger than given, with an offset beside",
+            (n * dr - d * r) / determinant,
+            "1",
+            0.0,
+        ),
+        _finding("offset_beside_scale_px", "and that offset", (dd * r - d * dr) / determinant, "px", 0.0),
+    ]
+
+
+def findings_text(findings: Sequence[Finding]) -> str:
+    lines = []
+    for f in findings:
+        scale, unit = (100.0, "%") if f.unit == "1" and f.neutral == 0.0 else (1.0, "" if f.unit == "1" else f.unit)
+        value, low, high = (scale * x for x in (f.value, f.low, f.high))
+        mark = "" if f.stands_out else "   (a perfect pair may show this, too)"
+        lines.append(f"{f.text + ':':75}{value:9.4g} {unit:3} ({low:.4g} to {high:.4g}){mark}")
+    return "\n".join(lines)

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How well an effect's image function stands for what the engines make of its engine fields.
+
+Both change the images of one small world (matt bodies on a table before a wall, a moving warm rig); the figure is the
+root mean square difference of the two changes over the engine's own change. Both squares are means of products of two
+renders of different seeds: the renders' noise, which would look like a difference, has no part in them. Of random
+fields, which draw other numbers, the figure is that of the changes' standard deviations.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.capture.capture import EYES, Camera, Capture, Frame, Projector, Rig
+from activestereo.capture.images import write_gray
+from activestereo.common.pattern import PatternDesign, make_pattern
+from activestereo.common.pose import look_at
+from activestereo.compare.cache import LayerCache
+from activestereo.compare.kuafu_renderer import KuafuRenderer
+from activestereo.compare.nuisances import Nuisances
+from activestereo.compare.render import WARP_SCALE, LayersOfFrames, render_frames
+from activestereo.effects.core.descriptor import Effect, Randomness
+from activestereo.effects.core.model import Model
+from activestereo.effects.core.surfaces import SURFACES
+from activestereo.effects.core.view import View
+from activestereo.effects.engines.capture_renderer import CaptureRenderer, Key
+from activestereo.scene_io import meshes
+from activestereo.scene_io.gltf_writer import GltfWriter
+
+_SIZE, _FOCAL_PX = (160, 90), 80.0
+_SAMPLES, _BOUNCES, _SEEDS = 64, 2, (0, 1)
+_NUISANCES = Nuisances(projector_scale=120000.0, ambient_scale=9000.0, black_dn=5.0)
+_POSES = (((-0.02, 0.46, 0.72), (0.0, 0.035, -0.02)), ((0.22, 0.38, 0.62), (-0.03, 0.05, -0.05)))
+
+
+@dataclass(frozen=True)
+class Trial:
+    """The small world, rendered once for all effects with each of two seeds."""
+
+    runs: tuple[_Run, _Run]
+
+    @classmethod
+    def make(cls, folder: Path, device: str | int = "auto") -> Trial:
+        """Writes the world into a folder and renders it."""
+        capture = trial_capture(folder)
+        first, second = (_Run.make(capture, folder, device, seed) for seed in _SEEDS)
+        return cls((first, second))
+
+    def difference(self, effect: Effect) -> float:
+        """Of an effect with engine fields at its typical values, on all surfaces; what the engines do not know stays
+        neutral."""
+        unknown = {p.name: p.neutral for p in effect.parameters if not p.in_engine}
+        values = effect.typical_values | unknown | ({SURFACES.name: 0.0} if SURFACES in effect.parameters else {})
+        model = Model().with_effect(effect, **values)
+        if effect.randomness is not Randomness.NONE and all(
+            name.startswith(("signal.", "speckle")) for name in effect.engine_fields
+        ):
+            in_engine, by_formula = self.runs[0].changes(model, random=True)
+            return abs(float(by_formula.std() / in_engine.std()) - 1.0)
+        drawn = Model(tuple((replace(e, randomness=Randomness.NONE), p) for e, p in model.effects))
+        # A seed also decides what a random pattern is: there both have to be of one.
+        runs = self.runs if effect.randomness is Randomness.NONE else (self.runs[0], self.runs[0])
+        (in_engine, by_formula), (in_engine_2, by_formula_2) = (run.changes(drawn, random=False) for run in runs)
+        unlike = float(np.mean((by_formula - in_engine) * (by_formula_2 - in_engine_2)))
+        return float(np.sqrt(max(unlike, 0.0) / np.mean(in_engine * in_engine_2)))
+
+
+@dataclass
+class _Run:
+    """The small world under one seed. engine_base, base: its images without any effect, by the engines and by
+    formulas."""
+
+    capture: Capture
+    engine: CaptureRenderer
+    views: dict[Key, View]
+    layers: LayersOfFrames
+    engine_base: dict[Key, NDArray] = field(default_factory=dict)
+    base: dict[Key, NDArray] = field(default_factory=dict)
+
+    @classmethod
+    def make(cls, capture: Capture, folder: Path, device: str | int, seed: int) -> _Run:
+        engine = CaptureRenderer(capture, device, _SAMPLES, _BOUNCES, seed)
+        layers = render_frames(
+            capture,
+            KuafuRenderer(engine.device),
+            _SAMPLES,
+            _BOUNCES,
+            seed=seed,
+            cache=LayerCache(folder / "cache"),
+            scale=WARP_SCALE,
+        )
+        views = {(f.id, eye): View.of(capture, f, eye, layers[f.id][eye]) for f in capture.frames for eye in EYES}
+        run = cls(capture, engine, views, layers)
+        run.engine_base = engine.expected(Model(), _NUISANCES)
+        run.base = run._by_formula(Model(), random=False)
+        return run
+
+    def changes(self, model: Model, random: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What a model changes in the engines and by its formulas, DN [image][height][width] each."""
+        in_engine = _change(self.engine.expected(model, _NUISANCES, random=random), self.engine_base)
+        return in_engine, _change(self._by_formula(model, random), self.base)
+
+    def _by_formula(self, model: Model, random: bool) -> dict[Key, NDArray]:
+        out = {}
+        for key, view in self.views.items():
+            light = model.light(self.layers[key[0]][key[1]], view, random)
+            out[key] = model.signal(light, view, _NUISANCES, random)
+        return out
+
+
+def differences(effects: Iterable[Effect], device: str | int = "auto") -> Iterator[tuple[str, float]]:
+    """(id, relative difference) of each effect that has engine fields."""
+    with tempfile.TemporaryDirectory() as folder:
+        trial = Trial.make(Path(folder), device)
+        for e in effects:
+            if e.engine is not None:
+                yield e.id, trial.difference(e)
+
+
+def _change(images: dict[Key, NDArray], base: dict[Key, NDArray]) -> NDArray[np.float64]:
+    return np.stack([images[key].astype(np.float64) - base[key] for key in base])
+
+
+def trial_capture(folder: Path, scale: float = 1.0) -> Capture:
+    """The small world's capture, without images: its scene and pattern are written into a folder. scale: of the
+    images."""
+    scene, pattern = folder / "trial.gltf", folder / "pattern.png"
+    _write_world(scene)
+    design = PatternDesign(width=530, height=300, dot_pitch_px=14.4, dot_sigma_px=1.6, seed=2)
+    write_gray(pattern, make_pattern(design))
+    (width, height), focal_px = (round(scale * side) for side in _SIZE), scale * _FOCAL_PX
+    k = np.array([[focal_px, 0.0, (width - 1) / 2], [0.0, focal_px, (height - 1) / 2], [0.0, 0.0, 1.0]])
+    projector_k = np.array([[214.0, 0.0, 264.5], [0.0, 214.0, 149.5], [0.0, 0.0, 1.0]])
+    left_to_right, left_to_projector = np.eye(4), np.eye(4)
+    left_to_right[0, 3], left_to_projector[0, 3] = -0.05, -0.029
+    camera = Camera(width, height, k)
+    rig = Rig(camera, camera, left_to_right, Projector(pattern, projector_k, left_to_projector), line_time_s=1e-5)
+    frames = tuple(
+        Frame(
+            id=i,
+            left_path=None,
+            right_path=None,
+            timestamp_s=2.003 + i,
+            exposure_s=0.004 / (1 + i),
+            gain=1.0 + i,
+            temperature_c=45.0,
+            camera_to_world=look_at(eye, target, (0.0, 1.0, 0.0)),
+            split="train",
+            camera_velocity=np.array([1.8, 0.6, 0.6, 1.2, 7.2, 3.6]),
+        )
+        for i, (eye, target) in enumerate(_POSES)
+    )
+    return Capture(folder, "trial", scene, rig, frames)
+
+
+def _write_world(path: Path) -> None:
+    """Closed matt bodies, so that light may wander below their surfaces."""
+    writer = GltfWriter("activestereo trial world")
+    matt = {"extensions": {"KHR_materials_specular": {"specularFactor": 0.0}}}
+    materials = [
+        writer.add_material(
+            name,
+            pbrMetallicRoughness={"metallicFactor": 0.0, "roughnessFactor": 1.0},
+            extras={"ir_albedo": albedo},
+            **matt,
+        )
+        for name, albedo in (("table", 0.5), ("wall", 0.6), ("clay", 0.55), ("card", 0.7))
+    ]
+    table, wall, clay, card = materials
+    writer.add_mesh("table", meshes.box(1.7, 0.04, 0.95), table, (0.0, -0.04, -0.02))
+    writer.add_mesh("wall", meshes.box(3.2, 2.2, 0.1), wall, (0.0, -0.8, -0.55))
+    writer.add_mesh("ball", meshes.sphere(0.06), clay, (-0.2, 0.06, 0.05))
+    writer.add_mesh("ring", meshes.torus(0.052, 0.02), clay, (0.0, 0.0, 0.13))
+    writer.add_mesh("box", meshes.box(0.17, 0.12, 0.10), card, (0.15, 0.0, -0.16), yaw_deg=-14.0)
+    writer.write(path)

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A shallow honest tree: regions of the covariates that hold most of the explainable error, in words.
+
+Splits are chosen on half A of the blocks and everything that is said is estimated on half B, so the search cannot
+flatter itself (Athey and Imbens, PNAS 113, 2016). A split that half B does not confirm is taken back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from activestereo.compare.bootstrap import BlockBootstrap, interval
+from activestereo.compare.covariates import COVARIATES
+from activestereo.compare.where_samples import GROUPS, Samples
+
+if TYPE_CHECKING:
+    from activestereo.compare.covariates import Covariate
+
+DEPTH = 3
+_SMALLEST_LEAF = 0.01
+_ORDER = {covariate.name: covariate for covariate in COVARIATES}
+
+
+@dataclass
+class _Node:
+    """Pixels of one region: indices in both halves; conditions {covariate: set of bin codes}."""
+
+    a: np.ndarray
+    b: np.ndarray
+    conditions: dict[str, set[int]]
+    children: list[_Node] = field(default_factory=list)
+
+    def leaves(self) -> list[Any]:
+        return [leaf for child in self.children for leaf in child.leaves()] or [self]
+
+    def below(self) -> list[Any]:
+        return [node for child in self.children for node in (child, *child.below())]
+
+
+class HonestTree:
+    """Grows on half A, prunes and estimates on half B."""
+
+    def __init__(self, samples: Samples, seed: int = 0) -> None:
+        self._samples = samples
+        half = samples.group % 2 == 0
+        a, b = np.flatnonzero(half), np.flatnonzero(~half)
+        self._smallest = max(1, int(_SMALLEST_LEAF * len(a)))
+        self._bootstrap = BlockBootstrap(GROUPS, draws=1000, seed=seed)
+        # Whitened for the search alone: else a few bright pixels, where noise is large, would choose every split.
+        floor = np.maximum(samples.floor, 0.25 * samples.floor.mean() if samples.floor.any() else 1.0)
+        self._target = samples.excess / floor
+        self._root = _Node(a, b, {})
+        self._grow(self._root, DEPTH)
+
+    def regions(self, name_of: Callable[[Any], str] = str) -> dict[str, Any]:
+        """{leaves, headline}: regions {words, conditions, share, share_interval, pixel_share, excess}; leaves by share
+        of the excess, largest first; headline: the node, of whatever depth, with most excess beyond its share of
+        pixels."""
+        leaves = [self._region(leaf, name_of) for leaf in self._root.leaves()]
+        inner = [self._region(node, name_of) for node in self._root.below()]
+        headline = max(inner, key=lambda r: r["share"] - r["pixel_share"], default=None)
+        return {"leaves": sorted(leaves, key=lambda r: -r["share"]), "headline": headline}
+
+    def _region(self, node: Any, name_of: Any) -> dict[str, Any]:
+        excess = self._sums(node, self._samples.excess)[:, None]
+        [(share, draws)] = self._bootstrap.ratios([excess], self._sums(self._root, self._samples.excess)[:, None])
+        low, high = interval(draws)
+        conditions = [self._condition(name, codes, name_of) for name, codes in node.conditions.items()]
+        return {
+            "words": " and ".join(c.pop("words") for c in conditions) or "everywhere",
+            "conditions": conditions,
+            "share": float(share[0]),
+            "share_interval": [float(low[0]), float(high[0])],
+            "pixel_share": len(node.b) / len(self._root.b),
+            "excess": float(excess.sum() / max(len(node.b), 1)),
+        }
+
+    def _sums(self, node: Any, values: np.ndarray) -> np.ndarray:
+        return np.bincount(self._samples.group[node.b], values[node.b], GROUPS)
+
+    def _grow(self, node: Any, depth: int) -> None:
+        best = self._best_split(node) if depth else None
+        if best is None:
+            return
+        name, codes, rest = best
+        code = self._samples.bins[name].code
+        in_a, in_b = (np.isin(code[pixels], list(codes)) for pixels in (node.a, node.b))
+        inside = _Node(node.a[in_a], node.b[in_b], node.conditions | {name: codes})
+        outside = _Node(node.a[~in_a], node.b[~in_b], node.conditions | {name: rest})
+        node.children = [inside, outside]
+        for child in node.children:
+            self._grow(child, depth - 1)
+        if not any(child.children for child in node.children) and not self._is_confirmed(inside, outside):
+            node.children = []
+
+    def _best_split(self, node: Any) -> Any:
+        """(covariate, codes of one side, codes of the other) with the largest fall of squared deviation, or None."""
+        target = self._target[node.a]
+        total = target.sum()
+        best_gain, best = total**2 / max(len(target), 1), None
+        for name, bins in self._samples.bins.items():
+            code = bins.code[node.a]
+            pixels = np.bincount(code, minlength=bins.count + 1)
+            sums = np.bincount(code, target, bins.count + 1)
+            order = np.arange(bins.count + 1)
+            if _ORDER[name].is_category:
+                order = np.argsort(sums / np.maximum(pixels, 1))
+            n, s = np.cumsum(pixels[order])[:-1], np.cumsum(sums[order])[:-1]
+            m = len(target) - n
+            allowed = (n >= self._smallest) & (m >= self._smallest)
+            if not allowed.any():
+                continue
+            gain = np.where(allowed, s**2 / np.maximum(n, 1) + (total - s) ** 2 / np.maximum(m, 1), 0.0)
+            at = int(np.argmax(gain))
+            if gain[at] > best_gain:
+                known = node.conditions.get(name, set(range(bins.count + 1)))
+                low = {int(c) for c in order[: at + 1]} & known
+                best_gain, best = gain[at], (name, known - low, low)
+        return best
+
+    def _is_confirmed(self, inside: Any, outside: Any) -> bool:
+        """Whether half B, too, sees more excess per pixel inside than outside."""
+        if not len(inside.b) or not len(outside.b):
+            return False
+        means = []
+        for node in (inside, outside):
+            ones = np.bincount(self._samples.group[node.b], minlength=GROUPS)[:, None]
+            [(_, draws)] = self._bootstrap.ratios([self._sums(node, self._samples.excess)[:, None]], ones)
+            means.append(draws[:, 0])
+        low, high = interval(means[0] - means[1])
+        return bool(low > 0 or high < 0)
+
+    def _condition(self, name: str, codes: Any, name_of: Any) -> dict[str, Any]:
+        covariate, bins = _ORDER[name], self._samples.bins[name]
+        codes = sorted(c for c in codes if c > 0)
+        if not codes:
+            return {"covariate": name, "values": [], "words": f"no {covariate.words}"}
+        if bins.values is not None and covariate.is_category:
+            names = [name_of(int(bins.values[c - 1])) for c in codes]
+            return {"covariate": name, "values": names, "words": f"{covariate.words} is {_either(names)}"}
+        low, high = _limits(bins, codes)
+        words = _range_words(covariate, low, high)
+        return {"covariate": name, "low": low, "high": high, "words": words}
+
+
+def _limits(bins: Any, codes: Any) -> tuple[Any, Any]:
+    """(low, high) of a run of codes; None at an end of the range. Between single values the middle is the limit."""
+    if bins.edges is not None:
+        edges = bins.edges
+    else:
+        v = bins.values
+        edges = np.concatenate([v[:1], (v[1:] + v[:-1]) / 2, v[-1:]])
+    low = None if codes[0] == 1 else float(edges[codes[0] - 1])
+    high = None if codes[-1] == bins.count else float(edges[codes[-1]])
+    return low, high
+
+
+def _range_words(covariate: Covariate, low: Any, high: Any) -> str:
+    unit = f" {covariate.unit}" if covariate.unit and covariate.name != "radius" else ""
+    if low is None and high is None:
+        return f"any {covariate.words}"
+    if high is None:
+        return f"{covariate.words} > {low:.4g}{unit}"
+    if low is None:
+        return f"{covariate.words} ≤ {high:.4g}{unit}"
+    return f"{low:.4g} < {covariate.words} ≤ {high:.4g}{unit}"
+
+
+def _either(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " or " + names[-1]

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Turns a comparison's images and depths into the channels that where.py and tree.py look at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from activestereo.capture.capture import EYES, Capture
+from activestereo.compare.covariates import covariate_maps
+from activestereo.compare.tree import HonestTree
+from activestereo.compare.where import where_tables
+from activestereo.compare.where_samples import LARGEST_DISPARITY_ERROR_PX, ResidualImage, gather_samples
+from activestereo.effects.core.scene_surfaces import surface_names
+
+if TYPE_CHECKING:
+    from activestereo.capture.capture import Frame
+    from activestereo.compare.depth_compare import DepthFrame
+    from activestereo.compare.noise import NoiseLaw
+    from activestereo.compare.render import LayersOfFrames
+    from activestereo.compare.where_samples import Samples
+    from activestereo.effects import View
+
+# Below this share of the floor's variance an excess may be the renderer's own Monte Carlo noise, and is not explained
+# further.
+_SMALLEST_EXCESS = 0.05
+
+Key = tuple[int, str]  # (frame id, eye)
+
+
+def where_it_fails(
+    capture: Capture,
+    layers: LayersOfFrames,
+    views: Mapping[Key, View],
+    measured: Mapping[Key, np.ndarray],
+    predictions: Mapping[Key, np.ndarray],
+    floors: Mapping[Key, tuple[float, str]],
+    law: NoiseLaw | None,
+    depths: Sequence[DepthFrame],
+    seed: int = 0,
+) -> dict[str, Any]:
+    """{where: tables, regions: {channel: ...}} of compare.json, from the train frames."""
+    maps, infrared = {}, []
+    for frame in capture.split("train"):
+        for eye in EYES:
+            key, expected = (frame.id, eye), predictions[frame.id, eye]
+            maps[key] = covariate_maps(views[key], layers[frame.id][eye].material, expected, capture.rig.baseline_m)
+            infrared.append(
+                (key, measured[key] - expected, _floor(expected, frame, floors.get(key), law), _pose(frame, eye))
+            )
+    channels = residual_channels(infrared, [d for d in depths if d.frame.split == "train"], maps, seed)
+    name_of = surface_text(capture.scene_path)
+    return {
+        "where": where_tables(channels, name_of, seed),
+        "regions": {
+            name: {
+                "is_explainable": explainable,
+                "rmse": float(np.sqrt(np.mean(samples.residual**2))),
+                "noise_floor": float(np.sqrt(samples.floor.mean())),
+            }
+            | (HonestTree(samples, seed).regions(name_of) if explainable else {"leaves": [], "headline": None})
+            for name, (samples, _, explainable) in channels.items()
+        },
+    }
+
+
+def residual_channels(
+    infrared: Sequence[tuple[Key, np.ndarray, np.ndarray, bytes]],
+    depths: Sequence[DepthFrame],
+    maps: Mapping[Key, dict[str, np.ndarray]],
+    seed: int = 0,
+) -> dict[str, tuple[Samples, str, bool]]:
+    """{channel: (Samples, unit, is there anything to explain)}. infrared: [(key, residual, floor, pose)]; depths:
+    DepthFrames; maps: {(frame id, eye): covariates}."""
+    images = {
+        "infrared": [
+            ResidualImage(r, floor, np.ones(r.shape, bool), maps[key], pose) for key, r, floor, pose in infrared
+        ]
+    }
+    images["disparity"], images["validity"] = [], []
+    for d in depths:
+        here, pose = maps[d.frame.id, "left"], _pose(d.frame, "left")
+        residual, floor, mask = _disparity(d)
+        images["disparity"].append(ResidualImage(residual, floor, mask, here, pose))
+        device, one, two = (np.asarray(z > 0, dtype=np.float64) for z in (d.measured, *d.model))
+        images["validity"].append(ResidualImage(device - one, np.abs(one - two), np.ones(one.shape, bool), here, pose))
+    units = {"infrared": "DN", "disparity": "px", "validity": "1"}
+    channels = {}
+    for name, parts in images.items():
+        samples = gather_samples(parts, seed) if parts else None
+        if samples is not None:
+            channels[name] = (samples, units[name], bool(samples.total_excess > _SMALLEST_EXCESS * samples.floor.sum()))
+    return channels
+
+
+def surface_text(scene_path: Path) -> Callable[[int], str]:
+    """Text of a surface's number."""
+    names = surface_names(scene_path)
+    return lambda index: names[index] if index < len(names) else f"material {index}"
+
+
+def _floor(
+    expected: np.ndarray, frame: Frame, image_floor: tuple[float, str] | None, law: NoiseLaw | None
+) -> np.ndarray:
+    """Variance per pixel [height][width] by the law, scaled to the image's own floor; 0 where nothing tells it."""
+    if image_floor is None or law is None:
+        return np.zeros(expected.shape)
+    variance = law.variance(expected, frame.gain)
+    mean = variance.mean()
+    return variance * (image_floor[0] / mean) if mean > 0 else np.full(expected.shape, image_floor[0])
+
+
+def _pose(frame: Frame, eye: str) -> bytes:
+    """Equal for images whose static errors are the same ones."""
+    return eye.encode() + np.ascontiguousarray(frame.camera_to_world, dtype=np.float64).tobytes()
+
+
+def _disparity(d: DepthFrame) -> tuple[Any, ...]:
+    """(residual, floor, mask): device minus model, and the squared difference of two exposures of the model."""
+    error, valid = d.disparity_error(d.measured, d.model[0])
+    repeat, again = d.disparity_error(d.model[0], d.model[1])
+    limit = LARGEST_DISPARITY_ERROR_PX
+    return np.clip(error, -limit, limit), np.clip(repeat, -limit, limit) ** 2, valid & again

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The complete sensor model that a diagnosis ends with."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from activestereo.diagnose.evidence import Evidence
+from activestereo.diagnose.findings import Finding
+from activestereo.diagnose.refine.light import DENSE, SCALES
+from activestereo.diagnose.refine.parameter_space import Solution
+from activestereo.effects import Model
+from activestereo.effects.core.scene_surfaces import material_of, scene_surfaces
+from activestereo.model import SensorModel, diagnosed_model
+
+_NAMES = ("projector_scale", "ambient_scale", "black_dn", "focal_left", "focal_right")
+
+
+def found_model(evidence: Evidence, model: Model, solution: Solution, findings: Sequence[Finding]) -> SensorModel:
+    """The capture's calibration and pattern with the effects of `model`, the nuisances and albedos of a fit under
+    them, and the noise law where repeats gave it. findings: give the effects' intervals.
+    """
+    surfaces = scene_surfaces(evidence.capture.scene_path)
+    albedo = {
+        material_of(surfaces[number].name): 1.0 + float(solution.phi[DENSE + index])
+        for index, number in _albedo_surfaces(evidence).items()
+        if number < len(surfaces)
+    }
+    intervals = {
+        (f.id, name): (parameter.low, parameter.high)
+        for f in findings
+        for name, parameter in f.explanation.parameters.items()
+    }
+    return diagnosed_model(
+        evidence.capture,
+        model,
+        nuisances=dict(zip(_NAMES, map(float, solution.phi[: SCALES + 2]), strict=True)),
+        noise_law=evidence.law if evidence.has_floor else None,
+        albedo=albedo,
+        intervals=intervals,
+        material_names=[surface.name for surface in surfaces],
+    )
+
+
+def _albedo_surfaces(evidence: Evidence) -> dict[int, int]:
+    """{index of an albedo nuisance: the number of a surface of its material}."""
+    found: dict[int, int] = {}
+    for o in evidence.train:
+        for index in np.unique(o.material[o.material >= 0]):
+            if int(index) not in found:
+                found[int(index)] = int(np.asarray(o.layers.material)[o.material == index][0])
+    return found

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A ranking as diagnose.json holds it."""
+
+from collections.abc import Callable, Iterable, Sequence
+
+from activestereo.diagnose.findings import Finding, NotRanked, Ranking
+from activestereo.diagnose.score.intervals import Interval
+from activestereo.diagnose.verdict.confidence import confidences, equivalents
+from activestereo.diagnose.verdict.depth import depth_verdict
+from activestereo.effects import Parameter
+from activestereo.effects.core.judging import Channel
+from activestereo.effects.core.surfaces import material_numbers
+
+_CHANNEL = {
+    Channel.EXPECTED_IMAGE: "infrared",
+    Channel.STATIC_FIELD: "infrared",
+    Channel.NOISE_LAW: "noise",
+    Channel.DEPTH_ENGINE: "depth",
+}
+
+Json = dict[str, object]
+
+
+def ranking_json(ranking: Ranking, name_of: Callable[[int], str]) -> list[Json]:
+    """Every finding, best first. name_of: a material's name."""
+    confidence = confidences(ranking)
+    return [_finding_json(ranking, f, confidence[f.id], name_of) for f in ranking.findings]
+
+
+def depth_json(depth: Ranking, faults: Sequence[Finding], name_of: Callable[[int], str]) -> Json:
+    """The verdict on the depth engine.
+
+    faults: findings that are added to the model. nuisance: any other matcher would differ so.
+    """
+    verdict, reason = depth_verdict(depth)
+    entries = ranking_json(depth, name_of)
+    for entry, f in zip(entries, depth.findings, strict=True):
+        entry["nuisance"] = f.effect.engine_fault.is_matcher_choice
+    return {"verdict": verdict, "reason": reason, "ranking": entries, "added": [f.id for f in faults]}
+
+
+def not_ranked_json(skipped: Iterable[NotRanked]) -> list[Json]:
+    """What could not be ranked, with the reason."""
+    return [{"effect": s.effect.id, "family": s.effect.family, "reason": s.reason} for s in skipped]
+
+
+def _finding_json(ranking: Ranking, f: Finding, confidence: float, name_of: Callable[[int], str]) -> Json:
+    return {
+        "effect": f.id,
+        "family": f.effect.family,
+        "channel": _CHANNEL[f.channel],
+        "score_nats": f.score.nats,
+        "confidence": confidence,
+        "explained_share": f.score.explained_share,
+        "gain_floors": f.score.gain_floors,
+        "frame_consistency": f.score.consistency,
+        "parameters": {
+            p.name: _parameter_json(p, f.explanation.parameters[p.name], name_of) for p in f.effect.parameters
+        },
+        "equivalent": equivalents(ranking, f),
+    }
+
+
+def _parameter_json(parameter: Parameter, found: Interval, name_of: Callable[[int], str]) -> Json:
+    """What is found of a parameter; of a choice of surfaces with their materials' names, none for all surfaces."""
+    names = {"materials": [name_of(k) for k in material_numbers(found.value)]} if parameter.choice else {}
+    return found.as_json() | names

@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The channel of the device's own depth engine: its faults are invisible in the infrared images, so its disparity
+alone is judged.
+
+A device's matcher is not ours, but both are given the same images. What counts is the device's error against the true
+geometry less the error that our engine makes on the model's own pair; errors beyond a pixel are mismatches and count
+as one pixel. A filter shows in what neighbours have in common instead: the variance of their differences.
+
+What any other matcher would show as well (EngineFault.is_matcher_choice) is taken off as long as it explains most:
+faults are judged on the rest.
+"""
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+from scipy.optimize import minimize
+
+from activestereo.compare.depth_compare import model_depths
+from activestereo.diagnose.channels.channel import JudgingChannel, Progress
+from activestereo.diagnose.evidence import TILE_PX, Evidence
+from activestereo.diagnose.findings import BaseFit, Explanation, NotRanked, OwnEvidence
+from activestereo.diagnose.refine.fitter import MOST_THREADS
+from activestereo.diagnose.score.intervals import Z90, Limits, within_ranges
+from activestereo.diagnose.score.likelihood import design_effect
+from activestereo.diagnose.thresholds import Gates
+from activestereo.effects import Effect, Stage, View
+from activestereo.effects.core.judging import Channel
+
+_LARGEST_ERROR_PX = 1.0
+# Multiples of a parameter's typical value where fits start, and how often a fit may look.
+_STARTS = (-1.0, 0.3, 1.0, 3.0)
+_EVALUATIONS = 60
+# Amplitudes of a filter that are tried, in typical values.
+_LADDER = np.linspace(0.4, 2.0, 5)
+# A filter that leaves more than this share of the neighbours' differences explains nothing.
+_ROUGH_SHARE = 0.7
+# Nodes, in deviations, and weights of Gauss and Hermite's rule for a normal mean.
+_NODES = ((-np.sqrt(3.0), 1 / 6), (0.0, 2 / 3), (np.sqrt(3.0), 1 / 6))
+
+
+@dataclass(frozen=True)
+class _DepthFit:
+    """values: of the parameters, in order.
+
+    limits: {parameter: (value, low, high)}. is_filter: it was recognised by neighbours' differences.
+    """
+
+    own: OwnEvidence
+    values: np.ndarray
+    limits: dict[str, Limits]
+    is_filter: bool = False
+
+
+@dataclass(frozen=True)
+class _DepthFrame:
+    """One frame with device depth; images [height][width] in pixels of disparity.
+
+    truth: of the geometry, 0 = none. device: its error. engine: errors of our engine on two exposures of the model.
+    valid: where all are known. inside: where all are within a pixel.
+    """
+
+    view: View
+    truth: np.ndarray
+    device: np.ndarray
+    engine: tuple[np.ndarray, np.ndarray]
+    valid: np.ndarray
+    inside: np.ndarray
+    focal_baseline: float
+
+    def shift(self, effect: Effect, values: np.ndarray, noise_px: float) -> np.ndarray:
+        """By how much an effect moves disparities that are off the truth by noise_px."""
+        truth = np.where(self.truth > 0, np.maximum(self.truth + noise_px, 1e-3), 0.0)
+        moved = self.applied(effect, values, truth)
+        return (
+            moved - truth
+            if effect.stage is Stage.DISPARITY
+            else np.where((moved > 0) & (truth > 0), moved - truth, 0.0)
+        )
+
+    def applied(self, effect: Effect, values: np.ndarray, disparity: np.ndarray) -> np.ndarray:
+        """An effect on disparity, or on the depth of that disparity."""
+        named = {p.name: float(v) for p, v in zip(effect.parameters, values, strict=True)}
+        if effect.stage is Stage.DISPARITY:
+            return effect.apply(disparity, self.view, **named)
+        return self._inverse(effect.apply(self._inverse(disparity), self.view, **named))
+
+    def _inverse(self, image: np.ndarray) -> np.ndarray:
+        return np.where(image > 0, self.focal_baseline / np.maximum(image, 1e-9), 0.0)
+
+    def filtered(self, effect: Effect, values: np.ndarray) -> np.ndarray:
+        """Our engine's errors after an effect."""
+        moved = self.applied(effect, values, np.where(self.valid, self.truth + self.engine[0], 0.0))
+        known = self.valid if effect.stage is Stage.DISPARITY else self.valid & (moved > 0)
+        return np.where(known, moved - self.truth, 0.0)
+
+
+class DepthEngineChannel(JudgingChannel):
+    """Judges effects on disparity and depth, on the device's disparity in the train frames."""
+
+    kind: ClassVar[Channel] = Channel.DEPTH_ENGINE
+
+    def __init__(self, evidence: Evidence, base: BaseFit, gates: Gates, workers: int) -> None:
+        self._evidence, self._base, self._gates, self._workers = evidence, base, gates, workers
+
+    def explain(self, effects: Sequence[Effect], progress: Progress | None = None) -> list[Explanation | NotRanked]:
+        frames = list(_frames(self._evidence, self._base)) if effects else []
+        if not frames:
+            return [NotRanked(effect, "the capture has no device depth in its train frames") for effect in effects]
+        fits = self._fits(_Judge(frames, self._gates), effects)
+        return [self._explanation(e, fits[e.id]) for e in effects]
+
+    def _fits(self, judge: "_Judge", effects: Sequence[Effect]) -> dict[str, "_DepthFit"]:
+        """Forward selection of what any matcher would show: as long as such an effect gains most, it is taken off."""
+        fits: dict[str, _DepthFit] = {}
+        waiting = list(effects)
+        while waiting:
+            with ThreadPoolExecutor(min(self._workers, MOST_THREADS)) as pool:
+                now = dict(zip((e.id for e in waiting), pool.map(judge.fit, waiting), strict=True))
+            best = max(waiting, key=lambda e: now[e.id].own.nats)
+            is_choice = best.engine_fault.is_matcher_choice and self._is_significant(now[best.id], len(effects))
+            if not is_choice:
+                return fits | now
+            fits[best.id] = now[best.id]
+            judge = judge.without(best, now[best.id])
+            waiting.remove(best)
+        return fits
+
+    def _is_significant(self, fit: "_DepthFit", tried: int) -> bool:
+        own, gates = fit.own, self._gates
+        return own.nats > gates.margin_nats + np.log(tried) and own.consistency >= gates.consistent_share
+
+    def _explanation(self, effect: Effect, fit: "_DepthFit") -> Explanation:
+        parameters = within_ranges(effect, fit.limits)
+        return Explanation(effect, self.kind, parameters, self._base.chi2, self._base.tile_chi2, own=fit.own)
+
+
+def _frames(evidence: Evidence, base: BaseFit) -> Iterator[_DepthFrame]:
+    if not any(o.frame.depth_path is not None for o in evidence.train):
+        return
+    measured, views = {o.key: o.measured for o in evidence.train}, {o.key: o.view for o in evidence.train}
+    predictions = {row.observation.key: row.expected for row in base.train}
+    for d in model_depths(
+        evidence.capture, measured, predictions, views, evidence.law, base.model, evidence.seed, "train"
+    ):
+        device, valid = d.disparity_error(d.measured, d.truth)
+        engine = []
+        for depth in d.model:
+            error, matched = d.disparity_error(depth, d.truth)
+            engine.append(error)
+            valid = valid & matched
+        truth = np.where(d.truth > 0, d.focal_baseline / np.where(d.truth > 0, d.truth, 1.0), 0.0)
+        inside = valid & (np.abs(device) < _LARGEST_ERROR_PX)
+        for error in engine:
+            inside &= np.abs(error) < _LARGEST_ERROR_PX
+        first, second = engine
+        yield _DepthFrame(views[d.frame.id, "left"], truth, device, (first, second), valid, inside, d.focal_baseline)
+
+
+class _Judge:
+    """Fits effects to the disparity errors of frames."""
+
+    def __init__(self, frames: Sequence[_DepthFrame], gates: Gates) -> None:
+        self._frames, self._gates = frames, gates
+        # A fault acts on disparities that are as noisy before it as our engine's errors.
+        squares = [np.square(frame.engine[0][frame.inside]) for frame in frames]
+        count = sum(s.size for s in squares)
+        self._noise_px = float(np.sqrt(sum(s.sum() for s in squares) / count)) if count else 0.0
+
+    def without(self, effect: Effect, fit: _DepthFit) -> "_Judge":
+        """A judge of what an effect leaves; a filter cannot be undone and stays."""
+        if fit.is_filter:
+            return self
+        shifts = [self._shift(effect, fit.values, frame) for frame in self._frames]
+        moved = zip(self._frames, shifts, strict=True)
+        return _Judge([replace(f, device=np.where(f.valid, f.device - s, 0.0)) for f, s in moved], self._gates)
+
+    def fit(self, effect: Effect) -> _DepthFit:
+        bias, smooth = self._fit_bias(effect), self._fit_smoothness(effect)
+        return smooth if smooth is not None and smooth.own.nats > bias.own.nats else bias
+
+    def _shift(self, effect: Effect, values: np.ndarray, frame: _DepthFrame) -> np.ndarray:
+        """By how much the effect moves the true disparities, px: its mean over the engine's noise, which it acts on."""
+        shifts = [weight * frame.shift(effect, values, node * self._noise_px) for node, weight in _NODES]
+        return np.sum(shifts, axis=0)
+
+    def _squares(self, effect: Effect, values: np.ndarray) -> list[np.ndarray]:
+        """Capped squared errors of each frame's valid pixels."""
+        out = []
+        for frame in self._frames:
+            rest = frame.device - 0.5 * (frame.engine[0] + frame.engine[1]) - self._shift(effect, values, frame)
+            out.append(np.where(frame.valid, np.minimum(rest**2, _LARGEST_ERROR_PX**2), 0.0))
+        return out
+
+    def _fit_bias(self, effect: Effect) -> _DepthFit:
+        neutral, typical, low, high = (
+            np.array([getattr(p, n) for p in effect.parameters]) for n in ("neutral", "typical", "low", "high")
+        )
+
+        def cost(values: np.ndarray) -> float:
+            return float(sum(s.sum() for s in self._squares(effect, np.clip(values, low, high))))
+
+        trials = [neutral]
+        for i, p in enumerate(effect.parameters):
+            for step in _STARTS:
+                trial = neutral.copy()
+                trial[i] = np.clip(p.neutral + step * p.typical, p.low, p.high)
+                trials.append(trial)
+        best = min(trials, key=cost)
+        corners = np.where(best == neutral, best + 0.1 * typical, 0.7 * best + 0.3 * neutral)
+        simplex = np.vstack([best, *[np.where(np.arange(len(best)) == i, corners, best) for i in range(len(best))]])
+        options = {"maxfev": _EVALUATIONS, "initial_simplex": simplex}
+        found = np.clip(minimize(cost, best, method="Nelder-Mead", options=options).x, low, high)
+        return self._judged(effect, neutral, found)
+
+    def _judged(self, effect: Effect, neutral: np.ndarray, found: np.ndarray) -> _DepthFit:
+        base, now = self._squares(effect, neutral), self._squares(effect, found)
+        before, after = sum(float(s.sum()) for s in base), sum(s.sum() for s in now)
+        tiles, counts = _by_tile(now, [frame.valid for frame in self._frames])
+        pixels, design = counts.sum(), design_effect(tiles, counts)
+        nats = 0.5 * pixels / design * np.log(before / after) if after > 0 else 0.0
+        better = np.mean([n.sum() < b.sum() for n, b in zip(now, base, strict=True)])
+        survey_px = (
+            self._gates.poses_known_to_rad * self._frames[0].view.K[0, 0] if effect.engine_fault.displaces else 0.0
+        )
+        limits = {}
+        for i, p in enumerate(effect.parameters):
+            step = 0.05 * p.typical
+            here = np.arange(len(found)) == i
+            moved = [np.where(here, np.clip(found[i] + side * step, p.low, p.high), found) for side in (-1, 1)]
+            curve = sum(s.sum() for m in moved for s in self._squares(effect, m)) - 2 * after
+            error = step * np.sqrt(2 * design * (after / pixels) / curve) if curve > 0 else p.high - p.low
+            error = np.hypot(error, survey_px)
+            ends = found[i], found[i] - Z90 * error, found[i] + Z90 * error
+            value, low, high = (float(np.clip(v, p.low, p.high)) for v in ends)
+            limits[p.name] = value, low, high
+        surveyed = surveyed_nats(nats, found - neutral, survey_px)
+        return _DepthFit(OwnEvidence(float(nats), float(1.0 - after / before), float(better), surveyed), found, limits)
+
+    def _fit_smoothness(self, effect: Effect) -> _DepthFit | None:
+        """For effects with one leading amplitude: the engine's errors under the effect, their differences against
+        the device's.
+        """
+        first, differ = effect.parameters[0], self._gates.engines_differ
+        wanted = self._roughness([frame.device for frame in self._frames])
+        ladder = [0.0, *_LADDER * first.typical]
+        rough = [
+            self._roughness([frame.filtered(effect, _leading(effect, x)) for frame in self._frames]) for x in ladder
+        ]
+        ratio = rough[0] / max(wanted, 1e-12)
+        if ratio < differ or rough[-1] > _ROUGH_SHARE * rough[0]:
+            return None
+        at = lambda roughness: float(np.interp(-np.log(roughness), -np.log(np.maximum(rough, 1e-12)), ladder))  # noqa: E731
+        engines = [at(wanted * factor) for factor in (differ, 1 / differ)]
+        pixels = sum(frame.inside.sum() for frame in self._frames)
+        nats = 0.25 * pixels / TILE_PX * (np.log(ratio / differ)) ** 2
+        limits: dict[str, Limits] = {p.name: (p.neutral, p.neutral, p.neutral) for p in effect.parameters}
+        limits[first.name] = at(wanted), min(engines), max(engines)
+        own = OwnEvidence(float(nats), float(1.0 - 1.0 / ratio))
+        return _DepthFit(own, _leading(effect, at(wanted)), limits, is_filter=True)
+
+    def _roughness(self, errors: Sequence[np.ndarray]) -> float:
+        """Mean square difference of neighbours along rows and columns, well-matched pixels only."""
+        total = count = 0.0
+        for error, frame in zip(errors, self._frames, strict=True):
+            for axis in (0, 1):
+                both = frame.inside & np.roll(frame.inside, 1, axis)
+                total += (((error - np.roll(error, 1, axis)) ** 2)[both]).sum()
+                count += both.sum()
+        return total / max(count, 1)
+
+
+def _leading(effect: Effect, value: float) -> np.ndarray:
+    """Neutral parameters but for the first one."""
+    return np.array([value, *(p.neutral for p in effect.parameters[1:])])
+
+
+def surveyed_nats(nats: float, offset_px: np.ndarray, survey_px: float) -> float:
+    """What the best displacement that the poses' errors, normal with this deviation, explain gains: of quadratic
+    log-likelihoods.
+    """
+    gained = 2.0 * max(nats, 0.0) * survey_px**2
+    return float(nats * gained / (gained + (offset_px**2).sum())) if gained > 0 else 0.0
+
+
+def _by_tile(squares: Sequence[np.ndarray], valid: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """(sum of squares, count of valid pixels) of every tile that has any."""
+    squares_of, pixels_of = [], []
+    for s, ok in zip(squares, valid, strict=True):
+        rows, columns = np.arange(s.shape[0]) // TILE_PX, np.arange(s.shape[1]) // TILE_PX
+        index = (rows[:, None] * (columns[-1] + 1) + columns[None]).ravel()
+        squares_of.append(np.bincount(index, s.ravel()))
+        pixels_of.append(np.bincount(index, ok.ravel()))
+    sums, counts = np.concatenate(squares_of), np.concatenate(pixels_of)
+    return sums[counts > 0], counts[counts > 0]

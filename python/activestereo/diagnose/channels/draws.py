@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a random term's descriptor means for images: what a draw is multiplied with, and which pixels share one."""
+
+from collections.abc import Hashable
+
+import numpy as np
+
+from activestereo.diagnose.evidence import Observation
+from activestereo.diagnose.refine import ImageResidual
+from activestereo.diagnose.score.whiteness import pose_key
+from activestereo.effects.core.dots import DotView
+from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
+
+# Cells of the pattern, in pattern pixels, that share a dot's gain.
+DOT_CELL_PX = 4
+
+
+def lever_image(lever: Lever, row: ImageResidual, black_dn: float) -> np.ndarray:
+    """DN per draw of deviation 1 and parameter 1, [height][width]."""
+    if lever is Lever.SIGNAL:
+        return row.expected - black_dn
+    if lever is Lever.PROJECTOR:
+        return row.projector
+    if lever is Lever.EXPOSURE:
+        return np.full(row.expected.shape, row.observation.frame.exposure_gain)
+    if lever is Lever.PHOTONS:
+        return np.sqrt(np.maximum(row.observation.frame.gain * (row.expected - black_dn), 0.0))
+    return np.ones(row.expected.shape)
+
+
+def frames_that_share(term: RandomTerm, o: Observation) -> Hashable:
+    """A draw of one such group of frames is foretold by the other groups alone: whatever else frames of one place
+    share (misplaced edges) must not pass for it.
+
+    What lasts only while the rig stands still is foretold by other frames of that view.
+    """
+    return o.frame.id if term.shared_by is SharedBy.VIEW else o.frame.camera_to_world.tobytes()
+
+
+class DrawIndex:
+    """Numbers the draws of a term: pixels with the same number share one."""
+
+    def __init__(self) -> None:
+        self._views: dict[Hashable, int] = {}
+        self._dots: dict[Hashable, np.ndarray] = {}
+
+    def __call__(self, term: RandomTerm, o: Observation) -> np.ndarray:
+        """The draw's number at every pixel, [height][width]."""
+        height, width = o.measured.shape
+        right = o.eye == "right"
+        if term.shared_by is SharedBy.COLUMN:
+            return np.broadcast_to(np.arange(width) + right * width, o.measured.shape)
+        if term.shared_by is SharedBy.ROW:
+            return np.broadcast_to(np.arange(height)[:, None] + right * height, o.measured.shape)
+        if term.shared_by is SharedBy.DOT:
+            return self._dot(o)
+        pixel = np.arange(o.measured.size).reshape(o.measured.shape) + right * o.measured.size
+        if term.shared_by is SharedBy.PIXEL:
+            return pixel
+        number = self._views.setdefault(pose_key(o), len(self._views))
+        return pixel + 2 * o.measured.size * number
+
+    def _dot(self, o: Observation) -> np.ndarray:
+        key = o.eye, pose_key(o)
+        if key not in self._dots:
+            dots, (height, width) = DotView.of(o.view), draw_grid(SharedBy.DOT, o)[0]
+            u, v = (np.floor((x + 0.5) / DOT_CELL_PX).astype(int) for x in (dots.u, dots.v))
+            inside = dots.lit & (u >= 0) & (u < width) & (v >= 0) & (v < height)
+            self._dots[key] = np.where(inside, v * width + u, height * width)
+        return self._dots[key]
+
+
+def draw_grid(shared_by: SharedBy, o: Observation) -> tuple[tuple[int, ...], int]:
+    """(the shape in which draws lie, how many steps lie between independent draws)."""
+    if shared_by is SharedBy.COLUMN:
+        return o.measured.shape[1:], 3
+    if shared_by is SharedBy.ROW:
+        return o.measured.shape[:1], 3
+    if shared_by is SharedBy.DOT:
+        return tuple(-(-n // DOT_CELL_PX) for n in o.view.pattern.shape), 2
+    return o.measured.shape, 3

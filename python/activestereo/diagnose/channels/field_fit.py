@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fits fields of random draws that stay (pixel gains, offsets, dots, speckle): what one frame shows tells another.
+
+Each is a random-effects model: residual = lever * b[draw] + noise, b ~ N(0, sigma^2). b is predicted for each group
+of frames from the other groups alone (best linear unbiased prediction, Robinson 1991), so that the fall of the
+squared error is honest.
+"""
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from activestereo.diagnose.channels.dots_seen import dots_seen
+from activestereo.diagnose.channels.draws import DrawIndex, draw_grid, frames_that_share, lever_image
+from activestereo.diagnose.evidence.model_discrepancy import edges
+from activestereo.diagnose.findings import FieldFit
+from activestereo.diagnose.refine import ImageResidual
+from activestereo.diagnose.thresholds import Gates
+from activestereo.effects import Effect
+from activestereo.effects.core.judging import RandomTerm, SharedBy
+
+_JACKKNIFE = 16
+# Levels of the expected value by which a curve that all pixels share is told from their own draws.
+_LEVELS = 24
+
+Beside = Sequence[tuple[RandomTerm, float]]
+
+
+def fit_fields(
+    effect: Effect,
+    train: Sequence[ImageResidual],
+    test: Sequence[ImageResidual],
+    black_dn: float,
+    gates: Gates,
+    beside: Beside = (),
+) -> FieldFit | None:
+    """The fields of a random effect, each fitted to what those before it leave; None where nothing repeats or what
+    does is not random.
+
+    What is a function of the expected value alone, as an error of a tone curve is, is no draw: it is left as it is.
+    beside: (term, deviation of a draw) of other fields, which a sparse draw has to stand out of.
+    """
+    curves, test_curves = ([_level_means(row) for row in rows] for rows in (train, test))
+    train, test = _less(train, curves), _less(test, test_curves)
+    index, share, found = DrawIndex(), 0.0, False
+    sigma, error = {}, {}
+    for term in effect.random_terms:
+        rows = [_row_of(term, row, black_dn, index, beside) for row in train]
+        if len({row.group for row in rows}) < 2:
+            return None
+        first = _variance(rows)[0]
+        variance, deviation = _variance(_unclipped(rows, train, first, gates))
+        sigma[term.parameter], error[term.parameter] = float(np.sqrt(max(variance, 0.0))), float(deviation)
+        totals = _totals(rows)
+        grid = draw_grid(term.shared_by, train[0].observation)
+        sparse = gates.hot_sigma if term.sparse_share else None
+        if variance <= 0 or not (term.sparse_share or _is_random(totals, variance, *grid, gates.field_correlation)):
+            sigma[term.parameter] = 0.0
+            continue
+        if term.shared_by is SharedBy.DOT:
+            seen = np.sqrt(dots_seen(train, partial(_variance_of, rows=rows)))
+            sigma[term.parameter], error[term.parameter] = sigma[term.parameter] / seen, error[term.parameter] / seen
+        found = True
+        tests = [_row_of(term, row, black_dn, index, beside) for row in test]
+        train = _with_residuals(train, [_corrected(row, rows, totals, variance, sparse) for row in rows])
+        test = _with_residuals(test, [_predicted(row, totals, variance, sparse) for row in tests])
+        if term.sparse_share:
+            share, mean = _sparse(totals, gates.hot_sigma)
+            sigma[term.parameter] = sigma[term.parameter] if mean is None else mean
+    residuals = tuple(row.residual + curve for row, curve in zip(train, curves, strict=True))
+    test_residuals = tuple(row.residual + curve for row, curve in zip(test, test_curves, strict=True))
+    return FieldFit(residuals, test_residuals, sigma, error, share) if found else None
+
+
+def _level_means(row: ImageResidual) -> np.ndarray:
+    """The mean residual of the pixels of about the same expected value, [height][width]."""
+    between = np.quantile(row.expected, np.arange(1, _LEVELS) / _LEVELS)
+    level = np.searchsorted(between, row.expected.ravel())
+    total = np.bincount(level, row.residual.ravel(), minlength=_LEVELS)
+    return (total / np.maximum(np.bincount(level, minlength=_LEVELS), 1))[level].reshape(row.residual.shape)
+
+
+def _less(rows: Sequence[ImageResidual], images: Sequence[np.ndarray]) -> list[ImageResidual]:
+    return _with_residuals(rows, [row.residual - image for row, image in zip(rows, images, strict=True)])
+
+
+def _with_residuals(rows: Sequence[ImageResidual], residuals: Sequence[np.ndarray]) -> list[ImageResidual]:
+    return [row._replace(residual=r) for row, r in zip(rows, residuals, strict=True)]
+
+
+def _sparse(totals: np.ndarray, hot_sigma: float) -> tuple[float, float | None]:
+    """(share of the places with a draw, the draws' mean or None) of a sparse field."""
+    a, b, _ = totals
+    strong = _stands_out(totals, hot_sigma)
+    share = float(strong.sum() / max((a > 0).sum(), 1))
+    return share, float((b[strong] / a[strong]).mean()) if strong.any() else None
+
+
+def _stands_out(totals: np.ndarray, hot_sigma: float) -> np.ndarray:
+    """Where the draws of a sparse field are beyond hot_sigma deviations of the noise and of the fields beside."""
+    a, b, beside = totals
+    return b > hot_sigma * np.sqrt(np.maximum(a + beside**2, 1e-30))
+
+
+@dataclass(frozen=True)
+class _Row:
+    """One image as normal equations of b: a = w z^2, b = w z r at each pixel's draw; and w z times the deviation of
+    the fields beside, DN, which frames share.
+    """
+
+    group: Hashable
+    index: np.ndarray
+    z: np.ndarray
+    residual: np.ndarray
+    weight: np.ndarray
+    beside: np.ndarray
+
+    def sums(self, size: int) -> np.ndarray:
+        flat, lever = self.index.ravel(), self.weight * self.z
+        parts = lever * self.z, lever * self.residual, lever * self.beside
+        return np.array([np.bincount(flat, part.ravel(), minlength=size) for part in parts])
+
+
+def _row_of(term: RandomTerm, row: ImageResidual, black_dn: float, index: DrawIndex, beside: Beside) -> _Row:
+    """Draws that last only while the rig stands still share that with misplaced edges, which therefore do not count."""
+    o = row.observation
+    weight = np.where(edges(o), 0.0, o.weight) if term.shared_by is SharedBy.VIEW else o.weight
+    other = [(sigma * lever_image(t.lever, row, black_dn)) ** 2 for t, sigma in beside]
+    deviation = np.sqrt(np.sum(other, axis=0)) if other else np.zeros_like(row.residual)
+    lever = lever_image(term.lever, row, black_dn)
+    return _Row(frames_that_share(term, o), index(term, o), lever, row.residual, weight, deviation)
+
+
+def _is_random(
+    totals: np.ndarray,
+    variance: float,
+    shape: tuple[int, ...],
+    steps: int,
+    largest_correlation: float,
+) -> bool:
+    """Whether draws `steps` apart on their grid are independent: what neighbours share in expectation, over the
+    variance.
+    """
+    count = len(totals[0]) // int(np.prod(shape)) * int(np.prod(shape))
+    a, b, _ = (total[:count].reshape(-1, *shape) for total in totals)
+    for axis in range(1, a.ndim):
+        near, far = np.arange(a.shape[axis] - steps), np.arange(steps, a.shape[axis])
+        both = (a.take(near, axis) * a.take(far, axis)).sum()
+        if both > 0 and (b.take(near, axis) * b.take(far, axis)).sum() > largest_correlation * variance * both:
+            return False
+    return True
+
+
+def _unclipped(rows: Sequence[_Row], train: Sequence[ImageResidual], variance: float, gates: Gates) -> list[_Row]:
+    """The rows without pixels that a draw of this variance may bring to an end of the range: clipped draws look
+    smaller.
+    """
+    out = []
+    for row, (o, image, *_) in zip(rows, train, strict=True):
+        reach = gates.clear_of_ends * np.sqrt(max(variance, 0.0)) * np.abs(row.z)
+        out.append(replace(row, weight=np.where((image > reach) & (image < o.view.max_dn - reach), row.weight, 0.0)))
+    return out
+
+
+def _size(rows: Sequence[_Row]) -> int:
+    return max(int(row.index.max()) for row in rows) + 1
+
+
+def _totals(rows: Sequence[_Row]) -> np.ndarray:
+    size = _size(rows)
+    return np.sum([row.sums(size) for row in rows], axis=0)
+
+
+def _group_sums(rows: Sequence[_Row]) -> dict[Hashable, np.ndarray]:
+    size = _size(rows)
+    groups: dict[Hashable, np.ndarray] = {}
+    for row in rows:
+        groups[row.group] = row.sums(size) + groups.get(row.group, 0.0)
+    return groups
+
+
+def _variance(rows: Sequence[_Row]) -> tuple[float, float]:
+    """(sigma^2, standard error of sigma).
+
+    The variance comes from products of different groups alone, unbiased under any noise that groups do not share; its
+    error from a jackknife over interleaved subsets of the draws.
+    """
+    groups = _group_sums(rows).values()
+    a, b = (np.array([sums[i] for sums in groups]) for i in range(2))
+    top = b.sum(axis=0) ** 2 - (b**2).sum(axis=0)
+    bottom = a.sum(axis=0) ** 2 - (a**2).sum(axis=0)
+    if bottom.sum() <= 0:
+        return 0.0, 0.0
+    variance = top.sum() / bottom.sum()
+    part = np.arange(len(top)) % _JACKKNIFE
+    tops, bottoms = np.bincount(part, top, minlength=_JACKKNIFE), np.bincount(part, bottom, minlength=_JACKKNIFE)
+    without = (top.sum() - tops) / np.maximum(bottom.sum() - bottoms, 1e-300)
+    spread = np.sqrt((_JACKKNIFE - 1) / _JACKKNIFE * ((without - without.mean()) ** 2).sum())
+    return float(variance), float(spread / (2.0 * np.sqrt(max(variance, spread, 1e-30))))
+
+
+def _variance_of(residuals: Sequence[np.ndarray], rows: Sequence[_Row]) -> float:
+    """The variance of other residuals."""
+    return _variance([replace(row, residual=r) for row, r in zip(rows, residuals, strict=True)])[0]
+
+
+def _shrunk(totals: np.ndarray, variance: float, hot_sigma: float | None) -> np.ndarray:
+    """Best predictions of the draws; of a sparse field, of those that stand out alone."""
+    a, b, _ = totals
+    if hot_sigma is None:
+        return b / (a + 1.0 / variance)
+    return np.where(_stands_out(totals, hot_sigma), b / np.maximum(a, 1e-30), 0.0)
+
+
+def _corrected(
+    row: _Row, rows: Sequence[_Row], totals: np.ndarray, variance: float, hot_sigma: float | None
+) -> np.ndarray:
+    """The residual less what the other groups predict."""
+    own = np.sum([other.sums(totals.shape[1]) for other in rows if other.group == row.group], axis=0)
+    value = _shrunk(totals - own, variance, hot_sigma)
+    return row.residual - row.z * value[row.index]
+
+
+def _predicted(row: _Row, totals: np.ndarray, variance: float, hot_sigma: float | None) -> np.ndarray:
+    value = _shrunk(totals, variance, hot_sigma)
+    known = row.index < len(value)
+    return row.residual - row.z * np.where(known, value[np.minimum(row.index, len(value) - 1)], 0.0)

@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The channel of temporal noise: structure of repeats that independent pixels cannot have (rows, coarse steps),
+and photon transfer.
+
+The level of independent noise is a nuisance: such terms are reported with their values, but count as missing only
+where the model states its noise, that is where it has a term of that kind already.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from scipy.optimize import nnls
+
+from activestereo.compare.noise import by_repeats, repeat_statistics, transfer_rows
+from activestereo.diagnose.channels.channel import JudgingChannel, Progress
+from activestereo.diagnose.evidence import Evidence, Observation
+from activestereo.diagnose.evidence.observation import QUANTISATION_VARIANCE
+from activestereo.diagnose.findings import BaseFit, Explanation, NotRanked, OwnEvidence
+from activestereo.diagnose.score.intervals import Z90, Limits, within_ranges
+from activestereo.diagnose.thresholds import Gates
+from activestereo.effects import Effect, Model
+from activestereo.effects.core.judging import Channel, CodeSteps, Lever, RandomTerm, SharedBy
+
+# Half of the 90 % quantile of chi-square with one degree of freedom.
+_LIKELIHOOD_DROP = 1.353
+# Steps of digital numbers that are tried, and their phases.
+_STEPS_DN = np.arange(1.5, 32.01, 0.02)
+_PHASES = np.arange(8) / 8
+# Steps within this share of the widest that fits are the same.
+_SAME_STEP = 0.97
+# Fewer used levels than this, or more than this share of all, are no comb.
+_LEAST_LEVELS, _MOST_USED = 6, 0.7
+# Deviations of a row's offset that are tried, in DN.
+_ROW_SIGMAS_DN = np.geomspace(1e-3, 20.0, 400)
+# How the variance of independent pixels grows, by the levers of EMVA 1288's photon transfer and a quadratic term for
+# speckle.
+_TRANSFER = {
+    Lever.ONE: lambda gain, signal, square: np.ones_like(signal),
+    Lever.PHOTONS: lambda gain, signal, square: gain * signal,
+    Lever.SIGNAL: lambda gain, signal, square: square,
+}
+_NO_REPEATS = "the capture has no repeated frames of a static view"
+
+
+@dataclass(frozen=True)
+class _NoiseFit:
+    """nats: gain of log-likelihood; variance: what it explains per pixel, DN^2; values: {parameter: (value, low,
+    high)}; repeats: frames of one view share it, so that their floor does not hold it.
+    """
+
+    nats: float
+    variance: float
+    values: dict[str, Limits]
+    repeats: bool = False
+
+
+class NoiseLawChannel(JudgingChannel):
+    """Judges terms of the noise law on repeats, and coarse steps on the histogram of digital numbers."""
+
+    kind: ClassVar[Channel] = Channel.NOISE_LAW
+
+    def __init__(self, evidence: Evidence, base: BaseFit, gates: Gates) -> None:
+        self._evidence, self._base, self._gates = evidence, base, gates
+
+    def explain(self, effects: Sequence[Effect], progress: Progress | None = None) -> list[Explanation | NotRanked]:
+        return [self._explained(effect) for effect in effects]
+
+    def _explained(self, effect: Effect) -> Explanation | NotRanked:
+        fit = self._fit(effect)
+        if isinstance(fit, str):
+            return NotRanked(effect, fit)
+        share = fit.variance / max(self._evidence.floor_variance(self._evidence.train), fit.variance)
+        repeats = fit.variance * float(np.mean([o.weight.mean() for o in self._evidence.train])) if fit.repeats else 0.0
+        return Explanation(
+            effect,
+            self.kind,
+            within_ranges(effect, fit.values),
+            self._base.chi2,
+            self._base.tile_chi2,
+            own=OwnEvidence(fit.nats, share),
+            repeats_floors=repeats,
+        )
+
+    def _fit(self, effect: Effect) -> _NoiseFit | str:
+        """The fit, or why there is none."""
+        steps = next((j for j in effect.judged if isinstance(j, CodeSteps)), None)
+        if steps is not None:
+            return _comb(self._evidence, steps.parameter, self._gates.comb_share)
+        term, *more = effect.random_terms
+        if more:
+            return "the noise law is judged one term at a time, and its descriptor names several"
+        if not self._evidence.has_floor:
+            return _NO_REPEATS
+        if term.shared_by is SharedBy.ROW:
+            return _rows(self._evidence.train, term.parameter, self._gates.row_correlation)
+        if term.shared_by is not SharedBy.PIXEL or term.lever not in _TRANSFER:
+            return f"the noise law has no term of draws per {term.shared_by.value} with the lever {term.lever.value}"
+        return _transfer(term, self._evidence, self._base.model)
+
+
+def _comb(evidence: Evidence, parameter: str, comb_share: float) -> _NoiseFit:
+    """Digital numbers that come in steps: the widest comb that holds nearly all pixels."""
+    none = _NoiseFit(0.0, 0.0, {parameter: (0.0, 0.0, 1.0)})
+    levels = int(evidence.capture.rig.max_dn) + 1
+    seen = [np.bincount(np.rint(o.measured).astype(int).ravel(), minlength=levels) for o in evidence.train]
+    counts = np.sum(seen, axis=0)
+    counts[0] = counts[-1] = 0  # clipped
+    used, total = np.nonzero(counts)[0], counts.sum()
+    if len(used) < _LEAST_LEVELS or len(used) > _MOST_USED * (used[-1] - used[0] + 1):
+        return none
+    fitting = []
+    for step in _STEPS_DN:
+        k = np.arange(len(counts) / step + 1)
+        for phase in _PHASES:
+            places = np.rint(step * (k + phase)).astype(int)
+            places = places[places < len(counts)]
+            if counts[places].sum() > comb_share * total:
+                fitting.append(step)
+    if not fitting:
+        return none
+    same = [s for s in fitting if s > _SAME_STEP * max(fitting)]
+    step = float(np.mean(same))
+    limits = step, min(same) - 0.02, max(same) + 0.02
+    return _NoiseFit(float(total * np.log(step)), step**2 / 12.0, {parameter: limits}, repeats=True)
+
+
+def _rows(observations: Sequence[Observation], parameter: str, row_correlation: float) -> _NoiseFit | str:
+    """Rows of a frame that share an offset: marginal likelihood of the differences of repeats."""
+    weight, moment, beside, both = [], [], 0.0, 0.0
+    for first, second in _pairs(observations):
+        w = 0.5 * (first.weight + second.weight)
+        difference = (first.measured.astype(np.float64) - second.measured) / np.sqrt(2.0)
+        weight.append(w.sum(axis=1))
+        moment.append((w * difference).sum(axis=1))
+        beside += float(moment[-1][1:] @ moment[-1][:-1])
+        both += float(weight[-1][1:] @ weight[-1][:-1])
+    if not weight:
+        return _NO_REPEATS
+    A, B = np.concatenate(weight).astype(np.float64), np.concatenate(moment)
+    square = _ROW_SIGMAS_DN[:, None] ** 2
+    nats = 0.5 * (B**2 * square / (1.0 + square * A) - np.log1p(square * A)).sum(axis=1)
+    best = int(nats.argmax())
+    if nats[best] <= 0:
+        high = _ROW_SIGMAS_DN[nats > -_LIKELIHOOD_DROP].max(initial=_ROW_SIGMAS_DN[0])
+        return _NoiseFit(0.0, 0.0, {parameter: (0.0, 0.0, float(high))})
+    sigma = float(_ROW_SIGMAS_DN[best])
+    if beside > row_correlation * both * sigma**2:
+        return "neighbouring rows vary together, as bands of light that flickers do"
+    inside = _ROW_SIGMAS_DN[nats > nats[best] - _LIKELIHOOD_DROP]
+    return _NoiseFit(float(nats[best]), sigma**2, {parameter: (sigma, float(inside[0]), float(inside[-1]))})
+
+
+def _pairs(observations: Sequence[Observation]) -> list[tuple[Observation, Observation]]:
+    groups = by_repeats((o.frame, o.eye, o) for o in observations)
+    return [(a, b) for group in groups for a, b in zip(group, group[1:], strict=False)]
+
+
+def _transfer(term: RandomTerm, evidence: Evidence, model: Model) -> _NoiseFit | str:
+    """Photon transfer of the repeats with a term and without it, all others refitted; nats are 0 where the model
+    states no noise.
+    """
+    capture = evidence.capture
+    rows = [row for entry in repeat_statistics(capture, "train") for row in transfer_rows(entry, capture.rig.max_dn)]
+    if not rows:
+        return _NO_REPEATS
+    stated = [lever for effect, _ in model.effects for lever in _transfer_levers(effect)]
+    others = [lever for lever in (stated or _TRANSFER) if lever is not term.lever]
+    black = evidence.nuisances.black_dn
+    without, _, _ = _fit_levers(rows, others, black)
+    misfit, value, error = _fit_levers(rows, [term.lever, *others], black)
+    # The coefficient is a variance; the parameter is a deviation, but for photons.
+    power = 1.0 if term.lever is Lever.PHOTONS else 0.5
+    low, high = (float(max(value + side * Z90 * error, 0.0) ** power) for side in (-1, 1))
+    mean = np.average([_column(term.lever, row[0], np.array(row[1]), np.array(row[2]), black) for row in rows])
+    nats = 0.5 * (without - misfit) if stated else 0.0
+    return _NoiseFit(float(nats), float(value * mean), {term.parameter: (float(value**power), low, high)})
+
+
+def _transfer_levers(effect: Effect) -> list[Lever]:
+    """Levers by which an effect states independent temporal noise."""
+    if effect.channel is not Channel.NOISE_LAW:
+        return []
+    return [t.lever for t in effect.random_terms if t.shared_by is SharedBy.PIXEL and t.lever in _TRANSFER]
+
+
+def _column(
+    lever: Lever, gain: float | np.ndarray, mean: np.ndarray, square: np.ndarray, black_dn: float
+) -> np.ndarray:
+    """By what a term's variance grows, from mean and mean square of DN."""
+    signal = np.maximum(mean - black_dn, 0.0)
+    return _TRANSFER[lever](gain, signal, np.maximum(square - 2 * black_dn * mean + black_dn**2, 0.0))
+
+
+def _fit_levers(
+    rows: Sequence[tuple[float, ...]], levers: Sequence[Lever], black_dn: float
+) -> tuple[float, float, float]:
+    """(chi2, first lever's coefficient, its standard error)."""
+    gain, mean, square, variance, weight = np.array(rows).T
+    target = (variance - QUANTISATION_VARIANCE) * weight
+    if not levers:
+        return float((target**2).sum()), 0.0, 0.0
+    design = np.stack([_column(lever, gain, mean, square, black_dn) for lever in levers], axis=1) * weight[:, None]
+    coefficients, misfit = nnls(design, target)
+    norm = np.maximum(np.sqrt((design**2).sum(axis=0)), 1e-300)
+    inverse = np.linalg.pinv((design / norm).T @ (design / norm), rcond=1e-12, hermitian=True)
+    scale = max(1.0, misfit**2 / max(len(target) - len(levers), 1))
+    return float(misfit**2), float(coefficients[0]), float(np.sqrt(inverse[0, 0] * scale) / norm[0])

@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ranks the library on a capture's train frames and says what the data allow to say.
+
+Test frames are touched once, for the held-out figures of the models along the way; they decide nothing.
+"""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from activestereo.capture.capture import Capture, read_capture
+from activestereo.common.progress_bar import part_of
+from activestereo.compare.cache import LayerCache
+from activestereo.compare.model_file import library, model_json
+from activestereo.compare.render import WARP_SCALE, Renderer, render_frames, render_halves
+from activestereo.compare.render_noise import mean_of_halves
+from activestereo.compare.where_channels import surface_text
+from activestereo.diagnose.answer.figures import held_out_figures
+from activestereo.diagnose.answer.found_model import found_model
+from activestereo.diagnose.answer.judging import judging_json
+from activestereo.diagnose.answer.ranking_json import depth_json, not_ranked_json, ranking_json
+from activestereo.diagnose.answer.residual_model import residual_law
+from activestereo.diagnose.base_fit import BaseFits
+from activestereo.diagnose.channels import Progress
+from activestereo.diagnose.channels.fields_together import shown_together
+from activestereo.diagnose.evidence import Evidence, gather
+from activestereo.diagnose.findings import BaseFit, Finding, Ranking
+from activestereo.diagnose.greedy import Step, greedy
+from activestereo.diagnose.next_measurement import next_measurements
+from activestereo.diagnose.propose.scan import scan_observations
+from activestereo.diagnose.rank import Bench, rank, rank_depth, settled_first
+from activestereo.diagnose.refine import Fitters
+from activestereo.diagnose.refine.by_rendering import Rendering
+from activestereo.diagnose.refine.fit_cache import FitMemory
+from activestereo.diagnose.refine.parameter_space import Solution
+from activestereo.diagnose.thresholds import GATES, Gates
+from activestereo.diagnose.verdict.acceptance import passes
+from activestereo.diagnose.verdict.completeness import is_unexplained, lacks_nothing
+from activestereo.diagnose.verdict.depth import engine_faults
+from activestereo.diagnose.verdict.verdict import EFFECT, UNDETERMINED, UNKNOWN, is_named, verdict_of
+from activestereo.effects import Effect, Model
+from activestereo.effects.core.judging import Channel
+from activestereo.model import SensorModel
+
+_RENDER_SHARE = 0.4
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """result: what diagnose.json holds.
+
+    model: the given model with what was added. stub: Python text of an effect, or None. sensor_model: what
+    model.json holds; None where the capture's images could not be judged.
+    """
+
+    result: dict[str, Any]
+    model: Model
+    stub: str | None = None
+    sensor_model: SensorModel | None = None
+
+
+def diagnose(
+    capture_path: str | Path,
+    model: Model | None = None,
+    effects: Mapping[str, Effect] | None = None,
+    steps: str = "one",
+    renderer: Renderer | None = None,
+    samples_per_pixel: int = 32,
+    max_bounces: int = 8,
+    seed: int = 0,
+    cache: LayerCache | None = None,
+    workers: int = 2,
+    progress: Progress | None = None,
+    gates: Gates = GATES,
+    rendering: Callable[[Capture], Rendering] | None = None,
+) -> Diagnosis:
+    """A Diagnosis of the capture folder. CaptureError where the capture cannot be used.
+
+    model: a Model to start from; effects: {id: Effect} to choose from, None for the built-in ones. steps: "one" adds
+    the best effect at most, "greedy" goes on until nothing may be named. progress: called with the fraction done.
+    rendering: makes a capture's engine, by whose images effects of light transport are refined
+    (diagnose/refine/by_rendering.py).
+    """
+    model, effects = model or Model(), library() if effects is None else effects
+    reason = no_infrared(capture_path)
+    if reason:
+        return _undetermined(reason, model)
+    capture = read_capture(capture_path)
+    if renderer is None:
+        from activestereo.compare.kuafu_renderer import KuafuRenderer
+
+        renderer = KuafuRenderer()
+    cache = cache or LayerCache()
+    train, test = capture.split("train"), capture.split("test")
+    sampled = capture, renderer, samples_per_pixel, max_bounces, seed, cache
+    middle = _RENDER_SHARE * len(train) / len(capture.frames)
+    layers = render_frames(*sampled, part_of(progress, 0.0, middle), WARP_SCALE, train)
+    halves = render_halves(*sampled, part_of(progress, middle, _RENDER_SHARE), WARP_SCALE, test)
+    evidence = gather(capture, {**layers, **mean_of_halves(halves)}, seed, halves)
+    share = part_of(progress, _RENDER_SHARE, 1.0)
+    engine = None if rendering is None else rendering(capture)
+    memory = FitMemory(cache, evidence.train)
+    try:
+        return examine(evidence, model, list(effects.values()), steps, workers, share, gates, engine, memory)
+    finally:
+        memory.save()  # what was done before a cancellation need not be done again
+
+
+def no_infrared(capture_path: str | Path) -> str | None:
+    """Why infrared images cannot be judged, or None.
+
+    Depth alone cannot tell one effect from another: nearly all fit it.
+    """
+    folder = Path(capture_path)
+    file = folder if folder.name == "capture.json" else folder / "capture.json"
+    if not file.is_file():
+        return None  # read_capture says what is wrong
+    try:
+        frames = json.loads(file.read_text(encoding="utf-8"))["frames"]
+        missing = frames and all(frame.get("left") is None and frame.get("right") is None for frame in frames)
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return None
+    return "the capture has no infrared images: depth alone fits nearly every effect" if missing else None
+
+
+def _undetermined(reason: str, model: Model) -> Diagnosis:
+    text = "record the infrared images of both cameras, with two or more frames of each static view"
+    result: dict[str, Any] = {
+        "verdict": UNDETERMINED,
+        "reason": reason,
+        "ranking": [],
+        "added": [],
+        "heldout_ir_rmse_before": None,
+        "heldout_ir_rmse_after": None,
+        "heldout_noise_floor": None,
+        "next_measurement": [{"text": text, "separates": [], "change": None}],
+        "law": None,
+        "curve": [],
+        "depth": {"verdict": UNDETERMINED, "reason": reason, "ranking": [], "added": []},
+        "model": model_json(model),
+    }
+    return Diagnosis(result, model)
+
+
+def examine(
+    evidence: Evidence,
+    model: Model,
+    candidates: Sequence[Effect],
+    steps: str = "one",
+    workers: int = 2,
+    progress: Progress | None = None,
+    gates: Gates = GATES,
+    rendering: Rendering | None = None,
+    memory: FitMemory | None = None,
+) -> Diagnosis:
+    """diagnose() on gathered evidence. memory: where its fits are kept, or None."""
+    if all(np.ptp(o.measured) == 0 for o in evidence.train):
+        return _undetermined("the infrared images are blank", model)
+    fitters = Fitters.of(evidence, scan_observations(evidence.train, evidence.seed), memory, workers)
+    bench = Bench(evidence, fitters, gates, workers, frozenset(e.id for e, _ in model.effects), rendering)
+    bases = BaseFits(evidence, fitters, gates)
+    first = rank(bench, bases(model), candidates, progress)
+    if is_named(first):
+        first = settled_first(bench, first)
+    way = _way(bench, bases, first, candidates, steps, progress)
+    last = way[-1].ranking
+    verdict = verdict_of(first, last, evidence.has_floor)
+    law = residual_law(last.base, evidence.capture.name, evidence.seed) if verdict == UNKNOWN else None
+    way, on_top = _accepted(verdict, first, way, steps)
+    accepted = _model_of(way[-1].ranking.base.solution.model, on_top)
+    depth = rank_depth(bench, bases(accepted), candidates)
+    faults = engine_faults(depth)[:1]
+    found, name_of = _model_of(accepted, faults), surface_text(evidence.capture.scene_path)
+    solution = _solution_of(way[-1].ranking.base, [*on_top, *faults])
+    result: dict[str, Any] = {
+        "verdict": verdict,
+        "capture": evidence.capture.name,
+        "ranking": ranking_json(first, name_of),
+        "not_ranked": not_ranked_json((*first.not_ranked, *depth.not_ranked)),
+        "added": [*way[-1].added, *(f.id for f in on_top)],
+        "depth": depth_json(depth, faults, name_of),
+        **held_out_figures(way[-1].bench.evidence, fitters, [(step.added, step.ranking.base) for step in way], on_top),
+        "next_measurement": next_measurements(first, evidence),
+        "judging": judging_json(first, evidence.has_floor),
+        "law": law and law.as_json(),
+        "model": model_json(found, solution.nuisances),
+    }
+    found = _with_own_functions(found, candidates)
+    complete = found_model(evidence, found, solution, [*first.findings, *faults])
+    return Diagnosis(result, found, None if law is None else law.stub(), complete)
+
+
+def _with_own_functions(model: Model, candidates: Sequence[Effect]) -> Model:
+    """The model with its effects' own image functions, in place of rendered ones."""
+    own = {e.id: e for e in candidates}
+    return Model(tuple((own.get(e.id, e), values) for e, values in model.effects))
+
+
+def _way(
+    bench: Bench, bases: BaseFits, first: Ranking, candidates: Sequence[Effect], steps: str, progress: Progress | None
+) -> list[Step]:
+    """Models from the given one on; further ones where they are asked for, or where what is named leaves something."""
+    is_whole = not is_named(first) or lacks_nothing(first, first.findings[0])
+    if not is_whole and (steps == "greedy" or is_unexplained(first, first.findings[0].remainder, first)):
+        return greedy(bench, bases, first, candidates, progress)
+    return [Step((), first, bench)]
+
+
+def _accepted(verdict: str, first: Ranking, way: list[Step], steps: str) -> tuple[list[Step], list[Finding]]:
+    """(the steps that count, findings to add on top of the last one's base): no name is claimed where most of the
+    error stays.
+    """
+    if verdict != EFFECT:
+        return way[:1], []
+    return (way[:1], [first.findings[0]]) if steps == "one" else (way, _without_images_of_their_own(way[-1].ranking))
+
+
+def _without_images_of_their_own(ranking: Ranking) -> list[Finding]:
+    """What may still be named at the end without an expected image to go on from: noise, and random fields that
+    stay (the best, or those that are shown together).
+    """
+    passing = [f for f in ranking.findings if f.solution is None and passes(ranking, f)]
+    fields, noise = ([f for f in passing if f.channel is c] for c in (Channel.STATIC_FIELD, Channel.NOISE_LAW))
+    if any(lacks_nothing(ranking, f) for f in noise):
+        return noise
+    together = shown_together(fields, ranking.base, ranking.gates) if len(fields) > 1 else []
+    if fields and fields[0].id not in {f.id for f in together}:
+        together = fields[:1]
+    return noise + together
+
+
+def _solution_of(base: BaseFit, added: Sequence[Finding]) -> Solution:
+    """The fit of the nuisances under all that was accepted: of the last finding that has one, else of the base."""
+    return next((f.solution for f in reversed(added) if f.solution is not None), base.solution)
+
+
+def _model_of(model: Model, added: Sequence[Finding]) -> Model:
+    """A model, or that of the one fitted finding added to it, with what was added beside."""
+    for finding in added:
+        if finding.solution is not None:
+            model = finding.solution.model
+        else:
+            values = {name: v.value for name, v in finding.explanation.parameters.items()}
+            model = model.with_effect(finding.effect, **values)
+    return model

@@ -1,0 +1,7 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a diagnosis looks at: measured images beside their rendered light, expected variances, tiles and folds."""
+
+from activestereo.diagnose.evidence.gather import gather
+from activestereo.diagnose.evidence.observation import BLOCK_PX, FOLDS, TILE_PX, Evidence, Observation
+
+__all__ = ["BLOCK_PX", "FOLDS", "TILE_PX", "Evidence", "Observation", "gather"]

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gathers the evidence of a capture: everything random is judged against the repeats' noise law, everything
+correlated by tiles.
+"""
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from activestereo.capture.capture import EYES, Capture
+from activestereo.compare.gain_noise import law_at_other_gains
+from activestereo.compare.noise import NoiseLaw, frame_floors
+from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
+from activestereo.compare.render import LayersOfFrames
+from activestereo.compare.unsteady_light import unsteady_light
+from activestereo.diagnose.evidence.focal_slope import focal_slope
+from activestereo.diagnose.evidence.measured_image import MeasuredImage
+from activestereo.diagnose.evidence.model_discrepancy import place_error
+from activestereo.diagnose.evidence.observation import (
+    BLOCK_PX,
+    FOLDS,
+    QUANTISATION_VARIANCE,
+    TILE_PX,
+    Evidence,
+    Observation,
+    weight_of,
+)
+from activestereo.effects import View
+from activestereo.effects.core.scene_surfaces import scene_surfaces
+
+_BLOCK_TILES = BLOCK_PX // TILE_PX
+# Noise of captures without repeats: the paper's gamma speckle (k = 60) and a read noise of 1 DN. No effect is ever
+# named by it.
+_ASSUMED_NOISE = (1.0, 0.0, 1.0 / 60.0)
+# A material that covers less than this share of the train frames has no albedo nuisance.
+_SMALLEST_MATERIAL = 0.002
+# At most this share of an expected value is taken from the measurement itself.
+_MOST_MEASURED = 0.5
+
+Floors = dict[tuple[int, str], float]
+
+
+def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, halves: Sequence[LayersOfFrames] = ()) -> Evidence:
+    """The Evidence of a capture and its rendered layers {frame id: {eye: Layers}}. seed: rules every random choice.
+    halves: of the test frames' layers, which are the halves' mean.
+    """
+    shots = [
+        MeasuredImage(f, eye, View.of(capture, f, eye, layers[f.id][eye], seed), layers[f.id][eye], capture.ir(f, eye))
+        for f in capture.frames
+        for eye in EYES
+    ]
+    train, test = ([s for s in shots if s.frame.split == split] for split in ("train", "test"))
+    nuisances = fit_nuisances([(s.frame, s.layers, s.measured) for s in train], capture.rig.max_dn).nuisances
+    floors, law, has_floor = _noise(capture, shots, nuisances)
+    expected = _expected(shots, floors, nuisances, capture.rig.max_dn)
+    predicted = {s.key: predict(s.frame, s.layers, nuisances, capture.rig.max_dn) for s in train}
+    if has_floor:
+        law, floors = noise_at_other_gains(law, floors, shots, train, predicted)
+    place_error_m = place_error(train, predicted, law)
+    tiles, count = _tiles(train)
+    material_of = _material_of(capture)
+    materials = _albedo_materials(train, material_of)
+
+    def observation(shot: MeasuredImage) -> Observation:
+        weight = weight_of(law, place_error_m, shot, expected[shot.key])
+        outside = np.full(shot.measured.shape, -1)
+        tile, fold = tiles.get(shot.key, (outside, outside))
+        material, slope = _material_index(shot, materials, material_of), focal_slope(shot, nuisances)
+        return Observation(
+            shot.frame, shot.eye, shot.view, shot.layers, shot.measured, weight, tile, fold, material, slope
+        )
+
+    test_observations = tuple(map(observation, test))
+    return Evidence(
+        capture=capture,
+        train=tuple(map(observation, train)),
+        test=test_observations,
+        nuisances=nuisances,
+        law=law,
+        floors=floors,
+        has_floor=has_floor,
+        materials=len(materials),
+        tiles=count,
+        place_error_m=place_error_m,
+        seed=seed,
+        test_halves=tuple(
+            tuple(
+                replace(o, layers=of[o.frame.id][o.eye], view=replace(o.view, half=number)) for o in test_observations
+            )
+            for number, of in enumerate(halves)
+        ),
+    )
+
+
+def _noise(capture: Capture, shots: Sequence[MeasuredImage], nuisances: Nuisances) -> tuple[Floors, NoiseLaw, bool]:
+    """(floor of each image in DN^2, noise law, whether repeats gave them)."""
+    no_noise = unsteady_light({s.key: (s.frame, s.layers, s.measured) for s in shots})
+    floors, law = frame_floors(capture, nuisances.black_dn, no_noise)
+    if law is not None:
+        return {key: max(v[0], QUANTISATION_VARIANCE) for key, v in floors.items()}, law, True
+    law = NoiseLaw(*_ASSUMED_NOISE, nuisances.black_dn)
+    return {s.key: max(law.mean_variance(s.measured, s.frame.gain), QUANTISATION_VARIANCE) for s in shots}, law, False
+
+
+def noise_at_other_gains(
+    law: NoiseLaw,
+    floors: Floors,
+    shots: Sequence[MeasuredImage],
+    train: Sequence[MeasuredImage],
+    predicted: Mapping[tuple[int, str], np.ndarray],
+) -> tuple[NoiseLaw, Floors]:
+    """The law and floors with the noise that frames at gains without repeats show. predicted: expected DN of the train
+    images.
+    """
+    shown = {s.frame.gain for s in train if s.frame.repeat_group is not None}
+    law = law_at_other_gains(law, train, dict(predicted), shown)
+    others = [s for s in shots if s.frame.gain not in shown]
+    return law, floors | {
+        s.key: max(law.mean_variance(s.measured, s.frame.gain), QUANTISATION_VARIANCE) for s in others
+    }
+
+
+def _expected(
+    shots: Sequence[MeasuredImage], floors: Floors, nuisances: Nuisances, max_dn: float
+) -> dict[tuple[int, str], np.ndarray]:
+    """Expected values: the model's prediction, and of the measurement (the mean of repeats) as much as the
+    prediction lacks.
+
+    A weight that has seen its own pixel's noise pulls fits down: bright grains weigh too little. A prediction that is
+    as good as the noise allows is therefore trusted alone; one that misses something gives way to the measurement, at
+    most by half.
+    """
+    groups: dict[Hashable, list[MeasuredImage]] = {}
+    for s in shots:
+        key = (s.frame.repeat_group, s.eye) if s.frame.repeat_group is not None else s.key
+        groups.setdefault(key, []).append(s)
+    expected: dict[tuple[int, str], np.ndarray] = {}
+    for group in groups.values():
+        images = [predict(s.frame, s.layers, nuisances, max_dn) for s in group]
+        mean = np.mean([s.measured for s in group], axis=0)
+        noise = np.mean([floors[s.key] for s in group])
+        square = np.mean([(s.measured - image) ** 2 for s, image in zip(group, images, strict=True)])
+        share = _MOST_MEASURED * max(0.0, 1.0 - noise / max(square, 1e-12))
+        expected |= {s.key: image + share * (mean - image) for s, image in zip(group, images, strict=True)}
+    return expected
+
+
+def _tiles(train: Sequence[MeasuredImage]) -> tuple[dict[tuple[int, str], tuple[np.ndarray, np.ndarray]], int]:
+    """({key: (tile, fold)} of each image, number of tiles).
+
+    Folds are blocks of the image, other ones in every pose: a highlight that one place shows is judged by those of
+    other poses.
+    """
+    first = 0
+    poses: dict[bytes, int] = {}
+    out: dict[tuple[int, str], tuple[np.ndarray, np.ndarray]] = {}
+    for s in train:
+        turn = poses.setdefault(s.frame.camera_to_world.tobytes(), len(poses))
+        height, width = s.measured.shape
+        rows, columns = np.arange(height) // TILE_PX, np.arange(width) // TILE_PX
+        across = columns[-1] + 1
+        tile = first + rows[:, None] * across + columns[None]
+        block = (rows[:, None] // _BLOCK_TILES) % 2 * 2 + (columns[None] // _BLOCK_TILES) % 2
+        out[s.key] = tile, ((block + turn) % FOLDS).astype(np.int64)
+        first += (rows[-1] + 1) * across
+    return out, int(first)
+
+
+def _material_of(capture: Capture) -> np.ndarray:
+    """The material of every surface, by number: an albedo error is one of all objects of a material."""
+    return np.array([surface.material for surface in scene_surfaces(capture.scene_path)], dtype=np.int64)
+
+
+def _materials(shot: MeasuredImage, material_of: np.ndarray) -> np.ndarray:
+    """The material [height][width] of each pixel's surface; what is no surface of the file keeps its number."""
+    surface = np.asarray(shot.layers.material).astype(np.int64)
+    known = surface < len(material_of)
+    return np.where(known, material_of[np.where(known, surface, 0)] if len(material_of) else surface, surface)
+
+
+def _albedo_materials(train: Sequence[MeasuredImage], material_of: np.ndarray) -> list[int]:
+    """Materials that cover enough of the train frames, but for the largest one: its albedo is part of the scales."""
+    ids, counts = np.unique(np.concatenate([_materials(s, material_of).ravel() for s in train]), return_counts=True)
+    order = np.argsort(-counts)
+    return [ids[i] for i in order if counts[i] > _SMALLEST_MATERIAL * counts.sum()][1:]
+
+
+def _material_index(shot: MeasuredImage, materials: Sequence[int], material_of: np.ndarray) -> np.ndarray:
+    index, seen = np.full(shot.measured.shape, -1), _materials(shot, material_of)
+    for number, name in enumerate(materials):
+        index[seen == name] = number
+    return index

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a measured scene is never known to exactly: the places of its edges.
+
+A tape measure errs by a millimetre or so: where materials or surfaces meet, the image is off by the local slope times
+that. This error is estimated on static frames alone and never believed beyond a limit, so that what moves edges in
+earnest stays to be explained.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.ndimage import maximum_filter, minimum_filter
+
+from activestereo.compare.noise import NoiseLaw
+from activestereo.diagnose.evidence.measured_image import MeasuredImage
+
+# Largest survey error of a place that is believed, metres; beyond it something else is missing.
+_LARGEST_PLACE_ERROR_M = 1.5e-3
+_DEPTH_STEP = 0.03
+
+
+def edges(o: MeasuredImage) -> np.ndarray:
+    """Pixels next to an edge of a material or a surface, bool [height][width]: what they show depends on its place."""
+    return o.view.once("edges", lambda: _edges(o.view.depth_m, np.asarray(o.layers.material)))
+
+
+def _edges(z: np.ndarray, material: np.ndarray) -> np.ndarray:
+    edge = maximum_filter(material, 3) != minimum_filter(material, 3)
+    return edge | (maximum_filter(z, 3) - minimum_filter(z, 3) > _DEPTH_STEP * z)
+
+
+def edge_slopes(o: MeasuredImage, image: np.ndarray) -> np.ndarray:
+    """Change of the expected image in DN per metre of misplacement, at pixels next to an edge, else 0; float32
+    [height][width].
+    """
+    z, edge = o.view.depth_m, edges(o)
+    down, right = np.gradient(image)
+    per_m = np.where(z > 0, o.view.K[0, 0] / np.where(z > 0, z, 1.0), 0.0)
+    return np.where(edge, np.hypot(down, right) * per_m, 0.0).astype(np.float32)
+
+
+def place_error(
+    observations: Sequence[MeasuredImage], images: dict[tuple[int, str], np.ndarray], law: NoiseLaw
+) -> float:
+    """Deviation of the edges' places in metres, from the static frames' excess at edges; 0 where there is none."""
+    excess = slopes = 0.0
+    for o in observations:
+        if not o.frame.is_moving and o.frame.projector_power > 0:
+            slope = edge_slopes(o, images[o.key])
+            edge = slope > 0
+            variance = law.variance(images[o.key], o.frame.gain)
+            excess += ((o.measured - images[o.key]) ** 2 - variance)[edge].sum()
+            slopes += (slope[edge].astype(np.float64) ** 2).sum()
+    return float(np.sqrt(np.clip(excess / slopes, 0.0, _LARGEST_PLACE_ERROR_M**2))) if slopes > 0 else 0.0

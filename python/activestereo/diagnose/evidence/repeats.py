@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The evidence anew, once it is known what raises an image without light, or makes repeats differ.
+
+A dark signal or a black level that grows with warmth is no light, but a photon-transfer law takes it for some; and
+where it grows from one repeat to the next, it is no noise, but the variance of repeats contains it. The floor is too
+high then, and what else is missing hides below it. A model that has the drift takes it out.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from activestereo.compare.noise import by_repeats, frame_floors
+from activestereo.diagnose.evidence.gather import noise_at_other_gains
+from activestereo.diagnose.evidence.model_discrepancy import place_error
+from activestereo.diagnose.evidence.observation import QUANTISATION_VARIANCE, Evidence, Observation, weight_of
+from activestereo.effects import Model
+
+Images = Mapping[tuple[int, str], np.ndarray]
+
+
+def without_drift(
+    evidence: Evidence, model: Model, black_dn: float, expected: Images, least_fall: float
+) -> Evidence:
+    """The Evidence with noise and weights by what is light alone, of repeats by what differs beyond the model; the
+    evidence itself where the noise floor falls by less than a share least_fall.
+
+    black_dn, expected: black level, and DN [height][width] of every train and test image, under the model found so far.
+    """
+    if not evidence.has_floor:
+        return evidence
+    shots = (*evidence.train, *evidence.test)
+    dark = {o.key: model.digital(np.zeros(o.view.shape), o.view, black_dn) - black_dn for o in shots}
+    no_noise = dark | _drift(shots, expected)
+    floors, law = frame_floors(evidence.capture, evidence.nuisances.black_dn, no_noise)
+    if law is None:
+        return evidence
+    found = {key: max(variance, QUANTISATION_VARIANCE) for key, (variance, _) in floors.items()}
+    lit_shots = {o.key: replace(o, measured=o.measured - dark[o.key]) for o in shots}
+    lit_train = [lit_shots[o.key] for o in evidence.train]
+    lit = {key: image - dark[key] for key, image in expected.items()}
+    lit_law, found = noise_at_other_gains(law, found, list(lit_shots.values()), lit_train, lit)
+    shown = [o.key for o in evidence.train]
+    if sum(found[k] for k in shown) > (1.0 - least_fall) * sum(evidence.floors[k] for k in shown):
+        return evidence
+    place_error_m = place_error(lit_train, lit, lit_law)
+
+    def weighed(observations: Sequence[Observation]) -> tuple[Observation, ...]:
+        return tuple(replace(o, weight=weight_of(lit_law, place_error_m, o, lit[o.key])) for o in observations)
+
+    return replace(
+        evidence,
+        train=weighed(evidence.train),
+        test=weighed(evidence.test),
+        test_halves=tuple(map(weighed, evidence.test_halves)),
+        law=lit_law,
+        floors=found,
+        place_error_m=place_error_m,
+    )
+
+
+def _drift(shots: Sequence[Observation], expected: Images) -> Images:
+    """Of every repeat its expected image's difference from the mean of its group's, DN."""
+    groups = by_repeats((o.frame, o.eye, o.key) for o in shots)
+    means = ((keys, np.mean([expected[k] for k in keys], axis=0)) for keys in groups)
+    return {key: expected[key] - mean for keys, mean in means for key in keys}

@@ -1,0 +1,252 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a diagnosis finds, in frozen records: explanations by effects, what they are worth, and a ranking of them.
+
+A channel gives Explanations; scores and checks turn them into Findings; verdicts are functions of Findings alone.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from activestereo.diagnose.refine.fitter import ImageResidual
+from activestereo.diagnose.refine.parameter_space import Solution
+from activestereo.diagnose.score.intervals import Interval
+from activestereo.diagnose.score.likelihood import gain_error
+from activestereo.diagnose.thresholds import Gates
+from activestereo.effects import Effect, Model
+from activestereo.effects.core.judging import Channel
+
+
+@dataclass(frozen=True)
+class BaseFit:
+    """A model with its nuisances fitted and nothing added: what every candidate has to improve on.
+
+    chi2: cross-validated; tile_chi2: as fitted, by tile. white_floors: what stays between repeats and is white over
+    the image, as a renderer's own noise is.
+    """
+
+    model: Model
+    solution: Solution
+    chi2: float
+    tile_chi2: np.ndarray
+    train: tuple[ImageResidual, ...]
+    test: tuple[ImageResidual, ...]
+    white_floors: float
+
+
+@dataclass(frozen=True)
+class FieldFit:
+    """Fields of random draws, fitted.
+
+    residuals: of the train images after each was predicted from others; test_residuals: of the test images. sigma,
+    error: {parameter: deviation of a draw, its standard error}; share: of the places that have a sparse draw.
+    """
+
+    residuals: tuple[np.ndarray, ...]
+    test_residuals: tuple[np.ndarray, ...]
+    sigma: Mapping[str, float]
+    error: Mapping[str, float]
+    share: float = 0.0
+
+
+@dataclass(frozen=True)
+class OwnEvidence:
+    """The evidence of a channel that does not look at expected images.
+
+    nats: gain of log-likelihood. share: of the variance or squared error there that the effect explains. consistency:
+    share of the frames that get better. surveyed_nats: what errors of the surveyed poses may explain of the gain.
+    """
+
+    nats: float
+    share: float
+    consistency: float = 1.0
+    surveyed_nats: float = 0.0
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What one effect explains on its channel, as fitted.
+
+    chi2, tile_chi2: of the train images with it; the base's where the channel looks at something else. solution: the
+    fit of an expected image. fields: of random draws. own: the evidence of other channels. repeats_floors: what the
+    effect leaves in every frame of a view alike (rounding to coarse steps), which is no other effect's.
+    """
+
+    effect: Effect
+    channel: Channel
+    parameters: Mapping[str, Interval]
+    chi2: float
+    tile_chi2: np.ndarray
+    solution: Solution | None = None
+    fields: FieldFit | None = None
+    own: OwnEvidence | None = None
+    repeats_floors: float = 0.0
+
+    @property
+    def fitted(self) -> Solution:
+        """The solution where there is one: an explanation on expected images has it."""
+        assert self.solution is not None, self.effect.id
+        return self.solution
+
+
+@dataclass(frozen=True)
+class NotRanked:
+    """An effect that could not be ranked, and why: a sentence."""
+
+    effect: Effect
+    reason: str
+
+
+@dataclass(frozen=True)
+class Score:
+    """What an explanation is worth.
+
+    nats: gain of log-likelihood. explained_share: of the error above the floor. gain_floors: fall of the mean square.
+    consistency: share of the touched images that get better. choice_nats: of choices that it took, or that surveys
+    may explain. occam_nats: what its freedom costs, <= 0.
+    """
+
+    nats: float
+    explained_share: float
+    gain_floors: float
+    consistency: float
+    choice_nats: float = 0.0
+    occam_nats: float = 0.0
+
+
+@dataclass(frozen=True)
+class Checks:
+    """What was looked at of the explanations that matter.
+
+    plain_share, plain_floors: explained_share and gain_floors of the error in DN as it is, not weighed by its
+    expected variance. varying_floors: what a varying amplitude of the effect's trace explains beyond one.
+    structure_floors: structure that it leaves (score/structure.py). variation: {effect: varying_floors} of every
+    effect that was added to the given model. at_range_end: whether a shape parameter was driven to an end of its range.
+    held_sigmas: how far the fit takes a focal length or an albedo, the farthest, from what calibration and survey
+    say, in deviations of these. None and absent: not looked at.
+    """
+
+    plain_share: float | None = None
+    plain_floors: float = 0.0
+    varying_floors: float = 0.0
+    structure_floors: float | None = None
+    variation: Mapping[str, float] = field(default_factory=dict)
+    at_range_end: bool = False
+    held_sigmas: float = 0.0
+
+
+@dataclass(frozen=True)
+class BaseChecks(Checks):
+    """What was looked at of the base, besides.
+
+    plain_excess_floors: mean square above the floor of the error in DN as it is. unsteady_floors,
+    uneven_structure_floors: see score/steadiness.py.
+    """
+
+    plain_excess_floors: float = 0.0
+    unsteady_floors: float = 0.0
+    uneven_structure_floors: float = 0.0
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What an explanation, or the base, leaves. chi2: of the train images; the others as in Explanation and Checks."""
+
+    chi2: float
+    repeats_floors: float
+    structure_floors: float | None
+    variation: Mapping[str, float]
+    held_sigmas: float = 0.0
+
+
+@dataclass(frozen=True)
+class Finding:
+    """An Explanation with what it is worth."""
+
+    explanation: Explanation
+    score: Score
+    checks: Checks = Checks()
+
+    @property
+    def id(self) -> str:
+        return self.explanation.effect.id
+
+    @property
+    def effect(self) -> Effect:
+        return self.explanation.effect
+
+    @property
+    def channel(self) -> Channel:
+        return self.explanation.channel
+
+    @property
+    def on_images(self) -> bool:
+        """Whether it is judged on the infrared images: an expected image or fields of draws that stay."""
+        return self.channel in (Channel.EXPECTED_IMAGE, Channel.STATIC_FIELD)
+
+    @property
+    def chi2(self) -> float:
+        return self.explanation.chi2
+
+    @property
+    def solution(self) -> Solution | None:
+        return self.explanation.solution
+
+    @property
+    def fitted(self) -> Solution:
+        return self.explanation.fitted
+
+    @property
+    def remainder(self) -> Remainder:
+        e = self.explanation
+        checks = self.checks
+        return Remainder(
+            e.chi2, e.repeats_floors, checks.structure_floors, checks.variation, checks.held_sigmas
+        )
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Findings on top of a base, those that may be named first, each part by its gain.
+
+    pixels: of the train images. design_effect: by how much the residuals of neighbours vary together. floor_chi2:
+    chi2 of the best model, or of the noise alone where that is less: what counts as the floor.
+    """
+
+    base: BaseFit
+    base_checks: BaseChecks
+    findings: tuple[Finding, ...]
+    not_ranked: tuple[NotRanked, ...]
+    pixels: int
+    design_effect: float
+    floor_chi2: float
+    gates: Gates
+
+    @property
+    def best(self) -> Finding | None:
+        return self.findings[0] if self.findings else None
+
+    @property
+    def base_remainder(self) -> Remainder:
+        checks = self.base_checks
+        return Remainder(self.base.chi2, 0.0, checks.structure_floors, checks.variation, checks.held_sigmas)
+
+    @property
+    def excess_floors(self) -> float:
+        """What the base leaves above the floor and the renderer's own noise."""
+        return self.base.chi2 / self.pixels - 1.0 - self.base.white_floors
+
+    @property
+    def at_floor(self) -> bool:
+        """Whether the expected images lack nothing."""
+        return self.excess_floors < self.gates.images_at_floor
+
+    def excess_after(self, chi2: float) -> float:
+        """What an explanation with this chi2 leaves above the floor, in floors."""
+        return max(chi2 / self.pixels - self.floor_chi2 / self.pixels, 0.0)
+
+    def difference_error(self, first: Finding, second: Finding) -> float:
+        """Standard error of the difference of two findings' nats."""
+        tiles = first.explanation.tile_chi2, second.explanation.tile_chi2
+        return gain_error(*tiles, min(first.chi2, second.chi2), self.pixels, self.design_effect)

@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Refines an explanation by the engine's own images: Gauss-Newton on the effect's parameters, where the image
+function only proposed.
+
+An effect's image function is a surrogate. Around its solution the engine renders the effect, and the effect with each
+parameter one step further, all poses in one call with the same random numbers: what changes is the effect, not the
+noise. The differences from the render without the effect stand for it from then on, linear in its parameters near the
+solution; they are rendered anew as the solution moves. The search looks at drafts of the train frames; what it ends
+with is rendered whole. Test frames are rendered where they are asked for, which is for what is added to a model alone.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from activestereo.diagnose.findings import Explanation
+from activestereo.diagnose.refine.fit_cache import content_key
+from activestereo.diagnose.refine.fitter import Fitter
+from activestereo.diagnose.refine.parameter_space import ParameterSpace
+from activestereo.diagnose.score.intervals import intervals
+from activestereo.diagnose.score.likelihood import cross_validated
+from activestereo.effects import Effect, Light, Model, View
+from activestereo.effects.engines.halves import HALVES
+
+# Rounds of rendering and fitting, and fits' steps in each.
+_ROUNDS, _STEPS = 3, 4
+# A step of a difference: of a parameter's typical value, or of its own distance from neutral, whichever is more.
+_STEP_TYPICAL, _STEP_DISTANCE = 0.2, 0.15
+# A round moves a parameter by no more than so many of these steps, keeps the slopes where none moved by more than so
+# many, and ends the search where none moves by this part of one.
+_TRUSTED, _NEAR, _SETTLED = 6.0, 1.0, 0.3
+
+Key = tuple[int, str]
+
+
+class RenderedLight(Protocol):
+    """Radiance [height][width] of one eye of one frame, as in Light: under the projector at power 1, and under
+    ambient radiance 1.
+    """
+
+    @property
+    def direct(self) -> np.ndarray: ...
+
+    @property
+    def indirect(self) -> np.ndarray: ...
+
+    @property
+    def ambient(self) -> np.ndarray: ...
+
+
+class Rendering(Protocol):
+    """Renders the frames of a capture's split, "train" or "test", under a model, with the same random numbers in every
+    call. half: 0 or 1, one of two independent halves of the samples; None: a draft, with fewer samples.
+    """
+
+    def __call__(self, model: Model, split: str, half: int | None = None) -> Mapping[Key, RenderedLight]: ...
+
+
+_Images = dict[Key, np.ndarray]
+_TRAIN, _TEST = "train", "test"
+
+
+@dataclass(frozen=True)
+class _Change:
+    """What an effect changes of the light, [3][height][width] of each image. without: images without it, as far as
+    they were asked for.
+    """
+
+    effect: Effect
+    rendering: Rendering
+    without: dict[tuple[str, int | None], _Images] = field(default_factory=dict)
+
+    def at(self, theta: np.ndarray, split: str, half: int | None = None) -> _Images:
+        """The change by one half of the samples, or of a draft."""
+        named = {p.name: float(np.clip(v, p.low, p.high)) for p, v in zip(self.effect.parameters, theta, strict=True)}
+        images = _images(self.rendering(Model().with_effect(self.effect, **named), split, half))
+        if (split, half) not in self.without:
+            self.without[split, half] = _images(self.rendering(Model(), split, half))
+        return {key: image - self.without[split, half][key] for key, image in images.items()}
+
+    def slopes(self, theta: np.ndarray, steps: np.ndarray, split: str, here: _Images) -> tuple[_Images, ...]:
+        """How drafts change by step along each parameter, 0: along none. here: the change at theta."""
+        found: list[_Images] = []
+        for j, step in enumerate(steps):
+            there = self.at(np.where(np.arange(len(theta)) == j, theta + step, theta), split) if step else {}
+            found.append({key: (image - here[key]) / step for key, image in there.items()})
+        return tuple(found)
+
+
+@dataclass(frozen=True)
+class _Rendered:
+    """An effect whose image function is its change as rendered at theta, with slopes: of the train frames. steps: of
+    the slopes, for the test frames'. test: (the change of the test frames by either half of the samples, its slopes),
+    once prepare() has been asked for one of them.
+    """
+
+    rendered: _Change
+    theta: np.ndarray
+    steps: np.ndarray
+    change: _Images
+    slopes: tuple[_Images, ...]
+    test: list[tuple[tuple[_Images, _Images], tuple[_Images, ...]]] = field(default_factory=list)
+
+    def emulated(self) -> Effect:
+        """The effect with these images for its image function; neutral amplitudes change nothing."""
+        return replace(self.rendered.effect, apply=self._apply, prepare=self._prepare)
+
+    @cached_property
+    def content(self) -> str:
+        """Hash of what decides the train frames."""
+        return content_key(self.theta, self.change, self.slopes)
+
+    def _prepare(self, views: Iterable[View]) -> None:
+        """Renders the test frames where one of the views is of them."""
+        if self.test or all((view.frame.id, view.eye) in self.change for view in views):
+            return
+        first, second = (self.rendered.at(self.theta, _TEST, half) for half in HALVES)
+        draft = self.rendered.at(self.theta, _TEST)
+        self.test.append(((first, second), self.rendered.slopes(self.theta, self.steps, _TEST, draft)))
+
+    def _of_view(self, view: View) -> tuple[np.ndarray, list[np.ndarray | None]]:
+        """(the change at theta, its slopes) of one image."""
+        key = view.frame.id, view.eye
+        if key in self.change:
+            return self.change[key], [slope.get(key) for slope in self.slopes]
+        if not self.test:
+            raise RuntimeError(f"effect {self.rendered.effect.id}: frame {key[0]} is asked for before prepare()")
+        halves, slopes = self.test[0]
+        change = 0.5 * (halves[0][key] + halves[1][key]) if view.half is None else halves[view.half][key]
+        return change, [slope.get(key) for slope in slopes]
+
+    def _apply(self, light: Light, view: View, **values: float) -> Light:
+        given = np.array([values[p.name] for p in self.rendered.effect.parameters])
+        if _is_off(self.rendered.effect, given):
+            return light
+        change, slopes = self._of_view(view)
+        for away, slope in zip(given - self.theta, slopes, strict=True):
+            if away and slope is not None:
+                change = change + away * slope
+        direct, indirect, ambient = (
+            np.maximum(old + new, 0.0)
+            for old, new in zip((light.direct, light.indirect, light.ambient), change, strict=True)
+        )
+        return replace(light, direct=direct, indirect=indirect, ambient=ambient)
+
+
+def _is_off(effect: Effect, values: np.ndarray) -> bool:
+    """Whether all amplitudes are neutral: shapes and choices alone change nothing."""
+    return all(
+        v == p.neutral for p, v in zip(effect.parameters, values, strict=True) if p.neutral == 0.0 and not p.choice
+    )
+
+
+def refined_by_rendering(fitter: Fitter, explanation: Explanation, rendering: Rendering) -> Explanation:
+    """The explanation by the engine's images, where that is better; itself where it is not.
+
+    fitter: of the train images.
+    """
+    effect, start = explanation.effect, explanation.fitted
+    own = slice(len(start.theta) - len(effect.parameters), None)
+    change = _Change(effect, rendering)
+    theta, phi, steps = start.theta, start.phi, _steps(effect, start.theta[own])
+    slopes: tuple[_Images, ...] = ()
+    for _ in range(_ROUNDS):
+        draft = change.at(theta[own], _TRAIN)
+        slopes = slopes or change.slopes(theta[own], steps, _TRAIN, draft)
+        space = _with_effect(start.space, _Rendered(change, theta[own], steps, draft, slopes).emulated())
+        solution = fitter.refine(space, theta, phi, _STEPS)
+        reach = np.abs(steps)
+        moved = np.clip(solution.theta[own], theta[own] - _TRUSTED * reach, theta[own] + _TRUSTED * reach)
+        distance = np.abs(moved - theta[own])
+        theta, phi = np.concatenate([solution.theta[: own.start], moved]), solution.phi
+        if (distance <= _SETTLED * reach).all():
+            break
+        steps, slopes = _steps(effect, moved), slopes if (distance <= _NEAR * reach).all() else ()
+    slopes = slopes or change.slopes(theta[own], steps, _TRAIN, change.at(theta[own], _TRAIN))
+    final = _whole(change, theta[own], steps, slopes)
+    solution = fitter.refine(_with_effect(start.space, final.emulated()), theta, phi, 1)
+    chi2 = cross_validated(fitter, solution)
+    if chi2 >= explanation.chi2:
+        return explanation
+    return replace(
+        explanation,
+        effect=final.emulated(),
+        parameters=intervals(fitter, solution, effect),
+        chi2=chi2,
+        tile_chi2=solution.sums.tile_chi2,
+        solution=solution,
+    )
+
+
+def _with_effect(space: ParameterSpace, effect: Effect) -> ParameterSpace:
+    """The space with another image function of its last effect."""
+    pairs = tuple((effect if e.id == effect.id else e, p) for e, p in space.pairs)
+    return replace(space, pairs=pairs)
+
+
+def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:
+    """Steps of differences, 0 for choices and for what the engine does not know; inside the range."""
+    out = []
+    for p, v in zip(effect.parameters, values, strict=True):
+        step = min(max(_STEP_TYPICAL * p.typical, _STEP_DISTANCE * abs(v - p.neutral)), p.slope_step)
+        is_fixed = p.choice or not p.in_engine
+        out.append(0.0 if is_fixed else -step if v + step > p.high else step)
+    return np.array(out)
+
+
+def _whole(change: _Change, theta: np.ndarray, steps: np.ndarray, slopes: tuple[_Images, ...]) -> _Rendered:
+    """Of all samples. slopes: those of values near by."""
+    first, second = (change.at(theta, _TRAIN, half) for half in HALVES)
+    mean = {key: 0.5 * (image + second[key]) for key, image in first.items()}
+    return _Rendered(change, theta, steps, mean, slopes)
+
+
+def _images(lights: Mapping[Key, RenderedLight]) -> _Images:
+    return {key: np.stack([x.direct, x.indirect, x.ambient]).astype(np.float64) for key, x in lights.items()}

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fits kept on disk beside the renders, by the content of all that decides them: a second diagnosis of a capture by the
+same library, with more effects or other gates perhaps, repeats none.
+
+A fit is decided by the observations (their images, weights and geometry), the code of this package, and the space, the
+start and the settings of the fit. Fits with an effect of a user's own are never kept, for its code is not known.
+"""
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
+from functools import cache
+from itertools import islice
+from pathlib import Path
+from typing import Any, TypeAlias, TypeVar
+
+import numpy as np
+import scipy
+
+import activestereo
+from activestereo.compare.cache import LayerCache
+from activestereo.diagnose.evidence.observation import Observation
+from activestereo.diagnose.refine.parameter_space import ParameterSpace
+from activestereo.effects import Effect, builtin
+
+# Raised when the meaning of what is kept changes.
+_FORMAT = 1
+
+Arrays: TypeAlias = Mapping[str, np.ndarray]
+_Out = TypeVar("_Out")
+
+
+class NotKnown(Exception):
+    """A fit is asked for that is not here."""
+
+
+class FitMemory:
+    """The fits to one capture: a single entry of the cache, read at the start and written by save()."""
+
+    def __init__(self, renders: LayerCache, observations: Sequence[Observation]) -> None:
+        self._renders, self._key = renders, content_key(_FORMAT, code_digest(), observations)
+        self._known: dict[str, Arrays] = dict(_apart(renders.get_arrays(self._key) or {}))
+        self._kept_before = len(self._known)
+        self._makes = True
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def since(self, length: int) -> dict[str, Arrays]:
+        """The fits that came after so many."""
+        return dict(islice(self._known.items(), length, None))
+
+    def learn(self, fits: Mapping[str, Arrays]) -> None:
+        """Takes fits that were made elsewhere."""
+        self._known.update(fits)
+
+    def by_known(self, work: Callable[[], _Out]) -> _Out:
+        """work(), or NotKnown where it asks for a fit that is not here. No other thread may fit meanwhile."""
+        self._makes = False
+        try:
+            return work()
+        finally:
+            self._makes = True
+
+    def once(self, key: str | None, make: Callable[[], Arrays]) -> Arrays:
+        """make(), or what it gave when it was asked for by this key before. None: not to be remembered."""
+        if key in self._known:
+            return self._known[key]
+        if not self._makes:
+            raise NotKnown
+        made = make()
+        if key is not None:
+            self._known[key] = made
+        return made
+
+    def save(self) -> None:
+        """Writes what is new."""
+        if len(self._known) > self._kept_before:
+            together = {f"{key}/{name}": array for key, one in self._known.items() for name, array in one.items()}
+            self._renders.put_arrays(self._key, together)
+            self._kept_before = len(self._known)
+
+
+def fit_key(observations: str, space: ParameterSpace, *values: object) -> str | None:
+    """Of a fit in a space. observations: their content_key(). values: numbers and arrays that decide it besides. None
+    where a part of the model is a user's own."""
+    effects = [effect_content(e) for e, _ in (*space.base.effects, *space.pairs)]
+    if None in effects:
+        return None
+    base = [tuple(values.items()) for _, values in space.base.effects]
+    names = [p.name for _, p in space.pairs]
+    return content_key(observations, effects, base, names, space.start, space.held, values)
+
+
+def effect_content(effect: Effect) -> str | None:
+    """What an effect does, as text: of a built-in one its name, of one by rendered images their content too
+    (by_rendering.py); None of others, whose code is not known."""
+    own = _builtin().get(effect.id)
+    if effect is own:
+        return effect.id
+    images = getattr(getattr(effect.apply, "__self__", None), "content", None)
+    if own is None or images is None or replace(effect, apply=own.apply, prepare=None) != own:
+        return None
+    return f"{effect.id} {images}"
+
+
+def content_key(*values: object) -> str:
+    """Hash of numbers, texts, arrays, and records or lists or tables of them; where files lie makes no difference."""
+    known: dict[int, tuple[object, bytes]] = {}
+
+    def of(value: Any) -> bytes:
+        if id(value) in known:
+            return known[id(value)][1]
+        digest = hashlib.sha256(type(value).__name__.encode())
+        if isinstance(value, np.ndarray):
+            digest.update(f"{value.dtype.str}{value.shape}".encode())
+            digest.update(np.ascontiguousarray(value).data)
+        elif is_dataclass(value):
+            digest.update(b"".join(of(getattr(value, field.name)) for field in fields(value)))
+        elif isinstance(value, Mapping):
+            digest.update(b"".join(of(name) + of(one) for name, one in value.items()))
+        elif isinstance(value, list | tuple):
+            digest.update(b"".join(map(of, value)))
+        elif not isinstance(value, Path):
+            digest.update(repr(value).encode())
+        known[id(value)] = value, digest.digest()  # kept alive, so that no other value gets its id
+        return digest.digest()
+
+    return of(values).hex()
+
+
+@cache
+def code_digest() -> str:
+    """Of this package's code and of the libraries that it computes with."""
+    root, digest = Path(activestereo.__file__).parent, hashlib.sha256()
+    for path in sorted(path for path in root.rglob("*.py") if path.is_file()):  # a build tree may hold links to no file
+        digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
+    return f"{digest.hexdigest()} {np.__version__} {scipy.__version__} {_opencv_version()}"
+
+
+def _opencv_version() -> str:
+    try:
+        import cv2  # effects blur by it where there is one
+    except ImportError:
+        return "none"
+    return str(cv2.__version__)
+
+
+@cache
+def _builtin() -> dict[str, Effect]:
+    return builtin()
+
+
+def _apart(stored: Arrays) -> dict[str, dict[str, np.ndarray]]:
+    """{key: {name: array}} of {"key/name": array}."""
+    out: dict[str, dict[str, np.ndarray]] = {}
+    for name, array in stored.items():
+        key, _, own = name.partition("/")
+        out.setdefault(key, {})[own] = array
+    return out

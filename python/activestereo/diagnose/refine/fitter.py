@@ -1,0 +1,396 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fits a model to observations: weighted least squares in effect parameters and nuisances jointly.
+
+Free are the parameters of every effect in a ParameterSpace, projector scale, ambient scale, black level, focal
+lengths and albedos under their priors. Gauss-Newton with Levenberg's damping; images are recomputed at every step,
+never extrapolated.
+"""
+
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
+from multiprocessing import parent_process
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from activestereo.compare.nuisances import Nuisances
+from activestereo.diagnose.evidence.observation import FOLDS, Evidence, Observation
+from activestereo.diagnose.refine.fit_cache import FitMemory, content_key, fit_key
+from activestereo.diagnose.refine.light import DENSE, SCALES, AllPixels, LightMemory, exposed
+from activestereo.diagnose.refine.normal_equations import Pixels, Sums
+from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solution
+from activestereo.effects import Light, Model
+
+# Parameters have a prior this many ranges wide, which only breaks ties; those that are held, one this many ranges wide.
+_PRIOR_RANGES = 3.0
+_HELD_RANGES = 1e-7
+# Levenberg's damping: its start, its growth and fall, and where a fit gives up.
+_DAMPING, _DAMPING_STEP, _LEAST_RAISED, _MOST_DAMPING = 1e-3, 10.0, 1e-2, 10.0
+# chi2 per pixel that no model is expected to go below: the noise is known to a few percent.
+_LEAST_CHI2 = 0.9
+# Solutions whose images are remembered.
+_REMEMBERED = 12
+# Threads that take turns in Python: more of them take longer.
+MOST_THREADS = 4
+_In = TypeVar("_In")
+_Out = TypeVar("_Out")
+_SomePixels = TypeVar("_SomePixels", Pixels, AllPixels)
+
+
+class ImageResidual(NamedTuple):
+    """One observation under a solution; images [height][width] in DN. projector: the projector's direct light."""
+
+    observation: Observation
+    expected: np.ndarray
+    projector: np.ndarray
+    residual: np.ndarray
+
+
+class Fitter:
+    """Fits over given observations.
+
+    held_sigma: prior deviations of the nuisances that have one. fine=False, for scans: warps look up pixels alone, and
+    sums are of no folds. memory: where fits are kept, or None. threads: that work on images at a time; a process that
+    was made for fits (fit_ahead.py) has one.
+    """
+
+    def __init__(
+        self,
+        observations: Sequence[Observation],
+        held_sigma: np.ndarray,
+        tiles: int,
+        fine: bool = True,
+        memory: FitMemory | None = None,
+        threads: int = 1,
+    ) -> None:
+        self.observations, self.memory, self.threads = observations, memory, min(threads, MOST_THREADS)
+        self._fine = fine
+        self._held_sigma = held_sigma
+        self._tiles = tiles
+        self._lights = LightMemory(observations)
+        self._residuals: OrderedDict[int, tuple[Solution, list[ImageResidual]]] = OrderedDict()
+
+    @property
+    def materials(self) -> int:
+        """How many materials have an albedo nuisance."""
+        return len(self._held_sigma) - (DENSE - SCALES)
+
+    @cached_property
+    def _pixels(self) -> list[Pixels]:
+        return [Pixels(o, self.materials, FOLDS if self._fine else 1) for o in self.observations]
+
+    @cached_property
+    def _content(self) -> str:
+        return content_key(self.observations, self._held_sigma, self._tiles, self._fine)
+
+    def remembered(
+        self, make: Callable[[], Mapping[str, np.ndarray]], space: ParameterSpace, *values: object
+    ) -> Mapping[str, np.ndarray]:
+        """make(), or what it gave for the same observations, space and values before."""
+        if self.memory is None:
+            return make()
+        return self.memory.once(fit_key(self._content, space, *values), make)
+
+    def phi0(self, nuisances: Nuisances) -> np.ndarray:
+        return np.concatenate([nuisances.vector(), np.zeros(len(self._held_sigma))])
+
+    def _side_by_side(self, work: Callable[[_In], _Out], items: Sequence[_In]) -> list[_Out]:
+        """work(item) of each, by the threads."""
+        if self.threads == 1 or len(items) < 2 or parent_process() is not None:
+            return [work(item) for item in items]
+        with ThreadPoolExecutor(self.threads) as pool:
+            return list(pool.map(work, items))
+
+    def _prepared(self, model: Model) -> Model:
+        """The model, whose effects have at hand what they need for every observation: threads render nothing."""
+        for effect, _ in model.effects:
+            if effect.prepare is not None:
+                effect.prepare(o.view for o in self.observations)
+        return model
+
+    def lights(self, space: ParameterSpace, theta: np.ndarray) -> list[Light]:
+        """The Light of every observation."""
+        model = self._prepared(space.model(theta))
+        return self._side_by_side(lambda i: self._lights(model, i, self._fine), range(len(self.observations)))
+
+    def each_light(self, space: ParameterSpace, theta: np.ndarray) -> Iterator[Light]:
+        """The same, each made where it is asked for."""
+        model = self._prepared(space.model(theta))
+        return (self._lights(model, i, self._fine) for i in range(len(self.observations)))
+
+    def residuals(self, solution: Solution) -> list[ImageResidual]:
+        """Every observation under a solution; the last few solutions' are remembered."""
+        if id(solution) not in self._residuals:
+            self._residuals[id(solution)] = solution, self._residuals_of(solution)
+        self._residuals.move_to_end(id(solution))
+        while len(self._residuals) > _REMEMBERED:
+            self._residuals.popitem(last=False)
+        return self._residuals[id(solution)][1]
+
+    def _residuals_of(self, solution: Solution) -> list[ImageResidual]:
+        model = self._prepared(solution.model)
+
+        def residual(i: int) -> ImageResidual:
+            o, light = self.observations[i], self._lights(model, i, self._fine)
+            image = signal(model, o, light, solution.phi)
+            dots = solution.phi[0] * o.frame.exposure_gain * o.frame.projector_power * light.direct
+            return ImageResidual(o, image, dots, o.measured - image)
+
+        return self._side_by_side(residual, range(len(self.observations)))
+
+    def chi2(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> float:
+        return self._chi2(self._rests(space, theta, phi, lights), phi)
+
+    def _rests(
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]
+    ) -> list[np.ndarray]:
+        """What (theta, phi) leaves of each observation's pixels, DN."""
+        model = space.model(theta)
+
+        def rest(seen: tuple[Pixels, Light]) -> np.ndarray:
+            pixels, light = seen
+            return pixels.measured - _with_focal(exposed(model, pixels, light, phi)[0], pixels, phi)
+
+        return self._side_by_side(rest, list(zip(self._pixels, lights, strict=True)))
+
+    def _chi2(self, rests: Sequence[np.ndarray], phi: np.ndarray) -> float:
+        squares = sum(float(((r * p.root_weight) ** 2).sum()) for p, r in zip(self._pixels, rests, strict=True))
+        return squares + float(((phi[SCALES:] / self._held_sigma) ** 2).sum())
+
+    def linearise(
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]
+    ) -> Sums:
+        """Sums at (theta, phi). Columns: theta, then phi."""
+        n_theta = len(theta)
+        sums = Sums.of_size(n_theta + len(phi), self._tiles)
+        for pixels, columns, residual in self._slopes(self._pixels, space, theta, phi, lights, n_theta):
+            sums.add(pixels, columns, residual, n_theta, phi)
+            if self._fine and n_theta:
+                sums.add_blocks(pixels, columns, residual, n_theta, phi)
+        return sums
+
+    def slopes(
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light], n_theta: int
+    ) -> Iterator[tuple[Observation, list[np.ndarray], np.ndarray]]:
+        """Yields (observation, derivatives by the first n_theta of theta, scales and black level, residual), images."""
+        whole = [AllPixels(o) for o in self.observations]
+        for pixels, columns, residual in self._slopes(whole, space, theta, phi, lights, n_theta):
+            shape = pixels.observation.measured.shape
+            yield pixels.observation, [c.reshape(shape) for c in columns], residual.reshape(shape)
+
+    def _slopes(
+        self,
+        pixels_of: Sequence[_SomePixels],
+        space: ParameterSpace,
+        theta: np.ndarray,
+        phi: np.ndarray,
+        lights: Iterable[Light],
+        n_theta: int,
+    ) -> Iterator[tuple[_SomePixels, list[np.ndarray], np.ndarray]]:
+        """slopes() over Pixels: (Pixels, derivatives [n] each, residual [n])."""
+        steps = space.steps(theta)
+        models = [self._moved(space, theta, steps, j) for j in range(n_theta)]
+        here = space.model(theta)
+        # The slope of a warp is known well enough from the pixels alone; what is fitted are the fine images.
+        coarse = self._fine and bool(space.in_camera[:n_theta].any())
+
+        def one(seen: tuple[int, _SomePixels, Light]) -> tuple[_SomePixels, list[np.ndarray], np.ndarray]:
+            i, pixels, light = seen
+            image, scale_columns = exposed(here, pixels, light, phi, True)
+            near = self._lights(here, i, False) if coarse else light
+            from_there = exposed(here, pixels, near, phi)[0] if coarse else image
+            columns = []
+            for j, model in enumerate(models):
+                if model is None:
+                    columns.append(np.zeros(image.shape))
+                    continue
+                in_light = space.in_light[j]
+                moved = self._lights(model, i, self._fine and not coarse) if in_light else light
+                columns.append((exposed(model, pixels, moved, phi)[0] - (from_there if in_light else image)) / steps[j])
+            columns += scale_columns or []
+            none, is_right = np.zeros(image.shape), pixels.observation.view.is_right
+            columns += [none, pixels.focal_slope] if is_right else [pixels.focal_slope, none]
+            return pixels, columns, pixels.measured - image - phi[SCALES + is_right] * pixels.focal_slope
+
+        seen = ((i, pixels, light) for i, (pixels, light) in enumerate(zip(pixels_of, lights, strict=True)))
+        if not isinstance(lights, Sequence):  # whoever asks may stop after any of them
+            yield from map(one, seen)
+            return
+        while several := list(islice(seen, self.threads)):  # no more are in memory at a time
+            yield from self._side_by_side(one, several)
+
+    @staticmethod
+    def _moved(space: ParameterSpace, theta: np.ndarray, steps: np.ndarray, j: int) -> Model | None:
+        """The model with parameter j one step further; None for a choice."""
+        return None if space.given[j] else space.model(np.where(np.arange(len(theta)) == j, theta + steps, theta))
+
+    def covariance(self, solution: Solution) -> np.ndarray:
+        """Of theta, [n][n]: the sandwich over clusters that share errors (Liang and Zeger 1986): blocks of an
+        eye's image, repeats and settings of one pose together; and what a survey's errors add, whose prior holds the
+        nuisances near wrong values.
+
+        None of it asks for independent pixels.
+        """
+        n = len(solution.theta)
+        rows, prior = self.inverse(solution)[:n], self.prior(n, solution.space)
+        pulls = [rows @ moment for moment in solution.sums.block_moment.values()]
+        return sum(pull @ pull.T for pull in pulls) + (rows * prior) @ rows.T
+
+    def held_sigmas(self, solution: Solution) -> float:
+        """How far a solution takes a nuisance that has a prior, the farthest, in the prior's deviations."""
+        return float(np.abs(solution.phi[SCALES:] / self._held_sigma).max(initial=0.0))
+
+    def inverse(self, solution: Solution) -> np.ndarray:
+        """The inverse of the normal matrix with its priors, at a solution: (theta, phi) in rows and columns."""
+        gram = solution.sums.gram.sum(0) + np.diag(self.prior(len(solution.theta), solution.space))
+        norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        return np.linalg.pinv(gram / np.outer(norm, norm), rcond=1e-12, hermitian=True) / np.outer(norm, norm)
+
+    def solve(
+        self, sums: Sums, phi: np.ndarray, n_theta: int, space: ParameterSpace, theta: np.ndarray, damping: float
+    ) -> np.ndarray:
+        """The damped Gauss-Newton step in (theta, phi)."""
+        prior = self.prior(n_theta, space)
+        offset = np.where(space.given, 0.0, theta - space.neutral)[:n_theta]
+        offset = np.concatenate([offset, np.zeros(SCALES), phi[SCALES:]])
+        gram, moment = sums.gram.sum(0) + np.diag(prior), sums.moment.sum(0) - prior * offset
+        norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        scaled = gram / np.outer(norm, norm) + damping * np.eye(len(norm))
+        return np.linalg.lstsq(scaled, moment / norm, rcond=1e-10)[0] / norm
+
+    def prior(self, n_theta: int, space: ParameterSpace) -> np.ndarray:
+        """Precisions of the priors: wide for effects, none for scales and black level, the albedo's own."""
+        width = np.where(space.held, _HELD_RANGES, _PRIOR_RANGES)[:n_theta] * (space.high - space.low)[:n_theta]
+        return np.concatenate([1.0 / width**2, np.zeros(SCALES), 1.0 / self._held_sigma**2])
+
+    def nuisance_fit(
+        self,
+        space: ParameterSpace,
+        theta: np.ndarray,
+        phi: np.ndarray,
+        lights: Iterable[Light],
+        rounds: int,
+        limit: float = np.inf,
+    ) -> tuple[np.ndarray, float]:
+        """phi refitted at fixed theta, and chi2.
+
+        With rounds = 1 the model is taken to be linear in phi, and lights are asked for one by one until chi2 is sure
+        to exceed the limit; it is infinite then. With more rounds the slopes are those of the first one.
+        """
+        if rounds == 1:
+            return self._linear_fit(space, theta, phi, lights, limit)
+        lights, chi2 = list(lights), np.inf
+        slopes = list(self._slopes(self._pixels, space, theta, phi, lights, 0))
+        columns, residuals = [c for _, c, _ in slopes], [r for *_, r in slopes]
+        for _ in range(rounds):
+            sums = Sums.of_size(len(phi), self._tiles)
+            for pixels, column, residual in zip(self._pixels, columns, residuals, strict=True):
+                sums.add(pixels, column, residual, 0, phi)
+            trial = phi + self.solve(sums, phi, 0, space, theta, 0.0)
+            residuals = self._rests(space, theta, trial, lights)
+            value = self._chi2(residuals, trial)
+            if not value < chi2:
+                break
+            done = chi2 - value < 1e-5 * value
+            phi, chi2 = trial, value
+            if done:
+                break
+        return phi, chi2
+
+    def _linear_fit(
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Iterable[Light], limit: float
+    ) -> tuple[np.ndarray, float]:
+        """See nuisance_fit(). What images leave with nuisances of their own they leave with everyone's, too, and those
+        that are not looked at yet leave hardly less than their noise.
+        """
+        sums, ahead = Sums.of_size(len(phi), self._tiles), sum(len(pixels.index) for pixels in self._pixels)
+        step, chi2 = np.zeros(len(phi)), 0.0
+        for pixels, columns, residual in self._slopes(self._pixels, space, theta, phi, lights, 0):
+            sums.add(pixels, columns, residual, 0, phi)
+            ahead -= len(pixels.index)
+            least = _LEAST_CHI2 * ahead
+            if ahead and sums.total + least <= limit:
+                continue
+            step = self.solve(sums, phi, 0, space, theta, 1e-9)
+            chi2 = sums.total - 2.0 * step @ sums.moment.sum(0) + step @ sums.gram.sum(0) @ step
+            if chi2 + least > limit:
+                return phi, np.inf
+        return phi + step, chi2
+
+    def refine(
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, iterations: int, tolerance: float = 2e-5
+    ) -> Solution:
+        """A Solution near the start."""
+        make = lambda: self._refined(space, theta, phi, iterations, tolerance)  # noqa: E731
+        found = self.remembered(make, space, theta, phi, iterations, tolerance)
+        return Solution(space, found["theta"], found["phi"], Sums.of_arrays(found, self.observations))
+
+    def _refined(
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, iterations: int, tolerance: float
+    ) -> dict[str, np.ndarray]:
+        """refine() as arrays."""
+        lights = self.lights(space, theta)
+        damping, n = _DAMPING, len(theta)
+        chi2 = self.chi2(space, theta, phi, lights)
+        sums = self.linearise(space, theta, phi, lights)
+        for _ in range(iterations):
+            step = self.solve(sums, phi, n, space, theta, damping)
+            moved = np.where(space.given, theta, np.clip(theta + step[:n], space.low, space.high))
+            trial = np.where(space.held, space.neutral, moved)
+            trial_phi = phi + step[n:]
+            trial_lights = self.lights(space, trial) if space.in_light.any() else lights
+            value = self.chi2(space, trial, trial_phi, trial_lights)
+            if value >= chi2:
+                damping = max(damping * _DAMPING_STEP, _LEAST_RAISED)
+                if damping > _MOST_DAMPING:
+                    break
+                continue
+            done = chi2 - value < tolerance * chi2
+            theta, phi, lights, chi2 = trial, trial_phi, trial_lights, value
+            sums = self.linearise(space, theta, phi, lights)
+            damping = max(damping / _DAMPING_STEP, 1e-6)
+            if done:
+                break
+        return {"theta": theta, "phi": phi} | sums.as_arrays()
+
+
+@dataclass(frozen=True)
+class Fitters:
+    """The Fitters of one capture: over its train frames, its test frames, and the few images that a scan looks at;
+    test_halves: over its test frames by either half of the renderer's samples, or none.
+    """
+
+    train: Fitter
+    test: Fitter
+    scan: Fitter
+    test_halves: tuple[Fitter, ...] = ()
+
+    @classmethod
+    def of(
+        cls, evidence: Evidence, scanned: Sequence[Observation], memory: FitMemory | None = None, threads: int = 1
+    ) -> "Fitters":
+        """scanned: the observations of a scan, see propose/scan.py."""
+        sized = evidence.held_sigma, evidence.tiles
+        train, test, *halves = (
+            Fitter(o, *sized, memory=memory, threads=threads)
+            for o in (evidence.train, evidence.test, *evidence.test_halves)
+        )
+        return cls(train, test, Fitter(scanned, *sized, fine=False, memory=memory), tuple(halves))
+
+
+def signal(model: Model, observation: Observation, light: Light, phi: np.ndarray) -> np.ndarray:
+    """Expected DN, float64 [height][width]."""
+    pixels = AllPixels(observation)
+    image = _with_focal(exposed(model, pixels, light, phi)[0], pixels, phi)
+    return image.reshape(observation.measured.shape)
+
+
+def _with_focal(image: np.ndarray, pixels: Pixels | AllPixels, phi: np.ndarray) -> np.ndarray:
+    """Clipped where the focal length moves it: the expected image itself ends at the range's ends already."""
+    view = pixels.observation.view
+    focal = phi[SCALES + view.is_right]
+    return np.minimum(np.maximum(image + focal * pixels.focal_slope, 0.0), view.max_dn) if focal else image

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a fit asks for again and again: the light of an observation under a model, and the numbers that a sensor
+makes of it.
+
+The nuisances phi are projector scale, ambient scale and black level; then, with priors, both eyes' relative focal
+lengths and the materials' relative albedos.
+"""
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from threading import Lock
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from activestereo.diagnose.evidence.observation import Observation
+from activestereo.effects import Effect, Light, Model
+from activestereo.effects.core.model import acted, scales
+
+if TYPE_CHECKING:
+    from activestereo.diagnose.refine.normal_equations import Pixels
+
+# Lights that are remembered, per observation: those of a model's first effects, before the last one.
+_REMEMBERED = 3
+# The first entries of phi: scales and black level; with the focal lengths after them, those that all pixels share.
+SCALES, DENSE = 3, 5
+_STEP = 1e-3
+
+
+class LightMemory:
+    """Lights of observations under models; effects that came earlier in the pipeline are not applied anew when a
+    later one changes."""
+
+    def __init__(self, observations: Sequence[Observation]) -> None:
+        self._observations = observations
+        self._rendered: list[tuple[Light, Light] | None] = [None] * len(observations)
+        self._before: OrderedDict[tuple, Light] = OrderedDict()
+        self._lock = Lock()
+
+    def __call__(self, model: Model, i: int, fine: bool = True) -> Light:
+        """The Light of observation i that falls on the sensor; fine: see Model.light."""
+        *first, last = ((None, ()), *((e, tuple(values.items())) for e, values in model.on_light()))
+        return self._acted(last, self._remembered(tuple(first), i, fine), i, fine)
+
+    def _acted(self, link: tuple[Effect | None, tuple], light: Light, i: int, fine: bool) -> Light:
+        effect, values = link
+        if effect is None:
+            return self._of_layers(i)[fine]
+        return acted(effect, dict(values), light, self._observations[i].view)
+
+    def _remembered(self, chain: tuple, i: int, fine: bool) -> Light:
+        if len(chain) < 2:
+            return self._of_layers(i)[fine]
+        key = chain, i, fine
+        with self._lock:
+            if key in self._before:
+                self._before.move_to_end(key)
+                return self._before[key]
+        light = self._acted(chain[-1], self._remembered(chain[:-1], i, fine), i, fine)
+        with self._lock:
+            self._before[key] = light
+            while len(self._before) > _REMEMBERED * len(self._observations):
+                self._before.popitem(last=False)
+        return light
+
+    def _of_layers(self, i: int) -> tuple[Light, Light]:
+        """Without and with finer images."""
+        known = self._rendered[i]
+        if known is None:
+            light = Light.of(self._observations[i].layers)
+            known = self._rendered[i] = Light(light.direct, light.indirect, light.ambient, light.flat), light
+        return known
+
+
+class AllPixels:
+    """Every pixel of an observation in the image's order, with the same fields as normal_equations.Pixels."""
+
+    def __init__(self, observation: Observation) -> None:
+        self.observation = observation
+        self.index = slice(None)
+        self.measured, self.material = observation.measured.ravel(), observation.material.ravel()
+        self.focal_slope = observation.focal_slope.ravel()
+
+    def of(self, image: np.ndarray) -> np.ndarray:
+        return image.ravel()
+
+
+def exposed(
+    model: Model, pixels: "Pixels | AllPixels", light: Light, phi: np.ndarray, with_slopes: bool = False
+) -> tuple[np.ndarray, list[np.ndarray] | None]:
+    """(expected DN without the focal lengths' part, its derivatives by projector scale, ambient scale and black
+    level), [n] each; the derivatives are None without with_slopes.
+    """
+    if not model.is_linear:
+        return _through_sensor(model, pixels, light, phi, with_slopes)
+    view = pixels.observation.view
+    projector, ambient = _sent(pixels, light, phi)
+    value = phi[0] * projector + phi[1] * ambient + phi[2]
+    image = np.minimum(np.maximum(value, 0.0), view.max_dn)
+    if not with_slopes:
+        return image, None
+    inside = ((value > 0.0) & (value < view.max_dn)).astype(np.float64)
+    return image, [projector * inside, ambient * inside, inside]
+
+
+def _sent(pixels: "Pixels | AllPixels", light: Light, phi: np.ndarray) -> list[np.ndarray]:
+    """DN per projector and ambient scale, with each material's relative albedo correction: it scales all light
+    that the material sends.
+    """
+    levels = scales(pixels.observation.view.frame)
+    gain = 1.0
+    if phi[DENSE:].any():
+        gain = np.append(1.0 + phi[DENSE:], 1.0)[pixels.material]
+    return [level * gain * seen for level, seen in zip(levels, light.seen(pixels.index), strict=True)]
+
+
+def _through_sensor(
+    model: Model, pixels: "Pixels | AllPixels", light: Light, phi: np.ndarray, with_slopes: bool
+) -> tuple[np.ndarray, list[np.ndarray] | None]:
+    """exposed() where effects act on the sensor: they see whole images."""
+    whole = AllPixels(pixels.observation)
+    view, shape = pixels.observation.view, pixels.observation.measured.shape
+    projector, ambient = _sent(whole, light, phi)
+
+    def image(projector_scale: float, ambient_scale: float, black_dn: float) -> np.ndarray:
+        value = projector_scale * projector + ambient_scale * ambient
+        return pixels.of(model.digital(value.reshape(shape), view, black_dn))
+
+    here = image(*phi[:SCALES])
+    if not with_slopes:
+        return here, None
+    columns = []
+    for j in range(SCALES):
+        moved = phi[:SCALES].copy()
+        step = _STEP * max(abs(phi[j]), 1.0)
+        moved[j] += step
+        columns.append((image(*moved) - here) / step)
+    return here, columns

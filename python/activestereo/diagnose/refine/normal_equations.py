@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Normal equations of a fit, by cross-validation fold: sums over the pixels of each observation, in an order that
+makes them slices.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+
+from activestereo.diagnose.evidence.observation import BLOCK_PX, FOLDS, Observation
+
+_PLAIN = ("gram", "moment", "chi2", "tile_chi2")
+
+
+class Pixels:
+    """The pixels of an Observation that count, ordered by fold, then by material. All arrays are [n].
+
+    folds: FOLDS, or 1: all pixels are the first one's.
+
+    index: flat indices; measured: DN; root_weight: 1 / deviation; material: as the observation's, -1 = none; tile."""
+
+    def __init__(self, observation: Observation, materials: int, folds: int = FOLDS) -> None:
+        o = observation
+        index = np.arange(o.measured.size) if o.pick is None else o.pick
+        label = (o.fold % folds * (materials + 1) + np.where(o.material >= 0, o.material, materials)).ravel()[index]
+        order = np.argsort(label, kind="stable")
+        self.observation, self.index, label = o, index[order], label[order]
+        self.measured = self.of(o.measured).astype(np.float64)
+        self.root_weight = np.sqrt(self.of(o.weight).astype(np.float64))
+        self.material, self.tile = self.of(o.material), self.of(o.tile)
+        self.focal_slope = self.of(o.focal_slope).astype(np.float64)
+        bounds = np.searchsorted(label, np.arange(FOLDS + 1) * (materials + 1))
+        self.folds = [slice(first, last) for first, last in zip(bounds, bounds[1:], strict=False)]
+        self._starts = np.flatnonzero(np.diff(label, prepend=-1))
+        self._labels, self._materials = label[self._starts], materials
+
+    def of(self, image: np.ndarray) -> np.ndarray:
+        """An image's values."""
+        return image.ravel()[self.index]
+
+    @cached_property
+    def block(self) -> np.ndarray:
+        """Index of each pixel's block of BLOCK_PX, from 0."""
+        height, width = self.observation.measured.shape
+        rows, columns = np.arange(height) // BLOCK_PX, np.arange(width) // BLOCK_PX
+        return self.of(np.add.outer(rows * (width // BLOCK_PX + 1), columns))
+
+    def by_material(self, values: np.ndarray) -> np.ndarray:
+        """Sums of values [k][n], [k][folds][materials]."""
+        out = np.zeros((len(values), FOLDS * (self._materials + 1)))
+        out[:, self._labels] = np.add.reduceat(values, self._starts, axis=1)
+        return out.reshape(len(values), FOLDS, -1)[:, :, :-1]
+
+
+Cluster: TypeAlias = tuple[str, bytes, bool]
+
+
+def cluster_of(o: Observation) -> Cluster:
+    """What shares errors: an eye's images of one pose, repeats and settings together."""
+    return o.eye, o.frame.camera_to_world.tobytes(), o.frame.is_moving
+
+
+@dataclass
+class Sums:
+    """Normal equations of one linearisation, by fold: gram [folds][n][n], moment [folds][n], chi2 [folds]; chi2 by
+    tile; moments by block, {cluster: [n][blocks]}.
+    """
+
+    gram: np.ndarray
+    moment: np.ndarray
+    chi2: np.ndarray
+    tile_chi2: np.ndarray
+    block_moment: dict[Cluster, np.ndarray] = field(default_factory=dict)
+
+    @classmethod
+    def of_size(cls, size: int, tiles: int) -> "Sums":
+        return cls(np.zeros((FOLDS, size, size)), np.zeros((FOLDS, size)), np.zeros(FOLDS), np.zeros(tiles))
+
+    @classmethod
+    def of_arrays(cls, arrays: Mapping[str, np.ndarray], observations: Sequence[Observation]) -> "Sums":
+        """The Sums over observations that as_arrays() gave."""
+        clusters = dict.fromkeys(map(cluster_of, observations))
+        blocks = {cluster: arrays[f"block_{i}"] for i, cluster in enumerate(clusters) if f"block_{i}" in arrays}
+        gram, moment, chi2, tile_chi2 = (arrays[name] for name in _PLAIN)
+        return cls(gram, moment, chi2, tile_chi2, blocks)
+
+    def as_arrays(self) -> dict[str, np.ndarray]:
+        """By name; those by block in the order of the observations."""
+        blocks = {f"block_{i}": moment for i, moment in enumerate(self.block_moment.values())}
+        return {name: getattr(self, name) for name in _PLAIN} | blocks
+
+    @property
+    def total(self) -> float:
+        return float(self.chi2.sum())
+
+    def add(
+        self, pixels: Pixels, columns: list[np.ndarray], residual: np.ndarray, n_theta: int, phi: np.ndarray
+    ) -> None:
+        """Adds one observation.
+
+        columns: derivatives [k][n]; those by albedo live on their own material's pixels: a material's is the light it
+        sends, the columns of projector and ambient scale (n_theta and the next) times their scales.
+        """
+        dense = len(columns)
+        A, r = np.stack(columns), residual * pixels.root_weight
+        A *= pixels.root_weight
+        squares = r * r
+        self.tile_chi2 += np.bincount(pixels.tile, squares, minlength=len(self.tile_chi2))
+        for f, part in enumerate(pixels.folds):
+            here = A[:, part]
+            self.gram[f, :dense, :dense] += here @ here.T
+            self.moment[f, :dense] += here @ r[part]
+            self.chi2[f] += squares[part].sum()
+        materials = self.moment.shape[1] - dense
+        if materials:
+            glow = A[n_theta] * phi[0] + A[n_theta + 1] * phi[1]
+            sums = pixels.by_material(np.concatenate([glow * A, [glow * glow, glow * r]]))
+            diagonal = np.arange(dense, dense + materials)
+            self.gram[:, diagonal, diagonal] += sums[-2]
+            self.moment[:, dense:] += sums[-1]
+            cross = np.moveaxis(sums[:-2], 0, 1)
+            self.gram[:, :dense, dense:] += cross
+            self.gram[:, dense:, :dense] += np.swapaxes(cross, 1, 2)
+
+    def add_blocks(
+        self, pixels: Pixels, columns: list[np.ndarray], residual: np.ndarray, n_theta: int, phi: np.ndarray
+    ) -> None:
+        """Adds one observation to block_moment; arguments as of add()."""
+        dense, force, block = len(columns), residual * pixels.root_weight**2, pixels.block
+        blocks = int(block.max()) + 1
+        moment = np.zeros((self.moment.shape[1], blocks))
+        for j, column in enumerate(columns):
+            moment[j] = np.bincount(block, column * force, minlength=blocks)
+        glow = (columns[n_theta] * phi[0] + columns[n_theta + 1] * phi[1]) * force
+        # Pixels of no material come last, and go.
+        label = np.where(pixels.material >= 0, pixels.material, len(moment) - dense) * blocks + block
+        by_material = np.bincount(label, glow, minlength=(len(moment) - dense + 1) * blocks)
+        moment[dense:] = by_material.reshape(-1, blocks)[:-1]
+        cluster = cluster_of(pixels.observation)
+        self.block_moment[cluster] = self.block_moment.get(cluster, 0.0) + moment

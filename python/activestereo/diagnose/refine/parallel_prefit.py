@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fits made side by side in forked processes, ahead of the work that asks for them.
+
+Python runs one thread at a time between calls of NumPy, so that sixteen threads which fit take longer than two.
+Processes that are forked have all observations at hand without a copy; what they fit comes back through the FitMemory.
+"""
+
+import signal
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from itertools import count
+from multiprocessing import current_process, get_all_start_methods, get_context
+from typing import Any
+
+import numpy as np
+
+from activestereo.diagnose.refine.fit_cache import FitMemory
+
+_numbers = count()
+# {number: (memory, work, items)} of the calls under way, which forked processes find here.
+_jobs: dict[int, tuple[FitMemory, Callable[[Any], object], Sequence[Any]]] = {}
+
+
+def fit_ahead(
+    memory: FitMemory,
+    work: Callable[[Any], object],
+    items: Sequence[Any],
+    workers: int,
+    done: Callable[[int], object],
+) -> None:
+    """Makes the fits that work(item) asks for, of every item, in so many processes; done(i): called after item i.
+
+    Items that fail here, with their process perhaps, are left to the caller's own work(item), which then fails aloud.
+    An exception of done() ends the call after the fits under way.
+    """
+    if min(workers, len(items)) < 2 or "fork" not in get_all_start_methods() or current_process().daemon:
+        return
+    number = next(_numbers)
+    _jobs[number] = memory, work, items
+    try:
+        with _forked(min(workers, len(items)), number, range(len(items))) as futures:
+            for future in as_completed(futures):
+                if future.exception() is None:
+                    memory.learn(future.result())
+                    done(futures[future])
+    finally:
+        del _jobs[number]
+
+
+@contextmanager
+def _forked(processes: int, number: int, indices: Sequence[int]) -> Iterator[dict[Future[Any], int]]:
+    """{future: index} of fits in processes that end with the block."""
+    pool = ProcessPoolExecutor(processes, get_context("fork"), initializer=_begin)
+    try:
+        with warnings.catch_warnings():
+            # Python 3.12 warns where other threads are; the processes use none of what those may hold.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            yield {pool.submit(_fitted, number, i): i for i in indices}
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _begin() -> None:
+    """An interrupt ends a process of the pool silently: the caller hears it, too."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def _fitted(number: int, i: int) -> Mapping[str, Mapping[str, np.ndarray]]:
+    """The fits that work(items[i]) made."""
+    memory, work, items = _jobs[number]
+    before = len(memory)
+    work(items[i])
+    return memory.since(before)

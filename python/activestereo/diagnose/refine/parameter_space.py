@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The parameters that a fit may move, and what a fit found."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from activestereo.compare.nuisances import Nuisances
+from activestereo.diagnose.refine.light import SCALES
+from activestereo.diagnose.refine.normal_equations import Sums
+from activestereo.effects import Effect, Model, Parameter, Randomness, Stage
+
+# A finite difference is this share of a parameter's typical value, or of a quarter of its distance from neutral.
+_STEP = 0.02
+_DISTANCE_SHARE = 0.25
+
+
+@dataclass(frozen=True)
+class ParameterSpace:
+    """The parameters of a model's deterministic effects and of one candidate after them, as one vector theta.
+
+    pairs: (Effect, Parameter) of each entry of theta. start: where fits begin. held: entries that stay neutral.
+    """
+
+    base: Model
+    pairs: tuple[tuple[Effect, Parameter], ...]
+    start: np.ndarray
+    held: np.ndarray = field(repr=False)
+
+    @classmethod
+    def of(cls, model: Model, candidate: Effect | None = None) -> "ParameterSpace":
+        """All parameters of a model's deterministic effects, from their values; then the candidate's, from neutral."""
+        fitted = [(e, values) for e, values in model.effects if e.randomness is Randomness.NONE]
+        pairs = [(e, p) for e, _ in fitted for p in e.parameters]
+        start = [values[p.name] for e, values in fitted for p in e.parameters]
+        if candidate is not None:
+            pairs += [(candidate, p) for p in candidate.parameters]
+            start += [p.neutral for p in candidate.parameters]
+        return cls(model, tuple(pairs), np.array(start, dtype=np.float64), np.zeros(len(pairs), dtype=bool))
+
+    def holding(self, indices: list[int]) -> "ParameterSpace":
+        """The same space with some entries held at neutral."""
+        held = self.held.copy()
+        held[indices] = True
+        return replace(self, held=held)
+
+    def starting_at(self, theta: np.ndarray) -> "ParameterSpace":
+        """The same space with the first entries of its start replaced."""
+        return replace(self, start=np.concatenate([theta, self.start[len(theta) :]]))
+
+    def of_parameters(self, name: str) -> np.ndarray:
+        """One field of every parameter."""
+        return np.array([getattr(p, name) for _, p in self.pairs])
+
+    @cached_property
+    def low(self) -> np.ndarray:
+        return self.of_parameters("low")
+
+    @cached_property
+    def high(self) -> np.ndarray:
+        return self.of_parameters("high")
+
+    @cached_property
+    def typical(self) -> np.ndarray:
+        return self.of_parameters("typical")
+
+    @cached_property
+    def slope_step(self) -> np.ndarray:
+        return self.of_parameters("slope_step")
+
+    @cached_property
+    def neutral(self) -> np.ndarray:
+        return self.of_parameters("neutral")
+
+    @cached_property
+    def given(self) -> np.ndarray:
+        """Which entries are choices: fits take them as they are."""
+        return self.of_parameters("choice").astype(bool)
+
+    @cached_property
+    def in_camera(self) -> np.ndarray:
+        return np.array([e.stage is Stage.CAMERA for e, _ in self.pairs], dtype=bool)
+
+    @cached_property
+    def in_light(self) -> np.ndarray:
+        """Which entries act up to the lens."""
+        return np.array([e.stage <= Stage.OPTICS for e, _ in self.pairs], dtype=bool)
+
+    def model(self, theta: np.ndarray) -> Model:
+        """The model with the parameters theta."""
+        chosen: dict[str, tuple[Effect, dict[str, float]]] = {}
+        for (e, p), value in zip(self.pairs, theta, strict=True):
+            chosen.setdefault(e.id, (e, {}))[1][p.name] = float(value)
+        model = self.base
+        for e, values in chosen.values():
+            model = model.with_effect(e, **values)
+        return model
+
+    def steps(self, theta: np.ndarray) -> np.ndarray:
+        """Finite-difference steps that stay in range."""
+        step = _STEP * np.maximum(self.typical, _DISTANCE_SHARE * np.abs(theta - self.neutral))
+        step = np.minimum(step, self.slope_step)
+        return np.where(theta + step > self.high, -step, step)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a fit found.
+
+    theta: effect parameters. phi: nuisances (see light.py). sums: normal equations at the solution.
+    """
+
+    space: ParameterSpace
+    theta: np.ndarray
+    phi: np.ndarray
+    sums: Sums
+
+    @cached_property
+    def model(self) -> Model:
+        return self.space.model(self.theta)
+
+    @property
+    def effects(self) -> list[Effect]:
+        """The effects whose parameters were fitted."""
+        return list({e.id: e for e, _ in self.space.pairs}.values())
+
+    def values_of(self, effect: Effect) -> np.ndarray:
+        """An effect's fitted parameters, in the descriptor's order."""
+        return self.theta[[e.id == effect.id for e, _ in self.space.pairs]]
+
+    @property
+    def nuisances(self) -> Nuisances:
+        return Nuisances(*map(float, self.phi[:SCALES]))

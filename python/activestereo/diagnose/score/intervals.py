@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a fit says of a parameter: a value and a 90 % interval."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from activestereo.diagnose.refine.fitter import Fitter
+from activestereo.diagnose.refine.parameter_space import Solution
+from activestereo.diagnose.score.occam import is_shape
+from activestereo.effects import Effect, Parameter
+
+# Normal quantile of a two-sided 90 % interval.
+Z90 = 1.645
+# Formulas and survey are approximate: to this share of what was found (blind worlds with formulas of their own err by
+# 8 % in the median, practice captures by 0.2-5 %; with this share intervals hold the truth in 20 of 22 worlds of
+# generation 1).
+_INADEQUACY = 0.10
+
+Limits = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A parameter as found: value, and the ends of its 90 % interval, in unit."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+    def as_json(self) -> dict[str, float | str]:
+        return asdict(self)
+
+
+def interval(parameter: Parameter, value: float, deviation: float) -> Limits:
+    """(value, low, high) of a 90 % interval: a standard error, and the models' own inadequacy for what was found:
+    an amplitude's distance from neutral, a shape's whole value, whose neutral one is a usual place and not the
+    absence of anything.
+    """
+    size = value if is_shape(parameter) else value - parameter.neutral
+    half = 0.0 if parameter.choice else Z90 * float(np.hypot(deviation, _INADEQUACY * size))
+    return value, value - half, value + half
+
+
+def intervals(fitter: Fitter, solution: Solution, effect: Effect) -> dict[str, Interval]:
+    """The 90 % intervals of an effect's parameters, the last ones of a Solution."""
+    first = len(solution.theta) - len(effect.parameters)
+    deviation = np.sqrt(np.maximum(np.diag(fitter.covariance(solution)), 0.0))[first:]
+    found = zip(effect.parameters, solution.theta[first:], deviation, strict=True)
+    return within_ranges(effect, {p.name: interval(p, v, d) for p, v, d in found})
+
+
+def within_ranges(effect: Effect, found: Mapping[str, Limits]) -> dict[str, Interval]:
+    """Intervals inside the parameters' ranges; neutral and the whole range where a parameter was not found."""
+    out = {}
+    for p in effect.parameters:
+        value, low, high = found.get(p.name, (p.neutral, p.low, p.high))
+        low, high = (
+            min(max(p.low, low), p.high),
+            max(min(p.high, high), p.low),
+        )  # an end that is no number is the range's
+        out[p.name] = Interval(float(np.clip(value, p.low, p.high)), float(low), float(high), p.unit)
+    return out

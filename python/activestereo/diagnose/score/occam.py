@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an explanation's freedom costs: Laplace's estimate of its evidence beside its best likelihood (MacKay 2003,
+chapter 28).
+
+An effect that had to be tuned finely, or far from what its kind usually is, was less to be expected: of two that
+explain the data equally well, the one that needed less of both comes first. The estimate is good to a few nats, no
+more.
+"""
+
+from itertools import combinations
+
+import numpy as np
+
+from activestereo.diagnose.refine.fitter import Fitter
+from activestereo.diagnose.refine.parameter_space import Solution
+from activestereo.effects import Effect, Parameter
+
+# This near to an end of a range, in ranges, a fit was stopped by it.
+_NEAR_END = 1e-3
+
+
+def is_shape(parameter: Parameter) -> bool:
+    """Shape parameters (a focus, a frequency, a doubling temperature) have no neutral value of zero."""
+    return parameter.neutral != 0.0
+
+
+def is_at_end(parameter: Parameter, value: float) -> bool:
+    """Whether a shape parameter was driven to an end of its range: what it stands for lies beyond its kind. Where the
+    neutral value is an end, staying there means nothing."""
+    if value == parameter.neutral:
+        return False
+    room = _NEAR_END * (parameter.high - parameter.low)
+    return is_shape(parameter) and not parameter.low + room < value < parameter.high - room
+
+
+def occam_nats(fitter: Fitter, solution: Solution, effect: Effect, design: float) -> float:
+    """The cost of a fitted effect's freedom: log of (prior density at what was found x volume that the data leave)
+    of its parameters.
+
+    Parameters that it hardly needs may be neutral instead, at the cost of what that loses: the best choice of those
+    counts. The result is <= 0 but for chance. design: the residuals' design effect.
+    """
+    first = len(solution.theta) - len(effect.parameters)
+    free = first + np.flatnonzero(~(solution.space.held | solution.space.given)[first:])
+    if not free.size:
+        return 0.0
+    parameters = [solution.space.pairs[i][1] for i in free]
+    typical = np.array([p.typical for p in parameters])
+    away = (solution.theta[free] - solution.space.neutral[free]) / typical
+    density = np.array([_log_density(p, x) for p, x in zip(parameters, away, strict=True)])
+    information = _information(fitter, solution, free) * np.outer(typical, typical) / design
+    sizes = range(1, len(free) + 1)
+    kept = (list(chosen) for size in sizes for chosen in combinations(range(len(free)), size))
+    return max(_cost(k, away, density, information) for k in kept)
+
+
+def choice_nats(fitter: Fitter, solution: Solution, effect: Effect) -> float:
+    """log of the number of choices that were open where a fitted effect took one: surfaces are two to the power of
+    theirs.
+    """
+    own = slice(len(solution.theta) - len(effect.parameters), None)
+    return np.log(2.0) * fitter.materials if solution.theta[own][solution.space.given[own]].any() else 0.0
+
+
+def _cost(kept: list[int], away: np.ndarray, density: np.ndarray, information: np.ndarray) -> float:
+    """The cost where only the parameters `kept` are in use.
+
+    away: distances from neutral in typical deviations; information: in those units.
+    """
+    used, unused = np.array(kept, dtype=np.int64), np.setdiff1d(np.arange(len(away)), kept)
+    across, inner = information[np.ix_(unused, used)], information[np.ix_(used, used)]
+    alone = information[np.ix_(unused, unused)] - across @ np.linalg.pinv(inner, hermitian=True) @ across.T
+    loss = away[unused] @ alone @ away[unused]
+    # What the data hardly tell keeps the prior's width.
+    volume = np.log(2.0 * np.pi / (1.0 + np.maximum(np.linalg.eigvalsh(inner), 0.0)))
+    return float(density[kept].sum() + 0.5 * volume.sum() - 0.5 * max(loss, 0.0))
+
+
+def _information(fitter: Fitter, solution: Solution, chosen: np.ndarray) -> np.ndarray:
+    """Of the chosen parameters, all others and the nuisances fitted beside them (Schur's complement)."""
+    gram = solution.sums.gram.sum(0) + np.diag(fitter.prior(len(solution.theta), solution.space))
+    rest = np.setdiff1d(np.arange(len(gram)), chosen)
+    norm = np.sqrt(np.maximum(np.diag(gram)[rest], 1e-300))
+    inverse = np.linalg.pinv(gram[np.ix_(rest, rest)] / np.outer(norm, norm), rcond=1e-12, hermitian=True) / np.outer(
+        norm, norm
+    )
+    cross = gram[np.ix_(chosen, rest)]
+    return gram[np.ix_(chosen, chosen)] - cross @ inverse @ cross.T
+
+
+def _log_density(parameter: Parameter, away: float) -> float:
+    """Of a parameter's prior per typical deviation: normal for shapes, which physics tells; of amplitudes only the
+    order of magnitude is known, so theirs is Cauchy's (Gelman et al.
+
+    2008, A weakly informative default prior distribution).
+    """
+    if is_shape(parameter):
+        return -0.5 * away**2 - 0.5 * np.log(2.0 * np.pi)
+    one_sided = parameter.low >= parameter.neutral or parameter.high <= parameter.neutral
+    return np.log((2.0 if one_sided else 1.0) / np.pi) - np.log1p(away**2)

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Goodness of fit without an alternative: what any smooth effect, known or not, could still explain of a model's
+residual.
+
+Whatever its law over the picture, an effect on the expected image acts within a tile as an offset, a gain, a
+displacement or a blur. These are fitted to one half of each tile's pixels and to the other; what both halves agree on
+is structure, what they do not is noise. Independent draws (photons, read noise, grains, a renderer's samples) agree
+on nothing, in expectation.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.ndimage import laplace
+
+from activestereo.diagnose.evidence.observation import TILE_PX
+from activestereo.diagnose.refine.fitter import ImageResidual
+
+# Side of the squares that the halves are made of, like a chessboard: neighbours share noise where images were
+# resampled.
+_SQUARE_PX = 4
+# Precision of the coefficients' prior, as a part of what half a tile tells of them on average: columns that it cannot
+# tell apart stay small.
+_RIDGE = 0.05
+
+
+def local_structure(rows: Sequence[ImageResidual]) -> float:
+    """Mean square per pixel, in floors, that both halves of the tiles agree on.
+
+    It is unbiased up to the ridge, which holds it down: near 0, of either sign, where the residual is noise.
+    """
+    return sum(image_structure(row) * row[3].size for row in rows) / sum(row[3].size for row in rows)
+
+
+def image_structure(row: ImageResidual) -> float:
+    """local_structure() of one image."""
+    o, image, _, residual = row
+    root = np.sqrt(o.weight)
+    slope_v, slope_u = np.gradient(image)
+    shapes = [_tiles(root * c) for c in (np.ones(image.shape), image, slope_u, slope_v, laplace(image))]
+    x, target = np.stack(shapes, axis=-1), _tiles(root * residual)
+    halves = [(x[:, half], target[:, half]) for half in (_first_half(), ~_first_half())]
+    grams = [np.einsum("tpi,tpj->tij", columns, columns) for columns, _ in halves]
+    norm = np.sqrt(np.maximum(0.5 * np.einsum("tii->ti", grams[0] + grams[1]), 1e-30))
+    a, b = (_fit(gram, columns, y, norm) for gram, (columns, y) in zip(grams, halves, strict=True))
+    agreed = np.einsum("ti,tij,tj->t", a, grams[0] + grams[1], b)
+    return float(agreed.sum() / target.size)
+
+
+def _tiles(values: np.ndarray) -> np.ndarray:
+    """[tile][pixel of the tile]; tiles that the image's border cuts are left out."""
+    rows, columns = (n // TILE_PX for n in values.shape)
+    cut = values[: rows * TILE_PX, : columns * TILE_PX].reshape(rows, TILE_PX, columns, TILE_PX)
+    return cut.transpose(0, 2, 1, 3).reshape(rows * columns, TILE_PX**2)
+
+
+def _first_half() -> np.ndarray:
+    place = np.arange(TILE_PX) // _SQUARE_PX
+    return ((place[:, None] + place) % 2 == 0).ravel()
+
+
+def _fit(gram: np.ndarray, x: np.ndarray, target: np.ndarray, norm: np.ndarray) -> np.ndarray:
+    """Coefficients [tile][column] of a ridge regression in each tile.
+
+    norm: of the columns, [tile][column], the same for both halves. The ridge is a part of what a half shows of a column
+    on average: what it hardly shows itself, such as an edge that lies in the other half, it is not asked to tell.
+    """
+    scaled = gram / (norm[:, :, None] * norm[:, None, :]) + _RIDGE * np.eye(x.shape[2])
+    moment = np.einsum("tpi,tp->ti", x, target) / norm
+    return np.linalg.solve(scaled, moment[..., None])[..., 0] / norm

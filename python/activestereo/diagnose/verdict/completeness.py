@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether what an explanation leaves asks for another effect."""
+
+from dataclasses import replace
+
+from activestereo.diagnose.findings import Finding, Ranking, Remainder
+from activestereo.diagnose.verdict.acceptance import passes, varies_too_much
+from activestereo.effects.core.judging import Channel
+
+
+def follows_other_law(ranking: Ranking, remainder: Remainder, first: Ranking) -> bool:
+    """Whether the trace of an added effect is there, but not as large everywhere as its law says.
+
+    first: the ranking without effects.
+    """
+    gates = ranking.gates
+    limit = max(gates.other_law_share * (first.base.chi2 - remainder.chi2) / ranking.pixels, gates.other_law_floors)
+    return any(varying > limit for varying in remainder.variation.values())
+
+
+def has_field_for_law(ranking: Ranking) -> bool:
+    """Whether random fields may be named where an expected image gains more than any of them, and is refused for its
+    varying amplitude alone: what they share among pixels follows a law, which is none of the library's.
+    """
+    fields = [f.score.nats for f in ranking.findings if f.channel is Channel.STATIC_FIELD and passes(ranking, f)]
+    images = (f for f in ranking.findings if f.channel is Channel.EXPECTED_IMAGE)
+    laws = [f.score.nats for f in images if varies_too_much(ranking, f)]
+    return bool(fields and laws) and max(laws) > max(fields)
+
+
+def lacks_nothing(ranking: Ranking, noise: Finding) -> bool:
+    """Whether a finding of the noise alone leaves nothing of the base above the floor for others to explain."""
+    rest = replace(ranking.base_remainder, repeats_floors=noise.explanation.repeats_floors)
+    return noise.channel is Channel.NOISE_LAW and _excess_beside(ranking, rest) <= 0.0
+
+
+def _excess_beside(ranking: Ranking, remainder: Remainder) -> float:
+    """What is above the floor and above what coarse steps leave in every frame alike, in floors."""
+    return remainder.chi2 / ranking.pixels - 1.0 - (1.0 + ranking.gates.rounding_known_to) * remainder.repeats_floors
+
+
+def exceeds_surveys(ranking: Ranking) -> bool:
+    """Whether the base leaves what errors of a survey never do: more of the error in DN than they make, or an error
+    that comes and goes between the frames of a view, or that one image shows and the others do not.
+    """
+    gates, checks, white = ranking.gates, ranking.base_checks, ranking.base.white_floors
+    return (
+        checks.plain_excess_floors - white > gates.largest_of_surveys_floors
+        or checks.unsteady_floors > gates.unsteady_floors
+        or checks.uneven_structure_floors > gates.uneven_structure_floors
+    )
+
+
+def is_unexplained(ranking: Ranking, remainder: Remainder, first: Ranking | None = None) -> bool:
+    """Whether what an explanation leaves (the base, where nothing is named) asks for another effect.
+
+    first: the ranking without effects, where something is named. What is named only beside a calibration or a survey
+    that nobody would have made stands in for another law, whatever it leaves. Noise of single pixels asks for none:
+    its level is a nuisance, and what is random and stays has candidates of its own. Those explain no structure: it is
+    the base's that counts beside them. Where nothing is named, more than surveys leave asks, too; what is named has to
+    follow its own law.
+    """
+    gates = ranking.gates
+    excess = _excess_beside(ranking, remainder)
+    if first is None and excess - ranking.base.white_floors > gates.largest_of_surveys_floors:
+        return True
+    if first is not None and remainder.held_sigmas > gates.largest_held_sigmas:
+        return True
+    if first is not None and excess > 0.0 and follows_other_law(ranking, remainder, first):
+        return True
+    structure = remainder.structure_floors or 0.0
+    if excess <= gates.unexplained_floors:
+        return False
+    if structure <= (gates.unexplained_floors if first is None else gates.structure_of_named_floors):
+        return False
+    return first is None or structure > gates.unexplained_share * (first.base_checks.structure_floors or 0.0)

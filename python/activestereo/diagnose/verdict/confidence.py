@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which findings cannot be told apart, and how sure each is."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from activestereo.diagnose.findings import BaseFit, Finding, Ranking
+from activestereo.diagnose.verdict.acceptance import passes
+
+
+def equivalents(ranking: Ranking, finding: Finding) -> list[str]:
+    """Ids of other findings that explain the images as well, within their paired error or the models' own
+    inadequacy, which is a share of what a model leaves, and no more than formulas miss of what it explains: what errors
+    of a survey leave says nothing of either.
+
+    A finding that explains little beside the other, by its weights or in DN, is no other explanation: what it gains
+    may be the survey's. Where a shape was driven to an end of its range, its formula is not what the fit lacked.
+    """
+    gates = ranking.gates
+    if finding.score.nats <= 0 or not finding.on_images:
+        return []
+    excess = ranking.excess_after(finding.chi2)
+    inadequacy = (gates.same_excess_ratio - 1.0) * excess + gates.same_excess_floors
+    limit = excess + min(inadequacy, gates.formulas_share * finding.score.gain_floors)
+    chosen = []
+    for other in ranking.findings:
+        if other is finding or not other.on_images or other.score.nats <= 0:
+            continue
+        if not _is_as_large(finding, other, gates.same_gain_share):
+            continue
+        error = gates.paired_errors * ranking.difference_error(finding, other) + gates.paired_nats
+        leaves_alike = ranking.excess_after(other.chi2) <= limit and not other.checks.at_range_end
+        if finding.score.nats - other.score.nats <= error or leaves_alike:
+            chosen.append(other.id)
+    return chosen
+
+
+def _is_as_large(finding: Finding, other: Finding, least_share: float) -> bool:
+    """Whether another finding gains a share of what a finding gains, and of what it gains in DN where both were
+    looked at.
+    """
+    if other.score.gain_floors < least_share * finding.score.gain_floors:
+        return False
+    if finding.checks.plain_share is None or other.checks.plain_share is None:
+        return True
+    return other.checks.plain_floors >= least_share * finding.checks.plain_floors
+
+
+def confidences(ranking: Ranking) -> dict[str, float]:
+    """{id: probability of being what is missing}.
+
+    It is a softmax of minus the logarithm of what each finding leaves above the floor, of its gain and of what its
+    freedom costs. What may be named shares `named_probability`; the others share the rest with 'none', or all where
+    nothing may be named. Noise and the depth engine have evidence of their own: they are no rivals of what is missing
+    in the images.
+    """
+    gates = ranking.gates
+    rivals = [f for f in ranking.findings if f.on_images]
+    named = np.array([passes(ranking, f) for f in rivals] + [False])
+    logits = _logits(ranking, rivals, ranking.base, named)
+    weights = np.empty(len(logits))
+    groups = (
+        ((named, gates.named_probability), (~named, 1.0 - gates.named_probability)) if named.any() else ((~named, 1.0),)
+    )
+    for group, share in groups:
+        likely = np.exp(logits[group] - logits[group].max())
+        weights[group] = share * likely / likely.sum()
+    out = {f.id: float(w) for f, w in zip(rivals, weights, strict=False)}
+    others = (f for f in ranking.findings if not f.on_images)
+    return out | {f.id: gates.named_probability if passes(ranking, f) else 0.0 for f in others}
+
+
+def _logits(ranking: Ranking, rivals: Sequence[Finding], base: BaseFit, named: np.ndarray) -> np.ndarray:
+    """Of the confidence; the last one is 'none'.
+
+    The gain of what may not be named is not believed: survey errors gain, too.
+    """
+    gates = ranking.gates
+    excess = np.array([ranking.excess_after(f.chi2) for f in rivals] + [ranking.excess_after(base.chi2)])
+    gains, costs = (np.array([getattr(f.score, name) for f in rivals] + [0.0]) for name in ("nats", "occam_nats"))
+    likeness = -np.log(excess + gates.floor_known_to) / gates.temperature
+    return likeness + np.where(named, gains, 0.0) / gates.nats_per_unit + costs / gates.occam_nats_per_unit

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""EngineInputs of a capture's frame: its calibration, pose and settings, before any effect."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kuafu
+import simsense
+from activestereo.capture.capture import Capture, Frame
+from activestereo.common.pose import carried_twist
+from activestereo.effects.core.engine import REFERENCE_TEMPERATURE_C, EngineEye, EngineInputs
+
+# Media reach so far beyond scene and rig.
+_MARGIN_M = 0.05
+
+
+def capture_inputs(
+    capture: Capture, frame: Frame, scene: kuafu.Scene, pattern: NDArray[np.float32], seed: int = 0
+) -> EngineInputs:
+    """Projector at 1 W/sr under ambient radiance 1; counts per second and gain are left to the nuisances. A moving
+    frame stands still until an effect opens its shutter."""
+    rig = capture.rig
+    summary = scene.summary
+    return EngineInputs(
+        left=_eye(capture, frame, "left", np.eye(4)),
+        right=_eye(capture, frame, "right", rig.left_to_right),
+        projector=_projector(capture, frame),
+        pattern=pattern,
+        frame=frame,
+        new_light=kuafu.Light,
+        new_medium=kuafu.Medium,
+        scene_materials=scene.get_material,
+        material_count=summary.material_count,
+        bounds_m=_bounds(capture, summary),
+        max_dn=float(rig.max_dn),
+        seed=seed,
+    )
+
+
+def frame_signal(frame: Frame) -> dict[str, float]:
+    """A noiseless imager under a frame's settings, in counts: input is counts per second at gain 1."""
+    temperature = REFERENCE_TEMPERATURE_C if frame.temperature_c is None else frame.temperature_c
+    settings = {
+        "exposure_s": frame.exposure_s,
+        "gain": frame.gain,
+        "temperature_c": temperature,
+        "dark_reference_c": REFERENCE_TEMPERATURE_C,
+    }
+    return simsense.signal_preset("neutral") | settings
+
+
+def _eye(capture: Capture, frame: Frame, name: str, left_to_eye: NDArray[np.float64]) -> EngineEye:
+    camera = capture.rig.camera(name)
+    linear, angular = carried_twist(left_to_eye, frame.camera_velocity).reshape(2, 3)
+    return EngineEye(
+        camera=kuafu.Camera(
+            camera.width,
+            camera.height,
+            camera.K,
+            frame.camera_to_world @ np.linalg.inv(left_to_eye),
+            distortion=tuple(camera.distortion),
+            linear_velocity=linear,
+            angular_velocity=angular,
+        ),
+        film=kuafu.Film(),
+        signal=frame_signal(frame),
+        is_right=name == "right",
+    )
+
+
+def _projector(capture: Capture, frame: Frame) -> kuafu.Light:
+    projector = capture.rig.projector
+    linear, angular = carried_twist(projector.left_to_projector, frame.camera_velocity).reshape(2, 3)
+    pose = frame.camera_to_world @ np.linalg.inv(projector.left_to_projector)
+    return kuafu.Light(
+        kind="projector",
+        name="projector",
+        k=projector.K,
+        ir_intensity=1.0,
+        light_to_world=pose,
+        linear_velocity=linear,
+        angular_velocity=angular,
+    )
+
+
+def _bounds(capture: Capture, summary: kuafu.SceneSummary) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """A box around the scene and every pose of the rig."""
+    corners = [summary.bounds_min_m, summary.bounds_max_m] if summary.triangle_count else []
+    points = np.array([*corners, *(f.camera_to_world[:3, 3] for f in capture.frames)])
+    return tuple(points.min(axis=0) - _MARGIN_M), tuple(points.max(axis=0) + _MARGIN_M)

@@ -1,0 +1,310 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Renders a capture's frames with the engines under a model: every effect that has engine fields acts inside of kuafu
+and simsense."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kuafu
+from activestereo.capture.capture import EYES, Capture, Frame
+from activestereo.common.progress_bar import part_of
+from activestereo.effects.core.descriptor import Randomness
+from activestereo.effects.core.engine import EngineInputs, apply_engine
+from activestereo.effects.core.model import Model, Scales
+from activestereo.effects.core.scene_surfaces import split_surfaces
+from activestereo.effects.engines.capture_inputs import capture_inputs
+from activestereo.effects.engines.halves import half_samples, half_seeds
+from activestereo.effects.engines.imager import ExpectedImager
+from activestereo.effects.engines.scene_measurement import Survey
+from activestereo.effects.engines.smoothing import seen_surfaces, smooth_view
+from activestereo.effects.engines.world import (
+    changed_world,
+    copy_camera,
+    copy_light,
+    copy_record,
+    record_key,
+    world_key,
+)
+
+Key = tuple[int, str]
+_LIGHT = ("projector_direct", "projector_indirect", "ambient")
+_GEOMETRY = ("depth", "normal", "position", "material_id")
+# Lights that effects add have a group of their own: the room's light is scaled, theirs is not.
+_ADDED_GROUP = 1
+# So many renders are remembered.
+_KEPT = 3
+
+
+@dataclass(frozen=True)
+class EyeLight:
+    """One eye of one frame behind its optics, float32 [height][width]: radiance under the projector at power 1 (direct,
+    indirect) and under ambient radiance 1. depth_m: z, 0 = nothing there; normal: [height][width][3], world; material:
+    id."""
+
+    direct: NDArray[np.float32]
+    indirect: NDArray[np.float32]
+    ambient: NDArray[np.float32]
+    depth_m: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    material: NDArray[np.uint32]
+
+    @property
+    def projector(self) -> NDArray[np.float32]:
+        return self.direct + self.indirect
+
+
+@dataclass(frozen=True, eq=False)
+class _Job:
+    """One pose under one set of inputs, and the frames that share its images; each has its own powers."""
+
+    inputs: EngineInputs
+    frames: list[tuple[Frame, EngineInputs]]
+
+
+class CaptureRenderer:
+    """A capture's scene in kuafu. lights() and expected() leave it as they found it.
+
+    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: bounced and ambient light on matt surfaces is filtered,
+    see effects/engines/smooth.py. Every call has the same seed, and frames the same places in the batch: images of two
+    models differ by what the models differ in, not by noise.
+    """
+
+    def __init__(
+        self,
+        capture: Capture,
+        device: str | int | kuafu.Device = "auto",
+        samples_per_pixel: int = 64,
+        max_bounces: int = 8,
+        seed: int = 0,
+        smooth: bool = True,
+    ) -> None:
+        self.capture = capture
+        self.samples_per_pixel, self.max_bounces, self.seed = samples_per_pixel, max_bounces, seed
+        self._device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
+        self._renderer = kuafu.Renderer(self._device)
+        self._scene = self._loaded_scene()
+        self._one_at_a_time = threading.Lock()
+        self._pattern = capture.rig.projector.pattern()
+        self._smooth = smooth
+        self._kept: dict[tuple, list[list[dict[str, NDArray]]]] = {}
+        camera = capture.rig.left
+        self._imager = ExpectedImager(camera.width, camera.height, capture.rig.max_dn)
+
+    def _loaded_scene(self) -> kuafu.Scene:
+        scene = kuafu.Scene(self._device)
+        scene.load(self.capture.scene_path)
+        split_surfaces(scene, self.capture.scene_path)
+        scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
+        return scene
+
+    @property
+    def device(self) -> kuafu.Device:
+        return self._device
+
+    def inputs(self, frame: Frame, model: Model, survey: Survey | None = None, random: bool = False) -> EngineInputs:
+        """The engines' inputs for a frame: calibration and settings, the survey's corrections, then the model's
+        effects. random=False: those that draw numbers are left out, for they have no part in an expected image."""
+        inputs = capture_inputs(self.capture, frame, self._scene, self._pattern, self.seed)
+        if survey is not None:
+            survey.apply(inputs)
+        apply_engine(inputs, tuple((e, p) for e, p in model.effects if random or e.randomness is Randomness.NONE))
+        return inputs
+
+    def lights(
+        self,
+        model: Model,
+        frames: Iterable[Frame] | None = None,
+        survey: Survey | None = None,
+        random: bool = False,
+        progress: Callable[[float], object] | None = None,
+        half: int | None = None,
+    ) -> dict[Key, EyeLight]:
+        """{(frame id, eye): EyeLight} of the frames, all by default. Frames that differ in exposure, power or gain
+        alone share their images; all poses of one world are one render. half: 0 or 1, one of two independent halves of
+        the samples (halves.py)."""
+        jobs: dict[tuple, _Job] = {}
+        for frame in self.capture.frames if frames is None else frames:
+            inputs = self.inputs(frame, model, survey, random)
+            jobs.setdefault(_job_key(inputs), _Job(inputs, [])).frames.append((frame, inputs))
+        worlds: dict[tuple, list[_Job]] = {}
+        for job in jobs.values():
+            worlds.setdefault(world_key(job.inputs), []).append(job)
+        out: dict[Key, EyeLight] = {}
+        for done, group in enumerate(worlds.values()):
+            share = part_of(progress, done / len(worlds), (done + 1) / len(worlds))
+            for job, eyes in zip(group, self._images(group, share, half), strict=True):
+                out |= {
+                    (frame.id, eye): _eye_light(view, own)
+                    for frame, own in job.frames
+                    for eye, view in zip(EYES, eyes, strict=True)
+                }
+        return out
+
+    def expected(
+        self,
+        model: Model,
+        nuisances: Scales,
+        frames: Iterable[Frame] | None = None,
+        survey: Survey | None = None,
+        random: bool = False,
+        progress: Callable[[float], object] | None = None,
+    ) -> dict[Key, NDArray[np.float32]]:
+        """{(frame id, eye): expected DN [height][width]} of the frames, all by default; random: one exposure instead,
+        not rounded."""
+        frames = list(self.capture.frames if frames is None else frames)
+        lights = self.lights(model, frames, survey, random, progress)
+        return {key: dn for frame in frames for key, dn in self.counts(frame, lights, model, nuisances, random).items()}
+
+    def counts(
+        self, frame: Frame, lights: dict[Key, EyeLight], model: Model, nuisances: Scales, random: bool = False
+    ) -> dict[Key, NDArray[np.float32]]:
+        """expected() of one frame from its lights: no ray is traced."""
+        inputs = self.inputs(frame, model, random=random)
+        per_s = nuisances.projector_scale * frame.projector_power
+        ambient_per_s = nuisances.ambient_scale * (1.0 if frame.ambient is None else frame.ambient)
+        images, signals = [], []
+        for eye, part in zip(EYES, inputs.eyes, strict=True):
+            light = lights[frame.id, eye]
+            laser = per_s * light.projector
+            images.append((laser + ambient_per_s * light.ambient, laser if inputs.speckle_of_laser else None))
+            signals.append(part.signal | {"black_level_dn": part.signal["black_level_dn"] + nuisances.black_dn})
+        counts = self._imager.counts(images, signals, inputs.seed + frame.id if random else None)
+        return {(frame.id, eye): image for eye, image in zip(EYES, counts, strict=True)}
+
+    # ---- inside ----
+
+    def _images(
+        self, jobs: list[_Job], progress: Callable[[float], object] | None, half: int | None
+    ) -> list[list[dict[str, NDArray]]]:
+        """[job][eye]: images by name; remembered, so that what changes no ray traces none. One thread at a time, and a
+        render that failed leaves neither images nor a changed scene."""
+        key = (half, *(_job_key(job.inputs) for job in jobs))
+        with self._one_at_a_time:
+            if key not in self._kept:
+                try:
+                    with changed_world(self._scene, jobs[0].inputs):
+                        images = self._render_world(jobs, progress, half)
+                except BaseException:
+                    self._scene = self._loaded_scene()  # what could not be taken back goes with the old one
+                    raise
+                self._kept[key] = images
+                while len(self._kept) > _KEPT:
+                    self._kept.pop(next(iter(self._kept)))
+            return self._kept[key]
+
+    def _render_world(
+        self, jobs: list[_Job], progress: Callable[[float], object] | None, half: int | None
+    ) -> list[list[dict[str, NDArray]]]:
+        images = self._render(jobs, _LIGHT + _GEOMETRY, own=True, progress=progress, half=half)
+        if any(light.kind == "projector" for job in jobs for light in job.inputs.added_lights):
+            # Projectors' light has one pair of outputs; that of further units belongs to the room's.
+            others = self._render(jobs, _LIGHT[:2], own=False, progress=None, half=half)
+            images["added"] = images["added"] + others["projector_direct"]
+            images["added_indirect"] = others["projector_indirect"]
+        count = len(jobs) * len(EYES)
+        views = [{name: image[k] for name, image in images.items()} for k in range(count)]
+        if self._smooth:
+            cameras = [eye.camera for job in jobs for eye in job.inputs.eyes]
+            surfaces = seen_surfaces(self._scene, images["material_id"])
+            with ThreadPoolExecutor(os.cpu_count()) as pool:
+                views = list(pool.map(lambda view, camera: smooth_view(view, camera, surfaces), views, cameras))
+        return [views[k : k + len(EYES)] for k in range(0, count, len(EYES))]
+
+    def _render(
+        self,
+        jobs: list[_Job],
+        outputs: tuple[str, ...],
+        own: bool,
+        progress: Callable[[float], object] | None,
+        half: int | None,
+    ) -> dict[str, NDArray]:
+        """One render of all jobs, an environment each: own: the rig's projector at 1 W/sr and lamps; else further
+        projectors alone."""
+        lights: list[int] = []
+        textures: dict[bytes, int] = {}
+        has_lamps = own and any(light.kind != "projector" for job in jobs for light in job.inputs.added_lights)
+        group = f"light_group_{_ADDED_GROUP}"
+        try:
+            moments = _moments(jobs)
+            for environment, (job, delay_s) in enumerate(moments):
+                for light in _lights(job.inputs, own, delay_s):
+                    if light.kind == "projector" and job.inputs.pattern is not None:
+                        light.texture = self._texture(job.inputs.pattern, textures)
+                    light.environment, light.light_group = environment, _ADDED_GROUP
+                    lights.append(self._scene.add_light(light))
+            eyes = [(moments.index((job, eye.delay_s)), eye) for job in jobs for eye in job.inputs.eyes]
+            images = self._renderer.render(
+                self._scene,
+                [copy_camera(eye.camera, eye.delay_s) if eye.delay_s else eye.camera for _, eye in eyes],
+                (*outputs, group) if has_lamps else outputs,
+                band="infrared",
+                environments=[n for n, _ in eyes],
+                film=[eye.film for _, eye in eyes],
+                spp=self.samples_per_pixel if half is None else half_samples(self.samples_per_pixel),
+                max_bounces=self.max_bounces,
+                seed=self.seed if half is None else half_seeds(self.seed)[half],
+                progress=progress,
+            )
+        finally:
+            for number in lights:
+                self._scene.remove_light(number)
+            for texture in textures.values():
+                self._scene.remove_texture(texture)
+        images = dict(images)
+        images["added"] = images.pop(group) if has_lamps else np.zeros_like(images[outputs[0]])
+        images["added_indirect"] = np.zeros_like(images["added"])
+        if "ambient" in images:
+            images["ambient"] = images["ambient"] - images["added"]
+        return images
+
+    def _texture(self, pattern: NDArray[np.float32], textures: dict[bytes, int]) -> int:
+        content = np.ascontiguousarray(pattern, dtype=np.float32)
+        key = content.tobytes()
+        if key not in textures:
+            textures[key] = self._scene.add_texture(content, name="pattern")
+        return textures[key]
+
+
+def _moments(jobs: list[_Job]) -> list[tuple[_Job, float]]:
+    """(job, seconds after its time) of every environment: eyes that open together share one."""
+    return [(job, delay_s) for job in jobs for delay_s in dict.fromkeys(eye.delay_s for eye in job.inputs.eyes)]
+
+
+def _lights(inputs: EngineInputs, own: bool, delay_s: float) -> list[kuafu.Light]:
+    """Copies of the lights of one pass, those of the rig where they are by then."""
+    on_rig = [*([_unit(inputs.projector)] if own and inputs.projector is not None else []), *inputs.rig_lights]
+    lights = [copy_light(light, delay_s) for light in on_rig] + [copy_light(light) for light in inputs.lights]
+    first = 1 if own and inputs.projector is not None else 0
+    return lights[:first] + [light for light in lights[first:] if (light.kind == "projector") != own]
+
+
+def _unit(projector: kuafu.Light) -> kuafu.Light:
+    """The projector at 1 W/sr: its power scales the image afterwards."""
+    unit = copy_record(projector)
+    unit.ir_intensity = 1.0
+    return unit
+
+
+def _job_key(inputs: EngineInputs) -> tuple:
+    """What decides the images of one pose; powers scale them and do not count."""
+    eyes = tuple((record_key(eye.camera), record_key(eye.film), eye.delay_s) for eye in inputs.eyes)
+    projector = () if inputs.projector is None else record_key(_unit(inputs.projector))
+    pattern = b"" if inputs.pattern is None else inputs.pattern.tobytes()
+    return (*eyes, projector, hash(pattern), tuple(map(record_key, inputs.added_lights)), world_key(inputs))
+
+
+def _eye_light(view: dict[str, NDArray], inputs: EngineInputs) -> EyeLight:
+    """A rendered view under a frame's own powers."""
+    power = 0.0 if inputs.projector is None else inputs.projector.ir_intensity
+    ambient = inputs.ambient.scale * view["ambient"] + view["added"] + view["added_indirect"]
+    lights = (power * view["projector_direct"], power * view["projector_indirect"], ambient, view["depth"])
+    direct, indirect, room, depth = (image[..., 0].astype(np.float32) for image in lights)
+    return EyeLight(direct, indirect, room, depth, view["normal"], view["material_id"][..., 0])

@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Depth cameras of ManiSkill 3 environments as active stereo sensors. Needs the package mani_skill.
+
+    import activestereo.integrations.mani_skill
+    env = gymnasium.make("PickCube-v1", obs_mode="rgb+depth", sensor_configs={"use_stereo_depth": True})
+
+ManiSkill has no register of sensors: its environments make a `StereoDepthCamera` for each configuration that is a
+`StereoDepthCameraConfig`. The import puts the classes of these names here in the place of ManiSkill's own, whose sensor
+needs CUDA and SAPIEN 2.
+"""
+
+import mani_skill.envs.sapien_env
+import mani_skill.sensors.depth_camera
+
+from activestereo.integrations.mani_skill.camera import StereoDepthCamera as StereoDepthCamera
+from activestereo.integrations.mani_skill.config import StereoDepthCameraConfig as StereoDepthCameraConfig
+from activestereo.integrations.mani_skill.world import ManiSkillWorld as ManiSkillWorld
+
+mani_skill.envs.sapien_env.StereoDepthCamera = StereoDepthCamera
+mani_skill.sensors.depth_camera.StereoDepthCamera = StereoDepthCamera
+mani_skill.sensors.depth_camera.StereoDepthCameraConfig = StereoDepthCameraConfig

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""ManiSkill's StereoDepthCamera: observations as its cameras give them, of an active stereo sensor."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import torch
+from mani_skill.sensors.camera import Camera, CameraConfig
+
+import kuafu
+from activestereo.integrations.mani_skill.config import StereoDepthCameraConfig
+from activestereo.integrations.mani_skill.world import ManiSkillWorld
+from activestereo.sensor.batch import StereoDepthSensorBatch
+from activestereo.sensor.cuda_memory import CudaError
+from activestereo.sensor.cuda_tensor import cuda_tensor, wait_for
+from activestereo.sensor.pipelined_batch import LateStereoDepthSensorBatch
+
+_MM = 1000.0
+_FARTHEST_MM = 32767.0
+
+
+class _CameraMounts:
+    """Where a ManiSkill camera is in each environment."""
+
+    def __init__(self, camera: Any, scene: kuafu.Scene) -> None:
+        self._camera, self.scene = camera, scene
+
+    @property
+    def poses(self) -> torch.Tensor:
+        """[E, 7], x forward, y left, z up."""
+        return self._camera.get_global_pose().raw_pose
+
+
+@dataclass(frozen=True)
+class _Begun:
+    """A late camera's picture: since which reset(), whether it is one of RGB, and from where."""
+
+    reset: torch.Tensor
+    has_rgb: bool
+    params: dict[str, torch.Tensor]
+
+
+class StereoDepthCamera(Camera):
+    """One sensor in each environment. `rgb`, `depth`, `position` and `segmentation` have ManiSkill's shapes, types and
+    units; depth 0 = no measurement, and position is what depth says. ManiSkill's normal and albedo are not there.
+
+    With config.late an observation has the picture that the one before it began, which is rendered while ManiSkill
+    simulates and the one before is matched. The first observation after reset(), of some environments too, has a
+    picture of the present instead, as of a camera that has long stood there; so the one after it shows the same.
+
+    With config.on_cuda observations are made of what the sensors' GPU holds, and no image passes through the host.
+    CudaError where there is no CUDA, or none on this GPU; a UserWarning, and the way through the host, where on_cuda is
+    None and the simulation is on CUDA."""
+
+    def __init__(self, camera_config: CameraConfig, scene: Any, articulation: Any = None) -> None:
+        if not isinstance(camera_config, StereoDepthCameraConfig):
+            camera_config = StereoDepthCameraConfig.fromCameraConfig(camera_config)
+        super().__init__(camera_config, scene, articulation)  # a SAPIEN camera, for pose and parameters
+        self._scene = scene
+        self._world: ManiSkillWorld | None = None
+        self._sensors: StereoDepthSensorBatch | None = None
+        self._begun: _Begun | None = None
+
+    @property
+    def sensors(self) -> StereoDepthSensorBatch:
+        """The sensors behind it, which have more: the infrared pair, true depth. RuntimeError before the first
+        capture()."""
+        if self._sensors is None:
+            raise RuntimeError("no picture yet: call capture() first")
+        return self._sensors
+
+    def capture(self) -> None:
+        """Brings the sensors' scene to the present state. Images are rendered when get_obs() asks for them."""
+        if self._world is None:
+            self._world = ManiSkillWorld.of(self._scene, self.config.device)
+            self._sensors = self._made(self._world)
+            if isinstance(self._sensors, LateStereoDepthSensorBatch):
+                self._world.late.add(self._sensors)
+        self._world.update()
+
+    def get_obs(
+        self,
+        rgb: bool = True,
+        depth: bool = True,
+        position: bool = True,
+        segmentation: bool = True,
+        normal: bool = False,
+        albedo: bool = False,
+        apply_texture_transforms: bool = True,
+    ) -> dict[str, torch.Tensor]:
+        """{modality: [E, height, width, channels]} on the simulation's device. ValueError for normal and albedo."""
+        if normal or albedo:
+            raise ValueError("a stereo depth camera has rgb, depth, position and segmentation, not normal or albedo")
+        sensors, out = self.sensors, {}
+        self._take_picture(rgb or segmentation)
+        if rgb:
+            out["rgb"] = self._taken("rgba8")[..., :3].contiguous()
+        if depth or position:
+            sensors.compute_depth()
+            found = (self._taken("depth") * _MM).clamp(max=_FARTHEST_MM).round()
+        if depth:
+            out["depth"] = found.to(torch.int16)[..., None]
+        if position:
+            out["position"] = self._positions(found)
+        if segmentation:
+            out["segmentation"] = self._segmentation()
+        return {name: wait_for(image).to(self._scene.device) for name, image in out.items()}
+
+    def get_params(self) -> dict[str, torch.Tensor]:
+        """ManiSkill's, of a late camera those of the next observation's picture: ManiSkill asks for an observation's
+        parameters before its picture."""
+        begun = self._begun
+        return begun.params if begun is not None and self._serves(begun) else super().get_params()
+
+    def _made(self, world: ManiSkillWorld) -> StereoDepthSensorBatch:
+        config = self.config.native(self.camera.get_intrinsic_matrix()[0].cpu().numpy().astype(np.float64))
+        kind = LateStereoDepthSensorBatch if self.config.late else StereoDepthSensorBatch
+        mounts = _CameraMounts(self.camera, world.scene)
+        is_there = self._scene.device.type == "cuda"
+        self._on_cuda = is_there if self.config.on_cuda is None else self.config.on_cuda
+        try:
+            return kind(config, mounts, on_cuda=self._on_cuda)
+        except CudaError as error:
+            if self.config.on_cuda:
+                raise
+            warnings.warn(f"observations pass through the host: {error}", stacklevel=3)
+            self._on_cuda = False
+            return kind(config, mounts)
+
+    def _taken(self, name: str) -> torch.Tensor:
+        """What the sensors' get_<name>() have, where observations are made."""
+        if self._on_cuda:
+            return cuda_tensor(self.sensors.get_cuda(name))
+        return torch.from_numpy(getattr(self.sensors, f"get_{name}")())
+
+    def _serves(self, begun: _Begun) -> bool:
+        """Whether the picture that was begun is the next observation's: not after a reset(), nor where it failed."""
+        sensors = self._sensors
+        return begun.reset is self._reset and isinstance(sensors, LateStereoDepthSensorBatch) and sensors.has_next
+
+    @property
+    def _reset(self) -> torch.Tensor:
+        """Another object after each reset()."""
+        return self._scene._reset_mask
+
+    def _take_picture(self, with_rgb: bool) -> None:
+        assert self._world is not None
+        self._world.late.wait()  # another camera's picture, too: ours turns our projectors on
+        sensors, begun = self.sensors, self._begun
+        if not isinstance(sensors, LateStereoDepthSensorBatch):
+            sensors.take_picture(infrared_only=not with_rgb)
+            return
+        serves = begun is not None and self._serves(begun) and (begun.has_rgb or not with_rgb)
+        self._begun = None
+        sensors.take_picture(infrared_only=not with_rgb)
+        if not serves:
+            sensors.take_picture(infrared_only=not with_rgb)
+        self._begun = _Begun(self._reset, with_rgb, super().get_params())
+
+    def _positions(self, depth_mm: torch.Tensor) -> torch.Tensor:
+        """int16 [E, height, width, 3] millimetres in the camera's OpenGL axes: x right, y up, z backward."""
+        points = self._rays * depth_mm[..., None]
+        return points.clamp(-_FARTHEST_MM, _FARTHEST_MM).round().to(torch.int16)
+
+    @cached_property
+    def _rays(self) -> torch.Tensor:
+        """float32 [height, width, 3]: in the same axes, where pixels look, with z = -1."""
+        config = self.sensors.get_config()
+        k, (width, height) = config.rgb_intrinsic, config.rgb_resolution
+        v, u = np.indices((height, width))
+        rays = np.stack([(u - k[0, 2]) / k[0, 0], -(v - k[1, 2]) / k[1, 1], -np.ones(u.shape)], axis=-1)
+        return torch.from_numpy(rays.astype(np.float32)).to(self._taken("depth").device)
+
+    def _segmentation(self) -> torch.Tensor:
+        """int16 [E, height, width, 1]: ManiSkill's per_scene_id, 0 = nothing there."""
+        assert self._world is not None
+        ids = torch.from_numpy(self._world.bodies.semantic_id_table.astype(np.int16))
+        instances = self._taken("instance_ids").view(torch.int32)  # of which what is beyond 2^31 is negative
+        known = torch.where(instances < 0, len(ids) - 1, instances.clamp(max=len(ids) - 1))
+        return ids.to(instances.device)[known][..., None]

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A ManiSkill scene, with all its parallel environments, as one kuafu scene."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import torch
+
+import kuafu
+from activestereo.integrations.sapien.looks import Looks, is_visible, light_record, render_system
+from activestereo.scene_io.bodies import Bodies, Shape
+from activestereo.sensor.pipelined_pictures import LateSensors
+
+_AMBIENT = (0.3, 0.3, 0.3)
+
+
+class ManiSkillWorld:
+    """The actors and links of a ManiSkillScene, whose parallel scenes are environments of `scene`, a kuafu.Scene.
+
+    Poses come from ManiSkill's own batched structs, so that those of a simulation on a GPU are gathered there and read
+    once. What ManiSkill hides is not seen. The ambient light is the first scene's. device: 'auto', 'cpu' or an index.
+    """
+
+    _known: weakref.WeakValueDictionary[int, ManiSkillWorld] = weakref.WeakValueDictionary()
+
+    def __init__(self, scene: Any, device: str | int = "auto") -> None:
+        if scene.parallel_in_single_scene:
+            raise ValueError("parallel_in_single_scene: environments side by side in one scene see each other")
+        self.mani_skill_scene = scene
+        self.scene = kuafu.Scene(kuafu.Device(device))
+        self.count = len(scene.sub_scenes)
+        self.bodies = Bodies(self.scene, self.count)
+        self._looks = Looks(self.scene)
+        self.late = LateSensors()
+        # Of each body, in the order of the bodies: ManiSkill's struct, and the environments of the struct's objects.
+        self._places: dict[str, tuple[Any, list[int]]] = {}
+        self._add_lights()
+        self.update()
+        ManiSkillWorld._known[id(scene)] = self
+
+    @classmethod
+    def of(cls, scene: Any, device: str | int = "auto") -> ManiSkillWorld:
+        """The one that a ManiSkill scene has already, else a new one."""
+        known = cls._known.get(id(scene))
+        return cls(scene, device) if known is None or known.mani_skill_scene is not scene else known
+
+    def update(self) -> int:
+        """Waits for the `late` sensors' pictures and brings the scene to ManiSkill's present state; returns how many
+        shapes moved. BodyPoseError where a state has gone to NaN: it names the environment and the body, and the other
+        environments have moved."""
+        self.late.wait()
+        seen = {id(struct): (name, struct) for name, struct in self._structs() if not getattr(struct, "hidden", False)}
+        for name in [name for name, (struct, _) in self._places.items() if id(struct) not in seen]:
+            self.bodies.remove(name)
+            del self._places[name]
+        known = {id(struct) for struct, _ in self._places.values()}
+        for number in [number for number in seen if number not in known]:
+            self._add(*seen[number])
+        return self.bodies.move(self._poses())
+
+    def _structs(self) -> Iterator[tuple[str, Any]]:
+        """Actors and links by names that are theirs alone."""
+        for name, actor in self.mani_skill_scene.actors.items():
+            yield name, actor
+        for name, articulation in self.mani_skill_scene.articulations.items():
+            for link in articulation.links:
+                yield f"{name}: {link.name}", link
+
+    def _add(self, name: str, struct: Any) -> None:
+        """The struct's objects are of one geometry; materials are each environment's own."""
+        entities = [getattr(thing, "entity", thing) for thing in struct._objs]
+        environments = struct._scene_idxs.tolist()
+        own: dict[int, list[Shape]] = {}
+        if is_visible(entities[0]):
+            first = self._looks.shapes(entities[0], name)
+            for environment, entity in zip(environments, entities, strict=True):
+                materials = self._looks.materials(entity)
+                own[environment] = [replace(s, materials=[m]) for s, m in zip(first, materials, strict=True)]
+        self.bodies.add(name, own, semantic_id=entities[0].per_scene_id)
+        self._places[name] = (struct, environments)
+
+    def _poses(self) -> torch.Tensor:
+        """[E, bodies, 7] where the simulation has them."""
+        device = self.mani_skill_scene.device
+        out = torch.zeros((self.count, len(self._places), 7), device=device)
+        out[..., 3] = 1.0
+        for body, (struct, environments) in enumerate(self._places.values()):
+            out[environments, body] = struct.pose.raw_pose.to(out)
+        return out
+
+    def _add_lights(self) -> None:
+        self.scene.set_environment(_AMBIENT)
+        for environment, scene in enumerate(self.mani_skill_scene.sub_scenes):
+            system = render_system(scene)
+            if system is None:
+                continue
+            if environment == 0:
+                self.scene.set_environment(tuple(system.ambient_light))
+            for light in system.lights:
+                record = light_record(light, environment)
+                if record is not None:
+                    self.scene.add_light(record)

@@ -1,0 +1,12 @@
+# SPDX-License-Identifier: Apache-2.0
+"""SAPIEN 3's StereoDepthSensor on a live SAPIEN scene, without CUDA and without SAPIEN's renderer. Needs the package
+sapien.
+
+    from activestereo.integrations.sapien import StereoDepthSensor, StereoDepthSensorConfig  # for sapien.sensor's
+"""
+
+from activestereo.integrations.sapien.builder import ActorBuilder as ActorBuilder
+from activestereo.integrations.sapien.builder import VisualRecords as VisualRecords
+from activestereo.integrations.sapien.scene import SapienScene as SapienScene
+from activestereo.integrations.sapien.sensor import StereoDepthSensor as StereoDepthSensor
+from activestereo.integrations.sapien.sensor import StereoDepthSensorConfig as StereoDepthSensorConfig

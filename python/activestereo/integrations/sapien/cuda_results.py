@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What SAPIEN's get_..._cuda() give, computed on the GPU of a sensor that was made with on_cuda."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from activestereo.camera.auto_exposure import DARKEST, SRGB, STRIDE, exposure_of_median
+from activestereo.sensor.cuda_tensor import cuda_tensor, wait_for
+from activestereo.sensor.sensor import StereoDepthSensor
+
+if TYPE_CHECKING:
+    import torch
+
+
+class CudaResults:
+    """Of a sensor's last picture, with the bits of the host's methods."""
+
+    def __init__(self, sensor: StereoDepthSensor) -> None:
+        self._sensor = sensor
+        self._rgb_exposure = sensor.get_config().rgb_exposure
+
+    def depth(self) -> torch.Tensor:
+        """[height, width] where the depth engine wrote it, and writes the next one."""
+        return cuda_tensor(self._sensor.get_cuda("depth"))
+
+    def rgba(self) -> torch.Tensor:
+        """[height, width, 4]."""
+        import torch
+
+        rgb = self._rgb()
+        return wait_for(torch.cat([rgb, torch.ones_like(rgb[..., :1])], dim=2))
+
+    def pointcloud(self, with_rgb: bool) -> torch.Tensor:
+        """[n, 3] or [n, 6]."""
+        import torch
+
+        depth = self.depth()
+        v, u = torch.nonzero(depth, as_tuple=True)
+        points = (self._rays[:, v, u] * depth[v, u]).T.to(depth.dtype)
+        return wait_for(torch.cat([points, self._rgb()[v, u]], dim=1) if with_rgb else points.contiguous())
+
+    # ---- inside ----
+
+    def _rgb(self) -> torch.Tensor:
+        """As auto_exposure.encoded_rgb() has it; of the picture the host sees one number."""
+        light = self._light()
+        exposure = self._rgb_exposure or _exposure_of(light)
+        # By float64, for not every torch's root of float32 is the nearest one.
+        root = (light * float(np.float32(exposure))).clamp(0.0, 1.0).double().sqrt().float()
+        place = (root * (len(SRGB) - 1) + 0.5).int().clamp(0, len(SRGB) - 1)
+        return self._curve[place]
+
+    def _light(self) -> torch.Tensor:
+        return cuda_tensor(self._sensor.get_cuda("radiance"))
+
+    @cached_property
+    def _curve(self) -> torch.Tensor:
+        return self._light().new_tensor(SRGB)
+
+    @cached_property
+    def _rays(self) -> torch.Tensor:
+        import torch
+
+        return torch.from_numpy(self._sensor.rgb_rays).to(self.depth().device)
+
+
+def _exposure_of(light: torch.Tensor) -> float:
+    """As auto_exposure.rgb_exposure() has it."""
+    green = light[::STRIDE, ::STRIDE, 1]
+    lit = green[(green >= float(DARKEST)) & (green < np.inf)]
+    return exposure_of_median(np.float32(lit.median().item())) if lit.numel() else 1.0

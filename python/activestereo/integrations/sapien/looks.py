@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What SAPIEN's entities look like, in kuafu's terms: meshes, materials, textures and lights."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+import kuafu
+from activestereo.common.pose import as_matrix, camera_to_world
+from activestereo.integrations.sapien.builder import VisualRecords
+from activestereo.integrations.sapien.shapes import Part, collision_parts, record_parts, render_parts
+from activestereo.scene_io.bodies import Shape
+
+# SAPIEN's specular s is a reflectance of 0.08 s at normal incidence; glTF's weighs the 0.04 of an index of 1.5.
+_SPECULAR = 0.08 / 0.04
+
+
+class Looks:
+    """Puts the looks of entities into a kuafu scene. Equal materials, and textures, are there once."""
+
+    def __init__(self, scene: kuafu.Scene) -> None:
+        self._scene = scene
+        self._materials: dict[Any, int] = {}
+        self._textures: dict[int, tuple[int, Any]] = {}
+
+    def shapes(self, entity: Any, name: str) -> list[Shape]:
+        """The entity's shapes, whose meshes have this name."""
+        return [self._shape(part, pose, name) for part, pose in parts(entity)]
+
+    def materials(self, entity: Any) -> list[int]:
+        """Those of shapes(), for an entity whose meshes are in the scene already."""
+        return [self.material(part.material) for part, _ in parts(entity)]
+
+    def _shape(self, part: Part, pose: Any, name: str) -> Shape:
+        optional = {"normals": part.normals, "uvs": part.uvs}
+        given = {key: value for key, value in optional.items() if value is not None}
+        mesh = self._scene.add_mesh(part.positions, part.indices, name=name, **given)
+        to_body = as_matrix(pose) @ np.diag([*np.asarray(part.scale, np.float64), 1.0])
+        return Shape(mesh, [self.material(part.material)], to_body)
+
+    def material(self, material: Any) -> int:
+        if isinstance(material, kuafu.Material):
+            return self._scene.add_material(material)
+        texture = material.base_color_texture
+        values = [*material.base_color, *material.emission, material.metallic, material.roughness]
+        values += [material.specular, material.transmission, material.ior]
+        key = (*values, None if texture is None else id(texture))
+        if key not in self._materials:
+            fields = {
+                "base_color": tuple(material.base_color),
+                "emission": tuple(material.emission[:3]),
+                "metallic": material.metallic,
+                "roughness": material.roughness,
+                "transmission": material.transmission,
+            }
+            if material.transmission > 0:
+                fields["ior"] = material.ior
+            else:
+                fields["specular"] = min(_SPECULAR * material.specular, 1.0)
+            if texture is not None:
+                fields["base_color_texture"] = self._texture(texture)
+            self._materials[key] = self._scene.add_material(kuafu.Material(**fields))
+        return self._materials[key]
+
+    def _texture(self, texture: Any) -> int:
+        if id(texture) not in self._textures:
+            texels = np.ascontiguousarray(texture.download())
+            # With the texture itself, so that its id stays its own.
+            self._textures[id(texture)] = (self._scene.add_texture(texels, srgb=texture.is_srgb), texture)
+        return self._textures[id(texture)][0]
+
+
+def is_visible(entity: Any) -> bool:
+    """Whether it has a body, and SAPIEN shows it."""
+    bodies = _of_kind(entity, "RenderBodyComponent")
+    if bodies:
+        return any(body.visibility > 0 for body in bodies)
+    return any(isinstance(c, VisualRecords) or hasattr(c, "collision_shapes") for c in entity.components)
+
+
+def parts(entity: Any) -> Iterator[tuple[Part, Any]]:
+    """What the entity looks like, each with the shape's pose in the entity."""
+    shapes: list[tuple[Any, Any, Callable[[Any], Iterator[Part]]]]
+    bodies = _of_kind(entity, "RenderBodyComponent")
+    records = [r for c in entity.components if isinstance(c, VisualRecords) for r in c.records]
+    if bodies:
+        shapes = [(shape, shape.local_pose, render_parts) for body in bodies for shape in body.render_shapes]
+    elif any(isinstance(c, VisualRecords) for c in entity.components):
+        shapes = [(record, record.pose, record_parts) for record in records]
+    else:
+        solid = [s for c in entity.components for s in getattr(c, "collision_shapes", [])]
+        shapes = [(shape, shape.local_pose, collision_parts) for shape in solid]
+    for shape, pose, parts_of in shapes:
+        for part in parts_of(shape):
+            yield part, pose
+
+
+def light_record(light: Any, environment: int | None = None) -> kuafu.Light | None:
+    """None for a projector, which is a sensor's to make, and for kinds that kuafu lacks."""
+    fields = {
+        "intensity": tuple(light.color),
+        "light_to_world": camera_to_world(light.entity.pose * light.local_pose),
+        "environment": environment,
+    }
+    kind = type(light).__name__
+    if kind == "RenderDirectionalLightComponent":
+        return kuafu.Light(kind="directional", **fields)
+    if kind == "RenderPointLightComponent":
+        return kuafu.Light(kind="point", **fields)
+    if kind == "RenderSpotLightComponent":
+        return kuafu.Light(kind="spot", inner_rad=light.inner_fov / 2, outer_rad=light.outer_fov / 2, **fields)
+    if kind == "RenderParallelogramLightComponent":
+        return kuafu.Light(kind="rectangle", size_m=(2 * light.half_width, 2 * light.half_height), **fields)
+    return None
+
+
+def render_system(scene: Any) -> Any:
+    """None where SAPIEN has no renderer."""
+    try:
+        return scene.render_system
+    except RuntimeError:  # SAPIEN's way to say that there is none
+        return None
+
+
+def _of_kind(entity: Any, kind: str) -> list[Any]:
+    return [c for c in entity.components if type(c).__name__ == kind]

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A live SAPIEN scene as a kuafu scene: its visible entities and lights, and where they are now."""
+
+from __future__ import annotations
+
+import weakref
+from typing import Any
+
+import numpy as np
+import sapien
+
+import kuafu
+from activestereo.common.pose import as_matrix
+from activestereo.integrations.sapien.looks import Looks, is_visible, light_record, render_system
+from activestereo.scene_io.bodies import Bodies
+from activestereo.sensor.pipelined_pictures import LateSensors
+
+# Even light in a scene whose lights cannot be known, since SAPIEN has no renderer.
+_AMBIENT = (0.3, 0.3, 0.3)
+
+
+class SapienScene:
+    """The scene's entities, each by its render components where SAPIEN has a renderer, else by the VisualRecords that
+    activestereo.integrations.sapien.ActorBuilder left, else by its collision shapes in grey.
+
+    update() follows entities that come, go, hide (visibility 0) or move. `scene` is the kuafu.Scene; lights and
+    materials of one's own may be added to it. device: 'auto', 'cpu', an index or a kuafu.Device.
+    """
+
+    _known: weakref.WeakValueDictionary[int, SapienScene] = weakref.WeakValueDictionary()
+
+    def __init__(self, scene: sapien.Scene, device: str | int | kuafu.Device = "auto") -> None:
+        self.sapien_scene = scene
+        self.scene = kuafu.Scene(device if isinstance(device, kuafu.Device) else kuafu.Device(device))
+        self.bodies = Bodies(self.scene)
+        self._names: dict[int, str] = {}  # of the entities that are in the scene, by per_scene_id
+        self.looks = Looks(self.scene)
+        self._lights: list[tuple[Any, int]] = []
+        self._ambient: tuple[float, ...] = _AMBIENT
+        self.scene.set_environment(_AMBIENT)
+        self.late = LateSensors()
+        self.update()
+        SapienScene._known[id(scene)] = self
+
+    @classmethod
+    def of(cls, scene: sapien.Scene) -> SapienScene:
+        """The one that a SAPIEN scene has already, else a new one."""
+        known = cls._known.get(id(scene))
+        return cls(scene) if known is None or known.sapien_scene is not scene else known
+
+    def update(self) -> int:
+        """Waits for the `late` sensors' pictures and brings the scene up to date; returns how many shapes moved."""
+        self.late.wait()
+        seen = {entity.per_scene_id: entity for entity in self.sapien_scene.entities if is_visible(entity)}
+        for number in [n for n in self._names if n not in seen]:
+            self.bodies.remove(self._names.pop(number))
+        for number in [n for n in seen if n not in self._names]:
+            self._add(seen[number])
+        self._follow_lights()
+        # Bodies and names are in one order: both lose and gain at the same places.
+        poses = [seen[number].pose.to_transformation_matrix() for number in self._names]
+        return self.bodies.move(np.array(poses, np.float64).reshape(-1, 4, 4))
+
+    def _add(self, entity: Any) -> None:
+        name = entity.name or "entity"
+        if name in self.bodies.names:
+            name = f"{name} ({entity.per_scene_id})"
+        shapes, pose = self.looks.shapes(entity, name), as_matrix(entity.pose)
+        self.bodies.add(name, shapes, pose=pose, semantic_id=entity.per_scene_id)
+        self._names[entity.per_scene_id] = name
+
+    def _follow_lights(self) -> None:
+        system = render_system(self.sapien_scene)
+        if system is None:
+            return
+        if self._ambient != (ambient := tuple(system.ambient_light)):
+            self.scene.set_environment(ambient)
+            self._ambient = ambient
+        records = [(light, record) for light in system.lights if (record := light_record(light)) is not None]
+        if [light for light, _ in self._lights] != [light for light, _ in records]:
+            for _, number in self._lights:
+                self.scene.remove_light(number)
+            self._lights = [(light, self.scene.add_light(record)) for light, record in records]
+            return
+        for (_, number), (_, record) in zip(self._lights, records, strict=True):
+            before = self.scene.get_light(number)
+            if before.intensity != record.intensity or not np.array_equal(before.light_to_world, record.light_to_world):
+                self.scene.set_light(number, record)

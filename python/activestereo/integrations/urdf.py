@@ -1,0 +1,264 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A robot's URDF file: its links as bodies of a scene, and where they are for given joint positions.
+
+    robot = Urdf("arm.urdf")
+    robot.add_to(bodies)  # activestereo.scene_io.bodies
+    bodies.move(robot.poses(joints))  # [links, 4, 4] of [joints], or [E, links, 4, 4] of [E, joints]
+
+Visual elements are read (boxes, spheres, cylinders, meshes, colours); collisions, inertias and textures are not.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as xml
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import kuafu
+from activestereo.scene_io import solids
+from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
+from activestereo.scene_io.mesh_files import SUFFIXES, read_mesh
+from activestereo.scene_io.meshes import Mesh
+
+Colour = tuple[float, float, float, float]
+_GREY: Colour = (0.6, 0.6, 0.6, 1.0)
+_MOVES = ("revolute", "continuous", "prismatic")
+
+
+@dataclass(frozen=True)
+class _Visual:
+    mesh: Mesh
+    to_link: NDArray[np.float64]  # 4x4, scale included
+    colour: Colour
+
+
+@dataclass(frozen=True)
+class _Joint:
+    """driver, factor, offset: its position is factor * (position of the joint `driver`) + offset."""
+
+    name: str
+    kind: str
+    parent: int
+    child: int
+    to_parent: NDArray[np.float64]
+    axis: NDArray[np.float64]
+    driver: str
+    factor: float
+    offset: float
+
+
+class Urdf:
+    """packages: {name: folder} for meshes at package://name/...; others are looked for in the folders above the file.
+    ValueError names the file and what is wrong in it."""
+
+    def __init__(self, path: str | Path, packages: Mapping[str, str | Path] | None = None) -> None:
+        self._path = Path(path)
+        self._packages = dict(packages or {})
+        try:
+            root = xml.parse(self._path).getroot()
+        except (OSError, xml.ParseError) as error:
+            raise ValueError(f"{path}: cannot be read as URDF: {error}") from error
+        links = root.findall("link")
+        if root.tag != "robot" or not links:
+            raise ValueError(f"{path}: is no URDF: it needs a <robot> with at least one <link>")
+        self.name = root.get("name", "robot")
+        self.link_names = [self._text(link, "name") for link in links]
+        colours = {m.get("name", ""): colour for m in root.findall("material") if (colour := self._colour(m))}
+        self._visuals = [[self._visual(v, colours) for v in link.findall("visual")] for link in links]
+        self._joints = self._in_order([self._joint(joint) for joint in root.findall("joint")])
+        self.joint_names = [j.name for j in self._joints if j.kind in _MOVES and j.driver == j.name]
+        unknown = next((j for j in self._joints if j.kind in _MOVES and j.driver not in self.joint_names), None)
+        if unknown is not None:
+            raise ValueError(f"{path}: joint '{unknown.name}' mimics '{unknown.driver}', which does not move by itself")
+
+    def add_to(self, bodies: Bodies, prefix: str = "") -> list[int]:
+        """Adds a body for each link, in the order of link_names, and returns the bodies' numbers."""
+        out = []
+        for name, visuals in zip(self.link_names, self._visuals, strict=True):
+            shapes = []
+            for visual in visuals:
+                material = bodies.scene.add_material(kuafu.Material(name=name, base_color=visual.colour))
+                shapes.append(Shape(add_mesh(bodies.scene, visual.mesh, name), [material], visual.to_link))
+            out.append(bodies.add(prefix + name, shapes))
+        return out
+
+    def poses(self, joints: Mapping[str, ArrayLike] | ArrayLike, base: ArrayLike | None = None) -> NDArray[np.float64]:
+        """[..., links, 4, 4] link to world. joints: [..., joints] in the order of joint_names, radians and metres, or
+        {name: [...]}, where others are at 0. base: 4x4 or [..., 4, 4] of the root link."""
+        position = self._positions(joints)
+        shape = next(iter(position.values())).shape if position else ()
+        out = np.zeros((*shape, len(self.link_names), 4, 4))
+        children = {joint.child for joint in self._joints}
+        for link in range(len(self.link_names)):
+            if link not in children:
+                out[..., link, :, :] = np.eye(4) if base is None else np.asarray(base, np.float64)
+        for joint in self._joints:
+            pose = out[..., joint.parent, :, :] @ joint.to_parent
+            if joint.kind in _MOVES:
+                pose = pose @ _motion(joint, joint.factor * position[joint.driver] + joint.offset)
+            out[..., joint.child, :, :] = pose
+        return out
+
+    def _positions(self, joints: Mapping[str, ArrayLike] | ArrayLike) -> dict[str, NDArray[np.float64]]:
+        if isinstance(joints, Mapping):
+            unknown = [name for name in joints if name not in self.joint_names]
+            if unknown:
+                raise ValueError(f"there is no joint '{unknown[0]}' to move (known: {', '.join(self.joint_names)})")
+            given = {name: np.asarray(value, np.float64) for name, value in joints.items()}
+            shape = np.broadcast_shapes(*(value.shape for value in given.values()))
+            zero = np.zeros(shape)
+            return {name: np.broadcast_to(given.get(name, zero), shape) for name in self.joint_names}
+        array = np.asarray(joints, np.float64)
+        if array.shape[-1:] != (len(self.joint_names),):
+            raise ValueError(f"joints of '{self.name}' are [..., {len(self.joint_names)}], not {array.shape}")
+        return dict(zip(self.joint_names, np.moveaxis(array, -1, 0), strict=True))
+
+    # ---- reading ----
+
+    def _joint(self, element: xml.Element) -> _Joint:
+        name, kind = self._text(element, "name"), self._text(element, "type")
+        if kind not in (*_MOVES, "fixed"):
+            raise ValueError(f"{self._path}: joint '{name}' is {kind}; known are {', '.join(_MOVES)} and fixed")
+        ends = []
+        for end in ("parent", "child"):
+            found = element.find(end)
+            link = "" if found is None else found.get("link", "")
+            if link not in self.link_names:
+                raise ValueError(f"{self._path}: the {end} of joint '{name}' is '{link}', which is no link")
+            ends.append(self.link_names.index(link))
+        found = element.find("axis")
+        axis = self._numbers("1 0 0" if found is None else found.get("xyz", "1 0 0"), 3)
+        if kind in _MOVES and not np.linalg.norm(axis) > 0:
+            raise ValueError(f"{self._path}: the axis of joint '{name}' has no direction")
+        mimic = element.find("mimic")
+        driver, factor, offset = name, 1.0, 0.0
+        if mimic is not None:
+            driver = mimic.get("joint", "")
+            factor, offset = (self._numbers(mimic.get(k, d), 1)[0] for k, d in (("multiplier", "1"), ("offset", "0")))
+        length = float(np.linalg.norm(axis)) or 1.0
+        return _Joint(name, kind, ends[0], ends[1], self._origin(element), axis / length, driver, factor, offset)
+
+    def _in_order(self, joints: list[_Joint]) -> list[_Joint]:
+        """Parents before children."""
+        children = [joint.child for joint in joints]
+        placed = set(range(len(self.link_names))) - set(children)
+        out: list[_Joint] = []
+        while len(out) < len(joints):
+            ready = [j for j in joints if j not in out and j.parent in placed and j.child not in placed]
+            if not ready:
+                raise ValueError(f"{self._path}: the joints are no tree: a link hangs on itself, or on two others")
+            out += ready
+            placed |= {joint.child for joint in ready}
+        if len(set(children)) < len(children):
+            raise ValueError(f"{self._path}: the joints are no tree: a link hangs on two others")
+        return out
+
+    def _visual(self, element: xml.Element, colours: Mapping[str, Colour]) -> _Visual:
+        material = element.find("material")
+        own = None if material is None else self._colour(material) or colours.get(material.get("name", ""))
+        geometry = element.find("geometry")
+        kind = None if geometry is None else next(iter(geometry), None)
+        if kind is None:
+            raise ValueError(f"{self._path}: a <visual> has no geometry")
+        mesh, scale = self._solid(kind)
+        return _Visual(mesh, self._origin(element) @ np.diag([*scale, 1.0]), own or _GREY)
+
+    def _solid(self, kind: xml.Element) -> tuple[Mesh, NDArray[np.float64]]:
+        """A mesh and its scale."""
+        if kind.tag == "box":
+            return solids.box(), 0.5 * self._numbers(kind.get("size", ""), 3)
+        if kind.tag == "sphere":
+            return solids.sphere(), np.full(3, self._numbers(kind.get("radius", ""), 1)[0])
+        if kind.tag == "cylinder":
+            radius, length = (self._numbers(kind.get(key, ""), 1)[0] for key in ("radius", "length"))
+            return solids.cylinder(), np.array([radius, radius, 0.5 * length])
+        if kind.tag == "mesh":
+            return _read(self._file(kind.get("filename", ""))), self._numbers(kind.get("scale", "1 1 1"), 3)
+        raise ValueError(f"{self._path}: the geometry <{kind.tag}> is not known (box, sphere, cylinder, mesh)")
+
+    def _origin(self, element: xml.Element) -> NDArray[np.float64]:
+        """4x4 of <origin xyz rpy>: roll, pitch and yaw about fixed axes."""
+        out, found = np.eye(4), element.find("origin")
+        if found is None:
+            return out
+        roll, pitch, yaw = self._numbers(found.get("rpy", "0 0 0"), 3)
+        out[:3, :3] = _about(2, yaw) @ _about(1, pitch) @ _about(0, roll)
+        out[:3, 3] = self._numbers(found.get("xyz", "0 0 0"), 3)
+        return out
+
+    def _colour(self, material: xml.Element) -> Colour | None:
+        found = material.find("color")
+        if found is None:
+            return None
+        red, green, blue, alpha = (float(min(max(v, 0.0), 1.0)) for v in self._numbers(found.get("rgba", ""), 4))
+        return red, green, blue, alpha
+
+    def _file(self, name: str) -> Path:
+        if name.startswith("package://"):
+            package, _, rest = name.removeprefix("package://").partition("/")
+            folders = [Path(self._packages[package])] if package in self._packages else []
+            folders += [up / package for up in self._path.resolve().parents]
+            folders += [up for up in self._path.resolve().parents if up.name == package]
+        else:
+            folders, rest = [self._path.parent], name.removeprefix("file://")
+        for folder in folders:
+            if (folder / rest).is_file():
+                return folder / rest
+        raise ValueError(f"{self._path}: the mesh {name} is not there; packages={{name: folder}} says where they are")
+
+    def _text(self, element: xml.Element, key: str) -> str:
+        value = element.get(key)
+        if not value:
+            raise ValueError(f"{self._path}: a <{element.tag}> has no {key}")
+        return value
+
+    def _numbers(self, text: str, count: int) -> NDArray[np.float64]:
+        try:
+            values = np.array([float(part) for part in text.split()])
+        except ValueError:
+            values = np.empty(0)
+        if len(values) != count or not np.isfinite(values).all():
+            raise ValueError(f"{self._path}: {count} finite number{'s' if count > 1 else ''} needed, not '{text}'")
+        return values
+
+
+def _read(path: Path) -> Mesh:
+    if path.suffix.lower() in SUFFIXES:
+        return read_mesh(path)
+    try:
+        import trimesh
+    except ImportError as error:
+        raise ImportError(f"reading {path} needs the package trimesh; {', '.join(SUFFIXES)} need none") from error
+    try:
+        loaded = trimesh.load(path, force="mesh")
+    except Exception as error:  # trimesh raises what its many readers raise
+        raise ValueError(f"{path}: no mesh could be read: {error}") from error
+    triangles = np.ascontiguousarray(loaded.faces, np.uint32)
+    positions, normals = (np.ascontiguousarray(a, np.float32) for a in (loaded.vertices, loaded.vertex_normals))
+    return Mesh(positions, normals, np.zeros((len(positions), 2), np.float32), triangles)
+
+
+def _about(axis: int, angle: float) -> NDArray[np.float64]:
+    return _rotations(np.eye(3)[axis], np.array(angle))
+
+
+def _rotations(axis: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[..., 3, 3] by Rodrigues' formula."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    sine, rest = np.sin(angle)[..., None, None], 1.0 - np.cos(angle)[..., None, None]
+    return np.asarray(np.eye(3) + sine * cross + rest * (cross @ cross))
+
+
+def _motion(joint: _Joint, position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[..., 4, 4] of joint positions [...]."""
+    out = np.broadcast_to(np.eye(4), (*position.shape, 4, 4)).copy()
+    if joint.kind == "prismatic":
+        out[..., :3, 3] = position[..., None] * joint.axis
+    else:
+        out[..., :3, :3] = _rotations(joint.axis, position)
+    return out

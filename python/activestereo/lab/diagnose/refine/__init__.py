@@ -1,7 +1,0 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Fits parameters: weighted least squares in the effects' parameters and the nuisances together."""
-
-from activestereo.lab.diagnose.refine.fitter import Fitter, Fitters, ImageResidual
-from activestereo.lab.diagnose.refine.parameter_space import ParameterSpace, Solution
-
-__all__ = ["Fitter", "Fitters", "ImageResidual", "ParameterSpace", "Solution"]

@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: Apache-2.0
+"""model.json: everything that is known of one sensor, in one file. What the lab finds is what the simulator simulates.
+
+model = read_model("out/diagnosis/model.json")
+sensor = StereoDepthSensor(StereoDepthSensorConfig.from_model(model), "scene.gltf", model=model)
+"""
+
+from activestereo.model.diagnosed import diagnosed_model
+from activestereo.model.model import Eye, Imager, ModelEffect, Pattern, Quantity, Rig, SensorModel
+from activestereo.model.read import read_model
+from activestereo.model.write import model_json, write_model
+
+__all__ = [
+    "Eye",
+    "Imager",
+    "ModelEffect",
+    "Pattern",
+    "Quantity",
+    "Rig",
+    "SensorModel",
+    "diagnosed_model",
+    "model_json",
+    "read_model",
+    "write_model",
+]

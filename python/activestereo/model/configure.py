@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor's configuration from its model: what the model says of rig, pattern, imager and calibration in place of a
+preset's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.common.pattern import PatternDesign
+from activestereo.common.pose import CAMERA_TO_BODY, Pose, as_matrix
+from activestereo.model.model import Imager, Pattern, Rig, SensorModel
+
+# Rounding adds it by itself; it is in a measured variance.
+_QUANTISATION_VARIANCE = 1.0 / 12.0
+
+
+def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
+    """The fields of a configuration that the model changes, with their new values. given: the configuration's fields
+    as they are. Effects and materials are the sensor's own to apply: StereoDepthSensor(config, scene, model=model)."""
+    changes: dict[str, Any] = {}
+    if model.rig is not None:
+        changes |= _rig(given["trans_pose_l"], model.rig)
+    if model.pattern is not None:
+        changes |= _pattern(given["pattern_design"], model.pattern)
+    if model.imager is not None or model.rig is not None:
+        changes["ir_signal"] = _signal(model)
+    if model.nuisances:
+        # Fitted to images: what its effects do not say of optics, beam and speckle is not there. Fireflies are the
+        # renderer's, not the camera's: their limit stays.
+        limit = (given["ir_film"] or {}).get("firefly_factor")
+        changes |= {"ir_film": limit and {"firefly_factor": limit}, "ir_speckle_of_laser": False}
+        changes |= {"projector_beam_radius_m": 0.0, "projector_falloff": 0.0}
+        if model.imager is None:
+            signal = changes.get("ir_signal", given["ir_signal"]) or {}
+            changes["ir_signal"] = {k: v for k, v in signal.items() if not k.startswith("speckle")} or None
+    if "black_dn" in model.nuisances:
+        changes["ir_black_level_dn"] = model.nuisances["black_dn"].value
+    if "projector_scale" in model.nuisances:
+        # The fit knows the product of power and responsivity alone; the configuration's responsivity stays.
+        changes["projector_intensity"] = model.nuisances["projector_scale"].value / given["ir_responsivity_dn"]
+        changes["laser_power_mw"] = given["laser_power_nominal_mw"]
+    return changes
+
+
+def _rig(left_pose: Pose, rig: Rig) -> dict[str, Any]:
+    ideal = not any(rig.left.distortion) and not any(rig.right.distortion)
+    changes: dict[str, Any] = {
+        "ir_resolution": (rig.left.width, rig.left.height),
+        "ir_intrinsic": np.array(rig.left.K),
+        "ir_distortion": tuple(rig.left.distortion),
+        "ir_intrinsic_right": np.array(rig.right.K),
+        "ir_distortion_right": tuple(rig.right.distortion),
+        "trans_pose_r": _beside(left_pose, rig.left_to_right),
+        "rectified": bool(
+            ideal
+            and np.allclose(rig.left_to_right[:3, :3], np.eye(3), atol=1e-6)
+            and np.allclose(rig.left_to_right[1:3, 3], 0.0, atol=1e-6)
+        ),
+        "ir_line_time_s": rig.line_time_s or 0.0,
+    }
+    if rig.left_to_projector is not None:
+        changes["pose_rgb_irproj"] = _beside(left_pose, rig.left_to_projector)
+    if rig.exposure_s is not None:
+        # The model's gain is in the signal.
+        changes |= {"ir_camera_exposure": rig.exposure_s, "ir_camera_gain": 1.0, "ir_exposure_mode": "fixed"}
+    return changes
+
+
+def _beside(left: Pose, left_to_other: NDArray[np.float64]) -> Pose:
+    """Body pose of what stands beside the left camera. left_to_other: 4x4 in camera axes."""
+    return Pose(as_matrix(left) @ CAMERA_TO_BODY @ np.linalg.inv(left_to_other) @ CAMERA_TO_BODY.T)
+
+
+def _pattern(design: PatternDesign, pattern: Pattern) -> dict[str, Any]:
+    changes: dict[str, Any] = {"pattern_intrinsic": np.array(pattern.K)}
+    if pattern.dots is None:
+        return changes | {"light_pattern": str(pattern.file), "light_dots": None}
+    width, height = pattern.size or (0, 0)
+    return changes | {
+        "pattern_design": replace(
+            design, width=width, height=height, dot_sigma_px=float(pattern.dot_sigma_px or 1.0)
+        ),
+        "light_dots": np.asarray(pattern.dots, dtype=np.float32),
+        "light_dot_background": pattern.background,
+    }
+
+
+def _signal(model: SensorModel) -> dict[str, float]:
+    """simsense's imager in counts (an electron is a count at gain 1): the noise law's terms as read noise, shot noise
+    and speckle."""
+    signal: dict[str, float] = {}
+    if model.rig is not None:
+        signal["bit_depth"] = model.rig.bit_depth
+        signal["gain"] = model.rig.gain or 1.0
+    law: Imager | None = model.imager
+    if law is not None:
+        signal["adc_noise_dn"] = float(np.sqrt(max(law.offset.value - _QUANTISATION_VARIANCE, 0.0)))
+        signal["shot_noise"] = float(np.sqrt(law.shot.value))
+        if law.relative.value > 0.0:
+            signal["speckle_shape"], signal["speckle_scale"] = 1.0 / law.relative.value, law.relative.value
+    return signal

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The model of a capture: its calibration and pattern, with what a diagnosis found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+from activestereo.capture.capture import Camera, Capture
+from activestereo.effects.core.model import Model
+from activestereo.model.model import (
+    NOISE_TERMS,
+    NUISANCES,
+    Eye,
+    Imager,
+    Pattern,
+    Quantity,
+    Rig,
+    SensorModel,
+    with_surfaces,
+)
+
+Interval = tuple[float | None, float | None]
+
+
+class NoiseTerms(Protocol):
+    """Variance of the noise: offset + shot * signal + relative * signal^2; DN^2, DN and 1."""
+
+    @property
+    def offset(self) -> float: ...
+
+    @property
+    def shot(self) -> float: ...
+
+    @property
+    def relative(self) -> float: ...
+
+
+def diagnosed_model(
+    capture: Capture,
+    effects: Model,
+    nuisances: Mapping[str, float] | None = None,
+    noise_law: NoiseTerms | None = None,
+    albedo: Mapping[str, float] | None = None,
+    intervals: Mapping[tuple[str, str], Interval] | None = None,
+    material_names: Sequence[str] = (),
+) -> SensorModel:
+    """The SensorModel of a diagnosis.
+
+    effects: what was found. nuisances: values by names of sensor_model.model.NUISANCES. noise_law: None where no repeat
+    gives it. albedo: {material name: factor on its nominal infrared
+    albedo}. intervals: {(effect id or 'nuisances' or material name, parameter): 90 % interval}. material_names: of the
+    capture's scene, by id.
+    """
+    bounds, source = intervals or {}, f"diagnosis of {capture.name}"
+
+    def quantity(owner: str, name: str, value: float, unit: str) -> Quantity:
+        return Quantity(float(value), *bounds.get((owner, name), (None, None)), unit=unit, source=source)
+
+    model = SensorModel(
+        rig=_rig(capture),
+        pattern=Pattern(
+            capture.rig.projector.K, file=capture.rig.projector.pattern_path, source=f"nominal, of {capture.name}"
+        ),
+        imager=None if noise_law is None else _imager(noise_law, source),
+        materials={
+            name: {"ir_albedo_factor": quantity(name, "ir_albedo_factor", factor, "1")}
+            for name, factor in (albedo or {}).items()
+        },
+        nuisances={
+            name: quantity("nuisances", name, value, NUISANCES[name][0]) for name, value in (nuisances or {}).items()
+        },
+        source=source,
+    )
+    for effect, parameters in effects.effects:
+        units = {p.name: p.unit for p in effect.parameters}
+        values, surfaces = with_surfaces(effect, parameters, material_names)
+        model = model.with_effect(effect, {n: quantity(effect.id, n, v, units[n]) for n, v in values.items()}, surfaces)
+    return model
+
+
+def _rig(capture: Capture) -> Rig:
+    rig, frames = capture.rig, capture.split("train") or list(capture.frames)
+    usual = sorted(frames, key=lambda frame: frame.exposure_gain)[len(frames) // 2]
+    return Rig(
+        _eye(rig.left),
+        _eye(rig.right),
+        rig.left_to_right,
+        rig.projector.left_to_projector,
+        rig.bit_depth,
+        rig.line_time_s,
+        usual.exposure_s,
+        usual.gain,
+        source=f"nominal, of {capture.name}",
+    )
+
+
+def _eye(camera: Camera) -> Eye:
+    return Eye(camera.width, camera.height, camera.K, tuple(map(float, camera.distortion)))
+
+
+def _imager(law: NoiseTerms, source: str) -> Imager:
+    return Imager(
+        **{name: Quantity(float(getattr(law, name)), unit=unit, source=source) for name, unit in NOISE_TERMS.items()}
+    )

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A complete sensor model as plain data: calibration, pattern, imager, effects, materials and what a fit left over,
+with intervals and sources.
+
+Metres, seconds, radians, digital numbers (DN). Every section may be absent: then nothing is said of it, and the
+simulator's own values hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.effects.core.descriptor import Effect
+from activestereo.effects.core.model import Model
+from activestereo.effects.core.scene_surfaces import material_of, names_of, numbers_of
+from activestereo.effects.core.surfaces import SURFACES, material_numbers
+from activestereo.effects.engines.scene_measurement import Survey
+
+# What a fit may leave over, with units: {name: (unit, low, high)}.
+NUISANCES: dict[str, tuple[str, float, float]] = {
+    "projector_scale": ("DN sr/(W s)", 0.0, np.inf),
+    "ambient_scale": ("DN sr m^2/(W s)", 0.0, np.inf),
+    "black_dn": ("DN", -65535.0, 65535.0),
+    "focal_left": ("1", -0.2, 0.2),
+    "focal_right": ("1", -0.2, 0.2),
+}
+# Terms of the imager's noise law, with units.
+NOISE_TERMS: dict[str, str] = {"offset": "DN^2", "shot": "DN", "relative": "1"}
+# What is known of a material by its glTF name: {field: (unit, low, high)}. All but the factor are fields of
+# kuafu.Material.
+MATERIAL_FIELDS: dict[str, tuple[str, float, float]] = {
+    "ir_albedo_factor": ("1", 0.0, 100.0),
+    "ir_albedo": ("1", 0.0, 1.0),
+    "roughness": ("1", 0.0, 1.0),
+    "metallic": ("1", 0.0, 1.0),
+    "specular": ("1", 0.0, 1.0),
+    "transmission": ("1", 0.0, 1.0),
+}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A value, the ends of its 90 % interval where they are known, its unit and where it comes from."""
+
+    value: float
+    low: float | None = None
+    high: float | None = None
+    unit: str = "1"
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Eye:
+    """One infrared camera: pixels, 3x3 K, Brown and Conrady's five coefficients."""
+
+    width: int
+    height: int
+    K: NDArray[np.float64]
+    distortion: tuple[float, ...] = (0.0,) * 5
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The calibration. 4x4 transforms a_to_b map coordinates in a to coordinates in b, camera axes x right, y down, z
+    forward. exposure_s, gain: the settings that the sensor is used with."""
+
+    left: Eye
+    right: Eye
+    left_to_right: NDArray[np.float64]
+    left_to_projector: NDArray[np.float64] | None = None
+    bit_depth: int = 8
+    line_time_s: float | None = None
+    exposure_s: float | None = None
+    gain: float | None = None
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """What the projector throws: an 8-bit image file, or dots [n, 3] of u, v and power in an image of `size` (width,
+    height). background: every pixel of that image beside the dots, so that its sum and the dots' powers are of one
+    unit. K: 3x3."""
+
+    K: NDArray[np.float64]
+    file: Path | None = None
+    dots: NDArray[np.float64] | None = None
+    size: tuple[int, int] | None = None
+    dot_sigma_px: float | None = None
+    background: float = 0.0
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Imager:
+    """Temporal noise: variance in DN^2 = offset + shot gain signal + relative signal^2, signal in DN above the black
+    level."""
+
+    offset: Quantity
+    shot: Quantity
+    relative: Quantity
+
+
+@dataclass(frozen=True)
+class ModelEffect:
+    """An effect with its parameters. surfaces: names of the materials that show it, () = all; in place of the parameter
+    of that name."""
+
+    effect: Effect
+    parameters: Mapping[str, Quantity]
+    surfaces: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class SensorModel:
+    """nuisances: names of NUISANCES; materials: {glTF name: {name of MATERIAL_FIELDS: Quantity}}; source: how the model
+    came to be."""
+
+    rig: Rig | None = None
+    pattern: Pattern | None = None
+    imager: Imager | None = None
+    effects: tuple[ModelEffect, ...] = ()
+    materials: Mapping[str, Mapping[str, Quantity]] = field(default_factory=dict)
+    nuisances: Mapping[str, Quantity] = field(default_factory=dict)
+    source: str = ""
+
+    def with_effect(
+        self, effect: Effect, parameters: Mapping[str, Quantity], surfaces: Sequence[str] = ()
+    ) -> SensorModel:
+        """One effect more, or other parameters of one that is there. ValueError for what the effect does not know or
+        that is out of range."""
+        effect.values({name: q.value for name, q in parameters.items() if name != SURFACES.name})
+        kept = tuple(e for e in self.effects if e.effect.id != effect.id)
+        values = {name: q for name, q in parameters.items() if name != SURFACES.name}
+        return replace(self, effects=(*kept, ModelEffect(effect, values, tuple(surfaces))))
+
+    def bound(self, material_names: Sequence[str]) -> Model:
+        """The effects in a scene whose surfaces (scene_surfaces.py) have these names, by number. ValueError names one
+        that is not there."""
+        model = Model()
+        for entry in self.effects:
+            values = {name: q.value for name, q in entry.parameters.items()}
+            if entry.surfaces:
+                values[SURFACES.name] = float(sum(2**n for n in _numbers(entry, material_names)))
+            model = model.with_effect(entry.effect, **values)
+        return model
+
+    @property
+    def surfaces(self) -> set[str]:
+        """Names of all surfaces that effects are on."""
+        return {name for entry in self.effects for name in entry.surfaces}
+
+    def survey(self, material_names: Sequence[str]) -> Survey:
+        """Focal lengths, albedo factors and measured materials in a scene; nothing is said of those that it lacks."""
+        left, right = (
+            self.nuisances[name].value if name in self.nuisances else 0.0 for name in ("focal_left", "focal_right")
+        )
+        albedo = {
+            number: fields["ir_albedo_factor"].value
+            for number, name in enumerate(material_names)
+            for fields in [self.materials.get(name) or self.materials.get(material_of(name)) or {}]
+            if "ir_albedo_factor" in fields
+        }
+        surfaces = {number: known for number, name in enumerate(material_names) if (known := self._surface(name))}
+        return Survey((left, right), albedo, surfaces)
+
+    def _surface(self, name: str) -> dict[str, float]:
+        """What is known of a surface, but for factors."""
+        fields = self.materials.get(name) or self.materials.get(material_of(name)) or {}
+        return {field: q.value for field, q in fields.items() if field != "ir_albedo_factor"}
+
+
+def with_surfaces(
+    effect: Effect, values: Mapping[str, float], material_names: Sequence[str]
+) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Parameters without the choice of surfaces, and the names of the chosen materials. ValueError where a chosen
+    number has no name."""
+    chosen = material_numbers(values.get(SURFACES.name, 0.0)) if SURFACES in effect.parameters else []
+    unknown = [n for n in chosen if n >= len(material_names)]
+    if unknown:
+        raise ValueError(
+            f"{effect.id}: the scene has no material number {unknown[0]}, only 0 to {len(material_names) - 1}"
+        )
+    return {n: v for n, v in values.items() if n != SURFACES.name}, names_of(chosen, material_names)
+
+
+def _numbers(entry: ModelEffect, material_names: Sequence[str]) -> list[int]:
+    out: set[int] = set()
+    for name in entry.surfaces:
+        found = numbers_of(name, material_names)
+        if not found:
+            known = ", ".join(material_names) or "none"
+            raise ValueError(f"{entry.effect.id}: the scene has no material '{name}' (there are: {known})")
+        out.update(found)
+    return sorted(out)

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads model.json, versions 1 and 2. Anything wrong is one line that names the file, the key and what is wrong;
+nothing is read in part."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from activestereo.capture.capture_json import CaptureError, JsonObject
+from activestereo.effects import builtin
+from activestereo.effects.core.descriptor import Effect
+from activestereo.effects.core.surfaces import SURFACES
+from activestereo.limits import BITS, DISTORTION, EXPOSURE, FOCAL, GAIN, LINE_TIME, POWER, SIDE
+from activestereo.model.model import (
+    MATERIAL_FIELDS,
+    NOISE_TERMS,
+    NUISANCES,
+    Eye,
+    Imager,
+    ModelEffect,
+    Pattern,
+    Quantity,
+    Rig,
+    SensorModel,
+)
+
+FORMAT = "active-stereo-model"
+VERSION = 2
+# The depth engine takes no less.
+_EYE_SIDE = replace(SIDE, low=32)
+_BIT_DEPTH = replace(BITS, low=8)
+# Keys that explain a file to its reader; they are written, and not read.
+_NOTES = ("simulated", "image_only", "unit")
+
+
+def read_model(path: str | Path, effects: dict[str, Effect] | None = None) -> SensorModel:
+    """The SensorModel of a file. effects: {id: Effect} that it may name, the built-in ones by default. ValueError says
+    what is wrong."""
+    path = Path(path)
+    try:
+        root = JsonObject.read(path)
+    except CaptureError as error:
+        raise ValueError(str(error).replace("; a capture is a folder with a capture.json", "")) from error
+    if root.text("format") != FORMAT:
+        root.fail("format", f"is {root.text('format')!r}, expected {FORMAT!r}")
+    version = root.integer("version")
+    if not 1 <= version <= VERSION:
+        root.fail("version", f"is {version}; this program reads versions 1 to {VERSION}")
+    known = builtin() if effects is None else effects
+    model = _read_first(root, known) if version == 1 else _read(root, known)
+    for key in root.unknown_keys():
+        if key.rsplit(".", 1)[-1] not in _NOTES:
+            raise ValueError(f"{path}: {key}: this version knows no such key")
+    return model
+
+
+def _read(root: JsonObject, effects: dict[str, Effect]) -> SensorModel:
+    rig, pattern = root.object("rig", optional=True), root.object("pattern", optional=True)
+    imager, materials = root.object("imager", optional=True), root.object("materials", optional=True)
+    nuisances = root.object("nuisances", optional=True)
+    return SensorModel(
+        rig=rig and _rig(rig),
+        pattern=pattern and _pattern(pattern),
+        imager=imager
+        and Imager(**{name: _quantity(imager, name, unit, 0.0, np.inf) for name, unit in NOISE_TERMS.items()}),
+        effects=_effects(root, effects),
+        materials={name: _fields(materials.object(name), MATERIAL_FIELDS) for name in materials.keys()}
+        if materials
+        else {},
+        nuisances=_fields(nuisances, NUISANCES) if nuisances else {},
+        source=_source(root),
+    )
+
+
+def _read_first(root: JsonObject, effects: dict[str, Effect]) -> SensorModel:
+    """Version 1: effects with plain numbers, surfaces by number, and three nuisances without intervals."""
+    nuisances = root.object("nuisances", optional=True)
+    quantities = (
+        {
+            name: Quantity(nuisances.number(name), unit=NUISANCES[name][0])
+            for name in nuisances.keys()
+            if name in NUISANCES
+        }
+        if nuisances
+        else {}
+    )
+    return SensorModel(effects=_effects(root, effects), nuisances=quantities, source="a model file of version 1")
+
+
+def _effects(root: JsonObject, effects: dict[str, Effect]) -> tuple[ModelEffect, ...]:
+    found: list[ModelEffect] = []
+    for entry in root.objects("effects") if root.has("effects") else []:
+        name = entry.text("id")
+        if name not in effects:
+            entry.fail("id", f"there is no effect '{name}' (there are: {', '.join(effects)})")
+        if name in (e.effect.id for e in found):
+            entry.fail("id", f"the effect '{name}' is there twice")
+        entry.rename(f"effects[{name}]")
+        found.append(_effect(entry, effects[name]))
+    return tuple(found)
+
+
+def _effect(entry: JsonObject, effect: Effect) -> ModelEffect:
+    parameters = entry.object("parameters", optional=True)
+    known = {p.name: p for p in effect.parameters}
+    values: dict[str, Quantity] = {}
+    if parameters is not None:
+        for name in parameters.keys():
+            if name not in known:
+                parameters.fail(name, f"{effect.id} has no such parameter (known: {', '.join(known)})")
+            values[name] = _quantity(parameters, name, known[name].unit, known[name].low, known[name].high)
+    surfaces = tuple(entry.texts("surfaces")) if entry.has("surfaces") else ()
+    if surfaces and SURFACES not in effect.parameters:
+        entry.fail("surfaces", f"{effect.id} is not an effect of surfaces")
+    return ModelEffect(effect, values, surfaces)
+
+
+def _fields(entry: JsonObject, known: dict[str, tuple[str, float, float]]) -> dict[str, Quantity]:
+    for name in entry.keys():
+        if name not in known:
+            entry.fail(name, f"there is no such field (known: {', '.join(known)})")
+    return {name: _quantity(entry, name, *known[name]) for name in entry.keys()}
+
+
+def _quantity(entry: JsonObject, key: str, unit: str, low: float, high: float) -> Quantity:
+    """A number, or an object with value, low, high and source."""
+    plain = entry.plain(key)
+    if not isinstance(plain, dict):
+        value, ends, source = entry.number(key), (None, None), ""
+    else:
+        inner = entry.object(key)
+        value, ends = inner.number("value"), (inner.number("low", optional=True), inner.number("high", optional=True))
+        source = _source(inner)
+        if any(
+            end is not None and end < start for start, end in zip(ends, ends[1:], strict=False) if start is not None
+        ):
+            inner.fail("high", f"is {ends[1]}, below low = {ends[0]}")
+    if not low <= value <= high:
+        entry.fail(key, f"is {value:g} {unit}, outside {low:g}..{high:g}")
+    return Quantity(value, *ends, unit=unit, source=source)
+
+
+def _source(entry: JsonObject) -> str:
+    return entry.text("source") if entry.has("source") else ""
+
+
+def _rig(entry: JsonObject) -> Rig:
+    to_projector = entry.rigid_transform("left_to_projector") if entry.has("left_to_projector") else None
+    return Rig(
+        left=_eye(entry.object("left")),
+        right=_eye(entry.object("right")),
+        left_to_right=entry.rigid_transform("left_to_right"),
+        left_to_projector=to_projector,
+        bit_depth=entry.integer("bit_depth", _BIT_DEPTH) if entry.has("bit_depth") else 8,
+        line_time_s=entry.number("line_time_s", LINE_TIME, optional=True),
+        exposure_s=entry.number("exposure_s", EXPOSURE, optional=True),
+        gain=entry.number("gain", GAIN, optional=True),
+        source=_source(entry),
+    )
+
+
+def _eye(entry: JsonObject) -> Eye:
+    distortion = tuple(map(float, entry.numbers("distortion", [DISTORTION] * 5))) if entry.has("distortion") else (0.0,) * 5
+    return Eye(
+        entry.integer("width", _EYE_SIDE), entry.integer("height", _EYE_SIDE), entry.camera_matrix("K"), distortion
+    )
+
+
+def _pattern(entry: JsonObject) -> Pattern:
+    source, k = _source(entry), entry.camera_matrix("K")
+    if not entry.has("dots"):
+        return Pattern(k, file=entry.file("file"), source=source)
+    size = entry.integer("width", SIDE), entry.integer("height", SIDE)
+    sigma_px = entry.number("dot_sigma_px", FOCAL)
+    background = entry.number("background", POWER) if entry.has("background") else 0.0
+    return Pattern(
+        k, dots=entry.table("dots", 3), size=size, dot_sigma_px=sigma_px, background=background, source=source
+    )

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor model in words, and how two differ."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from difflib import unified_diff
+
+from activestereo.model.model import ModelEffect, Quantity, SensorModel
+
+_NUISANCE_WORDS = {
+    "projector_scale": "projector's scale",
+    "ambient_scale": "ambient light's scale",
+    "black_dn": "black level",
+    "focal_left": "left focal length's relative error",
+    "focal_right": "right focal length's relative error",
+}
+
+
+def show(model: SensorModel) -> str:
+    """The model's sections, one line for each thing that it says."""
+    lines = [f"a sensor model from {model.source}" if model.source else "a sensor model"]
+    lines += _rig(model) + _pattern(model) + _imager(model)
+    lines.append("effects" if model.effects else "effects: none")
+    for entry in model.effects:
+        lines += _effect(entry)
+    if model.materials:
+        lines.append("materials (engine)")
+        lines += [f"  {name}: {_list(fields)}" for name, fields in model.materials.items()]
+    if model.nuisances:
+        lines.append("left over by the fit (engine)")
+        lines += [f"  {_NUISANCE_WORDS[name]}: {quantity_text(q)}" for name, q in model.nuisances.items()]
+    return "\n".join(lines)
+
+
+def diff(first: SensorModel, second: SensorModel) -> str:
+    """Lines that only the first has (-) and only the second (+); empty where they say the same."""
+    lines = list(unified_diff(show(first).splitlines(), show(second).splitlines(), n=0, lineterm=""))[2:]
+    return "\n".join(line for line in lines if not line.startswith("@@"))
+
+
+def quantity_text(q: Quantity) -> str:
+    """A value with its interval and unit."""
+    interval = "" if q.low is None or q.high is None else f" ({q.low:.4g} to {q.high:.4g})"
+    return f"{q.value:.5g}{interval}" + ("" if q.unit in ("", "1") else f" {q.unit}")
+
+
+def _effect(entry: ModelEffect) -> list[str]:
+    effect = entry.effect
+    where = (
+        f"engine: {', '.join(effect.engine_fields)}"
+        if effect.engine
+        else f"image only: {effect.image_only or 'it brings no engine fields'}"
+    )
+    on = f" on {', '.join(entry.surfaces)}" if entry.surfaces else ""
+    return [f"  {effect.id}{on}: {_list(entry.parameters)}", f"    {effect.summary.splitlines()[0]}", f"    {where}"]
+
+
+def _list(quantities: Mapping[str, Quantity]) -> str:
+    return (
+        ", ".join(f"{name} = {quantity_text(q)}" for name, q in quantities.items()) or "as the effect's neutral values"
+    )
+
+
+def _rig(model: SensorModel) -> list[str]:
+    if model.rig is None:
+        return []
+    lines = [f"rig (engine), {model.rig.source}" if model.rig.source else "rig (engine)"]
+    for name, eye in (("left", model.rig.left), ("right", model.rig.right)):
+        k = eye.K
+        lens = f", lens {' '.join(f'{c:g}' for c in eye.distortion)}" if any(eye.distortion) else ""
+        lines.append(
+            f"  {name}: {eye.width}x{eye.height}, focal {k[0, 0]:.2f} {k[1, 1]:.2f} px,"
+            f" centre {k[0, 2]:.2f} {k[1, 2]:.2f} px{lens}"
+        )
+    baseline_m = float((model.rig.left_to_right[:3, 3] ** 2).sum()) ** 0.5
+    lines.append(f"  baseline {1000 * baseline_m:.3f} mm, {model.rig.bit_depth} bit")
+    return lines
+
+
+def _pattern(model: SensorModel) -> list[str]:
+    pattern = model.pattern
+    if pattern is None:
+        return []
+    if pattern.dots is not None:
+        what = f"{len(pattern.dots)} dots" + (" with light between them" if pattern.background > 0.0 else "")
+    else:
+        what = f"image {pattern.file.name}" if pattern.file else "nothing"
+    return [
+        f"pattern (engine): {what}, focal {pattern.K[0, 0]:.1f} px" + (f", {pattern.source}" if pattern.source else "")
+    ]
+
+
+def _imager(model: SensorModel) -> list[str]:
+    if model.imager is None:
+        return []
+    law = model.imager
+    terms = (
+        f"{law.offset.value:.4g} DN^2 + {law.shot.value:.4g} DN x gain x signal + {law.relative.value:.4g} x signal^2"
+    )
+    return [f"imager (engine): variance = {terms}"]

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes model.json, version 2, whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from activestereo.common.output_files import replace_file
+from activestereo.model.model import NOISE_TERMS, Eye, Pattern, Quantity, Rig, SensorModel
+from activestereo.model.read import FORMAT, VERSION
+
+
+def write_model(path: str | Path, model: SensorModel) -> list[Path]:
+    """Writes the model and, beside it, a copy of the pattern's image under the model's own name; returns the paths.
+    Raises OSError."""
+    path = Path(path)
+    written = []
+    pattern_name = f"{path.stem}.pattern.png"
+    if model.pattern is not None and model.pattern.file is not None:
+        source, copy = Path(model.pattern.file), path.with_name(pattern_name)
+        if source.resolve() != copy.resolve():
+            with open(source, "rb") as image:
+                replace_file(copy, lambda file: shutil.copyfileobj(image, file))
+        written.append(copy)
+    text = json.dumps(model_json(model, pattern_name), indent=1) + "\n"
+    replace_file(path, lambda file: file.write(text.encode()))
+    return [path, *written]
+
+
+def model_json(model: SensorModel, pattern_file: str | None = None) -> dict[str, Any]:
+    """What the file holds. pattern_file: name of the pattern's image beside it. Each part says whether the engines
+    simulate it."""
+    root: dict[str, Any] = {"format": FORMAT, "version": VERSION}
+    if model.source:
+        root["source"] = model.source
+    if model.rig is not None:
+        root["rig"] = _rig(model.rig) | {"simulated": "engine"}
+    if model.pattern is not None:
+        root["pattern"] = _pattern(model.pattern, pattern_file) | {"simulated": "engine"}
+    if model.imager is not None:
+        root["imager"] = {name: _quantity(getattr(model.imager, name)) for name in NOISE_TERMS} | {
+            "simulated": "engine"
+        }
+    root["effects"] = [_effect(entry) for entry in model.effects]
+    root["materials"] = {name: {f: _quantity(q) for f, q in fields.items()} for name, fields in model.materials.items()}
+    root["nuisances"] = {name: _quantity(q) for name, q in model.nuisances.items()}
+    return root
+
+
+def _effect(entry: Any) -> dict[str, Any]:
+    effect = entry.effect
+    out: dict[str, Any] = {"id": effect.id, "parameters": {name: _quantity(q) for name, q in entry.parameters.items()}}
+    if entry.surfaces:
+        out["surfaces"] = list(entry.surfaces)
+    if effect.engine is None:
+        return out | {"simulated": "image", "image_only": effect.image_only or "it brings no engine fields"}
+    return out | {"simulated": "engine"}
+
+
+def _quantity(q: Quantity) -> dict[str, Any]:
+    out: dict[str, Any] = {"value": q.value, "low": q.low, "high": q.high, "unit": q.unit}
+    return out | ({"source": q.source} if q.source else {})
+
+
+def _rig(rig: Rig) -> dict[str, Any]:
+    out: dict[str, Any] = {
+        "left": _eye(rig.left),
+        "right": _eye(rig.right),
+        "left_to_right": _numbers(rig.left_to_right),
+    }
+    if rig.left_to_projector is not None:
+        out["left_to_projector"] = _numbers(rig.left_to_projector)
+    out |= {"bit_depth": rig.bit_depth, "line_time_s": rig.line_time_s, "exposure_s": rig.exposure_s, "gain": rig.gain}
+    return out | ({"source": rig.source} if rig.source else {})
+
+
+def _eye(eye: Eye) -> dict[str, Any]:
+    return {
+        "width": eye.width,
+        "height": eye.height,
+        "K": _numbers(eye.K),
+        "distortion": list(map(float, eye.distortion)),
+    }
+
+
+def _pattern(pattern: Pattern, file: str | None) -> dict[str, Any]:
+    out: dict[str, Any] = {"K": _numbers(pattern.K)}
+    if pattern.dots is None:
+        out["file"] = file or str(pattern.file)
+    else:
+        width, height = pattern.size or (0, 0)
+        out |= {
+            "width": width,
+            "height": height,
+            "dot_sigma_px": pattern.dot_sigma_px,
+            "background": pattern.background,
+            "dots": np.asarray(pattern.dots).tolist(),
+        }
+    return out | ({"source": pattern.source} if pattern.source else {})
+
+
+def _numbers(matrix: Any) -> list[float]:
+    return list(map(float, np.ravel(matrix)))

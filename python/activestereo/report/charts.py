@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The charts of the report: error per frame, photon transfer, residual against covariates, error against effects added.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from activestereo.compare.covariates import COVARIATES
+from activestereo.report.page import BLUE, GREEN, GRID, INK, MUTED, ORANGE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_SPLIT_COLOR = {"train": BLUE, "test": ORANGE}
+_WORDS = {covariate.name: covariate.words for covariate in COVARIATES}
+_COLUMNS = 4
+_LEGEND_IN = 0.32
+
+
+def _axes(
+    figure: Figure,
+    *place: Any,
+    x: str | None = None,
+    y: str | None = None,
+    title: str | None = None,
+    grid: Any = "both",
+) -> Axes:
+    axes = figure.add_subplot(*place)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(GRID)
+    axes.tick_params(labelsize=8, colors=MUTED, length=0)
+    axes.grid(axis=grid, color=GRID, lw=0.7)
+    axes.set_axisbelow(True)
+    for setter, words in ((axes.set_xlabel, x), (axes.set_ylabel, y)):
+        if words:
+            setter(words, size=8.5, color=MUTED)
+    if title:
+        axes.set_title(title, size=9.5, color=INK, loc="left", weight="bold")
+    return axes
+
+
+def _legend(axes: Axes, **place: Any) -> None:
+    axes.legend(frameon=False, fontsize=8.5, labelcolor=INK, **place)
+
+
+def frames_chart(scores: Mapping[str, Any]) -> Figure:
+    """Bars per frame with their noise floors: infrared, and disparity where the device gave depth."""
+    infrared = [(e["id"], e["split"], e["rmse_dn"], e["noise_floor_dn"]) for e in scores["frames"]]
+    depth = [(e["id"], s, e["rmse_px"], e["noise_floor_px"]) for s, v in scores["depth"].items() for e in v["frames"]]
+    panels = [("Infrared RMSE, DN", infrared)] + ([("Disparity RMSE, px", sorted(depth))] if depth else [])
+    figure = Figure(figsize=(11.2, 2.5), layout="constrained")
+    for index, (title, rows) in enumerate(panels):
+        axes = _axes(figure, 1, len(panels), index + 1, x="frame", title=title, grid="y")
+        for i, (_, split, value, floor) in enumerate(rows):
+            axes.bar(i, value or 0.0, width=0.66, color=_SPLIT_COLOR[split])
+            if floor is not None:
+                axes.hlines(floor, i - 0.42, i + 0.42, color=INK, lw=1.8)
+        axes.set_xticks(range(len(rows)), [str(row[0]) for row in rows])
+        if index == 0:
+            for split in scores["ir"]:
+                axes.bar(0, 0, color=_SPLIT_COLOR[split], label=split)
+            axes.plot([], [], color=INK, lw=1.8, label="noise floor")
+            _legend(axes, ncol=3, loc="lower right", bbox_to_anchor=(1.0, 0.99), borderaxespad=0.1)
+    return figure
+
+
+def photon_transfer_chart(points: Sequence[Mapping[str, float]], law: Mapping[str, float]) -> Figure:
+    """Temporal variance against signal of the repeats, and the fitted law. points: [{gain, mean_dn, variance_dn2}]."""
+    figure = Figure(figsize=(5.4, 3.1), layout="constrained")
+    axes = _axes(figure, 1, 1, 1, x="mean signal, DN", y="temporal variance, DN²", title="Photon transfer")
+    gains = sorted({p["gain"] for p in points})
+    for gain, color in zip(gains, [BLUE, ORANGE, GREEN] * len(gains), strict=False):
+        own = [p for p in points if p["gain"] == gain]
+        axes.plot(
+            [p["mean_dn"] for p in own],
+            [p["variance_dn2"] for p in own],
+            ".",
+            color=color,
+            ms=5,
+            label=f"repeats, gain {gain:g}",
+        )
+        mean = np.linspace(min(p["mean_dn"] for p in own), max(p["mean_dn"] for p in own), 100)
+        signal = np.maximum(mean - law["black_dn"], 0.0)
+        axes.plot(mean, law["offset"] + law["shot"] * gain * signal + law["relative"] * signal**2, color=color, lw=1.2)
+    axes.plot([], [], color=MUTED, lw=1.2, label="fitted law")
+    _legend(axes, loc="upper left")
+    return figure
+
+
+def covariates_chart(tables: Sequence[Mapping[str, Any]], unit: str) -> Figure:
+    """Small multiples: RMSE and mean residual per bin with 95 % intervals, and the noise floor."""
+    rows = -(-len(tables) // _COLUMNS)
+    height_in = 2.35 * rows + _LEGEND_IN
+    figure = Figure(figsize=(11.2, height_in))
+    figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0, 1.0 - _LEGEND_IN / height_in))
+    for index, entry in enumerate(tables):
+        name = _WORDS[entry["covariate"]]
+        x_label = f"{name}{', ' + entry['covariate_unit'] if entry['covariate_unit'] else ''}"
+        axes = _axes(figure, rows, _COLUMNS, index + 1, x=x_label, y=unit if index % _COLUMNS == 0 else None)
+        _draw_bins(axes, entry["bins"])
+    lines, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(lines, labels, loc="upper left", ncol=3, frameon=False, fontsize=9, labelcolor=INK)
+    return figure
+
+
+def _draw_bins(axes: Axes, bins: Sequence[Any]) -> None:
+    categories = "label" in bins[0]
+    x = np.arange(len(bins)) if categories or len(bins) < 6 else np.array([(b["low"] + b["high"]) / 2 for b in bins])
+    mean, rmse, floor = (np.array([b[key] for b in bins]) for key in ("mean", "rmse", "noise_floor"))
+    excess = np.array([b["excess_interval"] for b in bins]).T
+    low, high = np.sqrt(np.maximum(0.0, excess + floor**2))
+    mean_low, mean_high = np.array([b["mean_interval"] for b in bins]).T
+    axes.axhline(0.0, color=MUTED, lw=0.7)
+    if categories or len(bins) < 6:
+        axes.errorbar(
+            x,
+            rmse,
+            [np.maximum(rmse - low, 0), np.maximum(high - rmse, 0)],
+            fmt="o",
+            ms=4,
+            color=BLUE,
+            lw=1.4,
+            label="RMSE",
+        )
+        axes.errorbar(x, mean, [np.maximum(mean - mean_low, 0), np.maximum(mean_high - mean, 0)], fmt="s", ms=3.5,
+                      color=ORANGE, lw=1.4, label="mean residual")  # fmt: skip
+        axes.hlines(floor, x - 0.4, x + 0.4, color=INK, lw=1.4, label="noise floor")
+        names = [b.get("label", f"{b.get('low', 0):.4g}") for b in bins]
+        axes.set_xticks(
+            x,
+            names,
+            rotation=40 if categories else 0,
+            ha="right" if categories else "center",
+            size=7 if categories else 8,
+        )
+        axes.set_xlim(-0.6, len(bins) - 0.4)
+        return
+    axes.fill_between(x, low, high, color=BLUE, alpha=0.22, lw=0)
+    axes.plot(x, rmse, color=BLUE, lw=1.5, label="RMSE")
+    axes.fill_between(x, mean_low, mean_high, color=ORANGE, alpha=0.25, lw=0)
+    axes.plot(x, mean, color=ORANGE, lw=1.3, label="mean residual")
+    axes.plot(x, floor, color=INK, lw=1.3, ls=(0, (4, 2)), label="noise floor")
+
+
+def effects_chart(steps: Sequence[Mapping[str, Any]], floor: float | None) -> Figure:
+    """Held-out error against effects added, with the floor line. steps: [{effects, heldout_ir_rmse}] from none on;
+    floor: DN or None."""
+    figure = Figure(figsize=(7.2, 3.4), layout="constrained")
+    axes = _axes(figure, 1, 1, 1, y="held-out infrared RMSE, DN", title="Error against effects added", grid="y")
+    error = [step["heldout_ir_rmse"] for step in steps]
+    axes.plot(range(len(error)), error, "o-", color=BLUE, lw=2, ms=8)
+    for i, value in enumerate(error):
+        axes.annotate(f"{value:.2f}", (i, value), (0, 9), textcoords="offset points", ha="center", size=9.5, color=INK)
+    if floor is not None:
+        axes.axhline(floor, color=INK, lw=1.4, ls=(0, (4, 2)))
+        axes.annotate(
+            f"noise floor {floor:.2f}", (-0.45, floor), (0, -12), textcoords="offset points", size=9, color=INK
+        )
+    axes.set_ylim(0.0, 1.18 * max(error))
+    axes.set_xlim(-0.5, max(len(error) - 0.5, 0.5))
+    axes.set_xticks(range(len(error)), [_step_name(steps, i) for i in range(len(error))], size=9, color=INK)
+    return figure
+
+
+def _step_name(steps: Sequence[Mapping[str, Any]], index: int) -> str:
+    """What a step changed, in words."""
+    now, before = steps[index]["effects"], steps[index - 1]["effects"] if index else []
+    changes = [f"+ {name}" for name in now if name not in before] + [f"− {name}" for name in before if name not in now]
+    return "\n".join(changes) or ("refitted" if index else "base model")

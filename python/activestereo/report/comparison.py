@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report's sections on a comparison: how large the error is, how large it must be, and where it sits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from activestereo.compare.covariates import COVARIATES
+from activestereo.compare.where_samples import LARGEST_DISPARITY_ERROR_PX
+from activestereo.report.charts import covariates_chart, frames_chart, photon_transfer_chart
+from activestereo.report.page import card, chart, section, share_bar, table, text
+
+if TYPE_CHECKING:
+    from activestereo.compare.compare import Comparison
+
+_WORDS = {covariate.name: covariate.words for covariate in COVARIATES}
+_CHANNEL = {"infrared": "Infrared", "disparity": "Disparity", "validity": "Validity"}
+_MEANING = {
+    "infrared": "Residual of both eyes: measured minus simulated.",
+    "disparity": f"Device minus model where both measured; beyond {LARGEST_DISPARITY_ERROR_PX:g} px an error "
+                 "counts no more. The device's "
+    "matcher is not known, so a part of this is the difference of two matchers.",
+    "validity": "1 where the device alone measured, −1 where the model alone did.",
+}
+_CHARTS = 8
+
+
+def summary_line(scores: dict[str, Any]) -> str:
+    """The comparison in one sentence, after what has to be known first."""
+    return " ".join([*(f"Warning: {text}." for text in scores["warnings"]), _error_line(scores)])
+
+
+def _error_line(scores: dict[str, Any]) -> str:
+    split = "test" if "test" in scores["ir"] else "train"
+    values = scores["ir"][split]
+    if values["noise_floor_dn"] is None:
+        return (
+            f"Infrared error {values['rmse_dn']:.2f} DN on {split} frames; without repeated frames the noise floor is "
+            "unknown."
+        )
+    share = (values["explainable_rmse_dn"] / values["rmse_dn"]) ** 2
+    near = (
+        "" if scores["regions"].get("infrared", {}).get("is_explainable", True) else ": the model is at the noise floor"
+    )
+    return (
+        f"Infrared error {values['rmse_dn']:.2f} DN on {split} frames where noise alone gives "
+        f"{values['noise_floor_dn']:.2f} DN; {100 * share:.0f} % of the squared error is explainable{near}."
+    )
+
+
+def cards(scores: dict[str, Any]) -> str:
+    parts = []
+    for split, values in scores["ir"].items():
+        floor = (
+            "noise floor unknown"
+            if values["noise_floor_dn"] is None
+            else f"noise floor {values['noise_floor_dn']:.2f} DN"
+        )
+        above = "" if values["explainable_rmse_dn"] is None else f", explainable {values['explainable_rmse_dn']:.2f} DN"
+        parts.append(card(f"infrared RMSE, {split}", f"{values['rmse_dn']:.2f} DN", floor + above))
+    for split, values in scores["depth"].items():
+        floor = f"noise floor {values['noise_floor_px']:.3f} px" if values["noise_floor_px"] is not None else ""
+        metres = (
+            ""
+            if values["rmse_m"] is None
+            else f", {1e3 * values['rmse_m']:.1f} mm, bias {1e3 * values['bias_m']:+.1f} mm"
+        )
+        parts.append(card(f"depth RMSE, {split}", _number(values["rmse_px"], "px"), floor + metres))
+        fill = f"{100 * values['fill_measured']:.1f} / {100 * values['fill_model']:.1f} %"
+        parts.append(card(f"fill, device / model, {split}", fill, f"validity IoU {values['validity_iou']:.3f}"))
+    return f'<div class="cards">{"".join(parts)}</div>'
+
+
+def comparison_sections(comparison: Comparison) -> list[str]:
+    """All sections, in reading order."""
+    scores = comparison.scores
+    parts = []
+    if scores["depth"]:
+        parts.append(section("Depth: device, model and geometry", _depth_table(scores["depth"])))
+    parts.append(section("Error and noise floor", chart(frames_chart(scores), "error per frame"), _noise(scores)))
+    parts.append(_where(scores))
+    return parts
+
+
+def settings_section(scores: dict[str, Any]) -> str:
+    nuisances, errors = scores["fit"]["nuisances"], scores["fit"]["standard_errors"]
+    rows = [[text(name.replace("_", " ")), f"{nuisances[name]:.6g}", f"± {errors[name]:.2g}"] for name in nuisances]
+    made = (
+        f"{scores['renderer']}; {scores['samples_per_pixel']} samples per pixel, {scores['max_bounces']} bounces, seed "
+        f"{scores['seed']}."
+    )
+    clipped = f"{100 * scores['fit']['clipped_fraction']:.2f} % of the pixels were clipped and left out."
+    model = "".join(f'<span class="tag">{text(name)}</span>' for name in scores["effects"]) or "none: the base model"
+    return section(
+        "How this was made",
+        f"<p>Effects in the model: {model}</p>",
+        "<p>Fitted on the train frames:</p>",
+        table(["nuisance", "value", "standard error"], rows, numbers=(1, 2)),
+        f'<p class="muted small">{text(clipped)} {text(made)}</p>',
+    )
+
+
+def _number(value: float | None, unit: str, digits: int = 3) -> str:
+    return "—" if value is None else f"{value:.{digits}f} {unit}"
+
+
+def _depth_table(depth: dict[str, Any]) -> str:
+    """Device and model against each other and against the known geometry."""
+    rows = []
+    for split, values in depth.items():
+        pairs = [("device against model", values, values["noise_floor_px"])]
+        pairs += [
+            (f"{'device' if who == 'measured' else 'model'} against geometry", v, None)
+            for who, v in values["truth"].items()
+        ]
+        for name, error, floor in pairs:
+            bias = "—" if error["bias_m"] is None else f"{1e3 * error['bias_m']:+.1f} mm"
+            rmse_mm = "—" if error["rmse_m"] is None else f"{1e3 * error['rmse_m']:.1f} mm"
+            rows.append(
+                [
+                    split,
+                    name,
+                    rmse_mm,
+                    bias,
+                    _number(error["rmse_px"], "px"),
+                    _number(error["median_abs_px"], "px"),
+                    _number(floor, "px"),
+                ]
+            )
+    source = {v["noise_floor_from"] for v in depth.values()}
+    note = "two repeats of the device" if source == {"repeats"} else "two noisy exposures of the model, matched alike"
+    head = ["", "", "RMSE", "bias", "RMSE, disparity", "median, disparity", "noise floor"]
+    return (
+        table(head, rows, numbers=range(2, 7))
+        + f'<p class="muted small">Noise floor: {note}. The pictures above show the depth images, too.</p>'
+    )
+
+
+def _noise(scores: dict[str, Any]) -> str:
+    if not scores["photon_transfer"]:
+        return "<p>No frames are repeated: the noise floor and the photon transfer are unknown.</p>"
+    law = scores["noise_law"]
+    words = (
+        f"variance = {law['offset']:.3g} + {law['shot']:.3g} · gain · s + {law['relative']:.3g} · s², s in DN above "
+        f"{law['black_dn']:.3g}: read noise, shot noise and speckle, from frames repeated at one pose."
+    )
+    picture = chart(photon_transfer_chart(scores["photon_transfer"], law), "photon transfer")
+    return f'<div style="max-width:560px">{picture}</div><p class="muted small">{text(words)}</p>'
+
+
+def _where(scores: dict[str, Any]) -> str:
+    parts = [
+        '<p class="muted small">Train frames. Intervals are 95 %, by bootstrap of 16-pixel blocks; findings hold at a '
+        "false discovery rate of 5 % (Benjamini-Yekutieli) and move at least 5 % of the explainable error. Regions "
+        "were chosen on one half of the blocks and measured on the other.</p>"
+    ]
+    for channel, region in scores["regions"].items():
+        tables = [t for t in scores["where"] if t["channel"] == channel]
+        unit = tables[0]["unit"] if tables and tables[0]["unit"] != "1" else ""
+        parts.append(f"<h3>{_CHANNEL[channel]}</h3><p class='muted small'>{text(_MEANING[channel])}</p>")
+        unit_text = f" {unit}" if unit else ""
+        size = f"RMSE {region['rmse']:.3g}{unit_text}, noise floor {region['noise_floor']:.3g}{unit_text}"
+        if not region["is_explainable"]:
+            parts.append(f"<p>{size}: at the floor, there is nothing to explain.</p>")
+        else:
+            parts += [f"<p>{size}.</p>", _regions(region)]
+            shown = ([t for t in tables if t["is_finding"]] or tables)[:_CHARTS]
+            parts.append(chart(covariates_chart(shown, unit), f"{channel} residual against covariates"))
+        parts.append(_tables(tables))
+    return section("Where it fails", *parts)
+
+
+def _regions(region: dict[str, Any]) -> str:
+    parts = []
+    head = region["headline"]
+    if head:
+        share = (
+            f"{100 * head['share']:.0f} % of the explainable error in {100 * head['pixel_share']:.0f} % of the pixels"
+        )
+        parts.append(f'<p class="headline"><b>{share}:</b> {text(head["words"])}</p>')
+    rows = [
+        [text(leaf["words"]), share_bar(leaf["share"], leaf["share_interval"], leaf["pixel_share"]),
+         f"{100 * leaf['share']:.0f} %", "{:.0f} … {:.0f} %".format(*(100 * v for v in leaf["share_interval"])),
+         f"{100 * leaf['pixel_share']:.0f} %"]
+        for leaf in region["leaves"]
+    ]  # fmt: skip
+    head = ["region", "explainable error (orange: pixels)", "share", "95 %", "pixels"]
+    return "".join(parts) + table(head, rows, numbers=(2, 3, 4), wide=True)
+
+
+def _tables(tables: Sequence[dict[str, Any]]) -> str:
+    parts = []
+    for entry in tables:
+        unit = f", {entry['covariate_unit']}" if entry["covariate_unit"] else ""
+        mark = "finding" if entry["is_finding"] else "no finding"
+        share = "" if entry["concentration"] is None else f", concentration {100 * entry['concentration']:.0f} %"
+        rows = [
+            [text(b["label"]) if "label" in b else f"{b['low']:.4g} … {b['high']:.4g}", f"{b['pixels']}",
+             f"{b['mean']:+.3g}", "{:+.3g} … {:+.3g}".format(*b["mean_interval"]), f"{b['rmse']:.3g}",
+             f"{b['noise_floor']:.3g}", f"{b['excess']:.3g}", "{:.3g} … {:.3g}".format(*b["excess_interval"])]
+            for b in entry["bins"]
+        ]  # fmt: skip
+        head = [
+            _WORDS[entry["covariate"]] + unit,
+            "pixels",
+            "mean",
+            "95 %",
+            "RMSE",
+            "noise floor",
+            "squared excess",
+            "95 %",
+        ]
+        title = f"{_WORDS[entry['covariate']]}: {mark}, q = {entry['q_value']:.2g}{share}"
+        parts.append(f"<details><summary>{text(title)}</summary>{table(head, rows, numbers=range(1, 8))}</details>")
+    return f"<details><summary>All {len(tables)} tables</summary>{''.join(parts)}</details>"

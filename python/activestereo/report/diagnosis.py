@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report's sections on a diagnosis: which effect is missing, what cannot be told apart, what to measure next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from activestereo.report.charts import effects_chart
+from activestereo.report.diagnosis_text import parameter_text
+from activestereo.report.models import ROWS
+from activestereo.report.page import chart, section, share_bar, table, text
+
+_VERDICT = {
+    "effect": "A known effect is missing",
+    "none": "Nothing is missing: the model is at the noise floor",
+    "unknown": "Something is missing that no known effect explains",
+    "undetermined": "This data cannot tell what is missing",
+}
+
+
+_ENGINE_VERDICT = {
+    "effect": "It has a fault",
+    "none": "It has no fault that another matcher would not show as well",
+    "undetermined": "This data cannot tell whether it has a fault",
+}
+
+
+def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> list[str]:
+    """Sections of diagnose.json's contents (report/schema/diagnose.schema.json). shown: effects whose residuals the
+    page holds."""
+    parts = [_verdict(diagnosis)]
+    if diagnosis["ranking"]:
+        parts.append(_ranking(diagnosis["ranking"], shown))
+    if diagnosis.get("depth", {}).get("ranking"):
+        parts.append(_depth_engine(diagnosis["depth"]))
+    if diagnosis["next_measurement"]:
+        parts.append(section("What to measure next", _list(diagnosis["next_measurement"])))
+    return parts
+
+
+def _verdict(diagnosis: dict[str, Any]) -> str:
+    parts = [f'<p class="headline"><b>{_VERDICT[diagnosis["verdict"]]}</b>{_added(diagnosis)}</p>']
+    before, after, floor = (
+        diagnosis[k] for k in ("heldout_ir_rmse_before", "heldout_ir_rmse_after", "heldout_noise_floor")
+    )
+    if before is not None and after is not None:
+        noise = "" if floor is None else f"; noise alone gives {floor:.2f} DN"
+        parts.append(f"<p>Held-out infrared error {before:.2f} → {after:.2f} DN{noise}.</p>")
+    if diagnosis.get("reason"):
+        parts.append(f"<p>{text(diagnosis['reason'])}</p>")
+    steps = [step for step in diagnosis.get("curve", []) if step["heldout_ir_rmse"] is not None]
+    if steps:
+        parts.append(
+            f'<div style="max-width:760px">{chart(effects_chart(steps, floor), "error against effects added")}</div>'
+        )
+    if diagnosis.get("law"):
+        parts.append(f"<h3>Law of what is left</h3>{_law(diagnosis['law'])}")
+    return section("Which effect is missing", *parts)
+
+
+def _added(diagnosis: dict[str, Any]) -> str:
+    return ": " + ", ".join(text(name) for name in diagnosis["added"]) if diagnosis["added"] else ""
+
+
+def _ranking(ranking: Sequence[dict[str, Any]], shown: Iterable[str]) -> str:
+    rows = []
+    for place, entry in enumerate(ranking[:ROWS], 1):
+        values = "<br>".join(text(parameter_text(name, p)) for name, p in entry["parameters"].items())
+        twins = (
+            "".join(f'<span class="tag">{text(e)}</span>' for e in entry["equivalent"] if e != entry["effect"]) or "—"
+        )
+        name = f"<b>{text(entry['effect'])}</b><br><span class='muted'>{text(entry['family'])}</span>"
+        sure = share_bar(entry["confidence"]) + f"{100 * entry['confidence']:.0f} %"
+        rows.append([f"{place}", name, f"{entry['score_nats']:.1f}", sure, values, twins,
+                     _residual(entry["effect"], shown)])  # fmt: skip
+    head = [
+        "",
+        "effect, family",
+        "gain, nats",
+        "confidence",
+        "fitted value (90 %)",
+        "cannot be told from",
+        "what it leaves",
+    ]
+    rest = f'<p class="muted small">{len(ranking) - ROWS} more in diagnose.json.</p>' if len(ranking) > ROWS else ""
+    note = (
+        '<p class="muted small">What it leaves: the residual of the frame and eye chosen above when this effect alone '
+        "is added; projector, ambient and black level are fitted anew, focal lengths and albedos are not. A click "
+        "shows it among the large pictures.</p>"
+    )
+    return section("Ranking", note if shown else "", table(head, rows, numbers=(2,), wide=True), rest)
+
+
+def _residual(effect_id: str, shown: Iterable[str]) -> str:
+    if effect_id not in shown:
+        return '<span class="muted small">no expected image of its own</span>'
+    canvas = f'<canvas data-model="{text(effect_id)}" tabindex="0" title="show it large"></canvas>'
+    return f'<figure class="row">{canvas}<figcaption></figcaption></figure>'
+
+
+def _depth_engine(depth: dict) -> str:
+    """The depth engine's own verdict; what any other matcher would show is marked."""
+    rows = []
+    for entry in depth["ranking"]:
+        values = "<br>".join(text(parameter_text(name, p)) for name, p in entry["parameters"].items())
+        kind = "any matcher differs so" if entry["nuisance"] else "added" if entry["effect"] in depth["added"] else ""
+        share = share_bar(entry["explained_share"]) + f"{100 * entry['explained_share']:.0f} %"
+        rows.append([f"<b>{text(entry['effect'])}</b>", f"{entry['score_nats']:.1f}", share, values, kind])
+    head = ["effect", "gain, nats", "of the disparity error", "fitted value (90 %)", ""]
+    said = f'<p class="headline"><b>{_ENGINE_VERDICT[depth["verdict"]]}</b></p>'
+    reason = f"<p>{text(depth['reason'])}</p>" if depth["reason"] else ""
+    return section("The depth engine", said, reason, table(head, rows, numbers=(1,), wide=True))
+
+
+def _list(items: Sequence[Any]) -> str:
+    return "<ul>" + "".join(f"<li>{_advice(item)}</li>" for item in items) + "</ul>"
+
+
+def _advice(item: Any) -> str:
+    """A text, or an object with one and the effects that the measurement tells apart."""
+    if isinstance(item, str):
+        return text(item)
+    between = "".join(f'<span class="tag">{text(effect)}</span>' for effect in item.get("separates", []))
+    return text(item["text"]) + (f"<br><span class='muted'>tells apart</span> {between}" if between else "")
+
+
+def _law(law: dict[str, Any] | None) -> str:
+    if law is None:
+        return ""
+    rows = [
+        [text(t["term"]), f"{t['value']:+.4g}", f"{t['low']:+.3g} … {t['high']:+.3g}"] for t in law.get("terms", [])
+    ]
+    terms = table(["term", "value", "interval"], rows, numbers=(1, 2)) if rows else ""
+    return f"<p>{text(law['text'])}</p><p class='muted small'>Stage: {text(law['stage'].lower())}</p>{terms}"

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The part of the report that is explored: every frame and eye under every model, as data for web/explorer.js, and its
+markup."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib import colormaps
+
+from activestereo.capture.capture import EYES, SPLITS
+from activestereo.report.encode import encoded_image
+from activestereo.report.models import BASE, FOUND, ModelImages
+from activestereo.report.page import text, web_file
+from activestereo.report.worst import RESIDUAL_FLOORS, worst_frame
+
+if TYPE_CHECKING:
+    from activestereo.capture.capture import Frame
+    from activestereo.compare.compare import Comparison
+    from activestereo.compare.depth_compare import DepthFrame
+
+# Model images are stored in steps of this share of a frame's noise floor, or of its error where the floor is unknown.
+_STEP_SHARE = 0.125
+_DISPARITY_STEP_PX = 1.0 / 64.0
+_LEAST_DISPARITY_LIMIT_PX = 0.5
+# Pixels of infrared images that a page holds, both eyes of all its frames; about 3 bytes each with a dozen ranked
+# effects.
+_LARGEST_PIXELS = 5_000_000
+_COLOURS = 33
+_DEPTH = "depth"
+
+
+def explorer_section(comparison: Comparison, images: ModelImages) -> str:
+    """HTML of the section, and its data as a script of JSON. images: {name: {(frame id, eye): expected DN}}, see
+    models.py."""
+    data = explorer_data(comparison, images)
+    left_out = len(comparison.capture.frames) - len({view["frame"] for view in data["views"]})
+    note = (
+        f"The page holds {len(comparison.capture.frames) - left_out} of {len(comparison.capture.frames)} frames, those "
+        "furthest from the model first. "
+    )
+    markup = web_file("explorer.html").replace("$note", text(note) if left_out else "")
+    # A "<" would end the script element early.
+    content = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    return f'{markup}<script type="application/json" id="explorer-data">{content}</script>'
+
+
+def explorer_data(comparison: Comparison, images: ModelImages) -> dict[str, Any]:
+    """{views, start, models, maps}: what web/explorer.js shows; views in the order of frames, then left, right, depth.
+    """
+    frames = _chosen_frames(comparison)
+    depths = {depth.frame.id: depth for depth in comparison.depths}
+    views = []
+    for frame in frames:
+        views += [_infrared_view(comparison, frame, eye, images) for eye in EYES]
+        if frame.id in depths:
+            views.append(_depth_view(depths[frame.id], comparison))
+    ranked = [name for name in images if name not in (BASE, FOUND)]
+    words = {BASE: "base model", FOUND: "model with what was found"} | {
+        name: f"base model with {name} alone" for name in ranked
+    }
+    split = "test" if "test" in comparison.scores["ir"] else "train"
+    return {
+        "views": views,
+        "start": worst_frame(comparison.scores, split)["id"],
+        "models": {name: words[name] for name in images},
+        "maps": {name: _colour_stops(name) for name in ("gray", "RdBu_r", "viridis")},
+    }
+
+
+def _chosen_frames(comparison: Comparison) -> list[Frame]:
+    """All frames where they fit on a page, else the worst of each split in turn; in the capture's order."""
+    frames = {frame.id: frame for frame in comparison.capture.frames}
+    rig = comparison.capture.rig
+    fit = max(2, _LARGEST_PIXELS // sum(rig.camera(eye).width * rig.camera(eye).height for eye in EYES))
+    if len(frames) <= fit:
+        return list(frames.values())
+    of = {split: [e for e in comparison.scores["frames"] if e["split"] == split] for split in SPLITS}
+    for entries in of.values():
+        entries.sort(key=lambda e: -(e["explainable_rmse_dn"] or e["rmse_dn"]))
+    order = [e["id"] for rank in range(len(frames)) for entries in of.values() for e in entries[rank : rank + 1]]
+    chosen = set(order[:fit])
+    return [frame for frame in comparison.capture.frames if frame.id in chosen]
+
+
+def _infrared_view(comparison: Comparison, frame: Frame, eye: str, images: Any) -> dict[str, Any]:
+    scores = next(e for e in comparison.scores["frames"] if e["id"] == frame.id)["eyes"][eye]
+    measured = comparison.capture.ir(frame, eye)
+    floor = scores["noise_floor_dn"]
+    typical = floor or scores["rmse_dn"] or 1.0
+    layers = {"measured": encoded_image(measured, 1.0)}
+    base = images[BASE][frame.id, eye].astype(np.float64)
+    layers[BASE] = encoded_image(base, _STEP_SHARE * typical)
+    for name in images:
+        if name != BASE:  # most pixels of a difference are zero: it takes little room
+            layers[name] = encoded_image(images[name][frame.id, eye] - base, _STEP_SHARE * typical) | {"added_to": BASE}
+    return {
+        "frame": frame.id, "split": frame.split, "eye": eye, "unit": "DN", "digits": 1, "map": "gray", "power": 0.5,
+        "width": measured.shape[1], "height": measured.shape[0],
+        "range": [0.0, max(float(np.quantile(measured, 0.998)), 1.0)],
+        "limit": RESIDUAL_FLOORS * typical, "floor": floor, "layers": layers,
+        "rmse": {
+            name: float(np.sqrt(np.mean((measured - own[frame.id, eye].astype(np.float64)) ** 2)))
+            for name, own in images.items()
+        },
+    }  # fmt: skip
+
+
+def _depth_view(depth: DepthFrame, comparison: Comparison) -> dict[str, Any]:
+    """Disparities of the device and of the compared model, pixels."""
+    disparity = [
+        np.where(z > 0, depth.focal_baseline / np.where(z > 0, z, 1.0), 0.0) for z in (depth.measured, depth.model[0])
+    ]
+    name = FOUND if comparison.model.effects else BASE
+    error, valid = depth.disparity_error(depth.measured, depth.model[0])
+    scores = comparison.scores["depth"][depth.frame.split]
+    seen = disparity[0][disparity[0] > 0]
+    low, high = (float(q) for q in np.quantile(seen, (0.01, 0.99))) if seen.size else (0.0, 1.0)
+    layers = {
+        key: encoded_image(d, _DISPARITY_STEP_PX, d > 0) for key, d in zip(("measured", name), disparity, strict=True)
+    }
+    return {
+        "frame": depth.frame.id, "split": depth.frame.split, "eye": _DEPTH, "unit": "px", "digits": 2, "map": "viridis",
+        "power": 1.0,
+        "width": disparity[0].shape[1], "height": disparity[0].shape[0], "range": [low, max(high, low + 1e-3)],
+        "limit": max(_LEAST_DISPARITY_LIMIT_PX, RESIDUAL_FLOORS * (scores["noise_floor_median_abs_px"] or 0.0)),
+        "floor": scores["noise_floor_px"], "layers": layers,
+        "rmse": {name: float(np.sqrt(np.mean(error[valid] ** 2))) if valid.any() else None},
+    }  # fmt: skip
+
+
+def _colour_stops(name: str) -> list[list[int]]:
+    return [[int(round(255 * c)) for c in colormaps[name](i / (_COLOURS - 1))[:3]] for i in range(_COLOURS)]

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the models that a report shows expect of each frame: the base model, the model with what was found, and each row
+of the ranking."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from activestereo.capture.capture import EYES
+from activestereo.compare.compare import predict_under_model
+from activestereo.compare.model_file import library
+from activestereo.effects import Model, Randomness, Stage, View
+
+if TYPE_CHECKING:
+    from activestereo.compare.compare import Comparison
+    from activestereo.effects.core.descriptor import Effect
+
+# Rows of the ranking that are shown.
+ROWS = 12
+BASE, FOUND = "base", "found"
+ModelImages = dict[str, dict[tuple[int, str], np.ndarray]]  # {name: {(frame id, eye): expected DN}}
+
+
+def model_images(
+    comparison: Comparison,
+    diagnosis: dict[str, Any] | None = None,
+    effects: Mapping[str, Effect] | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> ModelImages:
+    """{name: {(frame id, eye): expected DN, float32 [height][width]}} under BASE, FOUND and the ids of ranked effects.
+
+    BASE is the model without effects. FOUND is the comparison's model where it has effects, else the diagnosis's; it is
+    absent where neither has. A ranked effect stands alone on the base model with its fitted parameters; it is absent
+    where it has no expected image of its own: random effects, faults of the depth engine, effects that are not in
+    `effects`. Projector scale, ambient scale and black level are fitted to the train frames under each. diagnosis:
+    diagnose.json's contents; effects: {id: Effect}, None for the built-in ones. progress: called as progress(fraction
+    done).
+    """
+    effects = library() if effects is None else effects
+    models = {BASE: Model()}
+    found = comparison.model if comparison.model.effects else _found(diagnosis, effects)
+    if found.effects:
+        models[FOUND] = found
+    for entry in (diagnosis or {}).get("ranking", [])[:ROWS]:
+        model = _with(
+            Model(),
+            effects,
+            entry["effect"],
+            {name: parameter["value"] for name, parameter in entry["parameters"].items()},
+        )
+        if any(_moves_images(effect) for effect, _ in model.effects):
+            models[entry["effect"]] = model
+    known = [(comparison.model, comparison.predictions)]
+    return _predicted(comparison, models, known, progress)
+
+
+def _predicted(comparison: Comparison, models: Any, images_of: Any, progress: Callable[[float], object] | None) -> Any:
+    capture = comparison.capture
+    keys = [(frame, eye) for frame in capture.frames for eye in EYES]
+    views = {(f.id, eye): View.of(capture, f, eye, comparison.layers[f.id][eye]) for f, eye in keys}
+    measured = {(f.id, eye): capture.ir(f, eye) for f, eye in keys}
+    out = {}
+    for done, (name, model) in enumerate(models.items()):
+        same = next((images for other, images in images_of if other == model), None)
+        if same is None:
+            expected = predict_under_model(capture, model, (comparison.layers,), views, measured)[1]
+            same = {key: images[0].astype(np.float32) for key, images in expected.items()}
+        out[name] = same
+        if progress:
+            progress((done + 1) / len(models))
+    return out
+
+
+def _found(diagnosis: dict[str, Any] | None, effects: Mapping[str, Effect]) -> Any:
+    """The diagnosis's model."""
+    model = Model()
+    for entry in (diagnosis or {}).get("model", {}).get("effects", []):
+        model = _with(model, effects, entry["id"], entry.get("parameters", {}))
+    return model
+
+
+def _with(model: Model, effects: Mapping[str, Effect], effect_id: str, parameters: Any) -> Any:
+    """The model with an effect; as it is where the effect is not known or does not take these parameters: a report
+    shows what it can."""
+    try:
+        return model.with_effect(effects[effect_id], **parameters)
+    except (KeyError, TypeError, ValueError):
+        return model
+
+
+def _moves_images(effect: Effect) -> bool:
+    return effect.stage <= Stage.DIGITAL and effect.randomness is Randomness.NONE

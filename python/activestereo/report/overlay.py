@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scene's contours, and its surfaces where asked, over a camera's pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+import kuafu
+from activestereo.scene_io.scene_files import load_scene_file
+
+_ORANGE = (255, 140, 0)
+_STRENGTH = 0.85
+_CREASE = 0.82
+_STEP = 0.02
+_LEAST_LIGHT = 0.3  # on a surface that is seen edge on
+_NOTHING_M = 1e3  # depth of what no surface covers
+_WINDOW = "activestereo overlay (q ends)"
+
+
+class Overlay:
+    """Contours of a scene, rendered once for each camera: blending alone follows every picture."""
+
+    def __init__(self, scene_path: Path, device: str | int = "auto", share: float = 0.0) -> None:
+        """share: of the rendered surfaces, lit from the camera, in what is shown of them, 0 to 1."""
+        self._device = kuafu.Device(device)
+        self._scene, self._renderer = kuafu.Scene(self._device), kuafu.Renderer(self._device)
+        load_scene_file(self._scene, scene_path)
+        self._path, self._share = scene_path, share
+        self._kept: tuple[bytes, NDArray[np.bool_], NDArray[np.uint8] | None] | None = None
+
+    def blend(
+        self, picture: NDArray[np.uint8], K: NDArray[np.float64] | None, camera_to_world: NDArray[np.float64] | None
+    ) -> NDArray[np.uint8]:
+        """picture: uint8 [h][w][1 or 3]. K, camera_to_world: None for those of the scene's first camera. Returns uint8
+        [h][w][3]."""
+        out = np.array(np.broadcast_to(picture, (*picture.shape[:2], 3)))
+        lines, surfaces = self._rendered(out.shape[1], out.shape[0], K, camera_to_world)
+        if surfaces is not None:
+            mixed = cv2.addWeighted(out, 1.0 - self._share, surfaces, self._share, 0.0)
+            out = np.where(surfaces.any(axis=2, keepdims=True), mixed, out)
+        out[lines] = np.rint((1.0 - _STRENGTH) * out[lines] + _STRENGTH * np.array(_ORANGE))
+        return out
+
+    def _rendered(
+        self, width: int, height: int, K: NDArray[np.float64] | None, pose: NDArray[np.float64] | None
+    ) -> tuple[NDArray[np.bool_], NDArray[np.uint8] | None]:
+        """(contours, surfaces, 0 where there is none)"""
+        if K is None or pose is None:
+            if self._scene.summary.camera_count == 0:
+                raise ValueError(f"{self._path}: has no camera: lay it over a capture, or add one to the scene")
+            own = self._scene.camera(0)
+            if K is None:  # a file's camera has a field of view and no pixels: its k is that of an image of height 1
+                scale = height / max(own.height, 1)
+                K = np.array(
+                    [[scale * own.k[0, 0], 0, (width - 1) / 2], [0, scale * own.k[1, 1], (height - 1) / 2], [0, 0, 1]]
+                )
+            pose = own.camera_to_world if pose is None else pose
+        key = np.concatenate([K.ravel(), np.asarray(pose).ravel(), [width, height]]).tobytes()
+        if self._kept is None or self._kept[0] != key:
+            camera = kuafu.Camera(width, height, K, pose)
+            outputs = ("depth", "normal", "instance_id", "albedo")[: 4 if self._share > 0 else 3]
+            images = self._renderer.render(self._scene, [camera], outputs, band="visible", spp=1)
+            depth, normal, instance = (np.asarray(images[name][0]) for name in outputs[:3])
+            lines = contours(depth[..., 0], normal, instance[..., 0])
+            surfaces = None
+            if self._share > 0:
+                facing = np.abs(normal @ np.asarray(pose, np.float32)[:3, 2])
+                light = np.asarray(images["albedo"][0]) * (_LEAST_LIGHT + (1.0 - _LEAST_LIGHT) * facing)[..., None]
+                surfaces = np.where(depth > 0, np.clip(255.0 * light ** (1 / 2.2), 1.0, 255.0), 0.0).astype(np.uint8)
+            self._kept = key, lines, surfaces
+        return self._kept[1:]
+
+
+def contours(depth: NDArray, normal: NDArray, instance: NDArray) -> NDArray[np.bool_]:
+    """Pixels where depth jumps, a surface bends or another object begins, [h][w]."""
+    depth = np.where(depth > 0, depth, np.float32(_NOTHING_M))
+    is_surface = depth < _NOTHING_M
+    x, y, z = np.ascontiguousarray(np.moveaxis(normal, -1, 0))
+    out = np.zeros(depth.shape, np.uint8)
+    whole, first, last = slice(None), slice(-1), slice(1, None)
+    for here, there in (((first, whole), (last, whole)), ((whole, first), (whole, last))):
+        jump = np.abs(depth[here] - depth[there]) > _STEP * np.minimum(depth[here], depth[there])
+        cosine = x[here] * x[there] + y[here] * y[there] + z[here] * z[there]
+        bend = (cosine < _CREASE) & is_surface[here] & is_surface[there]
+        out[here] |= jump | bend | (instance[here] != instance[there])
+    return cv2.dilate(out, np.ones((2, 2), np.uint8)) > 0
+
+
+def show_window(pictures: Iterable[NDArray[np.uint8]]) -> None:
+    """Each picture as it comes, until q. RuntimeError where OpenCV has no window to open."""
+    try:
+        cv2.namedWindow(_WINDOW, cv2.WINDOW_NORMAL)
+    except cv2.error as error:
+        raise RuntimeError("no window can be opened here: give --out, and pictures are saved") from error
+    for picture in pictures:
+        cv2.imshow(_WINDOW, picture[..., ::-1])
+        if cv2.waitKey(1) & 0xFF == ord("q"):
+            break
+    cv2.destroyAllWindows()
+
+
+def live_pictures(size: tuple[int, int]) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.float64]]]:
+    """(colour image, K) of a connected D4xx, until the reader stops. ValueError where pyrealsense2 is missing."""
+    try:
+        import pyrealsense2 as rs
+    except ImportError as error:
+        raise ValueError("live: needs the package pyrealsense2, which is missing: pip install pyrealsense2") from error
+    config, pipeline = rs.config(), rs.pipeline()
+    config.enable_stream(rs.stream.color, *size, rs.format.rgb8, 30)
+    profile = pipeline.start(config)
+    try:
+        lens = profile.get_stream(rs.stream.color).as_video_stream_profile().get_intrinsics()
+        K = np.array([[lens.fx, 0.0, lens.ppx], [0.0, lens.fy, lens.ppy], [0.0, 0.0, 1.0]])
+        while True:
+            yield np.array(pipeline.wait_for_frames().get_color_frame().get_data()), K
+    finally:
+        pipeline.stop()

@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pictures that put a result on one page. Figures are made without pyplot, so nothing global is touched."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize, PowerNorm
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+
+from activestereo.common.output_files import replace_file
+from activestereo.compare.accuracy import Accuracy
+
+_INK, _MUTED, _GRID = "#1f2933", "#7b8794", "#e4e7eb"
+_BLUE, _ORANGE = "#3e6fb0", "#c8722c"
+_NO_DATA = "#15181c"
+_ERROR_SCALE_M = 0.02
+
+
+def write_figure(path: str | Path, figure: Figure) -> None:
+    replace_file(path, lambda file: figure.savefig(file, format="png", dpi=110))
+
+
+def simulation_figure(
+    title: str,
+    rgb: np.ndarray,
+    ir: Sequence[np.ndarray],
+    depth: np.ndarray,
+    true_depth: np.ndarray,
+    rows: Sequence[Accuracy],
+) -> Figure:
+    """A sensor's frame: pictures on top, depth against truth below them, and the figures of each material at the
+    bottom.
+
+    rgb: float [h, w, 3] 0..1. ir: the measured pair, uint8. depth, true_depth: metres, 0 = none. rows: from
+    accuracy_by_material.
+    """
+    aspect, chart_height = depth.shape[0] / depth.shape[1], 0.27 * len(rows) + 0.25
+    page = _Page(title, _headline(rows), columns=3, picture_rows=2, aspect=aspect, chart_height=chart_height)
+    _picture(page.picture(0, 0), rgb, "RGB camera")
+    for column, (image, eye) in enumerate(zip(ir, ("left", "right"), strict=True), start=1):
+        _picture(
+            page.picture(0, column),
+            image,
+            f"infrared {eye}, as measured (display gamma 2)",
+            cmap="gray",
+            norm=PowerNorm(0.5, 0, 255),
+        )
+    span = depth_span(true_depth)
+    _depth(page.picture(1, 0), depth, "measured depth, registered to RGB (black: none)", span)
+    _depth(page.picture(1, 1), true_depth, "true depth", span)
+    _error(page.picture(1, 2), depth, true_depth)
+    _bars(page.chart(0, 2), rows, [100.0 * r.fill for r in rows], "measured pixels", "%", _BLUE)
+    _bars(page.chart(1, 2), rows, [1e3 * r.median_error_m for r in rows], "median error", "mm", _ORANGE)
+    return page.figure
+
+
+def matching_figure(
+    title: str, left: np.ndarray, right: np.ndarray, disparity: np.ndarray, depth: np.ndarray
+) -> Figure:
+    """An infrared pair and what the engine made of it. disparity: pixels, -1 = none; depth: metres, 0 = none."""
+    subtitle = f"{100.0 * np.mean(depth > 0):.1f} % of the pixels measured"
+    page = _Page(title, subtitle, columns=2, picture_rows=2, aspect=depth.shape[0] / depth.shape[1])
+    _picture(page.picture(0, 0), left, "left", cmap="gray")
+    _picture(page.picture(0, 1), right, "right", cmap="gray")
+    shown = np.where(disparity > 0, disparity, 0.0)
+    _depth(page.picture(1, 0), shown, "disparity (black: none)", depth_span(shown), unit="px", cmap="turbo")
+    _depth(page.picture(1, 1), depth, "depth (black: none)", depth_span(depth))
+    return page.figure
+
+
+class _Page:
+    """A figure laid out in inches: title, rows of pictures of one shape with room for a colour bar each, and charts at
+    the bottom."""
+
+    WIDTH, MARGIN, BAR, HEAD, CAPTION = 5.2, 0.45, 0.72, 0.95, 0.42
+
+    def __init__(
+        self, title: str, subtitle: str, columns: int, picture_rows: int, aspect: float, chart_height: float = 0.0
+    ) -> None:
+        self._picture_height = self.WIDTH * aspect
+        self._chart_height = chart_height
+        self._inner = columns * self.WIDTH + (columns - 1) * self.BAR
+        below = chart_height + 0.95 if chart_height else 0.25
+        self._size = (
+            self._inner + 2 * self.MARGIN + 0.3,
+            self.HEAD + picture_rows * (self._picture_height + self.CAPTION) + below,
+        )
+        self.figure = Figure(figsize=self._size, facecolor="white")
+        self._text(0.42, title, fontsize=18, weight="bold", color=_INK)
+        self._text(0.76, subtitle, fontsize=12, color=_MUTED)
+
+    def _text(self, top: float, text: str, **style: Any) -> None:
+        self.figure.text(self.MARGIN / self._size[0], 1.0 - top / self._size[1], text, va="center", **style)
+
+    def _axes(self, left: float, bottom: float, width: float, height: float) -> Axes:
+        w, h = self._size
+        return self.figure.add_axes([left / w, bottom / h, width / w, height / h])
+
+    def picture(self, row: int, column: int) -> Axes:
+        top = self.HEAD + (row + 1) * (self._picture_height + self.CAPTION)
+        left = self.MARGIN + column * (self.WIDTH + self.BAR)
+        return self._axes(left, self._size[1] - top, self.WIDTH, self._picture_height)
+
+    def chart(self, index: int, count: int) -> Axes:
+        labels = 0.85
+        width = self._inner / count
+        return self._axes(self.MARGIN + index * width + labels, 0.4, width - labels - 0.35, self._chart_height)
+
+
+def depth_span(depth: np.ndarray) -> tuple[float, float]:
+    """(near, far) that leaves out the farthest and nearest percent, so that one stray pixel does not take all the
+    colours."""
+    valid = depth[depth > 0]
+    if not valid.size:
+        return 0.0, 1.0
+    near, far = np.percentile(valid, (1.0, 99.0))
+    return float(near), float(max(far, near + 1e-3))
+
+
+def colored(values: np.ndarray, span: tuple[float, float], cmap: str) -> np.ndarray:
+    """uint8 [h, w, 3] of positive values; dark where there is none."""
+    from matplotlib import colormaps
+
+    rgba = colormaps[cmap](Normalize(*span, clip=True)(values))[..., :3]
+    rgba[~(values > 0)] = [int(_NO_DATA[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    return np.rint(255.0 * rgba).astype(np.uint8)
+
+
+def _headline(rows: Sequence[Accuracy]) -> str:
+    total = rows[-1]
+    if not total.pixels:
+        return "nothing is in the sensor's range"
+    if not total.fill:
+        return "no pixel measured"
+    return (
+        f"{100.0 * total.fill:.1f} % of the pixels measured, median error {1e3 * total.median_error_m:.1f} mm, "
+        f"nine in ten within {1e3 * total.p90_error_m:.1f} mm"
+    )
+
+
+def _picture(axes: Axes, image: np.ndarray, title: str, **style: Any) -> AxesImage:
+    shown = axes.imshow(image, interpolation="antialiased", aspect="auto", **style)
+    axes.set_title(title, fontsize=12.5, color=_INK, loc="left", pad=6)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    return shown
+
+
+def _color_bar(axes: Axes, shown: AxesImage, label: str, **style: Any) -> None:
+    inset = axes.inset_axes([1.012, 0.0, 0.018, 1.0])
+    bar = axes.figure.colorbar(shown, cax=inset, **style)
+    bar.outline.set_visible(False)
+    inset.tick_params(labelsize=9.5, color=_MUTED, labelcolor=_INK, length=2)
+    inset.set_title(label, fontsize=9.5, color=_INK, pad=5)
+
+
+def _depth(
+    axes: Axes, depth: np.ndarray, title: str, span: tuple[float, float], unit: str = "m", cmap: str = "viridis_r"
+) -> None:
+    shown = _picture(axes, np.ma.masked_where(depth <= 0, depth), title, cmap=cmap, vmin=span[0], vmax=span[1])
+    axes.set_facecolor(_NO_DATA)
+    _color_bar(axes, shown, unit)
+
+
+def _error(axes: Axes, depth: np.ndarray, true_depth: np.ndarray) -> None:
+    both = (depth > 0) & (true_depth > 0)
+    error = np.ma.masked_where(~both, 1e3 * (depth - true_depth))
+    limit = 1e3 * _ERROR_SCALE_M
+    shown = _picture(axes, error, "measured minus true depth", cmap="RdBu_r", vmin=-limit, vmax=limit)
+    axes.set_facecolor(_NO_DATA)
+    _color_bar(axes, shown, "mm", extend="both")
+
+
+def _bars(axes: Axes, rows: Sequence[Accuracy], values: Sequence[float], title: str, unit: str, color: str) -> None:
+    places = np.arange(len(rows))
+    axes.barh(places, np.nan_to_num(values), height=0.66, color=[color] * (len(rows) - 1) + [_INK])
+    most = max([v for v in values if np.isfinite(v)], default=0.0) or 1.0
+    for place, value in zip(places, values, strict=True):
+        text = f"{value:.1f} {unit}" if np.isfinite(value) else "no measurement"
+        axes.text(max(np.nan_to_num(value), 0.0) + 0.008 * most, place, text, va="center", fontsize=10.5, color=_INK)
+    axes.set_yticks(places, [row.name for row in rows], fontsize=11, color=_INK)
+    axes.set_xlim(0, 1.13 * most)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.set_title(f"{title} by material", fontsize=12.5, color=_INK, loc="left", pad=6)
+    axes.tick_params(axis="x", labelsize=9.5, color=_GRID, labelcolor=_MUTED)
+    axes.tick_params(axis="y", length=0)
+    axes.grid(axis="x", color=_GRID, linewidth=0.8)
+    axes.set_axisbelow(True)
+    for spine in axes.spines.values():
+        spine.set_visible(False)

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One self-contained web page: text is escaped, pictures and charts are data URIs, scripts stand inside, and its
+content security policy forbids the browser to load anything."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Sequence
+from functools import cache
+from importlib import resources
+from string import Template
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+INK, MUTED, GRID = "#1f2933", "#66727f", "#e4e7eb"
+BLUE, ORANGE, GREEN = "#3e6fb0", "#c8722c", "#3f8f6b"
+
+
+def page(title: str, body: Sequence[str], scripts: Sequence[str] = ()) -> str:
+    """A whole document of body parts (trusted HTML) and scripts, names of files in web/."""
+    code = "".join(f"<script>\n{web_file(name)}</script>\n" for name in scripts)
+    parts = {"title": text(title), "style": web_file("page.css"), "body": "\n".join(body), "scripts": code}
+    return Template(web_file("page.html")).substitute(parts)
+
+
+@cache
+def web_file(name: str) -> str:
+    """A file of web/: the page's template, style and scripts."""
+    return resources.files("activestereo.report").joinpath("web", name).read_text(encoding="utf-8")
+
+
+def text(value: object) -> str:
+    return html.escape(str(value))
+
+
+def section(title: str, *parts: str) -> str:
+    return f"<section><h2>{text(title)}</h2>\n" + "\n".join(parts) + "</section>"
+
+
+def card(title: str, value: str, note: str) -> str:
+    return f'<div class="card"><span>{text(title)}</span><b>{text(value)}</b><span>{text(note)}</span></div>'
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = (), wide: bool = False) -> str:
+    """head: texts; rows: cells of trusted HTML; numbers: indices of right-aligned columns."""
+    cls = [' class="n"' if i in numbers else "" for i in range(len(head))]
+    lines = ["<tr>" + "".join(f"<th{c}>{text(h)}</th>" for c, h in zip(cls, head, strict=True)) + "</tr>"]
+    lines += [
+        "<tr>" + "".join(f"<td{c}>{cell}</td>" for c, cell in zip(cls, row, strict=True)) + "</tr>" for row in rows
+    ]
+    return f"<table{' class=wide' if wide else ''}>" + "\n".join(lines) + "</table>"
+
+
+def share_bar(share: float, interval: Sequence[float] | None = None, mark: float | None = None) -> str:
+    """A share 0..1 as a bar, with its interval as a line and a mark to compare it with."""
+    at = lambda value: 100.0 * min(max(value, 0.0), 1.0)  # noqa: E731
+    parts = [f'<i style="width:{at(share):.1f}%"></i>']
+    if interval:
+        parts.append(f'<u style="left:{at(interval[0]):.1f}%;width:{at(interval[1]) - at(interval[0]):.1f}%"></u>')
+    if mark is not None:
+        parts.append(f'<s style="left:{at(mark):.1f}%"></s>')
+    return f'<div class="bar">{"".join(parts)}</div>'
+
+
+def chart(figure: Figure, alt: str) -> str:
+    """A matplotlib Figure as SVG, letters as shapes, so that it looks alike everywhere."""
+    file = io.BytesIO()
+    figure.savefig(file, format="svg", bbox_inches="tight", pad_inches=0.06, metadata={"Date": None})
+    return f'<figure><img alt="{text(alt)}" src="{_data("image/svg+xml", file)}"></figure>'
+
+
+def _data(kind: str, file: io.BytesIO) -> str:
+    return f"data:{kind};base64,{base64.b64encode(file.getvalue()).decode()}"

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""compare.png: measured, simulated and residual images of the worst frame of each split, over a bar per frame with its
+noise floor."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.colors import PowerNorm
+from matplotlib.figure import Figure
+
+from activestereo.capture.capture import EYES, SPLITS
+from activestereo.report.worst import RESIDUAL_FLOORS, worst_frame
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from activestereo.compare.compare import Comparison
+
+_INK, _MUTED, _GRID = "#1f2933", "#7b8794", "#e4e7eb"
+_BAR = {"train": "#3e6fb0", "test": "#c8722c"}
+
+
+def comparison_figure(comparison: Comparison) -> Figure:
+    """A matplotlib Figure: the worst frame of each split, left eye, above a bar per frame with its noise floor."""
+    scores = comparison.scores
+    rows = [worst_frame(scores, split)["id"] for split in SPLITS if split in scores["ir"]]
+    figure = Figure(figsize=(13.5, 2.7 * len(rows) + 3.4), facecolor="white")
+    grid = figure.add_gridspec(
+        len(rows) + 1, 6, height_ratios=[*([2.7] * len(rows)), 1.9], width_ratios=[1, 1, 0.022, 0.035, 1, 0.022],
+        left=0.055, right=0.955, top=0.86, bottom=0.085, wspace=0.07, hspace=0.22,
+    )  # fmt: skip
+    _title(figure, scores)
+    for row, frame_id in enumerate(rows):
+        _image_row(figure, grid, row, comparison, frame_id)
+    _frame_chart(figure.add_subplot(grid[-1, :]), scores)
+    return figure
+
+
+def _title(figure: Figure, scores: dict[str, Any]) -> None:
+    figure.text(
+        0.055, 0.955, f"{scores['capture']}: measured against simulated infrared", size=15, weight="bold", color=_INK
+    )
+    parts = []
+    for split, values in scores["ir"].items():
+        floor = values["noise_floor_dn"]
+        above = "" if floor is None else f" (noise floor {floor:.2f}, explainable {values['explainable_rmse_dn']:.2f})"
+        parts.append(f"{split} RMSE {values['rmse_dn']:.2f} DN{above}")
+    figure.text(0.055, 0.918, "     ".join(parts), size=10.5, color=_MUTED)
+
+
+def _image_row(figure: Figure, grid: Any, row: int, comparison: Comparison, frame_id: int) -> None:
+    entry = next(e for e in comparison.scores["frames"] if e["id"] == frame_id)
+    frame = next(f for f in comparison.capture.frames if f.id == frame_id)
+    measured = comparison.capture.ir(frame, "left")
+    predicted = comparison.predictions[frame_id, "left"]
+    high = float(np.quantile(measured, 0.998))
+    residual_limit = RESIDUAL_FLOORS * (entry["noise_floor_dn"] or entry["rmse_dn"])
+    panels = (
+        (0, "measured", measured, {"cmap": "gray", "norm": PowerNorm(0.5, 0, high)}),
+        (1, "simulated (square-root scale)", predicted, {"cmap": "gray", "norm": PowerNorm(0.5, 0, high)}),
+        (
+            4,
+            "measured - simulated",
+            measured - predicted,
+            {"cmap": "RdBu_r", "vmin": -residual_limit, "vmax": residual_limit},
+        ),
+    )
+    for column, title, image, style in panels:
+        axes = figure.add_subplot(grid[row, column])
+        shown = axes.imshow(image, interpolation="nearest", aspect="equal", **style)
+        axes.set_xticks([])
+        axes.set_yticks([])
+        axes.spines[:].set_color(_GRID)
+        if row == 0:
+            axes.set_title(title, size=11, color=_INK, loc="left")
+        if column == 0:
+            axes.set_ylabel(f"{frame.split}, frame {frame_id}, left", size=10, color=_INK)
+        if column:
+            bar = figure.colorbar(shown, cax=figure.add_subplot(grid[row, column + 1]))
+            bar.ax.tick_params(labelsize=8, colors=_MUTED, length=2)
+            bar.outline.set_edgecolor(_GRID)
+            bar.ax.set_title("DN", size=8, color=_MUTED, pad=3)
+
+
+def _frame_chart(axes: Axes, scores: dict[str, Any]) -> None:
+    """RMSE per frame and eye against the frame's noise floor."""
+    for index, entry in enumerate(scores["frames"]):
+        color = _BAR[entry["split"]]
+        for side, eye in zip((-0.2, 0.2), EYES, strict=True):
+            values = entry["eyes"][eye]
+            axes.bar(index + side, values["rmse_dn"], width=0.36, color=color, alpha=1.0 if eye == "left" else 0.6)
+            if values["noise_floor_dn"] is not None:
+                axes.hlines(values["noise_floor_dn"], index + side - 0.2, index + side + 0.2, color=_INK, lw=1.6)
+    axes.set_xticks(range(len(scores["frames"])), [str(e["id"]) for e in scores["frames"]])
+    axes.set_xlim(-0.6, len(scores["frames"]) - 0.4)
+    axes.set_xlabel("frame (dark bar: left eye, light bar: right eye)", size=9, color=_MUTED)
+    axes.set_ylabel("IR RMSE, DN", size=9, color=_MUTED)
+    axes.tick_params(labelsize=9, colors=_MUTED, length=0)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    axes.spines["bottom"].set_color(_GRID)
+    axes.grid(axis="y", color=_GRID, lw=0.8)
+    axes.set_axisbelow(True)
+    handles = [axes.bar(0, 0, color=_BAR[split]) for split in scores["ir"]]
+    axes.plot([], [], color=_INK, lw=1.6, label="noise floor")
+    line = axes.get_lines()[0]
+    axes.legend([*handles, line], [*scores["ir"], "noise floor"], loc="upper center", bbox_to_anchor=(0.5, 1.2), ncol=3,
+                frameon=False, fontsize=9, labelcolor=_INK)  # fmt: skip

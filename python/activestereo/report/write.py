@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes a comparison: compare.json, its picture compare.png, and report.html, one self-contained page to explore,
+which shows a diagnosis too where there is one.
+
+Files appear whole or not at all: written aside, then renamed.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from activestereo.common.output_files import replace_file
+from activestereo.report.comparison import cards, comparison_sections, settings_section, summary_line
+from activestereo.report.diagnosis import diagnosis_sections
+from activestereo.report.explorer import explorer_section
+from activestereo.report.models import model_images
+from activestereo.report.page import page, text
+from activestereo.report.sheet import comparison_figure
+
+if TYPE_CHECKING:
+    from activestereo.compare.compare import Comparison
+    from activestereo.effects import Effect
+
+
+_SCRIPTS = ("picture.js", "zoom.js", "explorer.js")
+
+
+def write_report(
+    comparison: Comparison,
+    folder: str | Path,
+    diagnosis: dict[str, Any] | None = None,
+    effects: Mapping[str, Effect] | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> tuple[Path, Path]:
+    """Writes compare.json, compare.png and report.html into `folder` (made where absent); returns the paths of the
+    first and the last.
+
+    diagnosis: what diagnose.json holds, a dict; None for the folder's own diagnose.json, if there is one of this
+    capture. effects: {id: Effect} that it may name, None for the built-in ones. progress: called as progress(fraction
+    done).
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    if diagnosis is None:
+        diagnosis = _stored_diagnosis(folder, comparison.capture.name)
+    json_text = json.dumps(comparison.scores, indent=1, allow_nan=False) + "\n"
+    html_text = report_page(comparison, diagnosis, effects, progress)
+    replace_file(folder / "compare.json", lambda file: file.write(json_text.encode()))
+    figure = comparison_figure(comparison)
+    replace_file(folder / "compare.png", lambda file: figure.savefig(file, format="png", dpi=110))
+    replace_file(folder / "report.html", lambda file: file.write(html_text.encode()))
+    return folder / "compare.json", folder / "report.html"
+
+
+def report_page(
+    comparison: Comparison,
+    diagnosis: dict[str, Any] | None = None,
+    effects: Mapping[str, Effect] | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> str:
+    """The page's text."""
+    scores = comparison.scores
+    images = model_images(comparison, diagnosis, effects, progress)
+    head = (
+        f'<h1>{text(scores["capture"])}: the model against the measurement</h1>'
+        f'<p class="muted">{text(summary_line(scores))}</p>'
+    )
+    explorer = explorer_section(comparison, images)
+    found = diagnosis_sections(diagnosis, images) if diagnosis else []
+    body = [head, cards(scores), explorer, *found, *comparison_sections(comparison), settings_section(scores)]
+    return page(f"{scores['capture']}: comparison", body, _SCRIPTS)
+
+
+def _stored_diagnosis(folder: Path, capture: str) -> dict[str, Any] | None:
+    """The folder's diagnose.json if it is of this capture; one that cannot be read is as good as none."""
+    try:
+        diagnosis = json.loads((folder / "diagnose.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return diagnosis if isinstance(diagnosis, dict) and diagnosis.get("capture", capture) == capture else None

@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rigid bodies of any simulator in a kuafu scene: made once, then moved by arrays of poses.
+
+    bodies = Bodies(scene, environment_count=16)
+    cup = bodies.add("cup", [Shape(scene.add_mesh(positions, triangles), [material])])
+    bodies.move(poses)  # [16, bodies, 7] or [16, bodies, 4, 4]: NumPy, torch, or anything with DLPack
+
+What a scene mirror of one simulator (activestereo.integrations.mujoco, activestereo.integrations.sapien) adds is where
+shapes and poses are found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import kuafu
+from activestereo.common.pose_arrays import PosesLike, host_array, pose_fault, pose_matrices
+from activestereo.scene_io.meshes import Mesh
+
+
+class BodyPoseError(ValueError):
+    """A pose that is none. Environments without such a pose have moved; those with one are as before. environment (None
+    where there is but one scene) and body: of the first."""
+
+    def __init__(self, text: str, environment: int | None, body: str) -> None:
+        super().__init__(text)
+        self.environment, self.body = environment, body
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A mesh of a body. mesh, materials: the scene's numbers. to_body: 4x4, scale included."""
+
+    mesh: int
+    materials: Sequence[int] = ()
+    to_body: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+
+
+class Bodies:
+    """Bodies of one scene, numbered in the order in which they were added.
+
+    environment_count: E environments that share meshes and materials, and of which each view of a render sees one;
+    None: one scene without environments, whose poses are [bodies, 7] or [bodies, 4, 4].
+    """
+
+    def __init__(self, scene: kuafu.Scene, environment_count: int | None = None) -> None:
+        if environment_count is not None and environment_count < 1:
+            raise ValueError(f"a batch has at least one environment, not {environment_count}")
+        self.scene = scene
+        self.environment_count = environment_count
+        self.names: list[str] = []
+        # One row for each instance in the scene: its number, environment, body and 4x4 to the body.
+        self._instances = np.empty(0, np.uint32)
+        self._environments = np.empty(0, np.intp)
+        self._bodies = np.empty(0, np.intp)
+        self._semantic_ids = np.zeros(1, np.uint32)
+        self._to_body = np.empty((0, 4, 4))
+        self._materials: list[tuple[int, ...]] = []  # as they were given
+        self._last = np.zeros((environment_count or 1, 0, 4, 4))
+
+    def add(
+        self,
+        name: str,
+        shapes: Iterable[Shape] | Mapping[int, Iterable[Shape]],
+        pose: ArrayLike | None = None,
+        environments: Iterable[int] | None = None,
+        semantic_id: int = 0,
+    ) -> int:
+        """Puts a body into the scene and returns its number. shapes: the same in each environment, or {environment:
+        shapes} of those that have it. pose: [7] or [4, 4] until it is moved. environments: those that have it, all by
+        default. semantic_id: what kuafu's output of that name shows."""
+        if name in self.names:
+            raise ValueError(f"there is a body '{name}' already")
+        start = np.eye(4) if pose is None else pose_matrices(np.asarray(pose, dtype=np.float64), f"body '{name}'")
+        fault = pose_fault(start)
+        if start.shape != (4, 4) or fault.any():
+            raise ValueError(f"body '{name}': a pose is [7] or a rigid [4, 4] of finite numbers; got {pose!r}")
+        rows = self._rows(name, shapes, environments)
+        instances = [
+            self.scene.add_instance(
+                shape.mesh,
+                shape.materials,
+                local_to_world=start @ shape.to_body,
+                environment=environment,
+                semantic_id=semantic_id,
+                name=name,
+            )
+            for environment, shape in rows
+        ]
+        self._instances = np.append(self._instances, np.array(instances, np.uint32))
+        if instances:  # whose numbers are above all before them
+            more = np.zeros(instances[-1] + 2 - len(self._semantic_ids), np.uint32)
+            self._semantic_ids = np.append(self._semantic_ids, more)
+            self._semantic_ids[instances] = semantic_id
+        where = np.array([environment or 0 for environment, _ in rows], np.intp)
+        to_body = np.array([shape.to_body for _, shape in rows], np.float64).reshape(-1, 4, 4)
+        self._environments = np.append(self._environments, where)
+        self._bodies = np.append(self._bodies, np.full(len(rows), len(self.names), np.intp))
+        self._to_body = np.concatenate([self._to_body, to_body])
+        self._materials += [tuple(shape.materials) for _, shape in rows]
+        self.names.append(name)
+        self._last = np.concatenate([self._last, np.broadcast_to(start, (len(self._last), 1, 4, 4))], axis=1)
+        return len(self.names) - 1
+
+    def remove(self, name: str) -> None:
+        """Takes a body out of the scene; its meshes and materials stay. Bodies after it move up by one number."""
+        body = self.index(name)
+        stays = self._bodies != body
+        for instance in self._instances[~stays].tolist():
+            self.scene.remove_instance(instance)
+        self._instances = self._instances[stays]
+        self._materials = [own for own, stay in zip(self._materials, stays, strict=True) if stay]
+        self._environments, self._to_body = self._environments[stays], self._to_body[stays]
+        self._bodies = self._bodies[stays] - (self._bodies[stays] > body)
+        del self.names[body]
+        self._last = np.delete(self._last, body, axis=1)
+
+    def dress(self, material_of: Callable[[int, int], int]) -> None:
+        """Gives each instance the materials that material_of names for its environment (0 where there are none) and a
+        material that its shape was added with."""
+        for instance, environment, own in zip(self._instances, self._environments, self._materials, strict=True):
+            if own:
+                materials = [material_of(int(environment), number) for number in own]
+                self.scene.set_instance_materials(int(instance), materials)
+
+    def index(self, name: str) -> int:
+        """A body's number. Raises ValueError where there is none of this name."""
+        if name in self.names:
+            return self.names.index(name)
+        close = get_close_matches(name, self.names, 1)
+        hint = f"; did you mean '{close[0]}'?" if close else ""
+        raise ValueError(f"there is no body '{name}' among {len(self.names)}{hint}")
+
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """A copy of where the bodies are: [E, bodies, 4, 4], without environments [bodies, 4, 4]."""
+        return self._last[0].copy() if self.environment_count is None else self._last.copy()
+
+    @property
+    def semantic_id_table(self) -> NDArray[np.uint32]:
+        """A copy of semantic_ids() of all instances by number; the last one, 0, is of all numbers beyond."""
+        return self._semantic_ids.copy()
+
+    def semantic_ids(self, instances: NDArray[np.uint32]) -> NDArray[np.uint32]:
+        """Of a picture of instances, the picture of what add() was given as semantic_id; 0 where there is no body."""
+        return self._semantic_ids[np.minimum(instances, len(self._semantic_ids) - 1)]
+
+    def move(self, poses: PosesLike | Mapping[str, PosesLike]) -> int:
+        """Moves the bodies whose pose is not what it was, and returns how many instances moved.
+
+        poses: [E, bodies, 7] (x, y, z, then the quaternion w, x, y, z) or [E, bodies, 4, 4] body to world; without
+        environments the first axis is absent. A mapping {name: [E, 7] or [E, 4, 4]} moves some bodies. Raises
+        BodyPoseError for what is no pose, and ValueError for another shape or an unknown body.
+        """
+        now = self._from_names(poses) if isinstance(poses, Mapping) else self._matrices(host_array(poses))
+        fault = pose_fault(now)
+        has_moved = (now != self._last).any(axis=(2, 3))
+        broken = fault.any(axis=1)
+        has_moved[broken] = False
+        rows = np.flatnonzero(has_moved[self._environments, self._bodies])
+        to_world = now[self._environments[rows], self._bodies[rows]] @ self._to_body[rows]
+        self.scene.set_instance_poses(self._instances[rows], to_world)
+        if broken.any():
+            now[broken] = self._last[broken]
+        self._last = now
+        if broken.any():
+            self._refuse(fault)
+        return int(rows.size)
+
+    def _rows(
+        self,
+        name: str,
+        shapes: Iterable[Shape] | Mapping[int, Iterable[Shape]],
+        environments: Iterable[int] | None,
+    ) -> list[tuple[int | None, Shape]]:
+        """(environment, shape) of each instance."""
+        if not isinstance(shapes, Mapping):
+            chosen = self._environments_of(name, environments)
+            return [(environment, shape) for shape in shapes for environment in chosen]
+        if environments is not None:
+            raise ValueError(f"body '{name}': its shapes name the environments already")
+        checked = self._environments_of(name, shapes.keys())
+        return [(e, shape) for e, own in zip(checked, shapes.values(), strict=True) for shape in own]
+
+    def _environments_of(self, name: str, chosen: Iterable[int] | None) -> list[int | None]:
+        if self.environment_count is None:
+            if chosen is not None:
+                raise ValueError(f"body '{name}': this scene has no environments to choose from")
+            return [None]
+        out = list(range(self.environment_count) if chosen is None else chosen)
+        if any(not 0 <= e < self.environment_count for e in out):
+            raise ValueError(f"body '{name}': environments are 0 to {self.environment_count - 1}, not {out}")
+        return list(out)
+
+    def _matrices(self, array: NDArray[np.float64]) -> NDArray[np.float64]:
+        """[E, bodies, 4, 4], with E = 1 where there are no environments."""
+        lead = () if self.environment_count is None else (self.environment_count,)
+        wanted = (*lead, len(self.names))
+        if array.shape not in ((*wanted, 7), (*wanted, 4, 4)):
+            raise ValueError(
+                f"poses of {len(self.names)} bodies"
+                + (f" in {self.environment_count} environments" if lead else "")
+                + f" have the shape {(*wanted, 7)} or {(*wanted, 4, 4)}, not {array.shape}"
+            )
+        return pose_matrices(array, "poses").reshape(self.environment_count or 1, len(self.names), 4, 4)
+
+    def _from_names(self, poses: Mapping[str, PosesLike]) -> NDArray[np.float64]:
+        now = self._last.copy()
+        lead = () if self.environment_count is None else (self.environment_count,)
+        for name, given in poses.items():
+            body, array = self.index(name), host_array(given)
+            if array.shape not in ((*lead, 7), (*lead, 4, 4)):
+                wanted = f"{(*lead, 7)} or {(*lead, 4, 4)}"
+                raise ValueError(f"poses of body '{name}' have the shape {wanted}, not {array.shape}")
+            now[:, body] = pose_matrices(array, f"body '{name}'")
+        return now
+
+    def _refuse(self, fault: NDArray[np.bool_]) -> None:
+        environment, body = (int(v) for v in np.argwhere(fault)[0])
+        count = int(fault.any(axis=1).sum())
+        where = f"environment {environment}, body '{self.names[body]}'"
+        kept = f"; {count} of {self.environment_count} environments stay as they were, the others have moved"
+        if self.environment_count is None:
+            where, kept = f"body '{self.names[body]}'", "; nothing has moved"
+        raise BodyPoseError(
+            f"{where}: its pose is not a finite rigid one{kept}",
+            None if self.environment_count is None else environment,
+            self.names[body],
+        )
+
+
+def add_mesh(scene: kuafu.Scene, mesh: Mesh, name: str = "") -> int:
+    """Adds a mesh to a scene, with its normals and texture coordinates; returns its number."""
+    return scene.add_mesh(mesh.positions, mesh.indices, normals=mesh.normals, uvs=mesh.uvs, name=name)

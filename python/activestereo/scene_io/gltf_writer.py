@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A glTF 2.0 file put together from meshes and plain material dictionaries: one self-contained .gltf or .glb."""
+
+import base64
+import json
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from activestereo.common.output_files import replace_file
+from activestereo.scene_io.meshes import Mesh
+
+_ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
+_FLOAT, _UINT = 5126, 5125
+REPEAT, CLAMP, MIRROR = 10497, 33071, 33648  # how a texture goes on beyond its image
+
+
+class GltfWriter:
+    def __init__(self, generator: str = "activestereo") -> None:
+        self._bytes = bytearray()
+        self._json: dict[str, Any] = {
+            "asset": {"version": "2.0", "generator": generator},
+            "scene": 0,
+            "scenes": [{"nodes": []}],
+            "nodes": [],
+        }
+
+    def add_material(self, name: str, **fields: Any) -> int:
+        """Fields are those of glTF's material; extensions in use are declared. Returns its index."""
+        for extension in fields.get("extensions", {}):
+            self._use(extension)
+        return self._append("materials", {"name": name, **fields})
+
+    def add_texture(
+        self, file_bytes: bytes, name: str, wrap: tuple[int, int] = (REPEAT, REPEAT), mime: str = "image/png"
+    ) -> int:
+        """file_bytes: a PNG or JPEG file, as `mime` says; wrap: along u and v."""
+        image = self._append("images", {"name": name, "mimeType": mime, "bufferView": self._view(file_bytes)})
+        wraps = {} if wrap == (REPEAT, REPEAT) else {"wrapS": wrap[0], "wrapT": wrap[1]}
+        sampler = self._append("samplers", {"magFilter": 9729, "minFilter": 9729, **wraps})
+        return self._append("textures", {"source": image, "sampler": sampler})
+
+    def add_mesh(
+        self,
+        name: str,
+        mesh: Mesh,
+        material: int,
+        translation: Sequence[float] = (0.0, 0.0, 0.0),
+        yaw_deg: float = 0.0,
+    ) -> None:
+        """A mesh and a node that places it, turned about y."""
+        half = np.deg2rad(yaw_deg) / 2
+        self._node(
+            name,
+            mesh=self._mesh(name, mesh, material),
+            translation=list(translation),
+            rotation=[0.0, float(np.sin(half)), 0.0, float(np.cos(half))],
+        )
+
+    def add_placed_mesh(self, name: str, mesh: Mesh, material: int, local_to_world: np.ndarray) -> None:
+        """A mesh and a node with a 4x4."""
+        self.place(name, self.add_shape(name, mesh, material), local_to_world)
+
+    def add_shape(self, name: str, mesh: Mesh, material: int) -> int:
+        """A mesh that place() shows, once or often. Returns its index."""
+        return self._mesh(name, mesh, material)
+
+    def place(self, name: str, shape: int, local_to_world: np.ndarray) -> None:
+        """A node with a 4x4 that shows a mesh of add_shape()."""
+        self._node(name, mesh=shape, matrix=np.asarray(local_to_world, dtype=float).T.reshape(-1).tolist())
+
+    def _mesh(self, name: str, mesh: Mesh, material: int) -> int:
+        attributes = {
+            "POSITION": self._accessor(mesh.positions, "VEC3", bounds=True),
+            "NORMAL": self._accessor(mesh.normals, "VEC3"),
+            "TEXCOORD_0": self._accessor(mesh.uvs, "VEC2"),
+        }
+        indices = self._accessor(mesh.indices.reshape(-1), "SCALAR")
+        primitive = {"attributes": attributes, "indices": indices, "material": material}
+        return self._append("meshes", {"name": name, "primitives": [primitive]})
+
+    def add_point_light(
+        self, name: str, translation: Sequence[float], color: Sequence[float], intensity: float
+    ) -> None:
+        """intensity: W/sr for each of the colour's channels."""
+        self._light("point", name, color, intensity, translation=list(translation))
+
+    def add_directional_light(
+        self, name: str, local_to_world: np.ndarray, color: Sequence[float], intensity: float
+    ) -> None:
+        """Light along the node's -z; intensity: W/m^2 for each of the colour's channels."""
+        matrix = np.asarray(local_to_world, dtype=float).T.reshape(-1).tolist()
+        self._light("directional", name, color, intensity, matrix=matrix)
+
+    def _light(self, kind: str, name: str, color: Sequence[float], intensity: float, **place: Any) -> None:
+        self._use("KHR_lights_punctual")
+        lights = self._json.setdefault("extensions", {}).setdefault("KHR_lights_punctual", {}).setdefault("lights", [])
+        lights.append({"name": name, "type": kind, "color": list(color), "intensity": intensity})
+        self._node(name, **place, extensions={"KHR_lights_punctual": {"light": len(lights) - 1}})
+
+    def add_camera(self, name: str, camera_to_world: np.ndarray, vertical_fov: float, aspect_ratio: float) -> None:
+        """camera_to_world: 4x4 in camera axes (x right, y down, z forward); glTF's have y up and look along -z."""
+        perspective = {"yfov": vertical_fov, "aspectRatio": aspect_ratio, "znear": 0.01}
+        camera = self._append("cameras", {"name": name, "type": "perspective", "perspective": perspective})
+        matrix = np.asarray(camera_to_world) @ np.diag([1.0, -1.0, -1.0, 1.0])
+        self._node(name, camera=camera, matrix=matrix.T.reshape(-1).tolist())
+
+    def document(self) -> tuple[dict[str, Any], bytes]:
+        """The JSON without its buffer, and the buffer."""
+        return self._json, bytes(self._bytes)
+
+    def write(self, path: str | Path) -> None:
+        """.gltf with the buffer inside as base64, or .glb."""
+        suffix = str(path).lower().rsplit(".", 1)[-1]
+        if suffix not in ("gltf", "glb"):
+            raise ValueError(f"{path}: a scene file ends in .gltf or .glb")
+        buffer: dict[str, Any] = {"byteLength": len(self._bytes)}
+        if suffix == "gltf":
+            buffer["uri"] = "data:application/octet-stream;base64," + base64.b64encode(self._bytes).decode()
+        text = json.dumps({**self._json, "buffers": [buffer]}, indent=1 if suffix == "gltf" else None).encode()
+        data = text if suffix == "gltf" else _glb(text, bytes(self._bytes))
+        replace_file(path, lambda file: file.write(data))
+
+    def _append(self, kind: str, entry: dict[str, Any]) -> int:
+        entries = self._json.setdefault(kind, [])
+        entries.append(entry)
+        return len(entries) - 1
+
+    def _node(self, name: str, **fields: Any) -> None:
+        self._json["scenes"][0]["nodes"].append(self._append("nodes", {"name": name, **fields}))
+
+    def _use(self, extension: str) -> None:
+        used = self._json.setdefault("extensionsUsed", [])
+        if extension not in used:
+            used.append(extension)
+
+    def _view(self, data: bytes, target: int | None = None) -> int:
+        self._bytes.extend(b"\0" * (-len(self._bytes) % 4))
+        view = {"buffer": 0, "byteOffset": len(self._bytes), "byteLength": len(data)}
+        if target:
+            view["target"] = target
+        self._bytes.extend(data)
+        return self._append("bufferViews", view)
+
+    def _accessor(self, array: np.ndarray, kind: str, bounds: bool = False) -> int:
+        indices = array.dtype == np.uint32
+        view = self._view(array.tobytes(), _ELEMENT_BUFFER if indices else _ARRAY_BUFFER)
+        accessor = {
+            "bufferView": view,
+            "componentType": _UINT if indices else _FLOAT,
+            "count": len(array),
+            "type": kind,
+        }
+        if bounds:
+            accessor["min"], accessor["max"] = array.min(axis=0).tolist(), array.max(axis=0).tolist()
+        return self._append("accessors", accessor)
+
+
+def _glb(text: bytes, binary: bytes) -> bytes:
+    text += b" " * (-len(text) % 4)
+    binary += b"\0" * (-len(binary) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(binary), 0x004E4942) + binary
+    return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks

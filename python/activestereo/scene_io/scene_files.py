@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scene files of every kind, told by their names and contents: what kuafu reads itself, glTF whose textures are KTX2,
+and USD. The latter two are converted by packages that are there or not (activestereo.scene_io.ktx2,
+activestereo.scene_io.usd)."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from activestereo.scene_io.ktx2 import load_ktx2, needs_ktx2
+from activestereo.scene_io.usd import is_usd, load_usd
+
+if TYPE_CHECKING:
+    import kuafu
+
+
+def load_scene_file(
+    scene: kuafu.Scene, path: str | PathLike[str], time_s: float | None = None
+) -> tuple[float, float, float] | None:
+    """Adds a scene file to the scene, at that time of its animations, seconds.
+
+    Returns the radiance of a USD stage's dome light, W/(sr m^2), or None where there is none: it is the caller's to
+    set. Raises Ktx2Error and UsdError, which are ValueErrors of one line that names the file and what to do, and what
+    Scene.load raises.
+    """
+    path = Path(path)
+    if is_usd(path):
+        return load_usd(scene, path, time_s).ambient
+    if needs_ktx2(path):
+        load_ktx2(scene, path, time_s)
+    else:
+        scene.load(path, time_s=time_s)
+    return None

@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A stage becomes one .glb file, in metres with y up."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from activestereo.scene_io.gltf_writer import GltfWriter
+from activestereo.scene_io.usd import lamps, shapes
+from activestereo.scene_io.usd.stage import Stage, UsdError, columns, open_stage
+from activestereo.scene_io.usd.surfaces import Surfaces
+
+if TYPE_CHECKING:
+    import kuafu
+
+_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+
+
+@dataclass(frozen=True)
+class Converted:
+    """What a .glb file has no words for, and what was lost."""
+
+    ambient: tuple[float, float, float] | None  # radiance of the stage's dome light; None: it has none
+    messages: tuple[str, ...]
+
+
+def is_usd(path: str | Path) -> bool:
+    return Path(path).suffix.lower() in _SUFFIXES
+
+
+def convert(path: str | Path, glb: str | Path, time_s: float | None = None) -> Converted:
+    """Writes the stage at `path` to the file `glb`. time_s: seconds after the stage's first time code; None: at
+    its earliest sample. Raises UsdError of one line."""
+    stage = open_stage(Path(path), time_s)
+    conversion = _Conversion(stage)
+    conversion.add_all()
+    if not conversion.shown:
+        raise UsdError(f"{path}: there is no mesh in it that can be shown")
+    conversion.writer.write(glb)
+    return Converted(conversion.ambient, tuple(stage.messages))
+
+
+def load_usd(scene: kuafu.Scene, path: str | Path, time_s: float | None = None) -> Converted:
+    """Adds the stage at `path` to the scene. Raises UsdError of one line, and what Scene.load raises."""
+    with tempfile.TemporaryDirectory() as folder:
+        glb = Path(folder) / "stage.glb"
+        converted = convert(path, glb, time_s)
+        scene.load(glb)
+    return converted
+
+
+class _Conversion:
+    def __init__(self, stage: Stage) -> None:
+        from pxr import UsdGeom
+
+        self.stage, self.writer = stage, GltfWriter("activestereo usd")
+        self.surfaces = Surfaces(stage, self.writer)
+        self.ambient: tuple[float, float, float] | None = None
+        self.shown = 0
+        self._cache = UsdGeom.XformCache(stage.time)
+        self._to_metres = stage.to_metres()
+        self._shapes: dict[Any, list[int]] = {}
+
+    def add_all(self) -> None:
+        for prim in self._below(self.stage.stage.GetPseudoRoot()):
+            self._add(prim, columns(self._cache.GetLocalToWorldTransform(prim)))
+
+    def _below(self, root: Any) -> Iterator[Any]:
+        """What is seen below a prim, instances included; what PointInstancers copy is theirs."""
+        from pxr import Usd, UsdGeom
+
+        prims = iter(Usd.PrimRange(root, Usd.TraverseInstanceProxies()))
+        for prim in prims:
+            image = UsdGeom.Imageable(prim)
+            if not image:
+                continue
+            hidden = self.stage.value(image.GetVisibilityAttr()) == "invisible"
+            if hidden or image.ComputePurpose() not in ("default", "render"):
+                prims.PruneChildren()
+                continue
+            if prim.IsA(UsdGeom.PointInstancer):
+                prims.PruneChildren()
+            yield prim
+
+    def _add(self, prim: Any, to_stage: np.ndarray) -> None:
+        from pxr import UsdGeom, UsdLux
+
+        to_world = self._to_metres @ to_stage
+        if prim.IsA(UsdGeom.Mesh):
+            if prim.HasAPI(UsdLux.LightAPI):
+                self.stage.tell(f"{prim.GetPath()}: light from a mesh is not read: it shows its material")
+            self._place(prim, self._mesh_of(prim), to_world)
+        elif prim.IsA(UsdGeom.PointInstancer):
+            self._copies(UsdGeom.PointInstancer(prim), to_stage)
+        elif prim.IsA(UsdGeom.Camera):
+            self._camera(prim, to_world)
+        elif prim.IsA(UsdLux.DomeLight):
+            self._dome(prim)
+        elif prim.HasAPI(UsdLux.LightAPI):
+            lamps.add_lamp(self.stage, self.writer, prim, to_stage, to_world)
+        elif prim.IsA(UsdGeom.Gprim):
+            self._place(prim, self._solid(prim), to_world)
+        elif prim.GetTypeName() == "SkelRoot":
+            self.stage.tell("skins are shown as their meshes are without a skeleton")
+
+    def _place(self, prim: Any, found: list[int], to_world: np.ndarray) -> None:
+        for shape in found:
+            self.writer.place(str(prim.GetPath()), shape, to_world)
+            self.shown += 1
+
+    def _mesh_of(self, prim: Any) -> list[int]:
+        """glTF's meshes of the prim: one for each material on it. Instances share those of their prototype."""
+        from pxr import UsdGeom, UsdShade
+
+        binding = UsdShade.MaterialBindingAPI(prim)
+        looks = [self.surfaces.of(prim, binding.ComputeBoundMaterial()[0])]
+        shared = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
+        key = shared.GetPath(), looks[0]
+        if key in self._shapes:
+            return self._shapes[key]
+        mesh = UsdGeom.Mesh(prim)
+        found = shapes.triangles_of(self.stage, mesh)
+        out: list[int] = []
+        if found is not None:
+            cut, whole = found
+            face_look = np.zeros(int(cut.corner_face.max()) + 1, dtype=np.int64)
+            for subset in binding.GetMaterialBindSubsets():
+                material = UsdShade.MaterialBindingAPI(subset.GetPrim()).ComputeBoundMaterial()[0]
+                faces = np.asarray(self.stage.value(subset.GetIndicesAttr(), []), dtype=np.int64)
+                faces = faces[(faces >= 0) & (faces < len(face_look))]
+                look = self.surfaces.of(subset.GetPrim(), material)
+                if look not in looks:
+                    looks.append(look)
+                face_look[faces] = looks.index(look)
+            for number in np.unique(face_look[cut.faces]):
+                material_number, uv_name = looks[number]
+                placed = shapes.textured(self.stage, mesh, cut, whole, uv_name)
+                part = shapes.part(placed, face_look[cut.faces] == number)
+                out.append(self.writer.add_shape(str(prim.GetPath()), part, material_number))
+        self._shapes[key] = out
+        return out
+
+    def _solid(self, prim: Any) -> list[int]:
+        from pxr import UsdShade
+
+        mesh = shapes.solid(self.stage, prim)
+        if mesh is None:
+            self.stage.tell(f"{prim.GetTypeName()}s are not read, {prim.GetPath()} among them: export them as meshes")
+            return []
+        material = self.surfaces.of(prim, UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0])[0]
+        return [self.writer.add_shape(str(prim.GetPath()), mesh, material)]
+
+    def _copies(self, instancer: Any, to_stage: np.ndarray) -> None:
+        prototypes = instancer.GetPrototypesRel().GetForwardedTargets()
+        matrices = instancer.ComputeInstanceTransformsAtTime(self.stage.time, self.stage.time)
+        numbers = list(self.stage.value(instancer.GetProtoIndicesAttr(), []))
+        mask = list(instancer.ComputeMaskAtTime(self.stage.time)) or [True] * len(numbers)
+        numbers = [number for number, seen in zip(numbers, mask, strict=True) if seen]
+        if len(matrices) != len(numbers):
+            self.stage.tell(f"{instancer.GetPath()}: its copies cannot be placed: its places or prototypes do not fit")
+            return
+        for number, matrix in zip(numbers, matrices, strict=True):
+            root = self.stage.stage.GetPrimAtPath(prototypes[number])
+            above = np.linalg.inv(columns(self._cache.GetLocalToWorldTransform(root)))
+            for prim in self._below(root):
+                # The copy's matrix has its prototype's own transform inside.
+                inside = above @ columns(self._cache.GetLocalToWorldTransform(prim))
+                self._add(prim, to_stage @ columns(matrix) @ inside)
+
+    def _camera(self, prim: Any, to_world: np.ndarray) -> None:
+        from pxr import Gf, UsdGeom
+
+        camera = UsdGeom.Camera(prim).GetCamera(self.stage.time)
+        if camera.projection != Gf.Camera.Perspective:
+            self.stage.tell(f"{prim.GetPath()}: an orthographic camera is left out")
+            return
+        if camera.horizontalApertureOffset or camera.verticalApertureOffset:
+            self.stage.tell(f"{prim.GetPath()}: its aperture's offset is not read")
+        angle = np.deg2rad(camera.GetFieldOfView(Gf.Camera.FOVVertical))
+        pose = to_world.copy()
+        pose[:3, :3] /= np.linalg.norm(pose[:3, :3], axis=0)
+        self.writer.add_camera(str(prim.GetPath()), pose @ np.diag([1, -1, -1, 1]), float(angle), camera.aspectRatio)
+
+    def _dome(self, prim: Any) -> None:
+        from pxr import UsdLux
+
+        light = UsdLux.DomeLight(prim)
+        if self.stage.value(light.GetTextureFileAttr()) is not None:
+            self.stage.tell(f"{prim.GetPath()}: of a dome light the colour is read: give its picture by --environment")
+        red, green, blue = (lamps.radiance(self.stage, UsdLux.LightAPI(prim)) + np.array(self.ambient or 0.0)).tolist()
+        self.ambient = (red, green, blue)

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Meshes of a stage as triangles, one Mesh for each set of faces that has a material of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from activestereo.scene_io import meshes
+from activestereo.scene_io.meshes import Mesh
+from activestereo.scene_io.usd.stage import Stage
+
+
+@dataclass(frozen=True)
+class Polygons:
+    """A mesh's faces cut into triangles. corners [t, 3]: numbers of corners; vertices: the point of each corner."""
+
+    corners: np.ndarray
+    faces: np.ndarray  # [t], the face that each triangle is of
+    vertices: np.ndarray  # [corner count]
+    corner_face: np.ndarray  # [corner count]
+
+
+def polygons(stage: Stage, mesh: Any) -> Polygons | None:
+    """None: there is no face."""
+    counts = np.asarray(stage.value(mesh.GetFaceVertexCountsAttr(), []), dtype=np.int64)
+    vertices = np.asarray(stage.value(mesh.GetFaceVertexIndicesAttr(), []), dtype=np.int64)
+    if not len(counts) or counts.sum() != len(vertices):
+        return None
+    first = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    triangles = np.maximum(counts - 2, 0)
+    if stage.value(mesh.GetSubdivisionSchemeAttr()) != "none":
+        holes = np.asarray(stage.value(mesh.GetHoleIndicesAttr(), []), dtype=np.int64)
+        triangles[holes[(holes >= 0) & (holes < len(counts))]] = 0
+    faces = np.repeat(np.arange(len(counts)), triangles)
+    step = np.arange(len(faces)) - np.repeat(np.cumsum(triangles) - triangles, triangles)
+    corners = np.stack([first[faces], first[faces] + step + 1, first[faces] + step + 2], axis=1)
+    if stage.value(mesh.GetOrientationAttr()) == "leftHanded":
+        corners = corners[:, [0, 2, 1]]
+    return Polygons(corners, faces, vertices, np.repeat(np.arange(len(counts)), counts))
+
+
+def at_corners(values: np.ndarray, interpolation: str, cut: Polygons) -> np.ndarray | None:
+    """Values [n, k] of a primvar for each face corner; None: their number does not fit the interpolation."""
+    index = {
+        "vertex": cut.vertices,
+        "varying": cut.vertices,
+        "uniform": cut.corner_face,
+        "constant": np.zeros(len(cut.vertices), dtype=np.int64),
+        "faceVarying": np.arange(len(cut.vertices)),
+    }.get(interpolation)
+    if index is None or not len(values) or int(index.max()) >= len(values):
+        return None
+    return np.asarray(values, dtype=np.float64)[index]
+
+
+def _primvar(stage: Stage, prim: Any, name: str, cut: Polygons) -> np.ndarray | None:
+    from pxr import UsdGeom
+
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+    if not primvar or not primvar.HasValue():
+        return None
+    values = np.asarray(primvar.ComputeFlattened(stage.time), dtype=np.float64)
+    return at_corners(values.reshape(len(values), -1), str(primvar.GetInterpolation()), cut)
+
+
+def _normals(stage: Stage, mesh: Any, cut: Polygons, points: np.ndarray) -> np.ndarray:
+    """[corner, 3]. A subdivided mesh without normals is smooth, another has the normals of its faces."""
+    found = _primvar(stage, mesh.GetPrim(), "normals", cut)
+    if found is None:
+        authored = np.asarray(stage.value(mesh.GetNormalsAttr(), []), dtype=np.float64).reshape(-1, 3)
+        found = at_corners(authored, str(mesh.GetNormalsInterpolation()), cut)
+    if found is None:
+        edges = points[cut.vertices[cut.corners]]
+        area = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
+        smooth = stage.value(mesh.GetSubdivisionSchemeAttr()) != "none"
+        owner, count = (cut.vertices, len(points)) if smooth else (cut.corner_face, int(cut.corner_face.max()) + 1)
+        total = np.zeros((count, 3))
+        np.add.at(total, owner[cut.corners].ravel(), np.repeat(area, 3, axis=0))
+        found = total[owner]
+    length = np.linalg.norm(found, axis=1, keepdims=True)
+    return np.where(length > 0, found / np.maximum(length, 1e-300), [0.0, 0.0, 1.0])
+
+
+def triangles_of(stage: Stage, mesh: Any) -> tuple[Polygons, Mesh] | None:
+    """The whole mesh without coordinates of textures, its vertices the face corners; None where nothing is in it."""
+    points = np.asarray(stage.value(mesh.GetPointsAttr(), []), dtype=np.float64).reshape(-1, 3)
+    cut = polygons(stage, mesh)
+    if cut is None or not len(cut.corners):
+        return None
+    if not len(points) or cut.vertices.min() < 0 or cut.vertices.max() >= len(points):
+        stage.tell(f"{mesh.GetPath()}: its faces use points that it does not have; it is left out")
+        return None
+    if stage.value(mesh.GetSubdivisionSchemeAttr()) != "none":
+        stage.tell("meshes are shown as their control cages, with smooth normals: subdivision surfaces are not read")
+    uvs = np.zeros((len(cut.vertices), 2))
+    return cut, Mesh.of(points[cut.vertices], _normals(stage, mesh, cut, points), uvs, cut.corners)
+
+
+def textured(stage: Stage, mesh: Any, cut: Polygons, whole: Mesh, uv_name: str) -> Mesh:
+    """The mesh of triangles_of() with the coordinates of the primvar; unchanged where it has none of that name."""
+    uvs = _primvar(stage, mesh.GetPrim(), uv_name, cut)
+    if uvs is None:
+        return whole
+    return replace(whole, uvs=(uvs[:, :2] * [1, -1] + [0, 1]).astype(np.float32))  # v down
+
+
+def part(whole: Mesh, triangles: np.ndarray) -> Mesh:
+    """Of the triangles alone, vertices that are alike joined."""
+    rows = np.hstack([whole.positions, whole.normals, whole.uvs])[whole.indices[triangles].ravel()]
+    unique, index = np.unique(rows, axis=0, return_inverse=True)
+    return Mesh.of(unique[:, :3], unique[:, 3:6], unique[:, 6:], index.reshape(-1, 3))
+
+
+def solid(stage: Stage, prim: Any) -> Mesh | None:
+    """A Cube, Sphere or Plane; None: it is none of them."""
+    from pxr import UsdGeom
+
+    if prim.IsA(UsdGeom.Cube):
+        size = float(stage.value(UsdGeom.Cube(prim).GetSizeAttr(), 2.0))
+        return _moved(meshes.box(size, size, size), [0, -size / 2, 0])
+    if prim.IsA(UsdGeom.Sphere):
+        return meshes.sphere(float(stage.value(UsdGeom.Sphere(prim).GetRadiusAttr(), 1.0)))
+    if prim.IsA(UsdGeom.Plane):
+        plane = UsdGeom.Plane(prim)
+        width, length = (float(stage.value(a, 2.0)) for a in (plane.GetWidthAttr(), plane.GetLengthAttr()))
+        u, v = {"X": ([0, 0, -width], [0, length, 0]), "Y": ([width, 0, 0], [0, 0, -length])}.get(
+            str(stage.value(plane.GetAxisAttr(), "Z")), ([width, 0, 0], [0, length, 0])
+        )
+        return meshes.sheet(-(np.array(u) + v) / 2, u, v)
+    return None
+
+
+def _moved(mesh: Mesh, by: list[float]) -> Mesh:
+    return Mesh.of(mesh.positions + by, mesh.normals, mesh.uvs, mesh.indices)

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Opens a stage: usd-core's modules, the matrix to metres and y up, and messages that come once for each kind."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+_LOG = logging.getLogger("activestereo.scene_io.usd")
+
+
+class UsdError(ValueError):
+    """A USD file cannot be shown; the text names the file and what to do."""
+
+
+@dataclass
+class Stage:
+    """An open stage at one time, and what was said of it."""
+
+    path: Path
+    stage: Any  # Usd.Stage
+    time: Any  # Usd.TimeCode
+    messages: list[str] = field(default_factory=list)
+
+    def tell(self, message: str) -> None:
+        """Once."""
+        if message not in self.messages:
+            self.messages.append(message)
+            _LOG.warning("%s: %s", self.path, message)
+
+    def value(self, attribute: Any, fallback: Any = None) -> Any:
+        """Of an attribute at the stage's time."""
+        value = attribute.Get(self.time) if attribute else None
+        return fallback if value is None else value
+
+    def to_metres(self) -> np.ndarray:
+        """4x4 from the stage's axes and unit to metres with y up."""
+        from pxr import UsdGeom
+
+        scale = float(UsdGeom.GetStageMetersPerUnit(self.stage))
+        out = np.diag([scale, scale, scale, 1.0])
+        if UsdGeom.GetStageUpAxis(self.stage) == UsdGeom.Tokens.z:
+            out = out @ np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], float)
+        return out
+
+
+def open_stage(path: Path, time_s: float | None) -> Stage:
+    """Raises UsdError."""
+    try:
+        from pxr import Tf, Usd
+    except ImportError as error:
+        raise UsdError(
+            f"{path}: USD is read by the package usd-core, which is missing: pip install usd-core, or export glTF"
+        ) from error
+    if not path.is_file():
+        raise UsdError(f"{path}: there is no such file")
+    try:
+        stage = Usd.Stage.Open(str(path))
+    except Tf.ErrorException as error:
+        raise UsdError(f"{path}: is no USD file that can be read: {_cause(error)}") from error
+    # The earliest time takes what has no samples as it is; without time, what has nothing but samples is not there.
+    code = Usd.TimeCode.EarliestTime() if time_s is None else Usd.TimeCode(_code(stage, time_s))
+    return Stage(path, stage, code)
+
+
+def _code(stage: Any, time_s: float) -> float:
+    return float(stage.GetStartTimeCode() + time_s * stage.GetTimeCodesPerSecond())
+
+
+def _cause(error: Exception) -> str:
+    """The first thing that Pixar's errors quote; they begin with their own source lines."""
+    quoted = [line.split(" : '", 1)[1].rstrip("'") for line in str(error).splitlines() if " : '" in line]
+    return quoted[0] if quoted else "its errors say nothing"
+
+
+def columns(matrix: Any) -> np.ndarray:
+    """4x4 that multiplies columns, of a Gf.Matrix4d, which is multiplied by rows."""
+    return np.array(matrix, dtype=float).T

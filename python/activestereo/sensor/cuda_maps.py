@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The depth engine's maps in memory that CUDA sees too."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+import simsense
+from activestereo.sensor.cuda_memory import CudaArray, CudaMemory
+
+# get_cuda()'s names: the depth engine's or kuafu's by them.
+_OF_EVERY_SENSOR = ("disparity", "ir_left", "ir_right")
+DEPTH_MAPS = ("confidence", "reason", "points", "rectified_left", "rectified_right")
+MAPS = {"depth": "depth_rgb"} | {name: name for name in (*_OF_EVERY_SENSOR, *DEPTH_MAPS)}
+PICTURES = {
+    "rgba8": "srgb",
+    "radiance": "radiance",
+    "true_depth": "depth",
+    "instance_ids": "instance_id",
+    "material_ids": "material_id",
+}
+
+
+def check_cuda_name(name: str, owner: str) -> None:
+    """ValueError where get_cuda() of `owner` has no such thing."""
+    if name not in MAPS and name not in PICTURES:
+        raise ValueError(f"{owner} has no '{name}' for CUDA (known: {', '.join((*MAPS, *PICTURES))})")
+
+
+@dataclass(frozen=True)
+class CudaMap:
+    """One map: the image that the engine writes, and CUDA's view of its memory."""
+
+    image: simsense.Image
+    memory: CudaMemory
+
+    def array(self, shape: tuple[int, ...]) -> CudaArray:
+        """The map as an array of this shape, of the same number of elements."""
+        assert math.prod(shape) == math.prod(self.image.shape)
+        return self.memory.array(self.image.dtype, shape)
+
+    def read(self) -> NDArray[Any]:
+        """A copy of the host's."""
+        return self.image.buffer.read().view(self.image.dtype).reshape(self.image.shape)
+
+
+class CudaMaps:
+    """One memory for each map, which the next picture's is written into."""
+
+    def __init__(self, device: simsense.Device) -> None:
+        self._device = device
+        self._maps: dict[str, CudaMap] = {}
+
+    def compute(self, names: Iterable[str], match: Callable[[Any], Mapping[str, NDArray[Any]]]) -> dict[str, CudaMap]:
+        """The named maps of the last picture. match: computes maps, to arrays where it is given their names, else into
+        {name: simsense.Image}; to arrays of maps that were never asked for, since those tell type and shape. CudaError
+        where there is no CUDA, or none on this GPU."""
+        names = list(names)
+        new = [name for name in names if name not in self._maps]
+        for name, like in match(new).items() if new else ():
+            self._maps[name] = self._made(like)
+        found = {name: self._maps[name] for name in names}
+        match({name: one.image for name, one in found.items()})
+        return found
+
+    def _made(self, like: NDArray[Any]) -> CudaMap:
+        is_host = self._device.info.kind in ("cpu", "host")
+        buffer = simsense.Buffer(self._device, like.nbytes, exportable=True, host_visible=is_host)
+        return CudaMap(buffer.image(like.dtype, like.shape), CudaMemory(buffer))

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""CUDA memory as torch's tensors. RuntimeError where torch or CUDA is missing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.sensor.cuda_memory import CudaArray
+
+if TYPE_CHECKING:
+    import torch
+
+
+def cuda_tensor(array: CudaArray) -> torch.Tensor:
+    """The same memory. What torch computes of it must have been waited for, with wait_for(), before the engines write
+    into it again."""
+    return _torch().as_tensor(array, device=f"cuda:{array.ordinal}")
+
+
+def copied_to_cuda(array: NDArray[Any]) -> torch.Tensor:
+    """A copy of a host's array on torch's current CUDA device."""
+    return _torch().from_numpy(np.ascontiguousarray(array)).cuda()
+
+
+def wait_for(tensor: torch.Tensor) -> torch.Tensor:
+    """The tensor, when all that torch was told to compute on its device before is done."""
+    if tensor.is_cuda:
+        _torch().cuda.current_stream(tensor.device).synchronize()
+    return tensor
+
+
+def _torch() -> Any:
+    try:
+        import torch
+    except ImportError as error:
+        raise RuntimeError("an array on a CUDA device needs the package torch; the host's is get_...()") from error
+    if not torch.cuda.is_available():
+        raise RuntimeError("torch sees no CUDA device here: read the host's array, get_...() without _cuda")
+    return torch

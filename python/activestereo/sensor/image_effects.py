@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A model's effects that no engine field expresses, on the images of a simulated sensor: each acts at its own stage, at
+the cost of copies.
+
+What acts on light comes after the film's optics, what acts on charge before the imager, what acts on counts after it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+import simsense
+from activestereo.camera.registration import registered
+from activestereo.capture.capture import EYES, Frame
+from activestereo.effects.core.descriptor import Effect, Stage
+from activestereo.effects.core.engine import EngineInputs
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.model import Model
+from activestereo.effects.core.view import View
+from activestereo.sensor.ir_link import IrLink
+
+
+class Sensor(Protocol):
+    """What is asked of a StereoDepthSensor."""
+
+    engine_inputs: EngineInputs
+    projector_to_world: NDArray[np.float64]
+    frame_index: int
+
+    def get_config(self) -> Any: ...
+
+    def get_picture(self, name: str, camera: str) -> NDArray[Any]: ...
+
+    def make_engine(self) -> simsense.Engine: ...
+
+
+class ModelCostWarning(UserWarning):
+    """Part of a model is simulated outside of the engines, which costs a copy of every picture."""
+
+
+class ImageEffects:
+    """The effects, pairs (Effect, {parameter: value}), of one sensor. False where there are none: then nothing is
+    touched."""
+
+    def __init__(self, sensor: Sensor, effects: Sequence[tuple[Effect, dict[str, float]]]) -> None:
+        self._sensor = sensor
+        self._effects = tuple(effects)
+        self._matcher: simsense.Engine | None = None
+
+    def __bool__(self) -> bool:
+        return bool(self._effects)
+
+    @property
+    def names(self) -> list[str]:
+        return [effect.id for effect, _ in self._effects]
+
+    def on_light(self, link: IrLink) -> None:
+        """Changes the pair of radiance, up to the charge that it makes."""
+        before, charge = self._of(Stage.PROJECTOR, Stage.OPTICS), self._of(Stage.CHARGE, Stage.CHARGE)
+        if not before.effects and not charge.effects:
+            return
+        inputs, images = self._sensor.engine_inputs, link.images
+        for i, (eye, part) in enumerate(zip(EYES, inputs.eyes, strict=True)):
+            view = self._view(eye, inputs)
+            if before.effects:
+                power = 0.0 if inputs.projector is None else float(inputs.projector.ir_intensity or 0.0)
+                ambient = max(inputs.ambient_radiance, 1e-30)
+                light = before.light(self._light(eye, power, ambient), view, random=True)
+                images[i] = power * light.projector + ambient * light.ambient
+            if charge.effects:
+                signal = part.signal
+                dn = (
+                    signal["responsivity_e"]
+                    * signal["exposure_s"]
+                    * signal["conversion_gain_dn_per_e"]
+                    * signal["gain"]
+                )
+                images[i] = charge.digital(images[i] * dn, view, 0.0, random=True) / dn if dn > 0 else images[i]
+        link.put(images)
+
+    def depth(
+        self, engine: simsense.Engine, pair: tuple[Any, Any], outputs: tuple[str, ...], **lasers: Any
+    ) -> dict[str, NDArray]:
+        """engine.compute() with what acts on counts, disparity and depth."""
+        counts, matched = self._of(Stage.READOUT, Stage.DIGITAL), self._of(Stage.DISPARITY, Stage.DEPTH)
+        wanted = (*outputs, "depth") if matched.effects else outputs
+        if not counts.effects:
+            result = dict(engine.compute(*pair, wanted, **lasers))
+        else:
+            seen = engine.compute(*pair, ("ir_left", "ir_right"), **lasers)
+            left, right = self._counts(counts, [seen["ir_left"], seen["ir_right"]])
+            rest = tuple(name for name in wanted if not name.startswith("ir_"))
+            result = dict(self._own_matcher().compute(left, right, rest)) | {"ir_left": left, "ir_right": right}
+        return self._matched(matched, engine, result) if matched.effects else result
+
+    # ---- inside ----
+
+    def _of(self, first: Stage, last: Stage) -> Model:
+        return Model(tuple((e, p) for e, p in self._effects if first <= e.stage <= last))
+
+    def _counts(self, model: Model, images: list[NDArray]) -> list[NDArray]:
+        out, inputs = [], self._sensor.engine_inputs
+        for eye, part, image in zip(EYES, inputs.eyes, images, strict=True):
+            black = part.signal["black_level_dn"]
+            value = model.digital(image.astype(np.float64) - black, self._view(eye, inputs), black, random=True)
+            out.append(np.rint(value).astype(image.dtype))
+        return out
+
+    def _own_matcher(self) -> simsense.Engine:
+        """An engine that matches counts as they are."""
+        if self._matcher is None:
+            self._matcher = self._sensor.make_engine()
+        bits = {"bit_depth": self._sensor.engine_inputs.left.signal["bit_depth"]}
+        neutral = simsense.signal_preset("neutral") | bits
+        self._matcher.set_signal(neutral, neutral)
+        return self._matcher
+
+    def _matched(self, model: Model, engine: simsense.Engine, result: dict[str, NDArray]) -> dict[str, NDArray]:
+        k, baseline_m, left_to_rectified = engine.rectified
+        view = self._view("left", self._sensor.engine_inputs)
+        depth = model.depth(result["depth"], view).astype(np.float32)
+        disparity = np.where(depth > 0, k[0, 0] * baseline_m / np.where(depth > 0, depth, 1.0), -1.0).astype(np.float32)
+        return result | {
+            "disparity": disparity,
+            "depth_rgb": registered(depth, k, left_to_rectified, self._sensor.get_config()),
+        }
+
+    def _view(self, eye: str, inputs: EngineInputs) -> View:
+        config, picture = self._sensor.get_config(), self._sensor.get_picture
+        k, distortion = config.ir_eye(eye == "right")
+        left, right = (part.camera.camera_to_world for part in inputs.eyes)
+        own = right if eye == "right" else left
+        projector = inputs.projector
+        return View(
+            eye=eye,
+            K=k,
+            depth_m=picture("depth", eye)[..., 0].astype(np.float64),
+            normal=picture("normal", eye).astype(np.float64) @ own[:3, :3],
+            pattern=np.zeros((1, 1), np.float32) if inputs.pattern is None else inputs.pattern,
+            projector_K=np.eye(3) if projector is None else projector.k,
+            camera_to_projector=np.eye(4)
+            if projector is None
+            else np.linalg.inv(self._sensor.projector_to_world) @ own,
+            left_to_camera=np.linalg.inv(own) @ left,
+            frame=self._frame(inputs.frame),
+            max_dn=inputs.max_dn,
+            line_time_s=config.ir_line_time_s or None,
+            seed=inputs.seed,
+            distortion=tuple(distortion),
+            baseline_m=float(np.linalg.norm((np.linalg.inv(right) @ left)[:3, 3])),
+            material=picture("material_id", eye)[..., 0],
+        )
+
+    def _frame(self, frame: Frame) -> Frame:
+        return replace(frame, id=self._sensor.frame_index)
+
+    def _light(self, eye: str, power: float, ambient: float) -> Light:
+        """Radiance under the projector at 1 W/sr and ambient radiance 1; flat as kuafu documents its projector
+        outputs."""
+        picture = lambda name: self._sensor.get_picture(name, eye)[..., 0].astype(np.float64)  # noqa: E731
+        projector = max(power, 1e-30)
+        if power == 0.0:
+            dark = np.zeros_like(picture("ambient"))
+            return Light(dark, dark, picture("ambient") / ambient, dark)
+        flat = picture("albedo") / np.pi * picture("projector_visibility") * picture("projector_geometry")
+        return Light(
+            picture("projector_direct") / projector,
+            picture("projector_indirect") / projector,
+            picture("ambient") / ambient,
+            flat,
+        )

@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: Apache-2.0
+"""EngineInputs of a simulated sensor: what its configuration tells the engines for one exposure, before a model's
+effects; and a model's effects with the names of a scene's surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kuafu
+from activestereo.camera.matching import render_parameters, signal_parameters
+from activestereo.capture.capture import Frame
+from activestereo.common.pose import Pose, camera_to_camera, camera_to_world, carried_twist
+from activestereo.effects.core.engine import EngineEye, EngineInputs
+from activestereo.effects.core.model import Model
+from activestereo.effects.core.scene_surfaces import split_surfaces
+from activestereo.effects.engines.scene_measurement import Survey
+from activestereo.model import SensorModel, read_model
+
+if TYPE_CHECKING:
+    from activestereo.camera.presets import StereoDepthSensorConfig
+
+# Media reach so far beyond scene and rig.
+_MARGIN_M = 0.05
+# A collimated beam is in focus here: a dot is the beam's width in metres beside its angle.
+_FAR_M = 1e6
+
+
+def sensor_inputs(
+    config: StereoDepthSensorConfig,
+    scene: kuafu.Scene,
+    pose: Pose,
+    twist: NDArray[np.float64],
+    frame: Frame,
+    pattern: NDArray[np.float32] | None,
+    ambient_radiance: float,
+    emitter: float = 1.0,
+) -> EngineInputs:
+    """config at `pose`, the RGB camera's in the scene (body axes); twist: of the left camera in its own axes, m/s and
+    rad/s. pattern: None where the sensor has no projector or throws dots. emitter: the laser's power over its nominal
+    one."""
+    signal = _signal(config, frame)
+    summary = scene.summary
+    return EngineInputs(
+        left=_eye(config, pose, twist, config.trans_pose_l, dict(signal), is_right=False),
+        right=_eye(config, pose, twist, config.trans_pose_r, dict(signal), is_right=True),
+        projector=_projector(config, pose, twist, pattern, emitter),
+        pattern=pattern,
+        frame=frame,
+        new_light=kuafu.Light,
+        new_medium=kuafu.Medium,
+        scene_materials=scene.get_material,
+        material_count=summary.material_count,
+        bounds_m=_bounds(summary, camera_to_world(pose)[:3, 3]),
+        max_dn=float(2 ** int(signal["bit_depth"]) - 1),
+        seed=config.noise_seed,
+        ambient_radiance=ambient_radiance,
+        speckle_of_laser=bool(config.ir_speckle_of_laser),
+    )
+
+
+def exposed_anew(
+    inputs: EngineInputs | None, config: StereoDepthSensorConfig, effects: Model, survey: Survey
+) -> EngineInputs | None:
+    """The inputs under the configuration's present exposure and gain; None where they have to be found anew: where
+    there are none yet, or effects or a survey, which may depend on the exposure, have touched them."""
+    if inputs is None or effects.effects or survey != Survey():
+        return None
+    inputs.frame = replace(inputs.frame, exposure_s=config.ir_camera_exposure)
+    for eye in inputs.eyes:
+        eye.signal = _signal(config, inputs.frame)
+        eye.camera.exposure_s = config.ir_camera_exposure
+    return inputs
+
+
+def exposure(
+    config: StereoDepthSensorConfig,
+    twist: NDArray[np.float64],
+    timestamp_s: float = 0.0,
+    temperature_c: float | None = None,
+) -> Frame:
+    """The frame of one exposure, for effects, with the RGB camera at the origin."""
+    return Frame(
+        id=0,
+        left_path=None,
+        right_path=None,
+        timestamp_s=timestamp_s,
+        exposure_s=config.ir_camera_exposure,
+        camera_to_world=np.eye(4),
+        split="train",
+        temperature_c=temperature_c,
+        camera_velocity=twist,
+    )
+
+
+def render_settings(config: StereoDepthSensorConfig, frame: int) -> dict[str, Any]:
+    """Keyword arguments of kuafu.Renderer.render that follow from the configuration alone."""
+    return render_parameters(config) | {"seed": (config.render_seed << 32) + frame}
+
+
+def twist_of(config: StereoDepthSensorConfig, twist: NDArray[np.float64], pose_in_rgb: Pose) -> NDArray[np.float64]:
+    """[2, 3] linear and angular velocity, in its own camera axes, of what stands at this place of the sensor."""
+    if not np.any(twist):  # as nearly always; each picture under automatic exposure asks
+        return np.zeros((2, 3))
+    return carried_twist(camera_to_camera(config.trans_pose_l, pose_in_rgb), twist).reshape(2, 3)
+
+
+def shutter(line_time_s: float, readout: str) -> dict[str, Any]:
+    """kuafu.Camera's fields of a rolling shutter, none for a global one."""
+    return {"shutter": "rolling", "line_time_s": line_time_s, "readout": readout} if line_time_s else {}
+
+
+def _signal(config: StereoDepthSensorConfig, frame: Frame) -> dict[str, float]:
+    signal = signal_parameters(config)
+    return signal if frame.temperature_c is None else signal | {"temperature_c": frame.temperature_c}
+
+
+def _eye(
+    config: StereoDepthSensorConfig,
+    pose: Pose,
+    twist: NDArray[np.float64],
+    place: Pose,
+    signal: dict[str, float],
+    is_right: bool,
+) -> EngineEye:
+    linear, angular = twist_of(config, twist, place)
+    k, distortion = config.ir_eye(is_right)
+    width, height = config.ir_resolution
+    camera = kuafu.Camera(
+        width,
+        height,
+        k,
+        camera_to_world(pose * place),
+        linear_velocity=linear,
+        angular_velocity=angular,
+        distortion=distortion,
+        exposure_s=config.ir_camera_exposure,
+        **shutter(config.ir_line_time_s, config.ir_readout),
+    )
+    film = kuafu.Film(**(config.ir_film or {}))
+    return EngineEye(camera, film, signal, is_right)
+
+
+def _projector(
+    config: StereoDepthSensorConfig,
+    pose: Pose,
+    twist: NDArray[np.float64],
+    pattern: NDArray[np.float32] | None,
+    emitter: float,
+) -> kuafu.Light | None:
+    fields: dict[str, Any]
+    if config.light_dots is not None:
+        design = config.pattern_design
+        size = {"pattern_width": design.width, "pattern_height": design.height, "dot_sigma_px": design.dot_sigma_px}
+        size["dot_background"] = config.light_dot_background
+        fields = {"dots": config.light_dots, "k": config.pattern_k(design.width, design.height), **size}
+    elif pattern is None:
+        return None
+    else:
+        fields = {"k": config.pattern_k(pattern.shape[1], pattern.shape[0])}
+    if config.projector_beam_radius_m > 0.0:
+        fields |= {"radius_m": config.projector_beam_radius_m, "focus_m": _FAR_M}
+    linear, angular = twist_of(config, twist, config.pose_rgb_irproj)
+    return kuafu.Light(
+        kind="projector",
+        name="projector",
+        ir_intensity=config.projector_intensity * emitter,
+        falloff=config.projector_falloff,
+        pattern_scale=config.light_pattern_scale,
+        light_to_world=camera_to_world(pose * config.pose_rgb_irproj),
+        linear_velocity=linear,
+        angular_velocity=angular,
+        **fields,
+    )
+
+
+def _bounds(summary: kuafu.SceneSummary, place: NDArray[np.float64]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    corners = [summary.bounds_min_m, summary.bounds_max_m] if summary.triangle_count else []
+    points = np.array([*corners, place])
+    return tuple(points.min(axis=0) - _MARGIN_M), tuple(points.max(axis=0) + _MARGIN_M)
+
+
+def fitted_to(
+    scene: kuafu.Scene,
+    source: object,
+    model: SensorModel | str | PathLike[str] | None,
+    config: StereoDepthSensorConfig,
+) -> tuple[Model, Survey, float]:
+    """(effects, survey, infrared radiance of the model's room) in this scene. source: what the scene is from; where the
+    model tells two objects of one material apart and it is a file's path, each gets a material of its own."""
+    if model is None:
+        return Model(), Survey(), config.ir_ambient_radiance
+    model = model if isinstance(model, SensorModel) else read_model(Path(model))
+    names = _material_names(scene)
+    if isinstance(source, (str, PathLike)) and not model.surfaces <= set(names):
+        split_surfaces(scene, Path(source))
+        names = _material_names(scene)
+    ambient = model.nuisances.get("ambient_scale")
+    radiance = config.ir_ambient_radiance if ambient is None else ambient.value / config.ir_responsivity_dn
+    return model.bound(names), model.survey(names), radiance
+
+
+def _material_names(scene: kuafu.Scene) -> list[str]:
+    return [scene.material_name(number) for number in range(scene.summary.material_count)]

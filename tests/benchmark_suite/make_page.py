@@ -1,0 +1,171 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Writes the bank's README.md from results/*.json.
+
+    python3 tests/benchmark_suite/make_page.py            # writes it
+    python3 tests/benchmark_suite/make_page.py --check    # fails where it is not what the results say
+
+results/generation-NN.json holds the measures of a run's score.json with its command, machine, date and number of
+answered worlds n, and a note on those that were not; next.json and practice.json hold what run_next.py and practice.py
+printed; causes.json says what goes wrong.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+from bank_bars import BARS
+
+FOLDER = Path(__file__).resolve().parent
+RESULTS = FOLDER / "results"
+HEAD = """# The blind bank
+
+Does `activestereo diagnose` find an effect that it does not know? An independent virtual sensor
+(`tests/support/worlds/blind`) makes small captures (212x120, 8 frames) with something hidden in them, writes the answer
+key elsewhere, runs the tool on the capture alone, and scores what it says.
+
+    python3 tests/benchmark_suite/run_bank.py --set small --out out/bank     # 12 fixed worlds
+    python3 tests/benchmark_suite/run_bank.py --set all --jobs 2 --out out/bank-all
+
+`--generation N` makes other worlds of the same kinds by another seed. The lab learns from generation 1; generation 0
+is the bank's own. `--only NAME...` takes worlds by id or by an effect that they hide. A run goes on where it was
+stopped. `DIR/README.md` is its score page, `score.json` holds the numbers, and `keys/` the truth. `hide.py` makes one
+more world for [examples/hidden_effect](../../examples/hidden_effect/README.md), and `gate_study.py` halves and doubles
+each [threshold](../../python/activestereo/diagnose/README.md#thresholds).
+
+| set | worlds | hidden |
+|---|---|---|
+| single | 156 | 39 effects at four strengths: below the floor, weak, medium, strong |
+| pairs | 40 | two effects, 11 times twins that resemble each other |
+| outside | 28 | 14 effects that no library has, medium and strong |
+| none | 100 | nothing |
+| depth | 12 | faults of the device's depth engine; captures without infrared images |
+
+The sensor shares no code with the product: it has ray casting in closed form, radiosity, PCG64 random numbers, and
+writers and a depth engine of its own. Where physics allows, hidden effects follow other formulas than the product's: a
+hexagonal aperture, a disc for lens blur, a division model of distortion, a rectified sine. The capture's object
+positions, angles, albedos and focal lengths have uniform errors of up to 1 mm, 0.25 deg, 3 % and 0.1 %.
+
+Strength is the error that an effect leaves on test frames, over the noise floor, in quadrature: about 0.15, 0.4, 0.9
+and 2. An effect counts as detectable from 0.5 on. Worlds call a lamp in the room `ambient_ir`; the library's
+`external_light` is the same physics and a right answer. A fault of the depth engine that any other matcher shares is
+not a fault of the sensor: there `none` is right.
+
+`python3 tests/benchmark_suite/make_page.py` writes this page from [results](results).
+"""
+BOUND = (
+    "Errors of the scene measurement bound the error fall F: in world g1-none-000 they leave 0.054 of the noise",
+    "variance, so that an F of 0.88 is the most for a medium effect, where exact measurements would allow 0.94.",
+)
+HIDDEN = ("seconds per diagnosis (median)", "failed", "depth alone is undetermined")
+
+
+def main(arguments):
+    page = make_page()
+    if arguments == ["--check"]:
+        if (FOLDER / "README.md").read_text() != page:
+            print("README.md is not what results/*.json say: run python3 tests/benchmark_suite/make_page.py")
+            return 1
+        return 0
+    (FOLDER / "README.md").write_text(page)
+    return 0
+
+
+def make_page():
+    """The page as text."""
+    runs = [json.loads(path.read_text()) for path in sorted(RESULTS.glob("generation-*.json"), reverse=True)]
+    own = runs[-1]
+    lines = [HEAD, "## How often it is right", "", *_measures(runs), ""]
+    lines += [f"By strength, of generation {own['generation']}:", "", *_strengths(own["by_strength"]), ""]
+    lines += ["![Answers by strength](answers.png)", "", "![Truth against the first name](confusion.png)", ""]
+    lines += ["![Stated confidence against how often it was right](calibration.png)", "", "## What goes wrong", ""]
+    lines += [*_rows(_read("causes"), ("hidden", "answer", "cause")), "", *BOUND]
+    return "\n".join([*lines, "", *_next(_read("next")), "", *_practice(_read("practice"))]) + "\n"
+
+
+def _measures(runs):
+    newest = runs[0]
+    lines = ["|generation|date|machine|of 336 worlds answered|", "|--|--|--|--|"]
+    lines += [f"|{r['generation']}|{r['date']}|{r['machine']}|{r['n']}{r['note']}|" for r in runs]
+    lines += ["", f"The columns are generations; brackets hold the 95 % interval and n of {newest['generation']}.", ""]
+    lines += [f"|measure|bar|aim|{'|'.join(str(r['generation']) for r in runs)}|", "|--" * (3 + len(runs)) + "|"]
+    for name in (name for name in runs[-1]["measures"] if name not in HIDDEN):
+        sign, bar, aim = BARS.get(name, ("", "", ""))
+        values = [_value(run["measures"].get(name), run is newest) for run in runs]
+        lines.append(f"|{name}|{sign}{bar}|{sign}{aim}|{'|'.join(values)}|")
+    return lines
+
+
+def _value(measure, with_interval):
+    if measure is None:
+        return ""
+    text = f"{measure['value']:.3g}"
+    if not with_interval or measure["low"] is None:
+        return text
+    return f"{text} ({measure['low']:.2g}-{measure['high']:.2g}; {measure['n']})"
+
+
+def _strengths(by_strength):
+    measures = list(next(iter(by_strength.values())))
+    lines = [f"|strength|{'|'.join(measures)}|", "|--" * (1 + len(measures)) + "|"]
+    return [
+        *lines,
+        *(f"|{name}|{'|'.join(str(part[key]['value']) for key in measures)}|" for name, part in by_strength.items()),
+    ]
+
+
+def _rows(records, keys):
+    return [
+        f"|{'|'.join(keys)}|",
+        "|--" * len(keys) + "|",
+        *(f"|{'|'.join(str(record[key]) for key in keys)}|" for record in records),
+    ]
+
+
+def _next(run):
+    shares = [f"{run[how]['resolved']} of {run[how]['n']}" for how in ("asked", "random")]
+    return [
+        "## The next measurement",
+        "",
+        "Where several names fit equally, the tool asks for one more measurement. In ambiguous worlds of generations "
+        f"{', '.join(map(str, run['generations']))} its frames resolved {shares[0]}, and random frames {shares[1]}"
+        f" ({run['date']}, {run['machine']}):",
+        "",
+        f"    {run['command']}",
+    ]
+
+
+def _practice(run):
+    lines = [
+        "## The practice captures",
+        "",
+        "Another program rendered nine captures (424x240, 12 frames). Gap is (before - after) / (before - floor), from "
+        "the answers; the last columns are test errors of the diagnosis and of `compare --model`, which renders what "
+        f"was found ({run['date']}, {run['machine']}, n = {run['n']}):",
+        "",
+        f"    {run['command']}",
+        "",
+        "|capture|hidden|answer|gap|diagnosis, DN|engines, DN|",
+        "|--|--|--|--|--|--|",
+    ]
+    for row in run["rows"]:
+        gap = "" if row["gap"] is None else f"{row['gap']:.2f}"
+        cells = (row["capture"], row["hidden"], row["answer"], gap)
+        lines.append(f"|{'|'.join(cells)}|{row['diagnosis_dn']:.3f}|{row['engines_dn']:.3f}|")
+    found = run["parameters"]
+    values = "; ".join(
+        f"{r['parameter']} {r['found']:g} ({r['low']:g} to {r['high']:g}; truth {r['truth']:g})" for r in found["rows"]
+    )
+    return [
+        *lines,
+        "",
+        f"Parameters of {found['capture']} with their 90 % intervals ({found['date']}, {found['machine']}): {values}.",
+    ]
+
+
+def _read(name):
+    return json.loads((RESULTS / f"{name}.json").read_text())
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

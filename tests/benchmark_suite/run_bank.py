@@ -1,0 +1,167 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Runs the blind bank: makes worlds with hidden effects, has the tool diagnose each, and scores its answers.
+
+    python3 tests/benchmark_suite/run_bank.py --set small --out out/bank
+
+Resumable: worlds that have an answer in DIR are not run again. DIR holds keys/ (the truth, which the tool does not
+see), captures/ (as long as needed), answers/ (diagnose.json and the tool's output), then score.json, README.md and its
+pictures. """
+
+import argparse
+import json
+import multiprocessing
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+COMMAND = f"{ROOT / 'build/bin/activestereo'} diagnose {{capture}} --out {{out}} --greedy --workers 1"
+
+
+def main():
+    args = _arguments()
+    from bank_sets import items
+
+    todo = [item for item in items(args.set, args.generation) if is_wanted(item, args.only)][: args.limit]
+    waiting = [item for item in todo if not (args.out / "answers" / item.id / "run.json").is_file()]
+    print(f"{args.set}: {len(todo)} worlds, {len(todo) - len(waiting)} answered already")
+    _run_all(waiting, args)
+    from bank_page import write_page
+    from bank_score import read_results, score
+
+    results = read_results(args.out, [item.id for item in todo])
+    scores = score(results)
+    (args.out / "score.json").write_text(json.dumps(scores, indent=1) + "\n")
+    print(write_page(scores, results, args.out, args.set))
+    right = sum(result.right for result in results)
+    print(f"{right} of {len(results)} worlds answered in full and without error; {args.out / 'README.md'}")
+    return 1 if right < args.least or any(result.failed for result in results) else 0
+
+
+def _arguments():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    sets = ("small", "single", "pairs", "outside", "none", "depth", "all")
+    parser.add_argument("--set", choices=sets, required=True)
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument(
+        "--jobs", type=int, default=2, metavar="N", help="worlds at a time, each on its share of the cores (default: 2)"
+    )
+    parser.add_argument(
+        "--generation",
+        type=int,
+        default=0,
+        metavar="N",
+        help="other worlds of the same kinds (default: 0, the bank's own)",
+    )
+    parser.add_argument(
+        "--only", nargs="+", metavar="NAME", help="worlds of these ids, or that hide one of these effects"
+    )
+    parser.add_argument("--limit", type=int, metavar="N", help="the first N worlds only")
+    parser.add_argument(
+        "--survey",
+        type=float,
+        default=1.0,
+        metavar="X",
+        help="size of the calibration's and scene's errors (default: 1)",
+    )
+    parser.add_argument("--command", default=COMMAND, help="the tool, with {capture} and {out} (default: %(default)s)")
+    parser.add_argument(
+        "--timeout", type=float, default=900.0, metavar="S", help="seconds per diagnosis (default: 900)"
+    )
+    parser.add_argument(
+        "--least", type=int, default=0, metavar="N", help="fail where fewer worlds are answered rightly"
+    )
+    parser.add_argument("--keep", action="store_true", help="keep the captures")
+    return parser.parse_args()
+
+
+def is_wanted(item, names):
+    """Whether a world is among the names: ids, or effects that it hides; every world where no name is given."""
+    return names is None or item.id in names or any(effect in names for effect, _ in item.strengths)
+
+
+def _run_all(waiting, args):
+    started = time.monotonic()
+    cores = sorted(os.sched_getaffinity(0))
+    context = multiprocessing.get_context("spawn")
+    lock_ids = context.Queue()
+    for job in range(args.jobs):
+        lock_ids.put(cores[job :: args.jobs] or cores)
+    with context.Pool(args.jobs, initializer=_take_cores, initargs=(lock_ids,)) as pool:
+        tasks = [(item, args.out.resolve(), args.survey, args.command, args.timeout, args.keep) for item in waiting]
+        for done, (item_id, run) in enumerate(pool.imap_unordered(_run_one, tasks), 1):
+            left = (time.monotonic() - started) / done * (len(waiting) - done)
+            what = run["said"] if run["returncode"] == 0 else f"failed ({run['returncode']})"
+            print(
+                f"[{done}/{len(waiting)}] {item_id}: {run['diagnose_s']:.0f} s, {what}; {_duration(left)} left",
+                flush=True,
+            )
+
+
+def _take_cores(shares):
+    """Each worker, and the tool that it starts, keeps to its own cores."""
+    os.sched_setaffinity(0, shares.get())
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ[name] = str(len(os.sched_getaffinity(0)))
+
+
+def _run_one(task):
+    item, out, survey, command, timeout, keep = task
+    sys.path.insert(0, str(Path(__file__).resolve().parent))
+    from make_world import make_world
+
+    capture, key = out / "captures" / item.blind_name, out / "keys" / f"{item.id}.json"
+    answer = out / "answers" / item.id
+    shutil.rmtree(answer, ignore_errors=True)
+    answer.mkdir(parents=True)
+    started = time.monotonic()
+    if not (key.is_file() and capture.is_dir()):
+        capture.parent.mkdir(parents=True, exist_ok=True)
+        make_world(item, capture, key, survey)
+    made = time.monotonic()
+    run = diagnose_capture(command, capture, answer, timeout) | {
+        "make_s": made - started,
+        "diagnose_s": time.monotonic() - made,
+    }
+    (answer / "run.json").write_text(json.dumps(run))
+    if not keep:
+        shutil.rmtree(capture)
+    return item.id, run
+
+
+def diagnose_capture(command, capture, answer, timeout):
+    """Runs the tool on a capture folder; {returncode, said}. answer: the folder for diagnose.json and the tool's
+    output."""
+    words = [word.format(capture=capture, out=answer) for word in shlex.split(command)]
+    with open(answer / "log.txt", "w") as log:
+        try:
+            code = subprocess.run(words, stdout=log, stderr=subprocess.STDOUT, timeout=timeout, cwd=answer).returncode
+        except subprocess.TimeoutExpired:
+            code = "timeout"
+    said = "no answer"
+    if (answer / "diagnose.json").is_file():
+        result = json.loads((answer / "diagnose.json").read_text())
+        engine = result.get("depth", {"verdict": "not judged", "added": []})
+        said = " ".join([result["verdict"], *result["added"], "| depth engine:", engine["verdict"], *engine["added"]])
+    elif code == 0:
+        code = "no diagnose.json"
+    return {"returncode": code, "said": said}
+
+
+def _duration(seconds):
+    return (
+        f"{seconds / 3600:.1f} h"
+        if seconds > 5400
+        else f"{seconds / 60:.0f} min"
+        if seconds > 90
+        else f"{seconds:.0f} s"
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,78 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Does the measurement that the tool asks for separate what it could not tell apart?
+
+    python3 tests/benchmark_suite/run_next.py --set all --out out/bank-all --most 20
+
+Takes worlds of a bank that was run, where the first name has others beside it that fit as well and the truth is among
+them. Each is made once more with the frames that the tool asks for, and once with frames of a random choice, and
+diagnosed anew. DIR/next/WORLD/{asked,random}/ holds the answers; run_bank.py scores them with the rest. Resumable. """
+
+import argparse
+import json
+import multiprocessing
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+from bank_score import read_results
+from bank_sets import ALL, items
+from make_world import make_world
+from run_bank import COMMAND, diagnose_capture
+from worlds.blind.more import CHOICES
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--set", choices=("small", *ALL, "all"), required=True)
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--generation", type=int, default=0, metavar="N", help="of the worlds, as for run_bank.py")
+    parser.add_argument("--most", type=int, default=20, metavar="N", help="worlds (default: 20)")
+    parser.add_argument("--jobs", type=int, default=2, metavar="N")
+    parser.add_argument("--survey", type=float, default=1.0, metavar="X")
+    parser.add_argument("--command", default=COMMAND, help="the tool, with {capture} and {out} (default: %(default)s)")
+    parser.add_argument("--timeout", type=float, default=900.0, metavar="S")
+    args = parser.parse_args()
+    by_id = {item.id: item for item in items(args.set, args.generation)}
+    chosen = [r for r in read_results(args.out, by_id) if r.is_ambiguous][: args.most]
+    print(f"{len(chosen)} worlds where the truth is one of several names")
+    tasks = [
+        (by_id[r.key["id"]], how, change, args)
+        for r in chosen
+        for how, change in (("asked", asked_change(r.answer)), ("random", random_change(by_id[r.key["id"]])))
+    ]
+    with multiprocessing.get_context("spawn").Pool(args.jobs) as pool:
+        for line in pool.imap_unordered(_follow, tasks):
+            print(line, flush=True)
+    return 0
+
+
+def asked_change(answer):
+    """The change of frames that the tool puts first; None where its advice is another."""
+    return answer["next_measurement"][0]["change"] if answer["next_measurement"] else None
+
+
+def random_change(item):
+    rng = np.random.Generator(np.random.PCG64([item.seed, 31]))
+    return CHOICES[str(rng.choice(list(CHOICES)))]
+
+
+def _follow(task):
+    item, how, change, args = task
+    place = args.out.resolve() / "next" / item.id / how
+    if change is None or (place / "diagnose.json").is_file():
+        return f"{item.id} {how}: {'no frames to record' if change is None else 'done before'}"
+    os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    place.mkdir(parents=True, exist_ok=True)
+    capture = place / "capture"
+    make_world(item, capture, place / "key.json", args.survey, more=change)
+    run = diagnose_capture(args.command, capture, place, args.timeout)
+    shutil.rmtree(capture)
+    (place / "change.json").write_text(json.dumps(change))
+    return f"{item.id} {how} {change}: {run['said']}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

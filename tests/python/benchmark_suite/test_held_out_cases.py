@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The blind worlds are what their keys say: light obeys its laws, hidden effects show, and the simulator agrees where
+nothing hides."""
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from worlds.blind import oracle
+from worlds.blind.caster import closest
+from worlds.blind.catalogue import CATALOGUE, OUTSIDE, SINGLE, STRENGTHS
+from worlds.blind.depth import device_depth
+from worlds.blind.lightmap import Lightmap
+from worlds.blind.scene import draw_scene, texel_spacing
+from worlds.blind.more import more_frames
+from worlds.blind.world import EYES, RAY_EFFECTS, World
+from worlds.cylinder import Cylinder
+from worlds.solids import Box, Sphere
+from worlds.tiles import Tiles
+
+SUPPORT = Path(__file__).resolve().parents[2] / "support"
+PRODUCT = {"activestereo", "kuafu", "simsense"}
+
+
+@pytest.fixture(scope="module")
+def world():
+    """Without survey errors."""
+    return World(seed=5, hidden={}, survey=0.0)
+
+
+def pcg64(seed):
+    return np.random.Generator(np.random.PCG64(seed))
+
+
+def test_blind_worlds_share_no_code_with_the_product():
+    files = [
+        *(SUPPORT / "worlds" / "blind").glob("*.py"),
+        *(SUPPORT / "worlds" / f"{n}.py" for n in ("solids", "cylinder", "tiles", "gltf")),
+    ]
+    for path in files:
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = (
+                [a.name for a in node.names]
+                if isinstance(node, ast.Import)
+                else [node.module]
+                if isinstance(node, ast.ImportFrom)
+                else []
+            )
+            assert not PRODUCT & {name.split(".")[0] for name in names}, path
+
+
+def test_white_surfaces_under_a_white_sky_vanish():
+    solids = (
+        Tiles("table", (0.0, 0.0, 0.0), (0.0, 0.0, 0.5), (0.5, 0.0, 0.0), ((1.0, 1.0), (1.0, 1.0))),
+        Sphere("ball", (0.1, 0.15, 0.0), 0.08, 1.0),
+        Cylinder("can", (-0.2, 0.1, 0.0), (0.0, 1.0, 0.0), 0.05, 0.1, 1.0),
+        Box("box", (0.0, 0.06, -0.25), (0.06, 0.06, 0.06), 0.3, 1.0),
+    )
+    lightmap = Lightmap(solids, pcg64(1), [0.03, 0.02, 0.02, 0.02])
+    np.testing.assert_allclose(lightmap.ambient()[lightmap.exposed], 1.0, atol=0.02)
+
+
+def test_a_ball_on_the_table_darkens_it_by_the_balls_form_factor():
+    """A sphere at height h straight above takes (r / h)^2 of the cosine-weighted sky."""
+    ball = Sphere("ball", (0.0, 0.3, 0.0), 0.1, 0.0)
+    table = Tiles("table", (0.0, 0.0, 0.0), (0.0, 0.0, 0.5), (0.5, 0.0, 0.0), ((0.0, 0.0), (0.0, 0.0)))
+    lightmap = Lightmap((table, ball), pcg64(2), [0.01, 0.05])
+    near = (np.hypot(lightmap.points[:, 0], lightmap.points[:, 2]) < 0.02) & (lightmap.owner == 0)
+    assert lightmap.ambient()[near].mean() == pytest.approx(1.0 - (0.1 / 0.3) ** 2, abs=0.004)
+
+
+@pytest.mark.parametrize("solid", [
+    Cylinder("can", (0.1, 0.2, -0.1), (0.0, 1.0, 0.0), 0.06, 0.1, 0.5),
+    Cylinder("pipe", (0.0, 0.05, 0.1), (0.8, 0.0, 0.6), 0.05, 0.12, 0.5),
+    Sphere("ball", (0.0, 0.1, 0.0), 0.1, 0.5),
+])  # fmt: skip
+def test_triangles_lie_on_the_closed_form(solid):
+    """Rays from far towards the triangles' middles hit the solid within 40 micrometres of them, from the side of their
+    normal."""
+    positions, normals, faces = solid.triangles()
+    middles, outward = positions[faces].mean(axis=1), normals[faces].mean(axis=1)
+    length = np.linalg.norm(outward, axis=1)
+    middles, outward = middles[length > 0.5], outward[length > 0.5] / length[length > 0.5, None]
+    t, normal, _ = closest((solid,), middles + outward, -outward)
+    assert np.abs(t - 1.0).max() < 4e-5
+    assert (np.einsum("ij,ij->i", normal, outward) > 0.999).all()
+
+
+def test_scenes_are_drawn_apart_and_differ():
+    first, second = draw_scene(pcg64(1)), draw_scene(pcg64(2))
+    assert len(first) == len(texel_spacing(first)) == 7
+    assert first[2].centre != second[2].centre
+
+
+def test_without_a_hidden_effect_nothing_is_left_to_explain(world):
+    images = {(f.id, eye): world.measured(f, eye) for f in world.frames for eye in EYES}
+    figures = oracle.errors(world, images)
+    for split in ("train", "test"):
+        assert figures[split]["ratio"] < 0.03
+        assert 1.0 < figures[split]["floor_dn"] < 6.0
+
+
+@pytest.mark.parametrize("name", [n for n in (*SINGLE, *OUTSIDE) if n not in RAY_EFFECTS])
+def test_hidden_effects_on_images_leave_error(world, name):
+    hidden = {name: CATALOGUE[name].draw(STRENGTHS.index("strong"), pcg64(3))}
+    changed = world.hiding(hidden)
+    images = {(frame.id, eye): changed.measured(frame, eye) for frame in changed.frames for eye in EYES}
+    if name in ("row_noise", "quantisation"):  # These are in the images' noise, not in their mean.
+        calm = np.std(world.measured(world.frames[2], "left") - world.expected(world.frames[2], "left", {}))
+        assert np.std(images[2, "left"] - world.expected(world.frames[2], "left", {})) > 1.5 * calm
+    else:
+        assert oracle.errors(changed, images)["test"]["ratio"] > 0.5
+
+
+@pytest.mark.parametrize("name", ["stereo_pitch", "exposure_desync", "subsurface"])
+def test_hidden_effects_on_rays_leave_error(world, name):
+    hidden = {name: CATALOGUE[name].draw(STRENGTHS.index("strong"), pcg64(3))}
+    frame = world.frames[6]
+    difference = world.hiding(hidden).expected(frame, "right", hidden) - world.expected(frame, "right", {})
+    assert np.sqrt(np.mean(difference**2)) > 1.0
+
+
+def test_the_virtual_device_measures_the_distance(world):
+    frame = world.frames[0]
+    images = [world.measured(frame, eye) for eye in EYES]
+    depth = device_depth(*images, world.rig.focal_px, world.rig.baseline_m, {})
+    truth = world.layers(frame, "left", {}).depth[2::4, 2::4]
+    valid = (depth > 0) & (truth > 0)
+    assert valid.mean() > 0.7
+    error_px = world.rig.focal_px * world.rig.baseline_m * (1 / depth[valid] - 1 / truth[valid])
+    assert np.median(np.abs(error_px)) < 0.3
+    assert abs(np.median(error_px)) < 0.15
+
+
+def test_the_simulator_reaches_the_floor_of_a_world_that_hides_nothing(world, tmp_path, device):
+    from activestereo.capture.capture import read_capture
+    from activestereo.compare.cache import LayerCache
+    from activestereo.compare.compare import compare
+
+    figures = world.capture(tmp_path / "capture", "null")
+    assert len(read_capture(tmp_path / "capture").frames) == 8
+    scores = compare(tmp_path / "capture", cache=LayerCache(tmp_path / "cache"), samples_per_pixel=64).scores
+    for split in ("train", "test"):
+        assert scores["ir"][split]["rmse_dn"] < 1.04 * figures[split]["floor_dn"]
+    assert scores["fit"]["nuisances"]["projector_scale"] == pytest.approx(world.sensor.projector_scale, rel=0.01)
+    assert scores["fit"]["nuisances"]["black_dn"] == pytest.approx(world.sensor.black_dn, abs=0.1)
+
+
+def test_more_frames_repeat_each_train_view_under_the_change(world):
+    more = more_frames(world.frames, {"exposure_factor": 2.0})
+    views = [f for f in world.frames if f.split == "train" and f.id != 1]
+    assert [f.exposure_s for f in more[8:]] == [2.0 * f.exposure_s for f in views]
+    assert [f.id for f in more] == list(range(len(more)))
+    elsewhere = more_frames(world.frames, {"views": 2})[len(world.frames) :]
+    assert [f.id for f in elsewhere] == [8, 9] and elsewhere[0].timestamp_s > world.frames[-1].timestamp_s
+    assert (
+        len({f.camera_to_world.tobytes() for f in (*world.frames, *elsewhere)})
+        == len({f.camera_to_world.tobytes() for f in world.frames}) + 2
+    )
+    repeated = more_frames(world.frames, {"repeats": 2})
+    assert all(f.repeat_group is not None for f in repeated if f.split == "train")
+    groups = [f.repeat_group for f in repeated[8:]]
+    assert all(groups.count(g) == 2 for g in groups)
+
+
+def test_the_same_sensor_stands_in_another_scene():
+    first = World(seed=5, hidden={"gain_mismatch": {"gain": 0.1, "offset_dn": 0.0}})
+    other = first.in_scene(6)
+    assert other.rig is not None and np.array_equal(other.rig.pattern, first.rig.pattern)
+    assert (other.sensor, other.hidden) == (first.sensor, first.hidden)
+    assert other.solids[2].centre != first.solids[2].centre
+    assert all(frame.power > 0 and not frame.is_moving for frame in other.frames)

@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Data sets: geometry of poses and masks, BOP's rules, the same bits by any way of making them, and refusals."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tarfile
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import kuafu
+from activestereo.scene_io import meshes
+from activestereo.cli import main
+from activestereo.common.declared_ranges import read_ranges
+from activestereo.benchmarks.generate import bop
+from activestereo.benchmarks.generate.layout import drop, scatter
+from activestereo.benchmarks.generate.ranges import Ranges
+from activestereo.benchmarks.generate.studio import Settings, Studio
+from activestereo.benchmarks.generate.things import Things
+from activestereo.scene_io.gltf_writer import GltfWriter
+from activestereo.effects.core.scene_surfaces import instance_transforms
+
+RADIUS_M = 0.05
+SIZE = (96, 72)
+
+
+def write_thing(path: Path, mesh: meshes.Mesh, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Path:
+    writer = GltfWriter(path.stem)
+    material = writer.add_material(
+        "paint", pbrMetallicRoughness={"baseColorFactor": [0.5, 0.5, 0.5, 1.0], "metallicFactor": 0.0}
+    )
+    writer.add_mesh(path.stem, mesh, material, at)
+    writer.write(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def things(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
+    folder = tmp_path_factory.mktemp("things")
+    ball = write_thing(folder / "ball.glb", meshes.sphere(RADIUS_M))
+    return ball, write_thing(folder / "box.glb", meshes.box(0.08, 0.12, 0.06), (0.3, 0.1, 0.0))
+
+
+def settings(things: tuple[Path, ...], **more: object) -> Settings:
+    return Settings(things, sensor="sapien-D435", rgb_size=SIZE, samples=1, ranges=Ranges(things=(2, 2)), **more)
+
+
+def read_all(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def options(out: Path, count: int, workers: int = 1) -> list[str]:
+    size = f"{SIZE[0]}x{SIZE[1]}"
+    render = ["--sensor", "sapien-D435", "--rgb-size", size, "--samples-per-pixel", "1"]
+    return ["--out", str(out), "--count", str(count), "--workers", str(workers), *render]
+
+
+def test_poses_masks_and_true_depth_agree(things: tuple[Path, ...]) -> None:
+    frame = Studio(settings(things)).take(3)
+    assert [found.thing_id for found in frame.found] == [1, 2]
+    for found in frame.found:
+        assert found.mask.any() and (found.mask | ~found.mask_visible).all()
+    ball = frame.found[0]
+    centre = ball.model_to_camera[:3, 3]
+    u, v = np.rint((frame.k @ centre)[:2] / centre[2]).astype(int)
+    assert ball.mask[v, u]
+    rays = np.linalg.inv(frame.k) @ np.array([u, v, 1.0])
+    # Where the ray meets the sphere, and its z.
+    along = rays / np.linalg.norm(rays)
+    half = along @ centre
+    z = (half - np.sqrt(half**2 - centre @ centre + RADIUS_M**2)) * along[2]
+    assert ball.mask_visible[v, u] and frame.true_depth[v, u] == pytest.approx(z, abs=5e-4)
+    # The circle that a sphere of this size makes.
+    radius_px = frame.k[0, 0] * RADIUS_M / np.sqrt(centre @ centre - RADIUS_M**2)
+    assert ball.mask.sum() == pytest.approx(np.pi * radius_px**2, rel=0.12)
+
+
+def test_frames_are_the_same_by_any_way_of_making_them(things: tuple[Path, ...], tmp_path: Path) -> None:
+    names = [str(path) for path in things]
+    assert main(["generate", *names, *options(tmp_path / "one", 3)]) == 0
+    whole = read_all(tmp_path / "one")
+    assert main(["generate", *names, *options(tmp_path / "two", 3, workers=2)]) == 0
+    assert read_all(tmp_path / "two") == whole
+    (tmp_path / "one/train_pbr/000000/.frames/000001.json").unlink()
+    (tmp_path / "one/train_pbr/000000/rgb/000001.png").write_bytes(b"half a pict")
+    (tmp_path / "one/train_pbr/000000/rgb/.000001.png.4194399").write_bytes(b"half a pict")
+    assert main(["generate", *names, *options(tmp_path / "one", 3)]) == 0
+    assert read_all(tmp_path / "one") == whole
+
+
+def test_parts_are_the_whole(things: tuple[Path, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names, out = [str(path) for path in things], tmp_path / "parts"
+    assert main(["generate", *names, *options(tmp_path / "whole", 3)]) == 0
+    assert main(["generate", *names, *options(out, 3), "--part", "2/2"]) == 0
+    assert "2 of other parts are not there yet" in capsys.readouterr().out
+    assert not (out / "train_pbr/000000/scene_gt.json").exists()
+    other = out / "train_pbr/000000/rgb/.000000.png.77"  # of a machine that is at it
+    other.write_bytes(b"half a pict")
+    assert main(["generate", *names, *options(out, 3), "--part", "2/2"]) == 0
+    assert other.exists()
+    assert main(["generate", *names, *options(out, 3), "--part", "1/2"]) == 0
+    assert read_all(out) == read_all(tmp_path / "whole")
+    with pytest.raises(SystemExit):
+        main(["generate", *names, *options(out, 3), "--part", "3/2"])
+
+
+def test_shards_hold_the_same_files(things: tuple[Path, ...], tmp_path: Path) -> None:
+    names = [str(path) for path in things]
+    assert main(["generate", *names, *options(tmp_path, 3), "--shards", "2"]) == 0
+    shards = sorted((tmp_path / "shards").iterdir())
+    assert [path.name for path in shards] == ["000000.tar", "000001.tar"]
+    found: dict[str, bytes] = {}
+    for path in shards:
+        with tarfile.open(path) as tar:
+            members = [member.name for member in tar]
+            # Files of one frame stand together.
+            keys = [name.partition(".")[0] for name in members]
+            assert keys == sorted(keys)
+            found |= {name: tar.extractfile(name).read() for name in members}  # type: ignore[union-attr]
+    scene = tmp_path / "train_pbr/000000"
+    assert found["000002.depth.png"] == (scene / "depth/000002.png").read_bytes()
+    assert found["000001.mask_visib_1.png"] == (scene / "mask_visib/000001_000001.png").read_bytes()
+    assert json.loads(found["000000.json"])["camera"]["depth_scale"] == 1.0
+    before = [path.read_bytes() for path in shards]
+    assert main(["generate", *names, *options(tmp_path, 3), "--shards", "2"]) == 0
+    assert [path.read_bytes() for path in shards] == before
+
+
+def test_a_killed_run_goes_on(things: tuple[Path, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names, out = [str(path) for path in things], tmp_path / "killed"
+    command = [sys.executable, "-m", "activestereo", "generate", *names, *options(out, 4)]
+    run = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+    for _ in range(2400):
+        if bop.is_done(out, 0) or run.poll() is not None:
+            break
+        time.sleep(0.05)
+    if run.poll() is None:
+        os.killpg(run.pid, signal.SIGKILL)
+    run.wait()
+    kept = read_all(out / "train_pbr/000000/rgb")["000000.png"]
+    assert main(["generate", *names, *options(out, 4)]) == 0
+    said = capsys.readouterr().out
+    made, there = int(said.split(" frames in")[0]), int(said.split(" were there")[0].rsplit(" ", 1)[1])
+    assert made + there == 4 and there >= 1
+    assert read_all(out / "train_pbr/000000/rgb")["000000.png"] == kept
+    assert len(json.loads((out / "train_pbr/000000/scene_gt.json").read_text())) == 4
+
+
+def test_the_files_keep_bop_s_rules(things: tuple[Path, ...], tmp_path: Path) -> None:
+    assert main(["generate", *(str(path) for path in things), *options(tmp_path, 1)]) == 0
+    scene = tmp_path / "train_pbr/000000"
+    camera, gt, info = (json.loads((scene / f"scene_{n}.json").read_text())["0"] for n in ("camera", "gt", "gt_info"))
+    assert len(camera["cam_K"]) == len(camera["cam_R_w2c"]) == 9 and camera["depth_scale"] == 1.0
+    assert len(gt) == len(info) > 0
+    depth = np.asarray(Image.open(scene / "depth/000000.png"))
+    assert depth.dtype == np.int32 or depth.dtype == np.uint16
+    for order, (pose, about) in enumerate(zip(gt, info, strict=True)):
+        rotation = np.reshape(pose["cam_R_m2c"], (3, 3))
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
+        assert 300.0 < pose["cam_t_m2c"][2] < 1500.0
+        mask, visible = (
+            np.asarray(Image.open(scene / f"{n}/000000_{order:06d}.png")) > 0 for n in ("mask", "mask_visib")
+        )
+        assert about["px_count_all"] == mask.sum() and about["px_count_visib"] == visible.sum()
+        assert about["visib_fract"] == pytest.approx(visible.sum() / mask.sum())
+        x, y, width, height = about["bbox_obj"]
+        assert mask[y : y + height, x : x + width].sum() == mask.sum()
+    models = json.loads((tmp_path / "models/models_info.json").read_text())
+    assert models["1"]["size_x"] == pytest.approx(2000.0 * RADIUS_M, rel=0.01)
+    coco = json.loads((scene / "scene_gt_coco.json").read_text())
+    for annotation in coco["annotations"]:
+        counts = annotation["segmentation"]["counts"]
+        assert sum(counts) == SIZE[0] * SIZE[1] and sum(counts[1::2]) == annotation["area"]
+
+
+def test_run_lengths() -> None:
+    mask = np.array([[True, False], [True, True]])  # by columns: 1 1 0 1
+    assert bop.run_lengths(mask) == [0, 2, 1, 1]
+    assert bop.run_lengths(np.zeros((2, 2), bool)) == [4]
+
+
+def test_nodes_of_a_file_keep_their_places(tmp_path: Path) -> None:
+    path = write_thing(tmp_path / "off.glb", meshes.sphere(0.1), (0.4, 0.0, 0.0))
+    scene = kuafu.Scene(kuafu.Device())
+    made = Things(scene, [path])
+    made.place({0: np.eye(4)})
+    np.testing.assert_allclose(scene.summary.bounds_min_m[0], 0.3, atol=1e-6)
+    np.testing.assert_allclose(instance_transforms(path, 1)[0][:3, 3], [0.4, 0.0, 0.0])
+
+
+def test_scattered_things_stand_upright_and_apart(things: tuple[Path, ...]) -> None:
+    made = Things(kuafu.Scene(kuafu.Device()), list(things)).things
+    for seed in range(20):
+        poses = scatter(made, Ranges(things=(2, 2)), np.random.default_rng(seed))
+        middles = [pose @ [*(0.5 * (made[n].low_m + made[n].high_m)), 1.0] for n, pose in poses.items()]
+        assert all(
+            m[2] == pytest.approx(0.5 * (made[n].high_m - made[n].low_m)[1])
+            for n, m in zip(poses, middles, strict=True)
+        )
+        if len(middles) == 2:
+            assert np.linalg.norm((middles[0] - middles[1])[:2]) > made[0].radius_m + made[1].radius_m
+
+
+def test_dropped_things_rest_on_the_table(things: tuple[Path, ...]) -> None:
+    pytest.importorskip("mujoco", reason="the layout 'drop' needs mujoco (pip install mujoco)")
+    pytest.importorskip("trimesh", reason="the layout 'drop' needs trimesh (pip install trimesh)")
+    made = Things(kuafu.Scene(kuafu.Device()), list(things)).things
+    ranges, lowest, found = Ranges(things=(2, 2)), [], 0
+    for seed in range(4):
+        poses = drop(made, ranges, np.random.default_rng(seed))
+        assert poses.keys() == drop(made, ranges, np.random.default_rng(seed)).keys()
+        found += len(poses)
+        if 1 in poses:
+            corners = np.stack(np.meshgrid(*zip(made[1].low_m, made[1].high_m, strict=True)), axis=-1).reshape(-1, 3)
+            lowest.append((corners @ poses[1][:3, :3].T + poses[1][:3, 3])[:, 2].min())
+    assert found >= 4 and lowest and np.abs(lowest).max() < 5e-3
+
+
+def test_what_is_wrong_is_said(things: tuple[Path, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ball = str(things[0])
+
+    def fails(*arguments: str) -> str:
+        assert main(["generate", *arguments, "--out", str(tmp_path / "out")]) == 2
+        (line,) = capsys.readouterr().err.strip().splitlines()
+        return line
+
+    assert "nowhere.glb: there is no such file" in fails(str(tmp_path / "nowhere.glb"))
+    ranges = tmp_path / "ranges.toml"
+    ranges.write_text("distance_m = [2.0, 1.0]")
+    assert "distance_m goes from 2.0 to 1.0" in fails(ball, "--ranges", str(ranges))
+    ranges.write_text("distance = [0.5, 1.0]")
+    assert "no range 'distance'" in fails(ball, "--ranges", str(ranges))
+    huge = write_thing(tmp_path / "huge.glb", meshes.sphere(50.0))
+    assert "100 m large" in fails(str(huge))
+    (tmp_path / "out").mkdir(exist_ok=True)
+    (tmp_path / "out/dataset.json").write_text(json.dumps({"seed": 4}))
+    assert "other settings" in fails(ball)
+    with pytest.raises(ValueError, match="two finite numbers"):
+        Ranges(spread_m=(0.1, float("nan")))
+    assert read_ranges(None, Ranges) == Ranges()

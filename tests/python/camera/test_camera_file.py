@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cameras' data: every file is complete and checked, every figure has a source, and what is wrong is named."""
+
+import pytest
+
+from activestereo import StereoDepthSensorConfig
+from activestereo.camera.camera_file import BASES, FIELDS, FOLDER, camera_names, read_camera
+from activestereo.cli import main
+
+BASE = 'name = "mine"\ntitle = "My camera"\nbased_on = "d435"\n'
+
+
+@pytest.mark.parametrize("name", camera_names())
+def test_every_figure_of_a_camera_has_a_basis_and_a_source(name):
+    camera = read_camera(name)
+    assert set(camera.figures) == set(FIELDS)
+    for section in ("rig", "projector", "exposure", "imager", "room", "matcher"):
+        assert camera.figures[section], section
+    for section in camera.figures.values():
+        for figure in section.values():
+            assert figure.basis in BASES and len(figure.source) > 3
+
+
+def test_the_asked_cameras_are_there_and_make_configurations():
+    assert {"D415", "D435", "D435i", "D455", "D405", "generic", "sapien-D415", "sapien-D435"} <= set(
+        StereoDepthSensorConfig.SUPPORTED_MODELS
+    )
+    blacks = {name: StereoDepthSensorConfig(name).ir_black_level_dn for name in ("D415", "D435i")}
+    assert 3 <= blacks["D415"] <= 5 and blacks["D435i"] == 17
+    assert StereoDepthSensorConfig("d405").pattern() is None
+    for name, baseline_m in {"D415": 0.055, "D435": 0.05, "D455": 0.095, "D405": 0.018}.items():
+        config = StereoDepthSensorConfig(name)
+        assert config.focal_baseline_px_m / config.ir_intrinsic[0, 0] == pytest.approx(baseline_m, rel=0.01)
+    sizes = {name: StereoDepthSensorConfig(name).median_size for name in ("sapien-D415", "D415", "D435")}
+    assert sizes == {"sapien-D415": 3, "D415": 5, "D435": 5}
+
+
+def test_a_file_of_ones_own_changes_what_it_tells_and_keeps_the_rest(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(BASE + '[imager]\nblack_level_dn = { value = 30, basis = "measured", source = "lens covered" }\n')
+    mine, base = StereoDepthSensorConfig(path), StereoDepthSensorConfig("D435")
+    assert (mine.model, mine.ir_black_level_dn) == ("mine", 30)
+    assert mine.ir_signal == base.ir_signal and mine.ir_resolution == base.ir_resolution
+
+
+HERE = 'basis = "measured", source = "here"'
+WRONG = {
+    "no TOML": ("[imager", "is no TOML file"),
+    "section": (BASE + "[imagers]\n", "'imagers' is no section; did you mean 'imager'"),
+    "figure": (BASE + f"[imager]\nblack_level = {{ value = 1, {HERE} }}\n", "did you mean 'black_level_dn'"),
+    "no source": (BASE + "[imager]\nblack_level_dn = 5\n", "imager.black_level_dn: expected { value"),
+    "empty source": (
+        BASE + '[imager]\nblack_level_dn = { value = 1, basis = "measured", source = " " }\n',
+        "source is empty",
+    ),
+    "basis": (BASE + '[imager]\nblack_level_dn = { value = 1, basis = "felt", source = "here" }\n', "basis is 'felt'"),
+    "range": (BASE + '[imager]\nprnu = { value = 2, basis = "measured", source = "here" }\n', "2 is outside of 0 to 1"),
+    "number": (BASE + '[imager]\nprnu = { value = "a", basis = "measured", source = "here" }\n', "'a' is no number"),
+    "nan": (BASE + '[imager]\nprnu = { value = nan, basis = "measured", source = "here" }\n', "nan is no number"),
+    "count": (BASE + f"[rig]\nir_resolution = {{ value = [1], {HERE} }}\n", "expected 2 numbers"),
+    "choice": (BASE + f'[exposure]\nmode = {{ value = "auto", {HERE} }}\n', "'auto', expected one of 'fixed'"),
+    "name": ('title = "x"\nbased_on = "d435"\n', "name: is None"),
+    "base": ('name = "x"\ntitle = "x"\nbased_on = "d999"\n', "d999.toml: cannot be read"),
+    "circle": ('name = "x"\ntitle = "x"\nbased_on = "mine"\n', "in a circle"),
+    "incomplete": ('name = "x"\ntitle = "x"\n', "rig.rgb_resolution is missing"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_is_wrong_with_a_file_is_told(case, tmp_path):
+    text, message = WRONG[case]
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    with pytest.raises(ValueError) as error:
+        StereoDepthSensorConfig(path)
+    assert message in str(error.value) and "\n" not in str(error.value)
+
+
+def test_the_command_prints_all_cameras_and_one(capsys):
+    assert main(["presets"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 1 + len(list(FOLDER.glob("*.toml"))) and any(
+        line.startswith("D435i ") and "17 DN" in line for line in lines
+    )
+    assert main(["presets", "d415"]) == 0
+    text = capsys.readouterr().out
+    assert (
+        "black_level_dn = 4 DN" in text
+        and "measured: least counts of D415 recordings" in text
+        and "figures are estimated" in text
+    )
+    assert main(["presets", "d1"]) == 2
+    assert "unknown sensor 'd1'" in capsys.readouterr().err

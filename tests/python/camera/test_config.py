@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Presets keep SAPIEN's names, and those called after it its values."""
+
+import numpy as np
+import pytest
+
+from activestereo import Pose, StereoDepthSensorConfig
+
+BOTH = {
+    "ir_camera_exposure": 0.01,
+    "min_depth": 0.2,
+    "max_depth": 10.0,
+    "ir_noise_seed": 0,
+    "ir_speckle_noise": 1.0,
+    "ir_thermal_noise": 1.0,
+    "rectified": True,
+    "census_width": 7,
+    "census_height": 7,
+    "max_disp": 128,
+    "block_width": 7,
+    "block_height": 7,
+    "p1_penalty": 8,
+    "p2_penalty": 32,
+    "uniqueness_ratio": 15,
+    "lr_max_diff": 1,
+    "median_filter_size": 3,
+    "depth_dilation": True,
+}
+
+
+@pytest.mark.parametrize("model", ["sapien-D415", "sapien-D435"])
+def test_defaults_of_both_models(model):
+    config = StereoDepthSensorConfig(model)
+    assert {name: getattr(config, name) for name in BOTH} == BOTH
+
+
+def test_d435_is_the_default():
+    config = StereoDepthSensorConfig()
+    assert config.model == "D435"
+    assert config.rgb_resolution == (848, 480) and config.ir_resolution == (848, 480)
+    assert config.rgb_intrinsic[0, 0] == 605.12158203125 and config.rgb_intrinsic[1, 1] == 604.905517578125
+    assert config.ir_intrinsic[0, 0] == config.ir_intrinsic[1, 1] == 430.139801025391
+    assert config.active_light_fov == pytest.approx(np.deg2rad(102.0))
+    assert config.focal_baseline_px_m == pytest.approx(430.14 * 0.05016, rel=1e-3)
+
+
+def test_d415():
+    config = StereoDepthSensorConfig("sapien-d415")
+    assert config.rgb_resolution == (1920, 1080) and config.ir_resolution == (1280, 720)
+    assert config.rgb_intrinsic[0, 0] == 1380.0 and config.ir_intrinsic[0, 0] == 920.0
+    assert config.trans_pose_l.p[1] == -0.0175 and config.trans_pose_r.p[1] == -0.0720
+    assert config.focal_baseline_px_m == pytest.approx(920.0 * 0.0545)
+
+
+def test_unknown_model_names_the_known_ones():
+    with pytest.raises(ValueError, match="D415.*D435"):
+        StereoDepthSensorConfig("D999")
+
+
+@pytest.mark.parametrize("model", StereoDepthSensorConfig.SUPPORTED_MODELS)
+def test_ir_pair_is_row_aligned(model):
+    """The right camera lies on the left one's own x axis, turned the same way."""
+    from activestereo.common.pose import camera_to_camera
+
+    config = StereoDepthSensorConfig(model)
+    left_to_right = camera_to_camera(config.trans_pose_l, config.trans_pose_r)
+    np.testing.assert_allclose(left_to_right[:3, :3], np.eye(3), atol=1e-9)
+    np.testing.assert_allclose(left_to_right[1:3, 3], 0.0, atol=2e-6)
+    assert left_to_right[0, 3] < (-0.015 if model == "D405" else -0.04)
+
+
+@pytest.mark.parametrize("factor", [0, -1, float("nan"), float("inf"), 1e9])
+def test_no_sensor_is_scaled_to_nothing_or_beyond_measure(factor):
+    with pytest.raises(ValueError, match="factor"):
+        StereoDepthSensorConfig("D435").scaled(factor)
+
+
+def test_scaled_keeps_what_a_camera_sees():
+    config = StereoDepthSensorConfig("D435")
+    half = config.scaled(0.5)
+    assert half.ir_resolution == (424, 240) and half.max_disp == 64
+    for camera, size in (("ir", config.ir_resolution), ("rgb", config.rgb_resolution)):
+        for corner in (np.array([-0.5, -0.5]), np.array(size) - 0.5):
+            ray = np.linalg.inv(getattr(config, f"{camera}_intrinsic")) @ [*corner, 1.0]
+            seen = getattr(half, f"{camera}_intrinsic") @ ray
+            np.testing.assert_allclose(seen[:2], (corner + 0.5) / 2 - 0.5, atol=1e-9)
+
+
+@pytest.mark.parametrize("model", StereoDepthSensorConfig.SUPPORTED_MODELS)
+def test_every_sensor_can_be_small(model):
+    from activestereo.camera.matching import engine_parameters
+
+    config = StereoDepthSensorConfig(model).scaled(0.125)
+    if config.ir_signal:
+        assert engine_parameters(config)["speckle_psf_sigma_px"] == 0.0
+        assert config.ir_film["psf_sigma_px"] == pytest.approx(
+            StereoDepthSensorConfig(model).ir_film["psf_sigma_px"] / 8
+        )
+
+
+def test_config_of_one_sensor_does_not_change_another():
+    first = StereoDepthSensorConfig()
+    first.ir_intrinsic[0, 0] = 1.0
+    first.trans_pose_l = Pose()
+    assert StereoDepthSensorConfig().ir_intrinsic[0, 0] == 430.139801025391
+
+
+def test_a_misspelt_field_is_refused():
+    config = StereoDepthSensorConfig()
+    with pytest.raises(AttributeError, match="no field 'max_disparty'; did you mean 'max_disparity'"):
+        config.max_disparty = 64
+    with pytest.raises(AttributeError, match="no field 'zzz'$"):
+        config.scaled(0.5).zzz = 1
+    config.max_disp = 64
+    assert config.scaled(1).max_disp == 64

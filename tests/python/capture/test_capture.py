@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Captures: what is written is read back, and every mistake names the file and the key."""
+
+import json
+import shutil
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from activestereo.capture.capture import CaptureError, CaptureWarning, read_capture
+from activestereo.capture.write import write_capture
+from activestereo.capture.images import write_gray
+from activestereo.own_files import outside_allowed
+from worlds.world import make_world
+
+
+@pytest.fixture(scope="module")
+def pristine(tmp_path_factory):
+    return make_world(tmp_path_factory.mktemp("world"), size=(32, 20), grid=1, bounces=0)
+
+
+@pytest.fixture
+def folder(pristine, tmp_path):
+    return Path(shutil.copytree(pristine.capture_path, tmp_path / "capture"))
+
+
+def edit(folder, change):
+    path = folder / "capture.json"
+    values = json.loads(path.read_text())
+    change(values)
+    path.write_text(json.dumps(values))
+
+
+def expect_error(folder, *words):
+    with pytest.raises(CaptureError) as caught:
+        read_capture(folder)
+    for word in ("capture.json", *words):
+        assert word in str(caught.value)
+
+
+def test_what_is_written_is_read_back(pristine, tmp_path):
+    first = read_capture(pristine.capture_path)
+    images = {(f.id, eye): first.ir(f, eye).astype(np.uint8) for f in first.frames for eye in ("left", "right")}
+    pattern = np.rint(first.rig.projector.pattern() * 255).astype(np.uint8)
+    (tmp_path / "copy.partial" / "left").mkdir(parents=True)
+    (tmp_path / "copy.partial" / "left" / "000099.png").touch()  # of a call that failed
+    write_capture(tmp_path / "copy", first, images, pattern)
+    assert not (tmp_path / "copy" / "left" / "000099.png").exists()
+    second = read_capture(tmp_path / "copy")
+    assert json.loads((first.path / "capture.json").read_text()) == json.loads(
+        (second.path / "capture.json").read_text()
+    )
+    assert second.scene_path.read_bytes() == first.scene_path.read_bytes()
+    np.testing.assert_array_equal(second.ir(second.frames[4], "right"), first.ir(first.frames[4], "right"))
+    np.testing.assert_array_equal(second.rig.projector.pattern(), first.rig.projector.pattern())
+
+
+def test_a_capture_is_never_overwritten(pristine, tmp_path):
+    capture = read_capture(pristine.capture_path)
+    (tmp_path / "taken").mkdir()
+    with pytest.raises(FileExistsError):
+        write_capture(tmp_path / "taken", capture, {}, np.zeros((2, 2), np.uint8))
+
+
+def test_repeats_are_grouped_by_split(pristine):
+    capture = read_capture(pristine.capture_path)
+    assert sorted(capture.repeats()) == [0, 1, 2]
+    assert sorted(capture.repeats("train")) == [0, 1]
+    assert [frame.id for frame in capture.repeats("test")[2]] == [4, 5]
+
+
+def test_depth_is_scaled_to_metres_and_absent_depth_is_none(folder):
+    raw = np.arange(640, dtype=np.uint16).reshape(20, 32)
+    write_gray(folder / "depth" / "000000.png", raw)
+    edit(folder, lambda c: c["frames"][0].update(depth="depth/000000.png", depth_scale=0.0005))
+    capture = read_capture(folder)
+    np.testing.assert_allclose(capture.depth(capture.frames[0]), raw * 0.0005, rtol=1e-6)
+    assert capture.depth(capture.frames[1]) is None
+
+
+def test_unknown_keys_warn_and_are_ignored(folder):
+    edit(
+        folder,
+        lambda c: (c.update(owner="me"), c["frames"][2].update(weather="fine"), c["rig"]["left"].update(lens="x")),
+    )
+    with pytest.warns(CaptureWarning) as caught:
+        capture = read_capture(folder)
+    said = " ".join(str(w.message) for w in caught)
+    assert all(key in said for key in ("owner", "frames[id=2].weather", "rig.left.lens"))
+    assert len(capture.frames) == 8
+
+
+@pytest.mark.parametrize(
+    "key, value", [("id", 2**63), ("temperature_c", 1e9), ("temperature_c", -300.0), ("repeat_group", -(2**80))]
+)
+def test_numbers_that_nothing_can_have(folder, key, value):
+    edit(folder, lambda root: root["frames"][0].update({key: value}))
+    expect_error(folder, key, "expected")
+
+
+@pytest.mark.parametrize("where", ["/etc/passwd", "../outside.png", "left/../../outside.png", "link.png"])
+@pytest.mark.parametrize("key", ["scene", "rig.projector.pattern", "frames[id=0].left"])
+def test_files_stay_in_the_folder_unless_the_user_says_otherwise(folder, where, key):
+    shutil.copy(folder / "left/000000.png", folder.parent / "outside.png")
+    (folder / "link.png").symlink_to(folder.parent / "outside.png")
+
+    def change(root):
+        owner = {"scene": root, "rig.projector.pattern": root["rig"]["projector"], "frames[id=0].left": root["frames"][0]}
+        owner[key][key.rpartition(".")[2]] = where
+
+    edit(folder, change)
+    expect_error(folder, key, where, "lies outside of", "--allow-outside")
+    if where != "/etc/passwd":
+        with outside_allowed():
+            read_capture(folder)
+
+
+def test_every_number_has_a_finite_range(folder):
+    edit(
+        folder,
+        lambda root: root.update(lights=[{"name": "lamp", "position_m": [0, 0, 0], "radius_m": 0.1}]),
+    )
+    edit(folder, lambda root: root["rig"]["readout"].update(line_time_s=1e-5))
+    edit(folder, lambda root: root["frames"][0].update(ambient=1.0, temperature_c=20.0, depth_scale=0.001))
+    text, tried = (folder / "capture.json").read_text(), set()
+    for place in numbers_in(json.loads(text)):
+        key = next(part for part in reversed(place) if isinstance(part, str))
+        for value in (1e300, -1e300, 1e31, 10**400, float("nan")):
+            root = json.loads(text)
+            container = root
+            for part in place[:-1]:
+                container = container[part]
+            container[place[-1]] = value
+            (folder / "capture.json").write_text(json.dumps(root))
+            expect_error(folder, key)
+        tried.add(key)
+    assert {"K", "distortion", "camera_velocity", "exposure_s", "depth_scale", "position_m", "line_time_s"} <= tried
+
+
+def numbers_in(value, place=()):
+    """Where the numbers are, of the first frame alone."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        yield place
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in items:
+        if place + (key,) != ("depth_engine",) and not (place == ("frames",) and key > 0):
+            yield from numbers_in(inner, (*place, key))
+
+
+def test_a_good_capture_gives_no_warning(pristine):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_capture(pristine.capture_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda c: c.update(format="other"), ["format", "active-stereo-capture"]),
+        (lambda c: c.update(version=2), ["version", "2"]),
+        (lambda c: c.pop("name"), ["name", "missing"]),
+        (lambda c: c.update(scene="nowhere.gltf"), ["scene", "nowhere.gltf"]),
+        (lambda c: c.update(frames=[]), ["frames", "empty"]),
+        (lambda c: c["rig"]["left"].update(K=[1, 2, 3]), ["rig.left.K", "3 entries", "9"]),
+        (lambda c: c["rig"]["left"]["K"].__setitem__(0, -5), ["rig.left.K", "focal"]),
+        (lambda c: c["rig"]["right"].update(width=33), ["frames[id=0].right", "32x20", "33x20"]),
+        (lambda c: c["rig"].update(left_to_right=[2] * 16), ["rig.left_to_right", "rigid"]),
+        (lambda c: c["rig"].update(bit_depth=20), ["rig.bit_depth", "20"]),
+        (lambda c: c["rig"]["projector"].update(pattern="none.png"), ["rig.projector.pattern", "none.png"]),
+        (lambda c: c["frames"][1].update(split="both"), ["frames[id=1].split", "both"]),
+        (lambda c: c["frames"][1].update(id=0), ["frames", "id 0", "more than once"]),
+        (lambda c: c["frames"][3].pop("exposure_s"), ["frames[id=3].exposure_s", "missing"]),
+        (lambda c: c["frames"][3].update(exposure_s=0), ["frames[id=3].exposure_s", "1e-09 to 100 s"]),
+        (lambda c: c["frames"][3].update(gain="high"), ["frames[id=3].gain", "high"]),
+        (lambda c: c["frames"][3].update(exposure_s=float("nan")), ["frames[id=3].exposure_s", "finite"]),
+        (lambda c: c["frames"][3].update(gain=10**400), ["frames[id=3].gain", "finite"]),
+        (lambda c: c["frames"][3].update(camera_velocity=[0] * 5), ["frames[id=3].camera_velocity", "6"]),
+        (lambda c: c["frames"][3].update(left="left/none.png"), ["frames[id=3].left", "none.png"]),
+        (lambda c: c["frames"][3].update(depth="left/000000.png"), ["frames[id=3].depth_scale", "missing"]),
+        (lambda c: c["frames"].__setitem__(0, 5), ["frames[0]", "not an object"]),
+    ],
+)
+def test_a_wrong_value_is_an_error_with_file_and_key(folder, change, words):
+    edit(folder, change)
+    expect_error(folder, *words)
+
+
+def test_a_file_that_is_not_json_or_absent_is_an_error(folder, tmp_path):
+    (folder / "capture.json").write_text("{oops")
+    expect_error(folder, "not JSON")
+    (folder / "capture.json").write_text("[" * 100_000)
+    expect_error(folder, "not JSON", "recursion")
+    expect_error(tmp_path / "nowhere", "cannot be read")
+
+
+def test_a_pattern_of_16_bits_is_an_error(folder):
+    capture = read_capture(folder)
+    write_gray(capture.rig.projector.pattern_path, np.full((20, 32), 40000, np.uint16))
+    with pytest.raises(CaptureError, match=r"rig\.projector\.pattern: is a 16-bit image"):
+        capture.rig.projector.pattern()
+
+
+def test_a_damaged_or_coloured_image_is_an_error(folder):
+    image = folder / "left" / "000000.png"
+    whole = image.read_bytes()
+    capture = read_capture(folder)
+    image.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(CaptureError, match=r"000000\.png.*frames\[id=0\]\.left.*damaged"):
+        capture.ir(capture.frames[0], "left")
+    image.write_bytes(b"not an image")
+    with pytest.raises(CaptureError, match=r"000000\.png.*left"):
+        read_capture(folder)
+    from PIL import Image
+
+    Image.new("RGB", (32, 20), (9, 9, 8)).save(image)  # equal channels would be a gray image
+    with pytest.raises(CaptureError, match="gray"):
+        capture.ir(capture.frames[0], "left")

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings of librealsense's tools, written here as those tools write them, become captures."""
+
+import numpy as np
+import pytest
+
+from activestereo.capture.capture import read_capture
+from activestereo.cli import main
+from activestereo.capture.images import write_gray
+from activestereo.capture.importers.realsense_text import read_device_text
+from activestereo.capture.importers.trajectory import pose_at, read_trajectory
+from camera_dumps import ENUMERATED
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """Three frames under rs-convert's names, whose streams are a millisecond apart; the text beside them."""
+    rng, folder = np.random.default_rng(0), tmp_path / "recording"
+    folder.mkdir()
+    for i in range(3):
+        for stream, delay in (("Infrared 1", 0.0), ("Infrared 2", 0.2), ("Depth", 1.1)):
+            kind, high = (np.uint16, 3000) if stream == "Depth" else (np.uint8, 255)
+            write_gray(
+                folder / f"run_{stream}_{1700000000000.5 + 33.3 * i + delay:.6f}.png",
+                rng.integers(1, high, (48, 64)).astype(kind),
+            )
+    (tmp_path / "d435.txt").write_text(ENUMERATED)
+    return folder
+
+
+def _arguments(recording, *more):
+    out = recording.parent / "capture"
+    return ["import", str(recording), "--calibration", str(recording.parent / "d435.txt"), "--out", str(out), *more]
+
+
+def _refused(arguments, capsys):
+    assert main(arguments) == 2
+    lines = [line for line in capsys.readouterr().err.strip().splitlines() if line.startswith("activestereo: ")]
+    assert len(lines) == 1
+    assert (
+        sorted(p.name for p in (__import__("pathlib").Path(arguments[1]).parent).iterdir() if "capture" in p.name) == []
+    )
+    return lines[0]
+
+
+def test_a_recording_becomes_a_capture(recording):
+    assert main(_arguments(recording, "--depth-scale", "0.001", "--exposure", "0.004")) == 0
+    capture = read_capture(recording.parent / "capture")
+    assert len(capture.frames) == 3 and {frame.repeat_group for frame in capture.frames} == {0}
+    assert capture.rig.baseline_m == pytest.approx(0.0499585680663586) and capture.rig.left_to_right[0, 3] < 0
+    assert np.array_equal(capture.rig.right.K, [[43.0, 0, 32.1], [0, 43.5, 24.2], [0, 0, 1]])
+    assert capture.frames[1].timestamp_s == pytest.approx(1700000000.0338) and capture.frames[0].exposure_s == 0.004
+    from activestereo.capture.images import read_gray
+
+    files = sorted(recording.glob("*Depth*"))
+    assert np.allclose(capture.depth(capture.frames[2]), read_gray(files[2]) * 0.001)
+    assert np.array_equal(capture.ir(capture.frames[1], "right"), read_gray(sorted(recording.glob("*Infrared 2*"))[1]))
+
+
+@pytest.mark.parametrize(("sensor", "x_m"), [("d415", 0.029), ("d455", 0.047), ("d435", 0.0291)])
+def test_the_projector_is_where_the_preset_has_it(recording, sensor, x_m):
+    assert main(_arguments(recording, "--depth-scale", "0.001", "--sensor", sensor)) == 0
+    left_to_projector = read_capture(recording.parent / "capture").rig.projector.left_to_projector
+    assert left_to_projector[0, 3] == pytest.approx(-x_m, abs=1e-5)
+
+
+def test_folders_of_eyes_and_a_trajectory(recording, tmp_path):
+    folder = tmp_path / "eyes"
+    for eye in ("left", "right"):
+        (folder / eye).mkdir(parents=True)
+        for i in range(4):
+            write_gray(folder / eye / f"{i:06d}.png", np.full((48, 64), 10 * i + (eye == "right"), np.uint8))
+    poses = tmp_path / "poses.txt"
+    poses.write_text("# time tx ty tz qx qy qz qw\n0.0 0 0 0 0 0 0 1\n0.1 0.3 0 0 0 0 0.7071068 0.7071068\n")
+    arguments = [
+        "import",
+        str(folder),
+        "--calibration",
+        str(tmp_path / "d435.txt"),
+        "--poses",
+        str(poses),
+        "--out",
+        str(tmp_path / "moved"),
+    ]
+    assert main(arguments) == 0
+    capture = read_capture(tmp_path / "moved")
+    assert [frame.repeat_group for frame in capture.frames] == [None] * 4
+    assert capture.frames[1].camera_to_world[0, 3] == pytest.approx(0.1)
+    assert np.rad2deg(
+        np.arctan2(capture.frames[1].camera_to_world[1, 0], capture.frames[1].camera_to_world[0, 0])
+    ) == pytest.approx(30.0, abs=1e-3)
+    assert capture.ir(capture.frames[3], "right")[0, 0] == 31
+
+
+@pytest.mark.parametrize("names", ["{}/{}.png", "{1}_{0}.png", "{} {} 1.png"])
+def test_names_without_numbers_of_their_own_are_paired_as_they_are(recording, tmp_path, names, capsys):
+    folder, things = tmp_path / "named", ("view 10 desk", "view 9 desk", "cup")
+    for stream in ("left", "right"):
+        for value, thing in enumerate(things):
+            file = folder / names.format(stream, thing)
+            file.parent.mkdir(parents=True, exist_ok=True)
+            write_gray(file, np.full((48, 64), 10 * value + (stream == "right"), np.uint8))
+    arguments = ["import", str(folder), "--calibration", str(tmp_path / "d435.txt"), "--out", str(tmp_path / "capture")]
+    assert main(arguments) == 0
+    capture = read_capture(tmp_path / "capture")
+    seen = [(capture.ir(f, "left")[0, 0], capture.ir(f, "right")[0, 0]) for f in capture.frames]
+    assert seen == [(20, 21), (10, 11), (0, 1)]
+    (folder / names.format("right", "cup")).unlink()
+    arguments[-1] = str(tmp_path / "other")
+    capsys.readouterr()
+    assert main(arguments) == 2
+    assert "has no right image" in capsys.readouterr().err
+
+
+def test_what_is_wrong_is_told_with_file_key_and_value(recording, tmp_path, capsys):
+    text = tmp_path / "d435.txt"
+    assert "depth scale: is not known" in _refused(_arguments(recording), capsys)
+    scale = ("--depth-scale", "0.001")
+    text.write_text(ENUMERATED.replace("Translation Vector: -0.04", "Translation Vector: 0.04"))
+    assert "x is 0.0499586 m, expected below 0: left and right are swapped" in _refused(
+        _arguments(recording, *scale), capsys
+    )
+    text.write_text(ENUMERATED.replace("Fx:         	43.0", "Fx:         	none"))
+    assert "Fx is 'none', expected a number" in _refused(_arguments(recording, *scale), capsys)
+    text.write_text(ENUMERATED.replace("64x48", "32x24"))
+    assert "none for the images' 64x48 (there are: 32x24)" in _refused(_arguments(recording, *scale), capsys)
+    text.write_text(ENUMERATED.split("Extrinsic Parameters")[0])
+    assert "is missing: run rs-enumerate-devices -c" in _refused(_arguments(recording, *scale), capsys)
+    text.write_text("no such thing")
+    assert '"Intrinsic of": is nowhere in it' in _refused(_arguments(recording, *scale), capsys)
+    text.write_text(ENUMERATED)
+    odd = sorted(recording.glob("*Infrared 2*"))[1]
+    write_gray(odd, np.zeros((24, 32), np.uint8))
+    assert "is 32x24, expected 64x48" in _refused(_arguments(recording, *scale), capsys)
+    odd.write_bytes(b"\x89PNG cut")
+    assert odd.name in _refused(_arguments(recording, *scale), capsys)
+    odd.unlink()
+    write_gray(sorted(recording.glob("*Depth*"))[0], np.zeros((48, 64), np.uint8))
+    assert "expected 16-bit depth" in _refused(_arguments(recording, *scale), capsys)
+    for file in recording.glob("*Infrared 2*"):
+        file.unlink()
+    assert "Infrared 2: no PNG file" in _refused(_arguments(recording, *scale), capsys)
+
+
+def test_an_inverse_extrinsic_will_do(tmp_path):
+    text = tmp_path / "d435.txt"
+    forwards = 'from "Infrared 1"	  To	  '
+    text.write_text(ENUMERATED.replace(f'{forwards}"Infrared 2"', f'{forwards}"Color"'))
+    assert read_device_text(text).extrinsic("Infrared 1", "Infrared 2")[0, 3] == pytest.approx(-0.0499585680663586)
+
+
+def test_trajectories_are_checked(tmp_path):
+    file = tmp_path / "poses.txt"
+    for text, words in (
+        ("0 0 0 0 0 0 0\n", "line 1: 7 numbers"), ("0 0 0 0 0 0 0 2\n", "line 1: the quaternion's length is 2"),
+        ("# none\n", "holds no poses"),
+        ("1 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", "line 2: timestamp 1.0* is not after"),
+        ("0 0 0 nan 0 0 0 1\n", "line 1: 8 numbers, expected finite"),
+    ):  # fmt: skip
+        file.write_text(text)
+        with pytest.raises(ValueError, match=words):
+            read_trajectory(file)
+    file.write_text("0 0 0 0 0 0 0 1\n1 1 0 0 0 0 0 1\n")
+    with pytest.raises(ValueError, match="outside the poses'"):
+        pose_at(*read_trajectory(file), 2.0, "frame 7")

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags of librealsense and of ROS 2, written here by the package rosbags, become captures."""
+
+import numpy as np
+import pytest
+
+from activestereo.capture.capture import read_capture
+from activestereo.cli import main
+
+pytest.importorskip("rosbags", reason="the package rosbags is not installed (pip install rosbags)")
+from rosbags.rosbag1 import Writer as Writer1  # noqa: E402
+from rosbags.rosbag2 import Writer as Writer2  # noqa: E402
+from rosbags.typesys import Stores, get_typestore  # noqa: E402
+
+_SIZE = (48, 64)
+_TOPICS1 = {1: "/device_0/sensor_0/Infrared_1", 2: "/device_0/sensor_0/Infrared_2", 0: "/device_0/sensor_0/Depth_0"}
+_BASELINE_M = 0.05
+
+
+def images(seed=1):
+    rng = np.random.default_rng(seed)
+    pair = [rng.integers(0, 256, _SIZE, np.uint8) for _ in range(2)]
+    return {1: pair[0], 2: pair[1], 0: rng.integers(400, 900, _SIZE, np.uint16)}
+
+
+def image_message(store, pixels, time_ns):
+    types = store.types
+    stamp = types["builtin_interfaces/msg/Time"](time_ns // 10**9, time_ns % 10**9)
+    header = {"stamp": stamp, "frame_id": "0"} | (
+        {"seq": 0} if "seq" in types["std_msgs/msg/Header"].__annotations__ else {}
+    )
+    encoding = "mono8" if pixels.dtype == np.uint8 else ("mono16" if "seq" in header else "16UC1")
+    data = np.frombuffer(pixels.tobytes(), np.uint8)
+    header = types["std_msgs/msg/Header"](**header)
+    return types["sensor_msgs/msg/Image"](header, *_SIZE, encoding, 0, pixels.strides[0], data)
+
+
+def camera_info(store, baseline_m):
+    types, (height, width) = store.types, _SIZE
+    is_ros1 = "K" in types["sensor_msgs/msg/CameraInfo"].__annotations__
+    stamp = types["builtin_interfaces/msg/Time"](0, 0)
+    header = types["std_msgs/msg/Header"](**({"seq": 0} if is_ros1 else {}), stamp=stamp, frame_id="0")
+    roi = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
+    k = np.array([43.0, 0, 32.1, 0, 43.5, 24.2, 0, 0, 1])
+    p = np.array([43.0, 0, 32.1, -43.0 * baseline_m, 0, 43.5, 24.2, 0, 0, 0, 1, 0])
+    return types["sensor_msgs/msg/CameraInfo"](
+        header, height, width, "plumb_bob", np.zeros(5), k, np.eye(3).ravel(), p, 0, 0, roi
+    )
+
+
+def write_librealsense(path, frames=2, skip=()):
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Writer1(path) as writer:
+        def add(topic, kind, message, time_ns=1):
+            connection = known.get(topic) or known.setdefault(
+                topic, writer.add_connection(topic, kind, typestore=store)
+            )
+            writer.write(connection, time_ns, store.serialize_ros1(message, kind))
+
+        known = {}
+        vector, turn = store.types["geometry_msgs/msg/Vector3"], store.types["geometry_msgs/msg/Quaternion"]
+        transform = store.types["geometry_msgs/msg/Transform"](vector(_BASELINE_M, 0.0, 0.0), turn(0.0, 0.0, 0.0, 1.0))
+        if "tf" not in skip:
+            add(f"{_TOPICS1[2]}/tf/0", "geometry_msgs/msg/Transform", transform)
+        add(
+            "/device_0/sensor_0/option/Depth_Units/value",
+            "std_msgs/msg/Float32",
+            store.types["std_msgs/msg/Float32"](0.0005),
+        )
+        for stream, topic in _TOPICS1.items():
+            if stream not in skip:
+                add(f"{topic}/info/camera_info", "sensor_msgs/msg/CameraInfo", camera_info(store, 0.0))
+        for frame in range(frames):
+            for stream, pixels in images(frame).items():
+                if stream not in skip:
+                    time_ns = 1_700_000_000_000_000_000 + 33_000_000 * frame
+                    add(
+                        f"{_TOPICS1[stream]}/image/data",
+                        "sensor_msgs/msg/Image",
+                        image_message(store, pixels, time_ns),
+                        time_ns,
+                    )
+
+
+def write_ros2(path):
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    topics = {1: "/camera/infra1", 2: "/camera/infra2", 0: "/camera/depth"}
+    with Writer2(path, version=8) as writer:
+        for stream, topic in topics.items():
+            info = writer.add_connection(f"{topic}/camera_info", "sensor_msgs/msg/CameraInfo", typestore=store)
+            writer.write(
+                info, 1, store.serialize_cdr(camera_info(store, _BASELINE_M if stream == 2 else 0.0), info.msgtype)
+            )
+            image = writer.add_connection(f"{topic}/image_rect_raw", "sensor_msgs/msg/Image", typestore=store)
+            message = image_message(store, images()[stream], 1_700_000_000_000_000_000)
+            writer.write(image, 1_700_000_000_000_000_000, store.serialize_cdr(message, image.msgtype))
+
+
+def check(path, frames, depth_scale, first):
+    capture = read_capture(path)
+    assert len(capture.frames) == frames
+    assert capture.rig.baseline_m == pytest.approx(_BASELINE_M)
+    np.testing.assert_allclose(capture.rig.left.K, [[43.0, 0, 32.1], [0, 43.5, 24.2], [0, 0, 1]])
+    frame = capture.frames[0]
+    np.testing.assert_array_equal(capture.ir(frame, "left"), first[1])
+    np.testing.assert_array_equal(capture.ir(frame, "right"), first[2])
+    assert frame.depth_scale == pytest.approx(depth_scale) and frame.depth_path is not None
+
+
+def test_librealsenses_own_bag(tmp_path):
+    write_librealsense(tmp_path / "a.bag")
+    assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture")]) == 0
+    check(tmp_path / "capture", 2, 0.0005, images(0))
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.bag", "capture"], "nothing else stays"
+
+
+def test_a_bag_of_ros_2(tmp_path):
+    write_ros2(tmp_path / "bag")
+    assert main(["import", str(tmp_path / "bag"), "--out", str(tmp_path / "capture")]) == 0
+    check(tmp_path / "capture", 1, 0.001, images())
+
+
+@pytest.mark.parametrize(
+    "skip, words", [((2,), "Infrared 2: no topic has its images"), (("tf",), "the baseline is nowhere in it")]
+)
+def test_what_a_bag_lacks_is_told(tmp_path, capsys, skip, words):
+    write_librealsense(tmp_path / "a.bag", skip=skip)
+    assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture")]) == 2
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert "a.bag" in error and words in error and not (tmp_path / "capture").exists()
+
+
+def test_a_damaged_bag_is_one_line(tmp_path, capsys):
+    (tmp_path / "a.bag").write_bytes(b"#ROSBAG V2.0\nnothing")
+    assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture")]) == 2
+    assert "a.bag: cannot be read as a bag" in capsys.readouterr().err

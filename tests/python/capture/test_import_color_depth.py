@@ -1,0 +1,330 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings in the layouts of TUM, Open3D and BOP, written here as their descriptions have them, become captures; so
+do a robot's views and a connected camera's frames."""
+
+import json
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from activestereo.scene_io import meshes
+from activestereo.capture.capture import CaptureError, read_capture
+from activestereo.cli import main
+from activestereo.capture.images import write_gray
+from activestereo.scene_io.mesh_files import read_mesh
+from camera_dumps import ENUMERATED
+
+_HEIGHT, _WIDTH = 24, 32
+_K = (30.0, 31.0, 15.5, 11.5)
+
+
+def write_frames(colors, depths, names=("000000", "000001")):
+    rng = np.random.default_rng(0)
+    for folder in (colors, depths):
+        folder.mkdir(parents=True)
+    for name in names:
+        Image.fromarray(rng.integers(0, 255, (_HEIGHT, _WIDTH, 3), np.uint8)).save(colors / f"{name}.png")
+        write_gray(depths / f"{name}.png", rng.integers(400, 900, (_HEIGHT, _WIDTH)).astype(np.uint16))
+
+
+@pytest.fixture
+def tum(tmp_path):
+    folder = tmp_path / "tum"
+    write_frames(folder / "rgb", folder / "depth")
+    for kind, delay in (("rgb", 0.0), ("depth", 0.004)):
+        lines = [f"{1.0 + 0.1 * k + delay:.4f} {kind}/{k:06d}.png" for k in range(2)]
+        (folder / f"{kind}.txt").write_text("# timestamp filename\n" + "\n".join(lines) + "\n")
+    (folder / "groundtruth.txt").write_text("1.0 0 0 0 0 0 0 1\n1.2 0.2 0 0 0 0 0 1\n")
+    return folder
+
+
+@pytest.fixture
+def bop(tmp_path):
+    folder = tmp_path / "set" / "test" / "000001"
+    write_frames(folder / "rgb", folder / "depth")
+    camera = {"cam_K": [_K[0], 0, _K[2], 0, _K[1], _K[3], 0, 0, 1], "depth_scale": 0.1}
+    (folder / "scene_camera.json").write_text(json.dumps({"0": camera, "1": camera}))
+    poses = [{"cam_R_m2c": np.eye(3).ravel().tolist(), "cam_t_m2c": [0, 0, z], "obj_id": 3} for z in (500.0, 450.0)]
+    (folder / "scene_gt.json").write_text(json.dumps({str(k): [pose] for k, pose in enumerate(poses)}))
+    models = tmp_path / "set" / "models"
+    models.mkdir()
+    write_ply(models / "obj_000003.ply", meshes.box(80.0, 60.0, 40.0))
+    return folder
+
+
+def write_ply(path, mesh):
+    vertex = np.array([tuple(p) for p in mesh.positions], dtype=[("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
+    face = np.array([(3, tuple(t)) for t in mesh.indices.reshape(-1, 3)], dtype=[("count", "u1"), ("index", "<i4", 3)])
+    header = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertex)}\nproperty float x\nproperty float "
+        f"y\nproperty float z\n"
+        f"element face {len(face)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    path.write_bytes(header.encode() + vertex.tobytes() + face.tobytes())
+
+
+def refused(arguments, capsys):
+    assert main(arguments) == 2
+    (line,) = [line for line in capsys.readouterr().err.strip().splitlines() if line.startswith("activestereo: ")]
+    return line
+
+
+def test_a_tum_folder(tum, capsys):
+    out = tum.parent / "capture"
+    assert "give --k" in refused(["import", str(tum), "--out", str(out)], capsys)
+    assert main(["import", str(tum), "--k", ",".join(map(str, _K)), "--out", str(out)]) == 0
+    capture = read_capture(out)
+    assert [frame.has_infrared for frame in capture.frames] == [False, False]
+    assert capture.frames[1].camera_to_world[0, 3] == pytest.approx(0.104, abs=1e-6)
+    stored = np.asarray(Image.open(tum / "depth" / "000001.png"))
+    assert np.allclose(capture.depth(capture.frames[1]), stored / 5000.0)
+    assert np.array_equal(capture.color(capture.frames[0]), np.asarray(Image.open(tum / "rgb" / "000000.png")))
+    with pytest.raises(CaptureError, match="no infrared images"):
+        capture.ir(capture.frames[0], "left")
+
+
+def test_a_tum_list_names_files_of_its_folder_unless_the_user_says_otherwise(tum, capsys):
+    (tum / "rgb" / "000000.png").rename(tum.parent / "outside.png")
+    (tum / "rgb.txt").write_text("1.0 ../outside.png\n1.1 rgb/000001.png\n")
+    out = tum.parent / "capture"
+    command = ["import", str(tum), "--k", ",".join(map(str, _K)), "--out", str(out)]
+    told = refused(command, capsys)
+    assert "rgb.txt: line 1" in told and "lies outside of" in told and "--allow-outside" in told
+    assert main(["--allow-outside", *command]) == 0
+
+
+def test_what_needs_infrared_says_so(tum, capsys):
+    out = tum.parent / "capture"
+    assert main(["import", str(tum), "--k", ",".join(map(str, _K)), "--out", str(out)]) == 0
+    for command in (
+        ["acquire", "noise", str(out), "-o", str(tum / "model.json")],
+        ["compare", str(out), "--out", str(tum / "c")],
+    ):
+        capsys.readouterr()
+        assert "infrared" in refused(command, capsys) or "repeat" in refused(command, capsys)
+    assert not (tum / "model.json").exists()
+
+
+def test_an_open3d_folder_with_its_trajectory(tmp_path, capsys):
+    folder = tmp_path / "open3d"
+    write_frames(folder / "color", folder / "depth")
+    fx, fy, cx, cy = _K
+    intrinsic = {"width": _WIDTH, "height": _HEIGHT, "intrinsic_matrix": [fx, 0, 0, 0, fy, 0, cx, cy, 1]}
+    (folder / "camera_intrinsic.json").write_text(json.dumps(intrinsic))
+    (folder / "trajectory.log").write_text(
+        "".join(f"{k} {k} {k + 1}\n1 0 0 {0.1 * k}\n0 1 0 0\n0 0 1 0\n0 0 0 1\n" for k in range(2))
+    )
+    assert main(["import", str(folder), "--out", str(tmp_path / "capture")]) == 0
+    capture = read_capture(tmp_path / "capture")
+    assert capture.rig.left.K[0, 2] == cx and capture.frames[1].camera_to_world[0, 3] == pytest.approx(0.1)
+    assert capture.frames[0].depth_scale == 0.001
+    (folder / "camera_intrinsic.json").write_text(json.dumps({"intrinsic_matrix": [1, 2]}))
+    line = refused(["import", str(folder), "--out", str(tmp_path / "other")], capsys)
+    assert "camera_intrinsic.json: intrinsic_matrix: is [1, 2], expected nine numbers" in line
+
+
+def test_a_bop_scene_brings_its_objects(bop, tmp_path):
+    import kuafu
+
+    assert main(["import", str(bop), "--out", str(tmp_path / "capture")]) == 0
+    capture = read_capture(tmp_path / "capture")
+    assert capture.frames[0].depth_scale == pytest.approx(0.0001)
+    assert capture.frames[1].camera_to_world[2, 3] == pytest.approx(0.05)  # 50 mm nearer to the object
+    scene = kuafu.Scene(kuafu.Device())
+    scene.load(capture.scene_path)
+    assert np.allclose(scene.summary.bounds_min_m, (-0.04, 0.0, 0.48), atol=1e-6)
+    assert np.allclose(scene.summary.bounds_max_m, (0.04, 0.06, 0.52), atol=1e-6)
+
+
+def test_a_bop_scene_whose_rotations_have_few_digits_becomes_a_capture(bop, tmp_path, capsys):
+    truth = json.loads((bop / "scene_gt.json").read_text())
+    truth["1"][0]["cam_R_m2c"] = [0.8, -0.6004, 0, 0.6, 0.8, 0, 0, 0, 1]
+    (bop / "scene_gt.json").write_text(json.dumps(truth))
+    assert main(["import", str(bop), "--out", str(tmp_path / "capture")]) == 0
+    turn = read_capture(tmp_path / "capture").frames[1].camera_to_world[:3, :3]
+    np.testing.assert_allclose(turn, [[0.8, 0.6, 0], [-0.6, 0.8, 0], [0, 0, 1]], atol=4e-4)
+    truth["1"][0]["cam_R_m2c"] = [-1, 0, 0, 0, 1, 0, 0, 0, 1]
+    (bop / "scene_gt.json").write_text(json.dumps(truth))
+    line = refused(["import", str(bop), "--out", str(tmp_path / "other")], capsys)
+    assert "1.cam_R_m2c, cam_t_m2c: is not a rigid motion: its 3x3 part mirrors" in line
+
+
+def test_what_is_wrong_with_a_bop_scene_is_told(bop, tmp_path, capsys):
+    camera = json.loads((bop / "scene_camera.json").read_text())
+    del camera["1"]["cam_K"]
+    (bop / "scene_camera.json").write_text(json.dumps(camera))
+    assert "scene_camera.json: 1.cam_K: is None, expected nine numbers" in refused(
+        ["import", str(bop), "--out", str(tmp_path / "a")], capsys
+    )
+    camera["1"] = camera["0"] | {"depth_scale": None}
+    (bop / "scene_camera.json").write_text(json.dumps(camera))
+    assert "1.depth_scale: is missing" in refused(["import", str(bop), "--out", str(tmp_path / "a")], capsys)
+    camera["1"] = camera["0"]
+    (bop / "scene_camera.json").write_text(json.dumps(camera))
+    write_gray(bop / "depth" / "000001.png", np.ones((10, 10), np.uint16))
+    assert "is 10x10, expected 32x24" in refused(["import", str(bop), "--out", str(tmp_path / "a")], capsys)
+    assert not [p for p in tmp_path.iterdir() if p.name.lstrip(".").startswith(("a", "import"))]
+
+
+def test_meshes_of_cad_programs(tmp_path):
+    box = meshes.box(0.08, 0.06, 0.04)
+    triangles = box.indices.reshape(-1, 3)
+    write_ply(tmp_path / "box.ply", box)
+    record = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("attribute", "<u2")])
+    facets = np.zeros(len(triangles), record)
+    facets["points"] = 1000.0 * box.positions[triangles]
+    (tmp_path / "box.stl").write_bytes(b"\0" * 80 + len(facets).to_bytes(4, "little") + facets.tobytes())
+    lines = [f"v {x} {y} {z}" for x, y, z in box.positions] + [
+        f"f {a + 1}//1 {b + 1}//1 {c + 1}//1" for a, b, c in triangles
+    ]
+    (tmp_path / "box.obj").write_text("\n".join(lines))
+    for name, unit in (("box.ply", 1.0), ("box.stl", 0.001), ("box.obj", 1.0)):
+        mesh = read_mesh(tmp_path / name, unit)
+        assert np.allclose(np.ptp(mesh.positions, axis=0), (0.08, 0.06, 0.04), atol=1e-6)
+        assert np.allclose(np.abs(mesh.normals).max(axis=1), 1.0, atol=1e-6)  # a box has no round edges
+    with pytest.raises(ValueError, match="80 m long: say the file's unit"):
+        read_mesh(tmp_path / "box.stl")
+    (tmp_path / "cut.stl").write_bytes(b"\0" * 80 + b"\x05\0\0\0" + b"\0" * 60)
+    with pytest.raises(ValueError, match=r"cut\.stl: holds 0 triangles"):
+        read_mesh(tmp_path / "cut.stl")
+
+
+def test_a_round_side_has_round_normals(tmp_path):
+    wheel = meshes.lathe([[(0.03, 0.0), (0.03, 0.1)]])
+    write_ply(tmp_path / "side.ply", wheel)
+    mesh = read_mesh(tmp_path / "side.ply")
+    radial = mesh.positions[:, [0, 2]] / np.linalg.norm(mesh.positions[:, [0, 2]], axis=1, keepdims=True)
+    assert np.einsum("ij,ij->i", mesh.normals[:, [0, 2]], radial).min() > 0.999
+
+
+def test_a_robots_views_stand_where_the_gripper_carries_the_camera(tmp_path, capsys):
+    views = tmp_path / "views"
+    for eye in ("left", "right"):
+        (views / eye).mkdir(parents=True)
+        for i in range(4):
+            write_gray(views / eye / f"{i:06d}.png", np.full((48, 64), 10 * i, np.uint8))
+    (tmp_path / "d435.txt").write_text(ENUMERATED)
+    rows = [f"{i:06d}.png,{0.1 * (i // 2)},0,0,0,0,0,1" for i in range(4)]
+    (tmp_path / "poses.csv").write_text("name,x,y,z,qx,qy,qz,qw\n" + "\n".join(rows) + "\n")
+    hand = np.eye(4)
+    hand[2, 3] = 0.05
+    (tmp_path / "hand.json").write_text(json.dumps({"camera_to_gripper": hand.ravel().tolist()}))
+    arguments = [
+        "import",
+        str(views),
+        "--calibration",
+        str(tmp_path / "d435.txt"),
+        "--robot",
+        str(tmp_path / "poses.csv"),
+        "--out",
+        str(tmp_path / "c"),
+    ]
+    assert "--robot needs --hand-eye" in refused(arguments, capsys)
+    assert main([*arguments, "--hand-eye", str(tmp_path / "hand.json")]) == 0
+    capture = read_capture(tmp_path / "c")
+    assert [frame.repeat_group for frame in capture.frames] == [0, 0, 1, 1]
+    assert np.allclose(capture.frames[2].camera_to_world[:3, 3], (0.1, 0, 0.05))
+    assert np.allclose(capture.frames[2].gripper_to_base[:3, 3], (0.1, 0, 0))
+
+
+def test_folders_inside_are_views_of_their_own(tmp_path):
+
+    (tmp_path / "d435.txt").write_text(ENUMERATED)
+    for number, view in enumerate(("desk_off", "near", "wall/far")):
+        for eye in ("left", "right"):
+            (tmp_path / "r" / view / eye).mkdir(parents=True)
+            for i in range(2):
+                write_gray(
+                    tmp_path / "r" / view / eye / f"{i:03d}.png",
+                    np.full((48, 64), 10 * number + i + 100 * (eye == "right"), np.uint8),
+                )
+    assert (
+        main(["import", str(tmp_path / "r"), "--calibration", str(tmp_path / "d435.txt"), "--out", str(tmp_path / "c")])
+        == 0
+    )
+    capture = read_capture(tmp_path / "c")
+    assert [frame.repeat_group for frame in capture.frames] == [0, 0, 1, 1, 2, 2]
+    assert [frame.projector_power for frame in capture.frames] == [0, 0, 1, 1, 1, 1]
+    assert [int(capture.ir(frame, "right")[0, 0]) for frame in capture.frames] == [100, 101, 110, 111, 120, 121]
+
+
+class _Stream:
+    def __init__(self, baseline_m=0.0):
+        self.baseline_m = baseline_m
+
+    def as_video_stream_profile(self):
+        return self
+
+    def get_intrinsics(self):
+        return SimpleNamespace(width=32, height=24, fx=30.0, fy=30.0, ppx=15.5, ppy=11.5, coeffs=[0.0] * 5)
+
+    def get_extrinsics_to(self, other):
+        return SimpleNamespace(rotation=np.eye(3).ravel().tolist(), translation=[other.baseline_m, 0.0, 0.0])
+
+
+class _Image:
+    def __init__(self, number, pixels):
+        self.number, self.pixels = number, pixels
+
+    def get_timestamp(self):
+        return 1.7e12 + 33.3 * self.number
+
+    def get_data(self):
+        return self.pixels
+
+    def supports_frame_metadata(self, key):
+        return True
+
+    def get_frame_metadata(self, key):
+        return 6500
+
+
+class _Pipeline:
+    """What record_live() calls of pyrealsense2, with frames of its own."""
+
+    def __init__(self):
+        self.number = 0
+
+    def start(self, config):
+        streams = {("infrared", 1): _Stream(), ("infrared", 2): _Stream(-0.05), ("color",): _Stream(0.015)}
+        depth = SimpleNamespace(get_depth_scale=lambda: 0.0001)
+        device = SimpleNamespace(first_depth_sensor=lambda: depth)
+        return SimpleNamespace(get_device=lambda: device, get_stream=lambda *key: streams[key])
+
+    def wait_for_frames(self, timeout_ms):
+        self.number += 1
+        gray, depth, color = (
+            np.full((24, 32), self.number, np.uint8),
+            np.full((24, 32), 500, np.uint16),
+            np.zeros((24, 32, 3), np.uint8),
+        )
+        return SimpleNamespace(
+            get_infrared_frame=lambda eye: _Image(self.number, gray),
+            get_depth_frame=lambda: _Image(self.number, depth),
+            get_color_frame=lambda: _Image(self.number, color),
+        )  # fmt: skip
+
+    def stop(self):
+        pass
+
+
+def test_a_connected_camera(tmp_path, monkeypatch):
+    names = SimpleNamespace(infrared="infrared", depth="depth", color="color")
+    fake = SimpleNamespace(
+        config=lambda: SimpleNamespace(enable_stream=lambda *a: None), pipeline=_Pipeline, stream=names,
+        format=SimpleNamespace(y8=0, z16=1, rgb8=2), frame_metadata_value=SimpleNamespace(actual_exposure=0),
+    )  # fmt: skip
+    monkeypatch.setitem(sys.modules, "pyrealsense2", fake)
+    assert main(["import", "live", "--frames", "3", "--size", "32x24", "--out", str(tmp_path / "c")]) == 0
+    capture = read_capture(tmp_path / "c")
+    assert len(capture.frames) == 3 and capture.frames[0].exposure_s == pytest.approx(0.0065)
+    assert capture.rig.color.left_to_color[0, 3] == 0.015 and capture.frames[0].depth_scale == 0.0001
+    assert capture.ir(capture.frames[0], "left")[0, 0] == 31  # the first thirty let the exposure settle
+
+
+def test_without_pyrealsense2_a_live_camera_is_refused(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "pyrealsense2", None)
+    assert "pip install pyrealsense2" in refused(["import", "live", "--out", str(tmp_path / "c")], capsys)

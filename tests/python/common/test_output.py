@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the commands write and say: files whole or not at all, the progress bar, accuracy."""
+
+import errno
+import io
+import warnings
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from activestereo.compare.accuracy import accuracy_by_material, accuracy_table
+from activestereo.common.output_files import replace_file, write_depth_png, write_ply, write_png
+from activestereo.report.overview import simulation_figure
+from activestereo.common.progress_bar import ProgressBar, duration
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path):
+    path = tmp_path / "file"
+    path.write_text("old")
+
+    def fail(file):
+        file.write(b"half")
+        raise OSError("disk full")
+
+    with pytest.raises(OSError):
+        replace_file(path, fail)
+    assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
+
+
+def test_a_full_disk_is_named(tmp_path: Path) -> None:
+    """/dev/full has no room, and what is written there does not say where it should have gone."""
+
+    def fill(file: BinaryIO) -> None:
+        with open("/dev/full", "wb", buffering=0) as full:
+            full.write(b"x")
+
+    path = tmp_path / "depth.png"
+    with pytest.raises(OSError, match="No space left") as raised:
+        replace_file(path, fill)
+    assert raised.value.errno == errno.ENOSPC and raised.value.filename == str(path)
+    assert not list(tmp_path.iterdir())
+
+    def cut(file: BinaryIO) -> None:
+        raise OSError("100 requested and 0 written")  # as numpy.save says it
+
+    with pytest.raises(OSError, match=r"depth\.png: 100 requested"):
+        replace_file(path, cut)
+
+
+def test_depth_png_is_millimetres(tmp_path):
+    write_depth_png(tmp_path / "d.png", np.array([[0.0, 0.5004, 1.2346], [70.0, np.nan, 65.535]], np.float32))
+    np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "d.png")), [[0, 500, 1235], [65535, 0, 65535]])
+
+
+@pytest.mark.parametrize("colors", [None, np.array([[1.0, 0.5, 0.0], [0.0, 0.0, 1.0]])])
+def test_ply_holds_the_points(tmp_path, colors):
+    points = np.array([[1, 2, 3], [4, 5, 6]], np.float32)
+    write_ply(tmp_path / "p.ply", points, colors)
+    header, body = (tmp_path / "p.ply").read_bytes().split(b"end_header\n")
+    assert b"element vertex 2" in header
+    record = 12 if colors is None else 15
+    assert len(body) == 2 * record
+    np.testing.assert_array_equal(np.frombuffer(body[record : record + 12], "<f4"), points[1])
+    if colors is not None:
+        assert list(body[12:15]) == [255, 128, 0]
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_progress_bar_tells_the_time_left():
+    now = [0.0]
+    stream = Terminal()
+    with ProgressBar("work", stream, clock=lambda: now[0]) as bar:
+        now[0] = 10.0
+        bar(0.25)
+        assert "25 %" in stream.getvalue() and "30 s left" in stream.getvalue()
+        before = stream.getvalue()
+        now[0] = 10.01
+        bar(0.26)
+        assert stream.getvalue() == before  # not redrawn that soon
+        now[0] = 40.0
+    assert stream.getvalue().endswith("done in 40 s\n")
+
+
+def test_progress_bar_is_sparing_where_there_is_no_terminal():
+    now = [0.0]
+    stream = io.StringIO()
+    with ProgressBar("work", stream, clock=lambda: now[0]) as bar:
+        for step in range(100):
+            now[0] += 0.4
+            bar(step / 100)
+    lines = stream.getvalue().splitlines()
+    assert 2 <= len(lines) <= 4 and "\r" not in stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    "seconds, text", [(0.44, "0.4 s"), (12.3, "12 s"), (59.8, "1 min 00 s"), (185, "3 min 05 s"), (3725, "1 h 02 min")]
+)
+def test_duration(seconds, text):
+    assert duration(seconds) == text
+
+
+def test_accuracy_by_material():
+    true = np.full((10, 20), 1.0)
+    true[:, 19] = 0.0  # nothing there
+    ids = np.zeros((10, 20), np.uint32)
+    ids[:, 10:] = 1
+    measured = true + 0.002
+    measured[:5, 10:] = 0.0
+    measured[5:, 10:] = 1.02
+    rows = {
+        row.name: row
+        for row in accuracy_by_material(measured, true, ids, lambda i: ["good", "bad"][i], least_pixels=10)
+    }
+    assert (rows["good"].pixels, rows["good"].fill) == (100, 1.0) and rows["good"].median_error_m == pytest.approx(
+        0.002
+    )
+    assert (rows["bad"].pixels, rows["bad"].fill) == (90, 0.5) and rows["bad"].median_error_m == pytest.approx(0.02)
+    assert rows["all"].pixels == 190
+    assert "good" in accuracy_table(list(rows.values()))
+
+
+def test_a_material_never_measured_has_no_error():
+    row = accuracy_by_material(np.zeros((10, 10)), np.ones((10, 10)), np.zeros((10, 10), int), lambda i: "dark")[0]
+    assert row.fill == 0.0 and np.isnan(row.median_error_m)
+    assert "dark" in accuracy_table([row])
+
+
+def test_a_picture_of_nothing_says_so():
+    nothing, ids = np.zeros((32, 32), np.float32), np.zeros((32, 32), np.uint32)
+    rgb, ir = np.zeros((32, 32, 3), np.float32), [np.zeros((32, 32), np.uint8)] * 2
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for true, words in ((nothing, "nothing is in"), (nothing + 1.0, "no pixel measured")):
+            rows = accuracy_by_material(nothing, true, ids, lambda i: "dark")
+            assert "nan" not in accuracy_table(rows)
+            figure = simulation_figure("nothing", rgb, ir, nothing, true, rows)
+            assert any(words in text.get_text() for text in figure.texts)
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_a_png_has_the_pixels_that_were_written(tmp_path, kind):
+    random = np.random.default_rng(0)
+    for shape in ((1, 1), (48, 64), (48, 64, 3))[: 3 if kind is np.uint8 else 2]:
+        pixels = random.integers(0, np.iinfo(kind).max, shape, kind, endpoint=True)
+        for image in (pixels, pixels[::-1], np.zeros_like(pixels)):
+            write_png(tmp_path / "p.png", image)
+            np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "p.png")), image)

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The cache of renders: what was put is got, and a folder that cannot be written or read harms nobody."""
+
+import os
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from activestereo.compare.cache import CacheWarning, LayerCache
+
+ARRAYS = {"a": np.arange(6.0).reshape(2, 3)}
+
+
+def test_what_was_put_is_got_and_nothing_else(tmp_path: Path) -> None:
+    cache = LayerCache(tmp_path / "new" / "folder")
+    assert cache.get_arrays("key") is None
+    cache.put_arrays("key", ARRAYS)
+    stored = cache.get_arrays("key")
+    assert stored is not None
+    np.testing.assert_array_equal(stored["a"], ARRAYS["a"])
+    (cache.folder / "key.npz").write_bytes(b"no archive")
+    assert cache.get_arrays("key") is None
+
+
+def test_a_folder_that_cannot_be_made_is_one_warning(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the folder's place")
+    cache = LayerCache(tmp_path / "file" / "cache")
+    with pytest.warns(CacheWarning, match="not kept.*ACTIVESTEREO_CACHE"):
+        cache.put_arrays("key", ARRAYS)
+    assert cache.get_arrays("key") is None
+
+
+def test_a_full_disk_is_one_warning_that_names_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def save(file: object, **arrays: np.ndarray) -> None:
+        with open("/dev/full", "wb", buffering=0) as full:
+            full.write(b"x")
+
+    cache = LayerCache(tmp_path)
+    monkeypatch.setattr(np, "savez", save)
+    with pytest.warns(CacheWarning, match=r"No space left on device: .*key\.npz"):
+        cache.put_arrays("key", ARRAYS)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_read_only_folder_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cache = LayerCache(tmp_path)
+    cache.put_arrays("key", ARRAYS)
+
+    def refuse(*arguments: object) -> None:
+        raise PermissionError(30, "Read-only file system")
+
+    monkeypatch.setattr(os, "utime", refuse)  # root may write into any folder: the mode would refuse nothing
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert cache.get_arrays("key") is not None

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+"""compare: on worlds of known numbers it finds the numbers, the noise floor, and nothing left to explain."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lab_worlds import RememberingRenderer, WorldRenderer
+from activestereo.capture.capture import read_capture
+from activestereo.effects import Model, View, builtin
+from activestereo.capture.images import read_gray, write_gray
+from activestereo.compare.cache import LayerCache, request_key
+from activestereo.compare.compare import compare
+from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
+from activestereo.compare.layers import rig_request
+from activestereo.compare.noise import frame_floors
+from activestereo.compare.render import WARP_SCALE, render_frames
+from activestereo.report.summary import summary_table
+from activestereo.report.write import write_report
+from worlds.sensor import expected
+
+
+@pytest.fixture(scope="module")
+def comparison(lab_world, lab_cache):
+    return compare(lab_world.capture_path, renderer=WorldRenderer(lab_world, grid=6), cache=lab_cache)
+
+
+def test_the_fit_finds_what_the_world_was_made_with(lab_world, comparison):
+    fit = comparison.scores["fit"]["nuisances"]
+    assert fit["projector_scale"] == pytest.approx(lab_world.sensor.projector_scale, rel=0.01)
+    assert fit["ambient_scale"] == pytest.approx(lab_world.sensor.ambient_scale, rel=0.02)
+    assert fit["black_dn"] == pytest.approx(lab_world.sensor.black_dn, abs=0.1)
+
+
+def test_noise_floor_is_the_worlds_own_noise(lab_world, comparison):
+    """Against the residual of the noise-free truth itself, which no model can beat."""
+    capture = comparison.capture
+    for split in ("train", "test"):
+        squares = [
+            np.mean(
+                (
+                    capture.ir(f, eye)
+                    - expected(lab_world.sensor, lab_world.views[f.id, eye], f.exposure_gain, f.projector_power)
+                )
+                ** 2
+            )
+            for f in capture.split(split)
+            for eye in ("left", "right")
+        ]
+        floor = comparison.scores["ir"][split]["noise_floor_dn"]
+        assert floor == pytest.approx(np.sqrt(np.mean(squares)), rel=0.03)
+
+
+def test_the_right_model_leaves_little_to_explain(comparison):
+    for split in ("train", "test"):
+        values = comparison.scores["ir"][split]
+        assert values["rmse_dn"] < 1.06 * values["noise_floor_dn"]
+        assert values["explainable_rmse_dn"] ** 2 == pytest.approx(
+            max(0, values["rmse_dn"] ** 2 - values["noise_floor_dn"] ** 2), abs=1e-9
+        )
+
+
+def test_a_wrong_scene_leaves_much_to_explain(lab_world, comparison, tmp_path):
+    wrong = replace(lab_world, solids=tuple(s for s in lab_world.solids if s.name != "ball"))
+    scores = compare(lab_world.capture_path, renderer=WorldRenderer(wrong), cache=LayerCache(tmp_path)).scores
+    for split in ("train", "test"):
+        assert scores["ir"][split]["explainable_rmse_dn"] > 3 * comparison.scores["ir"][split]["explainable_rmse_dn"]
+
+
+def test_rmse_pools_squares_over_eyes_and_frames(comparison):
+    frames = [f for f in comparison.scores["frames"] if f["split"] == "train"]
+    pooled = np.sqrt(np.mean([f["eyes"][eye]["rmse_dn"] ** 2 for f in frames for eye in ("left", "right")]))
+    assert comparison.scores["ir"]["train"]["rmse_dn"] == pytest.approx(pooled)
+
+
+def test_saturated_pixels_do_not_bias_the_fit(lab_world):
+    """The same light measured by a sensor that clips a tenth of the dots gives the same scales."""
+    capture = read_capture(lab_world.capture_path)
+    layers = render_frames(capture, WorldRenderer(lab_world), cache=LayerCache(lab_world.capture_path.parent / "own"))
+    truth, limit = Nuisances(9.0e4, 3.0e3, 4.0), 60.0
+    rng = np.random.default_rng(5)
+    observations = []
+    for frame in capture.frames:
+        light = predict(frame, layers[frame.id]["left"], truth, np.inf)
+        observations.append((frame, layers[frame.id]["left"], np.clip(light + rng.normal(size=light.shape), 0, limit)))
+    fit = fit_nuisances(observations, limit)
+    assert fit.clipped_fraction > 0.02
+    np.testing.assert_allclose(fit.nuisances.vector(), truth.vector(), rtol=4e-3)
+
+
+def test_fit_without_clipping_is_plain_least_squares(comparison, lab_world, tmp_path):
+    capture = comparison.capture
+    layers = render_frames(capture, WorldRenderer(lab_world), cache=LayerCache(tmp_path))
+    train = [(f, layers[f.id][eye], capture.ir(f, eye)) for f in capture.split("train") for eye in ("left", "right")]
+    rows = np.concatenate(
+        [
+            np.stack(
+                [l.projector * f.exposure_gain * f.projector_power, l.ambient * f.exposure_gain, 0 * l.ambient + 1], -1
+            ).reshape(-1, 3)
+            for f, l, _ in train
+        ]
+    ).astype(np.float64)
+    value = np.concatenate([m.ravel() for _, _, m in train]).astype(np.float64)
+    np.testing.assert_allclose(
+        fit_nuisances(train, np.inf).nuisances.vector(), np.linalg.lstsq(rows, value, rcond=None)[0], rtol=1e-4
+    )
+
+
+def test_frames_of_one_pose_share_a_render_and_a_second_run_traces_nothing(lab_world, tmp_path):
+    renderer, capture = WorldRenderer(lab_world, grid=1), read_capture(lab_world.capture_path)
+    first = render_frames(capture, renderer, cache=LayerCache(tmp_path))
+    assert renderer.calls == 3  # poses, not frames
+    second = render_frames(capture, renderer, cache=LayerCache(tmp_path))
+    assert renderer.calls == 3
+    np.testing.assert_array_equal(first[4]["right"].direct, second[4]["right"].direct)
+
+
+def test_a_damaged_cache_entry_is_rendered_again(lab_world, tmp_path):
+    renderer, capture = WorldRenderer(lab_world, grid=1), read_capture(lab_world.capture_path)
+    render_frames(capture, renderer, cache=LayerCache(tmp_path))
+    for entry in tmp_path.glob("*.npz"):
+        entry.write_bytes(entry.read_bytes()[:500])
+    render_frames(capture, renderer, cache=LayerCache(tmp_path))
+    assert renderer.calls == 6
+
+
+def test_the_cache_key_follows_everything_that_decides_pixels(lab_world, tmp_path):
+    copy = Path(shutil.copytree(lab_world.capture_path, tmp_path / "copy"))
+    capture = read_capture(copy)
+    base = rig_request(capture, capture.frames[0], 64, 8, 0)
+    key = request_key(base, "1")
+    assert key == request_key(rig_request(capture, capture.frames[1], 64, 8, 0), "1")
+    others = [
+        replace(base, samples_per_pixel=65),
+        replace(base, max_bounces=9),
+        replace(base, seed=1),
+        replace(base, pattern=base.pattern + np.float32(1e-3)),
+        replace(base, cameras=(replace(base.cameras[0], K=base.cameras[0].K + 1e-9), base.cameras[1])),
+        rig_request(capture, capture.frames[2], 64, 8, 0),
+    ]
+    keys = [request_key(other, "1") for other in others] + [request_key(base, "2")]
+    (copy / "scene.bin").write_bytes((copy / "scene.bin").read_bytes()[:-4] + b"abcd")
+    keys.append(request_key(base, "1"))
+    assert len({key, *keys}) == len(keys) + 1
+
+
+def test_without_repeats_the_floor_is_the_pairs_not_zero(lab_world, tmp_path):
+    copy = Path(shutil.copytree(lab_world.capture_path, tmp_path / "copy"))
+    values = json.loads((copy / "capture.json").read_text())
+    for frame in values["frames"]:
+        frame["repeat_group"] = None
+    (copy / "capture.json").write_text(json.dumps(values))
+    assert frame_floors(read_capture(copy), 4.0) == ({}, None)
+    scores = compare(copy, renderer=WorldRenderer(lab_world, grid=1), cache=LayerCache(tmp_path / "cache")).scores
+    assert scores["ir"]["test"]["noise_floor_from"] == ["pair"]
+    assert scores["ir"]["test"]["noise_floor_dn"] > 1.0  # the world's read noise
+    assert "   pair" in summary_table(scores)
+
+
+def test_the_report_is_whole_json_and_a_page(comparison, tmp_path):
+    json_path, page = write_report(comparison, tmp_path / "out")
+    stored = json.loads(json_path.read_text())
+    assert set(stored["ir"]) == {"train", "test"}
+    assert {"rmse_dn", "noise_floor_dn", "explainable_rmse_dn"} <= set(stored["ir"]["test"])
+    assert page.read_text().startswith("<!doctype html>")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["compare.json", "compare.png", "report.html"]
+
+
+def test_sixteen_bit_images_keep_their_values(tmp_path):
+    image = np.arange(6000, dtype=np.uint16).reshape(60, 100) * 10
+    write_gray(tmp_path / "deep.png", image)
+    np.testing.assert_array_equal(read_gray(tmp_path / "deep.png"), image)
+
+
+def test_an_effect_that_the_world_has_makes_the_error_fall(lab_world, comparison, tmp_path):
+    """A sensor of bent response: the base model fails, the model with the effect is at the floor again."""
+    gamma = builtin()["response_gamma"]
+    model = Model().with_effect(gamma, log_exponent=np.log(0.8))
+    copy = Path(shutil.copytree(lab_world.capture_path, tmp_path / "copy"))
+    capture = read_capture(copy)
+    renderer = RememberingRenderer(WorldRenderer(lab_world, grid=6))
+    layers = render_frames(capture, renderer, cache=LayerCache(tmp_path / "cache"), scale=WARP_SCALE)
+    truth, rng = Nuisances(9.0e4, 3.0e3, 4.0), np.random.default_rng(8)
+    for frame in capture.frames:
+        for eye in ("left", "right"):
+            view = View.of(capture, frame, eye, layers[frame.id][eye])
+            image = model.signal(model.light(layers[frame.id][eye], view), view, truth) + rng.normal(size=view.shape)
+            write_gray(frame.path(eye), np.clip(np.rint(image), 0, 255).astype(np.uint8))
+    base, right = (compare(copy, m, renderer, cache=LayerCache(tmp_path / "cache")).scores for m in (None, model))
+    for split in ("train", "test"):
+        assert base["ir"][split]["rmse_dn"] > 1.5 * right["ir"][split]["rmse_dn"]
+        assert right["ir"][split]["rmse_dn"] == pytest.approx(np.sqrt(1 + 1 / 12), rel=0.02)
+    np.testing.assert_allclose(list(right["fit"]["nuisances"].values()), truth.vector(), rtol=0.01)
+    assert (base["effects"], right["effects"]) == ([], ["response_gamma"])

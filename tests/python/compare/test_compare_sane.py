@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""compare says first what makes all else worthless: another pattern, another scene, exchanged eyes, light below
+zero."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+
+from activestereo.capture.capture import read_capture
+from activestereo.effects import View
+from activestereo.capture.images import write_gray
+from activestereo.compare.cache import LayerCache
+from activestereo.compare.compare import compare
+from activestereo.compare.nuisances import solve_bounded
+from activestereo.compare.pair_noise import pair_law
+from activestereo.compare.render import render_frames
+from activestereo.report.summary import summary_table
+from lab_worlds import WorldRenderer
+from worlds.sensor import expected
+from worlds.world import dot_pattern, make_world
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    return make_world(tmp_path_factory.mktemp("world"), size=(160, 90), grid=2, bounces=1)
+
+
+def warnings_of(path, renderer, tmp_path):
+    scores = compare(path, renderer=renderer, cache=LayerCache(tmp_path / "cache")).scores
+    return scores["warnings"], scores
+
+
+def test_the_right_world_has_no_warning(world, tmp_path):
+    warnings, scores = warnings_of(world.capture_path, WorldRenderer(world, grid=2, bounces=1), tmp_path)
+    assert warnings == [] and scores["fit"]["at_bound"] == []
+    match = scores["match"]
+    assert (
+        match["pattern"] > 0.8 * match["possible"]
+        and match["geometry"] > 0.6 * match["possible"] > 2 * match["swapped"]
+    )
+
+
+def test_another_pattern_is_said_first(world, tmp_path):
+    path = shutil.copytree(world.capture_path, tmp_path / "capture")
+    pattern = dot_pattern(320, 200, 900, 99)
+    write_gray(path / "pattern.png", pattern)
+    warnings, scores = warnings_of(path, WorldRenderer(world, grid=2, bounces=1), tmp_path)
+    assert warnings[0].startswith("the pattern does not match: the rendered dots correlate ")
+    assert summary_table(scores).startswith("warning: the pattern does not match")
+
+
+def test_another_scene_is_said_first(world, tmp_path):
+    wrong = replace(
+        world, solids=tuple(replace(s, centre=(s.centre[0], s.centre[1] + 0.15, s.centre[2])) for s in world.solids)
+    )
+    warnings, _ = warnings_of(world.capture_path, WorldRenderer(wrong, grid=2, bounces=1), tmp_path)
+    assert warnings[0].startswith("geometry does not match: at the scene's depth the eyes' dots correlate ")
+
+
+def test_exchanged_eyes_are_told_from_another_scene(world, tmp_path):
+    path = shutil.copytree(world.capture_path, tmp_path / "capture")
+    content = json.loads((path / "capture.json").read_text())
+    for frame in content["frames"]:
+        frame["left"], frame["right"] = frame["right"], frame["left"]
+    (path / "capture.json").write_text(json.dumps(content))
+    warnings, _ = warnings_of(path, WorldRenderer(world, grid=2, bounces=1), tmp_path)
+    assert warnings[0].startswith("the eyes are exchanged")
+
+
+def test_scales_are_those_of_non_negative_least_squares():
+    rng = np.random.default_rng(3)
+    for truth in ((3.0, -2.0, 5.0), (-1.0, 2.0, 5.0), (-1.0, -2.0, 5.0), (3.0, 2.0, -5.0)):
+        columns = np.stack([rng.random(500), rng.random(500), np.ones(500)], axis=1)
+        value = columns @ truth + 0.1 * rng.standard_normal(500)
+        solution, _, at_bound = solve_bounded(columns.T @ columns, columns.T @ value)
+        (a, b, plus, minus), _ = nnls(np.hstack([columns, -columns[:, 2:]]), value)
+        np.testing.assert_allclose(solution, [a, b, plus - minus], atol=1e-6)
+        assert at_bound == tuple(
+            n for n, v in zip(("projector_scale", "ambient_scale"), truth[:2], strict=True) if v < 0
+        )
+
+
+def test_a_scale_at_its_bound_is_told(world, tmp_path):
+    """A frame that is darker where more of the room's light falls."""
+    path = shutil.copytree(world.capture_path, tmp_path / "capture")
+    capture = read_capture(path)
+    layers = render_frames(capture, WorldRenderer(world, grid=2, bounces=1), cache=LayerCache(tmp_path / "own"))
+    for frame in capture.frames:
+        for eye in ("left", "right"):
+            light = layers[frame.id][eye].ambient
+            darker = 60.0 - 40.0 * light / light.max() + 0.5 * capture.ir(frame, eye)
+            write_gray(frame.path(eye), np.clip(np.rint(darker), 0, 255).astype(np.uint8))
+    warnings, scores = warnings_of(path, WorldRenderer(world, grid=2, bounces=1), tmp_path)
+    assert scores["fit"]["nuisances"]["ambient_scale"] == 0.0 and scores["fit"]["nuisances"]["projector_scale"] > 0.0
+    assert warnings[-1].startswith("the ambient scale is at its bound, 0")
+
+
+def test_a_pair_without_repeats_tells_its_noise(world, tmp_path):
+    path = shutil.copytree(world.capture_path, tmp_path / "capture")
+    content = json.loads((path / "capture.json").read_text())
+    for frame in content["frames"]:
+        frame["repeat_group"] = None
+    (path / "capture.json").write_text(json.dumps(content))
+    _, scores = warnings_of(path, WorldRenderer(world, grid=2, bounces=1), tmp_path)
+    capture = read_capture(path)
+    for split in ("train", "test"):
+        score = scores["ir"][split]
+        assert score["noise_floor_from"] == ["pair"]
+        squares = [
+            np.mean(
+                (
+                    capture.ir(f, eye)
+                    - expected(world.sensor, world.views[f.id, eye], f.exposure_gain, f.projector_power)
+                )
+                ** 2
+            )
+            for f in capture.split(split)
+            for eye in ("left", "right")
+        ]
+        assert score["noise_floor_dn"] == pytest.approx(np.sqrt(np.mean(squares)), rel=0.3)
+
+
+def test_a_pair_without_a_smooth_place_tells_nothing(world):
+    capture = read_capture(world.capture_path)
+    layers = render_frames(capture, WorldRenderer(world, grid=2, bounces=1))
+    frame = capture.frames[0]
+    views = [View.of(capture, frame, eye, layers[frame.id][eye]) for eye in ("left", "right")]
+    black = np.zeros((90, 160), np.uint8)
+    assert pair_law([(*views, black, black)], 5.0) is None

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Depth beside the device's: the model's own repeat is at the floor, and a device that is wrong by a known amount shows
+that amount."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lab_worlds import WorldRenderer, with_device_depth
+from activestereo.capture.capture import CaptureWarning, read_capture
+from activestereo.compare.cache import LayerCache
+from activestereo.compare.compare import compare
+from activestereo.compare.depth_compare import DepthFrame, depth_scores
+from activestereo.compare.depth_model import DepthModel, expose
+from activestereo.compare.noise import NoiseLaw
+from worlds.world import make_world
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    return make_world(tmp_path_factory.mktemp("world"), size=(160, 90), grid=3)
+
+
+@pytest.fixture(scope="module")
+def layers(tmp_path_factory):
+    return LayerCache(tmp_path_factory.mktemp("cache"))
+
+
+def test_a_device_that_is_the_model_is_at_the_floor(world, layers, tmp_path):
+    copy = with_device_depth(world, tmp_path / "capture", ids=(0, 2, 4))
+    scores = compare(copy, renderer=WorldRenderer(world, grid=4), cache=layers).scores
+    for split in ("train", "test"):
+        depth = scores["depth"][split]
+        assert depth["fill_measured"] > 0.6
+        assert depth["fill_model"] == pytest.approx(depth["fill_measured"], abs=0.02)
+        assert depth["validity_iou"] > depth["noise_floor_validity_iou"] - 0.03
+        assert depth["median_abs_px"] == pytest.approx(depth["noise_floor_median_abs_px"], rel=0.25)
+        assert depth["rmse_px"] < 1.6 * depth["noise_floor_px"]
+        assert depth["noise_floor_from"] == "model"
+        assert depth["truth"]["measured"]["median_abs_px"] < 0.25
+
+
+def test_a_stretched_device_shows_its_bias(world, layers, tmp_path):
+    plain, stretched = (
+        compare(
+            with_device_depth(world, tmp_path / name, ids=(0, 4), stretch=s),
+            renderer=WorldRenderer(world, grid=4),
+            cache=layers,
+        )
+        for name, s in (("plain", 1.0), ("stretched", 1.04))
+    )
+    for split in ("train", "test"):
+        both = [
+            np.mean(d.measured[(d.measured > 0) & (d.model[0] > 0)]) for d in plain.depths if d.frame.split == split
+        ]
+        shift = stretched.scores["depth"][split]["bias_m"] - plain.scores["depth"][split]["bias_m"]
+        assert shift == pytest.approx(0.04 * np.mean(both), rel=0.02)
+
+
+def test_repeated_device_frames_give_the_floor(world, layers, tmp_path):
+    copy = with_device_depth(world, tmp_path / "capture", ids=(0, 1))
+    comparison = compare(copy, renderer=WorldRenderer(world, grid=4), cache=layers)
+    a, b = comparison.depths
+    error, both = a.disparity_error(a.measured, b.measured)
+    depth = comparison.scores["depth"]["train"]
+    assert depth["noise_floor_from"] == "repeats"
+    assert depth["noise_floor_px"] == pytest.approx(np.sqrt(np.mean(error[both] ** 2)))
+    assert "test" not in comparison.scores["depth"]
+
+
+def test_without_device_depth_there_are_no_depth_scores(world, layers):
+    scores = compare(world.capture_path, renderer=WorldRenderer(world, grid=4), cache=layers).scores
+    assert scores["depth"] == {}
+    assert {t["channel"] for t in scores["where"]} == {"infrared"}
+
+
+def test_figures_by_hand():
+    """Two pixels valid in both, one in each alone: disparities 10 and 5 px against 10 and 4 px."""
+
+    class Still:
+        id, split, repeat_group = 0, "train", None
+
+    measured, model = np.array([[1.0, 2.0, 3.0, 0.0]]), np.array([[1.0, 2.5, 0.0, 4.0]])
+    depth = depth_scores([DepthFrame(Still(), measured, (model, model), np.array([[1.0, 2.0, 3.0, 4.0]]), 10.0)])[
+        "train"
+    ]
+    assert depth["rmse_m"] == pytest.approx(np.sqrt(0.125)) and depth["bias_m"] == pytest.approx(-0.25)
+    assert depth["rmse_px"] == pytest.approx(np.sqrt(0.5)) and depth["median_abs_px"] == pytest.approx(0.5)
+    assert depth["fill_measured"] == depth["fill_model"] == 0.75 and depth["validity_iou"] == 0.5
+    assert depth["noise_floor_px"] == 0.0 and depth["noise_floor_validity_iou"] == 1.0
+    assert depth["truth"]["measured"]["rmse_m"] == 0.0
+    assert depth["truth"]["model"]["rmse_px"] == pytest.approx(np.sqrt(1 / 3))
+
+
+def test_nothing_in_common_is_unknown_not_zero():
+    class Still:
+        id, split, repeat_group = 0, "test", None
+
+    one, none = np.ones((2, 2)), np.zeros((2, 2))
+    depth = depth_scores([DepthFrame(Still(), one, (none, none), none, 10.0)])["test"]
+    assert depth["rmse_px"] is None and depth["validity_iou"] == 0.0 and depth["fill_model"] == 0.0
+
+
+def test_hints_are_followed_where_they_can_be(world):
+    capture = read_capture(world.capture_path)
+    good = DepthModel(
+        replace(capture, depth_engine={"max_disparity": 10, "census_width": 9, "notes": "SGM", "p1": "many"})
+    )
+    assert (
+        good.parameters["max_disparity"] == 16 and good.parameters["census_width"] == 9 and "p1" not in good.parameters
+    )
+    with pytest.warns(CaptureWarning, match="hints cannot be followed"):
+        bad = DepthModel(replace(capture, depth_engine={"census_width": 4}))
+    assert "census_width" not in bad.parameters
+
+
+@pytest.mark.parametrize(
+    "law", [NoiseLaw(4.0, 0.0, 0.0, 5.0), NoiseLaw(1.0, 0.3, 0.0, 5.0), NoiseLaw(1.0, 0.0, 0.02, 5.0)]
+)
+def test_exposures_have_the_laws_mean_and_variance(law):
+    expected = np.full((400, 500), 60.0)
+    image = expose(expected, 2.0, law, 255, np.random.default_rng(2)).astype(np.float64)
+    assert image.mean() == pytest.approx(60.0, abs=0.05)
+    assert image.var() == pytest.approx(law.variance(60.0, 2.0), rel=0.02)

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""compare CAPTURE --model: a capture is rendered by the engines with the model's fields set."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from activestereo.capture.capture import Capture, read_capture
+from activestereo.capture.write import write_capture
+from activestereo.cli import main
+from activestereo.effects import Model, builtin
+from activestereo.effects.engines import CaptureRenderer, Survey
+from activestereo.capture.images import read_gray
+from activestereo.compare.compare import compare
+from activestereo.compare.nuisances import Nuisances
+from activestereo.compare.surrogate import trial_capture
+from activestereo.model import Quantity, diagnosed_model, write_model
+
+EFFECTS = builtin()
+SAMPLES, BOUNCES, NOISE_DN = 8, 1, 1.0
+NUISANCES = Nuisances(projector_scale=120000.0, ambient_scale=9000.0, black_dn=5.0)
+HIDDEN = {
+    "vignetting": {"exponent": 2.0},
+    "response_gamma": {"log_exponent": 0.15},
+    "principal_point_offset": {"cx_px": 1.0, "cy_px": 0.0},
+}
+SURVEY = Survey((0.002, 0.002), {1: 1.1})
+
+
+def model_of(**effects: dict[str, float]) -> Model:
+    model = Model()
+    for name, values in effects.items():
+        model = model.with_effect(EFFECTS[name], **values)
+    return model
+
+
+@pytest.fixture(scope="module")
+def nominal(tmp_path_factory) -> Capture:
+    """A capture without images: half the size of the trial world's, its second frame held out."""
+    capture = trial_capture(tmp_path_factory.mktemp("trial"), scale=0.5)
+    first, second = capture.frames
+    return replace(capture, frames=(first, replace(second, split="test")))
+
+
+@pytest.fixture(scope="module")
+def renderer(nominal) -> CaptureRenderer:
+    return CaptureRenderer(nominal, samples_per_pixel=SAMPLES, max_bounces=BOUNCES, seed=3)
+
+
+@pytest.fixture(scope="module")
+def hidden(nominal, renderer, tmp_path_factory) -> Path:
+    """What a sensor with the hidden effects measures."""
+    expected = renderer.expected(model_of(**HIDDEN), NUISANCES, survey=SURVEY)
+    rng = np.random.default_rng(1)
+    images = {
+        key: np.clip(np.rint(dn + NOISE_DN * rng.standard_normal(dn.shape)), 0, 255).astype(np.uint8)
+        for key, dn in expected.items()
+    }
+    folder = tmp_path_factory.mktemp("hidden") / "capture"
+    write_capture(folder, nominal, images, read_gray(nominal.rig.projector.pattern_path))
+    return folder
+
+
+def rmse_of(hidden: Path, model: Model, survey: Survey | None = None) -> float:
+    engines = lambda capture: CaptureRenderer(capture, samples_per_pixel=SAMPLES, max_bounces=BOUNCES)  # noqa: E731
+    comparison = compare(hidden, model, samples_per_pixel=SAMPLES, max_bounces=BOUNCES, engines=engines, survey=survey)
+    return comparison.scores["ir"]["test"]["rmse_dn"]
+
+
+def test_the_true_model_leaves_the_noise(hidden):
+    floor = np.hypot(NOISE_DN, np.sqrt(1 / 12))
+    assert rmse_of(hidden, Model()) > 4 * floor
+    # The renderer's own noise differs between the seeds.
+    assert rmse_of(hidden, model_of(**HIDDEN), SURVEY) < 1.5 * floor
+
+
+def test_figures_do_not_depend_on_what_lies_in_the_folder(hidden, tmp_path):
+    """A diagnose.json in the output folder is shown in the report, and changes no figure."""
+    arguments = ["compare", str(hidden), "--spp", "4", "--max-bounces", str(BOUNCES)]
+    (tmp_path / "diagnosed").mkdir()
+    (tmp_path / "diagnosed" / "diagnose.json").write_text("{}")
+    for name in ("empty", "diagnosed"):
+        assert main([*arguments, "--out", str(tmp_path / name)]) == 0
+    assert (tmp_path / "empty/compare.json").read_bytes() == (tmp_path / "diagnosed/compare.json").read_bytes()
+
+
+def test_the_command_takes_a_model_with_calibration_and_albedos(nominal, hidden, tmp_path, capsys):
+    names = ["table", "wall", "clay", "card"]
+    model = diagnosed_model(
+        read_capture(hidden),
+        model_of(**HIDDEN),
+        {"focal_left": 0.002, "focal_right": 0.002},
+        albedo={"wall": 1.1},
+        material_names=names,
+    )
+    write_model(tmp_path / "model.json", model)
+    arguments = ["compare", str(hidden), "--spp", str(SAMPLES), "--max-bounces", str(BOUNCES), "--out", str(tmp_path)]
+    assert main([*arguments, "--model", str(tmp_path / "model.json")]) == 0
+    scores = json.loads((tmp_path / "compare.json").read_text())
+    assert scores["effects"] == list(HIDDEN)
+    assert scores["ir"]["test"]["rmse_dn"] < 1.6
+    capsys.readouterr()
+    lost = model.with_effect(EFFECTS["specular"], {"factor": Quantity(0.1)}, ("jelly",))
+    write_model(tmp_path / "lost.json", lost)
+    before = shutil.copy(tmp_path / "compare.json", tmp_path / "before.json")
+    assert main([*arguments, "--model", str(tmp_path / "lost.json")]) == 2
+    assert "no material 'jelly'" in capsys.readouterr().err
+    assert (tmp_path / "compare.json").read_bytes() == Path(before).read_bytes()
+
+
+def test_the_scene_is_as_before_and_what_changes_no_ray_traces_none(nominal, renderer):
+    seen = renderer.lights(Model())
+    glossy = renderer.lights(model_of(specular={"factor": 0.8, "roughness": 0.3}))
+    again = CaptureRenderer(nominal, samples_per_pixel=SAMPLES, max_bounces=BOUNCES, seed=3).lights(Model())
+    key = (0, "left")
+    assert np.abs(glossy[key].direct - seen[key].direct).max() > 0.01 * seen[key].direct.max()
+    np.testing.assert_array_equal(renderer.lights(Model())[key].direct, again[key].direct)
+    dim = renderer.lights(model_of(laser_power_drift={"per_k": -0.01}, gain_mismatch={"gain": 0.1}))
+    np.testing.assert_allclose(dim[key].direct, seen[key].direct * np.exp(-0.2), rtol=1e-6)
+
+
+def test_a_second_projector_is_the_rooms_light(renderer):
+    plain, more = renderer.lights(Model()), renderer.lights(model_of(second_projector={"intensity_m2": 8.0}))
+    key = (0, "left")
+    np.testing.assert_array_equal(more[key].direct, plain[key].direct)
+    assert (more[key].ambient - plain[key].ambient).mean() > 0.05 * plain[key].ambient.mean()
+
+
+def test_a_projector_in_the_room_stays_where_it_is_when_the_rig_moves(renderer, nominal):
+    """The engine's dots are those of the formula, which knows the unit's place in the world, from every pose."""
+    from activestereo.effects import Light, View
+    from activestereo.compare.layers import Layers
+
+    unit = {"intensity_m2": 8.0, "azimuth_rad": -2.57, "elevation_rad": -0.5, "roll_rad": 0.1}
+    here, elsewhere = (unit | {"x_m": x_m, "y_m": 0.5, "z_m": 0.45} for x_m in (0.45, 0.3))
+    plain, more = renderer.lights(Model()), renderer.lights(model_of(room_projector=here))
+    assert not np.allclose(nominal.frames[0].camera_to_world, nominal.frames[-1].camera_to_world)
+    for frame in (nominal.frames[0], nominal.frames[-1]):
+        seen = plain[frame.id, "left"]
+        layers = Layers(seen.direct, seen.indirect, seen.ambient, seen.direct, seen.depth_m, seen.normal, seen.material)
+        view, light = View.of(nominal, frame, "left", layers), Light.of(layers)
+        change = _coarse(more[frame.id, "left"].ambient - seen.ambient)
+        like = [
+            np.corrcoef(change, _coarse(EFFECTS["room_projector"](light, view, **place).ambient - light.ambient))[0, 1]
+            for place in (here, elsewhere)
+        ]
+        assert like[0] > 0.8 and like[0] > like[1] + 0.1
+
+
+def _coarse(image):
+    """Means over 6x6 pixels: of few samples, and of bounced light, too little is left to hide the dots."""
+    height, width = (n // 6 for n in image.shape)
+    return image[: 6 * height, : 6 * width].reshape(height, 6, width, 6).mean((1, 3)).ravel()
+
+
+@pytest.mark.parametrize(
+    "name", ["gain_error", "dark_signal", "black_level", "response_gamma", "saturation_blooming", "gain_mismatch"]
+)
+def test_the_engines_imager_and_the_formulas_count_alike(renderer, nominal, name):
+    """What acts on charge and counts has one law in simsense and in NumPy; blooming spills by rounds in one of them."""
+    from activestereo.effects import Light, View
+    from activestereo.compare.engine_prediction import EngineModel
+    from activestereo.compare.layers import Layers
+
+    model = model_of(**{name: EFFECTS[name].typical_values})
+    lights, engine = renderer.lights(Model()), EngineModel(model, renderer)
+    for frame in nominal.frames:
+        for eye in ("left", "right"):
+            seen = lights[frame.id, eye]
+            layers = Layers(
+                seen.direct, seen.indirect, seen.ambient, seen.direct, seen.depth_m, seen.normal, seen.material
+            )
+            view, light = View.of(nominal, frame, eye, layers), Light.of(layers)
+            formula, counted = model.signal(light, view, NUISANCES), engine.signal(light, view, NUISANCES)
+            base = Model().signal(light, view, NUISANCES)
+            change = np.sqrt(np.mean((formula - base) ** 2))
+            assert np.sqrt(np.mean((formula - counted) ** 2)) < (0.4 if name == "saturation_blooming" else 0.02) * max(
+                change, 0.5
+            )

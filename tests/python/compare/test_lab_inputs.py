@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the lab does with inputs that change or lie outside the usual: deeper images, edited scenes, shared caches,
+models by hand."""
+
+import json
+import threading
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+import kuafu
+
+from activestereo.capture.capture import read_capture
+from activestereo.effects import builtin
+from activestereo.compare.cache import LayerCache
+from activestereo.compare.depth_model import DepthModel
+from activestereo.compare.kuafu_renderer import KuafuRenderer
+from activestereo.compare.layers import Layers, RenderRequest, ViewCamera
+from activestereo.compare.model_file import read_model
+from activestereo.scene_io.example_scene import CAMERA_TO_WORLD
+from worlds.world import make_world
+
+
+def test_a_deeper_pair_has_the_depth_of_its_8_bit_one(tmp_path):
+    make_world(tmp_path, size=(96, 64))
+    capture = read_capture(tmp_path / "capture")
+    random = np.random.default_rng(5)
+    row = random.integers(0, 256, (capture.rig.left.height, capture.rig.left.width + 9))
+    left, right = row[:, : capture.rig.left.width].astype(np.float32), row[:, 9:].astype(np.float32)
+    shallow = DepthModel(capture).depth(left, right)
+    deep = DepthModel(replace(capture, rig=replace(capture.rig, bit_depth=12))).depth(16 * left, 16 * right)
+    assert (shallow > 0).mean() > 0.5
+    np.testing.assert_array_equal(deep, shallow)
+
+
+def test_an_edited_scene_is_rendered_anew(table_top, tmp_path):
+    scene = tmp_path / "scene.gltf"
+    scene.write_bytes(table_top.read_bytes())
+    k = np.array([[60.0, 0, 32], [0, 60.0, 24], [0, 0, 1]])
+    camera, pattern = ViewCamera(64, 48, k, CAMERA_TO_WORLD), np.ones((8, 8), np.float32)
+    request = RenderRequest(scene, (camera,), pattern, k, CAMERA_TO_WORLD, samples_per_pixel=1, max_bounces=1, seed=0)
+    renderer = KuafuRenderer(smooth=False)
+    [bright] = renderer(request)
+    document = json.loads(scene.read_text())
+    for material in document["materials"]:
+        material["extras"] = {"ir_albedo": 0.01}
+    scene.write_text(json.dumps(document))
+    [dark] = renderer(request)
+    assert dark.ambient.mean() < 0.2 * bright.ambient.mean()
+
+
+def test_images_are_smoothed_in_threads_that_leave_the_scene_alone(table_top, monkeypatch):
+    """A scene refuses a second call beside the first, however short both are."""
+    read = kuafu.Scene.get_material
+
+    def of_one_thread(scene, number):
+        assert threading.current_thread() is threading.main_thread(), "a scene is one thread's at a time"
+        return read(scene, number)
+
+    monkeypatch.setattr(kuafu.Scene, "get_material", of_one_thread)
+    k, pattern = np.array([[60.0, 0, 32], [0, 60.0, 24], [0, 0, 1]]), np.ones((8, 8), np.float32)
+    cameras = (ViewCamera(64, 48, k, CAMERA_TO_WORLD),) * 2
+    request = RenderRequest(table_top, cameras, pattern, k, CAMERA_TO_WORLD, samples_per_pixel=1, max_bounces=1, seed=0)
+    left, right = KuafuRenderer(smooth=True)(request)
+    raw, _ = KuafuRenderer(smooth=False)(request)
+    np.testing.assert_array_equal(left.ambient, right.ambient)
+    assert np.any(left.ambient != raw.ambient)
+
+
+def test_a_cache_may_lose_entries_to_another_run_meanwhile(tmp_path, monkeypatch):
+    cache = LayerCache(tmp_path)
+    layers = (Layers(*(np.zeros((2, 2), np.float32) for _ in fields(Layers))),)
+    cache.put("first", layers)
+    glob = type(tmp_path).glob
+    monkeypatch.setattr(type(tmp_path), "glob", lambda self, pattern: [*glob(self, pattern), self / "gone.npz"])
+    cache.put("second", layers)
+
+    def vanished(path):
+        raise FileNotFoundError(path)
+
+    monkeypatch.setattr("os.utime", vanished)
+    assert len(cache.get("second")) == 1
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        [{}],
+        [3],
+        {"id": "haze"},
+        [{"id": "haze", "parameters": {"extinction_per_m": None}}],
+        [{"id": "haze", "parameters": 3}],
+    ],
+)
+def test_a_model_by_hand_is_told_what_is_wrong(tmp_path, effects):
+    path = tmp_path / "model.json"
+    path.write_text(json.dumps({"format": "active-stereo-model", "version": 1, "effects": effects}))
+    with pytest.raises(ValueError, match="model.json: effects"):
+        read_model(path, builtin())

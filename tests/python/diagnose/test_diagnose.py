@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""diagnose: names the effect that a world hides, names none where nothing is hidden, and says so where the data cannot
+tell."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lab_worlds import BLACK_DN, WorldRenderer, altered
+from schema_check import violations
+import activestereo.lab
+from activestereo.cli import main
+from activestereo.effects import Model, builtin
+from activestereo.lab import Lab
+from activestereo import diagnose
+from activestereo.report.diagnosis_text import diagnosis_text
+from activestereo.report.write_diagnosis import write_diagnosis
+from activestereo.compare.model_file import library, read_model, write_model
+
+FEW = (
+    "projector_vignetting",
+    "radial_distortion",
+    "vignetting",
+    "response_gamma",
+    "veiling_glare",
+    "gain_mismatch",
+    "prnu",
+)
+EFFECTS = {name: e for name, e in builtin().items() if name in FEW}
+
+
+EXPONENT = 2.0
+
+
+def shaded(dn, eye):
+    """Lens shading by cos^EXPONENT, of an image whose focal length is half its width."""
+    height, width = dn.shape
+    v, u = np.mgrid[0:height, 0:width]
+    r2 = ((u - (width - 1) / 2) ** 2 + (v - (height - 1) / 2) ** 2) / (0.5 * width) ** 2
+    return BLACK_DN + (dn - BLACK_DN) * (1.0 + r2) ** (-EXPONENT / 2)
+
+
+@pytest.fixture(scope="module")
+def hidden_shading(lab_world, lab_cache, tmp_path_factory):
+    folder = altered(lab_world, tmp_path_factory.mktemp("shading") / "capture", shaded)
+    return folder, diagnose(folder, effects=EFFECTS, renderer=WorldRenderer(lab_world, grid=6), cache=lab_cache)
+
+
+def test_a_hidden_lens_shading_is_named_and_its_exponent_found(hidden_shading):
+    _, diagnosis = hidden_shading
+    first = diagnosis.result["ranking"][0]
+    assert (diagnosis.result["verdict"], first["effect"]) == ("effect", "vignetting")
+    assert first["parameters"]["exponent"]["value"] == pytest.approx(EXPONENT, rel=0.1)
+    assert diagnosis.result["added"] == ["vignetting"]
+
+
+def test_adding_it_closes_most_of_the_gap_on_frames_that_no_fit_saw(hidden_shading):
+    _, diagnosis = hidden_shading
+    before, after = (diagnosis.result[f"heldout_ir_rmse_{when}"] for when in ("before", "after"))
+    floor = diagnosis.result["heldout_noise_floor"]
+    assert (before - after) / (before - floor) > 0.6  # the rest is the analytic renderer's own noise
+
+
+def test_the_complete_model_has_the_scales_that_were_fitted_with_what_was_found(lab_world, lab_cache, hidden_shading):
+    folder, diagnosis = hidden_shading
+    scale = diagnosis.sensor_model.nuisances["projector_scale"].value
+    without, under_it = (
+        lab.compare().scores["fit"]["nuisances"]
+        for lab in (
+            Lab(folder, model, renderer=WorldRenderer(lab_world, grid=6), cache=lab_cache)
+            for model in (None, diagnosis.model)
+        )
+    )
+    assert scale == pytest.approx(under_it["projector_scale"], rel=0.02)
+    assert abs(without["projector_scale"] / scale - 1.0) > 0.1
+
+
+def test_nothing_is_named_where_nothing_is_hidden(lab_world, lab_cache):
+    renderer = WorldRenderer(lab_world, grid=6)
+    result = diagnose(lab_world.capture_path, effects=EFFECTS, renderer=renderer, cache=lab_cache).result
+    assert (result["verdict"], result["added"]) == ("none", [])
+    assert result["heldout_ir_rmse_after"] == result["heldout_ir_rmse_before"]
+
+
+def test_pixel_gains_are_told_from_offsets_and_smooth_shading(lab_world, lab_cache, tmp_path):
+    rng = np.random.default_rng(3)
+    gains = {}
+
+    def change(dn, eye):
+        gain = gains.setdefault(eye, 1.0 + 0.15 * rng.standard_normal(dn.shape))
+        return BLACK_DN + gain * (dn - BLACK_DN)
+
+    folder = altered(lab_world, tmp_path / "capture", change)
+    effects = {name: e for name, e in builtin().items() if name in (*FEW, "fixed_pattern_noise", "hot_pixels")}
+    renderer = WorldRenderer(lab_world, grid=6)
+    first = diagnose(folder, effects=effects, renderer=renderer, cache=lab_cache).result["ranking"][0]
+    assert first["effect"] == "prnu"
+    assert first["parameters"]["sigma"]["value"] == pytest.approx(0.15, rel=0.15)
+
+
+def test_files_keep_the_schema_and_the_model_reads_back(hidden_shading, tmp_path):
+    _, diagnosis = hidden_shading
+    paths = write_diagnosis(diagnosis, tmp_path)
+    written = json.loads(paths[0].read_text())
+    schema = json.loads((Path(activestereo.report.__file__).parent / "schema" / "diagnose.schema.json").read_text())
+    assert violations(written, schema) == []
+    model = read_model(tmp_path / "model.json", library())
+    assert [e.id for e, _ in model.effects] == ["vignetting"]
+    assert "vignetting" in diagnosis_text(written)
+
+
+def test_add_command_takes_the_parameters_of_a_diagnosis(hidden_shading, tmp_path, capsys):
+    _, diagnosis = hidden_shading
+    write_diagnosis(diagnosis, tmp_path)
+    out = tmp_path / "model2.json"
+    assert main(["add", "vignetting", "--from", str(tmp_path / "diagnose.json"), "-o", str(out)]) == 0
+    found = diagnosis.result["ranking"][0]["parameters"]["exponent"]["value"]
+    assert read_model(out, library()).effects[0][1]["exponent"] == pytest.approx(found)
+    (tmp_path / "list.json").write_text("[]")
+    assert main(["add", "vignetting", "--from", str(tmp_path / "list.json"), "-o", str(out)]) == 2
+    assert main(["add", "no_such_effect", "-o", str(out)]) == 2
+    assert "no effect 'no_such_effect'" in capsys.readouterr().err
+
+
+def test_depth_alone_ends_in_undetermined(lab_world, tmp_path):
+    folder = shutil.copytree(lab_world.capture_path, tmp_path / "capture")
+    root = json.loads((folder / "capture.json").read_text())
+    for frame in root["frames"]:
+        frame["left"] = frame["right"] = None
+    (folder / "capture.json").write_text(json.dumps(root))
+    result = diagnose(folder).result
+    assert (result["verdict"], result["ranking"]) == ("undetermined", [])
+    assert result["next_measurement"]
+
+
+def test_a_lab_adds_what_it_found_and_its_error_falls(hidden_shading, lab_world, lab_cache):
+    folder, _ = hidden_shading
+    lab = Lab(folder, renderer=WorldRenderer(lab_world, grid=6), cache=lab_cache)
+    lab.effects = EFFECTS
+    before = lab.compare().scores["ir"]["test"]["rmse_dn"]
+    lab.diagnose()
+    lab.add("vignetting")
+    assert lab.compare().scores["ir"]["test"]["rmse_dn"] < 0.85 * before
+
+
+def test_model_files_say_what_is_wrong(tmp_path):
+    path = tmp_path / "model.json"
+    path.write_text("{}")
+    with pytest.raises(ValueError, match="format"):
+        read_model(path, library())
+    write_model(path, Model().with_effect(builtin()["vignetting"], exponent=0.2))
+    assert read_model(path, library()).effects[0][1] == {"exponent": 0.2}

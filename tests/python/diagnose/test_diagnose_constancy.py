@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a found effect is the same everywhere: its own amplitude alone explains nothing more, another law's trace
+does."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from activestereo.effects.core.judging import Channel
+from activestereo.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Score
+from activestereo.diagnose.thresholds import GATES
+from activestereo.diagnose.score import constancy
+from activestereo.diagnose.score.constancy import varying_floors
+from activestereo.diagnose.verdict.acceptance import passes
+from activestereo.diagnose.verdict.completeness import is_unexplained
+
+SHAPE = (60, 80)
+NOISE_DN = 2.0
+U, V = np.linspace(-1, 1, SHAPE[1]), np.linspace(-1, 1, SHAPE[0])[:, None]
+EFFECT = SimpleNamespace(id="blur")
+
+
+def found(monkeypatch, amplitude_of):
+    """(floors that varying_floors finds, floors that are hidden) where the effect's trace is amplitude_of(frame, eye)
+    too small."""
+    rng, rows, plains, hidden = np.random.default_rng(9), [], [], []
+    for frame in range(4):
+        for eye in ("left", "right"):
+            o = SimpleNamespace(eye=eye, frame=SimpleNamespace(id=frame), weight=np.full(SHAPE, NOISE_DN**-2))
+            plain = 20.0 + 60.0 * rng.random(SHAPE)
+            trace = 12.0 * rng.standard_normal(SHAPE)
+            missing = amplitude_of(frame, eye) * trace
+            hidden.append(np.mean(missing**2) / NOISE_DN**2)
+            plains.append(plain)
+            rows.append((o, plain + trace, None, missing + 0.7 + 0.01 * plain + NOISE_DN * rng.standard_normal(SHAPE)))
+    monkeypatch.setattr(constancy, "signal", lambda model, o, light, phi: light)
+    space = SimpleNamespace(pairs=[(EFFECT, None)], neutral=np.zeros(1), model=lambda theta: None)
+    fitter = SimpleNamespace(observations=[o for o, *_ in rows], lights=lambda space, theta: plains)
+    solution = SimpleNamespace(space=space, theta=np.ones(1), phi=None)
+    return varying_floors(fitter, rows, solution, EFFECT), float(np.mean(hidden))
+
+
+@pytest.mark.parametrize("amplitude", [0.0, 0.3])
+def test_one_amplitude_everywhere_leaves_nothing_that_varies(monkeypatch, amplitude):
+    floors, _ = found(monkeypatch, lambda frame, eye: amplitude)
+    assert 0.0 <= floors < 1e-3
+
+
+@pytest.mark.parametrize(
+    "amplitude_of",
+    [
+        lambda frame, eye: 0.3 * U * np.ones(SHAPE),
+        lambda frame, eye: 0.3 * (V**2 - 1 / 3) * np.ones(SHAPE),
+        lambda frame, eye: 0.3 * (-1) ** frame,
+        lambda frame, eye: 0.3 if eye == "left" else -0.3,
+    ],
+)
+def test_what_varies_over_the_picture_frames_or_eyes_is_found(monkeypatch, amplitude_of):
+    floors, hidden = found(monkeypatch, amplitude_of)
+    assert floors == pytest.approx(hidden, rel=0.03, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("varying", "is_named", "unknown"),
+    [(0.0, True, False), (0.02, True, False), (0.03, True, True), (0.12, False, True)],
+)
+def test_what_varies_much_is_not_named_and_what_varies_somewhat_is_unknown(varying, is_named, unknown):
+    gain = 0.2
+    base = SimpleNamespace(chi2=125.0, white_floors=0.0)
+    explanation = Explanation(EFFECT, Channel.EXPECTED_IMAGE, {}, 125.0 - 100.0 * gain, np.zeros(1))
+    checks = Checks(varying_floors=varying, structure_floors=0.0, variation={"blur": varying})
+    finding = Finding(explanation, Score(500.0, 0.95, gain, 1.0), checks)
+    ranking = Ranking(base, BaseChecks(structure_floors=0.0), (finding,), (), 100, 1.0, 100.0, GATES)
+    assert passes(ranking, finding) is is_named
+    assert is_unexplained(ranking, finding.remainder, ranking) is unknown

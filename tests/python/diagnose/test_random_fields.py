@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is a random field and what is none: hot pixels over a fixed pattern, and the error of a tone curve."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from activestereo.effects import builtin
+from activestereo.effects.core.judging import Channel
+from activestereo.diagnose.channels.field_fit import fit_fields
+from activestereo.diagnose.channels.fields_together import shown_together
+from activestereo.diagnose.channels.static_field import field_parameters
+from activestereo.diagnose.findings import Explanation, Finding, Score
+from activestereo.diagnose.thresholds import GATES
+from activestereo.diagnose.refine import ImageResidual
+
+SHAPE = (60, 80)
+NOISE_DN, PATTERN_DN, HOT_DN, HOT_SHARE = 2.0, 2.2, 20.0, 0.01
+EXPOSURES_S = 4e-3, 4e-3, 2e-3, 4e-3
+
+
+def rows_with(pattern_dn, hot_dn):
+    """Residuals of four poses of one camera."""
+    rng = np.random.default_rng(5)
+    pattern = pattern_dn * rng.standard_normal(SHAPE)
+    hot = hot_dn * rng.standard_exponential(SHAPE) * (rng.random(SHAPE) < HOT_SHARE)
+    rows = []
+    for pose, exposure_s in enumerate(EXPOSURES_S):
+        frame = SimpleNamespace(id=pose, exposure_gain=exposure_s, camera_to_world=np.eye(4) + pose, is_moving=False)
+        o = SimpleNamespace(
+            eye="left",
+            frame=frame,
+            measured=np.zeros(SHAPE),
+            weight=np.full(SHAPE, NOISE_DN**-2),
+            view=SimpleNamespace(once=lambda *_: np.zeros(SHAPE, bool), max_dn=255),
+        )
+        residual = pattern + hot * exposure_s / EXPOSURES_S[0] + NOISE_DN * rng.standard_normal(SHAPE)
+        rows.append(ImageResidual(o, np.full(SHAPE, 60.0), np.full(SHAPE, 40.0), residual))
+    return tuple(rows)
+
+
+@pytest.mark.parametrize(
+    ("pattern_dn", "hot_dn", "shown"),
+    [
+        (PATTERN_DN, HOT_DN, {"hot_pixels", "fixed_pattern_noise"}),
+        (PATTERN_DN, 0.0, set()),
+        (0.0, HOT_DN, set()),
+    ],
+)
+def test_hot_pixels_are_told_beside_a_fixed_pattern_and_not_in_it(pattern_dn, hot_dn, shown):
+    rows, findings = rows_with(pattern_dn, hot_dn), []
+    for name in ("fixed_pattern_noise", "hot_pixels"):
+        effect = builtin()[name]
+        fit = fit_fields(effect, rows, rows[:1], 0.0, GATES)
+        if fit is not None:
+            parameters = field_parameters(effect, fit)
+            explanation = Explanation(effect, Channel.STATIC_FIELD, parameters, 1.0, np.zeros(1), fields=fit)
+            findings.append(Finding(explanation, Score(0.0, 0.0, 0.0, 1.0)))
+    base = SimpleNamespace(train=rows, test=rows[:1], solution=SimpleNamespace(nuisances=SimpleNamespace(black_dn=0.0)))
+    found = {f.id: f.explanation for f in shown_together(findings, base, GATES)}
+    assert set(found) == shown
+    if shown:
+        assert found["fixed_pattern_noise"].parameters["pixel_dn"].value == pytest.approx(pattern_dn, rel=0.1)
+        assert 0.3 * HOT_SHARE < found["hot_pixels"].parameters["share"].value < 1.1 * HOT_SHARE
+
+
+def test_an_error_of_the_tone_curve_is_no_grain():
+    """It is alike wherever the dots are as bright, so that dots that stay would foretell each other's."""
+    rng = np.random.default_rng(6)
+    rows, share = rows_with(0.0, 0.0), {}
+    dots = 20.0 + 100.0 * rng.random(SHAPE)
+    for error in (0.0, 12.0):
+        bent = [
+            r._replace(expected=dots, projector=dots - 20.0, residual=r.residual + error * np.sin((dots - 20.0) / 16.0))
+            for r in rows
+        ]
+        for name in ("prnu", "fixed_pattern_noise"):
+            fit = fit_fields(builtin()[name], bent, bent[:1], 0.0, GATES)
+            left = bent if fit is None else [r._replace(residual=x) for r, x in zip(bent, fit.residuals, strict=True)]
+            before, after = (np.mean([r.residual**2 for r in some]) for some in (bent, left))
+            share[name, error] = 1.0 - after / before
+    assert max(share.values()) < 0.03

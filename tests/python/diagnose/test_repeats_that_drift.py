@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a found effect adds in the dark or between repeats is no noise: floors and weights are made without it."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from activestereo.capture.capture import EYES, Capture, Frame, read_capture
+from activestereo.effects import Model, View, builtin
+from activestereo.diagnose.evidence import Evidence, gather
+from activestereo.diagnose.evidence.repeats import without_drift
+from activestereo.diagnose.thresholds import GATES
+from activestereo.compare.nuisances import Nuisances
+from activestereo.compare.render import render_frames
+from lab_worlds import WorldRenderer
+from worlds.world import make_world
+
+SCALES = Nuisances(9.0e4, 3.0e3, 4.0)
+READ_DN = 1.5
+WARMING = Model().with_effect(builtin()["black_level"], per_k_dn=0.5)
+
+Images = dict[tuple[int, str], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Exposed(Capture):
+    """A capture whose images were never written."""
+
+    images: Images = field(default_factory=dict)
+
+    def ir(self, frame: Frame, eye: str) -> np.ndarray:
+        return self.images[frame.id, eye]
+
+
+class _NoCache:
+    def get(self, key: str) -> None:
+        return None
+
+    def put(self, key: str, layers: object) -> None:
+        pass
+
+
+@pytest.fixture(scope="module")
+def warming(tmp_path_factory: pytest.TempPathFactory) -> tuple[Evidence, Images, Images]:
+    """(evidence of repeats whose black level grows, expected images under the true model, those without the growth)."""
+    folder: Path = tmp_path_factory.mktemp("world")
+    world = make_world(folder, size=(96, 56))
+    capture = read_capture(world.capture_path)
+    base = replace(capture.frames[0], repeat_group=0, split="train", depth_path=None)
+    frames = tuple(replace(base, id=i, timestamp_s=2.0 * i, temperature_c=t) for i, t in enumerate((25.0, 33.0, 41.0)))
+    frames = (*frames, replace(base, id=3, timestamp_s=8.0, repeat_group=None, split="test"))
+    capture = replace(capture, frames=frames)
+    layers = render_frames(capture, WorldRenderer(world), cache=_NoCache())
+    rng, images, true, steady = np.random.default_rng(4), {}, {}, {}
+    for frame in capture.frames:
+        for eye in EYES:
+            light = layers[frame.id][eye]
+            view = View.of(capture, frame, eye, light)
+            true[frame.id, eye] = WARMING.signal(WARMING.light(light, view), view, SCALES)
+            steady[frame.id, eye] = Model().signal(Model().light(light, view), view, SCALES)
+            noise = READ_DN * rng.standard_normal(view.shape)
+            images[frame.id, eye] = np.clip(np.rint(true[frame.id, eye] + noise), 0, 255).astype(np.float32)
+    return gather(Exposed(**vars(capture), images=images), layers), true, steady
+
+
+def test_the_floor_is_that_of_the_noise_alone(warming: tuple[Evidence, Images, Images]) -> None:
+    evidence, true, _ = warming
+    found = without_drift(evidence, WARMING, SCALES.black_dn, true, GATES.drift_share)
+    assert evidence.floors[0, "left"] > 4.0 * READ_DN**2
+    assert found.floors[0, "left"] == pytest.approx(READ_DN**2 + 1 / 12, rel=0.1)
+    for before, after in zip(evidence.train, found.train, strict=True):
+        assert after.weight.mean() > 2.0 * before.weight.mean()
+
+
+def test_what_explains_no_difference_of_repeats_leaves_the_evidence(warming: tuple[Evidence, Images, Images]) -> None:
+    evidence, _, steady = warming
+    assert without_drift(evidence, Model(), SCALES.black_dn, steady, GATES.drift_share) is evidence

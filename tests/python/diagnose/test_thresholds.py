@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of gates, and verdicts passed again from the numbers that an answer keeps."""
+
+import json
+from dataclasses import fields, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from activestereo.effects import Parameter
+from activestereo.effects.core.judging import Channel
+from activestereo.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Score
+from activestereo.diagnose.thresholds import GATES, gates_table, share_words
+from activestereo.diagnose.answer.judging import judging_json, verdict_under
+from activestereo.diagnose.score.occam import is_at_end
+from activestereo.diagnose.verdict.completeness import lacks_nothing
+from activestereo.diagnose.verdict.verdict import verdict_of
+
+
+def ranking(explained_share: float, structure_floors: float = 0.0) -> Ranking:
+    """One effect that gains 0.4 floors and leaves a tenth of a floor."""
+    explanation = Explanation(SimpleNamespace(id="blur"), Channel.EXPECTED_IMAGE, {}, 110.0, np.zeros(1))
+    checks = Checks(structure_floors=structure_floors, variation={"blur": 0.0})
+    finding = Finding(explanation, Score(80.0, explained_share, 0.4, 1.0), checks)
+    base = SimpleNamespace(chi2=150.0, white_floors=0.0)
+    return Ranking(base, BaseChecks(structure_floors=0.3), (finding,), (), 100, 1.0, 100.0, GATES)
+
+
+def kept(first: Ranking) -> dict:
+    return json.loads(json.dumps(judging_json(first, True)))
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(0.9, "effect"), (0.1, "unknown")])
+def test_a_verdict_is_the_same_from_what_an_answer_keeps(share, verdict):
+    first = ranking(share)
+    assert verdict_of(first, first, True) == verdict
+    assert verdict_under(kept(first), GATES) == (verdict, "blur" if verdict == "effect" else None)
+
+
+def test_another_gate_gives_another_verdict():
+    stricter = replace(GATES, smallest_share=2 * GATES.smallest_share)
+    assert verdict_under(kept(ranking(0.3)), GATES)[0] == "effect"
+    assert verdict_under(kept(ranking(0.3)), stricter)[0] == "unknown"
+
+
+@pytest.mark.parametrize("check", ["plain_excess_floors", "unsteady_floors", "uneven_structure_floors"])
+def test_what_no_survey_leaves_is_unknown_where_nothing_is_named(check):
+    bare = ranking(0.1)
+    base = SimpleNamespace(chi2=105.0, white_floors=0.0)
+    calm = replace(bare, base=base, base_checks=BaseChecks(structure_floors=0.05))
+    assert verdict_of(calm, calm, True) == "none"
+    shown = replace(calm, base_checks=replace(calm.base_checks, **{check: 0.6}))
+    assert verdict_of(shown, shown, True) == "unknown"
+    assert verdict_under(kept(shown), GATES)[0] == "unknown"
+
+
+def test_what_ends_at_its_range_and_leaves_structure_is_a_stand_in():
+    calm = replace(ranking(0.9), base=SimpleNamespace(chi2=100.0, white_floors=0.0), findings=())
+    for at_end, left, verdict in ((True, 0.2, "unknown"), (True, 0.0, "effect"), (False, 0.2, "effect")):
+        best = ranking(0.9, left).best
+        explanation = replace(best.explanation, chi2=130.0)
+        best = replace(best, explanation=explanation, checks=replace(best.checks, at_range_end=at_end))
+        assert verdict_of(replace(ranking(0.9), findings=(best,)), calm, True) == verdict
+
+
+@pytest.mark.parametrize(("sigmas", "verdict"), [(3.9, "effect"), (4.1, "unknown")])
+def test_a_name_beside_a_calibration_that_nobody_would_have_made_is_a_stand_in(sigmas, verdict):
+    """It leaves no structure, and nothing above the noise: the focal length paid for that."""
+    first = ranking(0.9)
+    best = replace(first.best, checks=replace(first.best.checks, held_sigmas=sigmas))
+    first = replace(first, findings=(best,))
+    last = replace(first, base=SimpleNamespace(chi2=100.0, white_floors=0.0), findings=())
+    strained = replace(last, base_checks=replace(last.base_checks, held_sigmas=sigmas))
+    assert verdict_of(first, strained, True) == verdict
+    assert verdict_of(first, last, True) == "effect"  # a further effect mended it
+    assert verdict_under(kept(first), GATES)[0] == verdict
+
+
+@pytest.mark.parametrize(
+    ("law_nats", "varying", "verdict"), [(90.0, 0.3, "unknown"), (70.0, 0.3, "effect"), (90.0, 0.1, "effect")]
+)
+def test_a_random_field_stands_in_for_a_law_that_gains_more_but_is_not_the_same_everywhere(law_nats, varying, verdict):
+    first = ranking(0.9)
+    field = replace(first.best, explanation=replace(first.best.explanation, channel=Channel.STATIC_FIELD))
+    shift = replace(first.best.explanation, effect=SimpleNamespace(id="shift"))
+    law = Finding(shift, Score(law_nats, 0.9, 0.4, 1.0), Checks(varying_floors=varying, structure_floors=0.0))
+    both = replace(first, findings=(field, law))
+    assert verdict_of(both, both, True) == verdict
+    assert verdict_under(kept(both), GATES)[0] == verdict
+
+
+def test_only_shapes_end_at_their_range():
+    length = Parameter("length_m", "m", neutral=0.003, low=0.0002, high=0.03, typical=0.002)
+    share = Parameter("fraction", "1", neutral=0.0, low=0.0, high=1.0, typical=0.4)
+    assert [is_at_end(length, x) for x in (0.03, 0.0002, 0.0294, 0.003)] == [True, True, False, False]
+    assert not is_at_end(share, 1.0)
+
+
+def test_nothing_is_added_to_noise_where_the_images_are_at_its_floor():
+    noise = replace(ranking(0.9).best.explanation, channel=Channel.NOISE_LAW, repeats_floors=0.3)
+    finding = Finding(noise, Score(80.0, 0.9, 0.4, 1.0))
+    for chi2, whole in ((120.0, True), (180.0, False)):
+        first = replace(ranking(0.9), base=SimpleNamespace(chi2=chi2, white_floors=0.0))
+        assert lacks_nothing(first, finding) is whole
+        assert not lacks_nothing(first, first.best)
+
+
+def test_every_gate_says_its_value_unit_and_source():
+    table = gates_table().splitlines()[2:]
+    assert len(table) == len(fields(GATES))
+    for line, gate in zip(table, fields(GATES), strict=True):
+        name, value, unit, decides, source, moves = (cell.strip() for cell in line.strip("|").split("|"))
+        assert name == f"`{gate.name}`" and float(value) == pytest.approx(getattr(GATES, gate.name), rel=1e-5)
+        assert decides and source and moves and gate.metadata["unit"] in (unit, "1")
+
+
+def test_shares_are_told_in_words():
+    assert [share_words(x) for x in (0.2, 0.1, 0.03)] == ["a fifth", "a tenth", "3 %"]

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The example scene: its meshes are closed and face outwards, and the file holds what the pictures need."""
+
+import numpy as np
+import pytest
+
+import kuafu
+from activestereo.scene_io import meshes
+from activestereo.scene_io.example_scene import CAMERA_TO_WORLD, main, write_table_top
+
+SOLIDS = {
+    "box": (meshes.box(0.2, 0.3, 0.4), 0.2 * 0.3 * 0.4),
+    "sphere": (meshes.sphere(0.5), 4 / 3 * np.pi * 0.5**3),
+    "torus": (meshes.torus(0.5, 0.1), 2 * np.pi**2 * 0.5 * 0.1**2),
+    "tumbler": (meshes.tumbler(0.04, 0.12, 0.004, 0.012), np.pi * (0.04**2 * 0.12 - 0.036**2 * 0.108)),
+    "vase": (meshes.vase(0.2), None),
+}
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_solids_are_closed_and_hold_their_volume(name):
+    """By the divergence theorem; a hole or a face turned inwards changes the sum."""
+    mesh, volume = SOLIDS[name]
+    a, b, c = (mesh.positions[mesh.indices[:, k]].astype(np.float64) for k in range(3))
+    area = 0.5 * np.cross(b - a, c - a)
+    np.testing.assert_allclose(area.sum(axis=0), 0.0, atol=1e-6)
+    measured = (area * (a + b + c) / 9.0).sum()
+    assert measured > 0
+    if volume:
+        assert measured == pytest.approx(volume, rel=0.01)
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_normals_are_unit_and_on_the_face_side(name):
+    mesh, _ = SOLIDS[name]
+    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-5)
+    a, b, c = (mesh.positions[mesh.indices[:, k]].astype(np.float64) for k in range(3))
+    face = np.cross(b - a, c - a)
+    face /= np.linalg.norm(face, axis=1, keepdims=True)
+    for corner in range(3):
+        assert np.einsum("ij,ij->i", face, mesh.normals[mesh.indices[:, corner]]).min() > 0.5
+
+
+@pytest.mark.parametrize("suffix", ["gltf", "glb"])
+def test_file_is_read_back_whole(tmp_path, device, suffix):
+    path = tmp_path / f"scene.{suffix}"
+    write_table_top(path)
+    scene = kuafu.Scene(device)
+    scene.load(path)
+    names = {scene.material_name(i): scene.get_material(i) for i in range(scene.summary.material_count)}
+    assert names["steel"].metallic == 1.0 and names["steel"].ir_albedo == pytest.approx(0.68)
+    assert names["glass"].transmission == 1.0 and names["glass"].ior == 1.5
+    assert names["clay"].specular == 0.0
+    assert names["velvet"].ir_albedo < 0.01
+    assert names["wood"].base_color_texture is not None
+    assert scene.summary.light_count == 2 and max(scene.get_light(0).intensity) == pytest.approx(3.2)
+    np.testing.assert_allclose(scene.camera(0).camera_to_world, CAMERA_TO_WORLD, atol=1e-6)
+
+
+def test_same_bytes_each_time(tmp_path):
+    for name in ("a.glb", "b.glb"):
+        write_table_top(tmp_path / name)
+    assert (tmp_path / "a.glb").read_bytes() == (tmp_path / "b.glb").read_bytes()
+
+
+def test_wrong_use_is_one_line(tmp_path, capsys):
+    assert (
+        main([]) == 2 and main([str(tmp_path / "scene.obj")]) == 2 and main([str(tmp_path / "no" / "scene.glb")]) == 2
+    )
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 3 and not list(tmp_path.iterdir())

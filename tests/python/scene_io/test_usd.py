@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: Apache-2.0
+"""USD stages, written here as text, become glTF: units, axes, materials, lights, copies, cameras; losses are told."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import kuafu
+from activestereo.scene_io.usd import UsdError, convert, load_usd
+
+pxr = pytest.importorskip("pxr", reason="the package usd-core is not installed (pip install usd-core)")
+
+_STAGE = """#usda 1.0
+(
+    metersPerUnit = 0.01
+    upAxis = "Z"
+)
+def Xform "World"
+{
+    def Mesh "Sheet" (prepend apiSchemas = ["MaterialBindingAPI"])
+    {
+        uniform token subdivisionScheme = "none"
+        point3f[] points = [(0, 0, 100), (200, 0, 100), (200, 100, 100), (0, 100, 100)]
+        int[] faceVertexCounts = [3, 3]
+        int[] faceVertexIndices = [0, 1, 2, 0, 2, 3]
+        texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] (interpolation = "vertex")
+        rel material:binding = </World/Paint>
+        def GeomSubset "Second" (prepend apiSchemas = ["MaterialBindingAPI"])
+        {
+            uniform token elementType = "face"
+            uniform token familyName = "materialBind"
+            int[] indices = [1]
+            rel material:binding = </World/Coated>
+        }
+    }
+    def Material "Paint"
+    {
+        token outputs:surface.connect = </World/Paint/S.outputs:surface>
+        def Shader "S"
+        {
+            uniform token info:id = "UsdPreviewSurface"
+            color3f inputs:diffuseColor.connect = </World/Paint/T.outputs:rgb>
+            float inputs:roughness.connect = </World/Paint/R.outputs:r>
+            float inputs:metallic = 0.25
+            float inputs:ior = 1.75
+            token outputs:surface
+        }
+        def Shader "T"
+        {
+            uniform token info:id = "UsdUVTexture"
+            asset inputs:file = @paint.png@
+            token inputs:wrapS = "clamp"
+            float3 outputs:rgb
+        }
+        def Shader "R"
+        {
+            uniform token info:id = "UsdUVTexture"
+            asset inputs:file = @rough.png@
+            float outputs:r
+        }
+    }
+    def Material "Coated"
+    {
+        token outputs:surface.connect = </World/Coated/S.outputs:surface>
+        def Shader "S"
+        {
+            uniform token info:id = "UsdPreviewSurface"
+            color3f inputs:diffuseColor = (0.1, 0.2, 0.3)
+            float inputs:opacity = 0.5
+            float inputs:clearcoat = 1
+            color3f inputs:emissiveColor = (4, 2, 0)
+            token outputs:surface
+        }
+    }
+    def RectLight "Rect"
+    {
+        float inputs:width = 200
+        float inputs:height = 100
+        float inputs:intensity = 5
+        float inputs:exposure = 1
+        double3 xformOp:translate = (0, 0, 300)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+    def DistantLight "Sun"
+    {
+        float inputs:intensity = 3
+        bool inputs:normalize = 1
+    }
+    def DomeLight "Sky"
+    {
+        color3f inputs:color = (0.5, 1, 1)
+        float inputs:intensity = 2
+    }
+    def Camera "Eye"
+    {
+        float focalLength = 20
+        float horizontalAperture = 40
+        float verticalAperture = 20
+        double3 xformOp:translate = (0, 0, 500)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+    def PointInstancer "Copies"
+    {
+        point3f[] positions = [(0, 0, 0), (100, 0, 0), (0, 0, 400)]
+        int[] protoIndices = [0, 0, 0]
+        rel prototypes = </World/Copies/Block>
+        def Cube "Block"
+        {
+            double size = 10
+            color3f[] primvars:displayColor = [(0.25, 0.5, 0.75)]
+        }
+    }
+    def Cone "Hat"
+    {
+    }
+    def Mesh "Hidden"
+    {
+        token visibility = "invisible"
+        point3f[] points = [(0, 0, 0), (9e5, 0, 0), (0, 9e5, 0)]
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2]
+    }
+}
+"""
+
+
+@pytest.fixture
+def stage(tmp_path: Path) -> Path:
+    path = tmp_path / "a.usda"
+    path.write_text(_STAGE)
+    Image.new("RGB", (2, 2), (200, 100, 50)).save(tmp_path / "paint.png")
+    Image.new("RGB", (2, 2), (64, 9, 9)).save(tmp_path / "rough.png")
+    return path
+
+
+def _glb(path: Path) -> dict:
+    data = path.read_bytes()
+    return json.loads(data[20 : 20 + struct.unpack("<I", data[12:16])[0]])
+
+
+def test_units_axes_and_subsets(stage: Path, tmp_path: Path) -> None:
+    scene = kuafu.Scene(kuafu.Device("cpu"))
+    converted = load_usd(scene, stage)
+    # z up becomes y up: the sheet at z = 100 cm is at y = 1 m, its y at -z; the copy on top ends at 4.05 m.
+    np.testing.assert_allclose(scene.summary.bounds_min_m, [-1.0, -0.05, -1.0], atol=1e-6)
+    np.testing.assert_allclose(scene.summary.bounds_max_m, [2.0, 4.05, 0.5], atol=1e-6)
+    assert scene.summary.triangle_count == 2 + 2 * 2 + 3 * 12
+    assert converted.ambient == (1.0, 2.0, 2.0)
+    assert [m for m in converted.messages if "Cones are not read" in m]
+    assert len(converted.messages) == 1
+    camera = scene.camera(0)
+    np.testing.assert_allclose(np.asarray(camera.camera_to_world)[:3, 3], [0, 5, 0], atol=1e-9)
+    np.testing.assert_allclose(np.asarray(camera.camera_to_world)[:3, 2], [0, -1, 0], atol=1e-9)  # looks down
+
+
+def test_materials_and_textures(stage: Path, tmp_path: Path) -> None:
+    convert(stage, tmp_path / "a.glb")
+    document = _glb(tmp_path / "a.glb")
+    material = {m["name"]: m for m in document["materials"]}
+    paint = material["/World/Paint"]
+    assert paint["pbrMetallicRoughness"]["metallicFactor"] == 0.25
+    assert paint["extensions"]["KHR_materials_ior"] == {"ior": 1.75}
+    texture = document["textures"][paint["pbrMetallicRoughness"]["baseColorTexture"]["index"]]
+    assert document["samplers"][texture["sampler"]]["wrapS"] == 33071
+    coated = material["/World/Coated"]
+    assert coated["alphaMode"] == "BLEND"
+    np.testing.assert_allclose(coated["pbrMetallicRoughness"]["baseColorFactor"], [0.1, 0.2, 0.3, 0.5], rtol=1e-6)
+    assert coated["emissiveFactor"] == [1.0, 0.5, 0.0]
+    assert coated["extensions"]["KHR_materials_emissive_strength"] == {"emissiveStrength": 4.0}
+    assert coated["extensions"]["KHR_materials_clearcoat"]["clearcoatFactor"] == 1.0
+    # Roughness is the texture's red channel, glTF's the green one.
+    rough = document["textures"][paint["pbrMetallicRoughness"]["metallicRoughnessTexture"]["index"]]
+    view = document["bufferViews"][document["images"][rough["source"]]["bufferView"]]
+    data = (tmp_path / "a.glb").read_bytes()
+    start = 20 + struct.unpack("<I", data[12:16])[0] + 8 + view["byteOffset"]
+    (tmp_path / "out.png").write_bytes(data[start : start + view["byteLength"]])
+    assert Image.open(tmp_path / "out.png").getpixel((0, 0)) == (255, 64, 255)
+
+
+def test_lamps_and_copies(stage: Path, tmp_path: Path) -> None:
+    convert(stage, tmp_path / "a.glb")
+    document = _glb(tmp_path / "a.glb")
+    lights = document["extensions"]["KHR_lights_punctual"]["lights"]
+    assert [(light["type"], light["intensity"]) for light in lights] == [("directional", 3.0)]
+    lamp = next(m for m in document["materials"] if m["name"] == "/World/Rect")
+    assert lamp["extensions"]["KHR_materials_emissive_strength"] == {"emissiveStrength": 10.0}
+    blocks = [n["mesh"] for n in document["nodes"] if n["name"] == "/World/Copies/Block"]
+    assert len(blocks) == 3
+
+
+# A white wall 1 m below a lamp of 2 x 1 m: seen light falls on it from the front alone.
+def test_a_rectangle_shines_to_its_front(tmp_path: Path) -> None:
+    seen = []
+    for turn in (0, 180):
+        text = (
+            '#usda 1.0\n(\n metersPerUnit = 1\n upAxis = "Y"\n)\n'
+            'def RectLight "L"\n{\n float inputs:width = 2\n float inputs:height = 1\n float inputs:intensity = 3\n'
+            f" float3 xformOp:rotateXYZ = (0, {turn}, 0)\n double3 xformOp:translate = (0, 0, 1)\n"
+            ' uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"]\n}\n'
+            'def Plane "W"\n{\n double width = 8\n double length = 8\n uniform token axis = "Z"\n'
+            " color3f[] primvars:displayColor = [(1, 1, 1)]\n}\n"
+        )
+        path = tmp_path / f"{turn}.usda"
+        path.write_text(text)
+        scene = kuafu.Scene(kuafu.Device("cpu"))
+        load_usd(scene, path)
+        pose = np.array([[1, 0, 0, 1.5], [0, -1, 0, 0], [0, 0, -1, 0.5], [0, 0, 0, 1]], float)  # looks at the wall
+        camera = kuafu.Camera(8, 8, [[100, 0, 3.5], [0, 100, 3.5], [0, 0, 1]], pose)
+        image = kuafu.Renderer(scene.device).render(scene, camera, ["radiance"], band="visible", spp=64, max_bounces=1)
+        seen.append(float(np.mean(np.asarray(image["radiance"])[..., :3])))
+    assert seen[0] > 0.1
+    assert seen[1] < 0.02 * seen[0]
+
+
+def test_what_is_no_stage_is_one_line(tmp_path: Path) -> None:
+    broken = tmp_path / "b.usda"
+    broken.write_text("#usda 1.0\ndef Mesh {{{")
+    with pytest.raises(UsdError, match="b.usda") as error:
+        convert(broken, tmp_path / "b.glb")
+    assert "\n" not in str(error.value)
+    empty = tmp_path / "c.usda"
+    empty.write_text('#usda 1.0\ndef Xform "A"\n{\n}\n')
+    with pytest.raises(UsdError, match="no mesh"):
+        convert(empty, tmp_path / "c.glb")

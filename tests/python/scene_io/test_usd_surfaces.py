@@ -1,0 +1,265 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a UsdPreviewSurface's inputs come from: interfaces, textures of many folders and kinds; losses are told."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from activestereo.scene_io.usd import convert
+
+pxr = pytest.importorskip("pxr", reason="the package usd-core is not installed (pip install usd-core)")
+
+_SHEET = """
+def Mesh "{name}" (prepend apiSchemas = ["MaterialBindingAPI"])
+{{
+    uniform token subdivisionScheme = "none"
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0)]
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]
+    texCoord2f[] primvars:map1 = [(0.25, 0.5), (1, 0), (1, 1)] (interpolation = "vertex")
+    {more}
+    {binding}
+}}
+"""
+
+_MATERIAL = """
+def Material "{name}"
+{{
+    {inputs}
+    token outputs:surface.connect = </{name}/S.outputs:surface>
+    def Shader "S"
+    {{
+        uniform token info:id = "UsdPreviewSurface"
+        {surface}
+        token outputs:surface
+    }}
+    {shaders}
+}}
+"""
+
+
+_OUTPUTS = "float3 outputs:rgb\nfloat outputs:r\nfloat outputs:g\n"
+_READER = 'uniform token info:id = "UsdPrimvarReader_float2"\nfloat2 outputs:result\nstring inputs:varname'
+
+
+def _material(name: str, surface: str, inputs: str = "", **shaders: str) -> str:
+    made = [f'def Shader "{key}"\n{{\n{body}\n}}\n' for key, body in shaders.items()]
+    return _MATERIAL.format(name=name, surface=surface, inputs=inputs, shaders="".join(made))
+
+
+def _texture(file: str, more: str = "") -> str:
+    return f'uniform token info:id = "UsdUVTexture"\nasset inputs:file = @{file}@\n{more}\n{_OUTPUTS}'
+
+
+def _sheet(name: str, material: str | None, more: str = "") -> str:
+    binding = f"rel material:binding = </{material}>" if material else ""
+    return _SHEET.format(name=name, binding=binding, more=more)
+
+
+class _Made:
+    """A converted stage: its messages, its glTF, its pictures."""
+
+    def __init__(self, folder: Path, text: str) -> None:
+        (folder / "a.usda").write_text("#usda 1.0\n(\n metersPerUnit = 1\n)\n" + text)
+        self.messages = convert(folder / "a.usda", folder / "a.glb").messages
+        data = (folder / "a.glb").read_bytes()
+        length = struct.unpack("<I", data[12:16])[0]
+        self.document = json.loads(data[20 : 20 + length])
+        self._buffer = data[20 + length + 8 :]
+        self.material = {m["name"]: m for m in self.document["materials"]}
+
+    def told(self, words: str) -> bool:
+        return any(words in message for message in self.messages)
+
+    def _bytes(self, view: int) -> bytes:
+        entry = self.document["bufferViews"][view]
+        return self._buffer[entry["byteOffset"] : entry["byteOffset"] + entry["byteLength"]]
+
+    def picture(self, texture: dict[str, Any]) -> Image.Image:
+        image = self.document["images"][self.document["textures"][texture["index"]]["source"]]
+        return Image.open(io.BytesIO(self._bytes(image["bufferView"])))
+
+    def uvs(self, mesh: int) -> np.ndarray:
+        accessor = self.document["accessors"][
+            self.document["meshes"][mesh]["primitives"][0]["attributes"]["TEXCOORD_0"]
+        ]
+        return np.frombuffer(self._bytes(accessor["bufferView"]), np.float32).reshape(-1, 2)
+
+
+def _color(path: Path, color: Any, mode: str = "RGB") -> None:
+    path.parent.mkdir(exist_ok=True)
+    Image.new(mode, (2, 2), color).save(path)
+
+
+def test_inputs_are_followed_to_the_materials_own(tmp_path: Path) -> None:
+    _color(tmp_path / "paint.png", (9, 8, 7))
+    paint = _material(
+        "Paint",
+        "color3f inputs:diffuseColor.connect = </Paint/T.outputs:rgb>\n"
+        "float inputs:metallic.connect = </Paint.inputs:m>",
+        'asset inputs:picture = @paint.png@\nstring inputs:uv = "map1"\nfloat inputs:m = 0.75',
+        T='uniform token info:id = "UsdUVTexture"\nasset inputs:file.connect = </Paint.inputs:picture>\n'
+        "float2 inputs:st.connect = </Paint/Turn.outputs:result>\n" + _OUTPUTS,
+        Turn='uniform token info:id = "UsdTransform2d"\nfloat2 outputs:result\n'
+        "float2 inputs:in.connect = </Paint/Reader.outputs:result>",
+        Reader=_READER + ".connect = </Paint.inputs:uv>",
+    )
+    made = _Made(tmp_path, _sheet("A", "Paint") + paint)
+    pbr = made.material["/Paint"]["pbrMetallicRoughness"]
+    assert made.picture(pbr["baseColorTexture"]).getpixel((0, 0)) == (9, 8, 7)
+    assert pbr["metallicFactor"] == 0.75
+    assert [0.25, 0.5] in made.uvs(0).tolist()
+    assert made.told("a transform of its coordinates")
+
+
+def test_a_subset_has_its_own_materials_coordinates(tmp_path: Path) -> None:
+    _color(tmp_path / "paint.png", (9, 8, 7))
+    subset = (
+        'def GeomSubset "All" (prepend apiSchemas = ["MaterialBindingAPI"])\n{\n'
+        'uniform token familyName = "materialBind"\nuniform token elementType = "face"\n'
+        "int[] indices = [0]\nrel material:binding = </Paint>\n}\n"
+    )
+    paint = _material(
+        "Paint",
+        "color3f inputs:diffuseColor.connect = </Paint/T.outputs:rgb>\n"
+        "normal3f inputs:normal.connect = </Paint/N.outputs:rgb>",
+        T=_texture("paint.png", "float2 inputs:st.connect = </Paint/Reader.outputs:result>"),
+        N=_texture("paint.png"),
+        Reader=_READER + ' = "map1"',
+    )
+    made = _Made(tmp_path, _sheet("A", None, subset) + paint)
+    assert [0.25, 0.5] in made.uvs(0).tolist()
+    assert made.told("its textures lie by map1; st are not read")
+
+
+def test_pictures_are_told_apart_by_folder_and_role(tmp_path: Path) -> None:
+    for folder, red in (("x", 10), ("y", 20)):
+        _color(tmp_path / folder / "albedo.png", (red, 30, 40))
+        layer = _material("P", "color3f inputs:diffuseColor.connect = </P/T.outputs:rgb>", T=_texture("./albedo.png"))
+        (tmp_path / folder / "p.usda").write_text('#usda 1.0\n(\n defaultPrim = "P"\n)\n' + layer)
+    text = "".join(
+        f'def "{name}" (references = @./{name.lower()}/p.usda@)\n{{\n}}\n' + _sheet(f"On{name}", name) for name in "XY"
+    )
+    for key in ("roughness", "metallic"):
+        text += _sheet(f"With_{key}", key) + _material(
+            key, f"float inputs:{key}.connect = </{key}/T.outputs:g>", T=_texture("x/albedo.png")
+        )
+    made = _Made(tmp_path, text)
+    reds = [
+        made.picture(made.material[name]["pbrMetallicRoughness"]["baseColorTexture"]).getpixel((0, 0))[0]
+        for name in ("/X", "/Y")
+    ]
+    assert reds == [10, 20]
+    packed = [
+        made.picture(made.material[name]["pbrMetallicRoughness"]["metallicRoughnessTexture"]).getpixel((0, 0))
+        for name in ("/roughness", "/metallic")
+    ]
+    assert packed == [(255, 30, 255), (255, 255, 30)]
+
+
+def test_what_is_not_read_of_textures_is_told(tmp_path: Path) -> None:
+    _color(tmp_path / "paint.png", (9, 8, 7))
+    keys = ("clearcoat", "clearcoatRoughness", "ior", "opacityThreshold", "occlusion")
+    text = _material(
+        "Paint",
+        "".join(f"float inputs:{key}.connect = </Paint/T.outputs:r>\n" for key in keys[:1] + keys[2:])
+        + "color3f inputs:diffuseColor.connect = </Paint/Raw.outputs:rgb>\n"
+        + "float inputs:roughness.connect = </Paint/Missing.outputs:g>",
+        T=_texture("paint.png"),
+        Raw=_texture("paint.png", 'token inputs:sourceColorSpace = "raw"'),
+        Missing=_texture("none.png", "float4 inputs:fallback = (0.5, 0.125, 0, 1)"),
+    )
+    text += _material(
+        "Coat",
+        "float inputs:clearcoat = 1\nfloat inputs:clearcoatRoughness.connect = </Coat/T.outputs:r>",
+        T=_texture("paint.png"),
+    )
+    made = _Made(tmp_path, _sheet("A", "Paint") + _sheet("B", "Coat") + text)
+    for key in keys:
+        assert made.told(f"{key}: its texture is not read" if key != "occlusion" else "occlusion is not read"), key
+    assert made.told("sourceColorSpace")
+    assert made.told("none.png is not there")
+    assert made.material["/Paint"]["pbrMetallicRoughness"]["roughnessFactor"] == 0.125
+
+
+@pytest.mark.parametrize("suffix", ["png", "jpg"])
+def test_a_cut_picture_is_told(tmp_path: Path, suffix: str) -> None:
+    noise = np.random.default_rng(1).integers(0, 256, (32, 32, 3), dtype=np.uint8)
+    Image.fromarray(noise).save(tmp_path / f"p.{suffix}")
+    data = (tmp_path / f"p.{suffix}").read_bytes()
+    (tmp_path / f"p.{suffix}").write_bytes(data[: len(data) // 2])
+    paint = _material(
+        "Paint",
+        "float inputs:roughness.connect = </Paint/T.outputs:r>",
+        T=_texture(f"p.{suffix}"),
+    )
+    assert _Made(tmp_path, _sheet("A", "Paint") + paint).told("no image that can be read")
+
+
+def test_sixteen_bits_of_grey_keep_their_level(tmp_path: Path) -> None:
+    Image.fromarray(np.full((2, 2), 0x4080, np.uint16)).save(tmp_path / "p.png")
+    paint = _material("Paint", "float inputs:roughness.connect = </Paint/T.outputs:r>", T=_texture("p.png"))
+    made = _Made(tmp_path, _sheet("A", "Paint") + paint)
+    packed = made.material["/Paint"]["pbrMetallicRoughness"]["metallicRoughnessTexture"]
+    assert made.picture(packed).getpixel((0, 0)) == (255, 0x40, 255)
+
+
+def test_a_colours_own_alpha_is_no_opacity(tmp_path: Path) -> None:
+    _color(tmp_path / "p.png", (9, 8, 7, 60), "RGBA")
+    surface = "color3f inputs:diffuseColor.connect = </Paint/T.outputs:rgb>\nfloat inputs:opacity = 0.5"
+    made = _Made(tmp_path, _sheet("A", "Paint") + _material("Paint", surface, T=_texture("p.png")))
+    pbr = made.material["/Paint"]["pbrMetallicRoughness"]
+    assert made.picture(pbr["baseColorTexture"]).getpixel((0, 0)) == (9, 8, 7)
+    assert pbr["baseColorFactor"] == [1.0, 1.0, 1.0, 0.5]
+
+
+def test_foreign_materials_show_each_prims_own_colour(tmp_path: Path) -> None:
+    text = 'def Material "Other"\n{\n}\n'
+    for name, color in (("A", "1, 0, 0"), ("B", "0, 1, 0")):
+        text += _sheet(name, "Other", f"color3f[] primvars:displayColor.timeSamples = {{ 1: [({color})] }}")
+    made = _Made(tmp_path, text)
+    colors = [m["pbrMetallicRoughness"]["baseColorFactor"][:3] for m in made.document["materials"]]
+    assert colors == [[1, 0, 0], [0, 1, 0]]
+    assert made.told("only UsdPreviewSurface")
+
+
+def test_holes_are_not_shown(tmp_path: Path) -> None:
+    mesh = (
+        'def Mesh "M"\n{\n point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]\n'
+        " int[] faceVertexCounts = [3, 3]\n int[] faceVertexIndices = [0, 1, 2, 0, 2, 3]\n int[] holeIndices = [1]\n}\n"
+    )
+    document = _Made(tmp_path, mesh).document
+    assert document["accessors"][document["meshes"][0]["primitives"][0]["indices"]]["count"] == 3
+
+
+# Without time, transforms that have samples alone are those of their first sample, like all else.
+def test_sampled_places_without_time(tmp_path: Path) -> None:
+    move = (
+        "double3 xformOp:translate.timeSamples = { 1: (5, 0, 0), 2: (9, 0, 0) }\n"
+        'uniform token[] xformOpOrder = ["xformOp:translate"]'
+    )
+    copies = (
+        'def PointInstancer "Copies"\n{\n point3f[] positions.timeSamples = { 1: [(0, 3, 0)] }\n'
+        " int[] protoIndices = [0]\n rel prototypes = </Copies/Block>\n"
+        ' def Cube "Block"\n {\n }\n}\n'
+    )
+    made = _Made(tmp_path, _sheet("A", None, move) + copies)
+    places = {node["name"]: node["matrix"][12:15] for node in made.document["nodes"]}
+    assert places == {"/A": [5, 0, 0], "/Copies/Block": [0, 3, 0]}
+
+
+def test_copies_that_cannot_be_placed_are_told(tmp_path: Path) -> None:
+    copies = (
+        'def PointInstancer "Copies"\n{\n point3f[] positions = [(0, 3, 0), (0, 9, 0)]\n'
+        " int[] protoIndices = [0, 7]\n rel prototypes = </Copies/Block>\n"
+        ' def Cube "Block"\n {\n }\n}\n'
+    )
+    assert _Made(tmp_path, _sheet("A", None) + copies).told("/Copies: its copies cannot be placed")

@@ -1,0 +1,353 @@
+# SPDX-License-Identifier: Apache-2.0
+"""StereoDepthSensor in front of the example scene, at half resolution, and in scenes made for one question."""
+
+import os
+from copy import deepcopy
+
+import numpy as np
+import pytest
+
+import kuafu
+from activestereo import Mount, Mounts, Pose, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
+from activestereo.compare.accuracy import accuracy_by_material
+from activestereo.common.pose import body_pose
+from sensor_scenes import wall_scene
+
+
+@pytest.fixture(scope="module")
+def table(table_top):
+    """A sensor at the scene's camera with one picture taken."""
+    config = StereoDepthSensorConfig("sapien-D435").scaled(0.5)
+    config.samples_per_pixel, config.max_bounces = 4, 3
+    scene = kuafu.Scene(kuafu.Device())
+    scene.load(table_top)
+    sensor = StereoDepthSensor(config, scene, pose=body_pose(scene.camera(0).camera_to_world))
+    sensor.take_picture()
+    sensor.compute_depth()
+    return sensor
+
+
+@pytest.fixture(scope="module")
+def by_material(table):
+    rows = accuracy_by_material(
+        table.get_depth(), table.get_true_depth(), table.get_material_ids(), table.scene.material_name
+    )
+    return {row.name: row for row in rows}
+
+
+def test_shapes_and_types(table):
+    assert table.get_rgb().shape == (240, 424, 3) and table.get_rgb().dtype == np.float32
+    assert [image.shape for image in table.get_ir()] == [(240, 424)] * 2
+    assert [(image.shape, image.dtype.name) for image in table.get_ir_measured()] == [((240, 424), "uint8")] * 2
+    assert table.get_depth().shape == (240, 424) and table.get_depth().dtype == np.float32
+    for picture in (table.get_rgb(), *table.get_ir()):
+        assert picture.min() >= 0.0 and picture.max() <= 1.0
+
+
+def test_bytes_of_the_rgb_picture_are_its_floats_rounded(table):
+    rgba = table.get_rgba8()
+    assert rgba.shape == (240, 424, 4) and rgba.dtype == np.uint8 and (rgba[..., 3] == 255).all()
+    assert np.abs(255.0 * table.get_rgb() - rgba[..., :3]).max() < 0.51
+    assert rgba[..., :3].std() > 20
+
+
+def test_most_of_the_table_is_measured_well(by_material):
+    wood = by_material["wood"]
+    assert wood.fill > 0.9
+    assert wood.median_error_m < 0.012  # of a half-size sensor: f B is 10.8 px m, a tenth of a pixel at 0.9 m is 8 mm
+
+
+def test_materials_that_break_stereo_do(by_material):
+    for name in ("glass", "steel"):  # light goes elsewhere: every match is off
+        assert by_material[name].median_error_m > 2 * by_material["clay"].median_error_m, name
+    assert (
+        by_material["velvet"].p90_error_m > 2 * by_material["clay"].p90_error_m
+    )  # little light comes back: some matches are noise
+    assert 1 - by_material["glass"].fill > 3 * (1 - by_material["clay"].fill)  # and some find none
+
+
+def test_infrared_pictures_are_well_exposed(table):
+    for image in table.get_ir_measured():
+        assert (image == 255).mean() < 0.02
+        assert np.percentile(image, 95) > 20
+
+
+def test_noise_free_infrared_is_what_the_measured_one_scatters_about(table):
+    clean, measured = table.get_ir()[0] * 255.0, table.get_ir_measured()[0].astype(float)
+    middle = (clean > 10) & (clean < 200)
+    residual = measured[middle] - clean[middle]
+    assert abs(residual.mean()) < 0.1
+    light = clean[middle] - table.get_config().ir_black_level_dn
+    expected = np.sqrt((light**2 / 1333.33 + 0.25**2 + 1 / 12).mean())  # gamma factor, Gaussian, rounding
+    assert residual.std() == pytest.approx(expected, rel=0.05)
+
+
+def test_point_cloud_projects_onto_the_depth_map(table):
+    depth, k = table.get_depth(), table.get_config().rgb_intrinsic
+    cloud = table.get_pointcloud(with_rgb=True)
+    assert cloud.shape == ((depth > 0).sum(), 6) and cloud.dtype == np.float32
+    u, v = (cloud[:, axis] / cloud[:, 2] * k[axis, axis] + k[axis, 2] for axis in (0, 1))
+    columns, rows = np.rint(u).astype(int), np.rint(v).astype(int)
+    np.testing.assert_allclose(cloud[:, 2], depth[rows, columns], rtol=1e-6)
+    np.testing.assert_allclose(cloud[:, 3:], table.get_rgb()[rows, columns], atol=1e-6)
+    assert table.get_pointcloud().shape[1] == 3
+
+
+def test_pictures_by_name_agree_with_each_other(table):
+    depth, position = table.get_picture("depth")[..., 0], table.get_picture("position")
+    assert np.array_equal(depth, table.get_true_depth())
+    world_to_camera = np.linalg.inv(table.rgb_camera().camera_to_world)
+    seen = depth > 0
+    np.testing.assert_allclose(position[seen] @ world_to_camera[2, :3] + world_to_camera[2, 3], depth[seen], atol=1e-4)
+    uv, visible = table.get_picture("projector_uv", "left"), table.get_picture("projector_visibility", "left")[..., 0]
+    assert uv.shape == (240, 424, 2) and np.all(np.isfinite(uv[visible == 1])) and 0.5 < visible.mean() < 1
+    with pytest.raises(ValueError, match="rgb, left, right"):
+        table.get_picture("depth", "middle")
+
+
+def test_stage_times_name_the_three_parts(table):
+    assert {name.split(":")[0] for name in table.stage_times} == {"rgb", "ir", "depth"}
+
+
+def test_a_wall_in_front_of_the_sensor_is_as_far_as_it_is(small_config):
+    """The default pose looks along x. Nothing but axes, poses, projector, matcher and registration in their places
+    gives this number."""
+    small_config.max_bounces = 0
+    sensor = StereoDepthSensor(small_config, wall_scene(0.9))
+    sensor.take_picture()
+    sensor.compute_depth()
+    np.testing.assert_allclose(sensor.get_true_depth(), 0.9, rtol=1e-5)
+    depth = sensor.get_depth()[20:-20, 40:-40]
+    assert (depth > 0).mean() > 0.99
+    assert np.median(depth[depth > 0]) == pytest.approx(0.9, rel=0.005)
+
+
+def test_moving_the_mount_moves_the_sensor(small_config):
+    small_config.max_bounces, small_config.samples_per_pixel = 0, 1
+    mount = Mount(wall_scene(0.9), Pose([0.2, 0.0, 0.0]))
+    sensor = StereoDepthSensor(small_config, mount, pose=Pose([0.1, 0.0, 0.0]))
+    np.testing.assert_allclose(sensor.get_pose().p, [0.3, 0.0, 0.0])
+    for local, expected in ((None, 0.6), (Pose([-0.1, 0.0, 0.0]), 0.8)):
+        if local:
+            sensor.set_local_pose(local)
+        sensor.take_picture()
+        np.testing.assert_allclose(sensor.get_true_depth(), expected, rtol=1e-5)
+    mount.pose = Pose()
+    sensor.take_picture()
+    np.testing.assert_allclose(sensor.get_true_depth(), 1.0, rtol=1e-5)
+    matrix = Pose([0.1, 0.0, 0.0]).to_transformation_matrix()
+    np.testing.assert_allclose(
+        StereoDepthSensor(small_config, Mount(wall_scene(0.9), matrix), pose=matrix).get_pose().p, [0.2, 0.0, 0.0]
+    )
+
+
+def test_the_projector_is_seen_by_the_infrared_cameras_only(small_config):
+    small_config.max_bounces, small_config.samples_per_pixel = 0, 1
+    sensor = StereoDepthSensor(small_config, wall_scene(0.9))
+    sensor.take_picture()
+    assert sensor.get_rgb().max() == 0.0
+    assert sensor.get_ir()[0].max() > 0.5
+    lights = sensor.scene.summary.light_count
+    sensor.close()
+    assert sensor.scene.summary.light_count == lights - 1
+    sensor.take_picture(infrared_only=True)
+    assert sensor.get_ir()[0].max() < 0.05
+
+
+def test_same_seed_same_frame_and_a_new_frame_differs(small_config, table_top):
+    small_config.max_bounces, small_config.samples_per_pixel = 1, 1
+    first, again = (StereoDepthSensor(small_config, table_top) for _ in range(2))
+    frames = []
+    for sensor, count in ((first, 2), (again, 1)):
+        for _ in range(count):
+            sensor.take_picture(infrared_only=True)
+            sensor.compute_depth()
+            frames.append(sensor.get_ir_measured()[0].copy())
+    np.testing.assert_array_equal(frames[0], frames[2])
+    assert not np.array_equal(frames[0], frames[1])
+    again.compute_depth()
+    np.testing.assert_array_equal(again.get_ir_measured()[0], frames[2])
+
+
+def test_setters_reach_the_engine_and_bad_values_change_nothing(small_config):
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    sensor.set_census_window_size(5, 7)
+    sensor.set_matching_block_size(3, 5)
+    sensor.set_penalties(5, 50)
+    sensor.set_uniqueness_ratio(20)
+    sensor.set_lr_max_diff(-1)
+    sensor.set_ir_noise(2.0, 3.0)
+    p = sensor.engine.parameters
+    names = (
+        "census_width",
+        "census_height",
+        "block_width",
+        "block_height",
+        "p1",
+        "p2",
+        "uniqueness_ratio",
+        "lr_max_diff",
+    )
+    assert [p[name] for name in names] == [5, 7, 3, 5, 5, 50, 20, -1]
+    assert (p["speckle_shape"], p["adc_noise_dn"]) == pytest.approx((1333.33 / 2.0, 0.75))
+    sensor.set_ir_noise(0.0, 0.0)
+    assert sensor.engine.parameters["speckle_shape"] == sensor.engine.parameters["adc_noise_dn"] == 0.0
+    assert (
+        p["exposure_s"] * p["responsivity_e"] == pytest.approx(sensor.ir_gain)
+        and p["black_level_dn"] == small_config.ir_black_level_dn
+    )
+    for bad in (
+        lambda: sensor.set_penalties(50, 5),
+        lambda: sensor.set_ir_noise(1.0, 0.0),
+        lambda: sensor.set_census_window_size(4, 4),
+    ):
+        with pytest.raises(ValueError):
+            bad()
+    assert sensor.get_config().p1 == 5 and sensor.get_config().ir_speckle_noise == 0.0
+
+
+def test_imagers_of_a_preset_see_the_same_light_with_their_own_noise(small_config):
+    clean, noisy = deepcopy(small_config), deepcopy(small_config)
+    clean.ir_speckle_noise = 0.0
+    noisy.ir_signal = "d435"
+    images = []
+    for config in (clean, noisy):
+        sensor = StereoDepthSensor(config, wall_scene(1.0))
+        sensor.take_picture(infrared_only=True)
+        sensor.compute_depth()
+        images.append(sensor.get_ir_measured()[0].astype(float))
+    lit = (images[0] > 10) & (images[0] < 240)
+    difference, light = (images[1] - images[0])[lit], images[0][lit].mean() - small_config.ir_black_level_dn
+    # Two roundings and the preset's variance.
+    assert abs(difference.mean()) < 0.05
+    assert difference.var() == pytest.approx(0.00497 * light + 0.01 + 2 / 12, rel=0.15)
+
+
+def test_noise_free_pictures_are_of_the_imager_that_measures(small_config):
+    small_config.ir_signal = {"bit_depth": 12, "gain": 6.0, "black_level_dn": 90.0}
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    sensor.take_picture(infrared_only=True)
+    sensor.compute_depth()
+    measured = sensor.get_ir_measured()[0]
+    assert measured.dtype == np.uint16
+    np.testing.assert_allclose(4095 * sensor.get_ir()[0], measured, atol=0.51)
+
+
+def test_results_before_the_picture_say_what_to_call(small_config):
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    with pytest.raises(RuntimeError, match="take_picture"):
+        sensor.compute_depth()
+    sensor.take_picture(infrared_only=True)
+    with pytest.raises(RuntimeError, match="compute_depth"):
+        sensor.get_depth()
+    with pytest.raises(RuntimeError, match="infrared_only"):
+        sensor.get_rgb()
+
+
+def test_progress_of_a_picture_rises_to_one_and_its_exceptions_come_through(small_config):
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    seen = []
+    sensor.take_picture(progress=seen.append)
+    assert seen == sorted(seen) and seen[-1] == pytest.approx(1.0)
+
+    def stop(fraction):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        sensor.take_picture(progress=stop)
+    sensor.take_picture(infrared_only=True)
+
+
+def test_a_cancelled_picture_is_none(small_config):
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    sensor.take_picture()
+    sensor.compute_depth()
+    with pytest.raises(kuafu.CancelledError):
+        sensor.take_picture(progress=lambda fraction: fraction > 0.6)  # within the infrared pair
+    for get in (sensor.compute_depth, sensor.get_depth, sensor.get_ir, sensor.get_rgb, sensor.get_true_depth):
+        with pytest.raises(RuntimeError, match="take_picture|compute_depth"):
+            get()
+    sensor.take_picture()
+    sensor.compute_depth()
+    again = StereoDepthSensor(small_config, wall_scene(1.0))
+    for _ in range(2):
+        again.take_picture()
+    again.compute_depth()
+    np.testing.assert_array_equal(sensor.get_depth(), again.get_depth())
+
+
+def test_without_a_projector_it_is_a_passive_pair(small_config):
+    small_config.light_pattern = None
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    assert sensor.scene.summary.light_count == 0
+    sensor.take_picture(infrared_only=True)
+    assert np.ptp(sensor.get_ir()[0]) < 1e-3
+
+
+def test_a_list_of_dots_takes_the_place_of_the_pattern_image(small_config):
+    design = small_config.pattern_design
+    small_config.light_dots = [[design.width / 2, design.height / 2, 2 * np.pi * design.dot_sigma_px**2]]
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    sensor.take_picture(infrared_only=True)
+    image = sensor.get_ir()[0].astype(float)
+    assert np.sum(image > (np.median(image) + image.max()) / 2) < 30 and image.max() > 2 * np.median(image)
+
+
+def test_what_is_no_scene_is_refused(small_config):
+    with pytest.raises(TypeError, match="kuafu.Scene"):
+        StereoDepthSensor(small_config, 42)
+    with pytest.raises(FileNotFoundError):
+        StereoDepthSensor(small_config, "nowhere.gltf")
+
+
+def test_speckle_is_of_the_laser_alone_where_asked(table_top, small_config):
+    scene = kuafu.Scene(kuafu.Device())
+    scene.load(table_top)
+    small_config.max_bounces, small_config.ir_speckle_of_laser, small_config.ir_ambient_radiance = 0, True, 0.1
+    small_config.ir_signal = {"speckle_shape": 4.0, "speckle_scale": 0.25, "bit_depth": 16, "gain": 100.0}
+    sensor = StereoDepthSensor(small_config, scene, pose=body_pose(scene.camera(0).camera_to_world))
+    sensor.take_picture(infrared_only=True)
+    sensor.compute_depth()
+    counts_per_radiance = sensor.ir_gain * 100.0
+    for got, clean, all_light, laser in zip(
+        sensor.get_ir_measured(), sensor.get_ir(), sensor._link.images, sensor._link.laser.images, strict=True
+    ):
+        noise = (got - 65535.0 * clean) / counts_per_radiance
+        bright = (laser > 0.01) & (got < 65535)
+        assert np.std(noise[bright] / laser[bright]) == pytest.approx(0.5, rel=0.03)  # Gamma(4, 1/4)'s
+        ambient = laser < 0.1 * all_light
+        assert ambient.sum() > 500
+        assert np.std(noise[ambient] / all_light[ambient]) < 0.05
+
+
+@pytest.mark.parametrize("kind", ["sensor", "batch"])
+def test_sensors_that_are_closed_leave_nothing_in_the_scene(kind):
+    scene, pose = wall_scene(1.0), Pose()
+    config = StereoDepthSensorConfig("D435").scaled(0.08)
+    device, before = scene.device, None
+    for _ in range(10_000 if os.environ.get("ACTIVESTEREO_FULL") else 30):
+        if kind == "sensor":
+            StereoDepthSensor(config, scene, pose=pose).close()
+        else:
+            StereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None])).close()
+        s = scene.summary
+        counts = s.texture_count, s.light_count, s.material_count, s.instance_count, s.mesh_count
+        before = before or (counts, device.allocated_bytes)
+        assert (counts, device.allocated_bytes) == before
+
+
+@pytest.mark.parametrize("kind", ["sensor", "batch"])
+def test_a_sensor_that_cannot_be_made_leaves_nothing_in_the_scene(kind, monkeypatch):
+    scene = wall_scene(1.0)
+    config = StereoDepthSensorConfig("D435").scaled(0.08)
+
+    def refuse(*signals):
+        raise ValueError("no such signal")
+
+    monkeypatch.setattr("simsense.Engine.set_signal", refuse)
+    with pytest.raises(ValueError, match="no such signal"):
+        if kind == "sensor":
+            StereoDepthSensor(config, scene)
+        else:
+            StereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None]))
+    assert (scene.summary.texture_count, scene.summary.light_count) == (0, 0)

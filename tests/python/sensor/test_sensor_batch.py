@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sensors in many environments at once, against one sensor at a time."""
+
+import gc
+
+import numpy as np
+import pytest
+
+import kuafu
+from activestereo import Mount, Mounts, Pose, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
+from activestereo.scene_io import solids
+from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
+from activestereo.effects import builtin
+from activestereo.sensor.batch import SensorPoseError
+from activestereo.model import Quantity, SensorModel
+
+FORWARD = [0, 0, 0, 1, 0, 0, 0]
+
+
+@pytest.fixture
+def config():
+    config = StereoDepthSensorConfig("sapien-D435").scaled(0.25)
+    config.samples_per_pixel, config.max_bounces = 4, 2
+    return config
+
+
+def walls(distances_m, environment_count=None):
+    """A wall in front of the origin in each environment, of which a sensor there sees nothing else."""
+    scene = kuafu.Scene(kuafu.Device())
+    bodies = Bodies(scene, environment_count)
+    plaster = scene.add_material(kuafu.Material(base_color=(0.7, 0.7, 0.7, 1), specular=0.0))
+    bodies.add("wall", [Shape(add_mesh(scene, solids.box()), [plaster], np.diag([0.1, 3.0, 3.0, 1.0]))])
+    poses = np.array([[[d + 0.1, 0, 0, 1, 0, 0, 0]] for d in distances_m], float)
+    bodies.move(poses if environment_count else poses[0])
+    return scene
+
+
+def median(depth):
+    return np.median(depth[depth > 0])
+
+
+def test_a_batch_of_one_is_one_sensor_to_the_bit(config):
+    batch = StereoDepthSensorBatch(config, Mounts(walls([0.8], 1), [FORWARD]))
+    sensor = StereoDepthSensor(config, Mount(walls([0.8])))
+    for _ in range(2):
+        for one in (batch, sensor):
+            one.take_picture()
+            one.compute_depth()
+        for name in ("get_depth", "get_disparity", "get_true_depth", "get_rgb", "get_rgba8", "get_instance_ids"):
+            np.testing.assert_array_equal(getattr(batch, name)()[0], getattr(sensor, name)(), err_msg=name)
+        np.testing.assert_array_equal(batch.get_ir_measured()[1][0], sensor.get_ir_measured()[1])
+
+
+def test_a_devices_preset_is_exposed_in_each_environment_as_alone():
+    config = StereoDepthSensorConfig("D435").scaled(0.25)  # settles its exposure, has speckle of the laser alone
+    config.samples_per_pixel = 4
+    batch = StereoDepthSensorBatch(config, Mounts(walls([0.4, 1.5], 2), [FORWARD] * 2))
+    batch.take_picture()
+    batch.compute_depth()
+    for k, distance in enumerate((0.4, 1.5)):
+        sensor = StereoDepthSensor(config, walls([distance]))
+        sensor.take_picture()
+        sensor.compute_depth()
+        counts, alone = batch.get_ir_measured()[0][k], sensor.get_ir_measured()[0]
+        assert counts.mean() == pytest.approx(alone.mean(), rel=0.03)
+        assert median(batch.get_depth()[k]) == pytest.approx(median(sensor.get_depth()), rel=0.01)
+    config.ir_exposure_mode = "converging"
+    with pytest.raises(ValueError, match="of a batch is 'fixed' or 'settled', not 'converging'"):
+        StereoDepthSensorBatch(config, Mounts(walls([0.4], 1), [FORWARD]))
+
+
+def test_each_environment_is_seen_by_its_own_sensor(config):
+    batch = StereoDepthSensorBatch(config, Mounts(walls([0.6, 0.8, 1.0], 3), [FORWARD] * 3))
+    batch.take_picture()
+    batch.compute_depth()
+    depth = batch.get_depth()
+    assert depth.shape == (3, 120, 212) and depth.dtype == np.float32
+    for image, truth, distance in zip(depth, batch.get_true_depth(), (0.6, 0.8, 1.0), strict=True):
+        assert median(truth) == pytest.approx(distance, rel=0.02)
+        assert median(image) == pytest.approx(median(truth), rel=0.01)
+    millimetres = batch.get_depth_mm()
+    assert millimetres.shape == (3, 120, 212, 1) and millimetres.dtype == np.int16
+    np.testing.assert_allclose(millimetres[..., 0] / 1000, depth, atol=0.00051)
+    assert batch.get_rgb().shape == (3, 120, 212, 3) and batch.get_ir_radiance().shape == (2, 3, 120, 212)
+
+
+def test_environments_that_look_alike_differ_in_noise_and_repeat_under_a_seed(config):
+    def taken():
+        batch = StereoDepthSensorBatch(config, Mounts(walls([0.8, 0.8], 2), [FORWARD] * 2))
+        batch.take_picture(infrared_only=True)
+        batch.compute_depth()
+        return batch.get_ir_measured()[0]
+
+    first, again = taken(), taken()
+    np.testing.assert_array_equal(first, again)
+    assert (first[0] != first[1]).mean() > 0.1
+
+
+def test_several_sensors_in_each_environment(config):
+    poses = np.array([[FORWARD, [0.2, 0, 0, 1, 0, 0, 0]]] * 2, float)
+    batch = StereoDepthSensorBatch(config, Mounts(walls([0.8, 1.0], 2), poses))
+    batch.take_picture()
+    batch.compute_depth()
+    assert batch.shape == (2, 2) and batch.get_depth().shape == (2, 2, 120, 212)
+    truth = [[median(batch.get_true_depth()[e, s]) for s in range(2)] for e in range(2)]
+    np.testing.assert_allclose(truth, [[0.8, 0.6], [1.0, 0.8]], rtol=0.02)
+
+
+def test_what_is_read_late_is_of_the_same_picture(config):
+    batch = StereoDepthSensorBatch(config, Mounts(walls([0.8, 1.0], 2), [FORWARD] * 2))
+    batch.take_picture(infrared_only=True)
+    batch.compute_depth()
+    late = batch.get_depth_map("confidence"), batch.get_disparity()
+    batch.compute_depth()  # now all at once
+    np.testing.assert_array_equal(late[0], batch.get_depth_map("confidence"))
+    np.testing.assert_array_equal(late[1], batch.get_disparity())
+
+
+def test_poses_of_torch_go_in_and_depth_goes_out_without_a_copy(config):
+    torch = pytest.importorskip("torch", reason="the package torch is not installed (pip install torch)")
+    mounts = Mounts(walls([0.8, 1.0], 2), torch.tensor([FORWARD] * 2, dtype=torch.float32))
+    batch = StereoDepthSensorBatch(config, mounts)
+    mounts.poses = mounts.poses + torch.tensor([0.1, 0, 0, 0, 0, 0, 0])
+    batch.take_picture()
+    batch.compute_depth()
+    depth = torch.from_numpy(batch.get_depth())
+    assert depth.data_ptr() == batch.get_depth().ctypes.data and tuple(depth.shape) == (2, 120, 212)
+    assert torch.from_dlpack(batch.get_depth()).data_ptr() == depth.data_ptr()
+    assert float(depth[0][depth[0] > 0].median()) == pytest.approx(0.7, rel=0.03)
+
+
+def test_a_mount_without_a_pose_is_named_and_the_others_are_seen(config):
+    mounts = Mounts(walls([0.6, 0.8, 1.0], 3), np.array([FORWARD] * 3, float))
+    batch = StereoDepthSensorBatch(config, mounts)
+    mounts.poses = mounts.poses.copy()
+    mounts.poses[1, 0] = np.nan
+    with pytest.raises(
+        SensorPoseError, match="environment 1: the mount's pose is not a finite rigid one; 1 of 3"
+    ) as caught:
+        batch.take_picture()
+    assert caught.value.environment == 1
+    batch.compute_depth()
+    assert median(batch.get_depth()[2]) == pytest.approx(median(batch.get_true_depth()[2]), rel=0.01)
+    mounts.poses = [FORWARD] * 2
+    with pytest.raises(ValueError, match=r"this batch is of \(3,\) sensors; the poses are of \(2,\)"):
+        batch.take_picture()
+    with pytest.raises(RuntimeError, match="no picture yet"):
+        batch.compute_depth()
+
+
+def test_poses_that_fit_no_batch_are_refused(config):
+    scene = walls([0.6], 1)
+    for poses in (FORWARD, np.zeros((0, 7)), np.zeros((1, 1, 1, 7))):
+        with pytest.raises(ValueError, match=r"\[E\] or \[E, S\]"):
+            StereoDepthSensorBatch(config, Mounts(scene, poses))
+
+
+@pytest.mark.parametrize("end", ["with", "forgotten"])
+@pytest.mark.parametrize("kind", ["one", "batch"])
+def test_projectors_go_with_their_sensor(config, kind, end):
+    scene = walls([0.8], 1)
+    make = {
+        "one": lambda: StereoDepthSensor(config, scene),
+        "batch": lambda: StereoDepthSensorBatch(config, Mounts(scene, [FORWARD])),
+    }[kind]
+    if end == "with":
+        with make() as sensor:
+            assert scene.summary.light_count == 1
+            sensor.take_picture(infrared_only=True)
+    else:
+        sensor = make()
+        sensor.take_picture(infrared_only=True)
+        assert scene.summary.light_count == 1
+        gc.disable()  # a sensor that nothing refers to is gone at once, without the collector of cycles
+        del sensor
+    gc.enable()
+    assert scene.summary.light_count == 0
+
+
+def test_sensors_do_not_see_one_anothers_dots_unless_asked(config):
+    scene = walls([0.8])
+    sensor = StereoDepthSensor(config, scene)
+    sensor.take_picture(infrared_only=True)
+    alone = sensor.get_ir()[0]
+    beside = Pose([0.0, 0.1, 0.0])
+    with StereoDepthSensor(config, scene, pose=beside) as other:
+        other.take_picture(infrared_only=True)
+        again = StereoDepthSensor(config, scene)
+        again.take_picture(infrared_only=True)
+        np.testing.assert_allclose(again.get_ir()[0].mean(), alone.mean(), rtol=0.01)
+    config.projector_always_on = True
+    with StereoDepthSensor(config, scene, pose=beside) as other:
+        other.take_picture(infrared_only=True)
+        again = StereoDepthSensor(config, scene)
+        again.take_picture(infrared_only=True)
+        assert again.get_ir()[0].mean() > 1.3 * alone.mean()
+
+
+def model_of(**effects: dict[str, float]) -> SensorModel:
+    model = SensorModel()
+    for name, values in effects.items():
+        model = model.with_effect(builtin()[name], {n: Quantity(v) for n, v in values.items()})
+    return model
+
+
+def typical(name: str) -> dict[str, float]:
+    return {p.name: p.typical for p in builtin()[name].parameters}
+
+
+@pytest.mark.parametrize(
+    "name", ["vignetting", "principal_point_offset", "haze", "specular", "second_projector", "shot_noise"]
+)
+def test_a_models_effects_are_each_sensors_own(config: StereoDepthSensorConfig, name: str) -> None:
+    model = model_of(**{name: typical(name)})
+    plain = StereoDepthSensorBatch(config, Mounts(walls([0.8], 1), [FORWARD]))
+    batch = StereoDepthSensorBatch(config, Mounts(walls([0.8], 1), [FORWARD]), model=model)
+    sensor = StereoDepthSensor(config, Mount(walls([0.8])), model=model)
+    for one in (plain, batch, sensor):
+        one.take_picture(infrared_only=True)
+        one.compute_depth()
+    for one, alone in zip(batch.get_ir_measured(), sensor.get_ir_measured(), strict=True):
+        np.testing.assert_array_equal(one[0], alone)
+    np.testing.assert_array_equal(batch.get_depth()[0], sensor.get_depth())
+    assert not np.array_equal(batch.get_ir_measured(), plain.get_ir_measured())
+
+
+def test_a_model_goes_with_its_batch(config: StereoDepthSensorConfig) -> None:
+    scene = walls([0.8, 1.2], 2)
+    before = scene.get_material(0).specular, scene.summary.light_count
+    model = model_of(specular=typical("specular"), haze=typical("haze"), second_projector=typical("second_projector"))
+    with StereoDepthSensorBatch(config, Mounts(scene, [FORWARD] * 2), model=model):
+        assert scene.summary.light_count == before[1] + 4
+        assert scene.get_material(0).specular != before[0]
+    assert (scene.get_material(0).specular, scene.summary.light_count) == before
+    with pytest.raises(ValueError, match="a batch has no quantisation"):
+        StereoDepthSensorBatch(config, Mounts(scene, [FORWARD] * 2), model=model_of(quantisation={"step_dn": 16.0}))
+    assert scene.summary.light_count == before[1]

@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The sensor's lenses and shutters: depth through a distorting lens, and a rig that moves while it exposes."""
+
+from copy import deepcopy
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import kuafu
+from activestereo import StereoDepthSensor, StereoDepthSensorConfig
+from activestereo.common.pose import as_matrix, camera_to_world
+from sensor_scenes import wall_scene
+
+LENS = (-0.08, 0.02, 2e-4, -3e-4, 0.0)  # a barrel of some percent, as wide-angle modules have
+DISTANCE_M = 0.9
+EXPOSURE_S, SPEED = 0.01, 2.0
+
+
+def wall_error(sensor):
+    """[p50, p90] of the relative depth error on the wall, and the share measured, in the RGB picture's inner part."""
+    sensor.take_picture()
+    sensor.compute_depth()
+    depth, truth = (d[20:-20, 40:-40] for d in (sensor.get_depth(), sensor.get_true_depth()))
+    error = np.abs(depth / truth - 1)[depth > 0]
+    return np.percentile(error, [50, 90]), (depth > 0).mean()
+
+
+def test_depth_through_a_lens_is_as_good_as_without_one(small_config):
+    """The lens bends the corners by 17 pixels; a sensor that takes no note of it errs by several times as much."""
+    small_config.max_bounces, small_config.ir_speckle_noise = 0, 0.0
+    bent = deepcopy(small_config)
+    bent.ir_distortion = LENS
+    plain, through_lens, unaware = (
+        StereoDepthSensor(c, wall_scene(DISTANCE_M)) for c in (small_config, bent, small_config)
+    )
+    unaware.ir_cameras = through_lens.ir_cameras
+    (ideal, ideal_fill), (error, fill), (wrong, _) = (wall_error(s) for s in (plain, through_lens, unaware))
+    assert ideal[0] < 0.005 and ideal_fill > 0.99
+    assert fill > 0.98 and error[0] < ideal[0] + 0.002 and error[1] < ideal[1] + 0.005
+    assert wrong[0] > 4 * error[0] and wrong[1] > 4 * error[1]
+
+
+def test_points_through_the_rgb_lens_lie_on_the_wall_and_where_they_are_seen(small_config):
+    small_config.max_bounces = 0
+    small_config.rgb_distortion = (-0.2, 0.05, 1e-3, 0.0, 0.0)
+    sensor = StereoDepthSensor(small_config, wall_scene(DISTANCE_M))
+    error, fill = wall_error(sensor)
+    assert error[0] < 0.005 and fill > 0.98
+    rows, columns = np.nonzero(sensor.get_depth())
+    points = sensor.get_pointcloud()
+    seen = sensor.get_picture("position")[rows, columns] @ np.linalg.inv(sensor.rgb_camera().camera_to_world)[:3, :3].T
+    np.testing.assert_allclose(points[:, :2] / points[:, 2:], seen[:, :2] / seen[:, 2:], atol=1e-4)
+
+
+@pytest.mark.parametrize("field", ["ir_distortion", "rgb_distortion"])
+def test_a_lens_that_is_none_is_refused(small_config, field):
+    setattr(small_config, field, (0.1, 0.2))
+    with pytest.raises(ValueError, match="distortion"):
+        StereoDepthSensor(small_config, wall_scene(1.0))
+
+
+def edge_scene():
+    """The left half of what the sensor sees (y > 0) shines, the right half is dark."""
+    scene = kuafu.Scene(kuafu.Device())
+    corners = np.array([[DISTANCE_M, y, z] for y in (0.0, 9.0) for z in (-9.0, 9.0)], np.float32)
+    material = scene.add_material(kuafu.Material(emission=(1.0, 1.0, 1.0), ir_emission=1.0))
+    scene.add_instance(scene.add_mesh(corners, [[0, 1, 3], [0, 3, 2], [0, 3, 1], [0, 2, 3]]), [material])
+    return scene
+
+
+def edge_sensor(config):
+    """It sees the edge alone, with the same exposure in all cameras."""
+    config = config.scaled(0.5)
+    config.max_bounces, config.light_pattern, config.ir_ambient_radiance = 0, None, 0.0
+    config.samples_per_pixel, config.rgb_exposure_s = 32, EXPOSURE_S
+    assert config.ir_camera_exposure == EXPOSURE_S
+    return StereoDepthSensor(config, edge_scene())
+
+
+def radiances(sensor):
+    """{camera: [height, width]}"""
+    return {name: sensor.get_picture("radiance", name)[..., 0] for name in ("rgb", "left", "right")}
+
+
+def test_a_still_sensor_takes_the_pictures_of_a_pinhole_at_rest(small_config, table_top):
+    small_config.samples_per_pixel = small_config.max_bounces = 1
+    small_config.rgb_exposure_s = small_config.rgb_line_time_s = small_config.ir_line_time_s = 1e-3
+    with_shutters, at_rest = (StereoDepthSensor(small_config, table_top) for _ in range(2))
+    with_shutters.set_velocity([0, 0, 0])
+
+    def pinhole(camera):
+        return kuafu.Camera(camera.width, camera.height, camera.k, camera.camera_to_world)
+
+    rgb, pair = pinhole(at_rest.rgb_camera()), [pinhole(c) for c in at_rest.ir_cameras()]
+    at_rest.rgb_camera, at_rest.ir_cameras = lambda: rgb, lambda: pair
+    for sensor in (with_shutters, at_rest):
+        sensor.take_picture()
+    np.testing.assert_array_equal(with_shutters.get_rgb(), at_rest.get_rgb())
+    np.testing.assert_array_equal(with_shutters.get_ir(), at_rest.get_ir())
+
+
+def test_motion_blurs_an_edge_by_the_way_it_goes_in_the_image(small_config):
+    sensor = edge_sensor(small_config)
+    sensor.set_velocity([SPEED, 0.0, 0.0])
+    blurred = radiances(sensor)
+    sensor.set_velocity([0.0, 0.0, 0.0])
+    still = radiances(sensor)
+    for name, camera in zip(blurred, (sensor.rgb_camera(), *sensor.ir_cameras()), strict=True):
+        way_px = camera.k[0, 0] * SPEED * EXPOSURE_S / DISTANCE_M
+        # The edge's derivative is widened by a box, whose variance is its length squared over 12.
+        spread = edge_moments(blurred[name])[1].mean() - edge_moments(still[name])[1].mean()
+        assert spread == pytest.approx(way_px**2 / 12, rel=0.1), name
+
+
+def edge_moments(image):
+    """Mean and variance, in pixels, of every row's falling edge."""
+    weight = -np.diff(image, axis=1) / (image.max() - image.min())
+    x = np.arange(weight.shape[1]) + 0.5
+    mean = weight @ x
+    return mean, weight @ x**2 - mean**2
+
+
+@pytest.mark.parametrize(("readout", "direction"), [("rows_down", 1), ("rows_up", -1)])
+def test_a_rolling_shutter_shears_an_edge(small_config, readout, direction):
+    small_config.ir_line_time_s, small_config.ir_readout = 1e-4, readout
+    sensor = edge_sensor(small_config)
+    slopes = []
+    for speed in (0.0, SPEED):  # the edge has a tilt of its own in a camera that is turned
+        sensor.set_velocity([speed, 0.0, 0.0])
+        pictures = radiances(sensor)
+        slopes.append(
+            {name: np.polyfit(np.arange(len(image)), edge_moments(image)[0], 1)[0] for name, image in pictures.items()}
+        )
+    config = sensor.get_config()
+    sheared = (
+        -direction * config.ir_intrinsic[0, 0] * SPEED * config.ir_line_time_s / DISTANCE_M
+    )  # px per row: the edge goes to the left
+    for name, expected in {"rgb": 0.0, "left": sheared, "right": sheared}.items():
+        assert slopes[1][name] - slopes[0][name] == pytest.approx(expected, abs=0.05 * abs(sheared)), name
+
+
+def test_the_whole_rig_moves_as_one_body(small_config):
+    """Wherever the left camera goes with its twist, the others and the projector stay at their places beside it."""
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    sensor.set_velocity([0.3, -0.2, 0.5], [0.4, 1.5, -0.7])
+    sensor.take_picture(infrared_only=True)
+    left, right = sensor.ir_cameras()
+    rgb, projector = sensor.rgb_camera(), sensor.scene.get_light(0)
+    assert left.linear_velocity == pytest.approx((0.3, -0.2, 0.5)) and left.angular_velocity == pytest.approx(
+        (0.4, 1.5, -0.7)
+    )
+
+    def pose_at(thing, pose, time_s):
+        wx, wy, wz = thing.angular_velocity
+        generator = np.zeros((4, 4))
+        generator[:3] = np.column_stack([[[0, -wz, wy], [wz, 0, -wx], [-wy, wx, 0]], thing.linear_velocity])
+        return pose @ expm(time_s * generator)
+
+    for thing, pose in (
+        (right, right.camera_to_world),
+        (rgb, rgb.camera_to_world),
+        (projector, projector.light_to_world),
+    ):
+        beside = [np.linalg.inv(pose_at(left, left.camera_to_world, t)) @ pose_at(thing, pose, t) for t in (0.0, 0.8)]
+        np.testing.assert_allclose(*beside, atol=1e-7)
+    np.testing.assert_allclose(
+        projector.light_to_world, camera_to_world(as_matrix(small_config.pose_rgb_irproj)), atol=1e-7
+    )
+
+
+def test_dots_on_a_wall_stay_where_they_are_in_a_sensor_that_slides_along_it(small_config):
+    """The projector goes with the cameras: what they see of it does not move, and so nothing blurs; without it the dots
+    would run by 5 pixels."""
+    small_config.max_bounces, small_config.ir_camera_exposure = 0, 0.02
+    along_wall = camera_to_world(small_config.trans_pose_l)[:3, :3].T @ [
+        0.0,
+        -1.0,
+        0.0,
+    ]  # sideways, in the left camera's axes
+    contrast = {}
+    for case in ("still", "moving", "left behind"):
+        sensor = StereoDepthSensor(small_config, wall_scene(DISTANCE_M))
+        sensor._place_projector()
+        if case == "left behind":
+            sensor._place_projector = lambda: None
+        if case != "still":
+            sensor.set_velocity(along_wall)
+        contrast[case] = sensor.get_picture("radiance", "left").std()
+        sensor.close()
+    assert contrast["moving"] == pytest.approx(contrast["still"], rel=0.02)
+    assert contrast["left behind"] < 0.8 * contrast["still"]
+
+
+def test_a_velocity_that_is_none_is_refused(small_config):
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    sensor.set_velocity([1, 2, 3], [4, 5, 6])
+    for bad in (([1, 2],), ([1, 2, 3], [4]), ([1, 2, np.nan],)):
+        with pytest.raises(ValueError, match="m/s"):
+            sensor.set_velocity(*bad)
+    np.testing.assert_array_equal(sensor.get_velocity(), [[1, 2, 3], [4, 5, 6]])
+
+
+def test_a_scaled_sensor_reads_out_in_the_same_time():
+    config = StereoDepthSensorConfig("D435")
+    config.rgb_line_time_s, config.rgb_distortion = 2e-5, LENS
+    half = config.scaled(0.5)
+    assert half.rgb_line_time_s * half.rgb_resolution[1] == pytest.approx(2e-5 * 480)
+    config.rgb_readout = "columns_left"
+    half = config.scaled(0.5)
+    assert half.rgb_line_time_s * half.rgb_resolution[0] == pytest.approx(2e-5 * 848)
+    assert half.rgb_distortion == LENS and half.ir_line_time_s == 0.0
