@@ -6,7 +6,7 @@ set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 . "$root/capi/cmake/build.sh"
 install_packages "$root/capi/cmake/debian-packages.txt"
-build_all
+build_product
 cd "$root"
 echo "== building the example scene"
 mkdir -p out/quickstart

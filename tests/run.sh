@@ -19,7 +19,7 @@ for argument in "$@"; do
   esac
 done
 . "$root/capi/cmake/build.sh"
-install_packages "$root/capi/cmake/debian-packages.txt"
+install_packages "$root/capi/cmake/debian-packages.txt" "$root/tests/debian-packages.txt"
 build_all
 cd "$root"
 status=0

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Installs what is missing from Debian's packages, then builds (Release) into build/. Run again at once it does only what changed.
+# Installs what is missing from Debian's packages, then builds everything (Release) into build/. Run again at once it does only what changed.
 # Sourced by examples/quickstart.sh and tests/run.sh; can be run by itself. Never touches package sources.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
@@ -30,20 +30,32 @@ install_packages() {
   "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $missing >/dev/null
 }
 
-build_all() {
+# configure [-D...]: settings of an earlier build stay, but for those given.
+configure() {
   echo "== building into build/ (Release)"
   local launcher=()
   if command -v ccache >/dev/null; then
     launcher=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
     export CCACHE_BASEDIR=${CCACHE_BASEDIR:-$root} CCACHE_NOHASHDIR=1  # what one checkout compiled, another takes
   fi
-  cmake -S "$root" -B "$root/build" -G Ninja -DCMAKE_BUILD_TYPE=Release "${launcher[@]}" >/dev/null || {
-    exit 1
-  }
+  cmake -S "$root" -B "$root/build" -G Ninja -DCMAKE_BUILD_TYPE=Release "${launcher[@]}" "$@" >/dev/null
+}
+
+# Both libraries, the programs beside them and the Python modules.
+build_product() {
+  local without_tests=()
+  [ -f "$root/build/CMakeCache.txt" ] || without_tests=(-DACTIVESTEREO_TESTS=OFF -DACTIVESTEREO_BENCH=OFF)
+  configure "${without_tests[@]}"
+  cmake --build "$root/build" --target product
+}
+
+# The tests and benchmarks too.
+build_all() {
+  configure -DACTIVESTEREO_TESTS=ON -DACTIVESTEREO_BENCH=ON
   cmake --build "$root/build"
 }
 
 if [ "${BASH_SOURCE[0]}" = "$0" ]; then
-  install_packages "$root/capi/cmake/debian-packages.txt"
+  install_packages "$root/capi/cmake/debian-packages.txt" "$root/tests/debian-packages.txt"
   build_all
 fi

@@ -9,7 +9,7 @@
 #include "cpu/signal/imager.h"
 #include "device/thread_pool.h"
 #include "ks/image.h"
-#include "reference/imager.h"
+#include "simsense/reference/imager.h"
 #include "signal/imager.h"
 
 namespace {

@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "reference/census.h"
+#include "simsense/reference/census.h"
 #include "simsense/match/volumes.h"
 
 namespace {

@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "reference/checks.h"
+#include "simsense/reference/checks.h"
 #include "simsense/match/volumes.h"
 
 namespace {

@@ -8,8 +8,8 @@
 #include <random>
 #include <vector>
 
-#include "reference/census.h"
-#include "reference/cost.h"
+#include "simsense/reference/census.h"
+#include "simsense/reference/cost.h"
 #include "simsense/match/volumes.h"
 
 namespace {

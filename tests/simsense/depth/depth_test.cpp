@@ -7,7 +7,7 @@
 
 #include "cpu/depth/depth.h"
 #include "device/thread_pool.h"
-#include "reference/depth.h"
+#include "simsense/reference/depth.h"
 
 using namespace simsense;
 

@@ -6,7 +6,7 @@
 
 #include "cpu/depth/points.h"
 #include "device/thread_pool.h"
-#include "reference/depth.h"
+#include "simsense/reference/depth.h"
 #include "simsense/rig_samples.h"
 
 using namespace simsense;

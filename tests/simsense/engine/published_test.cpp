@@ -7,7 +7,7 @@
 
 #include "device/device.h"
 #include "engine/engine.h"
-#include "reference/published.h"
+#include "simsense/reference/published.h"
 #include "simsense/match/stereo_pair.h"
 #include "simsense/rig_samples.h"
 

@@ -5,7 +5,7 @@
 #include <random>
 #include <vector>
 
-#include "reference/volume.h"
+#include "simsense/reference/volume.h"
 
 namespace simsense::reference {
 

@@ -13,8 +13,8 @@
 #include "cpu/rectify/remap.h"
 #include "device/error.h"
 #include "device/thread_pool.h"
-#include "reference/depth.h"
-#include "reference/rectify.h"
+#include "simsense/reference/depth.h"
+#include "simsense/reference/rectify.h"
 #include "simsense/rig_samples.h"
 
 using namespace simsense;

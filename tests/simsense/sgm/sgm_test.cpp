@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "reference/sgm.h"
+#include "simsense/reference/sgm.h"
 #include "simsense/match/volumes.h"
 
 namespace {

@@ -8,7 +8,7 @@
 #include "cpu/signal/rows.h"
 #include "device/error.h"
 #include "hwy/targets.h"
-#include "reference/imager.h"
+#include "simsense/reference/imager.h"
 #include "simsense/signal/signal_samples.h"
 
 using namespace simsense;

@@ -7,7 +7,7 @@
 
 #include "cpu/signal/rows.h"
 #include "cpu/simd/buffer.h"
-#include "reference/imager.h"
+#include "simsense/reference/imager.h"
 #include "signal/gamma_quantile.h"
 #include "simsense/signal/signal_samples.h"
 

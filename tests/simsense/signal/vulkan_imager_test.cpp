@@ -10,7 +10,7 @@
 #include <limits>
 
 #include "capi/device/devices.h"
-#include "reference/imager.h"
+#include "simsense/reference/imager.h"
 #include "simsense/signal/signal_samples.h"
 
 using namespace simsense;

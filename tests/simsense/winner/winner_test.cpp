@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "reference/winner.h"
+#include "simsense/reference/winner.h"
 #include "simsense/match/volumes.h"
 
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "reference/published.h"
+#include "simsense/reference/published.h"
 
 #include <algorithm>
 #include <bit>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "reference/cost.h"
+#include "simsense/reference/cost.h"
 
 #include <algorithm>
 #include <bit>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "reference/imager.h"
+#include "simsense/reference/imager.h"
 
 #include <algorithm>
 #include <cmath>

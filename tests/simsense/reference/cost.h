@@ -2,7 +2,7 @@
 // Matching cost: Hamming distance of census words, and its sum over a block.
 #pragma once
 
-#include "reference/volume.h"
+#include "simsense/reference/volume.h"
 
 namespace simsense::reference {
 

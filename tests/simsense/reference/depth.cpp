@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "reference/depth.h"
+#include "simsense/reference/depth.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "reference/rectify.h"
+#include "simsense/reference/rectify.h"
 
 #include <cmath>
 
-#include "reference/depth.h"
+#include "simsense/reference/depth.h"
 
 namespace simsense::reference {
 

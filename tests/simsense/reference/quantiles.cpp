@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 
-#include "reference/imager.h"
+#include "simsense/reference/imager.h"
 
 namespace simsense::reference {
 namespace {

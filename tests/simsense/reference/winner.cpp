@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "reference/winner.h"
+#include "simsense/reference/winner.h"
 
 #include <algorithm>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "reference/census.h"
+#include "simsense/reference/census.h"
 
 #include <algorithm>
 #include <utility>

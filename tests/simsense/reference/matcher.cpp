@@ -4,11 +4,11 @@
 
 #include <algorithm>
 
-#include "reference/census.h"
-#include "reference/checks.h"
-#include "reference/cost.h"
-#include "reference/sgm.h"
-#include "reference/winner.h"
+#include "simsense/reference/census.h"
+#include "simsense/reference/checks.h"
+#include "simsense/reference/cost.h"
+#include "simsense/reference/sgm.h"
+#include "simsense/reference/winner.h"
 
 namespace simsense {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "reference/sgm.h"
+#include "simsense/reference/sgm.h"
 
 #include <algorithm>
 #include <cstdlib>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "reference/checks.h"
+#include "simsense/reference/checks.h"
 
 #include <algorithm>
 #include <cmath>

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "match/matcher.h"
-#include "reference/volume.h"
+#include "simsense/reference/volume.h"
 
 namespace simsense::reference {
 
