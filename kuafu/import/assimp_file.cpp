@@ -73,6 +73,7 @@ std::optional<PlainMesh> plain_mesh(const std::string& extension, std::vector<ui
     return obj.mesh;
   }
   if (extension == ".stl") return plain_stl(text);
+  if (extension == ".dae") check_collada(text);
   if (extension != ".ply") return std::nullopt;
   check_ply(text);
   return plain_ply(text);

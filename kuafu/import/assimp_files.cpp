@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "device/error.h"
+#include "import/assimp_guard.h"
 
 namespace kuafu {
 namespace {
@@ -25,7 +26,9 @@ std::vector<uint8_t> SceneFiles::read_named(const char* name) const {
   if (import_.path.filename() == name) return scene_file_;
   std::string uri(name);
   std::replace(uri.begin(), uri.end(), '\\', '/');
-  return import_.folder.read(uri);
+  std::vector<uint8_t> bytes = import_.folder.read(uri);
+  if (lower_extension(uri) != ".mtl") return bytes;
+  return guarded_mtl(bytes, [&](const std::string& text) { import_.warn("'" + uri + "', " + text); });
 }
 
 bool SceneFiles::Exists(const char* name) const {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "device/error.h"
+#include "import/plain_text.h"
 
 namespace kuafu {
 namespace {
@@ -67,6 +68,19 @@ void check_ply(std::string_view file) {
     if (number > 1) check_ply_line(words, line, file.size(), elements);
     ++number;
   }
+}
+
+std::vector<uint8_t> guarded_mtl(const std::vector<uint8_t>& file, const std::function<void(const std::string&)>& left_out) {
+  std::string_view rest(reinterpret_cast<const char*>(file.data()), file.size());
+  for (uint64_t number = 1; !rest.empty(); ++number) {
+    const std::string_view here = rest;
+    std::string_view words = take_line(rest);
+    const std::string_view name = take_word(words);
+    if (name == "newmtl") return {here.begin(), here.end()};
+    if (name.empty() || name[0] == '#') continue;
+    left_out("line " + std::to_string(number) + ": '" + std::string(name.substr(0, 40)) + "' stands before any newmtl and is left out");
+  }
+  return {};
 }
 
 void check_read(const aiScene& file) {

@@ -2,11 +2,39 @@
 #include "import/gltf_attributes.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
 #include <numeric>
 
 #include "import/gltf_accessor.h"
 
 namespace kuafu {
+namespace {
+
+constexpr double bounds_rounding = 1e-4;  // of the largest value: exporters write bounds with few digits
+
+/// A file whose bounds are not those of its data was cut or mixed up on its way: other readers place things by them.
+void warn_of_bounds(Import& import, const tinygltf::Accessor& accessor, const std::vector<float>& values, const std::string& user) {
+  const size_t width = accessor.minValues.size();
+  if (accessor.componentType != TINYGLTF_COMPONENT_TYPE_FLOAT || values.empty() || accessor.maxValues.size() != width ||
+      width * accessor.count != values.size())
+    return;
+  for (size_t c = 0; c < width; ++c) {
+    double low = values[c], high = values[c];
+    for (size_t i = c; i < values.size(); i += width) low = std::min<double>(low, values[i]), high = std::max<double>(high, values[i]);
+    const double least = accessor.minValues[c], most = accessor.maxValues[c];
+    const double allowed = bounds_rounding * std::max({std::abs(low), std::abs(high), 1e-6});
+    if (std::abs(low - least) <= allowed && std::abs(high - most) <= allowed) continue;
+    std::array<char, 160> text{};
+    std::snprintf(text.data(), text.size(), ": component %zu goes from %g to %g, but the accessor's min and max say %g to %g", c, low, high,
+                  least, most);
+    import.warn(user + text.data());
+    return;
+  }
+}
+
+}  // namespace
 
 GltfAttributes::GltfAttributes(Import& import, const tinygltf::Model& model, const tinygltf::Primitive& primitive, const std::string& field)
     : import_(import),
@@ -17,8 +45,10 @@ GltfAttributes::GltfAttributes(Import& import, const tinygltf::Model& model, con
 
 std::vector<float> GltfAttributes::floats(const std::string& name, int components) const {
   const std::string user = field_ + ".attributes." + name;
-  return draco_ && draco_->has(name) ? draco_->floats(name, components, user)
-                                     : read_floats(import_.budget, model_, accessor(name), components, user);
+  if (draco_ && draco_->has(name)) return draco_->floats(name, components, user);
+  std::vector<float> values = read_floats(import_.budget, model_, accessor(name), components, user);
+  warn_of_bounds(import_, model_.accessors[static_cast<size_t>(accessor(name))], values, user);
+  return values;
 }
 
 std::vector<glm::vec4> GltfAttributes::colors() const {

@@ -295,6 +295,41 @@ TEST(HostileFile, AMemberThatIsMisspeltIsSaidOnceWithTheNearestName) {
   EXPECT_EQ(load(folder / "a.glb").warnings.size(), 11u);
 }
 
+TEST(HostileFile, BoundsThatAreNotThoseOfTheDataAreSaidWithBoth) {
+  const Folder folder;
+  GltfWriter w;
+  w.triangle();
+  w.node({{"mesh", 0}});
+  w.root["accessors"][0]["min"] = {0, 0, 0};
+  w.root["accessors"][0]["max"] = {1, 1, 0};
+  w.write_glb(folder / "a.glb");
+  EXPECT_TRUE(load(folder / "a.glb").warnings.empty());
+  w.root["accessors"][0]["max"] = {1, 3, 0};
+  w.write_glb(folder / "a.glb");
+  EXPECT_TRUE(warns(load(folder / "a.glb"), "POSITION: component 1 goes from 0 to 1, but the accessor's min and max say 0 to 3"));
+}
+
+TEST(HostileFile, MtlStatementsBeforeTheFirstMaterialAreLeftOutAndSaid) {
+  const Folder folder;
+  write_text(folder / "a.mtl", "# by hand\nmap_Kd nowhere.png\nnewmtl m\nKd 0.5 0.5 0.5\n");
+  write_text(folder / "a.obj", "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n");
+  const Outcome outcome = load(folder / "a.obj");
+  EXPECT_EQ(outcome.error, "");
+  EXPECT_TRUE(warns(outcome, "'a.mtl', line 2: 'map_Kd' stands before any newmtl and is left out"));
+}
+
+TEST(HostileFile, ColladaAccessorsStayInsideOfTheirArrays) {
+  const Folder folder;
+  const std::string whole = collada_triangle(), accessor = "<accessor ";
+  ASSERT_NE(whole.find(accessor), std::string::npos);
+  for (const char* more : {"offset=\"1\" ", "offset=\"1000\" ", "offset=\"18446744073709551615\" "}) {
+    std::string text = whole;
+    text.insert(text.find(accessor) + accessor.size(), more);
+    write_text(folder / "a.dae", text);
+    EXPECT_NE(load(folder / "a.dae").error.find("an accessor takes 3 times 3 values"), std::string::npos) << load(folder / "a.dae").error;
+  }
+}
+
 TEST(HostileFile, IndicesThatDoNotFitAreNotWrapped) {
   const Folder folder;
   GltfWriter w;
