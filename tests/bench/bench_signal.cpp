@@ -9,8 +9,8 @@
 #include "cpu/signal/imager.h"
 #include "device/thread_pool.h"
 #include "ks/image.h"
-#include "simsense/reference/imager.h"
 #include "signal/imager.h"
+#include "simsense/reference/imager.h"
 
 namespace {
 

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from activestereo.calibrate.rig import Calibration
 from activestereo.capture.capture import EYES
 from activestereo.common.output_files import replace_file
-
-_INK, _MUTED = "#1f2933", "#66727f"
+from activestereo.common.palette import INK, MUTED
 
 
 def write_coverage(path: Path, result: Calibration) -> None:
@@ -32,11 +31,11 @@ def coverage_figure(result: Calibration) -> Figure:
         axes.set_title(
             f"{eye}: {len(places)} corners reach {100 * result.coverage[eye]:.0f} % of the picture",
             size=10,
-            color=_INK,
+            color=INK,
             loc="left",
         )
-        axes.tick_params(labelsize=8, colors=_MUTED)
-    figure.colorbar(shown, ax=figure.axes, shrink=0.8).set_label("left over, px", size=9, color=_MUTED)
+        axes.tick_params(labelsize=8, colors=MUTED)
+    figure.colorbar(shown, ax=figure.axes, shrink=0.8).set_label("left over, px", size=9, color=MUTED)
     return figure
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from activestereo.capture.capture import EYES, read_capture
 from activestereo.capture.images import read_gray
+from activestereo.common.rounding import ROUNDING_VARIANCE
 
 LEAST_REPEATS = 10
 
@@ -104,7 +105,7 @@ def check_still(view: Repeats) -> None:
     half = len(counts) // 2
     first, second = counts[:half].mean(axis=0), counts[half:].mean(axis=0)
     # From consecutive frames, so that a slow movement does not count as noise.
-    variance = 0.5 * np.mean((counts[1:] - counts[:-1]) ** 2, axis=0) + 1.0 / 12.0
+    variance = 0.5 * np.mean((counts[1:] - counts[:-1]) ** 2, axis=0) + ROUNDING_VARIANCE
     scale = variance * (1.0 / half + 1.0 / (len(counts) - half))
     means = counts.mean(axis=(1, 2))
     error = np.sqrt(variance.mean() / variance.size)

@@ -13,13 +13,13 @@ import numpy as np
 
 from activestereo.calibrate.frames import Repeats, check_still, read_repeats
 from activestereo.calibrate.noise_fit import LAWS, Counts, LawFit, dark_log_density, fit_law, fit_literally, log_density
+from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.model import Imager, Quantity, SensorModel
 
 # Counts that are looked at: enough for half a percent of k; more repeats then mean fewer pixels.
 _COUNTS, _FEWEST_PIXELS, _MOST_PIXELS = 150_000, 1500, 4000
 _LARGEST_DARK = 200_000
 _LARGEST_CLIPPED = 0.5
-_ROUNDING_DN2 = 1.0 / 12.0
 _NOTE = (
     "Static speckle and fixed patterns are the same in every repeat: they never show in repeats, and are not part of "
     "this."
@@ -63,7 +63,7 @@ class Noise:
             "show in repeats"
         )
         sigma, zero = fit.interval("sigma_dn"), Quantity(0.0, unit="1")
-        value, low, high = (v**2 + _ROUNDING_DN2 for v in (law.sigma_dn, *sigma))
+        value, low, high = (v**2 + ROUNDING_VARIANCE for v in (law.sigma_dn, *sigma))
         offset = Quantity(value, low, high, unit="DN^2", source=source)
         if self.chosen == "gamma":
             high, low = fit.interval("shape")

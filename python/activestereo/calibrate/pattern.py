@@ -23,6 +23,7 @@ from activestereo.capture.capture import EYES, Capture, Frame, read_capture
 from activestereo.capture.capture import Rig as CaptureRig
 from activestereo.capture.images import read_gray
 from activestereo.common.progress_bar import part_of
+from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.model import Eye, Rig, SensorModel
 from activestereo.model import Pattern as SensorPattern
 from activestereo.model.calibrated import calibrated
@@ -249,7 +250,7 @@ def _variance_of_mean(counts: np.ndarray) -> np.ndarray:
     variances."""
     mean, variance = counts.mean(axis=0), counts.var(axis=0, ddof=1)
     slope, offset = np.polyfit(mean.ravel(), variance.ravel(), 1)
-    return np.maximum(offset + slope * mean, 1.0 / 12.0) / len(counts)
+    return np.maximum(offset + slope * mean, ROUNDING_VARIANCE) / len(counts)
 
 
 def merged_pattern(views: tuple[WallView, ...], capture: Capture) -> Pattern:
@@ -434,7 +435,7 @@ def _pattern_sigma(view: WallView, capture: Capture, place: np.ndarray) -> float
     camera, projector = capture.rig.left.K, capture.rig.projector.K
     middle = view.wall.points[:, 2].mean()
     to_pattern = projector[0, 0] / camera[0, 0] * middle / (middle - place[2])
-    variance = np.maximum(view.spots["left"].sigma_px ** 2 - 1.0 / 12.0, 0.05) * to_pattern**2
+    variance = np.maximum(view.spots["left"].sigma_px ** 2 - ROUNDING_VARIANCE, 0.05) * to_pattern**2
     return float(np.sqrt(max(variance - _INTERPOLATED_PX2, 0.25 * variance)))
 
 

@@ -19,14 +19,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from activestereo.common.palette import BLUE, INK, MUTED
+from activestereo.common.rounding import ROUNDING_VARIANCE
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Take = Callable[[float, bool, int], ArrayLike]
-_QUANTISATION_DN2 = 1.0 / 12.0
 _LINEAR_SHARE = 0.7  # of saturation: EMVA 1288's range of the gain fit
 _SMALLEST_LEVELS = 6
-_INK, _BLUE, _MUTED = "#1f2933", "#3e6fb0", "#7b8794"
 
 
 @dataclass(frozen=True)
@@ -54,16 +55,16 @@ class PhotonTransfer:
         figure = Figure(figsize=(11.0, 4.2), facecolor="white", layout="constrained")
         transfer, response = figure.subplots(1, 2)
         signal, noise = self.mean_dn - self.dark_mean_dn, self.variance_dn2 - self.dark_variance_dn2
-        transfer.plot(signal, noise, "o", color=_BLUE, ms=4)
+        transfer.plot(signal, noise, "o", color=BLUE, ms=4)
         line = np.array([0.0, self.full_well_e * self.conversion_gain_dn_per_e])
         gain = f"K = {self.conversion_gain_dn_per_e:.4g} DN/e-"
-        transfer.plot(line, self.conversion_gain_dn_per_e * line, color=_INK, lw=1.2, label=gain)
+        transfer.plot(line, self.conversion_gain_dn_per_e * line, color=INK, lw=1.2, label=gain)
         transfer.set(
             xlabel="mean above dark (DN)", ylabel="temporal variance above dark (DN$^2$)", title="photon transfer"
         )
         transfer.legend(frameon=False)
-        response.plot(self.exposures_s, self.mean_dn, "o", color=_BLUE, ms=4, label="lit")
-        response.plot(self.exposures_s, self.dark_mean_dn, "o", color=_MUTED, ms=4, label="dark")
+        response.plot(self.exposures_s, self.mean_dn, "o", color=BLUE, ms=4, label="lit")
+        response.plot(self.exposures_s, self.dark_mean_dn, "o", color=MUTED, ms=4, label="dark")
         response.set(xlabel="exposure (s)", ylabel="mean (DN)", title="response")
         response.legend(frameon=False)
         rows = (
@@ -71,7 +72,7 @@ class PhotonTransfer:
             f"dark current {self.dark_current_e_per_s:.3g} e-/s", f"PRNU {100 * self.prnu:.3g} %",
             f"DSNU {self.dsnu_e:.3g} e-",
         )  # fmt: skip
-        figure.suptitle("   ".join(rows), fontsize=10, color=_INK)
+        figure.suptitle("   ".join(rows), fontsize=10, color=INK)
         return figure
 
 
@@ -106,7 +107,7 @@ def photon_transfer(take: Take, exposures_s: ArrayLike, stack_count: int = 32) -
         )
     gain = _slope_through_zero(signal[linear], noise[linear])
     dark_slope, black = np.polyfit(exposures_s, dark_mean, 1)
-    read_variance = np.polyfit(exposures_s, dark_variance, 1)[1] - _QUANTISATION_DN2
+    read_variance = np.polyfit(exposures_s, dark_variance, 1)[1] - ROUNDING_VARIANCE
     half = int(np.argmin(np.abs(signal[: saturated + 1] - 0.5 * signal[saturated])))
     prnu, dsnu_dn = _fixed_patterns(take, exposures_s[half], stack_count)
     return PhotonTransfer(

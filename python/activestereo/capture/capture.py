@@ -34,6 +34,7 @@ from activestereo.limits import (
 FORMAT = "active-stereo-capture"
 VERSION = 1
 EYES = ("left", "right")
+ImageKey = tuple[int, str]  # a frame's id and the camera, one of EYES
 SPLITS = ("train", "test")
 
 

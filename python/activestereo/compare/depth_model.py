@@ -12,10 +12,9 @@ import numpy as np
 
 from activestereo.capture.capture import Capture, CaptureWarning, Rig
 from activestereo.common.matcher_table import MATCHER
+from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.noise import NoiseLaw
 
-# Quantisation is in the measured variance already, and rounding adds it again.
-_QUANTISATION_VARIANCE = 1.0 / 12.0
 # Farther than the engine's own default: a device's depth reaches as far as its 16 bits.
 _DEFAULT_MAX_DEPTH_M = 65.0
 _MAX_DISPARITY = next(p for p in MATCHER if p.name == "max_disparity")
@@ -32,7 +31,7 @@ def expose(
     """One noisy exposure of an expected image, whole DN in float32: gamma speckle for the law's quadratic term, the
     rest normal."""
     signal = np.maximum(expected_dn - law.black_dn, 0.0)
-    variance = np.maximum(law.offset - _QUANTISATION_VARIANCE + law.shot * gain * signal, 0.0)
+    variance = np.maximum(law.offset - ROUNDING_VARIANCE + law.shot * gain * signal, 0.0)
     noise = np.sqrt(variance) * rng.standard_normal(signal.shape)
     if law.relative > 0:
         noise += signal * (rng.gamma(1.0 / law.relative, law.relative, signal.shape) - 1.0)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.capture import EYES, Capture
+from activestereo.capture.capture import EYES, Capture, ImageKey
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache, scene_digest
 from activestereo.compare.fit_model import fit_under_model
@@ -25,8 +25,6 @@ from activestereo.effects.engines import CaptureRenderer, EyeLight, Survey
 from activestereo.effects.engines.halves import HALVES
 from activestereo.effects.engines.imager import ExpectedImager
 from activestereo.effects.engines.smooth import SMOOTH_VERSION
-
-Key = tuple[int, str]
 
 
 class EngineModel:
@@ -89,7 +87,7 @@ class EngineImages:
         )
         self._cache = LayerCache()
 
-    def __call__(self, model: Model, split: str, half: int | None = None) -> Mapping[Key, LightOnly]:
+    def __call__(self, model: Model, split: str, half: int | None = None) -> Mapping[ImageKey, LightOnly]:
         renderer = self._draft if half is None else self._whole
         frames, key = renderer.capture.split(split), _images_key(renderer, model, split, half)
         stored = self._cache.get_arrays(key)
@@ -128,10 +126,10 @@ def predict_in_engines(
     survey: Survey,
     renderer: CaptureRenderer,
     layers: Mapping[int, Mapping[str, Layers]],
-    views: Mapping[Key, View],
-    measured: Mapping[Key, NDArray],
+    views: Mapping[ImageKey, View],
+    measured: Mapping[ImageKey, NDArray],
     progress: Callable[[float], object] | None = None,
-) -> tuple[Fit, dict[Key, list[NDArray[np.float64]]]]:
+) -> tuple[Fit, dict[ImageKey, list[NDArray[np.float64]]]]:
     """(the Fit of the nuisances on the train frames, {(frame id, eye): expected DN [height][width] by each of two
     independent halves of the samples}).
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The nuisances under a model with effects, where the prediction may bend: Gauss-Newton on the same least squares as
-fit.py."""
+nuisances.py."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.compare.nuisances import Fit, Nuisances, fit_nuisances, solve_bounded
+from activestereo.compare.nuisances import CLIP_MARGIN_SIGMA, Fit, Nuisances, fit_nuisances, solve_bounded
 
 _ROUNDS = 5
 _STEP = 1e-3
-_CLIP_MARGIN_SIGMA = 4.0
 
 
 def fit_under_model(model: Any, observations: Sequence[Any], max_dn: float) -> Fit:
@@ -47,7 +46,7 @@ def _normal_equations(
             moved = theta.copy()
             moved[j] += _STEP * max(abs(theta[j]), 1.0)
             columns.append((model.signal(light, view, Nuisances(*moved)) - image) / (moved[j] - theta[j]))
-        keep = (image < max_dn - _CLIP_MARGIN_SIGMA * deviation) & (image > 0.0)
+        keep = (image < max_dn - CLIP_MARGIN_SIGMA * deviation) & (image > 0.0)
         design, residual = np.stack([c[keep] for c in columns]), (measured - image)[keep]
         gram += design @ design.T
         moment += design @ residual

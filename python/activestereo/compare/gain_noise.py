@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from activestereo.capture.capture import Frame
+from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.noise import NoiseLaw
 from activestereo.effects import View
 
@@ -71,7 +72,7 @@ def _slope(
         known = law.variance(mean, o.frame.gain) + missing * signal**2
         alike = (np.abs(image[:, 1:] - image[:, :-1]) < _ALIKE * mean) & (mean < o.view.max_dn - 1)
         pair = np.minimum(0.5 * (rest[:, 1:] - rest[:, :-1]) ** 2, _OUTLIER * known)
-        lever, weight = lever_of(o, signal), 1.0 / np.maximum(known, 1.0 / 12.0) ** 2
+        lever, weight = lever_of(o, signal), 1.0 / np.maximum(known, ROUNDING_VARIANCE) ** 2
         top += (weight * lever * (pair - known))[alike].sum()
         bottom += (weight * lever**2)[alike].sum()
     return top / bottom if bottom > 0 else 0.0

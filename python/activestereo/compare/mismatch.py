@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from activestereo.capture.capture import Capture, Frame
+from activestereo.capture.capture import Capture, Frame, ImageKey
+from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.camera_warp import Warp, warp_between
 from activestereo.compare.noise import NoiseLaw
 from activestereo.effects.core.view import View
@@ -29,7 +30,6 @@ _MOST_SHIFT_PX = 4
 _LEAST = 0.25
 _LEAST_DOTS = 1.0  # variance of the dots over that of noise, below which nothing is concluded
 
-Key = tuple[int, str]
 Image = NDArray[np.generic]
 
 
@@ -76,9 +76,9 @@ class Match:
 
 def match_of(
     capture: Capture,
-    views: Mapping[Key, View],
-    projector: Mapping[Key, Image],
-    measured: Mapping[Key, Image],
+    views: Mapping[ImageKey, View],
+    projector: Mapping[ImageKey, Image],
+    measured: Mapping[ImageKey, Image],
     law: NoiseLaw | None,
 ) -> Match:
     """The Match of a capture's train frames. projector: rendered light of the projector; measured: DN."""
@@ -93,9 +93,9 @@ def match_of(
 
 def _one(
     frame: Frame,
-    views: Mapping[Key, View],
-    projector: Mapping[Key, Image],
-    measured: Mapping[Key, Image],
+    views: Mapping[ImageKey, View],
+    projector: Mapping[ImageKey, Image],
+    measured: Mapping[ImageKey, Image],
     law: NoiseLaw | None,
 ) -> tuple[float, ...] | None:
     """(frame id, pattern, geometry, swapped, possible), None where dots are not seen."""
@@ -107,7 +107,7 @@ def _one(
         return None
     noise = 0.0 if law is None else law.mean_variance(np.asarray(measured[keys[0]]), frame.gain)
     dots = left[inside].var() - noise
-    if dots < _LEAST_DOTS * max(noise, 1.0 / 12.0):
+    if dots < _LEAST_DOTS * max(noise, ROUNDING_VARIANCE):
         return None
     possible = dots / (dots + noise)
     columns = np.arange(inside.shape[1])[None, :]

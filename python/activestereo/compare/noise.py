@@ -20,13 +20,12 @@ from scipy.ndimage import uniform_filter1d
 from scipy.optimize import nnls
 
 from activestereo.capture.capture import EYES, Capture, Frame
+from activestereo.common.rounding import ROUNDING_VARIANCE
 
 _BINS = 40
 _LEAST_WIDTH_DN = 2.0
 # Bins that tell a bin's variance.
 _NEIGHBOURS = 5
-# Of whole digital numbers. Pixels that vary less are clipped somewhere on their way: they must not pass for exact.
-_QUANTISATION_VARIANCE = 1.0 / 12.0
 _BLACK_LEVELS = 33
 _CHI2_MARGIN = 4.0
 
@@ -151,7 +150,8 @@ def _with_weights(rows: list[Any], count: Any) -> list[Any]:
     around = uniform_filter1d(variance * pixels, _NEIGHBOURS, mode="nearest") / uniform_filter1d(
         pixels, _NEIGHBOURS, mode="nearest"
     )
-    error = np.maximum(around, _QUANTISATION_VARIANCE) * np.sqrt(2.0 / ((count - 1) * pixels))
+    # Pixels that vary less than rounding does are clipped somewhere on their way: they must not pass for exact.
+    error = np.maximum(around, ROUNDING_VARIANCE) * np.sqrt(2.0 / ((count - 1) * pixels))
     return list(zip(gain, mean, square, variance, 1.0 / error, strict=True))
 
 

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from activestereo.capture.capture import EYES, Capture, Frame
+from activestereo.capture.capture import EYES, Capture, Frame, ImageKey
+from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.gain_noise import law_at_other_gains
 from activestereo.compare.noise import NoiseLaw, frame_floors
 from activestereo.compare.pair_noise import pair_law
 from activestereo.effects.core.view import View
-
-Key = tuple[int, str]
-_QUANTISATION_VARIANCE = 1.0 / 12.0
 
 
 @dataclass(frozen=True)
@@ -22,17 +20,17 @@ class _Shot:
     frame: Frame
     view: View
     measured: np.ndarray
-    key: Key
+    key: ImageKey
 
 
 def floors_of(
     capture: Capture,
-    views: Mapping[Key, View],
-    measured: Mapping[Key, np.ndarray],
-    predicted: Mapping[Key, np.ndarray],
+    views: Mapping[ImageKey, View],
+    measured: Mapping[ImageKey, np.ndarray],
+    predicted: Mapping[ImageKey, np.ndarray],
     black_dn: float,
-    no_noise: Mapping[Key, np.ndarray],
-) -> tuple[dict[Key, tuple[float, str]], NoiseLaw | None]:
+    no_noise: Mapping[ImageKey, np.ndarray],
+) -> tuple[dict[ImageKey, tuple[float, str]], NoiseLaw | None]:
     """({(frame id, eye): (variance in DN^2, 'repeats', 'law' or 'pair')}, law). Empty and None where not even the pairs
     tell: nothing in them is smooth. predicted: expected DN; no_noise: what is known to differ between repeats, DN."""
     floors, law = frame_floors(capture, black_dn, no_noise)
@@ -51,8 +49,8 @@ def floors_of(
     law = law_at_other_gains(law, train, dict(predicted), shown)
     others = {key: view.frame.gain for key, view in views.items() if view.frame.gain not in shown}
     at_others = {key: (_variance(law, measured[key], gain), "law") for key, gain in others.items()}
-    return {key: (max(v, _QUANTISATION_VARIANCE), source) for key, (v, source) in floors.items()} | at_others, law
+    return {key: (max(v, ROUNDING_VARIANCE), source) for key, (v, source) in floors.items()} | at_others, law
 
 
 def _variance(law: NoiseLaw, image: np.ndarray, gain: float) -> float:
-    return max(law.mean_variance(image, gain), _QUANTISATION_VARIANCE)
+    return max(law.mean_variance(image, gain), ROUNDING_VARIANCE)

@@ -21,7 +21,7 @@ from activestereo.capture.capture import Frame
 
 # Pixels predicted this many residual deviations from the ends of the range are left out: there clipping biases the
 # mean.
-_CLIP_MARGIN_SIGMA = 4.0
+CLIP_MARGIN_SIGMA = 4.0
 _CLIP_ROUNDS = 4
 
 
@@ -125,7 +125,7 @@ def _normal_equations(
             keep = (value > 0) & (value < max_dn)
         else:
             predicted = solution @ columns
-            margin = _CLIP_MARGIN_SIGMA * deviation
+            margin = CLIP_MARGIN_SIGMA * deviation
             keep = (predicted < max_dn - margin) & (predicted > min(margin, 0.5 * solution[2]))
         if not keep.all():
             columns, value = columns[:, keep], value[keep]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude
 from scipy.optimize import nnls
 
+from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.camera_warp import warp_between
 from activestereo.compare.noise import NoiseLaw
 from activestereo.effects.core.view import View
@@ -22,7 +23,6 @@ _LEAST_PIXELS = 200
 _SMOOTHEST = 0.25  # share of a bin's pixels that is taken: those with the least slope
 _LOCAL_MEAN_PX = 4.0  # gain and offset between the eyes go with the local mean of the difference
 _TRIM = 4.0  # deviations
-_QUANTISATION_VARIANCE = 1.0 / 12.0
 
 Pair = tuple[View, View, NDArray[np.generic], NDArray[np.generic]]
 
@@ -35,7 +35,7 @@ def pair_law(pairs: Iterable[Pair], black_dn: float) -> NoiseLaw | None:
     gain, mean, variance, weight = np.array(rows).T
     design = np.stack([np.ones_like(mean), gain * np.maximum(mean - black_dn, 0.0)], axis=1)
     (offset, shot), _ = nnls(design * weight[:, None], variance * weight)
-    return NoiseLaw(max(float(offset), _QUANTISATION_VARIANCE), float(shot), 0.0, float(black_dn))
+    return NoiseLaw(max(float(offset), ROUNDING_VARIANCE), float(shot), 0.0, float(black_dn))
 
 
 def _rows(left: View, right: View, left_dn: NDArray, right_dn: NDArray) -> list[tuple[float, float, float, float]]:
@@ -59,7 +59,7 @@ def _rows(left: View, right: View, left_dn: NDArray, right_dn: NDArray) -> list[
             continue
         smooth = inside & (slope <= np.quantile(slope[inside], _SMOOTHEST))
         squares = one_eye[smooth]
-        limit = _TRIM**2 * max(np.median(squares) / 0.455, _QUANTISATION_VARIANCE)  # 0.455: median of chi square, 1 dof
+        limit = _TRIM**2 * max(np.median(squares) / 0.455, ROUNDING_VARIANCE)  # 0.455: median of chi square, 1 dof
         variance = float(squares[squares <= limit].mean())
         rows.append(
             (left.frame.gain, float(level[smooth].mean()), variance, float(np.sqrt(squares.size) / max(variance, 1e-3)))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude, map_coordinates, maximum_filter
 
+from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.bootstrap import interval
 from activestereo.compare.pair_findings import Blocks, Finding
 
@@ -114,4 +115,4 @@ def _smooth(image: Image) -> NDArray[np.bool_]:
 def _smooth_variance(left: Image, rest: Image, both: NDArray[np.bool_]) -> NDArray[np.float64]:
     """One eye's squared differences where the image is smooth; never empty."""
     chosen = rest[both & _smooth(left)] ** 2 / (1.0 + _WARP_NOISE)
-    return np.maximum(chosen, 1.0 / 12.0) if chosen.size else np.array([1.0 / 12.0])
+    return np.maximum(chosen, ROUNDING_VARIANCE) if chosen.size else np.array([ROUNDING_VARIANCE])

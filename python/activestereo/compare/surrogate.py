@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.capture import EYES, Camera, Capture, Frame, Projector, Rig
+from activestereo.capture.capture import EYES, Camera, Capture, Frame, ImageKey, Projector, Rig
 from activestereo.capture.images import write_gray
 from activestereo.common.pattern import PatternDesign, make_pattern
 from activestereo.common.pose import look_at
@@ -29,7 +29,7 @@ from activestereo.effects.core.descriptor import Effect, Randomness
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.effects.core.view import View
-from activestereo.effects.engines.capture_renderer import CaptureRenderer, Key
+from activestereo.effects.engines.capture_renderer import CaptureRenderer
 from activestereo.scene_io import meshes
 from activestereo.scene_io.gltf_writer import GltfWriter
 
@@ -78,10 +78,10 @@ class _Run:
 
     capture: Capture
     engine: CaptureRenderer
-    views: dict[Key, View]
+    views: dict[ImageKey, View]
     layers: LayersOfFrames
-    engine_base: dict[Key, NDArray] = field(default_factory=dict)
-    base: dict[Key, NDArray] = field(default_factory=dict)
+    engine_base: dict[ImageKey, NDArray] = field(default_factory=dict)
+    base: dict[ImageKey, NDArray] = field(default_factory=dict)
 
     @classmethod
     def make(cls, capture: Capture, folder: Path, device: str | int, seed: int) -> _Run:
@@ -106,7 +106,7 @@ class _Run:
         in_engine = _change(self.engine.expected(model, _NUISANCES, random=random), self.engine_base)
         return in_engine, _change(self._by_formula(model, random), self.base)
 
-    def _by_formula(self, model: Model, random: bool) -> dict[Key, NDArray]:
+    def _by_formula(self, model: Model, random: bool) -> dict[ImageKey, NDArray]:
         out = {}
         for key, view in self.views.items():
             light = model.light(self.layers[key[0]][key[1]], view, random)
@@ -123,7 +123,7 @@ def differences(effects: Iterable[Effect], device: str | int = "auto") -> Iterat
                 yield e.id, trial.difference(e)
 
 
-def _change(images: dict[Key, NDArray], base: dict[Key, NDArray]) -> NDArray[np.float64]:
+def _change(images: dict[ImageKey, NDArray], base: dict[ImageKey, NDArray]) -> NDArray[np.float64]:
     return np.stack([images[key].astype(np.float64) - base[key] for key in base])
 
 

@@ -11,18 +11,17 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from activestereo.capture.capture import Frame
+from activestereo.capture.capture import Frame, ImageKey
 from activestereo.compare.noise import by_repeats
 from activestereo.compare.nuisances import Images, regressors
 
-Key = tuple[int, str]
 # Neighbouring rows that are taken to see one brightness: 0.4 ms at 26 us a line, a twentieth of a period of 120 Hz.
 _ROWS = 15
 # Share of the rows' change that neighbours have to have in common; independent rows have 1 / _ROWS.
 _COMMON = 0.5
 
 
-def unsteady_light(shots: Mapping[Key, tuple[Frame, Images, np.ndarray]]) -> dict[Key, np.ndarray]:
+def unsteady_light(shots: Mapping[ImageKey, tuple[Frame, Images, np.ndarray]]) -> dict[ImageKey, np.ndarray]:
     """{(frame id, eye): DN [height][width]} by which a repeat's ambient light differs from its group's mean; of no
     repeat where neighbouring rows do not change together, or where one level for all pixels tells more.
 

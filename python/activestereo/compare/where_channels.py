@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from activestereo.capture.capture import EYES, Capture
+from activestereo.capture.capture import EYES, Capture, ImageKey
 from activestereo.compare.covariates import covariate_maps
 from activestereo.compare.tree import HonestTree
 from activestereo.compare.where import where_tables
@@ -28,16 +28,15 @@ if TYPE_CHECKING:
 # further.
 _SMALLEST_EXCESS = 0.05
 
-Key = tuple[int, str]  # (frame id, eye)
 
 
 def where_it_fails(
     capture: Capture,
     layers: LayersOfFrames,
-    views: Mapping[Key, View],
-    measured: Mapping[Key, np.ndarray],
-    predictions: Mapping[Key, np.ndarray],
-    floors: Mapping[Key, tuple[float, str]],
+    views: Mapping[ImageKey, View],
+    measured: Mapping[ImageKey, np.ndarray],
+    predictions: Mapping[ImageKey, np.ndarray],
+    floors: Mapping[ImageKey, tuple[float, str]],
     law: NoiseLaw | None,
     depths: Sequence[DepthFrame],
     seed: int = 0,
@@ -68,9 +67,9 @@ def where_it_fails(
 
 
 def residual_channels(
-    infrared: Sequence[tuple[Key, np.ndarray, np.ndarray, bytes]],
+    infrared: Sequence[tuple[ImageKey, np.ndarray, np.ndarray, bytes]],
     depths: Sequence[DepthFrame],
-    maps: Mapping[Key, dict[str, np.ndarray]],
+    maps: Mapping[ImageKey, dict[str, np.ndarray]],
     seed: int = 0,
 ) -> dict[str, tuple[Samples, str, bool]]:
     """{channel: (Samples, unit, is there anything to explain)}. infrared: [(key, residual, floor, pose)]; depths:

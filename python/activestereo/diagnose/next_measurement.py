@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from activestereo.capture.capture import Frame
+from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.diagnose.evidence import Evidence, Observation
-from activestereo.diagnose.evidence.observation import QUANTISATION_VARIANCE
 from activestereo.diagnose.findings import Finding, Ranking
 from activestereo.diagnose.propose.scan import scan_observations
 from activestereo.diagnose.refine import Fitter, Solution
@@ -141,7 +141,7 @@ def left_between(
     foretold = []
     for o in changed:
         image = signal(truth.model, o, truth.model.light(o.layers, o.view, fine=False), truth.phi)
-        weight = 1.0 / np.maximum(evidence.law.variance(image, o.frame.gain), QUANTISATION_VARIANCE)
+        weight = 1.0 / np.maximum(evidence.law.variance(image, o.frame.gain), ROUNDING_VARIANCE)
         foretold.append(replace(o, measured=image, weight=weight))
     fitter = Fitter(foretold, evidence.held_sigma, evidence.tiles, fine=False)
     space, theta, phi = rival.space, rival.theta, rival.phi

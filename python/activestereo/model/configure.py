@@ -13,10 +13,8 @@ from numpy.typing import NDArray
 
 from activestereo.common.pattern import PatternDesign
 from activestereo.common.pose import CAMERA_TO_BODY, Pose, as_matrix
+from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.model.model import Imager, Pattern, Rig, SensorModel
-
-# Rounding adds it by itself; it is in a measured variance.
-_QUANTISATION_VARIANCE = 1.0 / 12.0
 
 
 def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
@@ -99,7 +97,7 @@ def _signal(model: SensorModel) -> dict[str, float]:
         signal["gain"] = model.rig.gain or 1.0
     law: Imager | None = model.imager
     if law is not None:
-        signal["adc_noise_dn"] = float(np.sqrt(max(law.offset.value - _QUANTISATION_VARIANCE, 0.0)))
+        signal["adc_noise_dn"] = float(np.sqrt(max(law.offset.value - ROUNDING_VARIANCE, 0.0)))
         signal["shot_noise"] = float(np.sqrt(law.shot.value))
         if law.relative.value > 0.0:
             signal["speckle_shape"], signal["speckle_scale"] = 1.0 / law.relative.value, law.relative.value

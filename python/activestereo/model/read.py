@@ -163,7 +163,8 @@ def _rig(entry: JsonObject) -> Rig:
 
 
 def _eye(entry: JsonObject) -> Eye:
-    distortion = tuple(map(float, entry.numbers("distortion", [DISTORTION] * 5))) if entry.has("distortion") else (0.0,) * 5
+    given = entry.numbers("distortion", [DISTORTION] * 5) if entry.has("distortion") else (0.0,) * 5
+    distortion = tuple(map(float, given))
     return Eye(
         entry.integer("width", _EYE_SIDE), entry.integer("height", _EYE_SIDE), entry.camera_matrix("K"), distortion
     )

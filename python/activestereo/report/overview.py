@@ -12,10 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from activestereo.common.output_files import replace_file
+from activestereo.common.palette import BLUE, GRID, INK, MUTED, ORANGE
 from activestereo.compare.accuracy import Accuracy
 
-_INK, _MUTED, _GRID = "#1f2933", "#7b8794", "#e4e7eb"
-_BLUE, _ORANGE = "#3e6fb0", "#c8722c"
 _NO_DATA = "#15181c"
 _ERROR_SCALE_M = 0.02
 
@@ -53,8 +52,8 @@ def simulation_figure(
     _depth(page.picture(1, 0), depth, "measured depth, registered to RGB (black: none)", span)
     _depth(page.picture(1, 1), true_depth, "true depth", span)
     _error(page.picture(1, 2), depth, true_depth)
-    _bars(page.chart(0, 2), rows, [100.0 * r.fill for r in rows], "measured pixels", "%", _BLUE)
-    _bars(page.chart(1, 2), rows, [1e3 * r.median_error_m for r in rows], "median error", "mm", _ORANGE)
+    _bars(page.chart(0, 2), rows, [100.0 * r.fill for r in rows], "measured pixels", "%", BLUE)
+    _bars(page.chart(1, 2), rows, [1e3 * r.median_error_m for r in rows], "median error", "mm", ORANGE)
     return page.figure
 
 
@@ -90,8 +89,8 @@ class _Page:
             self.HEAD + picture_rows * (self._picture_height + self.CAPTION) + below,
         )
         self.figure = Figure(figsize=self._size, facecolor="white")
-        self._text(0.42, title, fontsize=18, weight="bold", color=_INK)
-        self._text(0.76, subtitle, fontsize=12, color=_MUTED)
+        self._text(0.42, title, fontsize=18, weight="bold", color=INK)
+        self._text(0.76, subtitle, fontsize=12, color=MUTED)
 
     def _text(self, top: float, text: str, **style: Any) -> None:
         self.figure.text(self.MARGIN / self._size[0], 1.0 - top / self._size[1], text, va="center", **style)
@@ -144,7 +143,7 @@ def _headline(rows: Sequence[Accuracy]) -> str:
 
 def _picture(axes: Axes, image: np.ndarray, title: str, **style: Any) -> AxesImage:
     shown = axes.imshow(image, interpolation="antialiased", aspect="auto", **style)
-    axes.set_title(title, fontsize=12.5, color=_INK, loc="left", pad=6)
+    axes.set_title(title, fontsize=12.5, color=INK, loc="left", pad=6)
     axes.set_xticks([])
     axes.set_yticks([])
     for spine in axes.spines.values():
@@ -156,8 +155,8 @@ def _color_bar(axes: Axes, shown: AxesImage, label: str, **style: Any) -> None:
     inset = axes.inset_axes([1.012, 0.0, 0.018, 1.0])
     bar = axes.figure.colorbar(shown, cax=inset, **style)
     bar.outline.set_visible(False)
-    inset.tick_params(labelsize=9.5, color=_MUTED, labelcolor=_INK, length=2)
-    inset.set_title(label, fontsize=9.5, color=_INK, pad=5)
+    inset.tick_params(labelsize=9.5, color=MUTED, labelcolor=INK, length=2)
+    inset.set_title(label, fontsize=9.5, color=INK, pad=5)
 
 
 def _depth(
@@ -179,18 +178,18 @@ def _error(axes: Axes, depth: np.ndarray, true_depth: np.ndarray) -> None:
 
 def _bars(axes: Axes, rows: Sequence[Accuracy], values: Sequence[float], title: str, unit: str, color: str) -> None:
     places = np.arange(len(rows))
-    axes.barh(places, np.nan_to_num(values), height=0.66, color=[color] * (len(rows) - 1) + [_INK])
+    axes.barh(places, np.nan_to_num(values), height=0.66, color=[color] * (len(rows) - 1) + [INK])
     most = max([v for v in values if np.isfinite(v)], default=0.0) or 1.0
     for place, value in zip(places, values, strict=True):
         text = f"{value:.1f} {unit}" if np.isfinite(value) else "no measurement"
-        axes.text(max(np.nan_to_num(value), 0.0) + 0.008 * most, place, text, va="center", fontsize=10.5, color=_INK)
-    axes.set_yticks(places, [row.name for row in rows], fontsize=11, color=_INK)
+        axes.text(max(np.nan_to_num(value), 0.0) + 0.008 * most, place, text, va="center", fontsize=10.5, color=INK)
+    axes.set_yticks(places, [row.name for row in rows], fontsize=11, color=INK)
     axes.set_xlim(0, 1.13 * most)
     axes.set_ylim(len(rows) - 0.4, -0.6)
-    axes.set_title(f"{title} by material", fontsize=12.5, color=_INK, loc="left", pad=6)
-    axes.tick_params(axis="x", labelsize=9.5, color=_GRID, labelcolor=_MUTED)
+    axes.set_title(f"{title} by material", fontsize=12.5, color=INK, loc="left", pad=6)
+    axes.tick_params(axis="x", labelsize=9.5, color=GRID, labelcolor=MUTED)
     axes.tick_params(axis="y", length=0)
-    axes.grid(axis="x", color=_GRID, linewidth=0.8)
+    axes.grid(axis="x", color=GRID, linewidth=0.8)
     axes.set_axisbelow(True)
     for spine in axes.spines.values():
         spine.set_visible(False)

@@ -16,9 +16,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-INK, MUTED, GRID = "#1f2933", "#66727f", "#e4e7eb"
-BLUE, ORANGE, GREEN = "#3e6fb0", "#c8722c", "#3f8f6b"
-
 
 def page(title: str, body: Sequence[str], scripts: Sequence[str] = ()) -> str:
     """A whole document of body parts (trusted HTML) and scripts, names of files in web/."""

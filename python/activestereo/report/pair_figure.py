@@ -11,10 +11,11 @@ from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from activestereo.common.palette import BLUE, ORANGE
 from activestereo.compare.pair_findings import Finding
 from activestereo.compare.pair_statistics import residual_image
 
-_COLOURS = ("#3e6fb0", "#c8722c")
+_COLOURS = (BLUE, ORANGE)
 _DETAIL = 0.25  # of the image's width, from its middle
 
 

@@ -11,6 +11,7 @@ from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 
 from activestereo.capture.capture import EYES, SPLITS
+from activestereo.common.palette import BLUE, GRID, INK, MUTED, ORANGE
 from activestereo.report.worst import RESIDUAL_FLOORS, worst_frame
 
 if TYPE_CHECKING:
@@ -18,8 +19,7 @@ if TYPE_CHECKING:
 
     from activestereo.compare.compare import Comparison
 
-_INK, _MUTED, _GRID = "#1f2933", "#7b8794", "#e4e7eb"
-_BAR = {"train": "#3e6fb0", "test": "#c8722c"}
+_BAR = {"train": BLUE, "test": ORANGE}
 
 
 def comparison_figure(comparison: Comparison) -> Figure:
@@ -40,14 +40,14 @@ def comparison_figure(comparison: Comparison) -> Figure:
 
 def _title(figure: Figure, scores: dict[str, Any]) -> None:
     figure.text(
-        0.055, 0.955, f"{scores['capture']}: measured against simulated infrared", size=15, weight="bold", color=_INK
+        0.055, 0.955, f"{scores['capture']}: measured against simulated infrared", size=15, weight="bold", color=INK
     )
     parts = []
     for split, values in scores["ir"].items():
         floor = values["noise_floor_dn"]
         above = "" if floor is None else f" (noise floor {floor:.2f}, explainable {values['explainable_rmse_dn']:.2f})"
         parts.append(f"{split} RMSE {values['rmse_dn']:.2f} DN{above}")
-    figure.text(0.055, 0.918, "     ".join(parts), size=10.5, color=_MUTED)
+    figure.text(0.055, 0.918, "     ".join(parts), size=10.5, color=MUTED)
 
 
 def _image_row(figure: Figure, grid: Any, row: int, comparison: Comparison, frame_id: int) -> None:
@@ -72,16 +72,16 @@ def _image_row(figure: Figure, grid: Any, row: int, comparison: Comparison, fram
         shown = axes.imshow(image, interpolation="nearest", aspect="equal", **style)
         axes.set_xticks([])
         axes.set_yticks([])
-        axes.spines[:].set_color(_GRID)
+        axes.spines[:].set_color(GRID)
         if row == 0:
-            axes.set_title(title, size=11, color=_INK, loc="left")
+            axes.set_title(title, size=11, color=INK, loc="left")
         if column == 0:
-            axes.set_ylabel(f"{frame.split}, frame {frame_id}, left", size=10, color=_INK)
+            axes.set_ylabel(f"{frame.split}, frame {frame_id}, left", size=10, color=INK)
         if column:
             bar = figure.colorbar(shown, cax=figure.add_subplot(grid[row, column + 1]))
-            bar.ax.tick_params(labelsize=8, colors=_MUTED, length=2)
-            bar.outline.set_edgecolor(_GRID)
-            bar.ax.set_title("DN", size=8, color=_MUTED, pad=3)
+            bar.ax.tick_params(labelsize=8, colors=MUTED, length=2)
+            bar.outline.set_edgecolor(GRID)
+            bar.ax.set_title("DN", size=8, color=MUTED, pad=3)
 
 
 def _frame_chart(axes: Axes, scores: dict[str, Any]) -> None:
@@ -92,18 +92,18 @@ def _frame_chart(axes: Axes, scores: dict[str, Any]) -> None:
             values = entry["eyes"][eye]
             axes.bar(index + side, values["rmse_dn"], width=0.36, color=color, alpha=1.0 if eye == "left" else 0.6)
             if values["noise_floor_dn"] is not None:
-                axes.hlines(values["noise_floor_dn"], index + side - 0.2, index + side + 0.2, color=_INK, lw=1.6)
+                axes.hlines(values["noise_floor_dn"], index + side - 0.2, index + side + 0.2, color=INK, lw=1.6)
     axes.set_xticks(range(len(scores["frames"])), [str(e["id"]) for e in scores["frames"]])
     axes.set_xlim(-0.6, len(scores["frames"]) - 0.4)
-    axes.set_xlabel("frame (dark bar: left eye, light bar: right eye)", size=9, color=_MUTED)
-    axes.set_ylabel("IR RMSE, DN", size=9, color=_MUTED)
-    axes.tick_params(labelsize=9, colors=_MUTED, length=0)
+    axes.set_xlabel("frame (dark bar: left eye, light bar: right eye)", size=9, color=MUTED)
+    axes.set_ylabel("IR RMSE, DN", size=9, color=MUTED)
+    axes.tick_params(labelsize=9, colors=MUTED, length=0)
     axes.spines[["top", "right", "left"]].set_visible(False)
-    axes.spines["bottom"].set_color(_GRID)
-    axes.grid(axis="y", color=_GRID, lw=0.8)
+    axes.spines["bottom"].set_color(GRID)
+    axes.grid(axis="y", color=GRID, lw=0.8)
     axes.set_axisbelow(True)
     handles = [axes.bar(0, 0, color=_BAR[split]) for split in scores["ir"]]
-    axes.plot([], [], color=_INK, lw=1.6, label="noise floor")
+    axes.plot([], [], color=INK, lw=1.6, label="noise floor")
     line = axes.get_lines()[0]
     axes.legend([*handles, line], [*scores["ir"], "noise floor"], loc="upper center", bbox_to_anchor=(0.5, 1.2), ncol=3,
-                frameon=False, fontsize=9, labelcolor=_INK)  # fmt: skip
+                frameon=False, fontsize=9, labelcolor=INK)  # fmt: skip

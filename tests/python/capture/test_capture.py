@@ -107,7 +107,8 @@ def test_files_stay_in_the_folder_unless_the_user_says_otherwise(folder, where, 
     (folder / "link.png").symlink_to(folder.parent / "outside.png")
 
     def change(root):
-        owner = {"scene": root, "rig.projector.pattern": root["rig"]["projector"], "frames[id=0].left": root["frames"][0]}
+        projector, frame = root["rig"]["projector"], root["frames"][0]
+        owner = {"scene": root, "rig.projector.pattern": projector, "frames[id=0].left": frame}
         owner[key][key.rpartition(".")[2]] = where
 
     edit(folder, change)

@@ -8,8 +8,8 @@
 #include <random>
 #include <vector>
 
-#include "simsense/reference/census.h"
 #include "simsense/match/volumes.h"
+#include "simsense/reference/census.h"
 
 namespace {
 

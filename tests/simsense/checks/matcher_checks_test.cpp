@@ -8,8 +8,8 @@
 #include <random>
 #include <vector>
 
-#include "simsense/reference/checks.h"
 #include "simsense/match/volumes.h"
+#include "simsense/reference/checks.h"
 
 namespace {
 

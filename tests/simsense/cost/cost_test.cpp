@@ -8,9 +8,9 @@
 #include <random>
 #include <vector>
 
+#include "simsense/match/volumes.h"
 #include "simsense/reference/census.h"
 #include "simsense/reference/cost.h"
-#include "simsense/match/volumes.h"
 
 namespace {
 

@@ -7,8 +7,8 @@
 
 #include "device/device.h"
 #include "engine/engine.h"
-#include "simsense/reference/published.h"
 #include "simsense/match/stereo_pair.h"
+#include "simsense/reference/published.h"
 #include "simsense/rig_samples.h"
 
 using namespace simsense_test;

@@ -8,8 +8,8 @@
 #include <random>
 #include <vector>
 
-#include "simsense/reference/sgm.h"
 #include "simsense/match/volumes.h"
+#include "simsense/reference/sgm.h"
 
 namespace {
 

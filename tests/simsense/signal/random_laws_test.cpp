@@ -7,8 +7,8 @@
 
 #include "cpu/signal/rows.h"
 #include "cpu/simd/buffer.h"
-#include "simsense/reference/imager.h"
 #include "signal/gamma_quantile.h"
+#include "simsense/reference/imager.h"
 #include "simsense/signal/signal_samples.h"
 
 using namespace simsense;

@@ -8,8 +8,8 @@
 #include <random>
 #include <vector>
 
-#include "simsense/reference/winner.h"
 #include "simsense/match/volumes.h"
+#include "simsense/reference/winner.h"
 
 namespace {
 

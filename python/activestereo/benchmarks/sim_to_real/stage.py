@@ -16,6 +16,7 @@ from activestereo.benchmarks.sim_to_real.views import View
 from activestereo.benchmarks.sim_to_real.worlds import World
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import CAMERA_TO_BODY
+from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
 from activestereo.sensor.batch import Mounts
@@ -23,7 +24,6 @@ from activestereo.sensor.depth_modes import DepthCamera
 
 _NEAREST_M, _FARTHEST_M = 0.3, 1.5
 _TABLE_HALF_M = 1.0
-_ROUNDING_DN2 = 1.0 / 12.0  # which the engine adds by itself
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def set_noise(config: StereoDepthSensorConfig, law: NoiseLaw) -> None:
     if not isinstance(config.ir_signal, dict):
         raise ValueError(f"{config.model} cannot be given another noise: it has no imager of its own")
     signal = dict(config.ir_signal) | {"read_noise_e": 0.0}
-    signal["adc_noise_dn"] = float(np.sqrt(max(law.offset - _ROUNDING_DN2, 0.0)))
+    signal["adc_noise_dn"] = float(np.sqrt(max(law.offset - ROUNDING_VARIANCE, 0.0)))
     if law.shot > 0.0:  # a count of fewer electrons, and as many counts
         gain = signal.get("gain", 1.0) * config.ir_camera_gain
         fewer = law.shot / (signal["conversion_gain_dn_per_e"] * gain)

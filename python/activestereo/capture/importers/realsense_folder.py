@@ -202,7 +202,6 @@ def import_realsense(
             colors[number] = read_color(entry.files["color"], (color.width, color.height), "Color")
         frames.append(_frame(number, entry, exposure_s, depth_scale, trajectory, robot))
         tell((number + 1) / len(files))
-    baseline_m = float(np.linalg.norm(left_to_right[:3, 3]))
     left_to_projector = np.eye(4)
     left_to_projector[:3, 3] = -np.array(projector_in_left_m)
     rig = Rig(

@@ -2,15 +2,13 @@
 """The interface of a channel."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import ClassVar
 
+from activestereo.common.progress_bar import Progress
 from activestereo.diagnose.findings import Explanation, NotRanked
 from activestereo.effects import Effect
 from activestereo.effects.core.judging import Channel
-
-# Called with the fraction done.
-Progress = Callable[[float], object]
 
 
 class JudgingChannel(ABC):

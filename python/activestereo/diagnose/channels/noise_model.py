@@ -13,10 +13,10 @@ from typing import ClassVar
 import numpy as np
 from scipy.optimize import nnls
 
+from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.noise import by_repeats, repeat_statistics, transfer_rows
 from activestereo.diagnose.channels.channel import JudgingChannel, Progress
 from activestereo.diagnose.evidence import Evidence, Observation
-from activestereo.diagnose.evidence.observation import QUANTISATION_VARIANCE
 from activestereo.diagnose.findings import BaseFit, Explanation, NotRanked, OwnEvidence
 from activestereo.diagnose.score.intervals import Z90, Limits, within_ranges
 from activestereo.diagnose.thresholds import Gates
@@ -198,7 +198,7 @@ def _fit_levers(
 ) -> tuple[float, float, float]:
     """(chi2, first lever's coefficient, its standard error)."""
     gain, mean, square, variance, weight = np.array(rows).T
-    target = (variance - QUANTISATION_VARIANCE) * weight
+    target = (variance - ROUNDING_VARIANCE) * weight
     if not levers:
         return float((target**2).sum()), 0.0, 0.0
     design = np.stack([_column(lever, gain, mean, square, black_dn) for lever in levers], axis=1) * weight[:, None]

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from activestereo.capture.capture import EYES, Capture
+from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.gain_noise import law_at_other_gains
 from activestereo.compare.noise import NoiseLaw, frame_floors
 from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
@@ -20,7 +21,6 @@ from activestereo.diagnose.evidence.model_discrepancy import place_error
 from activestereo.diagnose.evidence.observation import (
     BLOCK_PX,
     FOLDS,
-    QUANTISATION_VARIANCE,
     TILE_PX,
     Evidence,
     Observation,
@@ -98,9 +98,9 @@ def _noise(capture: Capture, shots: Sequence[MeasuredImage], nuisances: Nuisance
     no_noise = unsteady_light({s.key: (s.frame, s.layers, s.measured) for s in shots})
     floors, law = frame_floors(capture, nuisances.black_dn, no_noise)
     if law is not None:
-        return {key: max(v[0], QUANTISATION_VARIANCE) for key, v in floors.items()}, law, True
+        return {key: max(v[0], ROUNDING_VARIANCE) for key, v in floors.items()}, law, True
     law = NoiseLaw(*_ASSUMED_NOISE, nuisances.black_dn)
-    return {s.key: max(law.mean_variance(s.measured, s.frame.gain), QUANTISATION_VARIANCE) for s in shots}, law, False
+    return {s.key: max(law.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in shots}, law, False
 
 
 def noise_at_other_gains(
@@ -117,7 +117,7 @@ def noise_at_other_gains(
     law = law_at_other_gains(law, train, dict(predicted), shown)
     others = [s for s in shots if s.frame.gain not in shown]
     return law, floors | {
-        s.key: max(law.mean_variance(s.measured, s.frame.gain), QUANTISATION_VARIANCE) for s in others
+        s.key: max(law.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in others
     }
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from activestereo.capture.capture import EYES, Capture
+from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.noise import NoiseLaw
 from activestereo.compare.nuisances import Nuisances
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
@@ -22,8 +23,6 @@ TILE_PX = 16
 # What lies closer than this may share an error: cross-validation folds and standard errors go by blocks.
 BLOCK_PX = 32
 FOLDS = 4
-# Variance of rounding to whole digital numbers, DN^2.
-QUANTISATION_VARIANCE = 1.0 / 12.0
 # A material's nominal albedo is believed to this relative deviation, a calibration's focal length to this one.
 ALBEDO_SIGMA = 0.03
 FOCAL_SIGMA = 6e-4
@@ -99,7 +98,7 @@ class Evidence:
 
 def weight_of(law: NoiseLaw, place_error_m: float, observation: MeasuredImage, expected_dn: np.ndarray) -> np.ndarray:
     """1 / variance of pixels: the noise law's variance, and at edges what their misplacement adds."""
-    variance = np.maximum(law.variance(expected_dn, observation.frame.gain), QUANTISATION_VARIANCE)
+    variance = np.maximum(law.variance(expected_dn, observation.frame.gain), ROUNDING_VARIANCE)
     if place_error_m > 0:
         variance = variance + (place_error_m * edge_slopes(observation, expected_dn)) ** 2
     return (1.0 / variance).astype(np.float32)

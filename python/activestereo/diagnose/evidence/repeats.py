@@ -11,10 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.noise import by_repeats, frame_floors
 from activestereo.diagnose.evidence.gather import noise_at_other_gains
 from activestereo.diagnose.evidence.model_discrepancy import place_error
-from activestereo.diagnose.evidence.observation import QUANTISATION_VARIANCE, Evidence, Observation, weight_of
+from activestereo.diagnose.evidence.observation import Evidence, Observation, weight_of
 from activestereo.effects import Model
 
 Images = Mapping[tuple[int, str], np.ndarray]
@@ -36,7 +37,7 @@ def without_drift(
     floors, law = frame_floors(evidence.capture, evidence.nuisances.black_dn, no_noise)
     if law is None:
         return evidence
-    found = {key: max(variance, QUANTISATION_VARIANCE) for key, (variance, _) in floors.items()}
+    found = {key: max(variance, ROUNDING_VARIANCE) for key, (variance, _) in floors.items()}
     lit_shots = {o.key: replace(o, measured=o.measured - dark[o.key]) for o in shots}
     lit_train = [lit_shots[o.key] for o in evidence.train]
     lit = {key: image - dark[key] for key, image in expected.items()}

@@ -16,6 +16,7 @@ from typing import Protocol
 
 import numpy as np
 
+from activestereo.capture.capture import ImageKey
 from activestereo.diagnose.findings import Explanation
 from activestereo.diagnose.refine.fit_cache import content_key
 from activestereo.diagnose.refine.fitter import Fitter
@@ -33,7 +34,6 @@ _STEP_TYPICAL, _STEP_DISTANCE = 0.2, 0.15
 # many, and ends the search where none moves by this part of one.
 _TRUSTED, _NEAR, _SETTLED = 6.0, 1.0, 0.3
 
-Key = tuple[int, str]
 
 
 class RenderedLight(Protocol):
@@ -56,10 +56,10 @@ class Rendering(Protocol):
     call. half: 0 or 1, one of two independent halves of the samples; None: a draft, with fewer samples.
     """
 
-    def __call__(self, model: Model, split: str, half: int | None = None) -> Mapping[Key, RenderedLight]: ...
+    def __call__(self, model: Model, split: str, half: int | None = None) -> Mapping[ImageKey, RenderedLight]: ...
 
 
-_Images = dict[Key, np.ndarray]
+_Images = dict[ImageKey, np.ndarray]
 _TRAIN, _TEST = "train", "test"
 
 
@@ -215,5 +215,5 @@ def _whole(change: _Change, theta: np.ndarray, steps: np.ndarray, slopes: tuple[
     return _Rendered(change, theta, steps, mean, slopes)
 
 
-def _images(lights: Mapping[Key, RenderedLight]) -> _Images:
+def _images(lights: Mapping[ImageKey, RenderedLight]) -> _Images:
     return {key: np.stack([x.direct, x.indirect, x.ambient]).astype(np.float64) for key, x in lights.items()}

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo.capture.capture import EYES, Capture, Frame
+from activestereo.capture.capture import EYES, Capture, Frame, ImageKey
 from activestereo.common.progress_bar import part_of
 from activestereo.effects.core.descriptor import Randomness
 from activestereo.effects.core.engine import EngineInputs, apply_engine
@@ -34,7 +34,6 @@ from activestereo.effects.engines.world import (
     world_key,
 )
 
-Key = tuple[int, str]
 _LIGHT = ("projector_direct", "projector_indirect", "ambient")
 _GEOMETRY = ("depth", "normal", "position", "material_id")
 # Lights that effects add have a group of their own: the room's light is scaled, theirs is not.
@@ -126,7 +125,7 @@ class CaptureRenderer:
         random: bool = False,
         progress: Callable[[float], object] | None = None,
         half: int | None = None,
-    ) -> dict[Key, EyeLight]:
+    ) -> dict[ImageKey, EyeLight]:
         """{(frame id, eye): EyeLight} of the frames, all by default. Frames that differ in exposure, power or gain
         alone share their images; all poses of one world are one render. half: 0 or 1, one of two independent halves of
         the samples (halves.py)."""
@@ -137,7 +136,7 @@ class CaptureRenderer:
         worlds: dict[tuple, list[_Job]] = {}
         for job in jobs.values():
             worlds.setdefault(world_key(job.inputs), []).append(job)
-        out: dict[Key, EyeLight] = {}
+        out: dict[ImageKey, EyeLight] = {}
         for done, group in enumerate(worlds.values()):
             share = part_of(progress, done / len(worlds), (done + 1) / len(worlds))
             for job, eyes in zip(group, self._images(group, share, half), strict=True):
@@ -156,7 +155,7 @@ class CaptureRenderer:
         survey: Survey | None = None,
         random: bool = False,
         progress: Callable[[float], object] | None = None,
-    ) -> dict[Key, NDArray[np.float32]]:
+    ) -> dict[ImageKey, NDArray[np.float32]]:
         """{(frame id, eye): expected DN [height][width]} of the frames, all by default; random: one exposure instead,
         not rounded."""
         frames = list(self.capture.frames if frames is None else frames)
@@ -164,8 +163,8 @@ class CaptureRenderer:
         return {key: dn for frame in frames for key, dn in self.counts(frame, lights, model, nuisances, random).items()}
 
     def counts(
-        self, frame: Frame, lights: dict[Key, EyeLight], model: Model, nuisances: Scales, random: bool = False
-    ) -> dict[Key, NDArray[np.float32]]:
+        self, frame: Frame, lights: dict[ImageKey, EyeLight], model: Model, nuisances: Scales, random: bool = False
+    ) -> dict[ImageKey, NDArray[np.float32]]:
         """expected() of one frame from its lights: no ray is traced."""
         inputs = self.inputs(frame, model, random=random)
         per_s = nuisances.projector_scale * frame.projector_power
