@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The helper programs kuafu-import-gltf and kuafu-import-assimp: read one scene file and answer with its content on file descriptor 3
 // (io/wire.h). libkuafu starts them (io/import_process.h); they are of no use by hand. Arguments: path, memory at the start, most memory
-// (bytes), seconds of processor time, 1 if files outside the scene's folder may be read, and the 16 numbers of root_to_world, by columns.
+// (bytes), seconds of processor time, 1 if files outside the scene's folder may be read, the number of the process that wants it, and the
+// 16 numbers of root_to_world, by columns.
 #include <sys/prctl.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -18,7 +20,7 @@
 
 namespace {
 
-constexpr int answer_fd = 3, argument_count = 6 + 16;
+constexpr int answer_fd = 3, argument_count = 7 + 16;
 
 void set_limit(decltype(RLIMIT_CORE) what, rlim_t value, rlim_t more = 0) {
   rlimit limit{};
@@ -29,8 +31,9 @@ void set_limit(decltype(RLIMIT_CORE) what, rlim_t value, rlim_t more = 0) {
 }
 
 /// What the program gives up before it looks at the file: it cannot write files, leave core dumps, gain privileges or outlive its host.
-void confine(unsigned long seconds) {
+void confine(unsigned long seconds, pid_t host) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (getppid() != host) _exit(1);  // it ended before the line above
   prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
   std::signal(SIGPIPE, SIG_DFL);
   set_limit(RLIMIT_CORE, 0);
@@ -52,7 +55,7 @@ void answer(std::FILE* to, char** argv) {
   try {
     kuafu::SceneFolder folder(argv[1], argv[5][0] == '1', budget);
     kuafu::Import import(argv[1], folder, budget);
-    for (int i = 0; i < 16; ++i) import.root_to_world[i / 4][i % 4] = std::strtod(argv[6 + i], nullptr);
+    for (int i = 0; i < 16; ++i) import.root_to_world[i / 4][i % 4] = std::strtod(argv[7 + i], nullptr);
     read(import);
     kuafu::write_answer(to, import.scene, import.warnings);
   } catch (const ks::Error& error) {
@@ -73,7 +76,7 @@ void answer(std::FILE* to, char** argv) {
 int main(int argc, char** argv) {
   std::FILE* to = argc == argument_count ? fdopen(answer_fd, "wb") : nullptr;
   if (to == nullptr) return 2;  // not started by the library
-  confine(std::strtoul(argv[4], nullptr, 10));
+  confine(std::strtoul(argv[4], nullptr, 10), static_cast<pid_t>(std::strtol(argv[6], nullptr, 10)));
   answer(to, argv);
   std::fclose(to);
   return 0;

@@ -2,6 +2,7 @@
 #include "io/load.h"
 
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -42,8 +43,12 @@ uint64_t size_of_regular_file(const std::filesystem::path& path) {
 /// What the helper's main() takes (kuafu/import/main.cpp). Hexadecimal floats pass unrounded.
 std::vector<std::string> helper_arguments(const std::filesystem::path& path, const glm::dmat4& root_to_world, const LoadLimits& limits,
                                           bool outside_folder) {
-  std::vector<std::string> arguments{path.string(), std::to_string(limits.memory_bytes), std::to_string(limits.memory_most_bytes),
-                                     std::to_string(limits.seconds), outside_folder ? "1" : "0"};
+  std::vector<std::string> arguments{path.string(),
+                                     std::to_string(limits.memory_bytes),
+                                     std::to_string(limits.memory_most_bytes),
+                                     std::to_string(limits.seconds),
+                                     outside_folder ? "1" : "0",
+                                     std::to_string(getpid())};
   for (int column = 0; column < 4; ++column)
     for (int row = 0; row < 4; ++row) {
       std::array<char, 40> text{};

@@ -4,12 +4,10 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +17,7 @@ from activestereo.benchmarks.generate import bop
 from activestereo.benchmarks.generate.ray_actors import made_by_ray
 from activestereo.benchmarks.generate.studio import Frame, Settings, Studio, sensor_config
 from activestereo.benchmarks.generate.things import Things
+from activestereo.common.processes import process_pool
 
 _studio: Studio | None = None  # a worker's
 
@@ -82,7 +81,7 @@ def _made(settings: Settings, out: Path, missing: list[int], workers: int) -> It
     if workers == 1 or len(missing) < 2:
         yield from _made_here(settings, out, missing)
         return
-    with _pool(settings, workers) as pool:
+    with process_pool(workers, _begin, settings) as pool:
         tasks = [pool.submit(_make, out, number) for number in missing]
         try:
             for task in as_completed(tasks):
@@ -112,17 +111,6 @@ def _made_here(settings: Settings, out: Path, missing: list[int]) -> Iterator[in
 def _write(out: Path, frame: Frame) -> int:
     bop.write_frame(out, frame)
     return frame.number
-
-
-@contextmanager
-def _pool(settings: Settings, workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Begun anew (spawn), since a device does not survive a fork. Left by an error, it does no more frames."""
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(settings,))
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _begin(settings: Settings) -> None:

@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from typing import Any
 
 import cv2
+
+from activestereo.common.processes import process_pool
 
 
 def each_done(work: Callable[..., None], tasks: Sequence[tuple[Any, ...]], workers: int) -> Iterator[None]:
@@ -21,7 +21,7 @@ def each_done(work: Callable[..., None], tasks: Sequence[tuple[Any, ...]], worke
             work(*task)
             yield
         return
-    with _pool(workers) as pool:
+    with process_pool(workers, cv2.setNumThreads, 1) as pool:
         pending = [pool.submit(work, *task) for task in tasks]
         try:
             for done in as_completed(pending):
@@ -32,13 +32,3 @@ def each_done(work: Callable[..., None], tasks: Sequence[tuple[Any, ...]], worke
                 "a worker was ended from outside, perhaps for want of memory; what is done is kept: run the same again"
             ) from error
 
-
-@contextmanager
-def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Begun anew (spawn), since a device does not survive a fork. Left by an error, it does no more."""
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=cv2.setNumThreads, initargs=(1,))
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)

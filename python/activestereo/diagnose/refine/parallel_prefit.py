@@ -8,14 +8,15 @@ Processes that are forked have all observations at hand without a copy; what the
 import signal
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, as_completed
 from contextlib import contextmanager
 from itertools import count
-from multiprocessing import current_process, get_all_start_methods, get_context
+from multiprocessing import current_process, get_all_start_methods
 from typing import Any
 
 import numpy as np
 
+from activestereo.common.processes import process_pool
 from activestereo.diagnose.refine.fit_cache import FitMemory
 
 _numbers = count()
@@ -52,14 +53,11 @@ def fit_ahead(
 @contextmanager
 def _forked(processes: int, number: int, indices: Sequence[int]) -> Iterator[dict[Future[Any], int]]:
     """{future: index} of fits in processes that end with the block."""
-    pool = ProcessPoolExecutor(processes, get_context("fork"), initializer=_begin)
-    try:
-        with warnings.catch_warnings():
-            # Python 3.12 warns where other threads are; the processes use none of what those may hold.
-            warnings.simplefilter("ignore", DeprecationWarning)
+    with warnings.catch_warnings():
+        # Python 3.12 warns where other threads are; the processes use none of what those may hold.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        with process_pool(processes, _begin, method="fork") as pool:
             yield {pool.submit(_fitted, number, i): i for i in indices}
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def _begin() -> None:
