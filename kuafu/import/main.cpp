@@ -31,14 +31,16 @@ void set_limit(decltype(RLIMIT_CORE) what, rlim_t value, rlim_t more = 0) {
 }
 
 /// What the program gives up before it looks at the file: it cannot write files, leave core dumps, gain privileges or outlive its host.
-void confine(unsigned long seconds, pid_t host) {
+/// False where the host has ended already.
+bool confine(unsigned long seconds, pid_t host) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
-  if (getppid() != host) _exit(1);  // it ended before the line above
+  if (getppid() != host) return false;  // it ended before the line above
   prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
   std::signal(SIGPIPE, SIG_DFL);
   set_limit(RLIMIT_CORE, 0);
   set_limit(RLIMIT_FSIZE, 0);
   set_limit(RLIMIT_CPU, seconds, 1);  // SIGXCPU, and a second later SIGKILL
+  return true;
 }
 
 void read(kuafu::Import& import) {
@@ -76,7 +78,7 @@ void answer(std::FILE* to, char** argv) {
 int main(int argc, char** argv) {
   std::FILE* to = argc == argument_count ? fdopen(answer_fd, "wb") : nullptr;
   if (to == nullptr) return 2;  // not started by the library
-  confine(std::strtoul(argv[4], nullptr, 10), static_cast<pid_t>(std::strtol(argv[6], nullptr, 10)));
+  if (!confine(std::strtoul(argv[4], nullptr, 10), static_cast<pid_t>(std::strtol(argv[6], nullptr, 10)))) return 1;
   answer(to, argv);
   std::fclose(to);
   return 0;
