@@ -185,7 +185,8 @@ KUAFU_API void kuafu_renderer_retain(kuafu_renderer renderer);
 KUAFU_API void kuafu_renderer_release(kuafu_renderer renderer);
 
 /* Renders, and returns when the outputs may be read (KS_SYNC_HOST). The same inputs and seed give the same bits on one device, for any number of threads
- * and however a batch is split. */
+ * and however a batch is split. The scene may have been made on another device than the renderer, for it lies in host memory, and each renderer brings a
+ * copy of its own to its device; the outputs' buffers must be of the renderer's device (else KS_ERROR_INVALID_ARGUMENT). */
 KUAFU_API ks_status kuafu_renderer_render(kuafu_renderer renderer, kuafu_scene scene, const kuafu_render_desc* desc);
 /* Starts a render and returns at once. The renders of one renderer run in the order of their submissions on a thread of the library, which also calls
  * desc->progress. `desc` is copied. Until the render has ended, the outputs must not be read, and functions that change the scene return

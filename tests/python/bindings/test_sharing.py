@@ -167,3 +167,23 @@ def test_memory_of_an_array_that_ended_is_used_again(device):
     del view
     third = buffer.read()
     assert third.ctypes.data == address and (third == 6).all() and third.flags.writeable
+
+
+def test_a_scene_may_be_of_another_device_than_the_renderer_and_buffers_may_not(device):
+    """kuafu_renderer_render: the scene lies in host memory, and each renderer has a copy on its own device."""
+    other, scene = kuafu.Device(), wall_scene(1.0)
+    scene.set_environment((1.0, 0.5, 0.25))
+    texture = scene.add_texture(np.arange(48, dtype=np.uint8).reshape(4, 4, 3))
+    scene.set_material(0, kuafu.Material(base_color_texture=texture))
+    k = np.array([[30.0, 0, 15.5], [0, 30.0, 15.5], [0, 0, 1]])
+    pose = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+    images = [
+        kuafu.Renderer(own).render(scene, kuafu.Camera(32, 32, k, pose), spp=2)["radiance"].copy()
+        for own in (scene.device, other, scene.device)
+    ]
+    assert images[0].std() > 0
+    for image in images[1:]:
+        np.testing.assert_array_equal(image, images[0])
+    with pytest.raises(ValueError, match="its buffer belongs to another device than the renderer"):
+        target = kuafu.Buffer(other, 32 * 32 * 4 * 4).image("f4", (1, 32, 32, 4))
+        kuafu.Renderer(scene.device).render(scene, kuafu.Camera(32, 32, k, pose), {"radiance": target}, spp=1)
