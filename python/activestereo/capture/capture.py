@@ -14,7 +14,7 @@ import numpy as np
 
 from activestereo.capture.capture_json import CaptureError, JsonObject
 from activestereo.capture.images import image_size, read_color, read_gray
-from activestereo.limits import (
+from activestereo.common.limits import (
     BITS,
     DEPTH_SCALE,
     DISTORTION,

@@ -31,7 +31,7 @@ from activestereo.cli import (
     simulate,
 )
 from activestereo.cli.arguments import CommandError
-from activestereo.own_files import outside_allowed
+from activestereo.common.own_files import outside_allowed
 
 _COMMANDS = (
     simulate,

@@ -12,7 +12,7 @@ import pytest
 from activestereo.capture.capture import CaptureError, CaptureWarning, read_capture
 from activestereo.capture.write import write_capture
 from activestereo.capture.images import write_gray
-from activestereo.own_files import outside_allowed
+from activestereo.common.own_files import outside_allowed
 from worlds.world import make_world
 
 

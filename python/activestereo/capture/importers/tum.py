@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from activestereo.capture.importers.color_depth import ColorDepthFrame, ColorDepthRecording, nearest
 from activestereo.capture.importers.trajectory import pose_at, read_trajectory
-from activestereo.own_files import own_file
+from activestereo.common.own_files import own_file
 
 _UNIT_M = 1.0 / 5000.0
 _WITHIN_S = 0.02

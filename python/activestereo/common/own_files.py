@@ -33,7 +33,7 @@ def own_file(folder: Path, name: str) -> Path:
     if not inside and not _MAY_LEAVE.get():
         raise ValueError(
             f"{path} lies outside of {folder}: move it into the folder, or allow it where you trust who wrote this "
-            "(activestereo --allow-outside COMMAND ..., in Python activestereo.own_files.outside_allowed())"
+            "(activestereo --allow-outside COMMAND ..., in Python activestereo.common.own_files.outside_allowed())"
         )
     if not path.is_file():
         raise ValueError(f"{path} does not exist")
