@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.camera.camera_file import CameraData, camera_titles, read_camera
+from activestereo.camera.config_limits import Calibrated, check_field, check_together
 from activestereo.common.matcher_table import MATCHER, RIG, MatcherFields
 from activestereo.common.pattern import PatternDesign, make_pattern
 from activestereo.common.pose import Pose
@@ -114,11 +115,12 @@ _OWN_NAMES = {sapien: own for own, sapien in SAPIEN_NAMES.items()}
 
 class StereoDepthSensorConfig(MatcherFields, RenderFields):
     """Everything about a sensor; change any field before making the sensor. model: a camera's name, or the path of a
-    TOML file like those of camera/data. Raises ValueError for an unknown model, AttributeError for a field that there
-    is not."""
+    TOML file like those of camera/data. Raises ValueError for an unknown model and for a field that is set to what it
+    cannot be, AttributeError for a field that there is not."""
 
     SUPPORTED_MODELS = tuple(camera_titles())
     _FIELDS: tuple[str, ...] = ()  # all names, once a first one has been made
+    _calibrated: Calibrated  # of the camera's data, or of scaled()
 
     def __init__(self, model: str = "D435") -> None:
         camera = read_camera(model)
@@ -228,6 +230,18 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
             name: figure.value for name, figure in camera.figures["optics"].items()
         } or None
         self.rgb_film: dict[str, Any] | None = None
+        self._keep_calibration()
+
+    def _keep_calibration(self) -> None:
+        kept = {}
+        for camera in ("rgb", "ir"):
+            k = getattr(self, f"{camera}_intrinsic")
+            kept[camera] = (tuple(getattr(self, f"{camera}_resolution")), k, np.array(k))
+        object.__setattr__(self, "_calibrated", kept)
+
+    def check(self) -> None:
+        """ValueError where fields do not go together: a camera's matrix is of another resolution. Sensors ask it."""
+        check_together({name: getattr(self, name) for name in self._FIELDS}, self._calibrated)
 
     if not TYPE_CHECKING:  # our own code uses our own names
 
@@ -243,6 +257,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
             close = get_close_matches(name, self._FIELDS, 1)
             hint = f"; did you mean '{close[0]}'?" if close else ""
             raise AttributeError(f"a sensor's configuration has no field '{name}'{hint}")
+        check_field(name, value)
         object.__setattr__(self, name, value)
 
     @classmethod
@@ -303,6 +318,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         if isinstance(out.ir_signal, dict) and "speckle_psf_sigma_px" in out.ir_signal:
             grain_px = factor * out.ir_signal["speckle_psf_sigma_px"]
             out.ir_signal["speckle_psf_sigma_px"] = grain_px if grain_px >= 0.1 else 0.0  # less is a pixel's own
+        self.check()
         for camera in ("rgb", "ir"):
             old = np.array(getattr(self, f"{camera}_resolution"))
             new = np.maximum(np.rint(old * factor).astype(int), 1)
@@ -325,6 +341,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
                 setattr(out, f"{camera}_film", {n: v * ratio[0] if n.endswith("_px") else v for n, v in film.items()})
             lines = 0 if "columns" in getattr(self, f"{camera}_readout") else 1
             setattr(out, f"{camera}_line_time_s", getattr(self, f"{camera}_line_time_s") / ratio[lines])
+        out._keep_calibration()
         return out
 
     def pattern(self) -> tuple[np.ndarray, np.ndarray] | None:
@@ -350,4 +367,4 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         return _k(focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
 
 
-StereoDepthSensorConfig._FIELDS = tuple(vars(StereoDepthSensorConfig()))
+StereoDepthSensorConfig._FIELDS = tuple(name for name in vars(StereoDepthSensorConfig()) if name != "_calibrated")

@@ -24,8 +24,10 @@ from numpy.typing import NDArray
 import kuafu
 import simsense
 from activestereo.camera.auto_exposure import AutoExposure, encoded_rgb
+from activestereo.camera.config_limits import FRAME, RENDER_SEED
 from activestereo.camera.matching import Taken, make_engine, renderer_parameters
 from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.limits import POWER
 from activestereo.common.pose import Pose, PoseLike, as_matrix, camera_to_world
 from activestereo.common.pose_arrays import PosesLike, host_array, pose_fault, pose_matrices
 from activestereo.model import SensorModel, read_model
@@ -99,6 +101,7 @@ class StereoDepthSensorBatch:
         results: PartOfResults | None = None,
     ) -> None:
         self._config = deepcopy(config)
+        self._config.check()
         self._mounts, self._scene = mounts, mounts.scene
         self._exposure = AutoExposure(self._config)
         if self._exposure.mode == "converging":
@@ -285,8 +288,10 @@ class StereoDepthSensorBatch:
         first = (environment - self._numbers.start) * sensors
         own = slice(first, first + sensors)
         for name, values in (("laser_power", laser_power), ("exposure", exposure)):
-            if np.shape(values) != (sensors,) or not (np.isfinite(values).all() and np.min(values) >= 0.0):
+            if np.shape(values) != (sensors,):
                 raise ValueError(f"{name} of environment {environment} is {sensors} numbers from 0 on, not {values}")
+            for value in np.asarray(values).tolist():
+                POWER.check(f"{name} of environment {environment}", value)
         turned = np.broadcast_to(np.eye(4), (sensors, 4, 4)).copy()
         if np.shape(right_turn) != (sensors, 3, 3):
             raise ValueError(f"right_turn of environment {environment}: [{sensors}, 3, 3], not {np.shape(right_turn)}")
@@ -298,11 +303,12 @@ class StereoDepthSensorBatch:
 
     def count_to(self, frame: int) -> None:
         """The next picture has the number after this one: as where pictures were taken elsewhere that failed here."""
-        self._frame = frame
+        self._frame = int(FRAME.check("a picture's number", frame))
 
     def restart(self, seed: int) -> None:
         """The next picture is frame 0 under this seed, of the render and of the noise: from here on all is as it was
         after the same restart."""
+        seed = int(RENDER_SEED.check("the seed", seed))
         self._config.render_seed = self._config.noise_seed = seed
         self._engine.set_parameters(noise_seed=seed)
         self._frame, self._speckle_draw, self._has_picture = -1, -1, False

@@ -19,9 +19,11 @@ from numpy.typing import ArrayLike, NDArray
 import kuafu
 import simsense
 from activestereo.camera.auto_exposure import AutoExposure, encoded_rgb
+from activestereo.camera.config_limits import checked_twist
 from activestereo.camera.matching import Taken, engine_parameters, linear_counts, make_engine, renderer_parameters
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.lens import pixel_rays
+from activestereo.common.limits import TEMPERATURE, TIME
 from activestereo.common.pose import Pose, as_matrix, camera_to_world
 from activestereo.common.progress_bar import Progress, part_of
 from activestereo.effects.core.engine import EngineInputs, apply_engine, moved_pose
@@ -72,6 +74,7 @@ class StereoDepthSensor:
         model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False,
     ) -> None:  # fmt: skip
         self._config = deepcopy(config)
+        self._config.check()
         self._mount = as_mount(scene_or_mount, device)
         self._rig = RigPlace(self._mount, Pose() if pose is None else pose)
         self._twist = np.zeros(6)
@@ -234,9 +237,7 @@ class StereoDepthSensor:
         infrared camera's own frame (x right, y down, z forward): pose(t) = pose exp(t [linear, angular]), as
         camera_velocity of captures; zeros = it stands still. It moves nothing from one picture to the next:
         set_local_pose() does, and is the pose in the middle of the exposure."""
-        if not all(np.shape(part) == (3,) and np.isfinite(part).all() for part in (linear, angular)):
-            raise ValueError(f"a velocity is 3 finite numbers in m/s and 3 in rad/s, not {linear!r} and {angular!r}")
-        self._twist = np.concatenate([linear, angular]).astype(np.float64)
+        self._twist = checked_twist(linear, angular)
         self._move()
 
     def get_velocity(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -246,6 +247,9 @@ class StereoDepthSensor:
     def set_conditions(self, temperature_c: float | None = None, time_s: float = 0.0) -> None:
         """What a model's effects may depend on: the sensor's temperature (None: that of its signal) and the seconds
         since it was switched on."""
+        if temperature_c is not None:
+            TEMPERATURE.check("temperature_c", temperature_c)
+        TIME.check("time_s", time_s)
         self._match_rest()
         self._conditions = (None if temperature_c is None else float(temperature_c), float(time_s))
         self._inputs = None

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Presets keep SAPIEN's names, and those called after it its values."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -113,3 +115,64 @@ def test_a_misspelt_field_is_refused():
         config.scaled(0.5).zzz = 1
     config.max_disp = 64
     assert config.scaled(1).max_disp == 64
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("denoise", "off", "known: none, atrous, oidn"),
+        ("emitter", "blinking", "known: on, off, alternating"),
+        ("ir_camera_exposure", 1e9, "1e-09 to 100 s"),
+        ("max_disp", float("nan"), "expected a whole number"),
+        ("median_filter_size", 4, "expected 1, 3, 5 or 7"),
+        ("samples_per_pixel", 0, "expected 1..4294967295"),
+        ("ir_ambient_scale", float("inf"), "expected a finite number"),
+        ("min_depth", 1e300, "1e+30 m"),
+        ("render_seed", 2**64, "0 to 4294967295"),
+        ("ir_resolution", (0, 480), "1 to 65535 px"),
+        ("ir_intrinsic", np.diag([1e300, 1e300, 1.0]), "fx is 1e+300, expected 0.001 to 1e+06 px"),
+        ("ir_distortion", (0.0, 1e9, 0.0, 0.0, 0.0), r"\[1\] is 1e\+09"),
+        ("depth_dilation", "yes", "True or False"),
+        ("faults", ("none such",), "known: rectified_shrunk"),
+    ],
+)
+def test_a_field_refuses_what_it_cannot_be_when_it_is_set(name, value, words):
+    config = StereoDepthSensorConfig()
+    before = getattr(config, name)
+    with pytest.raises(ValueError, match=words if "\\" in words else re.escape(words)):
+        setattr(config, name, value)
+    assert getattr(config, name) is before
+
+
+def test_every_number_of_a_configuration_has_a_finite_range():
+    config = StereoDepthSensorConfig()
+    numbers = {n: v for n in config._FIELDS if isinstance(v := getattr(config, n), (int, float)) and not isinstance(v, bool)}
+    assert len(numbers) > 40
+    for name in numbers:
+        for value in (1e300, -1e300, float("nan"), 10**400):
+            with pytest.raises(ValueError, match=name):
+                setattr(config, name, value)
+
+
+def test_a_matrix_of_another_resolution_is_refused_with_what_to_do():
+    with pytest.raises(ValueError, match=r"ir_resolution is 640x480, but ir_intrinsic is still 848x480's: take config.scaled"):
+        changed(ir_resolution=(640, 480)).check()
+    with pytest.raises(ValueError, match=r"rgb_resolution is 640x360, but rgb_intrinsic"):
+        changed(rgb_resolution=(640, 360)).check()
+    half = StereoDepthSensorConfig().scaled(0.5)
+    half.check()
+    half.ir_resolution = (848, 480)
+    with pytest.raises(ValueError, match="still 424x240's"):
+        half.scaled(2.0)
+    k = np.array([[912.0, 0.0, 639.5], [0.0, 912.0, 359.5], [0.0, 0.0, 1.0]])
+    changed(ir_resolution=(1280, 720), ir_intrinsic=k).check()
+    changed(ir_intrinsic=k, ir_resolution=(1280, 720)).check()
+    with pytest.raises(ValueError, match=r"ir_intrinsic has its principal point at \(639.5, 359.5\).*set ir_intrinsic"):
+        changed(ir_intrinsic=k).check()
+
+
+def changed(**fields):
+    config = StereoDepthSensorConfig()
+    for name, value in fields.items():
+        setattr(config, name, value)
+    return config

@@ -53,8 +53,9 @@ def test_a_configuration_has_the_defaults_but_for_those_of_sapien() -> None:
     assert set(SAPIEN_NAMES) <= set(vars(config)) and not set(SAPIEN_NAMES.values()) & set(vars(config))
     for own, sapien in SAPIEN_NAMES.items():
         assert getattr(config, sapien) == getattr(config, own)
-        setattr(config, sapien, 7)
-        assert getattr(config, own) == 7
+        value = 70 if own == "max_disparity" else 7
+        setattr(config, sapien, value)
+        assert getattr(config, own) == value
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -111,7 +111,7 @@ def test_lamps_go_and_what_is_wrong_is_told(config, tmp_path):
     assert scene.summary.light_count == before - 2 * ENVIRONMENTS
     with pytest.raises(ValueError, match=r"environments are 0 to 2, not \[3\]"):
         world.worlds.draw([3])
-    with pytest.raises(ValueError, match="exposure of environment 0 is 1 numbers from 0 on"):
+    with pytest.raises(ValueError, match="exposure of environment 0 is nan, expected a finite number, 0 to 1e"):
         world.batch.vary(0, np.ones(1), np.array([np.nan]), np.eye(3)[None])
     with pytest.raises(ValueError, match="right_turn of environment 0 is no rotation"):
         world.batch.vary(0, np.ones(1), np.ones(1), np.zeros((1, 3, 3)))

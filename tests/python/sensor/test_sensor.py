@@ -351,3 +351,30 @@ def test_a_sensor_that_cannot_be_made_leaves_nothing_in_the_scene(kind, monkeypa
         else:
             StereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None]))
     assert (scene.summary.texture_count, scene.summary.light_count) == (0, 0)
+
+
+def test_setters_refuse_what_nothing_can_have(table):
+    for linear in ((1e300, 0, 0), (0, np.nan, 0), (0, 0)):
+        with pytest.raises(ValueError, match="velocity"):
+            table.set_velocity(linear)
+    with pytest.raises(ValueError, match="angular velocity .1. is 1e\\+09, expected -1000 to 1000 rad/s"):
+        table.set_velocity((0, 0, 0), (0, 1e9, 0))
+    with pytest.raises(ValueError, match="temperature_c is -300, expected -273.15 to 1000"):
+        table.set_conditions(-300.0)
+    with pytest.raises(ValueError, match="time_s"):
+        table.set_conditions(20.0, np.inf)
+    with pytest.raises(ValueError, match="ir_speckle_noise is nan"):
+        table.set_ir_noise(np.nan, 1.0)
+
+
+def test_a_batch_refuses_what_no_picture_has():
+    config = StereoDepthSensorConfig("D435").scaled(0.08)
+    with StereoDepthSensorBatch(config, Mounts(wall_scene(1.0), np.eye(4)[None])) as batch:
+        for seed in (np.nan, 2**64, 2**32, -1, "x", 1.5):
+            with pytest.raises(ValueError, match="the seed is .*expected .*0 to 4294967295"):
+                batch.restart(seed)
+        for frame in ("x", np.nan, 2**32, -2):
+            with pytest.raises(ValueError, match="a picture's number is .*expected .*-1 to 4294967294"):
+                batch.count_to(frame)
+        batch.restart(2**32 - 1)
+        batch.take_picture(infrared_only=True)

@@ -224,7 +224,7 @@ def native_config(config: Any) -> NativeConfig:
         if hasattr(config, given):
             value = getattr(config, given)
             is_pose = hasattr(value, "to_transformation_matrix")
-            setattr(out, name, Pose(as_matrix(value)) if is_pose else deepcopy(value))
+            setattr(out, name, Pose(as_matrix(value)) if is_pose else deepcopy(_own_value(name, value)))
     for name in ("rgb_intrinsic", "ir_intrinsic", "ir_intrinsic_right"):
         if getattr(out, name) is not None:
             k = np.array(getattr(out, name), np.float64)
@@ -232,8 +232,6 @@ def native_config(config: Any) -> NativeConfig:
             setattr(out, name, k)
     if isinstance(out.light_pattern, (str, PathLike)) and out.light_pattern != "generated":
         setattr(out, "light_pattern", _red_of(out.light_pattern))  # noqa: B010 (the field takes either)
-    for name in ("uniqueness_ratio", "lr_max_diff"):
-        setattr(out, name, _own_value(name, getattr(out, name)))
     return out
 
 

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the fields of a sensor's configuration may be: checked when one is set, and together when a sensor is made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import inf
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from activestereo.common.limits import (
+    ANY,
+    DISTORTION,
+    EXPOSURE,
+    FOCAL,
+    GAIN,
+    LENGTH,
+    LINE_TIME,
+    PIXEL,
+    POWER,
+    SIDE,
+    SPEED,
+    TURN_RATE,
+    Limits,
+)
+from activestereo.common.matcher_table import MATCHER, RIG
+from activestereo.common.parameter import Parameter
+from activestereo.common.render_table import RENDER, RENDERER
+
+# {camera: (resolution, its matrix, a copy of that)}: what belongs together.
+Calibrated: TypeAlias = "Mapping[str, tuple[tuple[int, int], NDArray[np.float64], NDArray[np.float64]]]"
+_TABLE = {p.name: p for p in (*MATCHER, *RIG, *RENDERER, *RENDER)}
+# Where infinity says that there is no limit.
+_ENDLESS = ("max_depth_m",)
+_SHARE = Limits(0.0, 1.0)
+_COUNTS = Limits(-65535.0, 65535.0, "DN")
+_LASER = Limits(0.0, 1e6, "mW")
+_SEED = Limits(0, 2**64 - 1, whole=True)
+# The upper half of a picture's seed; its number is the lower one.
+RENDER_SEED = Limits(0, 2**32 - 1, whole=True)
+FRAME = Limits(-1, 2**32 - 2, whole=True)
+_NUMBERS = {
+    "active_light_fov": Limits(1e-3, 3.14, "rad"),
+    "light_dot_background": _SHARE,
+    "light_pattern_scale": Limits(1e-3, 1e3),
+    "projector_intensity": Limits(0.0, 1e6, "W/sr"),
+    "laser_power_mw": _LASER,
+    "laser_power_nominal_mw": Limits(1e-3, 1e6, "mW"),
+    "projector_beam_radius_m": Limits(0.0, 0.1, "m"),
+    "projector_falloff": Limits(0.0, 64.0),
+    "ir_camera_exposure": EXPOSURE,
+    "ir_camera_gain": GAIN,
+    "ir_exposure_target_dn": Limits(0.0, 65535.0, "DN"),
+    "ir_responsivity_dn": Limits(1e-6, 1e12, "DN per W s / (sr m^2)"),
+    "rgb_exposure": Limits(0.0, 1e12),
+    "rgb_exposure_s": Limits(0.0, 100.0, "s"),
+    "ir_line_time_s": LINE_TIME,
+    "rgb_line_time_s": LINE_TIME,
+    "ir_black_level_dn": _COUNTS,
+    "ir_speckle_noise": POWER,
+    "ir_thermal_noise": POWER,
+    "noise_seed": _SEED,
+    "render_seed": RENDER_SEED,
+}
+_LISTS = {
+    "rgb_resolution": [SIDE] * 2,
+    "ir_resolution": [SIDE] * 2,
+    "ir_distortion": [DISTORTION] * 5,
+    "ir_distortion_right": [DISTORTION] * 5,
+    "rgb_distortion": [DISTORTION] * 5,
+    "laser_power_limits_mw": [_LASER] * 3,
+    "ir_exposure_limits_s": [EXPOSURE] * 2,
+    "ir_gain_limits": [GAIN] * 2,
+    "ir_exposure_region": [Limits(0, 65535, "px", whole=True)] * 4,
+}
+_POSES = ("trans_pose_l", "trans_pose_r", "pose_rgb_irproj")
+_MATRICES = ("rgb_intrinsic", "ir_intrinsic", "ir_intrinsic_right", "pattern_intrinsic")
+_READOUTS = ("rows_down", "rows_up", "columns_right", "columns_left")
+_CHOICES: dict[str, tuple[str, ...]] = {
+    "emitter": ("on", "off", "alternating"),
+    "ir_exposure_mode": ("fixed", "converging", "settled"),
+    "ir_readout": _READOUTS,
+    "rgb_readout": _READOUTS,
+}
+_MAY_BE_NONE = ("rgb_exposure", "ir_exposure_region", "ir_distortion_right", "ir_intrinsic_right", "pattern_intrinsic")
+
+
+def check_field(name: str, value: Any) -> None:
+    """ValueError says what is wrong with a field's value, and what it may be."""
+    fault = None
+    if value is None and name in _MAY_BE_NONE:
+        return
+    if name in _TABLE:
+        fault = _parameter_fault(_TABLE[name], value)
+    elif name in _NUMBERS:
+        fault = _NUMBERS[name].fault(value)
+    elif name in _LISTS:
+        fault = _list_fault(value, _LISTS[name])
+    elif name in _MATRICES:
+        fault = _matrix_fault(value)
+    elif name in _POSES:
+        fault = _list_fault(value.p.tolist(), [LENGTH] * 3)
+    elif name in _CHOICES and value not in _CHOICES[name]:
+        fault = f"is {value!r} (known: {', '.join(_CHOICES[name])})"
+    if fault is not None:
+        raise ValueError(f"{name} {fault}")
+
+
+def _parameter_fault(p: Parameter, value: Any) -> str | None:
+    known = f"(known: {', '.join(p.choices)})"
+    if value is None and p.default is None:
+        return None
+    if p.kind is tuple:
+        named = value if isinstance(value, (tuple, list)) else (value,)
+        return next((f"has {one!r} {known}" for one in named if one not in p.choices), None)
+    if p.choices:
+        return None if value in p.choices else f"is {value!r} {known}"
+    if p.kind is bool:
+        return None if value in (True, False) else f"is {value!r}, expected True or False"
+    if p.kind is str or (p.name in _ENDLESS and value == inf):
+        return None
+    low, high = p.range or (ANY.low, ANY.high)
+    whole = p.kind is int
+    limits = Limits(-(2**53) if whole else max(low, ANY.low), 2**53 if whole else min(high, ANY.high), p.unit, whole)
+    fault = limits.fault(value)
+    if fault is None and not p.takes(value):
+        fault = f"is {value}, expected {p.possible} {p.unit}".rstrip()
+    return fault
+
+
+def _list_fault(values: Any, limits: Sequence[Limits]) -> str | None:
+    if isinstance(values, str) or np.shape(values) != (len(limits),):
+        return f"is {values!r}, expected {len(limits)} numbers"
+    faults = [f"[{i}] {fault}" for i, value in enumerate(values) if (fault := limits[i].fault(value)) is not None]
+    return faults[0] if faults else None
+
+
+def _matrix_fault(value: Any) -> str | None:
+    try:
+        k = np.asarray(value, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        k = np.empty(0)
+    if k.shape != (3, 3):
+        return f"is {value!r}, expected a 3x3 camera matrix"
+    for name, limits, entry in (
+        ("fx", FOCAL, k[0, 0]), ("fy", FOCAL, k[1, 1]), ("skew", PIXEL, k[0, 1]), ("cx", PIXEL, k[0, 2]), ("cy", PIXEL, k[1, 2]),
+    ):  # fmt: skip
+        fault = limits.fault(float(entry))
+        if fault is not None:
+            return f"{name} {fault}"
+    if k[1, 0] != 0 or not np.array_equal(k[2], [0, 0, 1]):
+        return f"is {k.tolist()}, expected [fx s cx, 0 fy cy, 0 0 1]"
+    return None
+
+
+def check_together(fields: Mapping[str, Any], calibrated: Calibrated) -> None:
+    """ValueError where an array was filled with what a field may not be, or a camera's matrix is of another
+    resolution. calibrated: the resolutions and matrices that came together."""
+    for name, value in fields.items():
+        check_field(name, value)
+    for camera in ("rgb", "ir"):
+        width, height = fields[f"{camera}_resolution"]
+        remedy = f"take config.scaled(factor), or set {camera}_intrinsic to that of {width}x{height}"
+        size, k, as_it_was = calibrated[camera]
+        if (width, height) != size and k is fields[f"{camera}_intrinsic"] and np.array_equal(k, as_it_was):
+            raise ValueError(
+                f"{camera}_resolution is {width}x{height}, but {camera}_intrinsic is still {size[0]}x{size[1]}'s: {remedy}"
+            )
+        _check_middle(f"{camera}_intrinsic", fields[f"{camera}_intrinsic"], width, height, remedy)
+    if fields["ir_intrinsic_right"] is not None:
+        _check_middle("ir_intrinsic_right", fields["ir_intrinsic_right"], width, height, remedy)
+
+
+def _check_middle(name: str, k: NDArray[np.float64], width: int, height: int, remedy: str) -> None:
+    cx, cy = k[0, 2], k[1, 2]
+    if abs(cx - 0.5 * (width - 1)) > 0.25 * width or abs(cy - 0.5 * (height - 1)) > 0.25 * height:
+        raise ValueError(
+            f"{name} has its principal point at ({cx:g}, {cy:g}), expected within a quarter of {width}x{height} from "
+            f"the middle, as it is of another resolution: {remedy}"
+        )
+
+
+def checked_twist(linear: ArrayLike, angular: ArrayLike) -> NDArray[np.float64]:
+    """[6] of a linear and an angular velocity. ValueError where one is none that a sensor can have."""
+    for name, part, limits in (("linear", linear, SPEED), ("angular", angular, TURN_RATE)):
+        fault = _list_fault(np.asarray(part).tolist(), [limits] * 3)
+        if fault is not None:
+            raise ValueError(f"the {name} velocity {fault}")
+    return np.concatenate([linear, angular]).astype(np.float64)
