@@ -145,7 +145,8 @@ def _matrix_fault(value: Any) -> str | None:
     if k.shape != (3, 3):
         return f"is {value!r}, expected a 3x3 camera matrix"
     for name, limits, entry in (
-        ("fx", FOCAL, k[0, 0]), ("fy", FOCAL, k[1, 1]), ("skew", PIXEL, k[0, 1]), ("cx", PIXEL, k[0, 2]), ("cy", PIXEL, k[1, 2]),
+        ("fx", FOCAL, k[0, 0]), ("fy", FOCAL, k[1, 1]), ("skew", PIXEL, k[0, 1]),
+        ("cx", PIXEL, k[0, 2]), ("cy", PIXEL, k[1, 2]),
     ):  # fmt: skip
         fault = limits.fault(float(entry))
         if fault is not None:
@@ -165,9 +166,8 @@ def check_together(fields: Mapping[str, Any], calibrated: Calibrated) -> None:
         remedy = f"take config.scaled(factor), or set {camera}_intrinsic to that of {width}x{height}"
         size, k, as_it_was = calibrated[camera]
         if (width, height) != size and k is fields[f"{camera}_intrinsic"] and np.array_equal(k, as_it_was):
-            raise ValueError(
-                f"{camera}_resolution is {width}x{height}, but {camera}_intrinsic is still {size[0]}x{size[1]}'s: {remedy}"
-            )
+            still = f"{camera}_intrinsic is still {size[0]}x{size[1]}'s"
+            raise ValueError(f"{camera}_resolution is {width}x{height}, but {still}: {remedy}")
         _check_middle(f"{camera}_intrinsic", fields[f"{camera}_intrinsic"], width, height, remedy)
     if fields["ir_intrinsic_right"] is not None:
         _check_middle("ir_intrinsic_right", fields["ir_intrinsic_right"], width, height, remedy)

@@ -10,9 +10,9 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from activestereo.common.pose import rigid_fault
 from activestereo.common.limits import ANY, FOCAL, LENGTH, NUMBER, PIXEL, Limits
 from activestereo.common.own_files import own_file
+from activestereo.common.pose import rigid_fault
 
 # Row by row; what else they must be is told in their own words.
 _CAMERA_MATRIX = (PIXEL,) * 9

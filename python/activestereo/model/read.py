@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from activestereo.capture.capture_json import CaptureError, JsonObject
+from activestereo.common.limits import BITS, DISTORTION, EXPOSURE, FOCAL, GAIN, LINE_TIME, POWER, SIDE
 from activestereo.effects import builtin
 from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.surfaces import SURFACES
-from activestereo.common.limits import BITS, DISTORTION, EXPOSURE, FOCAL, GAIN, LINE_TIME, POWER, SIDE
 from activestereo.model.model import (
     MATERIAL_FIELDS,
     NOISE_TERMS,

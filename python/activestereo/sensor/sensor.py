@@ -302,8 +302,7 @@ class StereoDepthSensor:
     @cached_property
     def rgb_rays(self) -> NDArray[np.float64]:
         """[3, height, width]: where the middles of the RGB camera's pixels look in its axes, with z = 1."""
-        c = self._config
-        v, u = np.indices(c.rgb_resolution[::-1])
+        c, (v, u) = self._config, np.indices(self._config.rgb_resolution[::-1])
         return pixel_rays(u.ravel(), v.ravel(), c.rgb_intrinsic, c.rgb_distortion).reshape(3, *u.shape)
 
     def rgb_camera(self) -> kuafu.Camera:

@@ -146,7 +146,7 @@ def test_a_field_refuses_what_it_cannot_be_when_it_is_set(name, value, words):
 
 def test_every_number_of_a_configuration_has_a_finite_range():
     config = StereoDepthSensorConfig()
-    numbers = {n: v for n in config._FIELDS if isinstance(v := getattr(config, n), (int, float)) and not isinstance(v, bool)}
+    numbers = [name for name in config._FIELDS if type(getattr(config, name)) in (int, float)]
     assert len(numbers) > 40
     for name in numbers:
         for value in (1e300, -1e300, float("nan"), 10**400):
@@ -155,7 +155,7 @@ def test_every_number_of_a_configuration_has_a_finite_range():
 
 
 def test_a_matrix_of_another_resolution_is_refused_with_what_to_do():
-    with pytest.raises(ValueError, match=r"ir_resolution is 640x480, but ir_intrinsic is still 848x480's: take config.scaled"):
+    with pytest.raises(ValueError, match=r"640x480, but ir_intrinsic is still 848x480's: take config.scaled"):
         changed(ir_resolution=(640, 480)).check()
     with pytest.raises(ValueError, match=r"rgb_resolution is 640x360, but rgb_intrinsic"):
         changed(rgb_resolution=(640, 360)).check()
