@@ -75,6 +75,8 @@ def make_parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Exit status: 0 done, 1 the device or the program failed, 2 the input is wrong, 130 stopped from the keyboard."""
+    if sys.stdout is None or sys.stderr is None:
+        return 2 if sys.stderr is None else _fail("standard output is closed: send it to a file or to /dev/null", 2)
     try:
         args = _parsed(_glued(sys.argv[1:] if arguments is None else arguments))
         with outside_allowed() if args.allow_outside else nullcontext():

@@ -129,19 +129,26 @@ def _make_engine(args: argparse.Namespace, left: np.ndarray, right: np.ndarray) 
 
 
 def _write(args: argparse.Namespace, left: np.ndarray, right: np.ndarray, result: Mapping[str, np.ndarray]) -> None:
-    from activestereo.common.output_files import replace_file, write_depth_png, write_ply, write_png
+    from activestereo.common.output_files import (
+        replace_file,
+        write_depth_png,
+        write_ply,
+        write_png,
+        written_together,
+    )
     from activestereo.report.overview import colored, depth_span, matching_figure, write_figure
 
     depth, disparity = result["depth"], result["disparity"]
-    write_depth_png(args.out / "depth.png", depth)
-    replace_file(args.out / "depth.npy", lambda file: np.save(file, depth.astype(np.float32)))
-    replace_file(args.out / "disparity.npy", lambda file: np.save(file, np.maximum(disparity, 0.0).astype(np.float32)))
-    shown = np.where(disparity > 0, disparity, 0.0)
-    write_png(args.out / "disparity.png", colored(shown, depth_span(shown), "turbo"))
-    write_ply(args.out / "cloud.ply", result["points"][depth > 0])
-    write_maps(args.out, {name: result[name] for name in wanted_maps(args)})
-    title = f"Depth from {args.left.name} and {args.right.name}"
-    write_figure(args.out / "overview.png", matching_figure(title, left, right, disparity, depth))
+    with written_together(args.out) as out:
+        write_depth_png(out / "depth.png", depth)
+        replace_file(out / "depth.npy", lambda file: np.save(file, depth.astype(np.float32)))
+        replace_file(out / "disparity.npy", lambda file: np.save(file, np.maximum(disparity, 0.0).astype(np.float32)))
+        shown = np.where(disparity > 0, disparity, 0.0)
+        write_png(out / "disparity.png", colored(shown, depth_span(shown), "turbo"))
+        write_ply(out / "cloud.ply", result["points"][depth > 0])
+        write_maps(out, {name: result[name] for name in wanted_maps(args)})
+        title = f"Depth from {args.left.name} and {args.right.name}"
+        write_figure(out / "overview.png", matching_figure(title, left, right, disparity, depth))
 
 
 def _report(args: argparse.Namespace, engine: simsense.Engine, depth: np.ndarray) -> None:

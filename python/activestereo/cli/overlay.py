@@ -49,13 +49,15 @@ def add_parser(commands: Commands) -> None:
 
 def _run(args: argparse.Namespace) -> None:
     from activestereo.common.output_files import write_png
-    from activestereo.report.overlay import show_window
+    from activestereo.report.overlay import can_show_windows, show_window
 
     is_capture = (args.source / "capture.json").is_file() or args.source.name == "capture.json"
     if args.scene is None and not is_capture:
         raise CommandError("--scene is needed for files and a live camera")
     pictures = _of_capture(args) if is_capture else _of_files(args)
     if args.out is None:
+        if not can_show_windows():
+            raise CommandError("no window can be opened here: save the pictures by --out DIR")
         show_window(picture for _, picture in pictures)
         return
     if str(args.source) == "live":

@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files appear whole or not at all: each is written under a temporary name beside its place and then renamed."""
 
+import errno
 import os
+import shutil
+import tempfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 from PIL import Image
+
+_UNFINISHED = ".unfinished-"
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -31,11 +37,38 @@ def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
             write(file)
         os.replace(temporary, path)
     except OSError as error:
-        if error.errno is None:  # NumPy's
-            raise OSError(f"{path}: {error}") from error
+        if error.errno is None:  # NumPy's, which says how much it could not write
+            raise OSError(errno.ENOSPC, f"{os.strerror(errno.ENOSPC)}: {error}", str(path)) from error
         raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def left_over(folder: Path) -> Iterator[tuple[str, Path]]:
+    """(name, folder) of what written_together() could not remove, for its process was killed."""
+    for path in folder.glob(f"{_UNFINISHED}*"):
+        yield path.name.removeprefix(_UNFINISHED).rpartition("-")[0], path
+
+
+@contextmanager
+def written_together(folder: Path, name: str = "") -> Iterator[Path]:
+    """A folder for files that go with one another, by their places below `folder`. They move there when the block ends;
+    a block that fails, on a full disk perhaps, leaves none of them. OSError names a file by its place. name: what
+    left_over() tells the folder by that a killed process leaves."""
+    aside = Path(tempfile.mkdtemp(prefix=f"{_UNFINISHED}{name}-", dir=folder))
+    try:
+        yield aside
+        for path in sorted(path for path in aside.rglob("*") if path.is_file()):
+            place = folder / path.relative_to(aside)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            os.replace(path, place)
+    except OSError as error:
+        named = str(error.filename or "")
+        if not named.startswith(str(aside)):
+            raise
+        raise OSError(error.errno, error.strerror, str(folder / Path(named).relative_to(aside))) from error
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
 
 
 def write_png(path: str | Path, pixels: np.ndarray) -> None:

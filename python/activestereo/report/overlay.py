@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -20,6 +22,7 @@ _STEP = 0.02
 _LEAST_LIGHT = 0.3  # on a surface that is seen edge on
 _NOTHING_M = 1e3  # depth of what no surface covers
 _WINDOW = "activestereo overlay (q ends)"
+_WINDOW_SECONDS = 30.0
 
 
 class Overlay:
@@ -91,12 +94,18 @@ def contours(depth: NDArray, normal: NDArray, instance: NDArray) -> NDArray[np.b
     return cv2.dilate(out, np.ones((2, 2), np.uint8)) > 0
 
 
-def show_window(pictures: Iterable[NDArray[np.uint8]]) -> None:
-    """Each picture as it comes, until q. RuntimeError where OpenCV has no window to open."""
+def can_show_windows() -> bool:
+    """Whether OpenCV opens windows here. A process of its own tries: Qt aborts where there is no display."""
+    program = [sys.executable, "-c", "import cv2; cv2.namedWindow('')"]
     try:
-        cv2.namedWindow(_WINDOW, cv2.WINDOW_NORMAL)
-    except cv2.error as error:
-        raise RuntimeError("no window can be opened here: give --out, and pictures are saved") from error
+        return subprocess.run(program, capture_output=True, timeout=_WINDOW_SECONDS).returncode == 0
+    except subprocess.TimeoutExpired:
+        return False
+
+
+def show_window(pictures: Iterable[NDArray[np.uint8]]) -> None:
+    """Each picture as it comes, until q."""
+    cv2.namedWindow(_WINDOW, cv2.WINDOW_NORMAL)
     for picture in pictures:
         cv2.imshow(_WINDOW, picture[..., ::-1])
         if cv2.waitKey(1) & 0xFF == ord("q"):

@@ -89,7 +89,9 @@ def test_frames_are_the_same_by_any_way_of_making_them(things: tuple[Path, ...],
     assert read_all(tmp_path / "two") == whole
     (tmp_path / "one/train_pbr/000000/.frames/000001.json").unlink()
     (tmp_path / "one/train_pbr/000000/rgb/000001.png").write_bytes(b"half a pict")
-    (tmp_path / "one/train_pbr/000000/rgb/.000001.png.4194399").write_bytes(b"half a pict")
+    killed = tmp_path / "one/train_pbr/000000/.unfinished-1-k1ll3d"
+    killed.mkdir()
+    (killed / "000001.png").write_bytes(b"half a pict")
     assert main(["generate", *names, *options(tmp_path / "one", 3)]) == 0
     assert read_all(tmp_path / "one") == whole
 
@@ -100,8 +102,9 @@ def test_parts_are_the_whole(things: tuple[Path, ...], tmp_path: Path, capsys: p
     assert main(["generate", *names, *options(out, 3), "--part", "2/2"]) == 0
     assert "2 of other parts are not there yet" in capsys.readouterr().out
     assert not (out / "train_pbr/000000/scene_gt.json").exists()
-    other = out / "train_pbr/000000/rgb/.000000.png.77"  # of a machine that is at it
-    other.write_bytes(b"half a pict")
+    other = out / "train_pbr/000000/.unfinished-0-other"  # of a machine that is at it
+    other.mkdir()
+    (other / "000000.png").write_bytes(b"half a pict")
     assert main(["generate", *names, *options(out, 3), "--part", "2/2"]) == 0
     assert other.exists()
     assert main(["generate", *names, *options(out, 3), "--part", "1/2"]) == 0

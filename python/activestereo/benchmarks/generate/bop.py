@@ -13,6 +13,7 @@ frame with a record is whole.
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,14 @@ from numpy.typing import NDArray
 
 from activestereo.benchmarks.generate.studio import Found, Frame
 from activestereo.benchmarks.generate.things import Thing
-from activestereo.common.output_files import write_bytes, write_depth_png, write_png, write_text
+from activestereo.common.output_files import (
+    left_over,
+    write_bytes,
+    write_depth_png,
+    write_png,
+    write_text,
+    written_together,
+)
 
 SPLIT = "train_pbr"
 FRAMES_PER_SCENE = 1000
@@ -35,24 +43,32 @@ def is_done(out: Path, number: int) -> bool:
 
 def remove_left_over(out: Path, numbers: Collection[int]) -> None:
     """Temporary files of these frames, whose process ended before it renamed them."""
-    for path in (out / SPLIT).glob("*/*/.[0-9]*"):
-        if int(path.parts[-3]) * FRAMES_PER_SCENE + int(path.name[1:7]) in numbers:
-            path.unlink(missing_ok=True)
+    for folder in (out / SPLIT).glob("*"):
+        for name, path in left_over(folder):
+            if name.isdigit() and int(name) in numbers:
+                shutil.rmtree(path, ignore_errors=True)
+        for path in (folder / _RECORDS).glob(".[0-9]*"):
+            if int(folder.name) * FRAMES_PER_SCENE + int(path.name[1:7]) in numbers:
+                path.unlink(missing_ok=True)
 
 
 def write_frame(out: Path, frame: Frame) -> None:
-    """Pictures, then the record."""
+    """Pictures, then the record; none of them where one cannot be written."""
     folder, name = scene_folder(out, frame.number), f"{frame.number % FRAMES_PER_SCENE:06d}"
-    for kind in ("rgb", "depth", "ir_left", "ir_right", "depth_true", "mask", "mask_visib", _RECORDS):
+    kinds = ("rgb", "depth", "ir_left", "ir_right", "depth_true", "mask", "mask_visib")
+    for kind in (*kinds, _RECORDS):
         (folder / kind).mkdir(parents=True, exist_ok=True)
-    write_png(folder / "rgb" / f"{name}.png", frame.rgb)
-    write_png(folder / "ir_left" / f"{name}.png", frame.left)
-    write_png(folder / "ir_right" / f"{name}.png", frame.right)
-    write_depth_png(folder / "depth" / f"{name}.png", frame.depth)
-    write_depth_png(folder / "depth_true" / f"{name}.png", frame.true_depth)
-    for order, found in enumerate(frame.found):
-        for kind, mask in (("mask", found.mask), ("mask_visib", found.mask_visible)):
-            write_png(folder / kind / f"{name}_{order:06d}.png", np.where(mask, np.uint8(255), np.uint8(0)))
+    with written_together(folder, str(frame.number)) as aside:
+        for kind in kinds:
+            (aside / kind).mkdir()
+        write_png(aside / "rgb" / f"{name}.png", frame.rgb)
+        write_png(aside / "ir_left" / f"{name}.png", frame.left)
+        write_png(aside / "ir_right" / f"{name}.png", frame.right)
+        write_depth_png(aside / "depth" / f"{name}.png", frame.depth)
+        write_depth_png(aside / "depth_true" / f"{name}.png", frame.true_depth)
+        for order, found in enumerate(frame.found):
+            for kind, mask in (("mask", found.mask), ("mask_visib", found.mask_visible)):
+                write_png(aside / kind / f"{name}_{order:06d}.png", np.where(mask, np.uint8(255), np.uint8(0)))
     record = {
         "camera": {
             "cam_K": frame.k.ravel().tolist(),

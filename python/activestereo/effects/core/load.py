@@ -33,7 +33,7 @@ def _from_python(path: Path) -> list[Effect]:
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:  # anything may go wrong in a user's file; the message names the line
+    except (Exception, SystemExit) as error:  # anything may go wrong in a user's file; the message names the line
         line = getattr(error, "lineno", None) or _line_in(error, path)
         raise ValueError(f"{path}{f', line {line}' if line else ''}: {type(error).__name__}: {error}") from error
     return list({id(value): value for value in vars(module).values() if isinstance(value, Effect)}.values())

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How commands end where the world around them is not as they would have it."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from activestereo.capture.images import write_gray
+from activestereo.common.output_files import left_over, write_text, written_together
+from activestereo.effects.core.load import load_effects
+
+COMMAND = [sys.executable, "-m", "activestereo"]
+
+
+def test_an_effect_file_that_exits_is_an_error_with_its_line(tmp_path):
+    (tmp_path / "mine.py").write_text("import sys\nsys.exit(0)\n")
+    with pytest.raises(ValueError, match="mine.py, line 2: SystemExit: 0"):
+        load_effects(tmp_path / "mine.py")
+
+
+def test_a_closed_standard_output_is_said_before_any_work():
+    result = subprocess.run(
+        [*COMMAND, "presets"], stderr=subprocess.PIPE, text=True, preexec_fn=lambda: os.close(1), timeout=60
+    )
+    assert result.returncode == 2
+    assert result.stderr == "activestereo: standard output is closed: send it to a file or to /dev/null\n"
+
+
+def test_overlay_without_a_display_says_what_to_do(tmp_path):
+    write_gray(tmp_path / "a.png", np.zeros((8, 8), np.uint8))
+    environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    result = subprocess.run(
+        [*COMMAND, "overlay", tmp_path / "a.png", "--scene", tmp_path / "none.gltf"],
+        capture_output=True, text=True, timeout=120, env=environment,
+    )  # fmt: skip
+    assert result.returncode == 2 and "--out DIR" in result.stderr
+
+
+def test_files_that_go_together_appear_together_or_not_at_all(tmp_path):
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there/a.txt").write_text("before")
+    with pytest.raises(OSError) as caught, written_together(tmp_path) as aside:
+        (aside / "there").mkdir()
+        write_text(aside / "there/a.txt", "after")
+        raise OSError(28, "No space left on device", str(aside / "there/b.txt"))
+    assert caught.value.filename == str(tmp_path / "there/b.txt")
+    assert [p.name for p in tmp_path.rglob("*")] == ["there", "a.txt"]
+    assert (tmp_path / "there/a.txt").read_text() == "before"
+    with written_together(tmp_path, "7") as aside:
+        (aside / "there").mkdir()
+        write_text(aside / "there/a.txt", "after")
+        assert [name for name, _ in left_over(tmp_path)] == ["7"]
+    assert (tmp_path / "there/a.txt").read_text() == "after" and not list(left_over(tmp_path))
+
+
+def test_depth_on_a_full_disk_leaves_no_file(tmp_path):
+    """A file-size limit stands for the disk: the larger files do not fit."""
+    rng = np.random.default_rng(0)
+    right = rng.integers(0, 255, (64, 160), np.uint8)
+    write_gray(tmp_path / "right.png", right)
+    write_gray(tmp_path / "left.png", np.roll(right, 8, axis=1))
+    out = tmp_path / "out"
+    limited = (
+        "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000));"
+        "from activestereo.cli import main; sys.exit(main(sys.argv[1:]))"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", limited, "depth", tmp_path / "left.png", tmp_path / "right.png", "--k", "100,100,80,32",
+         "--baseline", "0.05", "--max-disparity", "32", "--out", out],
+        capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert result.returncode == 2 and str(out / "depth.npy") in result.stderr, result.stderr
+    assert not list(out.iterdir())
