@@ -160,6 +160,7 @@ class JsonObject:
         fault = rigid_fault(pose)
         if fault is not None:
             self.fail(key, fault)
+        pose[3] = (0.0, 0.0, 0.0, 1.0)  # the renderer allows no rounding there
         return pose
 
     def _within(self, key: str, value: Any, limits: Limits) -> Any:

@@ -118,6 +118,11 @@ def test_files_stay_in_the_folder_unless_the_user_says_otherwise(folder, where, 
             read_capture(folder)
 
 
+def test_rounding_of_a_poses_last_row_is_taken_away(folder):
+    edit(folder, lambda root: root["frames"][0]["camera_to_world"].__setitem__(14, 1e-10))
+    assert read_capture(folder).frames[0].camera_to_world[3].tolist() == [0.0, 0.0, 0.0, 1.0]
+
+
 def test_every_number_has_a_finite_range(folder):
     edit(
         folder,
