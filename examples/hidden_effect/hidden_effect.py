@@ -22,7 +22,7 @@ from activestereo.report.diagnosis_text import parameter_text
 from activestereo.common.output_files import replace_file
 from activestereo.common.progress_bar import ProgressBar
 
-HIDE = Path(__file__).resolve().parents[2] / "tests" / "bank" / "hide.py"
+HIDE = Path(__file__).resolve().parents[2] / "tests" / "benchmark_suite" / "hide.py"
 INK, WARM, COOL = "#1f2933", "#c53030", "#2f855a"
 
 

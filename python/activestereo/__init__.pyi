@@ -14,7 +14,7 @@ from activestereo.scene_io.scene_files import load_scene_file as load_scene_file
 from activestereo.sensor.batch import Mounts as Mounts
 from activestereo.sensor.batch import StereoDepthSensorBatch as StereoDepthSensorBatch
 from activestereo.sensor.mount import Mount as Mount
-from activestereo.sensor.pipelined import LateStereoDepthSensor as LateStereoDepthSensor
-from activestereo.sensor.pipelined_batch import LateStereoDepthSensorBatch as LateStereoDepthSensorBatch
+from activestereo.sensor.pipelined import PipelinedStereoDepthSensor as PipelinedStereoDepthSensor
+from activestereo.sensor.pipelined_batch import PipelinedStereoDepthSensorBatch as PipelinedStereoDepthSensorBatch
 from activestereo.sensor.sensor import StereoDepthSensor as StereoDepthSensor
 from activestereo.sensor.split_batch import SplitStereoDepthSensorBatch as SplitStereoDepthSensorBatch

@@ -13,7 +13,7 @@ PROPERTIES = {"property", "cached_property"}
 WORK = {
     "render", "submit", "expected", "lights", "rendering", "take_picture", "compute", "compute_depth",
     "open", "read_text", "read_bytes", "read_json", "load", "loadtxt", "imread", "run", "Popen",
-    "wait", "join", "sleep", "acquire", "result",
+    "wait", "join", "sleep", "calibrate", "result",
 }  # fmt: skip
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well `acquire materials` finds paints, and whether its intervals hold the truth: things rendered by kuafu.
+"""How well `calibrate materials` finds paints, and whether its intervals hold the truth: things rendered by kuafu.
 
     PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_materials.py [--only ball-metal box-gloss ...]
 
@@ -22,7 +22,7 @@ from typing import Any
 from material_worlds import COLOR, record
 
 from activestereo.calibrate.material_fit import PARAMETERS
-from activestereo.calibrate.materials import acquire_materials
+from activestereo.calibrate.materials import calibrate_materials
 
 # roughness, metallic, specular, transmission, ir_albedo
 PAINTS = {
@@ -41,7 +41,7 @@ def measured(name: str, spp: int, poses: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         path = record(Path(folder) / "world", PAINTS[paint], samples=spp, poses=poses, shape=shape, nominal_color=known)
         begin, cpu = time.monotonic(), time.process_time()
-        found = acquire_materials(path, shape)
+        found = calibrate_materials(path, shape)
         out: dict[str, Any] = {"name": name, "s": time.monotonic() - begin, "cpu_s": time.process_time() - cpu}
     (fields,) = found.found.values()
     out["loss"] = found.loss[1]

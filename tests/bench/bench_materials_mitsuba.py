@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`acquire materials` on things that another renderer, Mitsuba 3, made of its own materials: how far an unseen view is
-then from Mitsuba's, and how much of it the depth engine fills.
+"""`calibrate materials` on things that another renderer, Mitsuba 3, made of its own materials: how far an unseen view
+is then from Mitsuba's, and how much of it the depth engine fills.
 
     pip install mitsuba     # 3.9 was tried
     PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_materials_mitsuba.py [--only ball-plastic ...]
@@ -35,7 +35,7 @@ import kuafu
 import simsense
 from activestereo.calibrate.material_fit import MaterialFit, light_intensities
 from activestereo.calibrate.material_views import MaterialScene, Picture
-from activestereo.calibrate.materials import acquire_materials
+from activestereo.calibrate.materials import calibrate_materials
 from activestereo.capture.capture import read_capture
 from activestereo.benchmarks.sim_to_real.mitsuba_scene import grey, mitsuba
 
@@ -122,7 +122,7 @@ def measured(name: str, spp: int, unseen_spp: int, bounces: int) -> str:
         nominal_color = (1.0, 1.0, 1.0)
         path = record(Path(folder) / "world", NOMINAL, shape=shape, nominal_color=nominal_color, see=world.see)
         begin = time.process_time()
-        found = acquire_materials(path, shape)
+        found = calibrate_materials(path, shape)
         cpu = time.process_time() - begin
         ours = Rendered(path, shape, found, spp, bounces)
     left_pose = eye_pose(UNSEEN)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often `acquire pose` finds a part: starts 2 cm and 5 degrees off in random directions, in rendered rooms.
+"""How often `calibrate pose` finds a part: starts 2 cm and 5 degrees off in random directions, in rendered rooms.
 
     PYTHONPATH=build/python python3 tests/bench/bench_pose.py [--starts 40] [--parts matt glossy ...] [--workers N]
 

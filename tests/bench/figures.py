@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page examples/guide/figures.md: the main figures, taken from the results of the benchmarks and the bank."""
+"""The page examples/guide/figures.md: the main figures, taken from the results of the benchmarks and the benchmark
+suite."""
 
 import json
 from pathlib import Path
@@ -8,7 +9,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "examples/guide/figures.md"
 TEMPLATE = """# How good it is
 
-The values come from the data of the [benchmarks](../../tests/bench/README.md) and of [the bank](../../tests/benchmark_suite/README.md),
+The values come from the data of the [benchmarks](../../tests/bench/README.md) and of [the benchmark suite](../../tests/benchmark_suite/README.md),
 where all others stand with their machine and date.
 
 |measured|value|measure again by|
@@ -19,8 +20,8 @@ where all others stand with their machine and date.
 |the same on an NVIDIA H200|{matcher_vulkan.0:D 128:0} ms, in batches of 32 {matcher_vulkan.0:D 128, 32 pairs:0} ms|`bench_matcher_vulkan`|
 |infrared image 960x540 of metal and glass, path depth 8, 8 samples, H200|{render.0:8 samples:0} ms|`bench_render`|
 |the whole sensor at 848x480, 2 samples, H200|{sensor.1:2 samples, infrared and depth:0} ms|`bench_sensor.py`|
-|walls rendered again through an acquired pattern: error over the noise|{acquire.0:848x480, wall at 1.0 m:2} at 1 m, {acquire.0:1.7 m:2} at 1.7 m|`bench_acquire.py wall`|
-|hidden effects named first, where detectable|{bank} of worlds that nobody had looked at|`run_bank.py`|
+|walls rendered again through a measured pattern: error over the noise|{calibrate.0:848x480, wall at 1.0 m:2} at 1 m, {calibrate.0:1.7 m:2} at 1.7 m|`bench_calibrate.py wall`|
+|hidden effects named first, where detectable|{bank} of worlds that nobody had looked at|`run_suite.py`|
 
 The tests compare the renderer with physical laws: the inverse square law, conservation of energy (a white furnace),
 reciprocity, Fresnel's and Snell's laws in glass, Beer's and Lambert's law in fog, closed forms of shutters and lenses,

@@ -21,7 +21,7 @@ CHAPTERS = {
     "Rendering": ("first_image", "render", "cpu", "mitsuba", "denoise", "noise", "scenes", "cancel", "load"),
     "Matching": ("matcher", "matcher_vulkan", "memory", "depth", "accuracy", "pairs"),
     "Sensor": ("sensor", "split", "model_sensor", "camera"),
-    "Calibration": ("acquire", "pose", "materials"),
+    "Calibration": ("calibrate", "pose", "materials"),
 }
 HEAD = """# Benchmarks
 

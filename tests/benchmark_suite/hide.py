@@ -10,17 +10,17 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from bank_sets import STRONG, Item  # noqa: E402
+from suite_sets import STRONG, Item  # noqa: E402
 from make_world import make_world  # noqa: E402
 from worlds.blind.catalogue import SINGLE  # noqa: E402
 
-# Seeds of the bank's own worlds lie below.
+# Seeds of the suite's own worlds lie below.
 _FIRST_SEED = 900_000
 _OTHER_SCENE = 50_000
 
 
 class Secret(Item):
-    """A world outside the bank: any effect, strong."""
+    """A world outside the benchmark suite: any effect, strong."""
 
     @property
     def seed(self):

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the bank's README.md from results/*.json.
+"""Writes the benchmark suite's README.md from results/*.json.
 
     python3 tests/benchmark_suite/make_page.py            # writes it
     python3 tests/benchmark_suite/make_page.py --check    # fails where it is not what the results say
@@ -14,24 +14,24 @@ import json
 import sys
 from pathlib import Path
 
-from bank_bars import BARS
+from suite_bars import BARS
 
 FOLDER = Path(__file__).resolve().parent
 RESULTS = FOLDER / "results"
-HEAD = """# The blind bank
+HEAD = """# The benchmark suite
 
 Does `activestereo diagnose` find an effect that it does not know? An independent virtual sensor
 (`tests/support/worlds/blind`) makes small captures (212x120, 8 frames) with something hidden in them, writes the answer
 key elsewhere, runs the tool on the capture alone, and scores what it says.
 
-    python3 tests/benchmark_suite/run_bank.py --set small --out out/bank     # 12 fixed worlds
-    python3 tests/benchmark_suite/run_bank.py --set all --jobs 2 --out out/bank-all
+    python3 tests/benchmark_suite/run_suite.py --set small --out out/suite     # 12 fixed worlds
+    python3 tests/benchmark_suite/run_suite.py --set all --jobs 2 --out out/suite-all
 
 `--generation N` makes other worlds of the same kinds by another seed. The lab learns from generation 1; generation 0
-is the bank's own. `--only NAME...` takes worlds by id or by an effect that they hide. A run goes on where it was
+is the suite's own. `--only NAME...` takes worlds by id or by an effect that they hide. A run goes on where it was
 stopped. `DIR/README.md` is its score page, `score.json` holds the numbers, and `keys/` the truth. `hide.py` makes one
-more world for [examples/hidden_effect](../../examples/hidden_effect/README.md), and `gate_study.py` halves and doubles
-each [threshold](../../python/activestereo/diagnose/README.md#thresholds).
+more world for [examples/hidden_effect](../../examples/hidden_effect/README.md), and `threshold_study.py` halves and
+doubles each [threshold](../../python/activestereo/diagnose/README.md#thresholds).
 
 | set | worlds | hidden |
 |---|---|---|

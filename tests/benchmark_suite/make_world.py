@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes one world of the bank: the capture, and the answer key in another place."""
+"""Makes one world of the benchmark suite: the capture, and the answer key in another place."""
 
 import json
 import shutil
 
-from bank_sets import STRENGTHS
+from suite_sets import STRENGTHS
 from worlds.blind import oracle
 from worlds.blind.world import World
 

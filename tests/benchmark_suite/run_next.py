@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Does the measurement that the tool asks for separate what it could not tell apart?
 
-    python3 tests/benchmark_suite/run_next.py --set all --out out/bank-all --most 20
+    python3 tests/benchmark_suite/run_next.py --set all --out out/suite-all --most 20
 
-Takes worlds of a bank that was run, where the first name has others beside it that fit as well and the truth is among
-them. Each is made once more with the frames that the tool asks for, and once with frames of a random choice, and
-diagnosed anew. DIR/next/WORLD/{asked,random}/ holds the answers; run_bank.py scores them with the rest. Resumable. """
+Takes worlds of a benchmark suite that was run, where the first name has others beside it that fit as well and the truth
+is among them. Each is made once more with the frames that the tool asks for, and once with frames of a random choice,
+and diagnosed anew. DIR/next/WORLD/{asked,random}/ holds the answers; run_suite.py scores them with the rest. Resumable.
+"""
 
 import argparse
 import json
@@ -17,10 +18,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from bank_score import read_results
-from bank_sets import ALL, items
+from suite_score import read_results
+from suite_sets import ALL, items
 from make_world import make_world
-from run_bank import COMMAND, diagnose_capture
+from run_suite import COMMAND, diagnose_capture
 from worlds.blind.more import CHOICES
 
 
@@ -28,7 +29,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--set", choices=("small", *ALL, "all"), required=True)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
-    parser.add_argument("--generation", type=int, default=0, metavar="N", help="of the worlds, as for run_bank.py")
+    parser.add_argument("--generation", type=int, default=0, metavar="N", help="of the worlds, as for run_suite.py")
     parser.add_argument("--most", type=int, default=20, metavar="N", help="worlds (default: 20)")
     parser.add_argument("--jobs", type=int, default=2, metavar="N")
     parser.add_argument("--survey", type=float, default=1.0, metavar="X")

@@ -59,7 +59,7 @@ def height_field(capture: Capture, frame_id: int | None = None, step_px: int = 2
 
 def write_height_field(path: Path, field: HeightField, capture: Capture, pose: NDArray[np.float64]) -> None:
     """The scene with the surface, and the camera that saw it."""
-    writer = GltfWriter("activestereo acquire scene")
+    writer = GltfWriter("activestereo calibrate scene")
     gray = {"baseColorFactor": [_IR_ALBEDO] * 3 + [1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0}
     material = writer.add_material(
         "measured surface",

@@ -74,7 +74,7 @@ class Materials:
         return "\n".join(lines)
 
 
-def acquire_materials(
+def calibrate_materials(
     path: Path,
     object_name: str,
     seed: int = 0,
@@ -110,7 +110,7 @@ def acquire_materials(
     better = min(firsts, key=lambda refined: refined.residuals.loss).theta
     best = refine(fit, better, _REACHES, _FINE_SAMPLES, part_of(tell, 0.8, 1.0))
     before = fit.residuals(scenes_own, _FINE_SAMPLES).loss
-    source = f"acquire materials: {len(seen)} pictures of {capture.name}"
+    source = f"calibrate materials: {len(seen)} pictures of {capture.name}"
     found, undetermined, colors = _judged(fit, best, names, source)
     tell(1.0)
     losses = before, best.residuals.loss

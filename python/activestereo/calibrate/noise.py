@@ -59,8 +59,8 @@ class Noise:
         """model.json's `imager`, and the black level among its nuisances. Rounding's variance is part of the offset."""
         law, fit = self.fit.law, self.fit
         source = (
-            f"acquire noise: {self.chosen} law, {self.pixels} pixels, {self.repeats} repeats; static speckle does not "
-            "show in repeats"
+            f"calibrate noise: {self.chosen} law, {self.pixels} pixels, {self.repeats} repeats; static speckle does "
+            "not show in repeats"
         )
         sigma, zero = fit.interval("sigma_dn"), Quantity(0.0, unit="1")
         value, low, high = (v**2 + ROUNDING_VARIANCE for v in (law.sigma_dn, *sigma))
@@ -72,7 +72,7 @@ class Noise:
             )
         else:
             imager = Imager(offset, Quantity(law.shape, *fit.interval("shape"), "DN", source), zero)
-        black = Quantity(law.black_dn, *fit.interval("black_dn"), "DN", f"acquire noise: from {self.black_from}")
+        black = Quantity(law.black_dn, *fit.interval("black_dn"), "DN", f"calibrate noise: from {self.black_from}")
         return SensorModel(imager=imager, nuisances={"black_dn": black})
 
     def text(self) -> str:
@@ -108,7 +108,7 @@ class Noise:
         return "\n".join([*lines, _NOTE])
 
 
-def acquire_noise(
+def calibrate_noise(
     frames: Path | list[Repeats], dark: Path | list[Repeats] | None = None, literal: bool = False, seed: int = 0,
     progress: Callable[[float], object] | None = None,
 ) -> Noise:  # fmt: skip

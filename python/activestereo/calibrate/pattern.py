@@ -24,8 +24,8 @@ from activestereo.capture.capture import Rig as CaptureRig
 from activestereo.capture.images import read_gray
 from activestereo.common.progress_bar import part_of
 from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.model import Eye, Rig, SensorModel
 from activestereo.model import Pattern as SensorPattern
+from activestereo.model import Rig, RigCamera, SensorModel
 from activestereo.model.calibrated import calibrated
 
 # A dot covers some ten pixels of a hundred: a tenth of the dots may clip at their tops.
@@ -79,7 +79,7 @@ class Pattern:
 
     def model(self) -> SensorModel:
         """model.json's `pattern`, and in its `rig`, the one that was believed, the projector's place."""
-        source = f"acquire pattern: {len(self.dots)} dots, walls at " + ", ".join(
+        source = f"calibrate pattern: {len(self.dots)} dots, walls at " + ", ".join(
             f"{view.wall.distance_m:.3f} m" for view in self.views
         )
         where = (
@@ -94,7 +94,7 @@ class Pattern:
             source=f"{source}; {where}",
         )
         eyes = (self.rig.left, self.rig.right)
-        left, right = (Eye(c.width, c.height, c.K, tuple(c.distortion)) for c in eyes)
+        left, right = (RigCamera(c.width, c.height, c.K, tuple(c.distortion)) for c in eyes)
         nominal = Rig(
             left,
             right,
@@ -102,7 +102,7 @@ class Pattern:
             self.left_to_projector,
             self.rig.bit_depth,
             self.rig.line_time_s,
-            source="the rig that acquire pattern believed",
+            source="the rig that calibrate pattern believed",
         )
         return SensorModel(pattern=pattern, rig=nominal)
 
@@ -143,7 +143,7 @@ class Pattern:
         return "\n".join(lines)
 
 
-def acquire_pattern(
+def calibrate_pattern(
     path: Path, progress: Callable[[float], object] | None = None, model: SensorModel | None = None
 ) -> Pattern:
     """The Pattern of a capture whose repeat groups look at one flat, matt wall, each group from one distance, the
@@ -184,7 +184,7 @@ def _check_rig(capture: Capture, source: str) -> None:
     if not (rig.left.is_pinhole and rig.right.is_pinhole):
         raise ValueError(
             f"{source}: rig.left.distortion: dots are matched along rows: rectify the images; their capture has zeros "
-            "then, and acquire rig takes --rectified"
+            "then, and calibrate rig takes --rectified"
         )
     turned = np.rad2deg(np.linalg.norm(Rotation.from_matrix(rig.left_to_right[:3, :3]).as_rotvec()))
     if turned > _MOST_TURNED_DEG:
@@ -439,4 +439,4 @@ def _pattern_sigma(view: WallView, capture: Capture, place: np.ndarray) -> float
     return float(np.sqrt(max(variance - _INTERPOLATED_PX2, 0.25 * variance)))
 
 
-__all__ = ["Pattern", "WallView", "acquire_pattern", "merged_pattern"]
+__all__ = ["Pattern", "WallView", "calibrate_pattern", "merged_pattern"]

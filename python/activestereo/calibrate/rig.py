@@ -20,7 +20,7 @@ from activestereo.calibrate.boards import Board
 from activestereo.capture.capture import EYES
 from activestereo.capture.images import read_gray
 from activestereo.common.progress_bar import part_of
-from activestereo.model import Eye, Rig, SensorModel
+from activestereo.model import Rig, RigCamera, SensorModel
 
 LEAST_BOARDS = 3
 _FEW_BOARDS = 10
@@ -58,12 +58,12 @@ class Calibration:
 
     def model(self, left_to_projector: NDArray[np.float64] | None = None) -> SensorModel:
         """model.json's `rig`."""
-        left, right = (Eye(*self.size, self.K[eye], tuple(map(float, self.distortion[eye]))) for eye in EYES)
+        left, right = (RigCamera(*self.size, self.K[eye], tuple(map(float, self.distortion[eye]))) for eye in EYES)
         errors = "; ".join(
             f"{eye} f ± {_INTERVAL_90 * self.error[eye][0]:.2g}, c ± {_INTERVAL_90 * self.error[eye][2]:.2g} px"
             for eye in EYES
         )
-        source = f"acquire rig: {len(self.views)} boards, {self.rms_px:.3f} px RMS, 90 %: {errors}"
+        source = f"calibrate rig: {len(self.views)} boards, {self.rms_px:.3f} px RMS, 90 %: {errors}"
         return SensorModel(rig=Rig(left, right, self.left_to_right, left_to_projector, self.bit_depth, source=source))
 
     def interval(self, eye: str, number: int) -> tuple[float, float]:
@@ -97,7 +97,7 @@ class Calibration:
         return "\n".join(lines)
 
 
-def acquire_rig(
+def calibrate_rig(
     path: Path, board: Board, has_lens: bool = True, known_K: NDArray[np.float64] | None = None,
     progress: Callable[[float], object] | None = None
 ) -> Calibration:  # fmt: skip

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: activestereo simulate | presets | depth | pair | depth-quality | compare | diagnose | add | model |
-acquire | import | overlay | effect | generate | gap | devices, one file each. This one parses, runs and makes failures
-one line."""
+calibrate | import | overlay | effect | generate | benchmark | devices, one file each. This one parses, runs and makes
+failures one line."""
 
 import argparse
 import os

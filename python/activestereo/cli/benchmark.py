@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo gap run | score | ablate: how well simulated depth ranks methods as a foreign world does."""
+"""activestereo benchmark sim-to-real run | score | ablate: how well simulated depth ranks methods as a foreign world
+does."""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ the others are not told of.
   score   the scores again, of what a run has so far
   ablate  rays, denoiser, noise, materials -> DIR/ablation.json, .md, .png
 
-activestereo gap run --help tells more.
+activestereo benchmark sim-to-real run --help tells more.
 """
 
 _RUN = """\
@@ -30,27 +31,29 @@ Everything depends on the seed and the options alone. A run that was ended, howe
 it was, goes on when it is started again; with a larger --views it adds views.
 
 examples:
-  activestereo gap run --views 80 --out out/gap
-  activestereo gap run --views 320 --workers 2 --out out/gap
-  activestereo gap run --foreign mitsuba --workers 2 --out out/mitsuba
+  activestereo benchmark sim-to-real run --views 80 --out out/gap
+  activestereo benchmark sim-to-real run --views 320 --workers 2 --out out/gap
+  activestereo benchmark sim-to-real run --foreign mitsuba --workers 2 --out out/mitsuba
 """
 
 _ABLATE = """\
 Takes the first views of a run again in worlds like 'full': with 2 to 128 rays per
 pixel with and without the denoiser, with 0 to 10 times the sensor's noise, with
-materials drawn at random, and with --acquired with measured ones. The models stay
+materials drawn at random, and with --measured with measured ones. The models stay
 those of the run.
 
 examples:
-  activestereo gap ablate out/gap
-  activestereo gap ablate out/gap --only noise --views 160
+  activestereo benchmark sim-to-real ablate out/gap
+  activestereo benchmark sim-to-real ablate out/gap --only noise --views 160
 """
 
 
 def add_parser(commands: Commands) -> None:
     raw = argparse.RawDescriptionHelpFormatter
     text = "measure how well simulated depth ranks methods as a foreign world does"
-    parser = commands.add_parser("gap", help=text, description=_TEXT, formatter_class=raw)
+    benchmarks = commands.add_parser("benchmark", help="measure how well simulated depth stands for real depth")
+    kinds = benchmarks.add_subparsers(dest="benchmark", metavar="BENCHMARK", required=True)
+    parser = kinds.add_parser("sim-to-real", help=text, description=_TEXT, formatter_class=raw)
     parts = parser.add_subparsers(dest="part", metavar="PART", required=True)
     make = parts.add_parser("run", help="pictures, tuning, poses, scores", description=_RUN, formatter_class=raw)
     add_out(make)
@@ -68,7 +71,9 @@ def add_parser(commands: Commands) -> None:
     text = "what stands for reality: a sensor unlike ours in our renderer, or Mitsuba 3, another project's renderer "
     text += "and materials (needs: pip install mitsuba) (default: sensor)"
     make.add_argument("--foreign", choices=FOREIGN, default="sensor", help=text)
-    text = "model.json whose imager, which 'acquire noise' found, the sensor of raster and full has (default: its own)"
+    text = (
+        "model.json whose imager, which 'calibrate noise' found, the sensor of raster and full has (default: its own)"
+    )
     make.add_argument("--imager", type=Path, metavar="FILE", help=text)
     _add_workers(make)
     make.set_defaults(run=_run)
@@ -87,8 +92,8 @@ def add_parser(commands: Commands) -> None:
     ablation.add_argument("--samples-per-pixel", type=integer_from(1), nargs="+", metavar="N", help=text)
     text = "only this; may be given again (default: all)"
     ablation.add_argument("--only", choices=("samples", "noise", "materials"), action="append", help=text)
-    text = "model.json whose materials, which 'acquire materials' found, are called as the objects are"
-    ablation.add_argument("--acquired", type=Path, metavar="FILE", help=text)
+    text = "model.json whose materials, which 'calibrate materials' found, are called as the objects are"
+    ablation.add_argument("--measured", type=Path, metavar="FILE", help=text)
     add_device(ablation)
     _add_workers(ablation)
     ablation.set_defaults(run=_ablate)
@@ -102,13 +107,13 @@ def _add_workers(parser: argparse.ArgumentParser) -> None:
 def _run(args: argparse.Namespace) -> None:
     from activestereo.benchmarks.sim_to_real.measured_materials import read_imager
     from activestereo.benchmarks.sim_to_real.run import run
-    from activestereo.benchmarks.sim_to_real.settings import GapSettings
+    from activestereo.benchmarks.sim_to_real.settings import BenchmarkSettings
     from activestereo.benchmarks.sim_to_real.stage import CameraSettings
     from activestereo.common.progress_bar import ProgressBar
 
     imager = None if args.imager is None else read_imager(args.imager)
     camera = CameraSettings(args.sensor, samples=args.samples_per_pixel, imager=imager)
-    settings = GapSettings(args.views, args.tuning_views, args.seed, camera, args.foreign, args.foreign_samples)
+    settings = BenchmarkSettings(args.views, args.tuning_views, args.seed, camera, args.foreign, args.foreign_samples)
     make_folder(args.out)
     with ProgressBar(f"{settings.rounds('test') * 8} views of 4 worlds") as bar:
         run(settings, args.out, args.device, args.workers, bar)
@@ -132,18 +137,18 @@ def _write(out: Path, added: Sequence[Path] = ()) -> None:
 def _ablate(args: argparse.Namespace) -> None:
     from activestereo.benchmarks.sim_to_real.ablate import KINDS, SAMPLES, ablate, table, variants, write_ablation
     from activestereo.benchmarks.sim_to_real.files import RunFolder
-    from activestereo.benchmarks.sim_to_real.measured_materials import read_acquired
+    from activestereo.benchmarks.sim_to_real.measured_materials import read_measured
     from activestereo.benchmarks.sim_to_real.objects import objects
     from activestereo.common.progress_bar import ProgressBar
 
-    kinds, acquired = tuple(args.only or KINDS), None
-    if args.acquired is not None:
+    kinds, measured = tuple(args.only or KINDS), None
+    if args.measured is not None:
         if "materials" not in kinds:
-            raise CommandError("--acquired is a variant of the materials, which --only leaves out")
-        acquired = read_acquired(args.acquired, objects())
-    worlds = variants(kinds, tuple(args.samples_per_pixel or SAMPLES), acquired is not None)
+            raise CommandError("--measured is a variant of the materials, which --only leaves out")
+        measured = read_measured(args.measured, objects())
+    worlds = variants(kinds, tuple(args.samples_per_pixel or SAMPLES), measured is not None)
     with ProgressBar(f"{args.views} views of {len(worlds)} worlds") as bar:
-        found = ablate(RunFolder(args.folder), args.views, worlds, args.device, args.workers, bar, acquired)
+        found = ablate(RunFolder(args.folder), args.views, worlds, args.device, args.workers, bar, measured)
     write_ablation(found, args.folder)
     print("\n".join(table(found)))
     print(f"written: {args.folder / 'ablation.json'}, ablation.md, ablation.png")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo acquire noise | pattern | rig: frames of a real camera become sections of model.json."""
+"""activestereo calibrate noise | pattern | rig: frames of a real camera become sections of model.json."""
 
 import argparse
 import json
@@ -19,7 +19,7 @@ leaves the others as they are; the file is written at the end, whole.
   pose       views of parts with CAD  -> the capture's scene with the parts in it
   scene      depth of one pose        -> a scene where there is no CAD
 
-activestereo acquire noise --help tells more.
+activestereo calibrate noise --help tells more.
 """
 
 _NOISE = """\
@@ -37,8 +37,8 @@ shot noise alone cannot tell black from read noise.
 Static speckle is the same in every repeat: it never shows in repeats.
 
 examples:
-  activestereo acquire noise wall/ --dark covered/ -o model.json
-  activestereo acquire noise stack.npy --paper -o model.json
+  activestereo calibrate noise wall/ --dark covered/ -o model.json
+  activestereo calibrate noise stack.npy --paper -o model.json
 """
 
 _PATTERN = """\
@@ -49,11 +49,11 @@ WALL_FRAMES is a capture: 10 or more repeats of the wall in one repeat group per
 distance, both eyes, rectified, projector on, no dot clipped. Two distances, the
 second 1.5 times as far or more, tell where the projector stands; with one its
 nominal place is kept. The nearest wall stands as near as things will. K and the
-baseline are those of FILE's rig where it has one, which acquire rig measures, else
+baseline are those of FILE's rig where it has one, which calibrate rig measures, else
 the capture's; the projector's K and nominal place are the capture's.
 
 example:
-  activestereo acquire pattern walls/ -o model.json
+  activestereo calibrate pattern walls/ -o model.json
 """
 
 _RIG = """\
@@ -72,14 +72,14 @@ side and least squares over all poses; it goes into FILE's name with
 .hand_eye.json. The CSV names the frames as the PNG files do.
 
 examples:
-  activestereo acquire rig boards/ --board 9x6:0.03 -o model.json
-  activestereo acquire rig boards/ --board charuco:9x6:0.03:0.022 --robot poses.csv -o model.json
+  activestereo calibrate rig boards/ --board 9x6:0.03 -o model.json
+  activestereo calibrate rig boards/ --board charuco:9x6:0.03:0.022 --robot poses.csv -o model.json
 """
 
 
 def add_parser(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
-        "acquire", help="measure a real camera: frames become sections of model.json", description=_TEXT,
+        "calibrate", help="measure a real camera: frames become sections of model.json", description=_TEXT,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parts = parser.add_subparsers(dest="part", metavar="PART", required=True)
@@ -141,12 +141,12 @@ def _check_out(path: Path) -> None:
 
 def _run_noise(args: argparse.Namespace) -> None:
     from activestereo.calibrate.model_section import replace_sections
-    from activestereo.calibrate.noise import acquire_noise
+    from activestereo.calibrate.noise import calibrate_noise
     from activestereo.common.progress_bar import ProgressBar
 
     _check_out(args.out)
     with ProgressBar("fitting noise") as bar:
-        noise = acquire_noise(args.frames, args.dark, args.paper, args.seed, bar)
+        noise = calibrate_noise(args.frames, args.dark, args.paper, args.seed, bar)
     replace_sections(args.out, noise.model())
     print(noise.text())
     print(f"written: imager in {args.out}")
@@ -154,14 +154,14 @@ def _run_noise(args: argparse.Namespace) -> None:
 
 def _run_pattern(args: argparse.Namespace) -> None:
     from activestereo.calibrate.model_section import replace_sections
-    from activestereo.calibrate.pattern import acquire_pattern
+    from activestereo.calibrate.pattern import calibrate_pattern
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.model import read_model
 
     _check_out(args.out)
     model = read_model(args.out) if args.out.is_file() else None
     with ProgressBar("finding dots") as bar:
-        pattern = acquire_pattern(args.frames, bar, model)
+        pattern = calibrate_pattern(args.frames, bar, model)
     replace_sections(args.out, pattern.model(), keep_rig=True)
     print(pattern.text())
     print(f"written: pattern in {args.out}")
@@ -172,14 +172,14 @@ def _run_rig(args: argparse.Namespace) -> None:
     from activestereo.calibrate.coverage import write_coverage
     from activestereo.calibrate.hand_eye import hand_eye, read_poses
     from activestereo.calibrate.model_section import replace_sections
-    from activestereo.calibrate.rig import acquire_rig
+    from activestereo.calibrate.rig import calibrate_rig
     from activestereo.common.output_files import replace_file
     from activestereo.common.progress_bar import ProgressBar
 
     _check_out(args.out)
     robot = None if args.robot is None else read_poses(args.robot)
     with ProgressBar("calibrating") as bar:
-        result = acquire_rig(args.frames, Board.parse(args.board), not args.rectified and args.k is None, args.k, bar)
+        result = calibrate_rig(args.frames, Board.parse(args.board), not args.rectified and args.k is None, args.k, bar)
     hand = None
     if robot is not None:
         named = {Path(name).stem: pose for name, pose in robot.items()}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo acquire pose: where parts stand in a capture's scene."""
+"""activestereo calibrate pose: where parts stand in a capture's scene."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ with their 90 % intervals beside it (.poses.json). Axes about which a part is sy
 are reported free.
 
 examples:
-  activestereo acquire pose captures/desk --object bracket=bracket.stl --unit 0.001 \\
+  activestereo calibrate pose captures/desk --object bracket=bracket.stl --unit 0.001 \\
       --start bracket=0.1,0,0.4,0,0,0,1 -o desk.gltf
   activestereo overlay captures/desk --scene desk.gltf --out out/overlay
 """
 
 
 def add_part(parts: argparse._SubParsersAction) -> None:
-    """The parser of acquire's part."""
+    """The parser of calibrate's part."""
     parser = parts.add_parser(
         "pose",
         help="where CAD parts stand, from edges in all views",

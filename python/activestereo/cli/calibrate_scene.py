@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo acquire scene | materials: what stands before the camera, and what it is made of."""
+"""activestereo calibrate scene | materials: what stands before the camera, and what it is made of."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from activestereo.cli.arguments import CommandError, add_device, add_seed, integ
 _SCENE = """\
 A scene where no geometry exists: the surface that one pose of the camera measured, as
 a mesh with one albedo, and the camera. Its repeats give the median. The command warns
-of what such a scene cannot tell: where you have CAD files, acquire pose places them.
+of what such a scene cannot tell: where you have CAD files, calibrate pose places them.
 
 example:
-  activestereo acquire scene captures/desk -o desk.gltf
+  activestereo calibrate scene captures/desk -o desk.gltf
 """
 
 _MATERIALS = """\
 What an object of the capture's scene is made of: roughness, metallic, specular,
 transmission and infrared albedo of each of its parts, into the section materials of
-model.json under the materials' names. The object's pose must be known (acquire pose);
+model.json under the materials' names. The object's pose must be known (calibrate pose);
 what lies around it, such as the table, keeps the scene's materials, which tell how
 bright the lights are. Rig and pattern are those of model.json, where it has them
 already. Put lamps whose place you measured into the capture's "lights".
@@ -30,12 +30,12 @@ more. What the pictures do not determine is named and not written. The clean way
 or three poses, a matt table of known albedo, the object large in the picture.
 
 example:
-  activestereo acquire materials captures/desk --object cup -o model.json
+  activestereo calibrate materials captures/desk --object cup -o model.json
 """
 
 
 def add_parts(parts: argparse._SubParsersAction) -> None:
-    """The parsers of acquire's two parts."""
+    """The parsers of calibrate's two parts."""
     raw = argparse.RawDescriptionHelpFormatter
     scene = parts.add_parser("scene", help="a measured depth map as a scene", description=_SCENE, formatter_class=raw)
     scene.add_argument("capture", type=Path, metavar="CAPTURE", help="capture with depth")
@@ -83,7 +83,7 @@ def _run_scene(args: argparse.Namespace) -> None:
 
 
 def _run_materials(args: argparse.Namespace) -> None:
-    from activestereo.calibrate.materials import acquire_materials
+    from activestereo.calibrate.materials import calibrate_materials
     from activestereo.calibrate.model_section import replace_sections
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.model import read_model
@@ -92,7 +92,7 @@ def _run_materials(args: argparse.Namespace) -> None:
         raise CommandError(f"{args.out}: -o is the name of a file in a folder that exists, such as model.json")
     with ProgressBar(f"materials of {args.object}") as bar:
         model = read_model(args.out) if args.out.is_file() else None
-        found = acquire_materials(
+        found = calibrate_materials(
             args.capture, args.object, args.seed, args.full_grid, args.device, model, args.network, bar
         )
     replace_sections(args.out, found.model())

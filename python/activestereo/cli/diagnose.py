@@ -49,9 +49,9 @@ class _HelpWithGates(argparse.RawDescriptionHelpFormatter):
     """Fills thresholds into the help from the table that decides, which takes its time to load."""
 
     def _format_text(self, text: str) -> str:
-        from activestereo.diagnose.thresholds import GATES, share_words
+        from activestereo.diagnose.thresholds import THRESHOLDS, share_words
 
-        return super()._format_text(text.format(share=share_words(GATES.smallest_share)))
+        return super()._format_text(text.format(share=share_words(THRESHOLDS.smallest_share)))
 
 
 def add_parser(commands: Commands) -> None:

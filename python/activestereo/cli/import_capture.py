@@ -33,9 +33,9 @@ Makes a capture of a recording. RECORDING is one of
     (scene_camera.json), whose models become the scene. Without infrared images such
     a capture places objects and holds depth; it tells nothing of noise or dots
 
-The pattern is the sensor preset's nominal one: acquire pattern measures the
+The pattern is the sensor preset's nominal one: calibrate pattern measures the
 device's own. Without --poses or --robot the camera stands still, and all frames are
-repeats of one view, as acquire noise and acquire pattern want them. With --robot,
+repeats of one view, as calibrate noise and calibrate pattern want them. With --robot,
 frames of equal gripper poses are repeats.
 
 example:
@@ -67,7 +67,12 @@ def add_parser(commands: Commands) -> None:
         help="camera_to_world over time: timestamp tx ty tz qx qy qz qw in each line",
     )
     add("--robot", type=Path, metavar="FILE", help="CSV of gripper_to_base: name,x,y,z,qx,qy,qz,qw; needs --hand-eye")
-    add("--hand-eye", type=Path, metavar="FILE", help="the camera's place on the gripper: acquire rig's .hand_eye.json")
+    add(
+        "--hand-eye",
+        type=Path,
+        metavar="FILE",
+        help="the camera's place on the gripper: calibrate rig's .hand_eye.json",
+    )
     add("--scene", type=Path, metavar="FILE", help="glTF scene of what is in view (default: nothing)")
     add("--exposure", type=positive, default=0.008, metavar="S", help="exposure, seconds (default: 0.008)")
     add("--frames", type=integer_from(1), default=30, metavar="N", help="of a live camera (default: 30)")
@@ -185,7 +190,7 @@ def _robot(args: argparse.Namespace) -> RobotPoses | None:
     if args.robot is None:
         return None
     if args.hand_eye is None:
-        raise CommandError("--robot needs --hand-eye: the .hand_eye.json that acquire rig --robot writes")
+        raise CommandError("--robot needs --hand-eye: the .hand_eye.json that calibrate rig --robot writes")
     named = {Path(name).stem: pose for name, pose in read_poses(args.robot).items()}
     return RobotPoses(named, JsonObject.read(args.hand_eye).rigid_transform("camera_to_gripper"))
 

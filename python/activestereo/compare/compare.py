@@ -28,7 +28,7 @@ from activestereo.compare.unsteady_light import unsteady_light
 from activestereo.compare.where_channels import where_it_fails
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.view import View
-from activestereo.effects.engines import Survey
+from activestereo.effects.engines import SceneMeasurement
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Frame
@@ -61,7 +61,7 @@ def compare(
     capture_path: str | Path, model: Model | None = None, renderer: Renderer | None = None, samples_per_pixel: int = 64,
     max_bounces: int = 8, seed: int = 0, cache: LayerCache | None = None,
     progress: Callable[[float], object] | None = None,
-    engines: Callable[[Capture], CaptureRenderer] | None = None, survey: Survey | None = None,
+    engines: Callable[[Capture], CaptureRenderer] | None = None, survey: SceneMeasurement | None = None,
     calibrate: Callable[[Capture], Capture] | None = None,
 ) -> Comparison:  # fmt: skip
     """A Comparison of the capture folder. CaptureError where the capture cannot be used.
@@ -69,8 +69,8 @@ def compare(
     model: effects on top of the base renderer, a Model; expected images are compared, so random effects show in the
     noise floor alone. renderer: see lab.render; None for kuafu on the best device. progress: called as
     progress(fraction done). engines: makes a CaptureRenderer of the capture, in which
-    the model's effects act; None: their image functions do. survey: an engines.Survey, what is known of focal lengths
-    and albedos. calibrate: replaces the capture's nominal rig and pattern by measured ones.
+    the model's effects act; None: their image functions do. survey: an engines.SceneMeasurement, what is known of focal
+    lengths and albedos. calibrate: replaces the capture's nominal rig and pattern by measured ones.
     """
     capture = read_capture(capture_path)
     if calibrate is not None:
@@ -93,7 +93,7 @@ def compare(
         fit, expected = predict_under_model(capture, model, (layers, *halves), views, measured)
     else:
         fit, expected = predict_in_engines(
-            capture, model, survey or Survey(), engines(capture), layers, views, measured
+            capture, model, survey or SceneMeasurement(), engines(capture), layers, views, measured
         )
     predictions = {key: (0.5 * (a + b)).astype(np.float32) for key, (a, b) in expected.items()}
     seen = {(f, e): (views[f, e].frame, layers[f][e], image) for (f, e), image in measured.items()}

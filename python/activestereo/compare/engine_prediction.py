@@ -21,7 +21,7 @@ from activestereo.compare.layers import Layers
 from activestereo.compare.nuisances import Fit, Nuisances
 from activestereo.effects import Light, Model, View
 from activestereo.effects.core.descriptor import Randomness
-from activestereo.effects.engines import CaptureRenderer, EyeLight, Survey
+from activestereo.effects.engines import CameraLight, CaptureRenderer, SceneMeasurement
 from activestereo.effects.engines.halves import HALVES
 from activestereo.effects.engines.imager import ExpectedImager
 from activestereo.effects.engines.smooth import SMOOTH_VERSION
@@ -47,7 +47,7 @@ class EngineModel:
             for eye, part in zip(EYES, renderer.inputs(frame, model).eyes, strict=True)
         }
 
-    def light(self, seen: EyeLight, flat: NDArray[np.float32], view: View) -> Light:
+    def light(self, seen: CameraLight, flat: NDArray[np.float32], view: View) -> Light:
         """What falls on the imager. flat: of the base layers, for effects of the projector that have no engine
         field."""
         images = (seen.direct, seen.indirect, seen.ambient, flat)
@@ -99,7 +99,7 @@ class EngineImages:
 
 
 class LightOnly(NamedTuple):
-    """Radiance float32 [height][width], as EyeLight has it."""
+    """Radiance float32 [height][width], as CameraLight has it."""
 
     direct: NDArray[np.float32]
     indirect: NDArray[np.float32]
@@ -123,7 +123,7 @@ def _images_key(renderer: CaptureRenderer, model: Model, split: str, half: int |
 def predict_in_engines(
     capture: Capture,
     model: Model,
-    survey: Survey,
+    survey: SceneMeasurement,
     renderer: CaptureRenderer,
     layers: Mapping[int, Mapping[str, Layers]],
     views: Mapping[ImageKey, View],

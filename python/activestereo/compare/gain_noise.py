@@ -18,7 +18,7 @@ _ALIKE = 0.1
 _OUTLIER = 12.0
 
 
-class Shot(Protocol):
+class ObservedImage(Protocol):
     """One eye of one frame: measured DN [height][width], view.max_dn, key (frame id, eye)."""
 
     @property
@@ -33,7 +33,7 @@ class Shot(Protocol):
 
 def law_at_other_gains(
     law: NoiseLaw,
-    observations: Sequence[Shot],
+    observations: Sequence[ObservedImage],
     images: dict[tuple[int, str], np.ndarray],
     shown_gains: set[float],
 ) -> NoiseLaw:
@@ -55,7 +55,7 @@ def law_at_other_gains(
 
 def _slope(
     law: NoiseLaw,
-    observations: Sequence[Shot],
+    observations: Sequence[ObservedImage],
     images: dict[tuple[int, str], np.ndarray],
     lever_of: Callable,
     missing: float,

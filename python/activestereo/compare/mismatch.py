@@ -68,7 +68,7 @@ class Match:
             return [
                 f"the pattern does not match: the rendered dots correlate {self.pattern:.2f} with the measured ones, "
                 f"the eyes' own dots {self.geometry:.2f} with each other at the scene's depth: check pattern.png and "
-                "the projector's K and pose, or measure them by 'activestereo acquire pattern'; no effect explains "
+                "the projector's K and pose, or measure them by 'activestereo calibrate pattern'; no effect explains "
                 "this"
             ]
         return []

@@ -32,12 +32,12 @@ from activestereo.diagnose.findings import BaseFit, Finding, Ranking
 from activestereo.diagnose.greedy import Step, greedy
 from activestereo.diagnose.next_measurement import next_measurements
 from activestereo.diagnose.propose.scan import scan_observations
-from activestereo.diagnose.rank import Bench, rank, rank_depth, settled_first
+from activestereo.diagnose.rank import DiagnosisContext, rank, rank_depth, settled_first
 from activestereo.diagnose.refine import Fitters
 from activestereo.diagnose.refine.by_rendering import Rendering
-from activestereo.diagnose.refine.fit_cache import FitMemory
+from activestereo.diagnose.refine.fit_cache import FitCache
 from activestereo.diagnose.refine.parameter_space import Solution
-from activestereo.diagnose.thresholds import GATES, Gates
+from activestereo.diagnose.thresholds import THRESHOLDS, Thresholds
 from activestereo.diagnose.verdict.acceptance import passes
 from activestereo.diagnose.verdict.completeness import is_unexplained, lacks_nothing
 from activestereo.diagnose.verdict.depth import engine_faults
@@ -75,7 +75,7 @@ def diagnose(
     cache: LayerCache | None = None,
     workers: int = 2,
     progress: Progress | None = None,
-    gates: Gates = GATES,
+    thresholds: Thresholds = THRESHOLDS,
     rendering: Callable[[Capture], Rendering] | None = None,
 ) -> Diagnosis:
     """A Diagnosis of the capture folder. CaptureError where the capture cannot be used.
@@ -103,9 +103,9 @@ def diagnose(
     evidence = gather(capture, {**layers, **mean_of_halves(halves)}, seed, halves)
     share = part_of(progress, _RENDER_SHARE, 1.0)
     engine = None if rendering is None else rendering(capture)
-    memory = FitMemory(cache, evidence.train)
+    memory = FitCache(cache, evidence.train)
     try:
-        return examine(evidence, model, list(effects.values()), steps, workers, share, gates, engine, memory)
+        return examine(evidence, model, list(effects.values()), steps, workers, share, thresholds, engine, memory)
     finally:
         memory.save()  # what was done before a cancellation need not be done again
 
@@ -153,26 +153,28 @@ def examine(
     steps: str = "one",
     workers: int = 2,
     progress: Progress | None = None,
-    gates: Gates = GATES,
+    thresholds: Thresholds = THRESHOLDS,
     rendering: Rendering | None = None,
-    memory: FitMemory | None = None,
+    memory: FitCache | None = None,
 ) -> Diagnosis:
     """diagnose() on gathered evidence. memory: where its fits are kept, or None."""
     if all(np.ptp(o.measured) == 0 for o in evidence.train):
         return _undetermined("the infrared images are blank", model)
     fitters = Fitters.of(evidence, scan_observations(evidence.train, evidence.seed), memory, workers)
-    bench = Bench(evidence, fitters, gates, workers, frozenset(e.id for e, _ in model.effects), rendering)
-    bases = BaseFits(evidence, fitters, gates)
-    first = rank(bench, bases(model), candidates, progress)
+    context = DiagnosisContext(
+        evidence, fitters, thresholds, workers, frozenset(e.id for e, _ in model.effects), rendering
+    )
+    bases = BaseFits(evidence, fitters, thresholds)
+    first = rank(context, bases(model), candidates, progress)
     if is_named(first):
-        first = settled_first(bench, first)
-    way = _way(bench, bases, first, candidates, steps, progress)
+        first = settled_first(context, first)
+    way = _way(context, bases, first, candidates, steps, progress)
     last = way[-1].ranking
     verdict = verdict_of(first, last, evidence.has_floor)
     law = residual_law(last.base, evidence.capture.name, evidence.seed) if verdict == UNKNOWN else None
     way, on_top = _accepted(verdict, first, way, steps)
     accepted = _model_of(way[-1].ranking.base.solution.model, on_top)
-    depth = rank_depth(bench, bases(accepted), candidates)
+    depth = rank_depth(context, bases(accepted), candidates)
     faults = engine_faults(depth)[:1]
     found, name_of = _model_of(accepted, faults), surface_text(evidence.capture.scene_path)
     solution = _solution_of(way[-1].ranking.base, [*on_top, *faults])
@@ -183,7 +185,9 @@ def examine(
         "not_ranked": not_ranked_json((*first.not_ranked, *depth.not_ranked)),
         "added": [*way[-1].added, *(f.id for f in on_top)],
         "depth": depth_json(depth, faults, name_of),
-        **held_out_figures(way[-1].bench.evidence, fitters, [(step.added, step.ranking.base) for step in way], on_top),
+        **held_out_figures(
+            way[-1].context.evidence, fitters, [(step.added, step.ranking.base) for step in way], on_top
+        ),
         "next_measurement": next_measurements(first, evidence),
         "judging": judging_json(first, evidence.has_floor),
         "law": law and law.as_json(),
@@ -201,13 +205,18 @@ def _with_own_functions(model: Model, candidates: Sequence[Effect]) -> Model:
 
 
 def _way(
-    bench: Bench, bases: BaseFits, first: Ranking, candidates: Sequence[Effect], steps: str, progress: Progress | None
+    context: DiagnosisContext,
+    bases: BaseFits,
+    first: Ranking,
+    candidates: Sequence[Effect],
+    steps: str,
+    progress: Progress | None,
 ) -> list[Step]:
     """Models from the given one on; further ones where they are asked for, or where what is named leaves something."""
     is_whole = not is_named(first) or lacks_nothing(first, first.findings[0])
     if not is_whole and (steps == "greedy" or is_unexplained(first, first.findings[0].remainder, first)):
-        return greedy(bench, bases, first, candidates, progress)
-    return [Step((), first, bench)]
+        return greedy(context, bases, first, candidates, progress)
+    return [Step((), first, context)]
 
 
 def _accepted(verdict: str, first: Ranking, way: list[Step], steps: str) -> tuple[list[Step], list[Finding]]:
@@ -227,7 +236,7 @@ def _without_images_of_their_own(ranking: Ranking) -> list[Finding]:
     fields, noise = ([f for f in passing if f.channel is c] for c in (Channel.STATIC_FIELD, Channel.NOISE_LAW))
     if any(lacks_nothing(ranking, f) for f in noise):
         return noise
-    together = shown_together(fields, ranking.base, ranking.gates) if len(fields) > 1 else []
+    together = shown_together(fields, ranking.base, ranking.thresholds) if len(fields) > 1 else []
     if fields and fields[0].id not in {f.id for f in together}:
         together = fields[:1]
     return noise + together

@@ -13,7 +13,7 @@ from activestereo.diagnose.refine.fitter import ImageResidual
 from activestereo.diagnose.refine.parameter_space import Solution
 from activestereo.diagnose.score.intervals import Interval
 from activestereo.diagnose.score.likelihood import gain_error
-from activestereo.diagnose.thresholds import Gates
+from activestereo.diagnose.thresholds import Thresholds
 from activestereo.effects import Effect, Model
 from activestereo.effects.core.judging import Channel
 
@@ -221,7 +221,7 @@ class Ranking:
     pixels: int
     design_effect: float
     floor_chi2: float
-    gates: Gates
+    thresholds: Thresholds
 
     @property
     def best(self) -> Finding | None:
@@ -240,7 +240,7 @@ class Ranking:
     @property
     def at_floor(self) -> bool:
         """Whether the expected images lack nothing."""
-        return self.excess_floors < self.gates.images_at_floor
+        return self.excess_floors < self.thresholds.images_at_floor
 
     def excess_after(self, chi2: float) -> float:
         """What an explanation with this chi2 leaves above the floor, in floors."""

@@ -13,7 +13,7 @@ from activestereo.diagnose.channels import Progress
 from activestereo.diagnose.evidence.repeats import without_drift
 from activestereo.diagnose.findings import BaseFit, Finding, Ranking
 from activestereo.diagnose.propose.scan import scan_observations
-from activestereo.diagnose.rank import Bench, bare_ranking, rank
+from activestereo.diagnose.rank import DiagnosisContext, bare_ranking, rank
 from activestereo.diagnose.refine import Fitters
 from activestereo.diagnose.verdict.acceptance import passes
 from activestereo.effects import Effect, Model
@@ -29,26 +29,30 @@ class Step:
 
     added: tuple[str, ...]
     ranking: Ranking
-    bench: Bench
+    context: DiagnosisContext
 
 
 def greedy(
-    bench: Bench, bases: BaseFits, first: Ranking, candidates: Sequence[Effect], progress: Progress | None = None
+    context: DiagnosisContext,
+    bases: BaseFits,
+    first: Ranking,
+    candidates: Sequence[Effect],
+    progress: Progress | None = None,
 ) -> list[Step]:
     """Steps from the given model on; the last one's model is the answer.
 
     first: the Ranking on top of the given model.
     """
-    gates, given = bench.gates, len(first.base.model.effects)
-    steps, ranking = [Step((), first, bench)], first
+    thresholds, given = context.thresholds, len(first.base.model.effects)
+    steps, ranking = [Step((), first, context)], first
     tried: set[str] = set()
     rivals: set[str] = set()
     start = first
-    while len(steps) <= gates.most_effects:
+    while len(steps) <= thresholds.most_effects:
         passing = [
             f
             for f in ranking.findings
-            if f.solution is not None and passes(ranking, f) and _may_be_added(bench, start, ranking, f)
+            if f.solution is not None and passes(ranking, f) and _may_be_added(context, start, ranking, f)
         ]
         best = next((f for f in passing if f.id not in tried), None)
         if best is None:
@@ -56,51 +60,51 @@ def greedy(
         tried.add(best.id)
         rivals |= {f.id for f in passing[: 1 + _RIVALS]}
         phi = best.fitted.phi
-        grown = _pruned(bench, bases, best.fitted.model, given, phi)
-        grown = _swapped(bench, bases, grown, [c for c in candidates if c.id in rivals], given, phi)
+        grown = _pruned(context, bases, best.fitted.model, given, phi)
+        grown = _swapped(context, bases, grown, [c for c in candidates if c.id in rivals], given, phi)
         base = bases(grown, phi)
-        bench, bases = _without_drift(bench, bases, base)
-        base, start = bases(grown, phi), bare_ranking(bench, bases(first.base.model))
-        ranking = rank(bench, base, candidates, progress, _fitted_at_first(first, rivals))
-        steps.append(Step(tuple(e.id for e, _ in grown.effects[given:]), ranking, bench))
+        context, bases = _without_drift(context, bases, base)
+        base, start = bases(grown, phi), bare_ranking(context, bases(first.base.model))
+        ranking = rank(context, base, candidates, progress, _fitted_at_first(first, rivals))
+        steps.append(Step(tuple(e.id for e, _ in grown.effects[given:]), ranking, context))
     return steps
 
 
-def _may_be_added(bench: Bench, start: Ranking, ranking: Ranking, finding: Finding) -> bool:
+def _may_be_added(context: DiagnosisContext, start: Ranking, ranking: Ranking, finding: Finding) -> bool:
     """Whether a finding that passes may be added: beside others none that a range's end stopped, which stands in for
     what they left.
     """
-    return start is ranking or (not finding.checks.at_range_end and _exceeds_formulas(bench, start, ranking, finding))
+    return start is ranking or (not finding.checks.at_range_end and _exceeds_formulas(context, start, ranking, finding))
 
 
-def _exceeds_formulas(bench: Bench, start: Ranking, ranking: Ranking, finding: Finding) -> bool:
+def _exceeds_formulas(context: DiagnosisContext, start: Ranking, ranking: Ranking, finding: Finding) -> bool:
     """Whether a finding gains more than the formulas of earlier effects may have left of what they explained: in all
     images together, or by a practical size in those that the formulas leave alone, which are none of their fault.
 
     start: the ranking of the given model by the same weights.
     """
-    gates = ranking.gates
+    thresholds = ranking.thresholds
     beyond = []
-    for o in bench.evidence.train:
+    for o in context.evidence.train:
         tiles = np.unique(o.tile)
         first, before, after = (
             float(chi2[tiles].sum())
             for chi2 in (start.base.tile_chi2, ranking.base.tile_chi2, finding.explanation.tile_chi2)
         )
-        beyond.append(before - after - gates.formulas_share * max(first - before, 0.0))
-    return sum(beyond) > 0.0 or sum(max(x, 0.0) for x in beyond) >= gates.smallest_gain_floors * ranking.pixels
+        beyond.append(before - after - thresholds.formulas_share * max(first - before, 0.0))
+    return sum(beyond) > 0.0 or sum(max(x, 0.0) for x in beyond) >= thresholds.smallest_gain_floors * ranking.pixels
 
 
-def _without_drift(bench: Bench, bases: BaseFits, base: BaseFit) -> tuple[Bench, BaseFits]:
-    """The bench and its base fits, with the noise of what is light alone under what was found."""
+def _without_drift(context: DiagnosisContext, bases: BaseFits, base: BaseFit) -> tuple[DiagnosisContext, BaseFits]:
+    """The context and its base fits, with the noise of what is light alone under what was found."""
     expected = {row.observation.key: row.expected for row in (*base.train, *base.test)}
     model, black_dn = base.solution.model, base.solution.nuisances.black_dn
-    evidence = without_drift(bench.evidence, model, black_dn, expected, bench.gates.drift_share)
-    if evidence is bench.evidence:
-        return bench, bases
-    scanned, memory = scan_observations(evidence.train, evidence.seed), bench.fitters.train.memory
-    fitters = Fitters.of(evidence, scanned, memory, bench.workers)
-    return replace(bench, evidence=evidence, fitters=fitters), BaseFits(evidence, fitters, bench.gates)
+    evidence = without_drift(context.evidence, model, black_dn, expected, context.thresholds.drift_share)
+    if evidence is context.evidence:
+        return context, bases
+    scanned, memory = scan_observations(evidence.train, evidence.seed), context.fitters.train.memory
+    fitters = Fitters.of(evidence, scanned, memory, context.workers)
+    return replace(context, evidence=evidence, fitters=fitters), BaseFits(evidence, fitters, context.thresholds)
 
 
 def _fitted_at_first(first: Ranking, rivals: set[str]) -> dict[str, np.ndarray]:
@@ -108,14 +112,14 @@ def _fitted_at_first(first: Ranking, rivals: set[str]) -> dict[str, np.ndarray]:
     return {f.id: f.solution.values_of(f.effect) for f in first.findings if f.id in rivals and f.solution is not None}
 
 
-def _loss(bench: Bench, smaller: BaseFit, full: BaseFit) -> tuple[float, float]:
+def _loss(context: DiagnosisContext, smaller: BaseFit, full: BaseFit) -> tuple[float, float]:
     """(nats, floors) that a base is behind a better one."""
-    ranking = bare_ranking(bench, smaller)
+    ranking = bare_ranking(context, smaller)
     nats = 0.5 * ranking.pixels * float(np.log(smaller.chi2 / full.chi2)) / ranking.design_effect
     return nats, (smaller.chi2 - full.chi2) / ranking.pixels
 
 
-def _pruned(bench: Bench, bases: BaseFits, model: Model, given: int, phi: np.ndarray) -> Model:
+def _pruned(context: DiagnosisContext, bases: BaseFits, model: Model, given: int, phi: np.ndarray) -> Model:
     """The model without those added effects that, all others refitted, it does not need.
 
     phi: nuisances to start from.
@@ -125,14 +129,14 @@ def _pruned(bench: Bench, bases: BaseFits, model: Model, given: int, phi: np.nda
     full = bases(model, phi)
     for e, _ in model.effects[given:-1]:
         smaller = model.without_effect(e.id)
-        nats, floors = _loss(bench, bases(smaller, phi), full)
-        if nats < bench.gates.needless_nats or floors < bench.gates.needless_floors:
-            return _pruned(bench, bases, smaller, given, phi)
+        nats, floors = _loss(context, bases(smaller, phi), full)
+        if nats < context.thresholds.needless_nats or floors < context.thresholds.needless_floors:
+            return _pruned(context, bases, smaller, given, phi)
     return model
 
 
 def _swapped(
-    bench: Bench, bases: BaseFits, model: Model, rivals: Sequence[Effect], given: int, phi: np.ndarray
+    context: DiagnosisContext, bases: BaseFits, model: Model, rivals: Sequence[Effect], given: int, phi: np.ndarray
 ) -> Model:
     """The model with each earlier effect replaced by the rival that comes first beside the later ones, of which the
     ranking that chose it knew nothing; the last one, too, where what it was chosen beside has changed.
@@ -142,18 +146,18 @@ def _swapped(
         kept = {other.id for other, _ in model.effects}
         if e is added[-1] and all(earlier.id in kept for earlier in added[:-1]):
             continue
-        model = _with_likeliest(bench, bases, model, e, rivals, phi)
+        model = _with_likeliest(context, bases, model, e, rivals, phi)
     return model
 
 
 def _with_likeliest(
-    bench: Bench, bases: BaseFits, model: Model, effect: Effect, rivals: Sequence[Effect], phi: np.ndarray
+    context: DiagnosisContext, bases: BaseFits, model: Model, effect: Effect, rivals: Sequence[Effect], phi: np.ndarray
 ) -> Model:
     """The model with the rival in an effect's place that comes first beside the others, and explains no less."""
     taken = {other.id for other, _ in model.effects} - {effect.id}
-    others = rank(bench, bases(model.without_effect(effect.id), phi), [c for c in rivals if c.id not in taken])
+    others = rank(context, bases(model.without_effect(effect.id), phi), [c for c in rivals if c.id not in taken])
     best = next((f for f in others.findings if f.solution is not None), None)
     own = next((f for f in others.findings if f.id == effect.id), None)
-    if best is None or own is None or best.chi2 > own.chi2 + bench.gates.needless_floors * others.pixels:
+    if best is None or own is None or best.chi2 > own.chi2 + context.thresholds.needless_floors * others.pixels:
         return model
     return best.fitted.model if best.id != effect.id else model

@@ -91,7 +91,7 @@ def next_measurements(ranking: Ranking, evidence: Evidence) -> list[Advice]:
         nats, pair = _worst_pair(ranking, evidence, foretold, observations, change)
         scored.append((nats, text, pair))
     scored.sort(key=lambda entry: -entry[0])
-    useful = [entry for entry in scored if entry[0] > ranking.gates.worth_nats]
+    useful = [entry for entry in scored if entry[0] > ranking.thresholds.worth_nats]
     advice: list[Advice] = [
         {"text": f"{text} (expected {nats:.0f} nats)", "nats": nats, "separates": list(pair), "change": _MENU[text]}
         for nats, text, pair in useful
@@ -99,7 +99,7 @@ def next_measurements(ranking: Ranking, evidence: Evidence) -> list[Advice]:
     # What brings little more than the same frames again is no lever: errors of a survey, which no light lessens, hide
     # the difference where these views have not shown it.
     again = _worst_pair(ranking, evidence, foretold, observations, {})[0] if useful else np.inf
-    if not useful or useful[0][0] < ranking.gates.lever_ratio * again:
+    if not useful or useful[0][0] < ranking.thresholds.lever_ratio * again:
         text, change = _OTHER_VIEWS
         advice = [{"text": text, "nats": None, "separates": [f.id for f in members], "change": change}, *advice]
     return advice[:_SUGGESTIONS]

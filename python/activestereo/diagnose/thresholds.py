@@ -3,8 +3,8 @@
 from.
 
 Sources: *theory* is a law or a count; *convention* is a round number that a user may want otherwise; *calibrated* was
-fitted to worlds of the bank's generation 1 (tests/benchmark_suite), which the reported figures never use. How much the
-bank's figures move with a gate was found on 332 worlds of generation 0: named and right 0.920, false alarms 0.010,
+fitted to worlds of the suite's generation 1 (tests/benchmark_suite), which the reported figures never use. How much the
+bank's figures move with a threshold was found on 332 worlds of generation 0: named and right 0.920, false alarms 0.010,
 outside said so 0.964.
 """
 
@@ -18,72 +18,72 @@ _NO_FIGURE = "none"
 _EARLIER = "not judged"
 
 
-def _gate(value: float, unit: str, decides: str, source: str, moves: str = _NO_FIGURE) -> Any:
-    """moves: figures of the bank when the gate is halved and doubled, as tests/benchmark_suite/gate_study.py prints
-    them."""
+def _threshold(value: float, unit: str, decides: str, source: str, moves: str = _NO_FIGURE) -> Any:
+    """moves: figures of the benchmark suite when the threshold is halved and doubled, as
+    tests/benchmark_suite/threshold_study.py prints them."""
     return field(default=value, metadata={"unit": unit, "decides": decides, "source": source, "moves": moves})
 
 
 def _earlier(value: float, unit: str, decides: str, source: str) -> Any:
-    """A gate that decides what is fitted: verdicts passed again on what was fitted do not show it."""
-    return _gate(value, unit, decides, source, _EARLIER)
+    """A threshold that decides what is fitted: verdicts passed again on what was fitted do not show it."""
+    return _threshold(value, unit, decides, source, _EARLIER)
 
 
 @dataclass(frozen=True)
-class Gates:
+class Thresholds:
     """Noise variances: mean squares over that of the noise (a reduced chi-square). Shares: of the error above the
     floor, unless said otherwise."""
 
     # May it be named?
-    margin_nats: float = _gate(
+    margin_nats: float = _threshold(
         5.0,
         "nats",
         "gain in likelihood that a name needs, beyond the logarithm of the number of effects that were tried",
         "theory: the largest of K null gains grows with log K; the margin is a convention",
     )
-    smallest_share: float = _gate(
+    smallest_share: float = _threshold(
         0.20,
         "1",
         "least share of the error that a named effect must explain",
         _GENERATION_1,
         moves="halved: false alarms +0.050, outside -0.107; doubled: named -0.013, false alarms -0.010",
     )
-    smallest_field_share: float = _gate(
+    smallest_field_share: float = _threshold(
         0.10, "1", "the same for random fields, since other frames predict only a part of them", _GENERATION_1
     )
-    smallest_depth_share: float = _gate(
+    smallest_depth_share: float = _threshold(
         0.03,
         "1",
         "the same for the mean square of the disparity error, since any two depth engines differ",
         _GENERATION_1,
     )
-    smallest_gain_floors: float = _gate(
+    smallest_gain_floors: float = _threshold(
         0.01,
         "noise variances",
         "least decrease of the mean squared error",
         _GENERATION_1,
         moves="halved: false alarms +0.010; doubled: false alarms -0.010",
     )
-    smallest_plain_floors: float = _gate(
+    smallest_plain_floors: float = _threshold(
         0.05,
         "noise variances",
         "least decrease of the unweighted error, where that decrease alone makes an effect large",
         _GENERATION_1,
     )
-    patch_share: float = _gate(
+    patch_share: float = _threshold(
         0.03,
         "1",
         "least share of the unweighted error that an effect must remove; with less it only patches another fault",
         _GENERATION_1,
     )
-    consistent_share: float = _gate(
+    consistent_share: float = _threshold(
         0.7,
         "1",
         "least share of the images affected by the effect that must improve",
         "convention: seven of ten",
         moves="halved: outside -0.179; doubled: nothing is named",
     )
-    largest_variation: float = _gate(
+    largest_variation: float = _threshold(
         0.5,
         "1",
         "most that a varying amplitude may explain for an effect to be named, relative to what one amplitude explains",
@@ -91,114 +91,114 @@ class Gates:
         moves="doubled: outside -0.071",
     )
     # Is it the whole truth?
-    other_law_share: float = _gate(
+    other_law_share: float = _threshold(
         0.1,
         "1",
         "the same ratio, above which another law than the named one is at work",
         _GENERATION_1,
         moves="doubled: named +0.013",
     )
-    other_law_floors: float = _gate(
+    other_law_floors: float = _threshold(
         0.012,
         "noise variances",
         "least size of that variation that counts at all",
         _GENERATION_1,
         moves="doubled: named +0.013",
     )
-    unexplained_floors: float = _gate(
+    unexplained_floors: float = _threshold(
         0.12,
         "noise variances",
         "structure and excess above which something is missing, where no effect is named",
         _GENERATION_1,
         moves="halved: named -0.027; doubled: outside -0.107",
     )
-    structure_of_named_floors: float = _gate(
+    structure_of_named_floors: float = _threshold(
         0.075,
         "noise variances",
         "structure above which something is missing beside a named effect",
         _GENERATION_1,
         moves="halved: named -0.053, outside +0.036; doubled: outside -0.071",
     )
-    unexplained_share: float = _gate(
+    unexplained_share: float = _threshold(
         0.2,
         "1",
         "share of the initial structure that must remain for something to be missing",
         _GENERATION_1,
         moves="halved: named -0.013; doubled: outside -0.036",
     )
-    largest_held_sigmas: float = _gate(
+    largest_held_sigmas: float = _threshold(
         4.0,
         "1",
         "farthest that a named effect's fit may take a focal length or an albedo from calibration and survey, in their "
         "deviations",
         "theory: one normal error in 16 000 is larger",
     )
-    largest_of_surveys_floors: float = _gate(
+    largest_of_surveys_floors: float = _threshold(
         0.5,
         "noise variances",
         "largest excess of any shape that errors of the survey leave, where no effect is named",
         _GENERATION_1,
         moves="doubled: outside -0.036",
     )
-    unsteady_floors: float = _gate(
+    unsteady_floors: float = _threshold(
         0.06,
         "noise variances",
         "largest difference between the frames of one view that noise makes, where no effect is named",
         _GENERATION_1,
     )
-    uneven_structure_floors: float = _gate(
+    uneven_structure_floors: float = _threshold(
         0.12,
         "noise variances",
         "largest structure of one image beyond the median image's, where no effect is named",
         _GENERATION_1,
         moves="doubled: outside -0.036",
     )
-    rounding_known_to: float = _gate(
+    rounding_known_to: float = _threshold(
         0.2,
         "1",
         "relative uncertainty of the rounding error of coarse digital steps",
         "theory: few steps in dark pictures",
     )
-    images_at_floor: float = _gate(
+    images_at_floor: float = _threshold(
         0.12,
         "noise variances",
         "excess below which the images lack nothing, so that the depth is judged",
         _GENERATION_1,
     )
     # Can it be distinguished from others?
-    same_excess_ratio: float = _gate(
+    same_excess_ratio: float = _threshold(
         1.2, "1", "ratio of excess errors within which two explanations count as equal", _GENERATION_1
     )
-    same_excess_floors: float = _gate(
+    same_excess_floors: float = _threshold(
         0.002, "noise variances", "absolute difference that is allowed in addition to that ratio", _GENERATION_1
     )
-    same_gain_share: float = _gate(
+    same_gain_share: float = _threshold(
         0.25, "1", "least share of the other's gain that an explanation needs to count as equal", "convention"
     )
-    paired_errors: float = _gate(
+    paired_errors: float = _threshold(
         2.0,
         "1",
         "number of paired standard errors within which two explanations count as equal",
         "theory: a two-sided 95 % interval",
     )
-    paired_nats: float = _gate(
+    paired_nats: float = _threshold(
         2.0, "nats", "difference of likelihoods that is allowed in addition to these errors", "convention"
     )
     # How sure is it?
-    named_probability: float = _gate(
+    named_probability: float = _threshold(
         0.97, "1", "probability that the true effect is in the list of possible names", _GENERATION_1
     )
-    temperature: float = _gate(
+    temperature: float = _threshold(
         0.1,
         "1",
         "temperature of the softmax, over the logarithm of the remaining error, that gives the confidences",
         _GENERATION_1,
     )
-    floor_known_to: float = _gate(0.01, "noise variances", "uncertainty of the noise floor itself", _GENERATION_1)
-    nats_per_unit: float = _gate(
+    floor_known_to: float = _threshold(0.01, "noise variances", "uncertainty of the noise floor itself", _GENERATION_1)
+    nats_per_unit: float = _threshold(
         20.0, "nats", "nats of an approximate likelihood that raise the logarithm of a confidence by one", _GENERATION_1
     )
-    occam_nats_per_unit: float = _gate(
+    occam_nats_per_unit: float = _threshold(
         3.0, "nats", "the same for the penalty on free parameters (Laplace's evidence)", _GENERATION_1
     )
     # Adding further effects.
@@ -344,19 +344,19 @@ class Gates:
     )
 
 
-GATES = Gates()
+THRESHOLDS = Thresholds()
 
 
-def gates_table(gates: Gates = GATES) -> str:
+def thresholds_table(thresholds: Thresholds = THRESHOLDS) -> str:
     """The table as Markdown: name, value, unit, what it decides, source, what moves with it."""
     lines = [
         "| threshold | value | unit | decides | source | changes when it is halved or doubled |",
         "|---|---|---|---|---|---|",
     ]
-    for f in fields(gates):
-        unit = "" if f.metadata["unit"] == "1" else f.metadata["unit"]
+    for f in fields(thresholds):
+        unit, source = "" if f.metadata["unit"] == "1" else f.metadata["unit"], f.metadata["source"]
         lines.append(
-            f"| `{f.name}` | {getattr(gates, f.name):g} | {unit} | {f.metadata['decides']} | {f.metadata['source']} | "
+            f"| `{f.name}` | {getattr(thresholds, f.name):g} | {unit} | {f.metadata['decides']} | {source} | "
             f"{f.metadata['moves']} |"
         )
     return "\n".join(lines)
@@ -369,4 +369,4 @@ def share_words(share: float) -> str:
 
 
 if __name__ == "__main__":
-    print(gates_table())
+    print(thresholds_table())

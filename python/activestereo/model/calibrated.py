@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from activestereo.capture.capture import Camera, Capture, Projector
 from activestereo.capture.images import read_gray
-from activestereo.model.model import Eye, Pattern, SensorModel
+from activestereo.model.model import Pattern, RigCamera, SensorModel
 
 _REACH_SIGMAS = 4.0
 
@@ -37,7 +37,7 @@ def calibrated(capture: Capture, model: SensorModel) -> Capture:
             if (camera.width, camera.height) != (eye.width, eye.height):
                 raise ValueError(
                     f"the model's {name} eye is {eye.width}x{eye.height}, {capture.path} has "
-                    f"{camera.width}x{camera.height}: acquire the rig at the size that is recorded"
+                    f"{camera.width}x{camera.height}: calibrate the rig at the size that is recorded"
                 )
         own = model.rig
         rig = replace(rig, left=_camera(own.left), right=_camera(own.right), left_to_right=own.left_to_right)
@@ -73,5 +73,5 @@ def pattern_image(pattern: Pattern) -> NDArray[np.float32]:
     return (image / max(float(image.max()), 1e-12)).astype(np.float32)
 
 
-def _camera(eye: Eye) -> Camera:
+def _camera(eye: RigCamera) -> Camera:
     return Camera(eye.width, eye.height, eye.K, np.asarray(eye.distortion, dtype=np.float64))

@@ -11,11 +11,11 @@ from activestereo.effects.core.model import Model
 from activestereo.model.model import (
     NOISE_TERMS,
     NUISANCES,
-    Eye,
     Imager,
     Pattern,
     Quantity,
     Rig,
+    RigCamera,
     SensorModel,
     with_surfaces,
 )
@@ -95,8 +95,8 @@ def _rig(capture: Capture) -> Rig:
     )
 
 
-def _eye(camera: Camera) -> Eye:
-    return Eye(camera.width, camera.height, camera.K, tuple(map(float, camera.distortion)))
+def _eye(camera: Camera) -> RigCamera:
+    return RigCamera(camera.width, camera.height, camera.K, tuple(map(float, camera.distortion)))
 
 
 def _imager(law: NoiseTerms, source: str) -> Imager:

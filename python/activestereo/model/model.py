@@ -19,7 +19,7 @@ from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.scene_surfaces import material_of, names_of, numbers_of
 from activestereo.effects.core.surfaces import SURFACES, material_numbers
-from activestereo.effects.engines.scene_measurement import Survey
+from activestereo.effects.engines.scene_measurement import SceneMeasurement
 
 # What a fit may leave over, with units: {name: (unit, low, high)}.
 NUISANCES: dict[str, tuple[str, float, float]] = {
@@ -55,7 +55,7 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class Eye:
+class RigCamera:
     """One infrared camera: pixels, 3x3 K, Brown and Conrady's five coefficients."""
 
     width: int
@@ -69,8 +69,8 @@ class Rig:
     """The calibration. 4x4 transforms a_to_b map coordinates in a to coordinates in b, camera axes x right, y down, z
     forward. exposure_s, gain: the settings that the sensor is used with."""
 
-    left: Eye
-    right: Eye
+    left: RigCamera
+    right: RigCamera
     left_to_right: NDArray[np.float64]
     left_to_projector: NDArray[np.float64] | None = None
     bit_depth: int = 8
@@ -154,7 +154,7 @@ class SensorModel:
         """Names of all surfaces that effects are on."""
         return {name for entry in self.effects for name in entry.surfaces}
 
-    def survey(self, material_names: Sequence[str]) -> Survey:
+    def survey(self, material_names: Sequence[str]) -> SceneMeasurement:
         """Focal lengths, albedo factors and measured materials in a scene; nothing is said of those that it lacks."""
         left, right = (
             self.nuisances[name].value if name in self.nuisances else 0.0 for name in ("focal_left", "focal_right")
@@ -166,7 +166,7 @@ class SensorModel:
             if "ir_albedo_factor" in fields
         }
         surfaces = {number: known for number, name in enumerate(material_names) if (known := self._surface(name))}
-        return Survey((left, right), albedo, surfaces)
+        return SceneMeasurement((left, right), albedo, surfaces)
 
     def _surface(self, name: str) -> dict[str, float]:
         """What is known of a surface, but for factors."""

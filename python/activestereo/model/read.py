@@ -18,12 +18,12 @@ from activestereo.model.model import (
     MATERIAL_FIELDS,
     NOISE_TERMS,
     NUISANCES,
-    Eye,
     Imager,
     ModelEffect,
     Pattern,
     Quantity,
     Rig,
+    RigCamera,
     SensorModel,
 )
 
@@ -162,10 +162,10 @@ def _rig(entry: JsonObject) -> Rig:
     )
 
 
-def _eye(entry: JsonObject) -> Eye:
+def _eye(entry: JsonObject) -> RigCamera:
     given = entry.numbers("distortion", [DISTORTION] * 5) if entry.has("distortion") else (0.0,) * 5
     distortion = tuple(map(float, given))
-    return Eye(
+    return RigCamera(
         entry.integer("width", _EYE_SIDE), entry.integer("height", _EYE_SIDE), entry.camera_matrix("K"), distortion
     )
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from activestereo.common.output_files import replace_file
-from activestereo.model.model import NOISE_TERMS, Eye, Pattern, Quantity, Rig, SensorModel
+from activestereo.model.model import NOISE_TERMS, Pattern, Quantity, Rig, RigCamera, SensorModel
 from activestereo.model.read import FORMAT, VERSION
 
 
@@ -79,7 +79,7 @@ def _rig(rig: Rig) -> dict[str, Any]:
     return out | ({"source": rig.source} if rig.source else {})
 
 
-def _eye(eye: Eye) -> dict[str, Any]:
+def _eye(eye: RigCamera) -> dict[str, Any]:
     return {
         "width": eye.width,
         "height": eye.height,

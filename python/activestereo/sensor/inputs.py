@@ -16,10 +16,10 @@ import kuafu
 from activestereo.camera.matching import render_parameters, signal_parameters
 from activestereo.capture.capture import Frame
 from activestereo.common.pose import Pose, camera_to_camera, camera_to_world, carried_twist
-from activestereo.effects.core.engine import EngineEye, EngineInputs
+from activestereo.effects.core.engine import EngineCamera, EngineInputs
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.scene_surfaces import split_surfaces
-from activestereo.effects.engines.scene_measurement import Survey
+from activestereo.effects.engines.scene_measurement import SceneMeasurement
 from activestereo.model import SensorModel, read_model
 
 if TYPE_CHECKING:
@@ -65,11 +65,11 @@ def sensor_inputs(
 
 
 def exposed_anew(
-    inputs: EngineInputs | None, config: StereoDepthSensorConfig, effects: Model, survey: Survey
+    inputs: EngineInputs | None, config: StereoDepthSensorConfig, effects: Model, survey: SceneMeasurement
 ) -> EngineInputs | None:
     """The inputs under the configuration's present exposure and gain; None where they have to be found anew: where
     there are none yet, or effects or a survey, which may depend on the exposure, have touched them."""
-    if inputs is None or effects.effects or survey != Survey():
+    if inputs is None or effects.effects or survey != SceneMeasurement():
         return None
     inputs.frame = replace(inputs.frame, exposure_s=config.ir_camera_exposure)
     for eye in inputs.eyes:
@@ -127,7 +127,7 @@ def _eye(
     place: Pose,
     signal: dict[str, float],
     is_right: bool,
-) -> EngineEye:
+) -> EngineCamera:
     linear, angular = twist_of(config, twist, place)
     k, distortion = config.ir_eye(is_right)
     width, height = config.ir_resolution
@@ -143,7 +143,7 @@ def _eye(
         **shutter(config.ir_line_time_s, config.ir_readout),
     )
     film = kuafu.Film(**(config.ir_film or {}))
-    return EngineEye(camera, film, signal, is_right)
+    return EngineCamera(camera, film, signal, is_right)
 
 
 def _projector(
@@ -190,11 +190,11 @@ def fitted_to(
     source: object,
     model: SensorModel | str | PathLike[str] | None,
     config: StereoDepthSensorConfig,
-) -> tuple[Model, Survey, float]:
+) -> tuple[Model, SceneMeasurement, float]:
     """(effects, survey, infrared radiance of the model's room) in this scene. source: what the scene is from; where the
     model tells two objects of one material apart and it is a file's path, each gets a material of its own."""
     if model is None:
-        return Model(), Survey(), config.ir_ambient_radiance
+        return Model(), SceneMeasurement(), config.ir_ambient_radiance
     model = model if isinstance(model, SensorModel) else read_model(Path(model))
     names = _material_names(scene)
     if isinstance(source, (str, PathLike)) and not model.surfaces <= set(names):

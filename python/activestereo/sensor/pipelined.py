@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A StereoDepthSensor with a latency of one picture: the next one is rendered while this one is matched and read.
 
-    sensor = LateStereoDepthSensor(config, scene)
+    sensor = PipelinedStereoDepthSensor(config, scene)
     for _ in range(steps):
         simulate()
         sensor.wait()          # the scene may not change while a picture is rendered
@@ -32,7 +32,7 @@ from activestereo.sensor.pipelined_pictures import UnderWay
 from activestereo.sensor.sensor import StereoDepthSensor
 
 
-class LateStereoDepthSensor(StereoDepthSensor):
+class PipelinedStereoDepthSensor(StereoDepthSensor):
     """Arguments as StereoDepthSensor's. kuafu.Error, that work is under way, where the scene is changed between
     take_picture() and wait(). ValueError for a model whose effects act outside of the engines: those take each picture
     through the host, which leaves nothing to overlap."""

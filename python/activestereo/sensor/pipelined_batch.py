@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A StereoDepthSensorBatch with a latency of one picture: the next pictures are rendered while these are matched.
 
-Used as LateStereoDepthSensor is: wait() before the scene changes, take_picture() begins, results are of the picture
-before. Pictures and depth have the bits that StereoDepthSensorBatch gives, one take_picture() later.
+Used as PipelinedStereoDepthSensor is: wait() before the scene changes, take_picture() begins, results are of the
+picture before. Pictures and depth have the bits that StereoDepthSensorBatch gives, one take_picture() later.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from activestereo.sensor.picture_memory import RGB_OUTPUTS, PictureMemory
 from activestereo.sensor.pipelined_pictures import UnderWay
 
 
-class LateStereoDepthSensorBatch(StereoDepthSensorBatch):
+class PipelinedStereoDepthSensorBatch(StereoDepthSensorBatch):
     """Arguments as StereoDepthSensorBatch's. kuafu.Error, that work is under way, where the scene is changed between
     take_picture() and wait()."""
 

@@ -52,7 +52,7 @@ class BeginsPictures(Protocol):
     def wait(self) -> None: ...
 
 
-class LateSensors:
+class PipelinedSensors:
     """Those of one scene, as long as they live: their pictures end before it changes."""
 
     def __init__(self) -> None:

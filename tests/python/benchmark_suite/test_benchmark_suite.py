@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The blind bank's runner and scores, with stubs in the tool's place."""
+"""The benchmark suite's runner and scores, with stubs in the tool's place."""
 
 import json
 import subprocess
@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bank_score import Result, median, rate, score
-from bank_sets import ALL, items
-from run_bank import is_wanted
+from suite_score import Result, median, rate, score
+from suite_sets import ALL, items
+from run_suite import is_wanted
 
-BANK = Path(__file__).resolve().parents[2] / "bank"
+SUITE = Path(__file__).resolve().parents[2] / "benchmark_suite"
 STUB = """
 import json, sys
 names = ("capture.json", "scene.gltf", "pattern.png")
@@ -140,8 +140,8 @@ def test_intervals_cover_what_they_say():
 def test_a_bank_is_run_once_and_resumed(tmp_path):
     stub = tmp_path / "stub.py"
     stub.write_text(STUB)
-    out = tmp_path / "bank"
-    command = [sys.executable, BANK / "run_bank.py", "--set", "small", "--limit", "1", "--jobs", "1", "--out", out]
+    out = tmp_path / "suite"
+    command = [sys.executable, SUITE / "run_suite.py", "--set", "small", "--limit", "1", "--jobs", "1", "--out", out]
     command += ["--command", f"{sys.executable} {stub} {{capture}} {{out}}"]
     first = subprocess.run(command, capture_output=True, text=True)
     assert first.returncode == 0, first.stdout + first.stderr

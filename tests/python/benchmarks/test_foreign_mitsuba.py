@@ -10,7 +10,7 @@ import pytest
 from activestereo.cli import main
 from activestereo.benchmarks.sim_to_real.foreign_mitsuba import MitsubaStage, foreign_bsdf
 from activestereo.benchmarks.sim_to_real.objects import objects
-from activestereo.benchmarks.sim_to_real.settings import GapSettings
+from activestereo.benchmarks.sim_to_real.settings import BenchmarkSettings
 from activestereo.benchmarks.sim_to_real.stage import CameraSettings, Stage
 from activestereo.benchmarks.sim_to_real.views import round_of_views
 from activestereo.benchmarks.sim_to_real.worlds import WORLDS
@@ -38,14 +38,19 @@ def test_a_run_without_mitsuba_is_refused_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "mitsuba", None)
-    assert main(["gap", "run", "--foreign", "mitsuba", "--views", "8", "--out", str(tmp_path / "run")]) == 2
+    assert (
+        main(
+            ["benchmark", "sim-to-real", "run", "--foreign", "mitsuba", "--views", "8", "--out", str(tmp_path / "run")]
+        )
+        == 2
+    )
     message = capsys.readouterr().err
     assert "pip install mitsuba" in message and message.count("\n") == 1
     assert not (tmp_path / "run" / "settings.json").exists()
 
 
 def test_settings_tell_the_foreign_world() -> None:
-    assert GapSettings(foreign="mitsuba").described()["foreign"] == "mitsuba"
+    assert BenchmarkSettings(foreign="mitsuba").described()["foreign"] == "mitsuba"
 
 
 def test_mitsuba_sees_what_the_simulation_sees() -> None:

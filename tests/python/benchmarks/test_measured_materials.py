@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ablation's acquired materials: read from a model.json, put in place of the objects' own, and kept with a run."""
+"""The ablation's measured materials: read from a model.json, put in place of the objects' own, and kept with a run."""
 
 from pathlib import Path
 
@@ -8,10 +8,10 @@ import pytest
 
 from activestereo.cli import main
 from activestereo.benchmarks.sim_to_real.ablate import ablate, variants
-from activestereo.benchmarks.sim_to_real.measured_materials import read_acquired, read_imager, with_acquired
+from activestereo.benchmarks.sim_to_real.measured_materials import read_measured, read_imager, with_measured
 from activestereo.benchmarks.sim_to_real.files import RunFolder
 from activestereo.benchmarks.sim_to_real.objects import objects
-from activestereo.benchmarks.sim_to_real.settings import GapSettings
+from activestereo.benchmarks.sim_to_real.settings import BenchmarkSettings
 from activestereo import StereoDepthSensorConfig
 from activestereo.benchmarks.sim_to_real.stage import CameraSettings, NoiseLaw, Stage, set_noise
 from activestereo.benchmarks.sim_to_real.views import round_of_views
@@ -28,35 +28,37 @@ def model_with(path: Path, **materials: dict[str, float]) -> Path:
 
 def test_what_was_found_stands_in_place_of_what_the_objects_have(tmp_path: Path) -> None:
     path = model_with(tmp_path / "model.json", steel_block={"roughness": 0.4, "ir_albedo": 0.5}, spoon={"roughness": 1})
-    found = read_acquired(path, objects())
+    found = read_measured(path, objects())
     assert found == {"steel block": {"roughness": 0.4, "ir_albedo": 0.5}}
-    changed = {thing.name: thing.material for thing in with_acquired(objects(), found)}
+    changed = {thing.name: thing.material for thing in with_measured(objects(), found)}
     before = {thing.name: thing.material for thing in objects()}
     steel = changed["steel block"]
     assert (steel.roughness, steel.ir_albedo, steel.metallic) == pytest.approx((0.4, 0.5, 1.0))
     assert before["steel block"].roughness == pytest.approx(0.3)
     assert changed["brass can"].roughness == before["brass can"].roughness
     with pytest.raises(ValueError, match="a material of none of the objects"):
-        read_acquired(model_with(tmp_path / "other.json", spoon={"roughness": 1}), objects())
+        read_measured(model_with(tmp_path / "other.json", spoon={"roughness": 1}), objects())
 
 
 def test_a_run_keeps_to_its_acquired_materials(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = RunFolder(tmp_path)
-    folder.keep_acquired({"glass": {"roughness": 0.1}})
-    folder.keep_acquired({"glass": {"roughness": 0.1}})
-    with pytest.raises(ValueError, match="other acquired materials"):
-        folder.keep_acquired({"glass": {"roughness": 0.2}})
-    words = [world.materials for world in variants(("materials",), has_acquired=True)]
-    assert words == ["nominal", "random", "acquired"]
-    assert main(["gap", "ablate", str(tmp_path), "--only", "noise", "--acquired", "model.json"]) == 2
+    folder.keep_measured({"glass": {"roughness": 0.1}})
+    folder.keep_measured({"glass": {"roughness": 0.1}})
+    with pytest.raises(ValueError, match="other measured materials"):
+        folder.keep_measured({"glass": {"roughness": 0.2}})
+    words = [world.materials for world in variants(("materials",), has_measured=True)]
+    assert words == ["nominal", "random", "measured"]
+    assert (
+        main(["benchmark", "sim-to-real", "ablate", str(tmp_path), "--only", "noise", "--measured", "model.json"]) == 2
+    )
     assert "--only leaves out" in capsys.readouterr().err
 
 
 def test_a_world_of_acquired_materials_is_not_rendered_without_them(tmp_path: Path) -> None:
-    worlds = variants(("materials",), has_acquired=True)
+    worlds = variants(("materials",), has_measured=True)
     for nothing in (None, {}):
-        with pytest.raises(ValueError, match="give acquired="):
-            ablate(RunFolder(tmp_path), 8, worlds, acquired=nothing)
+        with pytest.raises(ValueError, match="give measured="):
+            ablate(RunFolder(tmp_path), 8, worlds, measured=nothing)
     assert not any(tmp_path.iterdir())
 
 
@@ -86,11 +88,11 @@ def test_the_sensor_has_the_noise_that_was_acquired(tmp_path: Path) -> None:
 
 def test_a_run_keeps_to_its_noise(tmp_path: Path) -> None:
     folder, law = RunFolder(tmp_path), NoiseLaw(0.3, 0.05)
-    folder.keep_settings(GapSettings(camera=CameraSettings(imager=law)).described())
-    assert GapSettings.of(folder).camera.imager == law
+    folder.keep_settings(BenchmarkSettings(camera=CameraSettings(imager=law)).described())
+    assert BenchmarkSettings.of(folder).camera.imager == law
     with pytest.raises(ValueError, match="other settings: camera"):
-        folder.keep_settings(GapSettings().described())
-    assert "imager" not in GapSettings().described()["camera"]  # as runs before had it
+        folder.keep_settings(BenchmarkSettings().described())
+    assert "imager" not in BenchmarkSettings().described()["camera"]  # as runs before had it
 
 
 def test_acquired_noise_takes_the_place_of_what_reads_the_pixels_and_keeps_their_wells() -> None:

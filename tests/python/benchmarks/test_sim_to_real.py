@@ -224,8 +224,8 @@ def read_all(folder: Path) -> dict[str, bytes]:
 
 
 def options(out: Path, views: int = 8) -> list[str]:
-    return ["gap", "run", "--out", str(out), "--views", str(views), "--tuning-views", "8", "--samples-per-pixel", "1",
-            "--foreign-samples", "1"]  # fmt: skip
+    return ["benchmark", "sim-to-real", "run", "--out", str(out), "--views", str(views), "--tuning-views", "8",
+            "--samples-per-pixel", "1", "--foreign-samples", "1"]  # fmt: skip
 
 
 def test_a_run_goes_on_where_it_was(
@@ -248,7 +248,7 @@ def test_a_run_goes_on_where_it_was(
     assert read_all(out) == whole
     for world in ("clean", "raster", "full", "foreign"):  # of a larger run that was ended before it looked for poses
         (out / f"depth/{world}/test-0001.npz").write_bytes(whole[f"depth/{world}/test-0000.npz"])
-    assert main(["gap", "score", str(out)]) == 0
+    assert main(["benchmark", "sim-to-real", "score", str(out)]) == 0
     for world in ("clean", "raster", "full", "foreign"):
         (out / f"depth/{world}/test-0001.npz").unlink()
     assert read_all(out) == whole
@@ -256,30 +256,30 @@ def test_a_run_goes_on_where_it_was(
     assert main([*options(out), "--seed", "3"]) == 2
     assert "results of other settings: seed was 0 and is 3" in capsys.readouterr().err
     (out / "errors/full/test-0000.npz").write_bytes(b"half a file")
-    assert main(["gap", "score", str(out)]) == 2
+    assert main(["benchmark", "sim-to-real", "score", str(out)]) == 2
     message = capsys.readouterr().err
     assert "errors/full/test-0000.npz: cannot be read" in message and message.count("\n") == 1
     (out / "errors/full/test-0000.npz").unlink()
-    assert main(["gap", "score", str(out)]) == 2
+    assert main(["benchmark", "sim-to-real", "score", str(out)]) == 2
     assert "errors/full/test-0000.npz is missing" in capsys.readouterr().err
     (out / "errors/full/test-0000.npz").write_bytes(whole["errors/full/test-0000.npz"])
 
     monkeypatch.setattr("activestereo.benchmarks.sim_to_real.ablate.NOISES", (1.0,))
-    assert main(["gap", "ablate", str(out), "--views", "8", "--only", "noise"]) == 0
+    assert main(["benchmark", "sim-to-real", "ablate", str(out), "--views", "8", "--only", "noise"]) == 0
     assert "| 1 times the noise |" in capsys.readouterr().out
     # The world of one times the noise is 'full' itself.
     full, same = (RunFolder(out).read_depth(world, "test", 0)[0] for world in ("full", "full_noise_1"))
     assert np.array_equal(full, same)
-    assert main(["gap", "ablate", str(out), "--views", "16", "--only", "noise"]) == 2
+    assert main(["benchmark", "sim-to-real", "ablate", str(out), "--views", "16", "--only", "noise"]) == 2
     assert "is missing" in capsys.readouterr().err
     assert results(RunFolder(out)).views == 8
 
 
 def test_what_is_no_run_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["gap", "score", str(tmp_path)]) == 2
+    assert main(["benchmark", "sim-to-real", "score", str(tmp_path)]) == 2
     assert "has no run" in capsys.readouterr().err
     (tmp_path / "settings.json").write_text('{"seed": 1}')
-    assert main(["gap", "ablate", str(tmp_path)]) == 2
+    assert main(["benchmark", "sim-to-real", "ablate", str(tmp_path)]) == 2
     assert "not of a run of this version" in capsys.readouterr().err
     assert main([*options(tmp_path / "bad"), "--sensor", "d999"]) == 2
     assert "d999" in capsys.readouterr().err

@@ -69,12 +69,12 @@ def test_the_command_finds_the_paint(plastic, tmp_path, monkeypatch, capsys):
     out.write_text(
         json.dumps({"format": "active-stereo-model", "version": 2, "materials": {"table": {"roughness": 0.9}}})
     )
-    assert main(["acquire", "materials", str(plastic), "--object", "ball", "-o", str(out)]) == 0
+    assert main(["calibrate", "materials", str(plastic), "--object", "ball", "-o", str(out)]) == 0
     measured = json.loads(out.read_text())["materials"]
     assert measured["table"] == {"roughness": 0.9}  # what it did not measure stays
     assert abs(measured["paint"]["ir_albedo"]["value"] - 0.5) < 0.1
     assert abs(measured["paint"]["roughness"]["value"] - 0.35) < 0.15
-    assert "acquire materials" in measured["paint"]["roughness"]["source"]
+    assert "calibrate materials" in measured["paint"]["roughness"]["source"]
     said = capsys.readouterr().out
     assert "mean square of the residuals" in said and "written: materials" in said
 
@@ -119,7 +119,7 @@ def test_a_models_materials_take_the_scenes_place(plastic):
 
 def test_what_is_wrong_is_told(plastic, tmp_path, capsys):
     out = tmp_path / "model.json"
-    arguments = ["acquire", "materials", str(plastic), "-o", str(out), "--object"]
+    arguments = ["calibrate", "materials", str(plastic), "-o", str(out), "--object"]
     assert main([*arguments, "cup"]) == 2
     assert "there is no object 'cup' (there are: table, ball)" in capsys.readouterr().err
     text = (plastic / "scene.gltf").read_text()

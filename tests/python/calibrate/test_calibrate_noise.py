@@ -9,7 +9,7 @@ import pytest
 from activestereo import StereoDepthSensorConfig
 from activestereo.calibrate.frames import Repeats
 from activestereo.calibrate.model_section import replace_sections
-from activestereo.calibrate.noise import acquire_noise
+from activestereo.calibrate.noise import calibrate_noise
 from activestereo.calibrate.noise_models import GammaLaw, ShotLaw
 from activestereo.cli import main
 from activestereo.capture.images import write_gray
@@ -85,7 +85,7 @@ def test_the_paper_law_of_simsense_is_read_back():
     for index, stack in enumerate((lit, covered)):
         engine.set_parameters(frame_index=index)
         frames.append([Repeats("simsense", engine.compute(stack, stack, ("ir_left",))["ir_left"].copy())])
-    noise = acquire_noise(frames[0])
+    noise = calibrate_noise(frames[0])
     assert noise.chosen == "gamma" and noise.margin_nats[0] > 5.0 * noise.margin_nats[1]
     law = noise.fit.law
     assert law.shape == pytest.approx(3.98, rel=0.03)
@@ -98,7 +98,7 @@ def test_the_paper_law_of_simsense_is_read_back():
 
 @pytest.mark.parametrize("law", [ShotLaw(0.4, 0.7, 5.0), GammaLaw(30.0, 0.7, 5.0)])
 def test_with_dark_frames_the_asked_figures_hold(law):
-    noise = acquire_noise(views(law, 40), dark(law), seed=1)
+    noise = calibrate_noise(views(law, 40), dark(law), seed=1)
     assert noise.chosen == law.name
     fit = noise.fit
     assert fit.law.shape == pytest.approx(law.shape, rel=0.03)
@@ -113,7 +113,7 @@ def test_with_dark_frames_the_asked_figures_hold(law):
 def test_clipped_counts_are_censored():
     """A quarter of the pixels lie where many counts clip at 255."""
     law = GammaLaw(10.0, 0.8, 5.0)
-    noise = acquire_noise(views(law, 30, low=40.0, high=260.0), dark(law))
+    noise = calibrate_noise(views(law, 30, low=40.0, high=260.0), dark(law))
     assert noise.clipped_share > 0.05
     assert noise.fit.law.shape == pytest.approx(10.0, rel=0.03)
 
@@ -121,7 +121,7 @@ def test_clipped_counts_are_censored():
 def test_exposures_tell_black_and_photon_transfer():
     law, clean = ShotLaw(0.4, 0.7, 6.0), clean_image(2, 4.0, 50.0)
     frames = [Repeats(f"exposure {t}", drawn(law, t * clean, 30, 10 + t), 0.001 * t, "one view") for t in (1, 2, 4)]
-    noise = acquire_noise(frames)
+    noise = calibrate_noise(frames)
     assert noise.black_from == "the exposures' intercept"
     assert noise.fit.law.black_dn == pytest.approx(6.0, abs=0.05)
     assert noise.chosen == "shot" and noise.fit.law.shape == pytest.approx(0.4, rel=0.03)
@@ -149,7 +149,7 @@ def test_the_command_replaces_one_section_only(folder, tmp_path, capsys):
             {"format": "active-stereo-model", "version": 2, "kept": {"as": 1}, "nuisances": {"focal_left": 0.001}}
         )
     )
-    assert main(["acquire", "noise", str(folder), "--paper", "-o", str(out)]) == 0
+    assert main(["calibrate", "noise", str(folder), "--paper", "-o", str(out)]) == 0
     text = capsys.readouterr().out
     assert "law: gamma" in text and "1/k: a gauge" in text and "literal fit" in text and "never show in repeats" in text
     model = json.loads(out.read_text())
@@ -161,7 +161,7 @@ def test_the_sensor_takes_what_was_measured(tmp_path):
     """Through the file into the sensor's configuration: the law that was drawn from, read noise without rounding's."""
     law = GammaLaw(4.0, 0.8, 5.0)
     out = tmp_path / "model.json"
-    replace_sections(out, acquire_noise(views(law, 20), dark(law)).model())
+    replace_sections(out, calibrate_noise(views(law, 20), dark(law)).model())
     config = StereoDepthSensorConfig.from_model(read_model(out))
     assert config.ir_signal["speckle_shape"] == pytest.approx(4.0, rel=0.03)
     assert config.ir_signal["adc_noise_dn"] == pytest.approx(0.8, rel=0.03)
@@ -178,7 +178,7 @@ def _refused(arguments, capsys):
 
 def test_bad_repeats_are_refused_in_one_line(folder, tmp_path, capsys):
     out = tmp_path / "model.json"
-    ask = ["acquire", "noise", folder, "-o", out]
+    ask = ["calibrate", "noise", folder, "-o", out]
     (folder / "000.png").unlink()
     (folder / "001.png").unlink()
     (folder / "002.png").unlink()
@@ -198,12 +198,12 @@ def test_bad_repeats_are_refused_in_one_line(folder, tmp_path, capsys):
     assert "005.png: is 4x4" in _refused(ask, capsys)
     (folder / "005.png").write_bytes(b"\x89PNG broken")
     assert "005.png" in _refused(ask, capsys)
-    assert "no folder" in _refused(["acquire", "noise", tmp_path / "nothing", "-o", out], capsys)
+    assert "no folder" in _refused(["calibrate", "noise", tmp_path / "nothing", "-o", out], capsys)
     assert not out.exists()
     out.write_text("{}")
     folder2 = tmp_path / "again"
     folder2.mkdir()
     for i, image in enumerate(drawn(GammaLaw(5.0, 0.8, 5.0), clean_image(3), 10, 4)):
         write_gray(folder2 / f"{i}.png", image)
-    assert "give another file to -o" in _refused(["acquire", "noise", folder2, "-o", out], capsys)
+    assert "give another file to -o" in _refused(["calibrate", "noise", folder2, "-o", out], capsys)
     assert out.read_text() == "{}"

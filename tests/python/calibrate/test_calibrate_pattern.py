@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from activestereo import StereoDepthSensorConfig
 from activestereo.calibrate.model_section import replace_sections
-from activestereo.calibrate.pattern import _as_if_not_turned, _meeting_point, _variance_of_mean, acquire_pattern
+from activestereo.calibrate.pattern import _as_if_not_turned, _meeting_point, _variance_of_mean, calibrate_pattern
 from activestereo.calibrate.spots import Spots, find_spots
 from activestereo.calibrate.wall import find_wall
 from activestereo.capture.capture import read_capture
@@ -38,7 +38,7 @@ def capture_path(world, device, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def pattern(capture_path):
-    return acquire_pattern(capture_path)
+    return calibrate_pattern(capture_path)
 
 
 def test_dots_are_found_where_they_are(world, pattern):
@@ -142,7 +142,7 @@ def test_one_distance_leaves_it_nominal_and_says_so(capture_path, tmp_path):
     for name in ("left", "right", "depth", "walls-scene.gltf", "pattern.png"):
         (tmp_path / name).symlink_to(capture.path / name)
     (tmp_path / "capture.json").write_text(json.dumps(root))
-    pattern = acquire_pattern(tmp_path)
+    pattern = calibrate_pattern(tmp_path)
     assert pattern.place_m == pytest.approx(NOMINAL_PLACE_M) and pattern.place_error_m is None
     assert pattern.background is None and "NOT MEASURED" in pattern.text()
     assert "NOMINAL" in pattern.text() and "is nominal" in pattern.model().pattern.source
@@ -165,7 +165,7 @@ def test_a_turned_right_eye_is_set_straight(pattern):
 
 
 def test_the_models_rig_is_believed(capture_path, pattern, tmp_path, monkeypatch):
-    """Dots are directions from the eyes of the rig that `acquire rig` wrote into the same file."""
+    """Dots are directions from the eyes of the rig that `calibrate rig` wrote into the same file."""
     own = pattern.model().rig
     out = tmp_path / "model.json"
     left, right = (replace(eye, K=eye.K * [[1.01], [1.01], [1.0]]) for eye in (own.left, own.right))
@@ -176,17 +176,17 @@ def test_the_models_rig_is_believed(capture_path, pattern, tmp_path, monkeypatch
 
     monkeypatch.setattr("activestereo.calibrate.pattern._wall_view", stop)
     with pytest.raises(ValueError, match=f"f 1.0100 {1.01 * own.right.K[0, 0]:.4f}"):
-        acquire_pattern(capture_path, model=read_model(out))
+        calibrate_pattern(capture_path, model=read_model(out))
     # What is wrong with the model's rig is not said of the capture.
     bent = SensorModel(rig=replace(own, left=replace(own.left, distortion=(0.01, 0.0, 0.0, 0.0, 0.0))))
     with pytest.raises(ValueError, match="^the model: rig.left.distortion: .* --rectified"):
-        acquire_pattern(capture_path, model=bent)
+        calibrate_pattern(capture_path, model=bent)
     for turn, told in ((0.01, "turns the right camera by 0.57 degrees"), (0.0, "0.50 mm beside")):
         place = own.left_to_right.copy()
         place[:3, :3] = Rotation.from_rotvec([0.0, turn, 0.0]).as_matrix()
         place[1, 3] = 0.0005
         with pytest.raises(ValueError, match=f"^the model: rig.left_to_right: .*{told}"):
-            acquire_pattern(capture_path, model=SensorModel(rig=replace(own, left_to_right=place)))
+            calibrate_pattern(capture_path, model=SensorModel(rig=replace(own, left_to_right=place)))
 
 
 def test_merged_spots_are_told_apart():
@@ -287,7 +287,7 @@ def test_bad_walls_are_refused_in_one_line(capture_path, tmp_path, capsys):
     out = tmp_path / "model.json"
 
     def refusal(name, change):
-        return _refused(["acquire", "pattern", _copied(capture_path, tmp_path / name, change), "-o", out], capsys)
+        return _refused(["calibrate", "pattern", _copied(capture_path, tmp_path / name, change), "-o", out], capsys)
 
     def few(root):
         root["frames"] = root["frames"][:9]
@@ -315,5 +315,5 @@ def test_bad_walls_are_refused_in_one_line(capture_path, tmp_path, capsys):
             write_gray(
                 bright / eye / frame.path(eye).name, np.minimum(5.0 * capture.ir(frame, eye), 255).astype(np.uint8)
             )
-    assert "the wall saturates" in _refused(["acquire", "pattern", bright, "-o", out], capsys)
+    assert "the wall saturates" in _refused(["calibrate", "pattern", bright, "-o", out], capsys)
     assert not out.exists()

@@ -121,7 +121,7 @@ def refused(arguments, capsys):
 
 def test_a_box_is_placed_from_2_cm_and_5_degrees(box, capsys):
     out = box / "placed.gltf"
-    arguments = ["acquire", "pose", str(box / "capture"), "--object", f"part={box / 'part.obj'}", "-o", str(out)]
+    arguments = ["calibrate", "pose", str(box / "capture"), "--object", f"part={box / 'part.obj'}", "-o", str(out)]
     for seed in (1, 2):
         assert main([*arguments, "--start", start_text(seed)]) == 0
         found = json.loads(out.with_suffix(".poses.json").read_text())["part"]
@@ -171,7 +171,7 @@ def test_a_cup_turns_freely_about_its_axis(tmp_path):
     assert (
         main(
             [
-                "acquire",
+                "calibrate",
                 "pose",
                 str(tmp_path / "capture"),
                 "--object",
@@ -195,7 +195,7 @@ def test_a_cup_turns_freely_about_its_axis(tmp_path):
 
 def test_what_is_wrong_is_told(box, tmp_path, capsys):
     out = tmp_path / "placed.gltf"
-    arguments = ["acquire", "pose", str(box / "capture"), "--object", f"part={box / 'part.obj'}", "-o", str(out)]
+    arguments = ["calibrate", "pose", str(box / "capture"), "--object", f"part={box / 'part.obj'}", "-o", str(out)]
     assert "has no node 'part': give --start part=" in refused(arguments, capsys)
     assert "out of view in all" in refused([*arguments, "--start", "part=0,0,9,0,0,0,1"], capsys)
     assert "the quaternion's length is 2.000" in refused([*arguments, "--start", "part=0,0,0,0,0,0,2"], capsys)

@@ -121,7 +121,7 @@ def test_the_command_writes_rig_coverage_and_hand_eye(frames, tmp_path, capsys):
     assert (
         main(
             [
-                "acquire",
+                "calibrate",
                 "rig",
                 str(folder),
                 "--board",
@@ -160,12 +160,14 @@ def test_bad_boards_are_refused_in_one_line(frames, tmp_path, capsys):
         for view in world.views[:2]:
             (few / eye / view.name).symlink_to(folder / eye / view.name)
     assert "2 of 2 frame pairs show the board" in _refused(
-        ["acquire", "rig", few, "--board", "9x6:0.03", "-o", out], capsys
+        ["calibrate", "rig", few, "--board", "9x6:0.03", "-o", out], capsys
     )
-    assert "0 of 2 frame pairs" in _refused(["acquire", "rig", few, "--board", "8x5:0.03", "-o", out], capsys)
-    assert "no PNG file is in both" in _refused(["acquire", "rig", tmp_path, "--board", "9x6:0.03", "-o", out], capsys)
+    assert "0 of 2 frame pairs" in _refused(["calibrate", "rig", few, "--board", "8x5:0.03", "-o", out], capsys)
+    assert "no PNG file is in both" in _refused(
+        ["calibrate", "rig", tmp_path, "--board", "9x6:0.03", "-o", out], capsys
+    )
     for wrong in ("9x6", "9x6:0.03:0.1", "charuco:9x6:0.02:0.03", "9:0.03", "1x6:0.03"):
-        assert wrong in _refused(["acquire", "rig", few, "--board", wrong, "-o", out], capsys)
+        assert wrong in _refused(["calibrate", "rig", few, "--board", wrong, "-o", out], capsys)
     assert not out.exists()
 
 

@@ -41,7 +41,7 @@ def step(tmp_path):
 
 def test_the_scene_has_the_depth_that_was_measured(step, capsys):
     folder, true = step
-    assert main(["acquire", "scene", str(folder / "capture"), "--step", "1", "-o", str(folder / "scene.gltf")]) == 0
+    assert main(["calibrate", "scene", str(folder / "capture"), "--step", "1", "-o", str(folder / "scene.gltf")]) == 0
     said = capsys.readouterr().out
     assert "3 frames" in said and "warning: this scene is what the camera measured" in said
     scene = kuafu.Scene(kuafu.Device())
@@ -70,6 +70,6 @@ def test_what_is_wrong_is_told(step, capsys):
         (["--frame", "7"], "frames[id=7] is not there or has no depth"),
         (["-o", "scene.stl"], "name of a .gltf"),
     ):
-        assert main(["acquire", "scene", str(folder / "capture"), "-o", str(folder / "x.gltf"), *more]) == 2
+        assert main(["calibrate", "scene", str(folder / "capture"), "-o", str(folder / "x.gltf"), *more]) == 2
         assert words in capsys.readouterr().err
     assert not (folder / "x.gltf").exists()

@@ -81,7 +81,7 @@ def test_files_that_are_no_network_are_refused_in_one_line(ball, tmp_path, capfd
     for name, (data, words) in bad.items():
         if data is not None:
             (tmp_path / name).write_bytes(data)
-        arguments = ["acquire", "materials", str(ball), "--object", "ball", "-o", str(out)]
+        arguments = ["calibrate", "materials", str(ball), "--object", "ball", "-o", str(out)]
         assert main([*arguments, "--network", str(tmp_path / name)]) == 2
         said = capfd.readouterr().err
         assert name in said and words in said and len(said.strip().splitlines()) == 1, said

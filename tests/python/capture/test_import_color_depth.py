@@ -100,7 +100,7 @@ def test_what_needs_infrared_says_so(tum, capsys):
     out = tum.parent / "capture"
     assert main(["import", str(tum), "--k", ",".join(map(str, _K)), "--out", str(out)]) == 0
     for command in (
-        ["acquire", "noise", str(out), "-o", str(tum / "model.json")],
+        ["calibrate", "noise", str(out), "-o", str(tum / "model.json")],
         ["compare", str(out), "--out", str(tum / "c")],
     ):
         capsys.readouterr()

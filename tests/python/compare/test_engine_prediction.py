@@ -13,7 +13,7 @@ from activestereo.capture.capture import Capture, read_capture
 from activestereo.capture.write import write_capture
 from activestereo.cli import main
 from activestereo.effects import Model, builtin
-from activestereo.effects.engines import CaptureRenderer, Survey
+from activestereo.effects.engines import CaptureRenderer, SceneMeasurement
 from activestereo.capture.images import read_gray
 from activestereo.compare.compare import compare
 from activestereo.compare.nuisances import Nuisances
@@ -28,7 +28,7 @@ HIDDEN = {
     "response_gamma": {"log_exponent": 0.15},
     "principal_point_offset": {"cx_px": 1.0, "cy_px": 0.0},
 }
-SURVEY = Survey((0.002, 0.002), {1: 1.1})
+SURVEY = SceneMeasurement((0.002, 0.002), {1: 1.1})
 
 
 def model_of(**effects: dict[str, float]) -> Model:
@@ -65,7 +65,7 @@ def hidden(nominal, renderer, tmp_path_factory) -> Path:
     return folder
 
 
-def rmse_of(hidden: Path, model: Model, survey: Survey | None = None) -> float:
+def rmse_of(hidden: Path, model: Model, survey: SceneMeasurement | None = None) -> float:
     engines = lambda capture: CaptureRenderer(capture, samples_per_pixel=SAMPLES, max_bounces=BOUNCES)  # noqa: E731
     comparison = compare(hidden, model, samples_per_pixel=SAMPLES, max_bounces=BOUNCES, engines=engines, survey=survey)
     return comparison.scores["ir"]["test"]["rmse_dn"]

@@ -14,7 +14,7 @@ from activestereo.cli import main
 from activestereo.effects import Randomness, builtin
 from activestereo.effects.core.judging import Channel, Lever, RandomTerm
 from activestereo import diagnose
-from activestereo.diagnose.thresholds import GATES, gates_table
+from activestereo.diagnose.thresholds import THRESHOLDS, thresholds_table
 from lab_worlds import BLACK_DN, WorldRenderer, altered
 
 EFFECTS = builtin()
@@ -78,7 +78,7 @@ def test_what_cannot_be_ranked_is_listed_with_the_reason(result):
 
 
 def test_page_and_help_print_the_gates(capsys):
-    assert gates_table() in (LAB / "README.md").read_text()
+    assert thresholds_table() in (LAB / "README.md").read_text()
     with pytest.raises(SystemExit):
         main(["diagnose", "--help"])
-    assert GATES.smallest_share == 0.2 and "explains a fifth of the error" in capsys.readouterr().out
+    assert THRESHOLDS.smallest_share == 0.2 and "explains a fifth of the error" in capsys.readouterr().out

@@ -11,7 +11,7 @@ from activestereo.effects import Parameter
 from activestereo.effects.core.judging import Channel
 from activestereo.diagnose.channels.depth_engine import surveyed_nats
 from activestereo.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Remainder, Score
-from activestereo.diagnose.thresholds import GATES
+from activestereo.diagnose.thresholds import THRESHOLDS
 from activestereo.diagnose.refine import Fitter
 from activestereo.diagnose.refine.light import SCALES
 from activestereo.diagnose.score.intervals import interval
@@ -34,7 +34,9 @@ def sized(name, nats, chi2, plain_floors, at_end=False):
 
 def ranking_of(findings, base_chi2=900.0, pixels=100, base_structure=None):
     base = SimpleNamespace(chi2=base_chi2, white_floors=0.0)
-    return Ranking(base, BaseChecks(structure_floors=base_structure), tuple(findings), (), pixels, 1.0, 100.0, GATES)
+    return Ranking(
+        base, BaseChecks(structure_floors=base_structure), tuple(findings), (), pixels, 1.0, 100.0, THRESHOLDS
+    )
 
 
 def judged(monkeypatch, entries, may_be_named):

@@ -9,7 +9,7 @@ import pytest
 
 from activestereo.effects.core.judging import Channel
 from activestereo.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Score
-from activestereo.diagnose.thresholds import GATES
+from activestereo.diagnose.thresholds import THRESHOLDS
 from activestereo.diagnose.score import constancy
 from activestereo.diagnose.score.constancy import varying_floors
 from activestereo.diagnose.verdict.acceptance import passes
@@ -71,6 +71,6 @@ def test_what_varies_much_is_not_named_and_what_varies_somewhat_is_unknown(varyi
     explanation = Explanation(EFFECT, Channel.EXPECTED_IMAGE, {}, 125.0 - 100.0 * gain, np.zeros(1))
     checks = Checks(varying_floors=varying, structure_floors=0.0, variation={"blur": varying})
     finding = Finding(explanation, Score(500.0, 0.95, gain, 1.0), checks)
-    ranking = Ranking(base, BaseChecks(structure_floors=0.0), (finding,), (), 100, 1.0, 100.0, GATES)
+    ranking = Ranking(base, BaseChecks(structure_floors=0.0), (finding,), (), 100, 1.0, 100.0, THRESHOLDS)
     assert passes(ranking, finding) is is_named
     assert is_unexplained(ranking, finding.remainder, ranking) is unknown

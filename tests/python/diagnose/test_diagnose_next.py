@@ -12,7 +12,7 @@ from activestereo.effects import Model, builtin
 from activestereo.compare.cache import LayerCache
 from activestereo.diagnose.base_fit import fit_base
 from activestereo.diagnose.evidence import gather
-from activestereo.diagnose.thresholds import GATES
+from activestereo.diagnose.thresholds import THRESHOLDS
 from activestereo.diagnose.next_measurement import _MENU, _changed, left_between
 from activestereo.diagnose.propose.scan import scan_observations
 from activestereo.diagnose.refine import Fitters, ParameterSpace
@@ -30,7 +30,7 @@ def fitted(tmp_path_factory):
         capture, render_frames(capture, WorldRenderer(world), 32, 8, 0, LayerCache(folder / "cache"), None, WARP_SCALE)
     )
     fitters = Fitters.of(evidence, scan_observations(evidence.train))
-    phi = fit_base(evidence, fitters, Model(), GATES).solution.phi
+    phi = fit_base(evidence, fitters, Model(), THRESHOLDS).solution.phi
     return evidence, fitters.train.refine(ParameterSpace.of(Model(), builtin()["vignetting"]), np.array([0.5]), phi, 0)
 
 

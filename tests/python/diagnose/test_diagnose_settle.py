@@ -13,9 +13,9 @@ from activestereo.effects import Model, View, builtin
 from activestereo.compare.cache import LayerCache
 from activestereo.diagnose.base_fit import fit_base
 from activestereo.diagnose.evidence import gather
-from activestereo.diagnose.thresholds import GATES
+from activestereo.diagnose.thresholds import THRESHOLDS
 from activestereo.diagnose.propose.scan import scan_observations, starts
-from activestereo.diagnose.rank import Bench, rank, settled_first
+from activestereo.diagnose.rank import DiagnosisContext, rank, settled_first
 from activestereo.diagnose.refine import Fitter, Fitters, ParameterSpace
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import render_frames
@@ -71,9 +71,9 @@ def evidence_of(table, hidden):
 
 
 def ranked(evidence, candidates):
-    """(Bench, Ranking) of candidates on top of no effects."""
-    bench = Bench(evidence, Fitters.of(evidence, scan_observations(evidence.train)), GATES, workers=1)
-    return bench, rank(bench, fit_base(evidence, bench.fitters, Model(), GATES), candidates)
+    """(DiagnosisContext, Ranking) of candidates on top of no effects."""
+    context = DiagnosisContext(evidence, Fitters.of(evidence, scan_observations(evidence.train)), THRESHOLDS, workers=1)
+    return context, rank(context, fit_base(evidence, context.fitters, Model(), THRESHOLDS), candidates)
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from activestereo.compare.cache import LayerCache
 from activestereo.diagnose.evidence import Evidence, gather
 from activestereo.diagnose.propose.scan import scan_observations, starts
 from activestereo.diagnose.refine import Fitters, ParameterSpace, Solution
-from activestereo.diagnose.refine.fit_cache import FitMemory, content_key, effect_content
+from activestereo.diagnose.refine.fit_cache import FitCache, content_key, effect_content
 from activestereo.diagnose.refine.fitter import Fitter
 from activestereo.compare.render import render_frames
 from lab_worlds import WorldRenderer
@@ -33,7 +33,7 @@ def evidence(tmp_path_factory: pytest.TempPathFactory) -> Evidence:
 
 def fitted(evidence: Evidence, renders: Path, effect: Effect = FADING) -> tuple[Solution, list[np.ndarray]]:
     """(a fit, where a scan starts), by what is kept in a folder."""
-    memory = FitMemory(LayerCache(renders), evidence.train)
+    memory = FitCache(LayerCache(renders), evidence.train)
     fitters = Fitters.of(evidence, scan_observations(evidence.train), memory)
     space, phi = ParameterSpace.of(Model(), effect), fitters.train.phi0(evidence.nuisances)
     solution = fitters.train.refine(space, np.array([0.1]), phi, 2)

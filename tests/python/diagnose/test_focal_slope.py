@@ -13,7 +13,7 @@ from activestereo.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.layers import Layers, PixelLayers
 
-# Dots 2.9 pixels apart, as in the bank's worlds: radians of phase per unit of a direction's tangent.
+# Dots 2.9 pixels apart, as in the benchmark suite's worlds: radians of phase per unit of a direction's tangent.
 PHASE = 130.0
 MARGIN_PX = 4
 

@@ -8,7 +8,7 @@ import pytest
 
 from activestereo.effects import builtin
 from activestereo.diagnose.channels.fields_together import components, pixel_term
-from activestereo.diagnose.thresholds import GATES
+from activestereo.diagnose.thresholds import THRESHOLDS
 from activestereo.diagnose.refine import ImageResidual
 from activestereo.diagnose.score.steadiness import uneven_structure, unsteady_floors
 from activestereo.diagnose.score.structure import local_structure
@@ -37,7 +37,7 @@ def row(image, residual, **frame):
 
 def components_of(largest, rows):
     """largest: {id: deviation of a draw at most}."""
-    return components({name: pixel_term(builtin()[name]) for name in largest}, largest, rows, 0.0, GATES)
+    return components({name: pixel_term(builtin()[name]) for name in largest}, largest, rows, 0.0, THRESHOLDS)
 
 
 def test_noise_and_grains_are_no_structure():

@@ -11,7 +11,7 @@ from activestereo.effects import Model, builtin
 from activestereo.effects.core.judging import Channel
 from activestereo.diagnose import greedy as module
 from activestereo.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Score
-from activestereo.diagnose.thresholds import GATES
+from activestereo.diagnose.thresholds import THRESHOLDS
 
 FIRST, SECOND = builtin()["subsurface"], builtin()["saturation_blooming"]
 
@@ -32,20 +32,22 @@ def test_a_second_effect_is_sought_however_little_the_first_one_leaves(monkeypat
     chi2_of = {0: 500.0, 1: 104.0, 2: 100.0}
     bases = lambda model, phi=None: base_of(model, chi2_of[len(model.effects)])  # noqa: E731
 
-    def rank(bench, base, candidates, *_):
+    def rank(context, base, candidates, *_):
         offered = [c for c in candidates if c.id not in {e.id for e, _ in base.model.effects}]
         found = [finding(e, base.model, 0.04, at_end) for e in offered]
-        return Ranking(base, BaseChecks(), tuple(found), (), 100, 1.0, 100.0, GATES)
+        return Ranking(base, BaseChecks(), tuple(found), (), 100, 1.0, 100.0, THRESHOLDS)
 
-    bench = SimpleNamespace(gates=GATES, evidence=SimpleNamespace(train=[SimpleNamespace(tile=np.zeros((2, 2), int))]))
+    context = SimpleNamespace(
+        thresholds=THRESHOLDS, evidence=SimpleNamespace(train=[SimpleNamespace(tile=np.zeros((2, 2), int))])
+    )
     monkeypatch.setattr(module, "rank", rank)
-    monkeypatch.setattr(module, "bare_ranking", lambda bench, base: rank(bench, base, ()))
-    monkeypatch.setattr(module, "_without_drift", lambda bench, bases, base: (bench, bases))
-    monkeypatch.setattr(module, "_swapped", lambda bench, bases, model, *_: model)
-    first = Ranking(bases(Model()), BaseChecks(), (finding(FIRST, Model(), 3.96),), (), 100, 1.0, 100.0, GATES)
+    monkeypatch.setattr(module, "bare_ranking", lambda context, base: rank(context, base, ()))
+    monkeypatch.setattr(module, "_without_drift", lambda context, bases, base: (context, bases))
+    monkeypatch.setattr(module, "_swapped", lambda context, bases, model, *_: model)
+    first = Ranking(bases(Model()), BaseChecks(), (finding(FIRST, Model(), 3.96),), (), 100, 1.0, 100.0, THRESHOLDS)
     monkeypatch.setattr(module, "_exceeds_formulas", lambda *_: True)
-    monkeypatch.setattr(module, "_pruned", lambda bench, bases, model, *_: model)
-    steps = module.greedy(bench, bases, first, [FIRST, SECOND])
+    monkeypatch.setattr(module, "_pruned", lambda context, bases, model, *_: model)
+    steps = module.greedy(context, bases, first, [FIRST, SECOND])
     assert len(steps[-1].added) == added
 
 
@@ -69,7 +71,7 @@ def test_an_earlier_effect_gives_way_to_a_rival_that_is_likelier_beside_the_late
 ):
     asked = []
 
-    def rank(bench, base, candidates, *_):
+    def rank(context, base, candidates, *_):
         [kept] = (e.id for e, _ in base.model.effects)
         offered = {c.id for c in candidates}
         asked.append(kept)
@@ -79,16 +81,16 @@ def test_an_earlier_effect_gives_way_to_a_rival_that_is_likelier_beside_the_late
             rival = finding(RIVAL, base.model, 1.0)
             rival = replace(rival, explanation=replace(rival.explanation, chi2=rival_chi2))
             found.insert(0 if comes_first else len(found), rival)
-        return Ranking(base, BaseChecks(), tuple(found), (), 100, 1.0, 100.0, GATES)
+        return Ranking(base, BaseChecks(), tuple(found), (), 100, 1.0, 100.0, THRESHOLDS)
 
     monkeypatch.setattr(module, "rank", rank)
     model = Model().with_effect(STAND_IN).with_effect(SECOND)
     bases = lambda model, phi=None: base_of(model, 104.0)  # noqa: E731
-    out = module._swapped(SimpleNamespace(gates=GATES), bases, model, [STAND_IN, SECOND, RIVAL], 0, None)
+    out = module._swapped(SimpleNamespace(thresholds=THRESHOLDS), bases, model, [STAND_IN, SECOND, RIVAL], 0, None)
     assert {e.id for e, _ in out.effects} == answer and asked == asked_beside
 
 
 def test_effects_that_were_given_are_never_swapped(monkeypatch):
     monkeypatch.setattr(module, "rank", None)  # calling it would raise
     model = Model().with_effect(STAND_IN).with_effect(SECOND)
-    assert module._swapped(SimpleNamespace(gates=GATES), None, model, [RIVAL], given=1, phi=None) is model
+    assert module._swapped(SimpleNamespace(thresholds=THRESHOLDS), None, model, [RIVAL], given=1, phi=None) is model

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 
 from activestereo.compare.cache import LayerCache
-from activestereo.diagnose.refine.parallel_prefit import fit_ahead
-from activestereo.diagnose.refine.fit_cache import FitMemory, NotKnown
+from activestereo.diagnose.refine.parallel_prefit import parallel_prefit
+from activestereo.diagnose.refine.fit_cache import FitCache, NotKnown
 
 
 @pytest.fixture
-def memory(tmp_path: Path) -> FitMemory:
-    return FitMemory(LayerCache(tmp_path), [])
+def memory(tmp_path: Path) -> FitCache:
+    return FitCache(LayerCache(tmp_path), [])
 
 
 class Squares:
     """work(n) asks for the fit of n; `made` counts the fits of this process."""
 
-    def __init__(self, memory: FitMemory) -> None:
+    def __init__(self, memory: FitCache) -> None:
         self.memory, self.made, self.own = memory, 0, os.getpid()
 
     def __call__(self, n: int) -> float:
@@ -31,9 +31,9 @@ class Squares:
         return {"value": np.array(n * n)}
 
 
-def test_fits_come_back_from_their_processes(memory: FitMemory) -> None:
+def test_fits_come_back_from_their_processes(memory: FitCache) -> None:
     squares, done = Squares(memory), list[int]()
-    fit_ahead(memory, squares, [3, 4, 5], 2, done.append)
+    parallel_prefit(memory, squares, [3, 4, 5], 2, done.append)
     assert sorted(done) == [0, 1, 2] and squares.made == 0
     assert [memory.by_known(lambda n=n: squares(n)) for n in (3, 4, 5)] == [9.0, 16.0, 25.0]
     with pytest.raises(NotKnown):
@@ -41,12 +41,12 @@ def test_fits_come_back_from_their_processes(memory: FitMemory) -> None:
     assert squares(6) == 36.0 and squares.made == 1, "it fits again after by_known()"
 
 
-def test_one_worker_leaves_all_to_the_caller(memory: FitMemory) -> None:
-    fit_ahead(memory, Squares(memory), [3, 4], 1, lambda i: pytest.fail("nothing is to be done ahead"))
+def test_one_worker_leaves_all_to_the_caller(memory: FitCache) -> None:
+    parallel_prefit(memory, Squares(memory), [3, 4], 1, lambda i: pytest.fail("nothing is to be done ahead"))
     assert len(memory) == 0
 
 
-def test_what_fails_or_dies_in_a_process_is_left_to_the_caller(memory: FitMemory) -> None:
+def test_what_fails_or_dies_in_a_process_is_left_to_the_caller(memory: FitCache) -> None:
     squares, done = Squares(memory), list[int]()
 
     def failing(n: int) -> float:
@@ -54,7 +54,7 @@ def test_what_fails_or_dies_in_a_process_is_left_to_the_caller(memory: FitMemory
             raise ValueError("four")
         return squares(n)
 
-    fit_ahead(memory, failing, [3, 4, 5], 2, done.append)
+    parallel_prefit(memory, failing, [3, 4, 5], 2, done.append)
     assert sorted(done) == [0, 2] and len(memory) == 2
 
     def dying(n: int) -> float:
@@ -62,15 +62,15 @@ def test_what_fails_or_dies_in_a_process_is_left_to_the_caller(memory: FitMemory
             os._exit(1)
         return squares(n)
 
-    fit_ahead(memory, dying, [7, 7, 7], 2, done.append)
+    parallel_prefit(memory, dying, [7, 7, 7], 2, done.append)
     assert sorted(done) == [0, 2] and squares(7) == 49.0
 
 
-def test_a_cancellation_ends_the_call(memory: FitMemory) -> None:
+def test_a_cancellation_ends_the_call(memory: FitCache) -> None:
     def cancel(i: int) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        fit_ahead(memory, Squares(memory), list(range(8)), 2, cancel)
-    fit_ahead(memory, Squares(memory), [20, 21], 2, lambda i: None)
+        parallel_prefit(memory, Squares(memory), list(range(8)), 2, cancel)
+    parallel_prefit(memory, Squares(memory), [20, 21], 2, lambda i: None)
     assert memory.by_known(lambda: Squares(memory)(21)) == 441.0, "another call works"

@@ -12,7 +12,7 @@ from activestereo.diagnose.channels.field_fit import fit_fields
 from activestereo.diagnose.channels.fields_together import shown_together
 from activestereo.diagnose.channels.static_field import field_parameters
 from activestereo.diagnose.findings import Explanation, Finding, Score
-from activestereo.diagnose.thresholds import GATES
+from activestereo.diagnose.thresholds import THRESHOLDS
 from activestereo.diagnose.refine import ImageResidual
 
 SHAPE = (60, 80)
@@ -52,13 +52,13 @@ def test_hot_pixels_are_told_beside_a_fixed_pattern_and_not_in_it(pattern_dn, ho
     rows, findings = rows_with(pattern_dn, hot_dn), []
     for name in ("fixed_pattern_noise", "hot_pixels"):
         effect = builtin()[name]
-        fit = fit_fields(effect, rows, rows[:1], 0.0, GATES)
+        fit = fit_fields(effect, rows, rows[:1], 0.0, THRESHOLDS)
         if fit is not None:
             parameters = field_parameters(effect, fit)
             explanation = Explanation(effect, Channel.STATIC_FIELD, parameters, 1.0, np.zeros(1), fields=fit)
             findings.append(Finding(explanation, Score(0.0, 0.0, 0.0, 1.0)))
     base = SimpleNamespace(train=rows, test=rows[:1], solution=SimpleNamespace(nuisances=SimpleNamespace(black_dn=0.0)))
-    found = {f.id: f.explanation for f in shown_together(findings, base, GATES)}
+    found = {f.id: f.explanation for f in shown_together(findings, base, THRESHOLDS)}
     assert set(found) == shown
     if shown:
         assert found["fixed_pattern_noise"].parameters["pixel_dn"].value == pytest.approx(pattern_dn, rel=0.1)
@@ -76,7 +76,7 @@ def test_an_error_of_the_tone_curve_is_no_grain():
             for r in rows
         ]
         for name in ("prnu", "fixed_pattern_noise"):
-            fit = fit_fields(builtin()[name], bent, bent[:1], 0.0, GATES)
+            fit = fit_fields(builtin()[name], bent, bent[:1], 0.0, THRESHOLDS)
             left = bent if fit is None else [r._replace(residual=x) for r, x in zip(bent, fit.residuals, strict=True)]
             before, after = (np.mean([r.residual**2 for r in some]) for some in (bent, left))
             share[name, error] = 1.0 - after / before

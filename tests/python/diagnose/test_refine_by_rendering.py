@@ -14,7 +14,7 @@ from activestereo.compare.cache import LayerCache
 from activestereo.diagnose.base_fit import fit_base
 from activestereo.diagnose.channels import ExpectedImageChannel
 from activestereo.diagnose.evidence import gather
-from activestereo.diagnose.thresholds import GATES
+from activestereo.diagnose.thresholds import THRESHOLDS
 from activestereo.diagnose.propose.scan import scan_observations
 from activestereo.diagnose.refine import Fitters
 from activestereo.diagnose.refine.by_rendering import refined_by_rendering
@@ -80,8 +80,8 @@ def test_the_engines_images_find_the_parameter_that_the_formula_misses(evidence)
     calls = []
     rendering = rendering_of(evidence, calls)
     fitters = Fitters.of(evidence, scan_observations(evidence.train))
-    base = fit_base(evidence, fitters, Model(), GATES)
-    [proposed] = ExpectedImageChannel(fitters, base, GATES, workers=1).explain([glow])
+    base = fit_base(evidence, fitters, Model(), THRESHOLDS)
+    [proposed] = ExpectedImageChannel(fitters, base, THRESHOLDS, workers=1).explain([glow])
     refined = refined_by_rendering(fitters.train, proposed, rendering)
     assert abs(proposed.parameters["amount"].value - TRUTH) > 0.1 * TRUTH
     assert refined.parameters["amount"].value == pytest.approx(TRUTH, rel=0.03)
@@ -100,8 +100,8 @@ def test_a_search_by_small_steps_ends_with_what_its_rounds_reached(evidence):
     [amount] = glow.parameters
     careful = replace(glow, parameters=(replace(amount, slope_step=0.01),))
     fitters = Fitters.of(evidence, scan_observations(evidence.train))
-    base = fit_base(evidence, fitters, Model(), GATES)
-    [proposed] = ExpectedImageChannel(fitters, base, GATES, workers=1).explain([careful])
+    base = fit_base(evidence, fitters, Model(), THRESHOLDS)
+    [proposed] = ExpectedImageChannel(fitters, base, THRESHOLDS, workers=1).explain([careful])
     refined = refined_by_rendering(fitters.train, proposed, rendering_of(evidence, []))
     found, start = refined.parameters["amount"].value, proposed.parameters["amount"].value
     assert abs(found - TRUTH) < abs(start - TRUTH) and refined.chi2 < proposed.chi2
@@ -117,8 +117,8 @@ def test_test_frames_are_rendered_before_threads_start(evidence):
         return quiet(model, split, half)
 
     fitters = Fitters.of(evidence, scan_observations(evidence.train), threads=4)
-    base = fit_base(evidence, fitters, Model(), GATES)
-    [proposed] = ExpectedImageChannel(fitters, base, GATES, workers=1).explain([glow])
+    base = fit_base(evidence, fitters, Model(), THRESHOLDS)
+    [proposed] = ExpectedImageChannel(fitters, base, THRESHOLDS, workers=1).explain([glow])
     refined = refined_by_rendering(fitters.train, proposed, rendering)
     fitters.test.residuals(refined.solution)
     assert threads == {threading.current_thread()}

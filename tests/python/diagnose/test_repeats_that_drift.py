@@ -11,7 +11,7 @@ from activestereo.capture.capture import EYES, Capture, Frame, read_capture
 from activestereo.effects import Model, View, builtin
 from activestereo.diagnose.evidence import Evidence, gather
 from activestereo.diagnose.evidence.repeats import without_drift
-from activestereo.diagnose.thresholds import GATES
+from activestereo.diagnose.thresholds import THRESHOLDS
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import render_frames
 from lab_worlds import WorldRenderer
@@ -67,7 +67,7 @@ def warming(tmp_path_factory: pytest.TempPathFactory) -> tuple[Evidence, Images,
 
 def test_the_floor_is_that_of_the_noise_alone(warming: tuple[Evidence, Images, Images]) -> None:
     evidence, true, _ = warming
-    found = without_drift(evidence, WARMING, SCALES.black_dn, true, GATES.drift_share)
+    found = without_drift(evidence, WARMING, SCALES.black_dn, true, THRESHOLDS.drift_share)
     assert evidence.floors[0, "left"] > 4.0 * READ_DN**2
     assert found.floors[0, "left"] == pytest.approx(READ_DN**2 + 1 / 12, rel=0.1)
     for before, after in zip(evidence.train, found.train, strict=True):
@@ -76,4 +76,4 @@ def test_the_floor_is_that_of_the_noise_alone(warming: tuple[Evidence, Images, I
 
 def test_what_explains_no_difference_of_repeats_leaves_the_evidence(warming: tuple[Evidence, Images, Images]) -> None:
     evidence, _, steady = warming
-    assert without_drift(evidence, Model(), SCALES.black_dn, steady, GATES.drift_share) is evidence
+    assert without_drift(evidence, Model(), SCALES.black_dn, steady, THRESHOLDS.drift_share) is evidence

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The table of gates, and verdicts passed again from the numbers that an answer keeps."""
+"""The table of thresholds, and verdicts passed again from the numbers that an answer keeps."""
 
 import json
 from dataclasses import fields, replace
@@ -11,7 +11,7 @@ import pytest
 from activestereo.effects import Parameter
 from activestereo.effects.core.judging import Channel
 from activestereo.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Score
-from activestereo.diagnose.thresholds import GATES, gates_table, share_words
+from activestereo.diagnose.thresholds import THRESHOLDS, thresholds_table, share_words
 from activestereo.diagnose.answer.judging import judging_json, verdict_under
 from activestereo.diagnose.score.occam import is_at_end
 from activestereo.diagnose.verdict.completeness import lacks_nothing
@@ -24,7 +24,7 @@ def ranking(explained_share: float, structure_floors: float = 0.0) -> Ranking:
     checks = Checks(structure_floors=structure_floors, variation={"blur": 0.0})
     finding = Finding(explanation, Score(80.0, explained_share, 0.4, 1.0), checks)
     base = SimpleNamespace(chi2=150.0, white_floors=0.0)
-    return Ranking(base, BaseChecks(structure_floors=0.3), (finding,), (), 100, 1.0, 100.0, GATES)
+    return Ranking(base, BaseChecks(structure_floors=0.3), (finding,), (), 100, 1.0, 100.0, THRESHOLDS)
 
 
 def kept(first: Ranking) -> dict:
@@ -35,12 +35,12 @@ def kept(first: Ranking) -> dict:
 def test_a_verdict_is_the_same_from_what_an_answer_keeps(share, verdict):
     first = ranking(share)
     assert verdict_of(first, first, True) == verdict
-    assert verdict_under(kept(first), GATES) == (verdict, "blur" if verdict == "effect" else None)
+    assert verdict_under(kept(first), THRESHOLDS) == (verdict, "blur" if verdict == "effect" else None)
 
 
 def test_another_gate_gives_another_verdict():
-    stricter = replace(GATES, smallest_share=2 * GATES.smallest_share)
-    assert verdict_under(kept(ranking(0.3)), GATES)[0] == "effect"
+    stricter = replace(THRESHOLDS, smallest_share=2 * THRESHOLDS.smallest_share)
+    assert verdict_under(kept(ranking(0.3)), THRESHOLDS)[0] == "effect"
     assert verdict_under(kept(ranking(0.3)), stricter)[0] == "unknown"
 
 
@@ -52,7 +52,7 @@ def test_what_no_survey_leaves_is_unknown_where_nothing_is_named(check):
     assert verdict_of(calm, calm, True) == "none"
     shown = replace(calm, base_checks=replace(calm.base_checks, **{check: 0.6}))
     assert verdict_of(shown, shown, True) == "unknown"
-    assert verdict_under(kept(shown), GATES)[0] == "unknown"
+    assert verdict_under(kept(shown), THRESHOLDS)[0] == "unknown"
 
 
 def test_what_ends_at_its_range_and_leaves_structure_is_a_stand_in():
@@ -74,7 +74,7 @@ def test_a_name_beside_a_calibration_that_nobody_would_have_made_is_a_stand_in(s
     strained = replace(last, base_checks=replace(last.base_checks, held_sigmas=sigmas))
     assert verdict_of(first, strained, True) == verdict
     assert verdict_of(first, last, True) == "effect"  # a further effect mended it
-    assert verdict_under(kept(first), GATES)[0] == verdict
+    assert verdict_under(kept(first), THRESHOLDS)[0] == verdict
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_a_random_field_stands_in_for_a_law_that_gains_more_but_is_not_the_same_
     law = Finding(shift, Score(law_nats, 0.9, 0.4, 1.0), Checks(varying_floors=varying, structure_floors=0.0))
     both = replace(first, findings=(field, law))
     assert verdict_of(both, both, True) == verdict
-    assert verdict_under(kept(both), GATES)[0] == verdict
+    assert verdict_under(kept(both), THRESHOLDS)[0] == verdict
 
 
 def test_only_shapes_end_at_their_range():
@@ -107,12 +107,14 @@ def test_nothing_is_added_to_noise_where_the_images_are_at_its_floor():
 
 
 def test_every_gate_says_its_value_unit_and_source():
-    table = gates_table().splitlines()[2:]
-    assert len(table) == len(fields(GATES))
-    for line, gate in zip(table, fields(GATES), strict=True):
+    table = thresholds_table().splitlines()[2:]
+    assert len(table) == len(fields(THRESHOLDS))
+    for line, threshold in zip(table, fields(THRESHOLDS), strict=True):
         name, value, unit, decides, source, moves = (cell.strip() for cell in line.strip("|").split("|"))
-        assert name == f"`{gate.name}`" and float(value) == pytest.approx(getattr(GATES, gate.name), rel=1e-5)
-        assert decides and source and moves and gate.metadata["unit"] in (unit, "1")
+        assert name == f"`{threshold.name}`" and float(value) == pytest.approx(
+            getattr(THRESHOLDS, threshold.name), rel=1e-5
+        )
+        assert decides and source and moves and threshold.metadata["unit"] in (unit, "1")
 
 
 def test_shares_are_told_in_words():

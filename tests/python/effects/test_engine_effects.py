@@ -10,7 +10,7 @@ import pytest
 import simsense
 from activestereo.capture.capture import Frame
 from activestereo.effects import Model, Parameter, Stage, builtin, effect
-from activestereo.effects.core.engine import EngineEye, EngineInputs, apply_engine, moves
+from activestereo.effects.core.engine import EngineCamera, EngineInputs, apply_engine, moves
 from activestereo.effects.engines.world import record_key
 
 EFFECTS = builtin()
@@ -33,7 +33,7 @@ def engine_inputs() -> EngineInputs:
     )
     k = np.array([[200.0, 0, 79.5], [0, 200.0, 59.5], [0, 0, 1]])
     signal = simsense.signal_preset("neutral") | {"exposure_s": 0.004, "gain": 2.0, "temperature_c": 45.0}
-    eyes = [EngineEye(kuafu.Camera(160, 120, k), kuafu.Film(), dict(signal), right) for right in (False, True)]
+    eyes = [EngineCamera(kuafu.Camera(160, 120, k), kuafu.Film(), dict(signal), right) for right in (False, True)]
     return EngineInputs(
         *eyes,
         projector=kuafu.Light(kind="projector", k=k, ir_intensity=1.0),

@@ -13,7 +13,17 @@ import activestereo
 from activestereo.cli import main
 from activestereo.effects import builtin
 from activestereo.capture.images import write_gray
-from activestereo.model import Eye, Imager, Pattern, Quantity, Rig, SensorModel, model_json, read_model, write_model
+from activestereo.model import (
+    RigCamera,
+    Imager,
+    Pattern,
+    Quantity,
+    Rig,
+    SensorModel,
+    model_json,
+    read_model,
+    write_model,
+)
 from activestereo.model.words import diff, show
 
 EFFECTS = builtin()
@@ -28,7 +38,7 @@ def whole(tmp_path) -> SensorModel:
     write_gray(image, np.eye(60, 100, dtype=np.uint8) * 255)
     beside = np.eye(4)
     beside[0, 3] = -0.05
-    eye = Eye(424, 240, K, (0.01, 0.0, 0.0, 0.0, 0.0))
+    eye = RigCamera(424, 240, K, (0.01, 0.0, 0.0, 0.0, 0.0))
     model = SensorModel(
         rig=Rig(eye, eye, beside, beside, source="a board"),
         pattern=Pattern(K, file=image, source="a wall"),

@@ -97,7 +97,7 @@ def Xform "World"
         color3f inputs:color = (0.5, 1, 1)
         float inputs:intensity = 2
     }
-    def Camera "Eye"
+    def Camera "RigCamera"
     {
         float focalLength = 20
         float horizontalAperture = 40

@@ -12,7 +12,7 @@ from activestereo.effects import Parameter, Stage, builtin, effect
 from activestereo.common.pose import body_pose
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD
 from activestereo.sensor.image_effects import ModelCostWarning
-from activestereo.model import Eye, Imager, Quantity, Rig, SensorModel, write_model
+from activestereo.model import RigCamera, Imager, Quantity, Rig, SensorModel, write_model
 
 EFFECTS = builtin()
 POSE = body_pose(CAMERA_TO_WORLD)
@@ -148,7 +148,15 @@ def test_a_configuration_from_a_model_has_its_rig_imager_and_scales(tmp_path):
     to_right, to_projector = np.eye(4), np.eye(4)
     to_right[0, 3], to_projector[:2, 3] = -0.06, (-0.02, 0.01)
     model = SensorModel(
-        rig=Rig(Eye(320, 180, k), Eye(320, 180, k), to_right, to_projector, bit_depth=10, exposure_s=0.004, gain=2.0),
+        rig=Rig(
+            RigCamera(320, 180, k),
+            RigCamera(320, 180, k),
+            to_right,
+            to_projector,
+            bit_depth=10,
+            exposure_s=0.004,
+            gain=2.0,
+        ),
         imager=Imager(Quantity(0.25 + 1 / 12), Quantity(0.01), Quantity(0.002)),
         nuisances={"projector_scale": Quantity(60000.0), "black_dn": Quantity(7.0)},
     )

@@ -6,8 +6,8 @@ import pytest
 
 import kuafu
 from activestereo import (
-    LateStereoDepthSensor,
-    LateStereoDepthSensorBatch,
+    PipelinedStereoDepthSensor,
+    PipelinedStereoDepthSensorBatch,
     Mounts,
     Pose,
     StereoDepthSensor,
@@ -68,7 +68,7 @@ def serial(config, with_rgb):
 
 def late(config, with_rgb):
     scene, square = small_world()
-    with LateStereoDepthSensor(config, scene) as sensor:
+    with PipelinedStereoDepthSensor(config, scene) as sensor:
         for step in range(COUNT + 1):
             sensor.wait()
             move(scene, square, min(step, COUNT - 1))
@@ -99,7 +99,7 @@ def batch_pictures(kind, config, count):
     with kind(config, Mounts(scene, poses)) as batch:
         batch.vary(1, np.array([1.0]), np.array([0.6]), np.eye(3)[None])
         for step in range(count):
-            if kind is LateStereoDepthSensorBatch:
+            if kind is PipelinedStereoDepthSensorBatch:
                 batch.wait()
             move(scene, square, min(step, COUNT - 1))
             batch.take_picture()
@@ -113,7 +113,9 @@ def test_bits_of_a_batch_are_the_serial_ones(config):
     config.ir_exposure_mode = "settled"
     pictures = list(batch_pictures(StereoDepthSensorBatch, config, COUNT))
     assert not np.array_equal(pictures[0][1], pictures[1][1])
-    for expected, found in zip(pictures, batch_pictures(LateStereoDepthSensorBatch, config, COUNT + 1), strict=True):
+    for expected, found in zip(
+        pictures, batch_pictures(PipelinedStereoDepthSensorBatch, config, COUNT + 1), strict=True
+    ):
         for one, other in zip(expected, found, strict=True):
             np.testing.assert_array_equal(one, other)
 
@@ -121,7 +123,7 @@ def test_bits_of_a_batch_are_the_serial_ones(config):
 def test_a_batch_starts_anew_while_pictures_are_under_way(config):
     config.ir_exposure_mode = "fixed"
     scene, square = small_world()
-    with LateStereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None])) as batch:
+    with PipelinedStereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None])) as batch:
         depths = []
         for _ in range(2):
             batch.restart(7)
@@ -140,7 +142,7 @@ def test_a_batch_starts_anew_while_pictures_are_under_way(config):
 def test_the_scene_changes_only_after_waiting(config):
     config.samples_per_pixel = 16
     scene, square = small_world()
-    with LateStereoDepthSensor(config, scene) as sensor:
+    with PipelinedStereoDepthSensor(config, scene) as sensor:
         with pytest.raises(RuntimeError, match="no picture yet"):
             sensor.compute_depth()
         sensor.take_picture(infrared_only=True)
@@ -172,7 +174,7 @@ def test_new_noise_holds_for_the_next_depth(config, mode, count):
                 quiet = np.array(results(sensor, False)[2])
                 sensor.set_ir_noise(40.0, 10.0)
             serial.append(results(sensor, False))
-    with LateStereoDepthSensor(config, scene) as sensor:
+    with PipelinedStereoDepthSensor(config, scene) as sensor:
         sensor.take_picture(infrared_only=True)
         sensor.wait()
         for step in range(count):
@@ -190,7 +192,7 @@ def test_new_noise_holds_for_the_next_depth(config, mode, count):
 def test_a_picture_keeps_the_exposure_that_it_settled_at(config, waits):
     config.ir_exposure_mode, config.emitter = "settled", "off"
     scene, _ = small_world()
-    with LateStereoDepthSensor(config, scene) as sensor:
+    with PipelinedStereoDepthSensor(config, scene) as sensor:
         sensor.take_picture(infrared_only=True)
         sensor.wait()
         scene.set_environment((0.9, 0.9, 0.9), 0.9)
@@ -205,7 +207,7 @@ def test_a_picture_keeps_the_exposure_that_it_settled_at(config, waits):
 def test_a_sensor_that_is_forgotten_leaves_the_scene(config):
     scene, square = small_world()
     lights = scene.summary.light_count
-    sensor = LateStereoDepthSensor(config, scene)
+    sensor = PipelinedStereoDepthSensor(config, scene)
     sensor.take_picture(infrared_only=True)
     assert scene.summary.light_count == lights + 1
     del sensor
@@ -218,5 +220,5 @@ def test_effects_outside_of_the_engines_are_refused(config):
     lights = scene.summary.light_count
     model = SensorModel().with_effect(builtin()["quantisation"], {"step_dn": Quantity(16.0)})
     with pytest.warns(ModelCostWarning), pytest.raises(ValueError, match="needs StereoDepthSensor"):
-        LateStereoDepthSensor(config, scene, model=model)
+        PipelinedStereoDepthSensor(config, scene, model=model)
     assert scene.summary.light_count == lights

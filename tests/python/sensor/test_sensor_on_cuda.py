@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import kuafu
-from activestereo import LateStereoDepthSensor, StereoDepthSensor, StereoDepthSensorConfig
+from activestereo import PipelinedStereoDepthSensor, StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.sensor.cuda_memory import CudaError, CudaMemory
 from activestereo.effects import builtin
 from activestereo.model import Quantity, SensorModel
@@ -58,9 +58,9 @@ def host_results(sensor: StereoDepthSensor) -> dict[str, np.ndarray]:
 
 def pictures(sensor: StereoDepthSensor, set_wall: Any) -> Iterator[dict[str, np.ndarray]]:
     """Of two pictures, and of the second under another matcher."""
-    is_late = isinstance(sensor, LateStereoDepthSensor)
+    is_late = isinstance(sensor, PipelinedStereoDepthSensor)
     for step in range(3 if is_late else 2):
-        if isinstance(sensor, LateStereoDepthSensor):
+        if isinstance(sensor, PipelinedStereoDepthSensor):
             sensor.wait()
         set_wall(0.1 * step)
         sensor.take_picture()
@@ -73,7 +73,7 @@ def pictures(sensor: StereoDepthSensor, set_wall: Any) -> Iterator[dict[str, np.
     yield host_results(sensor)
 
 
-@pytest.mark.parametrize("kind", [StereoDepthSensor, LateStereoDepthSensor])
+@pytest.mark.parametrize("kind", [StereoDepthSensor, PipelinedStereoDepthSensor])
 def test_results_are_cudas_with_the_bits_of_the_hosts(
     kind: Any,
     device: kuafu.Device,

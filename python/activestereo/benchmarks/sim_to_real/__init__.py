@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well a simulated depth camera ranks methods as a foreign one does: `activestereo gap run | score | ablate`.
+"""How well a simulated depth camera ranks methods as a foreign one does: `activestereo benchmark sim-to-real run |
+score | ablate`.
 
 | file | job |
 |--|--|
@@ -19,6 +20,6 @@
 | workers.py | processes that share the work |
 | files.py | the folder of a run: what is there already, what is written |
 | run.py | pictures, tuning, poses, in this order; resumable |
-| ablate.py, acquired.py | the same under more samples, noise, other materials; measured materials |
+| ablate.py, measured_materials.py | the same under more samples, noise, other materials; measured materials |
 | report.py | tables and pictures of the results |
 """

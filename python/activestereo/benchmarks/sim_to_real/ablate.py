@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the simulation's realism takes: the agreement of `full` with the foreign world, with more and fewer rays, with
-and without the denoiser, with more and less noise, with nominal, random and acquired materials. The models stay those
+and without the denoiser, with more and less noise, with nominal, random and measured materials. The models stay those
 of the run."""
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from activestereo.benchmarks.sim_to_real.files import RunFolder
-from activestereo.benchmarks.sim_to_real.measured_materials import Acquired, with_acquired
+from activestereo.benchmarks.sim_to_real.measured_materials import Measured, with_measured
 from activestereo.benchmarks.sim_to_real.objects import objects
 from activestereo.benchmarks.sim_to_real.pictures import take_pictures
 from activestereo.benchmarks.sim_to_real.pose_error import CRITERIA, successes
 from activestereo.benchmarks.sim_to_real.poses import errors_of, find_poses
 from activestereo.benchmarks.sim_to_real.report import agreement_json, shown
 from activestereo.benchmarks.sim_to_real.score import Agreement, agreement
-from activestereo.benchmarks.sim_to_real.settings import GapSettings
+from activestereo.benchmarks.sim_to_real.settings import BenchmarkSettings
 from activestereo.benchmarks.sim_to_real.tuning import candidates_of, models_of
 from activestereo.benchmarks.sim_to_real.worlds import World
 from activestereo.common.output_files import replace_file, write_text
@@ -35,9 +35,9 @@ KINDS = ("samples", "noise", "materials")
 
 
 def variants(
-    kinds: tuple[str, ...] = KINDS, samples: tuple[int, ...] = SAMPLES, has_acquired: bool = False
+    kinds: tuple[str, ...] = KINDS, samples: tuple[int, ...] = SAMPLES, has_measured: bool = False
 ) -> list[World]:
-    """Worlds like `full`, but for what `kinds` name. has_acquired: one of them is of acquired materials."""
+    """Worlds like `full`, but for what `kinds` name. has_measured: one of them is of measured materials."""
     out = []
     if "samples" in kinds:
         for is_denoised in (True, False):
@@ -46,7 +46,7 @@ def variants(
     if "noise" in kinds:
         out += [World(f"full_noise_{factor:g}", "full", noise=factor) for factor in NOISES]
     if "materials" in kinds:
-        words = ("nominal", "random", "acquired") if has_acquired else ("nominal", "random")
+        words = ("nominal", "random", "measured") if has_measured else ("nominal", "random")
         out += [World(f"full_{word}_materials", "full", materials=word) for word in words]
     return out
 
@@ -61,28 +61,28 @@ def ablate(
     device: str | int = "auto",
     workers: int = 1,
     progress: Progress | None = None,
-    acquired: Acquired | None = None,
+    measured: Measured | None = None,
 ) -> Ablation:
-    """The agreement of each world with the foreign one over the first `views` test views of a run. acquired: what the
-    world of acquired materials has. ValueError where the run is not so far, has pictures of other acquired materials,
-    or a world asks for acquired materials and there are none; what is done stays, and the same call goes on."""
-    if not acquired and any(world.materials == "acquired" for world in worlds):
-        raise ValueError("a world of acquired materials is asked for without them: give acquired=read_acquired(...)")
-    settings = GapSettings.of(folder)
+    """The agreement of each world with the foreign one over the first `views` test views of a run. measured: what the
+    world of measured materials has. ValueError where the run is not so far, has pictures of other measured materials,
+    or a world asks for measured materials and there are none; what is done stays, and the same call goes on."""
+    if not measured and any(world.materials == "measured" for world in worlds):
+        raise ValueError("a world of measured materials is asked for without them: give measured=read_measured(...)")
+    settings = BenchmarkSettings.of(folder)
     models = models_of(folder)
     candidates = candidates_of(models)
     rows = [candidates.index(model.candidate) for model in models]
-    rounds = GapSettings(views=views).rounds("test")
+    rounds = BenchmarkSettings(views=views).rounds("test")
     real = errors_of(folder, "foreign", "test", rounds, candidates)[rows]
     effort = [float(world.samples or settings.camera.samples) + 4.0 for world in worlds]
-    if acquired is not None:
-        folder.keep_acquired(acquired)
+    if measured is not None:
+        folder.keep_measured(measured)
     out: Ablation = []
     for n, world in enumerate(worlds):
         start, end = (sum(effort[:last]) / sum(effort) for last in (n, n + 1))
         middle = start + 0.8 * (end - start)
         own = part_of(progress, start, middle)
-        things = with_acquired(objects(), acquired) if acquired and world.materials == "acquired" else objects()
+        things = with_measured(objects(), measured) if measured and world.materials == "measured" else objects()
         take_pictures(folder, settings, world, "test", rounds, device, workers, own, things)
         own = part_of(progress, middle, end)
         found = find_poses(folder, settings.seed, (world.name,), "test", rounds, candidates, workers, own)

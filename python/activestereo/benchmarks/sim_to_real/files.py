@@ -2,7 +2,7 @@
 """The folder of a run. Each file is whole or not there, so a run that was ended goes on where it was.
 
     DIR/settings.json                   what everything here depends on
-    DIR/acquired.json                   the materials of the world of acquired ones
+    DIR/measured.json                   the materials of the world of measured ones
     DIR/depth/WORLD/test-0003.npz       depth [objects, height, width] metres and k, of a round of views
     DIR/errors/WORLD/test-0003.npz      errors [candidates, objects, 2] mm and degrees, and which candidates
 """
@@ -80,13 +80,13 @@ class RunFolder:
         self.path.mkdir(parents=True, exist_ok=True)
         write_text(self.path / "settings.json", json.dumps(settings, indent=2) + "\n")
 
-    def keep_acquired(self, materials: Mapping[str, Mapping[str, float]]) -> None:
-        """ValueError where the folder has pictures of other acquired materials."""
-        path, text = self.path / "acquired.json", json.dumps(materials, indent=2) + "\n"
+    def keep_measured(self, materials: Mapping[str, Mapping[str, float]]) -> None:
+        """ValueError where the folder has pictures of other measured materials."""
+        path, text = self.path / "measured.json", json.dumps(materials, indent=2) + "\n"
         if path.exists() and path.read_text() != text:
             raise ValueError(
-                f"{path} has other acquired materials: delete it, depth/full_acquired_materials and "
-                "errors/full_acquired_materials, and run the same again"
+                f"{path} has other measured materials: delete it, depth/full_measured_materials and "
+                "errors/full_measured_materials, and run the same again"
             )
         write_text(path, text)
 
@@ -96,7 +96,8 @@ class RunFolder:
         try:
             found = json.loads(path.read_text())
         except FileNotFoundError:
-            raise ValueError(f"{self.path} has no run: make one with 'activestereo gap run --out DIR'") from None
+            advice = "make one with 'activestereo benchmark sim-to-real run --out DIR'"
+            raise ValueError(f"{self.path} has no run: {advice}") from None
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from error
         if not isinstance(found, dict):

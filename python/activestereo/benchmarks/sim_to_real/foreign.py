@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo.benchmarks.sim_to_real.objects import GapObject
+from activestereo.benchmarks.sim_to_real.objects import BenchmarkObject
 from activestereo.benchmarks.sim_to_real.sgbm import Sgbm
 from activestereo.benchmarks.sim_to_real.stage import CameraSettings, Room, Stage
 from activestereo.benchmarks.sim_to_real.views import rotation
@@ -41,7 +41,7 @@ class ForeignStage(Stage):
 
     def __init__(
         self,
-        objects: tuple[GapObject, ...],
+        objects: tuple[BenchmarkObject, ...],
         world: World,
         settings: CameraSettings,
         device: str | int = "auto",

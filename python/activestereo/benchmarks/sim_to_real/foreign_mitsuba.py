@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo.benchmarks.sim_to_real.mitsuba_camera import MitsubaCamera
 from activestereo.benchmarks.sim_to_real.mitsuba_scene import grey, mesh, mitsuba, use_one_thread
-from activestereo.benchmarks.sim_to_real.objects import GapObject
+from activestereo.benchmarks.sim_to_real.objects import BenchmarkObject
 from activestereo.benchmarks.sim_to_real.sgbm import Sgbm
 from activestereo.benchmarks.sim_to_real.stage import CameraSettings, crop
 from activestereo.benchmarks.sim_to_real.views import View
@@ -45,7 +45,7 @@ _GLASS_IOR = 1.5
 class MitsubaStage:
     """depth [objects, height, width] metres of rounds of views. samples: of MitsubaCamera."""
 
-    def __init__(self, objects: tuple[GapObject, ...], settings: CameraSettings, samples: int = 64) -> None:
+    def __init__(self, objects: tuple[BenchmarkObject, ...], settings: CameraSettings, samples: int = 64) -> None:
         use_one_thread()
         self.config = crop(settings)
         self._objects, self._camera, self._matcher = objects, MitsubaCamera(self.config, samples), Sgbm(self.config)

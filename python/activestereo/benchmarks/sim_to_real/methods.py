@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from activestereo.benchmarks.sim_to_real.clouds import Cloud, cloud
 from activestereo.benchmarks.sim_to_real.icp import Icp
-from activestereo.benchmarks.sim_to_real.objects import GapObject, objects, surface
+from activestereo.benchmarks.sim_to_real.objects import BenchmarkObject, objects, surface
 from activestereo.benchmarks.sim_to_real.pose_error import pose_error
 from activestereo.benchmarks.sim_to_real.ppf import Ppf
 from activestereo.benchmarks.sim_to_real.template import Template
@@ -34,7 +34,7 @@ def finder(object_index: int, method: str, setting: int) -> Finder:
 
 
 def errors_of_round(
-    things: tuple[GapObject, ...],
+    things: tuple[BenchmarkObject, ...],
     views: list[View],
     depths: NDArray[np.float32],
     k: NDArray[np.float64],

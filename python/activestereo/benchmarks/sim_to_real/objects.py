@@ -19,7 +19,7 @@ _HALF_TURNS = np.stack([np.diag(d) for d in ([1.0, 1, 1], [1.0, -1, -1], [-1.0, 
 
 
 @dataclass(frozen=True)
-class GapObject:
+class BenchmarkObject:
     """turns: [n, 3, 3], rotations that change nothing. is_round: nor does any turn about z. rest_m: the origin's height
     where it stands on a table."""
 
@@ -40,7 +40,7 @@ class Surface:
 
 
 @cache
-def objects() -> tuple[GapObject, ...]:
+def objects() -> tuple[BenchmarkObject, ...]:
     can = meshes.lathe([[(0, 0), (0.03, 0)], [(0.03, 0), (0.03, 0.11)], [(0.03, 0.11), (0, 0.11)]])
     return (
         _made("clay block", meshes.box(0.12, 0.07, 0.08), _paint(0.6, 1.0, specular=0.0), _HALF_TURNS),
@@ -69,7 +69,7 @@ def surface(mesh: Mesh, count: int, seed: int = 0) -> Surface:
 
 def _made(
     name: str, mesh: Mesh, material: kuafu.Material, turns: NDArray[np.float64], is_round: bool = False
-) -> GapObject:
+) -> BenchmarkObject:
     """From a mesh with y up that stands on y = 0."""
     points = mesh.positions.astype(np.float64)
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
@@ -78,7 +78,7 @@ def _made(
     up = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     upright = Mesh.of((points - middle) @ up.T, mesh.normals @ up.T, mesh.uvs, mesh.indices)
     material.name = name
-    return GapObject(name, upright, material, turns, is_round, float(middle[1]))
+    return BenchmarkObject(name, upright, material, turns, is_round, float(middle[1]))
 
 
 def _paint(albedo: float, roughness: float, specular: float = 0.5) -> kuafu.Material:

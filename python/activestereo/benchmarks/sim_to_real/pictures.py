@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from activestereo.benchmarks.sim_to_real.files import RunFolder
 from activestereo.benchmarks.sim_to_real.foreign import ForeignStage
 from activestereo.benchmarks.sim_to_real.foreign_mitsuba import MitsubaStage
-from activestereo.benchmarks.sim_to_real.objects import GapObject, objects
-from activestereo.benchmarks.sim_to_real.settings import GapSettings
+from activestereo.benchmarks.sim_to_real.objects import BenchmarkObject, objects
+from activestereo.benchmarks.sim_to_real.settings import BenchmarkSettings
 from activestereo.benchmarks.sim_to_real.stage import Stage
 from activestereo.benchmarks.sim_to_real.views import SPLITS, View, round_of_views
 from activestereo.benchmarks.sim_to_real.workers import each_done
@@ -30,14 +30,14 @@ class _TakesViews(Protocol):
 
 def take_pictures(
     folder: RunFolder,
-    settings: GapSettings,
+    settings: BenchmarkSettings,
     world: World,
     split: str,
     rounds: int,
     device: str | int = "auto",
     workers: int = 1,
     progress: Progress | None = None,
-    things: tuple[GapObject, ...] | None = None,
+    things: tuple[BenchmarkObject, ...] | None = None,
 ) -> None:
     """The depths that are missing of rounds 0 to rounds - 1. workers: processes that render with Mitsuba; our own
     renderer fills a device by itself. things: objects(), perhaps of other materials."""
@@ -58,19 +58,19 @@ def take_pictures(
 
 
 def _take(
-    folder: RunFolder, settings: GapSettings, world: World, split: str, number: int, stage: _TakesViews
+    folder: RunFolder, settings: BenchmarkSettings, world: World, split: str, number: int, stage: _TakesViews
 ) -> None:
     views = round_of_views(objects(), settings.seed, split, number)
     depth = stage.take(views, _seed(settings.seed, split, number))
     folder.write_depth(world.name, split, number, depth, stage.config.rgb_intrinsic)
 
 
-def _take_with_mitsuba(folder: RunFolder, settings: GapSettings, world: World, split: str, number: int) -> None:
+def _take_with_mitsuba(folder: RunFolder, settings: BenchmarkSettings, world: World, split: str, number: int) -> None:
     _take(folder, settings, world, split, number, _mitsuba_stage(settings))
 
 
 @cache
-def _mitsuba_stage(settings: GapSettings) -> MitsubaStage:
+def _mitsuba_stage(settings: BenchmarkSettings) -> MitsubaStage:
     return MitsubaStage(objects(), settings.camera, settings.foreign_samples)
 
 

@@ -6,14 +6,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.benchmarks.sim_to_real.objects import GapObject
+from activestereo.benchmarks.sim_to_real.objects import BenchmarkObject
 
 # Of a success: (mm, degrees), as BOP's and the paper's tables have them.
 CRITERIA = ((10.0, 10.0), (20.0, 20.0))
 
 
 def pose_error(
-    found: NDArray[np.float64] | None, true: NDArray[np.float64], thing: GapObject
+    found: NDArray[np.float64] | None, true: NDArray[np.float64], thing: BenchmarkObject
 ) -> tuple[float, float]:
     """(mm, degrees) between two poses of an object, up to what its symmetry cannot tell; infinite where none was
     found."""

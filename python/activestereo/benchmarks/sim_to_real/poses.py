@@ -48,7 +48,10 @@ def errors_of(
     there = [errors for errors in found if errors is not None]
     if len(there) < len(found) or not there:
         name = folder.errors_path(world, split, len(there))
-        raise ValueError(f"{folder.path} is not finished: {name} is missing; 'activestereo gap run' goes on with it")
+        raise ValueError(
+            f"{folder.path} is not finished: {name} is missing; 'activestereo benchmark sim-to-real run' goes on "
+            "with it"
+        )
     return np.concatenate(there, axis=1)
 
 

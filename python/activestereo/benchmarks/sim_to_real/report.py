@@ -19,7 +19,7 @@ from activestereo.benchmarks.sim_to_real.files import RunFolder
 from activestereo.benchmarks.sim_to_real.pose_error import CRITERIA, successes
 from activestereo.benchmarks.sim_to_real.poses import errors_of
 from activestereo.benchmarks.sim_to_real.score import Agreement, Figure, agreement
-from activestereo.benchmarks.sim_to_real.settings import GapSettings
+from activestereo.benchmarks.sim_to_real.settings import BenchmarkSettings
 from activestereo.benchmarks.sim_to_real.tuning import Model, candidates_of, models_of
 from activestereo.benchmarks.sim_to_real.worlds import SIMULATED, WORLDS
 from activestereo.common.output_files import replace_file, write_text
@@ -72,7 +72,7 @@ class Results:
 def results(folder: RunFolder, added: Sequence[Path] = ()) -> Results:
     """Of the test views that all worlds have. added: files of models of others (added.py). ValueError where the run is
     not so far, or such a file is not of this run."""
-    settings = GapSettings.of(folder)
+    settings = BenchmarkSettings.of(folder)
     models = models_of(folder)
     candidates = candidates_of(models)
     rounds = max(1, min(folder.rounds(world, "test") for world in WORLDS))

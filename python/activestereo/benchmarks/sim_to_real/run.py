@@ -9,7 +9,7 @@ from activestereo.benchmarks.sim_to_real.files import RunFolder
 from activestereo.benchmarks.sim_to_real.mitsuba_scene import mitsuba
 from activestereo.benchmarks.sim_to_real.pictures import take_pictures
 from activestereo.benchmarks.sim_to_real.poses import find_poses
-from activestereo.benchmarks.sim_to_real.settings import GapSettings
+from activestereo.benchmarks.sim_to_real.settings import BenchmarkSettings
 from activestereo.benchmarks.sim_to_real.tuning import Model, candidates_of, every_candidate, tuned
 from activestereo.benchmarks.sim_to_real.worlds import SIMULATED, WORLDS
 from activestereo.common.progress_bar import Progress, part_of
@@ -21,7 +21,7 @@ _EFFORT = {"clean": 1.0, "raster": 10.0, "full": 20.0, "foreign": 60.0}
 
 
 def run(
-    settings: GapSettings,
+    settings: BenchmarkSettings,
     out: Path,
     device: str | int = "auto",
     workers: int = 1,

@@ -12,7 +12,7 @@ from activestereo.benchmarks.sim_to_real.stage import CameraSettings, NoiseLaw
 
 
 @dataclass(frozen=True)
-class GapSettings:
+class BenchmarkSettings:
     """views, tuning_views: at least so many, in whole rounds of one view of each object. foreign: one of FOREIGN."""
 
     views: int = 320
@@ -34,7 +34,7 @@ class GapSettings:
         return out | {"tuning_views": self.rounds("tuning") * len(objects())}
 
     @staticmethod
-    def of(folder: RunFolder) -> GapSettings:
+    def of(folder: RunFolder) -> BenchmarkSettings:
         """As described() wrote them."""
         told = folder.settings()
         try:
@@ -43,6 +43,6 @@ class GapSettings:
             if "imager" in camera:
                 camera["imager"] = NoiseLaw(**camera["imager"])
             own = {name: told[name] for name in ("tuning_views", "seed", "foreign", "foreign_samples")}
-            return GapSettings(camera=CameraSettings(**camera), **own)
+            return BenchmarkSettings(camera=CameraSettings(**camera), **own)
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"{folder.path}/settings.json is not of a run of this version: {error}") from error

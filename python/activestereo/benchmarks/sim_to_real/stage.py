@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo.benchmarks.sim_to_real.objects import GapObject
+from activestereo.benchmarks.sim_to_real.objects import BenchmarkObject
 from activestereo.benchmarks.sim_to_real.views import View
 from activestereo.benchmarks.sim_to_real.worlds import World
 from activestereo.camera.presets import StereoDepthSensorConfig
@@ -63,7 +63,7 @@ class Stage:
 
     def __init__(
         self,
-        objects: tuple[GapObject, ...],
+        objects: tuple[BenchmarkObject, ...],
         world: World,
         settings: CameraSettings,
         device: str | int = "auto",

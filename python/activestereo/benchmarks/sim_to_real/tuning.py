@@ -13,7 +13,7 @@ from activestereo.benchmarks.sim_to_real.files import Candidate, RunFolder
 from activestereo.benchmarks.sim_to_real.methods import METHODS
 from activestereo.benchmarks.sim_to_real.pose_error import CRITERIA, successes
 from activestereo.benchmarks.sim_to_real.poses import errors_of
-from activestereo.benchmarks.sim_to_real.settings import GapSettings
+from activestereo.benchmarks.sim_to_real.settings import BenchmarkSettings
 from activestereo.benchmarks.sim_to_real.worlds import SIMULATED
 
 
@@ -41,7 +41,7 @@ def every_candidate() -> list[Candidate]:
 
 def models_of(folder: RunFolder) -> list[Model]:
     """Of a run whose tuning is done. ValueError where it is not."""
-    settings = GapSettings.of(folder)
+    settings = BenchmarkSettings.of(folder)
     every, rounds = every_candidate(), settings.rounds("tuning")
     return tuned({mode: errors_of(folder, mode, "tuning", rounds, every) for mode in SIMULATED}, every)
 

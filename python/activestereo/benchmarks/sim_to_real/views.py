@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.benchmarks.sim_to_real.objects import GapObject
+from activestereo.benchmarks.sim_to_real.objects import BenchmarkObject
 from activestereo.common.pose import look_at
 
 # Methods are tuned on the views of one split and scored on those of the other.
@@ -29,7 +29,7 @@ class View:
     start: NDArray[np.float64]
 
 
-def round_of_views(objects: tuple[GapObject, ...], seed: int, split: str, number: int) -> list[View]:
+def round_of_views(objects: tuple[BenchmarkObject, ...], seed: int, split: str, number: int) -> list[View]:
     """Round `number` of a split: one view of each object. It depends on these arguments alone."""
     return [
         _view(thing, index, np.random.default_rng([seed, SPLITS.index(split), number, index]))
@@ -37,7 +37,7 @@ def round_of_views(objects: tuple[GapObject, ...], seed: int, split: str, number
     ]
 
 
-def _view(thing: GapObject, index: int, random: np.random.Generator) -> View:
+def _view(thing: BenchmarkObject, index: int, random: np.random.Generator) -> View:
     yaw = random.uniform(0.0, 2.0 * np.pi)
     object_to_world = np.eye(4)
     object_to_world[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]

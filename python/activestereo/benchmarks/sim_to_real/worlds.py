@@ -10,7 +10,7 @@ from dataclasses import dataclass
 class World:
     """mode: 'clean', 'raster' or 'full' of activestereo.sensor.depth_modes, or 'foreign'. samples: rays per pixel, None
     = the run's. noise: the imager's standard deviations over the sensor's own. materials: 'nominal', or 'random' or
-    'acquired' ones in place of the objects'. None in is_denoised: as the sensor has it."""
+    'measured' ones in place of the objects'. None in is_denoised: as the sensor has it."""
 
     name: str
     mode: str

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a verdict rests on, as numbers that diagnose.json keeps: from them it can be passed again under other gates."""
+"""What a verdict rests on, as numbers that diagnose.json keeps: from them it can be passed again under other
+thresholds."""
 
 from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
@@ -8,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from activestereo.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Score
-from activestereo.diagnose.thresholds import Gates
+from activestereo.diagnose.thresholds import Thresholds
 from activestereo.diagnose.verdict.verdict import is_named, verdict_of
 from activestereo.effects.core.judging import Channel
 
@@ -36,13 +37,13 @@ def judging_json(ranking: Ranking, has_floor: bool) -> Json:
     return sizes | {"has_floor": has_floor, "base": base, "findings": findings}
 
 
-def ranking_under(judging: Mapping[str, Any], gates: Gates) -> Ranking:
-    """The ranking that the numbers stand for, under other gates; its order stays as it was. It knows no tiles."""
+def ranking_under(judging: Mapping[str, Any], thresholds: Thresholds) -> Ranking:
+    """The ranking that the numbers stand for, under other thresholds; its order stays as it was. It knows no tiles."""
     base = judging["base"]
     checks = BaseChecks(**{name: base[name] for name in _OF_BASE if name in base})
     stub: Any = SimpleNamespace(chi2=base["chi2"], white_floors=base["white_floors"])
     sizes = judging["pixels"], judging["design_effect"], judging["floor_chi2"]
-    return Ranking(stub, checks, tuple(_findings(judging["findings"])), (), *sizes, gates)
+    return Ranking(stub, checks, tuple(_findings(judging["findings"])), (), *sizes, thresholds)
 
 
 def _findings(stored: Sequence[Mapping[str, Any]]) -> list[Finding]:
@@ -50,14 +51,15 @@ def _findings(stored: Sequence[Mapping[str, Any]]) -> list[Finding]:
     for entry in stored:
         effect: Any = SimpleNamespace(id=entry["effect"])
         channel = Channel(entry["channel"])
-        # Whether there is an expected image decides which gate of size holds; the fit itself is not kept.
+        # Whether there is an expected image decides which threshold of size holds; the fit itself is not kept.
         e = Explanation(effect, channel, {}, entry["chi2"], np.zeros(1), repeats_floors=entry["repeats_floors"])
         out.append(Finding(e, Score(**entry["score"]), Checks(**entry["checks"])))
     return out
 
 
-def verdict_under(judging: Mapping[str, Any], gates: Gates) -> tuple[str, str | None]:
-    """(verdict, first name or None) of one step under other gates; further steps of --greedy cannot be taken again."""
-    ranking = ranking_under(judging, gates)
+def verdict_under(judging: Mapping[str, Any], thresholds: Thresholds) -> tuple[str, str | None]:
+    """(verdict, first name or None) of one step under other thresholds; further steps of --greedy cannot be taken
+    again."""
+    ranking = ranking_under(judging, thresholds)
     verdict = verdict_of(ranking, ranking, judging["has_floor"])
     return verdict, ranking.findings[0].id if is_named(ranking) else None

@@ -25,7 +25,7 @@ from activestereo.diagnose.findings import BaseFit, Explanation, NotRanked, OwnE
 from activestereo.diagnose.refine.fitter import MOST_THREADS
 from activestereo.diagnose.score.intervals import Z90, Limits, within_ranges
 from activestereo.diagnose.score.likelihood import design_effect
-from activestereo.diagnose.thresholds import Gates
+from activestereo.diagnose.thresholds import Thresholds
 from activestereo.effects import Effect, Stage, View
 from activestereo.effects.core.judging import Channel
 
@@ -102,14 +102,14 @@ class DepthEngineChannel(JudgingChannel):
 
     kind: ClassVar[Channel] = Channel.DEPTH_ENGINE
 
-    def __init__(self, evidence: Evidence, base: BaseFit, gates: Gates, workers: int) -> None:
-        self._evidence, self._base, self._gates, self._workers = evidence, base, gates, workers
+    def __init__(self, evidence: Evidence, base: BaseFit, thresholds: Thresholds, workers: int) -> None:
+        self._evidence, self._base, self._thresholds, self._workers = evidence, base, thresholds, workers
 
     def explain(self, effects: Sequence[Effect], progress: Progress | None = None) -> list[Explanation | NotRanked]:
         frames = list(_frames(self._evidence, self._base)) if effects else []
         if not frames:
             return [NotRanked(effect, "the capture has no device depth in its train frames") for effect in effects]
-        fits = self._fits(_Judge(frames, self._gates), effects)
+        fits = self._fits(_Judge(frames, self._thresholds), effects)
         return [self._explanation(e, fits[e.id]) for e in effects]
 
     def _fits(self, judge: "_Judge", effects: Sequence[Effect]) -> dict[str, "_DepthFit"]:
@@ -129,8 +129,8 @@ class DepthEngineChannel(JudgingChannel):
         return fits
 
     def _is_significant(self, fit: "_DepthFit", tried: int) -> bool:
-        own, gates = fit.own, self._gates
-        return own.nats > gates.margin_nats + np.log(tried) and own.consistency >= gates.consistent_share
+        own, thresholds = fit.own, self._thresholds
+        return own.nats > thresholds.margin_nats + np.log(tried) and own.consistency >= thresholds.consistent_share
 
     def _explanation(self, effect: Effect, fit: "_DepthFit") -> Explanation:
         parameters = within_ranges(effect, fit.limits)
@@ -162,8 +162,8 @@ def _frames(evidence: Evidence, base: BaseFit) -> Iterator[_DepthFrame]:
 class _Judge:
     """Fits effects to the disparity errors of frames."""
 
-    def __init__(self, frames: Sequence[_DepthFrame], gates: Gates) -> None:
-        self._frames, self._gates = frames, gates
+    def __init__(self, frames: Sequence[_DepthFrame], thresholds: Thresholds) -> None:
+        self._frames, self._thresholds = frames, thresholds
         # A fault acts on disparities that are as noisy before it as our engine's errors.
         squares = [np.square(frame.engine[0][frame.inside]) for frame in frames]
         count = sum(s.size for s in squares)
@@ -175,7 +175,7 @@ class _Judge:
             return self
         shifts = [self._shift(effect, fit.values, frame) for frame in self._frames]
         moved = zip(self._frames, shifts, strict=True)
-        return _Judge([replace(f, device=np.where(f.valid, f.device - s, 0.0)) for f, s in moved], self._gates)
+        return _Judge([replace(f, device=np.where(f.valid, f.device - s, 0.0)) for f, s in moved], self._thresholds)
 
     def fit(self, effect: Effect) -> _DepthFit:
         bias, smooth = self._fit_bias(effect), self._fit_smoothness(effect)
@@ -223,7 +223,7 @@ class _Judge:
         nats = 0.5 * pixels / design * np.log(before / after) if after > 0 else 0.0
         better = np.mean([n.sum() < b.sum() for n, b in zip(now, base, strict=True)])
         survey_px = (
-            self._gates.poses_known_to_rad * self._frames[0].view.K[0, 0] if effect.engine_fault.displaces else 0.0
+            self._thresholds.poses_known_to_rad * self._frames[0].view.K[0, 0] if effect.engine_fault.displaces else 0.0
         )
         limits = {}
         for i, p in enumerate(effect.parameters):
@@ -243,7 +243,7 @@ class _Judge:
         """For effects with one leading amplitude: the engine's errors under the effect, their differences against
         the device's.
         """
-        first, differ = effect.parameters[0], self._gates.engines_differ
+        first, differ = effect.parameters[0], self._thresholds.engines_differ
         wanted = self._roughness([frame.device for frame in self._frames])
         ladder = [0.0, *_LADDER * first.typical]
         rough = [

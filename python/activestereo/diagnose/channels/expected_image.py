@@ -21,12 +21,12 @@ from activestereo.diagnose.findings import BaseFit, Explanation, NotRanked
 from activestereo.diagnose.propose.scan import Start, starts
 from activestereo.diagnose.propose.surfaces import on_explained
 from activestereo.diagnose.refine import Fitters, ParameterSpace, Solution
-from activestereo.diagnose.refine.fit_cache import FitMemory, NotKnown
+from activestereo.diagnose.refine.fit_cache import FitCache, NotKnown
 from activestereo.diagnose.refine.fitter import MOST_THREADS
-from activestereo.diagnose.refine.parallel_prefit import fit_ahead
+from activestereo.diagnose.refine.parallel_prefit import parallel_prefit
 from activestereo.diagnose.score.intervals import intervals
 from activestereo.diagnose.score.likelihood import cross_validated
-from activestereo.diagnose.thresholds import Gates
+from activestereo.diagnose.thresholds import Thresholds
 from activestereo.effects import Effect
 from activestereo.effects.core.judging import Channel
 
@@ -73,30 +73,30 @@ class ExpectedImageChannel(JudgingChannel):
         self,
         fitters: Fitters,
         base: BaseFit,
-        gates: Gates,
+        thresholds: Thresholds,
         workers: int,
         earlier: Mapping[str, np.ndarray] | None = None,
     ) -> None:
-        self._fitters, self._base, self._gates, self._workers = fitters, base, gates, workers
+        self._fitters, self._base, self._thresholds, self._workers = fitters, base, thresholds, workers
         self._earlier = earlier or {}
         # chi2 of the scan's images without the effect.
         space, scan = ParameterSpace.of(base.model).starting_at(base.solution.theta), fitters.scan
         self._neutral = scan.nuisance_fit(space, space.start, base.solution.phi, scan.lights(space, space.start), 1)[1]
 
     def explain(self, effects: Sequence[Effect], progress: Progress | None = None) -> list[Explanation | NotRanked]:
-        gates, steps = self._gates, _Steps(self._fitters.train.memory, self._workers, progress)
+        thresholds, steps = self._thresholds, _Steps(self._fitters.train.memory, self._workers, progress)
         seen = steps.all_of(effects, _SCAN_TIME, self._scanned)
-        within = {s.effect.id for s in _close_to_best(seen, gates.out_of_reach)} | set(self._earlier)
+        within = {s.effect.id for s in _close_to_best(seen, thresholds.out_of_reach)} | set(self._earlier)
         scanned = sorted((s for s in seen if s.effect.id in within), key=lambda s: -s.gain)
         approached = steps.all_of(scanned, _FIT_TIME, self._approached)
-        hopeful = _close_to_best(approached, gates.hopeless_share)
+        hopeful = _close_to_best(approached, thresholds.hopeless_share)
         jobs = [(self._is_worth_steps(rank, a, hopeful[0].gain), a) for rank, a in enumerate(hopeful)]
         return steps.all_of(jobs, 1.0 - _SCAN_TIME - _FIT_TIME, self._polished)
 
     def _is_worth_steps(self, rank: int, approached: _Approached, best: float) -> bool:
-        gates = self._gates
-        return approached.gain > gates.worth_steps and (
-            rank < gates.polished or approached.gain > gates.close_share * best
+        thresholds = self._thresholds
+        return approached.gain > thresholds.worth_steps and (
+            rank < thresholds.polished or approached.gain > thresholds.close_share * best
         )
 
     def _scanned(self, effect: Effect) -> _Scanned | None:
@@ -113,7 +113,7 @@ class ExpectedImageChannel(JudgingChannel):
         fits = [scan.refine(scanned.space, s.theta, s.phi, _SCAN_STEPS) for s in scanned.found]
         best = on_explained(scan, min(fits, key=lambda fit: fit.sums.total), _SCAN_STEPS)
         gain = 1.0 - best.sums.total / self._neutral
-        return _Approached(gain, scanned.effect, best) if gain > self._gates.worth_polishing else None
+        return _Approached(gain, scanned.effect, best) if gain > self._thresholds.worth_polishing else None
 
     def _polished(self, job: tuple[bool, _Approached]) -> Explanation:
         takes_steps, approached = job
@@ -132,7 +132,7 @@ def _close_to_best(found: Sequence[_Likely], share: float) -> list[_Likely]:
 class _Steps:
     """Work by all workers, with the progress of the whole."""
 
-    def __init__(self, memory: FitMemory | None, workers: int, progress: Progress | None) -> None:
+    def __init__(self, memory: FitCache | None, workers: int, progress: Progress | None) -> None:
         self._memory, self._workers, self._progress = memory, workers, progress
         self._done, self._lock = 0.0, Lock()
 
@@ -158,7 +158,7 @@ class _Steps:
                 with suppress(NotKnown):
                     self._memory.by_known(partial(one, i))
             new = [i for i in range(len(items)) if i not in outs]
-            fit_ahead(self._memory, work, [items[i] for i in new], self._workers, lambda n: count(new[n]))
+            parallel_prefit(self._memory, work, [items[i] for i in new], self._workers, lambda n: count(new[n]))
         with ThreadPoolExecutor(min(self._workers, MOST_THREADS)) as pool:
             list(pool.map(one, (i for i in range(len(items)) if i not in outs)))
         return [out for i in range(len(items)) if (out := outs[i]) is not None]

@@ -17,7 +17,7 @@ from activestereo.diagnose.channels.draws import DrawIndex, draw_grid, frames_th
 from activestereo.diagnose.evidence.model_discrepancy import edges
 from activestereo.diagnose.findings import FieldFit
 from activestereo.diagnose.refine import ImageResidual
-from activestereo.diagnose.thresholds import Gates
+from activestereo.diagnose.thresholds import Thresholds
 from activestereo.effects import Effect
 from activestereo.effects.core.judging import RandomTerm, SharedBy
 
@@ -33,7 +33,7 @@ def fit_fields(
     train: Sequence[ImageResidual],
     test: Sequence[ImageResidual],
     black_dn: float,
-    gates: Gates,
+    thresholds: Thresholds,
     beside: Beside = (),
 ) -> FieldFit | None:
     """The fields of a random effect, each fitted to what those before it leave; None where nothing repeats or what
@@ -51,12 +51,14 @@ def fit_fields(
         if len({row.group for row in rows}) < 2:
             return None
         first = _variance(rows)[0]
-        variance, deviation = _variance(_unclipped(rows, train, first, gates))
+        variance, deviation = _variance(_unclipped(rows, train, first, thresholds))
         sigma[term.parameter], error[term.parameter] = float(np.sqrt(max(variance, 0.0))), float(deviation)
         totals = _totals(rows)
         grid = draw_grid(term.shared_by, train[0].observation)
-        sparse = gates.hot_sigma if term.sparse_share else None
-        if variance <= 0 or not (term.sparse_share or _is_random(totals, variance, *grid, gates.field_correlation)):
+        sparse = thresholds.hot_sigma if term.sparse_share else None
+        if variance <= 0 or not (
+            term.sparse_share or _is_random(totals, variance, *grid, thresholds.field_correlation)
+        ):
             sigma[term.parameter] = 0.0
             continue
         if term.shared_by is SharedBy.DOT:
@@ -67,7 +69,7 @@ def fit_fields(
         train = _with_residuals(train, [_corrected(row, rows, totals, variance, sparse) for row in rows])
         test = _with_residuals(test, [_predicted(row, totals, variance, sparse) for row in tests])
         if term.sparse_share:
-            share, mean = _sparse(totals, gates.hot_sigma)
+            share, mean = _sparse(totals, thresholds.hot_sigma)
             sigma[term.parameter] = sigma[term.parameter] if mean is None else mean
     residuals = tuple(row.residual + curve for row, curve in zip(train, curves, strict=True))
     test_residuals = tuple(row.residual + curve for row, curve in zip(test, test_curves, strict=True))
@@ -153,13 +155,15 @@ def _is_random(
     return True
 
 
-def _unclipped(rows: Sequence[_Row], train: Sequence[ImageResidual], variance: float, gates: Gates) -> list[_Row]:
+def _unclipped(
+    rows: Sequence[_Row], train: Sequence[ImageResidual], variance: float, thresholds: Thresholds
+) -> list[_Row]:
     """The rows without pixels that a draw of this variance may bring to an end of the range: clipped draws look
     smaller.
     """
     out = []
     for row, (o, image, *_) in zip(rows, train, strict=True):
-        reach = gates.clear_of_ends * np.sqrt(max(variance, 0.0)) * np.abs(row.z)
+        reach = thresholds.clear_of_ends * np.sqrt(max(variance, 0.0)) * np.abs(row.z)
         out.append(replace(row, weight=np.where((image > reach) & (image < o.view.max_dn - reach), row.weight, 0.0)))
     return out
 

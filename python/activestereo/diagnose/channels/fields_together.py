@@ -20,7 +20,7 @@ from activestereo.diagnose.evidence.model_discrepancy import edges
 from activestereo.diagnose.findings import BaseFit, Finding
 from activestereo.diagnose.refine import ImageResidual
 from activestereo.diagnose.score.intervals import Interval, interval, within_ranges
-from activestereo.diagnose.thresholds import Gates
+from activestereo.diagnose.thresholds import Thresholds
 from activestereo.effects import Effect
 from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
 
@@ -45,23 +45,25 @@ def pixel_term(effect: Effect) -> RandomTerm | None:
     return next(terms, None)
 
 
-def shown_together(findings: Sequence[Finding], base: BaseFit, gates: Gates) -> list[Finding]:
+def shown_together(findings: Sequence[Finding], base: BaseFit, thresholds: Thresholds) -> list[Finding]:
     """Findings of random fields that the frames show at once, refitted in order, each to what those before it
     leave; [] for fewer than two.
 
     findings: of random fields that may be named alone, on top of the base.
     """
-    dense = _dense_together(findings, base, gates)
+    dense = _dense_together(findings, base, thresholds)
     sparse = [f for f in findings if _is_sparse(f)]
     others = dense or [f for f in findings if not _is_sparse(f)][:1]
-    return _with_sparse(sparse, others, base, gates) or dense if sparse and others else dense
+    return _with_sparse(sparse, others, base, thresholds) or dense if sparse and others else dense
 
 
 def _is_sparse(finding: Finding) -> bool:
     return any(term.sparse_share for term in finding.effect.random_terms)
 
 
-def _with_sparse(sparse: Sequence[Finding], others: Sequence[Finding], base: BaseFit, gates: Gates) -> list[Finding]:
+def _with_sparse(
+    sparse: Sequence[Finding], others: Sequence[Finding], base: BaseFit, thresholds: Thresholds
+) -> list[Finding]:
     """Sparse fields whose draws stand out of the others, and the others as fitted to what those leave; [] for fewer
     than two that add their share to what all explain.
     """
@@ -69,20 +71,20 @@ def _with_sparse(sparse: Sequence[Finding], others: Sequence[Finding], base: Bas
     for _ in range(_ROUNDS):  # strong draws widen what they have to stand out of
         fields = [(f.explanation.fields, term) for f in fitted if not _is_sparse(f) for term in f.effect.random_terms]
         beside = [(term, fit.sigma[term.parameter]) for fit, term in fields if fit is not None]
-        fitted, gains = _in_turn([(f, beside if _is_sparse(f) else ()) for f in (*sparse, *others)], base, gates)
-    shown = [f for f, gain in zip(fitted, gains, strict=True) if gain > gates.component_share * sum(gains)]
+        fitted, gains = _in_turn([(f, beside if _is_sparse(f) else ()) for f in (*sparse, *others)], base, thresholds)
+    shown = [f for f, gain in zip(fitted, gains, strict=True) if gain > thresholds.component_share * sum(gains)]
     return shown if len(shown) > 1 else []
 
 
 def _in_turn(
-    findings: Sequence[tuple[Finding, Beside]], base: BaseFit, gates: Gates
+    findings: Sequence[tuple[Finding, Beside]], base: BaseFit, thresholds: Thresholds
 ) -> tuple[list[Finding], list[float]]:
     """Findings, each fitted to what those before it leave, and by how much chi2 falls."""
     rows, test = base.train, base.test
     fitted: list[Finding] = []
     gains: list[float] = []
     for f, beside in findings:
-        fit = fit_fields(f.effect, rows, test, base.solution.nuisances.black_dn, gates, beside)
+        fit = fit_fields(f.effect, rows, test, base.solution.nuisances.black_dn, thresholds, beside)
         if fit is not None:
             left, test = _leaving(rows, fit.residuals), _leaving(test, fit.test_residuals)
             gains.append(_chi2(rows) - _chi2(left))
@@ -95,7 +97,7 @@ def _chi2(rows: Sequence[ImageResidual]) -> float:
     return float(sum((row.observation.weight * row.residual**2).sum() for row in rows))
 
 
-def _dense_together(findings: Sequence[Finding], base: BaseFit, gates: Gates) -> list[Finding]:
+def _dense_together(findings: Sequence[Finding], base: BaseFit, thresholds: Thresholds) -> list[Finding]:
     """Those of the findings whose draws every pixel has; [] for fewer than two.
 
     They are fitted from those that most frames share to those that fewest do, multiplicative ones first.
@@ -107,14 +109,14 @@ def _dense_together(findings: Sequence[Finding], base: BaseFit, gates: Gates) ->
     train, test = base.train, base.test
     black_dn = base.solution.nuisances.black_dn
     largest = {f.id: _largest_sigma(f) for _, f in chosen}
-    shown = components({f.id: term for term, f in chosen}, largest, train, black_dn, gates)
-    least = gates.component_share * sum(c.floors for c in shown.values())
+    shown = components({f.id: term for term, f in chosen}, largest, train, black_dn, thresholds)
+    least = thresholds.component_share * sum(c.floors for c in shown.values())
     fitted = []
     for _, f in chosen:
         part = shown[f.id]
-        if not (part.floors > least and part.variance > gates.component_sigmas * part.error):
+        if not (part.floors > least and part.variance > thresholds.component_sigmas * part.error):
             continue
-        fit = fit_fields(f.effect, train, test, black_dn, gates)
+        fit = fit_fields(f.effect, train, test, black_dn, thresholds)
         if fit is not None:
             explanation = replace(f.explanation, fields=fit, parameters=_parameters(f, part))
             fitted.append(replace(f, explanation=explanation))
@@ -150,7 +152,7 @@ def components(
     sigmas: Mapping[str, float],
     train: Sequence[ImageResidual],
     black_dn: float,
-    gates: Gates,
+    thresholds: Thresholds,
 ) -> dict[str, Component]:
     """{id: Component}, jointly; standard errors by leaving out blocks of rows in turn.
 
@@ -159,7 +161,7 @@ def components(
     ids = list(terms)
     blocks, powers = [], {name: 0.0 for name in ids}
     for eye in {o.eye for o, *_ in train}:
-        images = [_image(row, terms, sigmas, black_dn, gates) for row in train if row[0].eye == eye]
+        images = [_image(row, terms, sigmas, black_dn, thresholds) for row in train if row[0].eye == eye]
         for image in images:
             for name in ids:
                 powers[name] += float((image.weight * image.levers[name] ** 2).mean()) / len(train)
@@ -191,12 +193,16 @@ class _Image:
 
 
 def _image(
-    row: ImageResidual, terms: Mapping[str, RandomTerm], sigmas: Mapping[str, float], black_dn: float, gates: Gates
+    row: ImageResidual,
+    terms: Mapping[str, RandomTerm],
+    sigmas: Mapping[str, float],
+    black_dn: float,
+    thresholds: Thresholds,
 ) -> _Image:
     o, image, _, residual = row
     levers = {name: lever_image(term.lever, row, black_dn) for name, term in terms.items()}
     pose = None if o.frame.is_moving else o.frame.camera_to_world.tobytes()
-    reach = np.max([gates.clear_of_ends * sigma * np.abs(levers[name]) for name, sigma in sigmas.items()], axis=0)
+    reach = np.max([thresholds.clear_of_ends * sigma * np.abs(levers[name]) for name, sigma in sigmas.items()], axis=0)
     counts = ~edges(o) & (image > reach) & (image < o.view.max_dn - reach)
     return _Image(pose, np.where(counts, o.weight, 0.0), residual, levers)
 

@@ -19,7 +19,7 @@ from activestereo.diagnose.channels.channel import JudgingChannel, Progress
 from activestereo.diagnose.evidence import Evidence, Observation
 from activestereo.diagnose.findings import BaseFit, Explanation, NotRanked, OwnEvidence
 from activestereo.diagnose.score.intervals import Z90, Limits, within_ranges
-from activestereo.diagnose.thresholds import Gates
+from activestereo.diagnose.thresholds import Thresholds
 from activestereo.effects import Effect, Model
 from activestereo.effects.core.judging import Channel, CodeSteps, Lever, RandomTerm, SharedBy
 
@@ -61,8 +61,8 @@ class NoiseLawChannel(JudgingChannel):
 
     kind: ClassVar[Channel] = Channel.NOISE_LAW
 
-    def __init__(self, evidence: Evidence, base: BaseFit, gates: Gates) -> None:
-        self._evidence, self._base, self._gates = evidence, base, gates
+    def __init__(self, evidence: Evidence, base: BaseFit, thresholds: Thresholds) -> None:
+        self._evidence, self._base, self._thresholds = evidence, base, thresholds
 
     def explain(self, effects: Sequence[Effect], progress: Progress | None = None) -> list[Explanation | NotRanked]:
         return [self._explained(effect) for effect in effects]
@@ -87,14 +87,14 @@ class NoiseLawChannel(JudgingChannel):
         """The fit, or why there is none."""
         steps = next((j for j in effect.judged if isinstance(j, CodeSteps)), None)
         if steps is not None:
-            return _comb(self._evidence, steps.parameter, self._gates.comb_share)
+            return _comb(self._evidence, steps.parameter, self._thresholds.comb_share)
         term, *more = effect.random_terms
         if more:
             return "the noise law is judged one term at a time, and its descriptor names several"
         if not self._evidence.has_floor:
             return _NO_REPEATS
         if term.shared_by is SharedBy.ROW:
-            return _rows(self._evidence.train, term.parameter, self._gates.row_correlation)
+            return _rows(self._evidence.train, term.parameter, self._thresholds.row_correlation)
         if term.shared_by is not SharedBy.PIXEL or term.lever not in _TRANSFER:
             return f"the noise law has no term of draws per {term.shared_by.value} with the lever {term.lever.value}"
         return _transfer(term, self._evidence, self._base.model)

@@ -11,7 +11,7 @@ from activestereo.diagnose.channels.field_fit import fit_fields
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.findings import BaseFit, Explanation, FieldFit, NotRanked
 from activestereo.diagnose.score.intervals import Interval, interval, within_ranges
-from activestereo.diagnose.thresholds import Gates
+from activestereo.diagnose.thresholds import Thresholds
 from activestereo.effects import Effect
 from activestereo.effects.core.judging import Channel, SharedBy
 
@@ -21,8 +21,8 @@ class StaticFieldChannel(JudgingChannel):
 
     kind: ClassVar[Channel] = Channel.STATIC_FIELD
 
-    def __init__(self, evidence: Evidence, base: BaseFit, gates: Gates) -> None:
-        self._evidence, self._base, self._gates = evidence, base, gates
+    def __init__(self, evidence: Evidence, base: BaseFit, thresholds: Thresholds) -> None:
+        self._evidence, self._base, self._thresholds = evidence, base, thresholds
 
     def explain(self, effects: Sequence[Effect], progress: Progress | None = None) -> list[Explanation | NotRanked]:
         out = []
@@ -39,7 +39,7 @@ class StaticFieldChannel(JudgingChannel):
                 effect, "what stays between repeats of a view is not white over the image, as its draws would be"
             )
         black_dn = self._base.solution.nuisances.black_dn
-        fit = fit_fields(effect, self._base.train, self._base.test, black_dn, self._gates)
+        fit = fit_fields(effect, self._base.train, self._base.test, black_dn, self._thresholds)
         if fit is None:
             return NotRanked(effect, "no draws repeat from frame to frame, or what repeats is not random")
         tiles = np.zeros(self._evidence.tiles)

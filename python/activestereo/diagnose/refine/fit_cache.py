@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fits kept on disk beside the renders, by the content of all that decides them: a second diagnosis of a capture by the
-same library, with more effects or other gates perhaps, repeats none.
+same library, with more effects or other thresholds perhaps, repeats none.
 
 A fit is decided by the observations (their images, weights and geometry), the code of this package, and the space, the
 start and the settings of the fit. Fits with an effect of a user's own are never kept, for its code is not known.
@@ -34,7 +34,7 @@ class NotKnown(Exception):
     """A fit is asked for that is not here."""
 
 
-class FitMemory:
+class FitCache:
     """The fits to one capture: a single entry of the cache, read at the start and written by save()."""
 
     def __init__(self, renders: LayerCache, observations: Sequence[Observation]) -> None:

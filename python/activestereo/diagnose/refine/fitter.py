@@ -19,7 +19,7 @@ import numpy as np
 
 from activestereo.compare.nuisances import Nuisances
 from activestereo.diagnose.evidence.observation import FOLDS, Evidence, Observation
-from activestereo.diagnose.refine.fit_cache import FitMemory, content_key, fit_key
+from activestereo.diagnose.refine.fit_cache import FitCache, content_key, fit_key
 from activestereo.diagnose.refine.light import DENSE, SCALES, AllPixels, LightMemory, exposed
 from activestereo.diagnose.refine.normal_equations import Pixels, Sums
 from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solution
@@ -55,7 +55,7 @@ class Fitter:
 
     held_sigma: prior deviations of the nuisances that have one. fine=False, for scans: warps look up pixels alone, and
     sums are of no folds. memory: where fits are kept, or None. threads: that work on images at a time; a process that
-    was made for fits (fit_ahead.py) has one.
+    was made for fits (parallel_prefit.py) has one.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Fitter:
         held_sigma: np.ndarray,
         tiles: int,
         fine: bool = True,
-        memory: FitMemory | None = None,
+        memory: FitCache | None = None,
         threads: int = 1,
     ) -> None:
         self.observations, self.memory, self.threads = observations, memory, min(threads, MOST_THREADS)
@@ -371,7 +371,7 @@ class Fitters:
 
     @classmethod
     def of(
-        cls, evidence: Evidence, scanned: Sequence[Observation], memory: FitMemory | None = None, threads: int = 1
+        cls, evidence: Evidence, scanned: Sequence[Observation], memory: FitCache | None = None, threads: int = 1
     ) -> "Fitters":
         """scanned: the observations of a scan, see propose/scan.py."""
         sized = evidence.held_sigma, evidence.tiles

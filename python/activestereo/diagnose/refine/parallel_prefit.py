@@ -2,7 +2,7 @@
 """Fits made side by side in forked processes, ahead of the work that asks for them.
 
 Python runs one thread at a time between calls of NumPy, so that sixteen threads which fit take longer than two.
-Processes that are forked have all observations at hand without a copy; what they fit comes back through the FitMemory.
+Processes that are forked have all observations at hand without a copy; what they fit comes back through the FitCache.
 """
 
 import signal
@@ -17,15 +17,15 @@ from typing import Any
 import numpy as np
 
 from activestereo.common.processes import process_pool
-from activestereo.diagnose.refine.fit_cache import FitMemory
+from activestereo.diagnose.refine.fit_cache import FitCache
 
 _numbers = count()
 # {number: (memory, work, items)} of the calls under way, which forked processes find here.
-_jobs: dict[int, tuple[FitMemory, Callable[[Any], object], Sequence[Any]]] = {}
+_jobs: dict[int, tuple[FitCache, Callable[[Any], object], Sequence[Any]]] = {}
 
 
-def fit_ahead(
-    memory: FitMemory,
+def parallel_prefit(
+    memory: FitCache,
     work: Callable[[Any], object],
     items: Sequence[Any],
     workers: int,

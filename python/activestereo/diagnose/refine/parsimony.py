@@ -18,15 +18,17 @@ from activestereo.diagnose.refine.parameter_space import Solution
 from activestereo.diagnose.score.intervals import intervals
 from activestereo.diagnose.score.likelihood import cross_validated
 from activestereo.diagnose.score.occam import is_shape
-from activestereo.diagnose.thresholds import Gates
+from activestereo.diagnose.thresholds import Thresholds
 
 _STEPS = 3
 
 
-def simplified(fitter: Fitter, explanation: Explanation, base_chi2: float, pixels: int, gates: Gates) -> Explanation:
+def simplified(
+    fitter: Fitter, explanation: Explanation, base_chi2: float, pixels: int, thresholds: Thresholds
+) -> Explanation:
     """The explanation without the parameters of its effect that it does not need; itself where it needs them all."""
-    share = gates.needless_parameter_share * (base_chi2 - explanation.chi2)
-    limit = min(share, gates.needless_parameter_floors * pixels)
+    share = thresholds.needless_parameter_share * (base_chi2 - explanation.chi2)
+    limit = min(share, thresholds.needless_parameter_floors * pixels)
     solution, effect = explanation.fitted, explanation.effect
     first = len(solution.theta) - len(effect.parameters)
     amplitudes = [first + i for i, p in enumerate(effect.parameters) if not is_shape(p) and not p.choice]

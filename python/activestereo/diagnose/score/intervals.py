@@ -35,7 +35,7 @@ class Interval:
 
 
 def interval(parameter: Parameter, value: float, deviation: float) -> Limits:
-    """(value, low, high) of a 90 % interval: a standard error, and the models' own inadequacy for what was found:
+    """(value, low, high) of a 90 % interval: a standard error, and the models' own discrepancy for what was found:
     an amplitude's distance from neutral, a shape's whole value, whose neutral one is a usual place and not the
     absence of anything.
     """

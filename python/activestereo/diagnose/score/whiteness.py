@@ -10,7 +10,7 @@ import numpy as np
 from activestereo.diagnose.evidence.model_discrepancy import edges
 from activestereo.diagnose.evidence.observation import Observation
 from activestereo.diagnose.refine.fitter import ImageResidual
-from activestereo.diagnose.thresholds import Gates
+from activestereo.diagnose.thresholds import Thresholds
 
 
 def pose_key(o: Observation) -> tuple[bytes, bool]:
@@ -18,7 +18,7 @@ def pose_key(o: Observation) -> tuple[bytes, bool]:
     return o.frame.camera_to_world.tobytes(), o.frame.is_moving
 
 
-def white_rest(rows: Sequence[ImageResidual], gates: Gates) -> float:
+def white_rest(rows: Sequence[ImageResidual], thresholds: Thresholds) -> float:
     """Variance in floors that stays between repeats of a view and is white over the image, edges left out; 0 where
     it is not white.
 
@@ -33,5 +33,5 @@ def white_rest(rows: Sequence[ImageResidual], gates: Gates) -> float:
         same += np.nanmean(first * second)
         beside += [np.nanmean(first[:, 1:] * second[:, :-1]), np.nanmean(first[1:] * second[:-1])]
         count += 1
-    white = count > 0 and same > 0 and np.abs(beside).max() < gates.white_share * same
-    return min(float(same / count), gates.largest_white_floors) if white else 0.0
+    white = count > 0 and same > 0 and np.abs(beside).max() < thresholds.white_share * same
+    return min(float(same / count), thresholds.largest_white_floors) if white else 0.0

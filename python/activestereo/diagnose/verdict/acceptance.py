@@ -13,10 +13,10 @@ def is_significant(ranking: Ranking, finding: Finding) -> bool:
     """Whether a finding's gain is beyond chance among all that were tried, an improvement in most images, and the
     same everywhere.
     """
-    gates, score = ranking.gates, finding.score
-    threshold = gates.margin_nats + np.log(max(len(ranking.findings), 1)) + score.choice_nats
-    varies_little = finding.checks.varying_floors <= gates.largest_variation * score.gain_floors
-    return score.nats > threshold and score.consistency >= gates.consistent_share and varies_little
+    thresholds, score = ranking.thresholds, finding.score
+    threshold = thresholds.margin_nats + np.log(max(len(ranking.findings), 1)) + score.choice_nats
+    varies_little = finding.checks.varying_floors <= thresholds.largest_variation * score.gain_floors
+    return score.nats > threshold and score.consistency >= thresholds.consistent_share and varies_little
 
 
 def passes(ranking: Ranking, finding: Finding) -> bool:
@@ -34,21 +34,22 @@ def varies_too_much(ranking: Ranking, finding: Finding) -> bool:
 
 def comes_near(ranking: Ranking, finding: Finding) -> bool:
     """Whether a finding has so much of the size that a name needs that better images may give the rest."""
-    return _is_large(ranking, finding, ranking.gates.near_size_share)
+    return _is_large(ranking, finding, ranking.thresholds.near_size_share)
 
 
 def _is_large(ranking: Ranking, finding: Finding, part: float = 1.0) -> bool:
     """part: of the size that is asked for."""
-    gates, score, checks = ranking.gates, finding.score, finding.checks
-    share = gates.smallest_field_share
+    thresholds, score, checks = ranking.thresholds, finding.score, finding.checks
+    share = thresholds.smallest_field_share
     if finding.channel is Channel.EXPECTED_IMAGE:
-        share = gates.smallest_share
+        share = thresholds.smallest_share
     elif finding.channel is Channel.DEPTH_ENGINE:
-        share = gates.smallest_depth_share
-    large = score.explained_share >= part * share and score.gain_floors >= part * gates.smallest_gain_floors
+        share = thresholds.smallest_depth_share
+    large = score.explained_share >= part * share and score.gain_floors >= part * thresholds.smallest_gain_floors
     if checks.plain_share is None:
         return large
     large_in_dn = (
-        checks.plain_share >= part * gates.smallest_share and checks.plain_floors >= part * gates.smallest_plain_floors
+        checks.plain_share >= part * thresholds.smallest_share
+        and checks.plain_floors >= part * thresholds.smallest_plain_floors
     )
-    return (large and checks.plain_share >= part * gates.patch_share) or large_in_dn
+    return (large and checks.plain_share >= part * thresholds.patch_share) or large_in_dn

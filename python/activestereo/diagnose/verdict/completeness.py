@@ -13,8 +13,10 @@ def follows_other_law(ranking: Ranking, remainder: Remainder, first: Ranking) ->
 
     first: the ranking without effects.
     """
-    gates = ranking.gates
-    limit = max(gates.other_law_share * (first.base.chi2 - remainder.chi2) / ranking.pixels, gates.other_law_floors)
+    thresholds = ranking.thresholds
+    limit = max(
+        thresholds.other_law_share * (first.base.chi2 - remainder.chi2) / ranking.pixels, thresholds.other_law_floors
+    )
     return any(varying > limit for varying in remainder.variation.values())
 
 
@@ -36,18 +38,20 @@ def lacks_nothing(ranking: Ranking, noise: Finding) -> bool:
 
 def _excess_beside(ranking: Ranking, remainder: Remainder) -> float:
     """What is above the floor and above what coarse steps leave in every frame alike, in floors."""
-    return remainder.chi2 / ranking.pixels - 1.0 - (1.0 + ranking.gates.rounding_known_to) * remainder.repeats_floors
+    return (
+        remainder.chi2 / ranking.pixels - 1.0 - (1.0 + ranking.thresholds.rounding_known_to) * remainder.repeats_floors
+    )
 
 
 def exceeds_surveys(ranking: Ranking) -> bool:
     """Whether the base leaves what errors of a survey never do: more of the error in DN than they make, or an error
     that comes and goes between the frames of a view, or that one image shows and the others do not.
     """
-    gates, checks, white = ranking.gates, ranking.base_checks, ranking.base.white_floors
+    thresholds, checks, white = ranking.thresholds, ranking.base_checks, ranking.base.white_floors
     return (
-        checks.plain_excess_floors - white > gates.largest_of_surveys_floors
-        or checks.unsteady_floors > gates.unsteady_floors
-        or checks.uneven_structure_floors > gates.uneven_structure_floors
+        checks.plain_excess_floors - white > thresholds.largest_of_surveys_floors
+        or checks.unsteady_floors > thresholds.unsteady_floors
+        or checks.uneven_structure_floors > thresholds.uneven_structure_floors
     )
 
 
@@ -60,17 +64,17 @@ def is_unexplained(ranking: Ranking, remainder: Remainder, first: Ranking | None
     the base's that counts beside them. Where nothing is named, more than surveys leave asks, too; what is named has to
     follow its own law.
     """
-    gates = ranking.gates
+    thresholds = ranking.thresholds
     excess = _excess_beside(ranking, remainder)
-    if first is None and excess - ranking.base.white_floors > gates.largest_of_surveys_floors:
+    if first is None and excess - ranking.base.white_floors > thresholds.largest_of_surveys_floors:
         return True
-    if first is not None and remainder.held_sigmas > gates.largest_held_sigmas:
+    if first is not None and remainder.held_sigmas > thresholds.largest_held_sigmas:
         return True
     if first is not None and excess > 0.0 and follows_other_law(ranking, remainder, first):
         return True
     structure = remainder.structure_floors or 0.0
-    if excess <= gates.unexplained_floors:
+    if excess <= thresholds.unexplained_floors:
         return False
-    if structure <= (gates.unexplained_floors if first is None else gates.structure_of_named_floors):
+    if structure <= (thresholds.unexplained_floors if first is None else thresholds.structure_of_named_floors):
         return False
-    return first is None or structure > gates.unexplained_share * (first.base_checks.structure_floors or 0.0)
+    return first is None or structure > thresholds.unexplained_share * (first.base_checks.structure_floors or 0.0)

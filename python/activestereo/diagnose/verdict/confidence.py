@@ -11,25 +11,25 @@ from activestereo.diagnose.verdict.acceptance import passes
 
 def equivalents(ranking: Ranking, finding: Finding) -> list[str]:
     """Ids of other findings that explain the images as well, within their paired error or the models' own
-    inadequacy, which is a share of what a model leaves, and no more than formulas miss of what it explains: what errors
-    of a survey leave says nothing of either.
+    discrepancy, which is a share of what a model leaves, and no more than formulas miss of what it explains: what
+    errors of a survey leave says nothing of either.
 
     A finding that explains little beside the other, by its weights or in DN, is no other explanation: what it gains
     may be the survey's. Where a shape was driven to an end of its range, its formula is not what the fit lacked.
     """
-    gates = ranking.gates
+    thresholds = ranking.thresholds
     if finding.score.nats <= 0 or not finding.on_images:
         return []
     excess = ranking.excess_after(finding.chi2)
-    inadequacy = (gates.same_excess_ratio - 1.0) * excess + gates.same_excess_floors
-    limit = excess + min(inadequacy, gates.formulas_share * finding.score.gain_floors)
+    discrepancy = (thresholds.same_excess_ratio - 1.0) * excess + thresholds.same_excess_floors
+    limit = excess + min(discrepancy, thresholds.formulas_share * finding.score.gain_floors)
     chosen = []
     for other in ranking.findings:
         if other is finding or not other.on_images or other.score.nats <= 0:
             continue
-        if not _is_as_large(finding, other, gates.same_gain_share):
+        if not _is_as_large(finding, other, thresholds.same_gain_share):
             continue
-        error = gates.paired_errors * ranking.difference_error(finding, other) + gates.paired_nats
+        error = thresholds.paired_errors * ranking.difference_error(finding, other) + thresholds.paired_nats
         leaves_alike = ranking.excess_after(other.chi2) <= limit and not other.checks.at_range_end
         if finding.score.nats - other.score.nats <= error or leaves_alike:
             chosen.append(other.id)
@@ -55,20 +55,22 @@ def confidences(ranking: Ranking) -> dict[str, float]:
     nothing may be named. Noise and the depth engine have evidence of their own: they are no rivals of what is missing
     in the images.
     """
-    gates = ranking.gates
+    thresholds = ranking.thresholds
     rivals = [f for f in ranking.findings if f.on_images]
     named = np.array([passes(ranking, f) for f in rivals] + [False])
     logits = _logits(ranking, rivals, ranking.base, named)
     weights = np.empty(len(logits))
     groups = (
-        ((named, gates.named_probability), (~named, 1.0 - gates.named_probability)) if named.any() else ((~named, 1.0),)
+        ((named, thresholds.named_probability), (~named, 1.0 - thresholds.named_probability))
+        if named.any()
+        else ((~named, 1.0),)
     )
     for group, share in groups:
         likely = np.exp(logits[group] - logits[group].max())
         weights[group] = share * likely / likely.sum()
     out = {f.id: float(w) for f, w in zip(rivals, weights, strict=False)}
     others = (f for f in ranking.findings if not f.on_images)
-    return out | {f.id: gates.named_probability if passes(ranking, f) else 0.0 for f in others}
+    return out | {f.id: thresholds.named_probability if passes(ranking, f) else 0.0 for f in others}
 
 
 def _logits(ranking: Ranking, rivals: Sequence[Finding], base: BaseFit, named: np.ndarray) -> np.ndarray:
@@ -76,8 +78,8 @@ def _logits(ranking: Ranking, rivals: Sequence[Finding], base: BaseFit, named: n
 
     The gain of what may not be named is not believed: survey errors gain, too.
     """
-    gates = ranking.gates
+    thresholds = ranking.thresholds
     excess = np.array([ranking.excess_after(f.chi2) for f in rivals] + [ranking.excess_after(base.chi2)])
     gains, costs = (np.array([getattr(f.score, name) for f in rivals] + [0.0]) for name in ("nats", "occam_nats"))
-    likeness = -np.log(excess + gates.floor_known_to) / gates.temperature
-    return likeness + np.where(named, gains, 0.0) / gates.nats_per_unit + costs / gates.occam_nats_per_unit
+    likeness = -np.log(excess + thresholds.floor_known_to) / thresholds.temperature
+    return likeness + np.where(named, gains, 0.0) / thresholds.nats_per_unit + costs / thresholds.occam_nats_per_unit

@@ -45,7 +45,7 @@ def moves(*fields: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
 
 
 @dataclass
-class EngineEye:
+class EngineCamera:
     """One infrared camera: what kuafu sees through it, and the imager behind it. signal: simsense_signal's fields by
     name."""
 
@@ -113,8 +113,8 @@ class EngineInputs:
     speckle_of_laser: only the projectors' light has speckle. frame: exposure, gain, time, temperature.
     """
 
-    left: EngineEye
-    right: EngineEye
+    left: EngineCamera
+    right: EngineCamera
     projector: kuafu.Light | None
     pattern: NDArray[np.float32] | None
     frame: Frame
@@ -135,7 +135,7 @@ class EngineInputs:
     matcher: dict[str, float] = field(default_factory=dict)
 
     @property
-    def eyes(self) -> tuple[EngineEye, EngineEye]:
+    def eyes(self) -> tuple[EngineCamera, EngineCamera]:
         return self.left, self.right
 
     @property

@@ -10,7 +10,7 @@ import kuafu
 import simsense
 from activestereo.capture.capture import Capture, Frame
 from activestereo.common.pose import carried_twist
-from activestereo.effects.core.engine import REFERENCE_TEMPERATURE_C, EngineEye, EngineInputs
+from activestereo.effects.core.engine import REFERENCE_TEMPERATURE_C, EngineCamera, EngineInputs
 
 # Media reach so far beyond scene and rig.
 _MARGIN_M = 0.05
@@ -51,10 +51,10 @@ def frame_signal(frame: Frame) -> dict[str, float]:
     return simsense.signal_preset("neutral") | settings
 
 
-def _eye(capture: Capture, frame: Frame, name: str, left_to_eye: NDArray[np.float64]) -> EngineEye:
+def _eye(capture: Capture, frame: Frame, name: str, left_to_eye: NDArray[np.float64]) -> EngineCamera:
     camera = capture.rig.camera(name)
     linear, angular = carried_twist(left_to_eye, frame.camera_velocity).reshape(2, 3)
-    return EngineEye(
+    return EngineCamera(
         camera=kuafu.Camera(
             camera.width,
             camera.height,

@@ -23,7 +23,7 @@ from activestereo.effects.core.scene_surfaces import split_surfaces
 from activestereo.effects.engines.capture_inputs import capture_inputs
 from activestereo.effects.engines.halves import half_samples, half_seeds
 from activestereo.effects.engines.imager import ExpectedImager
-from activestereo.effects.engines.scene_measurement import Survey
+from activestereo.effects.engines.scene_measurement import SceneMeasurement
 from activestereo.effects.engines.smoothing import seen_surfaces, smooth_view
 from activestereo.effects.engines.world import (
     changed_world,
@@ -43,7 +43,7 @@ _KEPT = 3
 
 
 @dataclass(frozen=True)
-class EyeLight:
+class CameraLight:
     """One eye of one frame behind its optics, float32 [height][width]: radiance under the projector at power 1 (direct,
     indirect) and under ambient radiance 1. depth_m: z, 0 = nothing there; normal: [height][width][3], world; material:
     id."""
@@ -108,7 +108,9 @@ class CaptureRenderer:
     def device(self) -> kuafu.Device:
         return self._device
 
-    def inputs(self, frame: Frame, model: Model, survey: Survey | None = None, random: bool = False) -> EngineInputs:
+    def inputs(
+        self, frame: Frame, model: Model, survey: SceneMeasurement | None = None, random: bool = False
+    ) -> EngineInputs:
         """The engines' inputs for a frame: calibration and settings, the survey's corrections, then the model's
         effects. random=False: those that draw numbers are left out, for they have no part in an expected image."""
         inputs = capture_inputs(self.capture, frame, self._scene, self._pattern, self.seed)
@@ -121,12 +123,12 @@ class CaptureRenderer:
         self,
         model: Model,
         frames: Iterable[Frame] | None = None,
-        survey: Survey | None = None,
+        survey: SceneMeasurement | None = None,
         random: bool = False,
         progress: Callable[[float], object] | None = None,
         half: int | None = None,
-    ) -> dict[ImageKey, EyeLight]:
-        """{(frame id, eye): EyeLight} of the frames, all by default. Frames that differ in exposure, power or gain
+    ) -> dict[ImageKey, CameraLight]:
+        """{(frame id, eye): CameraLight} of the frames, all by default. Frames that differ in exposure, power or gain
         alone share their images; all poses of one world are one render. half: 0 or 1, one of two independent halves of
         the samples (halves.py)."""
         jobs: dict[tuple, _Job] = {}
@@ -136,7 +138,7 @@ class CaptureRenderer:
         worlds: dict[tuple, list[_Job]] = {}
         for job in jobs.values():
             worlds.setdefault(world_key(job.inputs), []).append(job)
-        out: dict[ImageKey, EyeLight] = {}
+        out: dict[ImageKey, CameraLight] = {}
         for done, group in enumerate(worlds.values()):
             share = part_of(progress, done / len(worlds), (done + 1) / len(worlds))
             for job, eyes in zip(group, self._images(group, share, half), strict=True):
@@ -152,7 +154,7 @@ class CaptureRenderer:
         model: Model,
         nuisances: Scales,
         frames: Iterable[Frame] | None = None,
-        survey: Survey | None = None,
+        survey: SceneMeasurement | None = None,
         random: bool = False,
         progress: Callable[[float], object] | None = None,
     ) -> dict[ImageKey, NDArray[np.float32]]:
@@ -163,7 +165,7 @@ class CaptureRenderer:
         return {key: dn for frame in frames for key, dn in self.counts(frame, lights, model, nuisances, random).items()}
 
     def counts(
-        self, frame: Frame, lights: dict[ImageKey, EyeLight], model: Model, nuisances: Scales, random: bool = False
+        self, frame: Frame, lights: dict[ImageKey, CameraLight], model: Model, nuisances: Scales, random: bool = False
     ) -> dict[ImageKey, NDArray[np.float32]]:
         """expected() of one frame from its lights: no ray is traced."""
         inputs = self.inputs(frame, model, random=random)
@@ -300,10 +302,10 @@ def _job_key(inputs: EngineInputs) -> tuple:
     return (*eyes, projector, hash(pattern), tuple(map(record_key, inputs.added_lights)), world_key(inputs))
 
 
-def _eye_light(view: dict[str, NDArray], inputs: EngineInputs) -> EyeLight:
+def _eye_light(view: dict[str, NDArray], inputs: EngineInputs) -> CameraLight:
     """A rendered view under a frame's own powers."""
     power = 0.0 if inputs.projector is None else inputs.projector.ir_intensity
     ambient = inputs.ambient.scale * view["ambient"] + view["added"] + view["added_indirect"]
     lights = (power * view["projector_direct"], power * view["projector_indirect"], ambient, view["depth"])
     direct, indirect, room, depth = (image[..., 0].astype(np.float32) for image in lights)
-    return EyeLight(direct, indirect, room, depth, view["normal"], view["material_id"][..., 0])
+    return CameraLight(direct, indirect, room, depth, view["normal"], view["material_id"][..., 0])

@@ -29,7 +29,7 @@ def set_surface(material: kuafu.Material, values: Mapping[str, float]) -> None:
 
 
 @dataclass(frozen=True)
-class Survey:
+class SceneMeasurement:
     """focal: relative change of the left and the right focal length. albedo: {material id: factor on its infrared
     albedo}. surfaces: {material id: {field of kuafu's Material: value in place of the scene's}}."""
 

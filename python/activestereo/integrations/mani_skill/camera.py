@@ -18,7 +18,7 @@ from activestereo.integrations.mani_skill.world import ManiSkillWorld
 from activestereo.sensor.batch import StereoDepthSensorBatch
 from activestereo.sensor.cuda_memory import CudaError
 from activestereo.sensor.cuda_tensor import cuda_tensor, wait_for
-from activestereo.sensor.pipelined_batch import LateStereoDepthSensorBatch
+from activestereo.sensor.pipelined_batch import PipelinedStereoDepthSensorBatch
 
 _MM = 1000.0
 _FARTHEST_MM = 32767.0
@@ -79,7 +79,7 @@ class StereoDepthCamera(Camera):
         if self._world is None:
             self._world = ManiSkillWorld.of(self._scene, self.config.device)
             self._sensors = self._made(self._world)
-            if isinstance(self._sensors, LateStereoDepthSensorBatch):
+            if isinstance(self._sensors, PipelinedStereoDepthSensorBatch):
                 self._world.late.add(self._sensors)
         self._world.update()
 
@@ -119,7 +119,7 @@ class StereoDepthCamera(Camera):
 
     def _made(self, world: ManiSkillWorld) -> StereoDepthSensorBatch:
         config = self.config.native(self.camera.get_intrinsic_matrix()[0].cpu().numpy().astype(np.float64))
-        kind = LateStereoDepthSensorBatch if self.config.late else StereoDepthSensorBatch
+        kind = PipelinedStereoDepthSensorBatch if self.config.late else StereoDepthSensorBatch
         mounts = _CameraMounts(self.camera, world.scene)
         is_there = self._scene.device.type == "cuda"
         self._on_cuda = is_there if self.config.on_cuda is None else self.config.on_cuda
@@ -141,7 +141,7 @@ class StereoDepthCamera(Camera):
     def _serves(self, begun: _Begun) -> bool:
         """Whether the picture that was begun is the next observation's: not after a reset(), nor where it failed."""
         sensors = self._sensors
-        return begun.reset is self._reset and isinstance(sensors, LateStereoDepthSensorBatch) and sensors.has_next
+        return begun.reset is self._reset and isinstance(sensors, PipelinedStereoDepthSensorBatch) and sensors.has_next
 
     @property
     def _reset(self) -> torch.Tensor:
@@ -152,7 +152,7 @@ class StereoDepthCamera(Camera):
         assert self._world is not None
         self._world.late.wait()  # another camera's picture, too: ours turns our projectors on
         sensors, begun = self.sensors, self._begun
-        if not isinstance(sensors, LateStereoDepthSensorBatch):
+        if not isinstance(sensors, PipelinedStereoDepthSensorBatch):
             sensors.take_picture(infrared_only=not with_rgb)
             return
         serves = begun is not None and self._serves(begun) and (begun.has_rgb or not with_rgb)

@@ -13,7 +13,7 @@ import torch
 import kuafu
 from activestereo.integrations.sapien.looks import Looks, is_visible, light_record, render_system
 from activestereo.scene_io.bodies import Bodies, Shape
-from activestereo.sensor.pipelined_pictures import LateSensors
+from activestereo.sensor.pipelined_pictures import PipelinedSensors
 
 _AMBIENT = (0.3, 0.3, 0.3)
 
@@ -35,7 +35,7 @@ class ManiSkillWorld:
         self.count = len(scene.sub_scenes)
         self.bodies = Bodies(self.scene, self.count)
         self._looks = Looks(self.scene)
-        self.late = LateSensors()
+        self.late = PipelinedSensors()
         # Of each body, in the order of the bodies: ManiSkill's struct, and the environments of the struct's objects.
         self._places: dict[str, tuple[Any, list[int]]] = {}
         self._add_lights()

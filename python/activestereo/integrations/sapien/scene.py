@@ -13,7 +13,7 @@ import kuafu
 from activestereo.common.pose import as_matrix
 from activestereo.integrations.sapien.looks import Looks, is_visible, light_record, render_system
 from activestereo.scene_io.bodies import Bodies
-from activestereo.sensor.pipelined_pictures import LateSensors
+from activestereo.sensor.pipelined_pictures import PipelinedSensors
 
 # Even light in a scene whose lights cannot be known, since SAPIEN has no renderer.
 _AMBIENT = (0.3, 0.3, 0.3)
@@ -38,7 +38,7 @@ class SapienScene:
         self._lights: list[tuple[Any, int]] = []
         self._ambient: tuple[float, ...] = _AMBIENT
         self.scene.set_environment(_AMBIENT)
-        self.late = LateSensors()
+        self.late = PipelinedSensors()
         self.update()
         SapienScene._known[id(scene)] = self
 

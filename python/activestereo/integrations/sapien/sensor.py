@@ -84,7 +84,7 @@ class StereoDepthSensor:
             mount = activestereo.Mount(self._world.scene)
             config = native_config(self._config)
             if self._is_late:
-                self._sensor = activestereo.LateStereoDepthSensor(config, mount, on_cuda=self._on_cuda)
+                self._sensor = activestereo.PipelinedStereoDepthSensor(config, mount, on_cuda=self._on_cuda)
                 self._world.late.add(self._sensor)
             else:
                 self._sensor = activestereo.StereoDepthSensor(config, mount, on_cuda=self._on_cuda)
@@ -96,7 +96,7 @@ class StereoDepthSensor:
     @property
     def has_picture(self) -> bool:
         """Whether results are there: of a late sensor from the second take_picture() on, else from the first."""
-        if isinstance(self._sensor, activestereo.LateStereoDepthSensor):
+        if isinstance(self._sensor, activestereo.PipelinedStereoDepthSensor):
             return self._sensor.has_picture
         return self._sensor is not None
 

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""How much the bank's figures move when a gate of the diagnosis is halved and doubled.
+"""How much the benchmark suite's figures move when a threshold of the diagnosis is halved and doubled.
 
-    python3 tests/benchmark_suite/gate_study.py --set small --out out/bank
+    python3 tests/benchmark_suite/threshold_study.py --set small --out out/suite
 
-Reads the answers of a bank that was run: each holds the numbers that its verdict rests on. Verdicts are passed again,
-nothing is fitted again: what a gate changes earlier (which effects are fitted, what --greedy goes on to add) does not
-show. Prints a Markdown table. """
+Reads the answers of a benchmark suite that was run: each holds the numbers that its verdict rests on. Verdicts are
+passed again, nothing is fitted again: what a threshold changes earlier (which effects are fitted, what --greedy goes on
+to add) does not show. Prints a Markdown table. """
 
 import argparse
 import sys
@@ -17,10 +17,10 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "build" / "python"))
 
-from bank_score import Result, read_results  # noqa: E402
-from bank_sets import ALL, items  # noqa: E402
+from suite_score import Result, read_results  # noqa: E402
+from suite_sets import ALL, items  # noqa: E402
 
-from activestereo.diagnose.thresholds import GATES, Gates  # noqa: E402
+from activestereo.diagnose.thresholds import THRESHOLDS, Thresholds  # noqa: E402
 from activestereo.diagnose.answer.judging import verdict_under  # noqa: E402
 
 Figures = tuple[float | None, float | None, float | None]
@@ -29,7 +29,7 @@ Figures = tuple[float | None, float | None, float | None]
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--set", choices=("small", *ALL, "all"), required=True)
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="of run_bank.py")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="of run_suite.py")
     parser.add_argument("--generation", type=int, default=0, metavar="N")
     args = parser.parse_args()
     results = [
@@ -38,26 +38,26 @@ def main() -> int:
         if "judging" in (r.answer or {})
     ]
     if not results:
-        print("no answer holds what its verdict rests on: run run_bank.py first", file=sys.stderr)
+        print("no answer holds what its verdict rests on: run run_suite.py first", file=sys.stderr)
         return 1
     print(study(results))
     return 0
 
 
-def study(results: Sequence[Result], gates: Gates = GATES) -> str:
-    """The table: each gate that moves a figure, halved and doubled."""
-    now = figures(results, gates)
+def study(results: Sequence[Result], thresholds: Thresholds = THRESHOLDS) -> str:
+    """The table: each threshold that moves a figure, halved and doubled."""
+    now = figures(results, thresholds)
     lines = [
         f"{len(results)} worlds. Named and right {_text(now[0])}, false alarms {_text(now[1])}, outside said so "
         f"{_text(now[2])}.",
         "",
-        "| gate | value | halved | doubled |",
+        "| threshold | value | halved | doubled |",
         "|---|---|---|---|",
     ]
     silent = []
-    for field in fields(gates):
-        value = getattr(gates, field.name)
-        moved = [figures(results, replace(gates, **{field.name: factor * value})) for factor in (0.5, 2.0)]
+    for field in fields(thresholds):
+        value = getattr(thresholds, field.name)
+        moved = [figures(results, replace(thresholds, **{field.name: factor * value})) for factor in (0.5, 2.0)]
         if all(figure == now for figure in moved):
             silent.append(f"`{field.name}`")
         else:
@@ -65,9 +65,9 @@ def study(results: Sequence[Result], gates: Gates = GATES) -> str:
     return "\n".join([*lines, "", f"No figure moves by: {', '.join(silent)}."])
 
 
-def figures(results: Sequence[Result], gates: Gates) -> Figures:
+def figures(results: Sequence[Result], thresholds: Thresholds) -> Figures:
     """(detectable single effects named and right, false alarms, outside said so) of first steps."""
-    said = [(r, *verdict_under(r.answer["judging"], gates)) for r in results]
+    said = [(r, *verdict_under(r.answer["judging"], thresholds)) for r in results]
     single = [
         verdict == "effect" and {r.world_name(name)} == r.truth
         for r, verdict, name in said

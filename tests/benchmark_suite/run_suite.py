@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the blind bank: makes worlds with hidden effects, has the tool diagnose each, and scores its answers.
+"""Runs the benchmark suite: makes worlds with hidden effects, has the tool diagnose each, and scores its answers.
 
-    python3 tests/benchmark_suite/run_bank.py --set small --out out/bank
+    python3 tests/benchmark_suite/run_suite.py --set small --out out/suite
 
 Resumable: worlds that have an answer in DIR are not run again. DIR holds keys/ (the truth, which the tool does not
 see), captures/ (as long as needed), answers/ (diagnose.json and the tool's output), then score.json, README.md and its
@@ -25,14 +25,14 @@ COMMAND = f"{ROOT / 'build/bin/activestereo'} diagnose {{capture}} --out {{out}}
 
 def main():
     args = _arguments()
-    from bank_sets import items
+    from suite_sets import items
 
     todo = [item for item in items(args.set, args.generation) if is_wanted(item, args.only)][: args.limit]
     waiting = [item for item in todo if not (args.out / "answers" / item.id / "run.json").is_file()]
     print(f"{args.set}: {len(todo)} worlds, {len(todo) - len(waiting)} answered already")
     _run_all(waiting, args)
-    from bank_page import write_page
-    from bank_score import read_results, score
+    from suite_page import write_page
+    from suite_score import read_results, score
 
     results = read_results(args.out, [item.id for item in todo])
     scores = score(results)
@@ -56,7 +56,7 @@ def _arguments():
         type=int,
         default=0,
         metavar="N",
-        help="other worlds of the same kinds (default: 0, the bank's own)",
+        help="other worlds of the same kinds (default: 0, the suite's own)",
     )
     parser.add_argument(
         "--only", nargs="+", metavar="NAME", help="worlds of these ids, or that hide one of these effects"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Asked of the bank's measures: at least or at most, to ship, world-class."""
+"""Asked of the benchmark suite's measures: at least or at most, to ship, world-class."""
 
 BARS = {
     "top-1": (">=", 0.85, 0.92),

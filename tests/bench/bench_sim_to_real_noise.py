@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `acquire noise` finds of the camera of `activestereo gap`'s foreign world of Mitsuba 3: the law of its noise and
-its parameters, from repeats of views in which nothing moves. None of them is a test view.
+"""What `calibrate noise` finds of the camera of `activestereo benchmark sim-to-real`'s foreign world of Mitsuba 3: the
+law of its noise and its parameters, from repeats of views in which nothing moves. None of them is a test view.
 
     pip install mitsuba     # 3.9 was tried
-    PYTHONPATH=build/python python3 tests/bench/bench_gap_noise.py --out out/noise
-    activestereo gap run --foreign mitsuba --imager out/noise/model.json --out out/gap
+    PYTHONPATH=build/python python3 tests/bench/bench_sim_to_real_noise.py --out out/noise
+    activestereo benchmark sim-to-real run --foreign mitsuba --imager out/noise/model.json --out out/gap
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from activestereo.calibrate.frames import Repeats
-from activestereo.calibrate.noise import acquire_noise
+from activestereo.calibrate.noise import calibrate_noise
 from activestereo.benchmarks.sim_to_real.foreign_mitsuba import MitsubaStage
 from activestereo.benchmarks.sim_to_real.objects import objects
 from activestereo.benchmarks.sim_to_real.stage import CameraSettings
@@ -35,7 +35,7 @@ def main() -> None:
         for eye, counts in zip(("left", "right"), stage.repeats(view, args.repeats, random), strict=True):
             name = f"{objects()[view.object_index].name}, {eye}"
             views.append(Repeats(name, counts, None, name))
-    found = acquire_noise(views)
+    found = calibrate_noise(views)
     args.out.mkdir(parents=True, exist_ok=True)
     write_model(args.out / "model.json", found.model())
     print(found.text())

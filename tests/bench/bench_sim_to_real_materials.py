@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `acquire materials` finds of the objects of `activestereo gap` as the foreign world of Mitsuba 3 has them.
+"""What `calibrate materials` finds of the objects of `activestereo benchmark sim-to-real` as the foreign world of
+Mitsuba 3 has them.
 
     pip install mitsuba     # 3.9 was tried
-    PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_gap_materials.py --out out/materials
-    activestereo gap ablate out/gap --only materials --acquired out/materials/model.json
+    PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_sim_to_real_materials.py --out out/materials
+    activestereo benchmark sim-to-real ablate out/gap --only materials --measured out/materials/model.json
 
 Mitsuba records two poses of each object with its own materials; the scene says what the simulation has. An object's
 result is a file of its own, so that processes, each with --only, share a machine; each then writes model.json of what
@@ -21,7 +22,7 @@ import numpy as np
 from material_worlds import record
 from material_worlds_mitsuba import MitsubaWorld
 
-from activestereo.calibrate.materials import acquire_materials
+from activestereo.calibrate.materials import calibrate_materials
 from activestereo.benchmarks.sim_to_real.foreign_mitsuba import foreign_bsdf
 from activestereo.benchmarks.sim_to_real.objects import objects
 from activestereo.model import SensorModel, read_model
@@ -30,7 +31,7 @@ from activestereo.model.write import write_model
 FIELDS = ("roughness", "metallic", "specular", "transmission", "ir_albedo")
 
 
-def acquired(index: int, spp: int) -> SensorModel:
+def measured(index: int, spp: int) -> SensorModel:
     """Called as the object is; without what the pictures do not determine."""
     thing = objects()[index]
     place = np.array([[1.0, 0, 0, 0], [0, 0, 1, thing.rest_m], [0, -1, 0, 0], [0, 0, 0, 1]])
@@ -43,7 +44,7 @@ def acquired(index: int, spp: int) -> SensorModel:
             Path(folder), nominal, nominal, shape="thing", color=(albedo,) * 3, nominal_color=(albedo,) * 3,
             see=world.see, thing=(thing.mesh, place),
         )  # fmt: skip
-        found = acquire_materials(path, "thing")
+        found = calibrate_materials(path, "thing")
     (fields,) = found.found.values()
     return SensorModel(materials={thing.name: fields})
 
@@ -72,7 +73,7 @@ def main() -> None:
     for name in args.only:
         path = args.out / f"{name}.json"
         if not path.exists():
-            write_model(path, acquired(names.index(name), args.spp))
+            write_model(path, measured(names.index(name), args.spp))
     models = {name: read_model(args.out / f"{name}.json") for name in names if (args.out / f"{name}.json").exists()}
     materials = {name: fields for model in models.values() for name, fields in model.materials.items()}
     write_model(args.out / "model.json", SensorModel(materials=materials))

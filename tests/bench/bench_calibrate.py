@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of `activestereo acquire` and `overlay`, counted.
+"""Figures of `activestereo calibrate` and `overlay`, counted.
 
-    PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_acquire.py laws [--draws 20]
-    PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_acquire.py wall [--scale 0.5] [--spp 256]
-    PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_acquire.py overlay SCENE.gltf
+    PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_calibrate.py laws [--draws 20]
+    PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_calibrate.py wall [--scale 0.5] [--spp 256]
+    PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_calibrate.py overlay SCENE.gltf
 
-laws: how often `acquire noise` names the law that frames were drawn from, shot noise and gamma noise in turns, with
-drawn parameters; asked: 19 of 20. wall: walls that kuafu renders are measured by `acquire pattern` and rendered again
+laws: how often `calibrate noise` names the law that frames were drawn from, shot noise and gamma noise in turns, with
+drawn parameters; asked: 19 of 20. wall: walls that kuafu renders are measured by `calibrate pattern` and rendered again
 from the same pose through the model; the residual of a frame over its noise floor, asked: 1.2. overlay: pictures a
 second that `activestereo overlay` blends where the camera stands still and where it moves, asked: 10.
 """
@@ -24,9 +24,9 @@ from wall_worlds import WallWorld
 
 import kuafu
 from activestereo.calibrate.frames import Repeats
-from activestereo.calibrate.noise import acquire_noise
+from activestereo.calibrate.noise import calibrate_noise
 from activestereo.calibrate.noise_models import GammaLaw, ShotLaw
-from activestereo.calibrate.pattern import acquire_pattern
+from activestereo.calibrate.pattern import calibrate_pattern
 from activestereo.capture.capture import Capture, read_capture
 from activestereo.report.overlay import Overlay
 from activestereo.common.pose import look_at
@@ -60,7 +60,7 @@ def laws(draws: int, with_dark: bool) -> None:
         else:
             law = ShotLaw(at_middle**2 / 55.0, sigma, black)
         dark = [Repeats("dark", drawn(law, 12, rng, is_dark=True))] if with_dark else []
-        found = acquire_noise([Repeats("view", drawn(law, 20, rng))], dark, seed=number)
+        found = calibrate_noise([Repeats("view", drawn(law, 20, rng))], dark, seed=number)
         right += found.chosen == law.name
         if found.chosen != law.name:
             print(f"draw {number}: {law} was named {found.chosen}")
@@ -88,7 +88,7 @@ def walls(scale: float, spp: int, repeats: int, border_px: int) -> None:
         path = Path(folder) / "walls"
         world.write(path, kuafu.Device(), repeats=repeats, spp=spp)
         capture = read_capture(path)
-        measured = calibrated(capture, acquire_pattern(path).model())
+        measured = calibrated(capture, calibrate_pattern(path).model())
         frames = [
             np.array([[capture.ir(f, eye) for eye in ("left", "right")] for f in capture.frames if f.repeat_group == k])
             for k in range(len(WALLS))

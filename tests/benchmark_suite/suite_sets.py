@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sets of the blind bank: which world hides what. World k of a set is the same in every run; what is reported is
-generation 0.
+"""The sets of the benchmark suite: which world hides what. World k of a set is the same in every run; what is reported
+is generation 0.
 
-Other generations are other worlds of the same kinds, to learn from without looking at the bank's own.
+Other generations are other worlds of the same kinds, to learn from without looking at the suite's own.
 """
 
 import hashlib

@@ -2,7 +2,7 @@
 """The page of a run: README.md with the score table and every miss, and its pictures."""
 
 import numpy as np
-from bank_bars import BARS
+from suite_bars import BARS
 from matplotlib.figure import Figure
 
 _GOOD, _FAIR, _BAD, _QUIET, _INK = "#2f855a", "#d69e2e", "#c53030", "#cbd5e0", "#1f2933"
@@ -12,7 +12,7 @@ def write_page(scores, results, folder, set_name):
     """Writes README.md, answers.png, confusion.png, calibration.png; returns the table as text."""
     table = _table(scores["measures"])
     lines = [
-        f"# The blind bank: set `{set_name}`, {len(results)} worlds",
+        f"# The benchmark suite: set `{set_name}`, {len(results)} worlds",
         "",
         "Every world is a capture by an independent virtual sensor with an effect that the tool does not know. "
         "An effect counts as",
