@@ -112,6 +112,14 @@ def test_only_the_command_line_imports_integrations_and_benchmarks():
     assert {name for name, (_, imports) in parts.items() if imports & {"integrations", "benchmarks"}} <= {"cli"}
 
 
+def test_one_page_names_all_that_users_import():
+    face = ast.parse((PACKAGE / "__init__.py").read_text(encoding="utf-8"))
+    homes = next(n.value for n in face.body if isinstance(n, ast.Assign) and ast.unparse(n.targets[0]) == "_HOMES")
+    page = (ROOT / "examples/guide/python_api.md").read_text(encoding="utf-8")
+    cells = re.findall(r"^\| (`[^|]+) \|", page, re.MULTILINE)
+    assert sorted(re.findall(r"`(\w+)`", " ".join(cells))) == sorted(ast.literal_eval(homes))
+
+
 def test_no_file_imports_itself_through_others():
     graphlib.TopologicalSorter(IMPORTS).prepare()  # CycleError names the circle
 

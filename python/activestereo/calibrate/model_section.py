@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One section of model.json, version 2 (sensor_model), is replaced; the others stay as they are, also those that this
-program cannot read."""
+"""One section of model.json, version 2 (activestereo.model), is replaced; the others stay as they are, also those that
+this program cannot read."""
 
 import json
 from pathlib import Path

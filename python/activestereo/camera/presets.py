@@ -262,7 +262,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
 
     @classmethod
     def from_model(cls, model: SensorModel | str | Path, base: str = "D435") -> StereoDepthSensorConfig:
-        """The sensor that a model describes: a sensor_model.SensorModel or the path of a model.json. What it does not
+        """The sensor that a model describes: a model.SensorModel or the path of a model.json. What it does not
         say is the preset's. Give the model to the sensor, too: StereoDepthSensor(config, scene, model=model)."""
         from activestereo.model import SensorModel, read_model
         from activestereo.model.configure import configured

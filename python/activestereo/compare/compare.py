@@ -67,7 +67,7 @@ def compare(
     """A Comparison of the capture folder. CaptureError where the capture cannot be used.
 
     model: effects on top of the base renderer, a Model; expected images are compared, so random effects show in the
-    noise floor alone. renderer: see lab.render; None for kuafu on the best device. progress: called as
+    noise floor alone. renderer: see render.py; None for kuafu on the best device. progress: called as
     progress(fraction done). engines: makes a CaptureRenderer of the capture, in which
     the model's effects act; None: their image functions do. survey: an engines.SceneMeasurement, what is known of focal
     lengths and albedos. calibrate: replaces the capture's nominal rig and pattern by measured ones.

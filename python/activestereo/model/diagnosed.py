@@ -47,7 +47,7 @@ def diagnosed_model(
 ) -> SensorModel:
     """The SensorModel of a diagnosis.
 
-    effects: what was found. nuisances: values by names of sensor_model.model.NUISANCES. noise_law: None where no repeat
+    effects: what was found. nuisances: values by names of model.model.NUISANCES. noise_law: None where no repeat
     gives it. albedo: {material name: factor on its nominal infrared
     albedo}. intervals: {(effect id or 'nuisances' or material name, parameter): 90 % interval}. material_names: of the
     capture's scene, by id.

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Renders that were submitted and have not been waited for, and the late sensors that a scene's changes wait for."""
+"""Renders that were submitted and have not been waited for, and the pipelined sensors that a scene's changes wait
+for."""
 
 from __future__ import annotations
 
@@ -47,7 +48,7 @@ class UnderWay:
 
 
 class BeginsPictures(Protocol):
-    """A late sensor."""
+    """A pipelined sensor."""
 
     def wait(self) -> None: ...
 

@@ -59,7 +59,7 @@ class StereoDepthSensor:
     projector_always_on says so). It goes with the sensor: at close(), at the end of a `with` block, or when nothing
     refers to the sensor any more. One thread at a time.
 
-    model: a sensor_model.SensorModel or the path of a model.json. Its effects act inside of the engines; those that no
+    model: a model.SensorModel or the path of a model.json. Its effects act inside of the engines; those that no
     engine field expresses change the images, with a ModelCostWarning. Its rig, pattern and imager are the config's:
     StereoDepthSensorConfig.from_model(). ValueError says what in it does not fit this scene; then nothing has been
     changed.

@@ -439,6 +439,7 @@ def test_activestereo_stub():
     tree = ast.parse((Path(activestereo.__file__).parent / "__init__.pyi").read_text())
     assert {alias.name for node in tree.body for alias in node.names} == set(activestereo.__all__)
     assert all(getattr(activestereo, name).__name__ == name for name in activestereo.__all__)
+    assert set(activestereo.__all__) <= set(dir(activestereo))
 
 
 def test_depth_can_be_stopped_within_a_pair():

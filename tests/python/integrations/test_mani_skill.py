@@ -95,7 +95,7 @@ def test_point_clouds_stand_where_things_are() -> None:
 @pytest.mark.parametrize("name", ["PickCube-v1", "PushCube-v1"])
 def test_late_observations_are_those_of_the_present_one_picture_later(name: str) -> None:
     """But for the first, which is of the present, and so is shown again: bit for bit, as the frames' numbers agree."""
-    now, late = (make(name, "rgb+depth+segmentation", late=is_late) for is_late in (False, True))
+    now, late = (make(name, "rgb+depth+segmentation", pipelined=is_late) for is_late in (False, True))
     now.unwrapped.get_obs()  # making an environment resets it
     actions = [now.action_space.sample() for _ in range(3)]
     for seed in (0, 1):  # the second reset() does not make the cameras anew
@@ -196,7 +196,7 @@ class FakeCamera:
 
 
 def late_cameras(parallel: Any, names: list[str]) -> list[StereoDepthCamera]:
-    return cameras_of(parallel, names, late=True)
+    return cameras_of(parallel, names, pipelined=True)
 
 
 def cameras_of(parallel: Any, names: list[str], **options: Any) -> list[StereoDepthCamera]:
@@ -264,7 +264,8 @@ def test_observations_that_never_left_the_device_have_the_hosts_bits(
 ) -> None:
     """Against a stub of CUDA's driver; torch computes on the processor what it else computes on a GPU."""
     modalities = {"rgb": True, "position": True}
-    cameras = [*cameras_of(parallel, ["base"], late=late), *cameras_of(parallel, ["other"], late=late, on_cuda=True)]
+    cameras = cameras_of(parallel, ["base"], pipelined=late)
+    cameras += cameras_of(parallel, ["other"], pipelined=late, on_cuda=True)
     world = ManiSkillWorld(parallel, "cpu")
     monkeypatch.setattr(ManiSkillWorld, "of", lambda *_: world)
     taken = stub_for_torch(world.scene.device, stub_cuda, monkeypatch)

@@ -235,7 +235,7 @@ def test_results_that_never_left_the_device_have_the_hosts_bits(scene, monkeypat
     add(scene, "ball", "sphere", sapien.Pose([0.0, 0.0, 0.07]), radius=0.07)
     config = small(config_class=StereoDepthSensorConfig)
     config.rgb_exposure, config.rgb_distortion = rgb_exposure, [0.1, -0.05, 0.001, 0.002, 0.0]
-    sensor = StereoDepthSensor(config, mount, late=late, on_cuda=True)
+    sensor = StereoDepthSensor(config, mount, pipelined=late, on_cuda=True)
     with pytest.raises(RuntimeError, match="call take_picture"):
         sensor.get_depth_cuda()
     for _ in range(3):
@@ -322,7 +322,7 @@ def test_configurations_have_the_same_fields_and_defaults(model):
 def test_a_late_sensor_gives_what_the_other_gives_one_picture_later(scene):
     ball = add(scene, "ball", "sphere", sapien.Pose([0.0, 0.0, 0.07]), radius=0.07)
     entity, config = camera_entity(scene), small(config_class=StereoDepthSensorConfig)
-    now, late = StereoDepthSensor(config, entity), StereoDepthSensor(config, entity, late=True)
+    now, late = StereoDepthSensor(config, entity), StereoDepthSensor(config, entity, pipelined=True)
     assert not late.has_picture
     depths = []
     for step in range(3):
@@ -353,7 +353,7 @@ def test_all_late_sensors_are_waited_for_where_one_fails(scene):
 
     world, sensors = SapienScene(scene), [Broken(), Broken()]
     for sensor in sensors:
-        world.late.add(sensor)
+        world.pipelined.add(sensor)
     with pytest.raises(kuafu.Error, match="lost"):
         world.update()
     assert [sensor.waits for sensor in sensors] == [1, 1]

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 
 class Scales(Protocol):
-    """Factors on the projector's and the ambient light, and the black level in DN: lab.fit.Nuisances, for one."""
+    """Factors on the projector's and the ambient light, and the black level in DN: compare.nuisances.Nuisances, for
+    one."""
 
     @property
     def projector_scale(self) -> float: ...

@@ -38,7 +38,7 @@ class _CameraMounts:
 
 @dataclass(frozen=True)
 class _Begun:
-    """A late camera's picture: since which reset(), whether it is one of RGB, and from where."""
+    """A pipelined camera's picture: since which reset(), whether it is one of RGB, and from where."""
 
     reset: torch.Tensor
     has_rgb: bool
@@ -49,7 +49,7 @@ class StereoDepthCamera(Camera):
     """One sensor in each environment. `rgb`, `depth`, `position` and `segmentation` have ManiSkill's shapes, types and
     units; depth 0 = no measurement, and position is what depth says. ManiSkill's normal and albedo are not there.
 
-    With config.late an observation has the picture that the one before it began, which is rendered while ManiSkill
+    With config.pipelined an observation has the picture that the one before it began, which is rendered while ManiSkill
     simulates and the one before is matched. The first observation after reset(), of some environments too, has a
     picture of the present instead, as of a camera that has long stood there; so the one after it shows the same.
 
@@ -80,7 +80,7 @@ class StereoDepthCamera(Camera):
             self._world = ManiSkillWorld.of(self._scene, self.config.device)
             self._sensors = self._made(self._world)
             if isinstance(self._sensors, PipelinedStereoDepthSensorBatch):
-                self._world.late.add(self._sensors)
+                self._world.pipelined.add(self._sensors)
         self._world.update()
 
     def get_obs(
@@ -112,14 +112,14 @@ class StereoDepthCamera(Camera):
         return {name: wait_for(image).to(self._scene.device) for name, image in out.items()}
 
     def get_params(self) -> dict[str, torch.Tensor]:
-        """ManiSkill's, of a late camera those of the next observation's picture: ManiSkill asks for an observation's
-        parameters before its picture."""
+        """ManiSkill's, of a pipelined camera those of the next observation's picture: ManiSkill asks for an
+        observation's parameters before its picture."""
         begun = self._begun
         return begun.params if begun is not None and self._serves(begun) else super().get_params()
 
     def _made(self, world: ManiSkillWorld) -> StereoDepthSensorBatch:
         config = self.config.native(self.camera.get_intrinsic_matrix()[0].cpu().numpy().astype(np.float64))
-        kind = PipelinedStereoDepthSensorBatch if self.config.late else StereoDepthSensorBatch
+        kind = PipelinedStereoDepthSensorBatch if self.config.pipelined else StereoDepthSensorBatch
         mounts = _CameraMounts(self.camera, world.scene)
         is_there = self._scene.device.type == "cuda"
         self._on_cuda = is_there if self.config.on_cuda is None else self.config.on_cuda
@@ -150,7 +150,7 @@ class StereoDepthCamera(Camera):
 
     def _take_picture(self, with_rgb: bool) -> None:
         assert self._world is not None
-        self._world.late.wait()  # another camera's picture, too: ours turns our projectors on
+        self._world.pipelined.wait()  # another camera's picture, too: ours turns our projectors on
         sensors, begun = self.sensors, self._begun
         if not isinstance(sensors, PipelinedStereoDepthSensorBatch):
             sensors.take_picture(infrared_only=not with_rgb)

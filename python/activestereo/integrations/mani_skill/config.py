@@ -23,8 +23,9 @@ _MOST_DISPARITY = 0.5
 class StereoDepthCameraConfig(ManiSkillConfig):
     """A CameraConfig and: model, a preset's name; samples_per_pixel; min_depth and max_depth in metres; device, 'auto',
     'cpu' or an index; sensor, an activestereo.StereoDepthSensorConfig that is taken as it is but for the RGB camera's
-    size and intrinsics, which are the CameraConfig's; late, whether observations are a picture late; on_cuda, whether
-    observations are made on the GPU that renders, without the host, None: where the simulation is on CUDA, too."""
+    size and intrinsics, which are the CameraConfig's; pipelined, whether observations are a picture late; on_cuda,
+    whether observations are made on the GPU that renders, without the host, None: where the simulation is on CUDA,
+    too."""
 
     def __init__(
         self,
@@ -35,7 +36,7 @@ class StereoDepthCameraConfig(ManiSkillConfig):
         samples_per_pixel: int = 4,
         device: str | int = "auto",
         sensor: StereoDepthSensorConfig | None = None,
-        late: bool = False,
+        pipelined: bool = False,
         on_cuda: bool | None = None,
         **kwargs: Any,
     ) -> None:
@@ -45,7 +46,7 @@ class StereoDepthCameraConfig(ManiSkillConfig):
         self.samples_per_pixel = samples_per_pixel
         self.device = device
         self.sensor = sensor
-        self.late = late
+        self.pipelined = pipelined
         self.on_cuda = on_cuda
 
     @classmethod

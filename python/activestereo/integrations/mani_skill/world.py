@@ -35,7 +35,7 @@ class ManiSkillWorld:
         self.count = len(scene.sub_scenes)
         self.bodies = Bodies(self.scene, self.count)
         self._looks = Looks(self.scene)
-        self.late = PipelinedSensors()
+        self.pipelined = PipelinedSensors()
         # Of each body, in the order of the bodies: ManiSkill's struct, and the environments of the struct's objects.
         self._places: dict[str, tuple[Any, list[int]]] = {}
         self._add_lights()
@@ -49,10 +49,10 @@ class ManiSkillWorld:
         return cls(scene, device) if known is None or known.mani_skill_scene is not scene else known
 
     def update(self) -> int:
-        """Waits for the `late` sensors' pictures and brings the scene to ManiSkill's present state; returns how many
-        shapes moved. BodyPoseError where a state has gone to NaN: it names the environment and the body, and the other
-        environments have moved."""
-        self.late.wait()
+        """Waits for the `pipelined` sensors' pictures and brings the scene to ManiSkill's present state; returns how
+        many shapes moved. BodyPoseError where a state has gone to NaN: it names the environment and the body, and the
+        other environments have moved."""
+        self.pipelined.wait()
         seen = {id(struct): (name, struct) for name, struct in self._structs() if not getattr(struct, "hidden", False)}
         for name in [name for name, (struct, _) in self._places.items() if id(struct) not in seen]:
             self.bodies.remove(name)

@@ -38,7 +38,7 @@ class SapienScene:
         self._lights: list[tuple[Any, int]] = []
         self._ambient: tuple[float, ...] = _AMBIENT
         self.scene.set_environment(_AMBIENT)
-        self.late = PipelinedSensors()
+        self.pipelined = PipelinedSensors()
         self.update()
         SapienScene._known[id(scene)] = self
 
@@ -49,8 +49,9 @@ class SapienScene:
         return cls(scene) if known is None or known.sapien_scene is not scene else known
 
     def update(self) -> int:
-        """Waits for the `late` sensors' pictures and brings the scene up to date; returns how many shapes moved."""
-        self.late.wait()
+        """Waits for the `pipelined` sensors' pictures and brings the scene up to date; returns how many shapes
+        moved."""
+        self.pipelined.wait()
         seen = {entity.per_scene_id: entity for entity in self.sapien_scene.entities if is_visible(entity)}
         for number in [n for n in self._names if n not in seen]:
             self.bodies.remove(self._names.pop(number))
