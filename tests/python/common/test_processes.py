@@ -34,7 +34,8 @@ def is_running(number: int) -> bool:
 def test_no_worker_is_left_two_seconds_after_its_parent(tmp_path, method, end):
     script = tmp_path / "parent.py"
     script.write_text(PARENT)
-    quiet = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
+    heard = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)  # noqa: E731  # a shell's background ignores it
+    quiet = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True, "preexec_fn": heard}
     parent = subprocess.Popen([sys.executable, str(script), method], **quiet)
     workers = {int(word) for word in parent.stdout.readline().split()}
     assert workers and all(is_running(number) for number in workers)

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from activestereo.compare import compare
 from activestereo.compare.cache import LayerCache
+from activestereo.compare.compare import compare
 
 _ROOT = Path(__file__).resolve().parents[3]
 _CAPTURES = Path(os.environ.get("ACTIVESTEREO_DATA") or _ROOT.parent / "shared") / "captures"

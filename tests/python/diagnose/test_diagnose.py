@@ -15,7 +15,7 @@ import activestereo.lab
 from activestereo.cli import main
 from activestereo.effects import Model, builtin
 from activestereo.lab import Lab
-from activestereo import diagnose
+from activestereo.diagnose import diagnose
 from activestereo.report.diagnosis_text import diagnosis_text
 from activestereo.report.write_diagnosis import write_diagnosis
 from activestereo.compare.model_file import library, read_model, write_model

@@ -13,7 +13,7 @@ import activestereo.lab
 from activestereo.cli import main
 from activestereo.effects import Randomness, builtin
 from activestereo.effects.core.judging import Channel, Lever, RandomTerm
-from activestereo import diagnose
+from activestereo.diagnose import diagnose
 from activestereo.diagnose.thresholds import THRESHOLDS, thresholds_table
 from lab_worlds import BLACK_DN, WorldRenderer, altered
 
