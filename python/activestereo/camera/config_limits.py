@@ -184,8 +184,9 @@ def _check_middle(name: str, k: NDArray[np.float64], width: int, height: int, re
 
 def checked_twist(linear: ArrayLike, angular: ArrayLike) -> NDArray[np.float64]:
     """[6] of a linear and an angular velocity. ValueError where one is none that a sensor can have."""
-    for name, part, limits in (("linear", linear, SPEED), ("angular", angular, TURN_RATE)):
+    parts = (("linear velocity in m/s", linear, SPEED), ("angular velocity in rad/s", angular, TURN_RATE))
+    for name, part, limits in parts:
         fault = _list_fault(np.asarray(part).tolist(), [limits] * 3)
         if fault is not None:
-            raise ValueError(f"the {name} velocity {fault}")
+            raise ValueError(f"the {name} {fault}")
     return np.concatenate([linear, angular]).astype(np.float64)

@@ -357,7 +357,7 @@ def test_setters_refuse_what_nothing_can_have(table):
     for linear in ((1e300, 0, 0), (0, np.nan, 0), (0, 0)):
         with pytest.raises(ValueError, match="velocity"):
             table.set_velocity(linear)
-    with pytest.raises(ValueError, match="angular velocity .1. is 1e\\+09, expected -1000 to 1000 rad/s"):
+    with pytest.raises(ValueError, match="angular velocity in rad/s .1. is 1e\\+09, expected -1000 to 1000 rad/s"):
         table.set_velocity((0, 0, 0), (0, 1e9, 0))
     with pytest.raises(ValueError, match="temperature_c is -300, expected -273.15 to 1000"):
         table.set_conditions(-300.0)
