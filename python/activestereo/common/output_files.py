@@ -4,6 +4,7 @@
 import errno
 import os
 import shutil
+import stat
 import tempfile
 import zlib
 from collections.abc import Callable, Iterator
@@ -31,6 +32,7 @@ def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
     """write(binary file) fills it. A failed write leaves what was there before. Raises OSError whose filename is
     `path`: a full disk alone does not say what it had no room for."""
     path = Path(path)
+    _check_target(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with open(temporary, "wb") as file:
@@ -48,6 +50,16 @@ def left_over(folder: Path) -> Iterator[tuple[str, Path]]:
     """(name, folder) of what written_together() could not remove, for its process was killed."""
     for path in folder.glob(f"{_UNFINISHED}*"):
         yield path.name.removeprefix(_UNFINISHED).rpartition("-")[0], path
+
+
+def _check_target(path: Path) -> None:
+    """OSError where a rename would put a file in the place of a device, a pipe or links in a loop."""
+    try:
+        is_file = stat.S_ISREG(path.stat().st_mode)
+    except FileNotFoundError:
+        return
+    if not is_file:
+        raise OSError(errno.EINVAL, "is there and no regular file: give another name", str(path))
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 
 import errno
 import io
+import os
 import warnings
 from pathlib import Path
 from typing import BinaryIO
@@ -12,7 +13,7 @@ import pytest
 from PIL import Image
 
 from activestereo.compare.accuracy import accuracy_by_material, accuracy_table
-from activestereo.common.output_files import replace_file, write_depth_png, write_ply, write_png
+from activestereo.common.output_files import replace_file, write_depth_png, write_ply, write_png, write_text
 from activestereo.report.overview import simulation_figure
 from activestereo.common.progress_bar import ProgressBar, duration
 
@@ -153,3 +154,16 @@ def test_a_png_has_the_pixels_that_were_written(tmp_path, kind):
         for image in (pixels, pixels[::-1], np.zeros_like(pixels)):
             write_png(tmp_path / "p.png", image)
             np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "p.png")), image)
+
+
+def test_what_is_no_file_is_not_replaced(tmp_path):
+    pipe, loop, folder = tmp_path / "pipe", tmp_path / "loop", tmp_path / "folder"
+    os.mkfifo(pipe)
+    loop.symlink_to(loop)
+    folder.mkdir()
+    for target in (pipe, loop, folder, Path("/dev/null")):
+        with pytest.raises(OSError) as raised:
+            write_text(target, "x")
+        assert raised.value.filename == str(target)
+    assert pipe.is_fifo() and loop.is_symlink() and folder.is_dir() and Path("/dev/null").is_char_device()
+    assert len(list(tmp_path.iterdir())) == 3
