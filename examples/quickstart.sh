@@ -4,8 +4,8 @@
 # D435 preset on the best Vulkan device there is, and leaves the pictures in out/quickstart/.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-. "$root/capi/cmake/build.sh"
-install_packages "$root/capi/cmake/debian-packages.txt"
+. "$root/capi/packaging/build.sh"
+install_packages "$root/capi/packaging/debian-packages.txt"
 build_product
 cd "$root"
 echo "== building the example scene"

@@ -4,7 +4,7 @@
 # are missing. The Python modules must be built, for their docstrings ($ACTIVESTEREO_BUILD, else build/). Usage: bash tests/docs.sh [FOLDER]
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-. "$root/capi/cmake/build.sh"
+. "$root/capi/packaging/build.sh"
 install_packages "$root/tests/debian-packages-docs.txt"
 cd "$root"
 out=${1:-build/docs}

@@ -6,7 +6,7 @@
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 home=$root/build/neon
-. "$root/capi/cmake/build.sh"
+. "$root/capi/packaging/build.sh"
 
 private_apt() {
   apt-get -o Dir::Etc::sourcelist="$home/apt/sources.list" -o Dir::Etc::sourceparts=/dev/null -o Dir::State::lists="$home/apt/lists" \

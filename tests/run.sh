@@ -18,8 +18,8 @@ for argument in "$@"; do
       ;;
   esac
 done
-. "$root/capi/cmake/build.sh"
-install_packages "$root/capi/cmake/debian-packages.txt" "$root/tests/debian-packages.txt"
+. "$root/capi/packaging/build.sh"
+install_packages "$root/capi/packaging/debian-packages.txt" "$root/tests/debian-packages.txt"
 build_all
 cd "$root"
 status=0

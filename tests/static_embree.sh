@@ -24,7 +24,7 @@ refuse() {
 
 echo "== Embree linked into libkuafu"
 status=0
-bash capi/cmake/embree_archives.sh build/embree || status=$?
+bash capi/packaging/embree_archives.sh build/embree || status=$?
 if [ $status -eq 3 ]; then
   echo "skipped: the source of Embree is out of reach"
   exit 0

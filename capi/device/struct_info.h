@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the tables say of a public struct; struct_table.h has it for each (capi/tables).
+// What the tables say of a public struct; struct_table.h has it for each (capi/generation).
 #pragma once
 
 #include <cstddef>

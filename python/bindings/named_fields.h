@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Fields of a C struct as keyword arguments, by name: numbers, flags, choices and sets of bits. The lists of fields are generated
-// (capi/tables).
+// (capi/generation).
 #pragma once
 
 #include <pybind11/stl.h>

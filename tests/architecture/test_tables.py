@@ -12,25 +12,25 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 def test_generated_files_are_what_the_tables_say():
     result = subprocess.run(
-        [sys.executable, ROOT / "capi/tables/generate.py", "--check"], capture_output=True, text=True
+        [sys.executable, ROOT / "capi/generation/generate.py", "--check"], capture_output=True, text=True
     )
     assert result.returncode == 0, result.stderr
 
 
 def test_a_generated_file_says_so_below_the_licence():
     from_tables = [
-        p for p in ROOT.glob("capi/include/*/*.h") if "capi/tables/generate.py" in p.read_text().split("\n", 2)[1]
+        p for p in ROOT.glob("capi/include/*/*.h") if "capi/generation/generate.py" in p.read_text().split("\n", 2)[1]
     ]
     assert ROOT / "capi/include/simsense/parameters.h" in from_tables
 
 
 def test_a_moved_field_and_one_without_a_neutral_zero_are_refused(monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT / "capi/tables"))
+    monkeypatch.syspath_prepend(str(ROOT / "capi/generation"))
     import emit_abi
     import table
 
     tables = table.read_tables()
-    released = (ROOT / "capi/abi/structs-0.1.txt").read_text()
+    released = (ROOT / "capi/packaging/structs-0.1.txt").read_text()
     assert emit_abi.check_baseline(tables, released) == []
     sync = tables.structs["ks_sync"]
     sync.fields.append(table.Field("later", "uint64", default=5, neutral=5))
@@ -50,7 +50,7 @@ def test_a_moved_field_and_one_without_a_neutral_zero_are_refused(monkeypatch):
 
 
 def test_a_struct_that_ends_in_padding_is_refused(monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT / "capi/tables"))
+    monkeypatch.syspath_prepend(str(ROOT / "capi/generation"))
     import emit_abi
     import table
 

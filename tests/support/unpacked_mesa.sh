@@ -7,7 +7,7 @@
 # and call run_in_mesa "$@". What it does goes to stderr. Exit status 3: the suite cannot be reached.
 
 icd=$home/lvp_icd.json
-. "$(dirname "${BASH_SOURCE[0]}")/../../capi/cmake/mirror.sh"
+. "$(dirname "${BASH_SOURCE[0]}")/../../capi/packaging/mirror.sh"
 
 say() { echo "$name: $*" >&2; }
 

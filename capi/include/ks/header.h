@@ -2,7 +2,7 @@
 /* The first member of every extensible struct.
  * `size_bytes` is the sizeof that the caller compiled with. A library copies min(size_bytes, known) into a struct of its own; bytes that it does not
  * know must be zero, else KS_ERROR_VERSION. Fields are only ever appended. One that the caller's struct does not have yet takes its neutral value
- * (capi/tables/reference.md): what the library did before there was the field; for every field that is appended after version 0.1 this is 0.
+ * (capi/generation/reference.md): what the library did before there was the field; for every field that is appended after version 0.1 this is 0.
  * A struct that a call fills in is initialised by the caller too: size_bytes says how much of it may be written. Fields named reserved must be 0.
  * `type` is one of ..._TYPE_...; `next` chains optional structs and is NULL where none is used.
  * Each struct has an inline ks_..._init / kuafu_..._init / simsense_..._init that fills in the header and the defaults; for languages that read no

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The table of an Embree whose archives are part of this library (KUAFU_STATIC_EMBREE in CMakeLists.txt). Its names end here:
-// capi/abi/kuafu.map exports none of them, and what a host defines under the same names is never asked.
+// capi/packaging/kuafu.map exports none of them, and what a host defines under the same names is never asked.
 #include "accel/embree_library.h"
 
 namespace kuafu {

@@ -212,7 +212,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         # simsense_signal's parameters whose input is in counts; exposure, responsivity and black level above come on
         # top. (Set above, with the devices' own noise.)
 
-        # Further settings of the engines (capi/tables/reference.md): every parameter of matching and depth, where
+        # Further settings of the engines (capi/generation/reference.md): every parameter of matching and depth, where
         # the depth engine works and which faults of the published SimSense it keeps, who traces rays, and how pictures
         # are rendered.
         for p in (*MATCHER, *RIG, *RENDERER, *RENDER):

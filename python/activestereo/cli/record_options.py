@@ -12,7 +12,7 @@ from activestereo.cli.arguments import CommandError, real
 if TYPE_CHECKING:
     from activestereo.camera.presets import StereoDepthSensorConfig
 
-_MORE = "may be given several times; capi/tables/reference.md has all"
+_MORE = "may be given several times; capi/generation/reference.md has all"
 
 
 def add_records(group: argparse._ArgumentGroup) -> None:

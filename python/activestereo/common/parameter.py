@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Parameter:
-    """A row of a generated table (capi/tables)."""
+    """A row of a generated table (capi/generation)."""
 
     name: str  # the same in C, C++ and Python
     kind: type[Any]  # int, float, bool, str (one of `choices`, where there are some), or tuple for several of `choices`

@@ -56,6 +56,6 @@ build_all() {
 }
 
 if [ "${BASH_SOURCE[0]}" = "$0" ]; then
-  install_packages "$root/capi/cmake/debian-packages.txt" "$root/tests/debian-packages.txt"
+  install_packages "$root/capi/packaging/debian-packages.txt" "$root/tests/debian-packages.txt"
   build_all
 fi

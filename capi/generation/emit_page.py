@@ -52,7 +52,7 @@ def _section(struct: Struct) -> list[str]:
 
 
 def page(tables: Tables) -> str:
-    """capi/tables/reference.md"""
+    """capi/generation/reference.md"""
     text = ["<!-- " + GENERATED.format("*.toml") + " -->", "# Public structs, field by field",
             "Neutral is what a field means to a caller whose header did not have it yet: no effect, or what the "
             "library did before.",

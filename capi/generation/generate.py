@@ -3,7 +3,7 @@
 """Writes what follows from the tables of the public structs. `--check` changes nothing and fails where a committed file
 is stale.
 
-Both fail where the tables break the promise of a release: capi/abi/structs-*.txt has where each field lies for its
+Both fail where the tables break the promise of a release: capi/packaging/structs-*.txt has where each field lies for its
 callers. `--release 0.2` writes such a file for a new one."""
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def outputs(tables: Tables) -> dict[str, str]:
         "kuafu/import/material_extras.h": emit_kuafu.extras_h(tables),
         "kuafu/import/material_extras.inc": emit_kuafu.extras_schema(tables),
         "python/kuafu/fields.h": emit_kuafu.python_fields_h(tables),
-        "capi/tables/reference.md": emit_page.page(tables),
+        "capi/generation/reference.md": emit_page.page(tables),
     }
 
 
@@ -79,10 +79,10 @@ def main() -> int:
         print(error, file=sys.stderr)
         return 2
     if arguments.release:
-        files[f"capi/abi/structs-{arguments.release}.txt"] = emit_abi.baseline(tables)
+        files[f"capi/packaging/structs-{arguments.release}.txt"] = emit_abi.baseline(tables)
     broken = [
         f"{path.name}: {text}"
-        for path in sorted((ROOT / "capi/abi").glob("structs-*.txt"))
+        for path in sorted((ROOT / "capi/packaging").glob("structs-*.txt"))
         for text in emit_abi.check_baseline(tables, path.read_text())
     ]
     if broken:
@@ -93,7 +93,7 @@ def main() -> int:
     }
     if check:
         for path in stale:
-            print(f"{path} is not what the tables say: run python3 capi/tables/generate.py", file=sys.stderr)
+            print(f"{path} is not what the tables say: run python3 capi/generation/generate.py", file=sys.stderr)
         return 1 if stale else 0
     for path, text in stale.items():
         (ROOT / path).parent.mkdir(parents=True, exist_ok=True)

@@ -238,10 +238,10 @@ class Tables:
 
 def read_tables() -> Tables:
     """Every table, in the order of headers.toml. Raises TableError."""
-    found = {path.stem: read_struct(path) for path in sorted(FOLDER.glob("*.toml")) if path.stem != "headers"}
+    found = {path.stem: read_struct(path) for path in sorted((FOLDER / "tables").glob("*.toml")) if path.stem != "headers"}
     for stem, struct in found.items():
         _require(stem == struct.name, f"{stem}.toml", "struct", f"the file is named as its struct, {struct.name}.toml")
-    with (FOLDER / "headers.toml").open("rb") as file:
+    with (FOLDER / "tables/headers.toml").open("rb") as file:
         listed = tomllib.load(file)
     headers, structs = [], {}
     for path, entry in listed.items():

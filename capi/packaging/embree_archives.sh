@@ -8,7 +8,7 @@ set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 prefix=$(realpath -m "${1:-$root/build/embree}")
 work=$prefix/work
-. "$root/capi/cmake/mirror.sh"
+. "$root/capi/packaging/mirror.sh"
 
 give_up() {
   echo "embree_archives: $*" >&2

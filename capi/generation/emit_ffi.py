@@ -4,13 +4,10 @@
 from __future__ import annotations
 
 import re
-import sys
 
-from table import FOLDER, SCALARS, Field, Struct, Tables
+from make_api_table import Function, declared_functions
+from table import SCALARS, Field, Struct, Tables
 from words import GENERATED
-
-sys.path.insert(0, str(FOLDER.parent / "abi"))
-from make_api_table import Function, declared_functions  # noqa: E402
 
 CTYPES = {"float": "c_float", "double": "c_double", "uint8_t": "c_uint8", "uint32_t": "c_uint32", "int32_t": "c_int32",
           "uint64_t": "c_uint64", "int64_t": "c_int64", "char": "c_char", "const char*": "c_char_p"}  # fmt: skip
