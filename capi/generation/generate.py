@@ -3,8 +3,8 @@
 """Writes what follows from the tables of the public structs. `--check` changes nothing and fails where a committed file
 is stale.
 
-Both fail where the tables break the promise of a release: capi/packaging/structs-*.txt has where each field lies for its
-callers. `--release 0.2` writes such a file for a new one."""
+Both fail where the tables break the promise of a release: capi/packaging/structs-*.txt has where each field lies for
+its callers. `--release 0.2` writes such a file for a new one."""
 
 from __future__ import annotations
 

@@ -3,10 +3,9 @@
 
     python3 capi/generation/make_api_table.py [--check]
 
-The headers say which functions there are. A new one is appended to capi/packaging/<library>.symbols with today's version, and
-to the table, whose order is the list's: a table only grows at its end. A listed function that no header declares any
-more is refused. --check writes nothing and ends with 1 where a file is not up to date.
-"""
+The headers say which functions there are. A new one is appended to capi/packaging/<library>.symbols with today's
+version, and to the table, whose order is the list's: a table only grows at its end. A listed function that no header
+declares any more is refused. --check writes nothing and ends with 1 where a file is not up to date."""
 
 import argparse
 import re

@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+import tomllib
 
 FOLDER = Path(__file__).resolve().parent
 
@@ -238,7 +239,8 @@ class Tables:
 
 def read_tables() -> Tables:
     """Every table, in the order of headers.toml. Raises TableError."""
-    found = {path.stem: read_struct(path) for path in sorted((FOLDER / "tables").glob("*.toml")) if path.stem != "headers"}
+    paths = sorted((FOLDER / "tables").glob("*.toml"))
+    found = {path.stem: read_struct(path) for path in paths if path.stem != "headers"}
     for stem, struct in found.items():
         _require(stem == struct.name, f"{stem}.toml", "struct", f"the file is named as its struct, {struct.name}.toml")
     with (FOLDER / "tables/headers.toml").open("rb") as file:

@@ -59,7 +59,7 @@ def run(out: Path, scale: float, samples: int, steps: int) -> float:
         scene.step()
     sensor.take_picture()
     sensor.compute_depth()
-    depth, truth = sensor.get_depth(), sensor.native.get_true_depth()
+    depth, truth = sensor.get_depth(), sensor.native().get_true_depth()
     measured = (depth > 0) & (truth > 0)
     good = np.abs(depth - truth)[measured] < 0.02 * truth[measured]
     print(f"{100 * measured.mean():.1f} % measured, {100 * good.mean():.1f} % of that within 2 % of the true depth")

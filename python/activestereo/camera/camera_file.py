@@ -11,7 +11,6 @@ black_level_dn = { value = 17.0, basis = "measured", source = "least counts of D
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -22,6 +21,7 @@ from typing import Any
 from activestereo.common.matcher_table import MATCHER, SIGNAL
 from activestereo.common.parameter import Parameter
 from activestereo.common.render_table import FILM, RENDER
+from activestereo.common.toml import tomllib
 
 FOLDER = Path(__file__).parent / "data"
 BASES = ("data sheet", "measured", "published", "derived", "estimated")

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import fields
 from math import inf
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
+
+from activestereo.common.toml import tomllib
 
 
 class DeclaredRanges:

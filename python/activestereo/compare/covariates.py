@@ -94,7 +94,7 @@ def _pattern_irradiance(view: View) -> np.ndarray:
     way = source - points
     distance = np.linalg.norm(way, axis=-1)
     cosine = np.maximum((way * view.normal).sum(-1), 0.0) / np.maximum(distance, 1e-9)
-    irradiance = view.frame.projector_power * DotView.of(view).nominal * cosine / np.maximum(distance, 1e-9) ** 2
+    irradiance = view.frame.projector_power * DotView.of(view).nominal() * cosine / np.maximum(distance, 1e-9) ** 2
     return np.where(view.depth_m > 0, irradiance, np.nan)
 
 

@@ -54,12 +54,9 @@ class KuafuRenderer:
         self._renderer = kuafu.Renderer(self._device)
         self._world: _World | None = None
         self._one_at_a_time = threading.Lock()
-
-    @property
-    def version(self) -> str:
-        """Changes with the library's code and the device: pixels are the same bits on one device only."""
-        smooth = f", smoothed {SMOOTH_VERSION}" if self._smooth else ""
-        return f"{engine_version(self._device)}{smooth}, flat {_FLAT_SHARE}"
+        smoothed = f", smoothed {SMOOTH_VERSION}" if smooth else ""
+        # Changes with the library's code and the device: pixels are the same bits on one device only.
+        self.version = f"{engine_version(self._device)}{smoothed}, flat {_FLAT_SHARE}"
 
     def __call__(self, request: RenderRequest, progress: Callable[[float], object] | None = None) -> tuple[Layers, ...]:
         """One Layers per camera. progress: called as progress(fraction). One thread at a time; after an error the scene

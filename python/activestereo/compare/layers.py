@@ -106,13 +106,13 @@ class Sampling:
         """PixelLayers of a capture's Camera from the Layers that camera() gave; a lens that distorts is drawn here."""
         images = np.stack([layers.direct, layers.indirect, layers.ambient, layers.flat])
         fine = FineImages(images, self.scale, self.margin_px)
-        sky = None if layers.ambient_direct is None else replace(fine, images=layers.ambient_direct[None])
+        sky = None if layers.ambient_direct is None else replace(fine, samples=layers.ambient_direct[None])
         column, row = np.meshgrid(np.arange(camera.width, dtype=np.float64), np.arange(camera.height, dtype=np.float64))
         if not camera.is_pinhole:
             column, row = ideal_pixels(camera, column, row)
             fine, sky = fine.warped(column, row), sky and sky.warped(column, row)
-        direct, indirect, ambient, flat = (image.astype(np.float32) for image in fine.pixels)
-        ambient_direct = None if sky is None else sky.pixels[0].astype(np.float32)
+        direct, indirect, ambient, flat = (image.astype(np.float32) for image in fine.pixels())
+        ambient_direct = None if sky is None else sky.pixels()[0].astype(np.float32)
         surfaces = self._surfaces(layers, column, row)
         return PixelLayers(direct, indirect, ambient, flat, *surfaces, ambient_direct, fine=fine)
 

@@ -25,9 +25,8 @@ WARP_SCALE = 2
 class Renderer(Protocol):
     """Renders one rig pose; see the head of this file."""
 
-    @property
-    def version(self) -> str:
-        """Of what decides its images: a cached render of another version is not used."""
+    version: str
+    """What decides its images: a cached render of another version is not used."""
 
     def __call__(
         self, request: RenderRequest, progress: Callable[[float], object] | None = None

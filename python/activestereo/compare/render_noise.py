@@ -47,7 +47,7 @@ def mean_layers(first: Layers, second: Layers) -> Layers:
     if first.ambient_direct is not None and second.ambient_direct is not None:
         light["ambient_direct"] = _mean(first.ambient_direct, second.ambient_direct)
     if isinstance(first, PixelLayers) and isinstance(second, PixelLayers):
-        fine = FineImages(_mean(first.fine.images, second.fine.images), first.fine.scale, first.fine.margin_px)
+        fine = FineImages(_mean(first.fine.images(), second.fine.images()), first.fine.scale, first.fine.margin_px)
         return replace(first, **light, fine=fine)
     return replace(first, **light)
 

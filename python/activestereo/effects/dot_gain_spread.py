@@ -46,4 +46,4 @@ def dot_gain_spread(light: Light, view: View, spread: float, dot_px: float) -> L
         return light
     dots = DotView.of(view)
     gain = _gain(view.rng("dot_gain_spread", per="rig"), view.pattern.shape, spread, dot_px)
-    return dots.change(light, dots.nominal, dots.mean(view.pattern * gain))
+    return dots.change(light, dots.nominal(), dots.mean(view.pattern * gain))

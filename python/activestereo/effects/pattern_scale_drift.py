@@ -39,7 +39,7 @@ def pattern_scale_drift(light: Light, view: View, scale: float, per_k: float) ->
         return light
     dots, K = DotView.of(view), view.projector_K
     after = dots.mean(view.pattern, *_before(dots.u, dots.v, K, growth))
-    return dots.change(light, dots.nominal, after)
+    return dots.change(light, dots.nominal(), after)
 
 
 def _before(u: np.ndarray, v: np.ndarray, K: np.ndarray, growth: float) -> tuple[np.ndarray, np.ndarray]:

@@ -46,4 +46,4 @@ def projector_defocus(light: Light, view: View, aperture_px_m: float, focus_m: f
     dots = DotView.of(view)
     z = np.where(dots.lit, dots.z, focus_m)
     diameter = np.minimum(2.0 * aperture_px_m * np.abs(1.0 / z - 1.0 / focus_m), _LARGEST_PX)
-    return dots.change(light, dots.nominal, dots.mean_of_discs(view.pattern, diameter))
+    return dots.change(light, dots.nominal(), dots.mean_of_discs(view.pattern, diameter))

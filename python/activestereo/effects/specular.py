@@ -34,7 +34,7 @@ def _engine(inputs: EngineInputs, factor: float, roughness: float, surfaces: flo
     stage=Stage.SURFACE,
     family="surface",
     source="glTF 2.0 material model with KHR_materials_specular; GGX of Walter et al. 2007, Microfacet models for "
-           "refraction",
+    "refraction",
     parameters=[
         Parameter(
             "factor",
@@ -44,7 +44,7 @@ def _engine(inputs: EngineInputs, factor: float, roughness: float, surfaces: flo
             high=20.0,
             typical=0.5,
             source="reflectance over common plastic's 0.04: up to 1 specularFactor on top of the nominal one, beyond "
-                   "by a higher ior",
+            "by a higher ior",
         ),
         Parameter("roughness", "1", neutral=0.5, low=0.1, high=1.0, typical=0.2, source="without effect at factor 0"),
         SURFACES,
@@ -57,7 +57,7 @@ def specular(light: Light, view: View, factor: float, roughness: float, surfaces
     if factor == 0.0:
         return light
     shading, (share, ior) = Shading.of(light, view), _layer(factor)
-    lobe = highlight(shading.lobe, roughness, ior)
+    lobe = highlight(shading.lobe(), roughness, ior)
     lit = light.flat > 0
     cosines = np.maximum(shading.camera_cosine, 1e-3), np.maximum(shading.projector_cosine, 1e-3)
     flat = light.flat * base_share(*cosines, roughness, share, ior) + np.where(

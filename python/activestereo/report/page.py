@@ -27,7 +27,7 @@ def page(title: str, body: Sequence[str], scripts: Sequence[str] = ()) -> str:
 @cache
 def web_file(name: str) -> str:
     """A file of web/: the page's template, style and scripts."""
-    return resources.files("activestereo.report").joinpath("web", name).read_text(encoding="utf-8")
+    return resources.files("activestereo.report").joinpath(f"web/{name}").read_text(encoding="utf-8")
 
 
 def text(value: object) -> str:

@@ -16,7 +16,7 @@ from copy import deepcopy
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -201,7 +201,7 @@ class StereoDepthSensorBatch:
         GPU's memory, elsewhere a view of what the next picture is rendered into."""
         require_picture(self._has_picture)
         height, width = self._config.ir_resolution[::-1]
-        return self._link.images.reshape(2, *self._shape, height, width)
+        return self._link.images().reshape(2, *self._shape, height, width)
 
     def get_depth_map(self, name: str) -> NDArray[Any]:
         """'confidence', 'reason', 'points', 'rectified_left' or 'rectified_right', as StereoDepthSensor has them."""
@@ -319,7 +319,7 @@ class StereoDepthSensorBatch:
         """Takes the projectors, and what else a model brought, out of the scene."""
         self._rig.leave()
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> StereoDepthSensorBatch:
         return self
 
     def __exit__(
@@ -404,8 +404,8 @@ class StereoDepthSensorBatch:
     def _expose(self, taken: Taken, link: IrLink, light_share: NDArray[np.float64]) -> None:
         """Brings a rendered pair to the sensors' exposures, and to the engine."""
         if self._exposure.mode != "fixed" or not bool((light_share == 1.0).all()):
-            links = [link, link.laser] if taken.is_laser_apart else [link]
-            pairs = [one.images.reshape(2, self._count, *one.images.shape[1:]) for one in links]
+            links = [link, link.laser()] if taken.is_laser_apart else [link]
+            pairs = [(images := one.images()).reshape(2, self._count, *images.shape[1:]) for one in links]
             for n in range(self._count):
                 light = self._light_of(pairs[0][0, n]) * np.float32(light_share[n])
                 for images in pairs:

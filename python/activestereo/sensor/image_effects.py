@@ -28,9 +28,10 @@ from activestereo.sensor.ir_link import IrLink
 class Sensor(Protocol):
     """What is asked of a StereoDepthSensor."""
 
-    engine_inputs: EngineInputs
     projector_to_world: NDArray[np.float64]
     frame_index: int
+
+    def engine_inputs(self) -> EngineInputs: ...
 
     def get_config(self) -> Any: ...
 
@@ -64,7 +65,7 @@ class ImageEffects:
         before, charge = self._of(Stage.PROJECTOR, Stage.OPTICS), self._of(Stage.CHARGE, Stage.CHARGE)
         if not before.effects and not charge.effects:
             return
-        inputs, images = self._sensor.engine_inputs, link.images
+        inputs, images = self._sensor.engine_inputs(), link.images()
         for i, (eye, part) in enumerate(zip(EYES, inputs.eyes, strict=True)):
             view = self._view(eye, inputs)
             if before.effects:
@@ -104,7 +105,7 @@ class ImageEffects:
         return Model(tuple((e, p) for e, p in self._effects if first <= e.stage <= last))
 
     def _counts(self, model: Model, images: list[NDArray]) -> list[NDArray]:
-        out, inputs = [], self._sensor.engine_inputs
+        out, inputs = [], self._sensor.engine_inputs()
         for eye, part, image in zip(EYES, inputs.eyes, images, strict=True):
             black = part.signal["black_level_dn"]
             value = model.digital(image.astype(np.float64) - black, self._view(eye, inputs), black, random=True)
@@ -115,14 +116,14 @@ class ImageEffects:
         """An engine that matches counts as they are."""
         if self._matcher is None:
             self._matcher = self._sensor.make_engine()
-        bits = {"bit_depth": self._sensor.engine_inputs.left.signal["bit_depth"]}
+        bits = {"bit_depth": self._sensor.engine_inputs().left.signal["bit_depth"]}
         neutral = simsense.signal_preset("neutral") | bits
         self._matcher.set_signal(neutral, neutral)
         return self._matcher
 
     def _matched(self, model: Model, engine: simsense.Engine, result: dict[str, NDArray]) -> dict[str, NDArray]:
         k, baseline_m, left_to_rectified = engine.rectified
-        view = self._view("left", self._sensor.engine_inputs)
+        view = self._view("left", self._sensor.engine_inputs())
         depth = model.depth(result["depth"], view).astype(np.float32)
         disparity = np.where(depth > 0, k[0, 0] * baseline_m / np.where(depth > 0, depth, 1.0), -1.0).astype(np.float32)
         return result | {

@@ -9,7 +9,7 @@ buffer and every frame is copied, which is slower and shows what the sharing sav
 
 from __future__ import annotations
 
-from functools import cached_property, partial
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -45,6 +45,7 @@ class IrLink:
         count: int = 1,
     ) -> None:
         self._beside = partial(IrLink, renderer_device, engine_device, width, height, copy, count)
+        self._laser: IrLink | None = None
         self._size, self._count = (height, width), count
         shape = (2 * count, height, width, 1)
         size_bytes = 4 * int(np.prod(shape))
@@ -64,28 +65,27 @@ class IrLink:
         eye_shape = (height, width) if count == 1 else (count, height, width)
         self.left, self.right = (self._sink.image(np.float32, eye_shape, eye * size_bytes // 2) for eye in (0, 1))
 
-    @cached_property
     def laser(self) -> IrLink:
         """A second pair of memory beside this one, for the part of the light that is the laser's; made when it is first
         asked for."""
-        return self._beside()
+        if self._laser is None:
+            self._laser = self._beside()
+        return self._laser
 
     def targets(self, is_laser_apart: bool) -> dict[str, kuafu.Image]:
         """What a render fills, by kuafu's name of the output."""
-        return {"radiance": self.target} | ({"projector": self.laser.target} if is_laser_apart else {})
+        return {"radiance": self.target} | ({"projector": self.laser().target} if is_laser_apart else {})
 
     def lasers(self, is_laser_apart: bool) -> dict[str, simsense.Image]:
         """The depth engine's keyword arguments for the laser's part; none where all light has speckle."""
-        return {"left_laser": self.laser.left, "right_laser": self.laser.right} if is_laser_apart else {}
+        return {"left_laser": self.laser().left, "right_laser": self.laser().right} if is_laser_apart else {}
 
-    @property
     def images(self) -> np.ndarray:
         """The pairs as kuafu wrote them, float32 [2 * count, height, width], left ones first: a view, or a copy of a
         GPU's own memory, which put() writes back."""
         return self._seen(2 * self._count)
 
-    @property
-    def first(self) -> np.ndarray:
+    def first_image(self) -> np.ndarray:
         """The first left image alone, float32 [height, width]."""
         return np.asarray(self._seen(1)[0])
 
@@ -104,5 +104,5 @@ class IrLink:
         """After a render: makes `left` and `right` current. Costs nothing unless the link copies."""
         if self.memory == "copy":
             self._sink.write(self._source.read())
-            if "laser" in self.__dict__:
-                self.laser.deliver()
+            if self._laser is not None:
+                self._laser.deliver()

@@ -9,9 +9,8 @@ import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
 from copy import deepcopy
-from functools import cached_property
 from os import PathLike
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +21,7 @@ from activestereo.camera.auto_exposure import AutoExposure, encoded_rgb
 from activestereo.camera.config_limits import checked_twist
 from activestereo.camera.matching import Taken, engine_parameters, linear_counts, make_engine, renderer_parameters
 from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.computed_once import computed_once
 from activestereo.common.lens import pixel_rays
 from activestereo.common.limits import TEMPERATURE, TIME
 from activestereo.common.pose import Pose, as_matrix, camera_to_world
@@ -157,7 +157,8 @@ class StereoDepthSensor:
         """[left, right] float32 [height, width] in 0..1: what linear imagers would count without noise and dark
         current, over full scale."""
         require_picture(self._results.has_picture)
-        return [linear_counts(image, signal) for image, signal in zip(self._link.images, self._signals(), strict=True)]
+        images = zip(self._link.images(), self._signals(), strict=True)
+        return [linear_counts(image, signal) for image, signal in images]
 
     def get_ir_measured(self) -> list[np.ndarray]:
         """[left, right] uint8 [height, width], uint16 where ir_signal has more than 8 bits: what the sensor gives, with
@@ -185,7 +186,7 @@ class StereoDepthSensor:
         0..1."""
         depth = self.get_depth()
         v, u = np.nonzero(depth)
-        points = (self.rgb_rays[:, v, u] * depth[v, u]).T.astype(np.float32)
+        points = (self.rgb_rays()[:, v, u] * depth[v, u]).T.astype(np.float32)
         return np.hstack([points, self.get_rgb()[v, u]]) if with_rgb else points
 
     def get_true_depth(self) -> NDArray[np.float32]:
@@ -267,7 +268,6 @@ class StereoDepthSensor:
         """The depth engine, a simsense.Engine."""
         return self._engine
 
-    @property
     def engine_inputs(self) -> EngineInputs:
         """The engines' inputs for this sensor under its model, with the infrared cameras at their present
         poses."""
@@ -299,7 +299,7 @@ class StereoDepthSensor:
         """{stage: milliseconds} of the last take_picture and compute_depth."""
         return dict(self._stage_times)
 
-    @cached_property
+    @computed_once
     def rgb_rays(self) -> NDArray[np.float64]:
         """[3, height, width]: where the middles of the RGB camera's pixels look in its axes, with z = 1."""
         c, (v, u) = self._config, np.indices(self._config.rgb_resolution[::-1])
@@ -318,7 +318,7 @@ class StereoDepthSensor:
             camera.camera_to_world = to_world @ pose
         return cameras
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> StereoDepthSensor:
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -430,7 +430,7 @@ class StereoDepthSensor:
         if self._exposure.mode == "fixed":
             return
         inputs = self._tell_engines()
-        after = self._exposure.after(self._config, inputs.left.signal, link.first, inputs.max_dn)
+        after = self._exposure.after(self._config, inputs.left.signal, link.first_image(), inputs.max_dn)
         if self._exposure.mode == "settled":
             self._set_exposure(after)
         else:

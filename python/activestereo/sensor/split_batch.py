@@ -16,10 +16,11 @@ on one device alone counts there, too, so that all devices' next pictures are of
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,7 +131,7 @@ class SplitStereoDepthSensorBatch:
             if threads is not None:
                 threads.shutdown()
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> SplitStereoDepthSensorBatch:
         return self
 
     def __exit__(
@@ -152,7 +153,8 @@ class SplitStereoDepthSensorBatch:
         errors: list[BaseException] = []
         for one, own in zip(running, self._numbers, strict=True):
             if (error := one.exception()) is not None:
-                error.add_note(f"on the device of environments {own[0]} to {own[-1]}")
+                if sys.version_info >= (3, 11):
+                    error.add_note(f"on the device of environments {own[0]} to {own[-1]}")
                 errors.append(error)
         if errors:
             raise min(errors, key=lambda error: isinstance(error, SensorPoseError))

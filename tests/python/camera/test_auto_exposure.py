@@ -64,10 +64,10 @@ def test_a_new_exposure_reaches_all_that_the_engines_are_told(config):
     sensor = StereoDepthSensor(config, wall(room=3.0))
     sensor.set_conditions(temperature_c=50.0)
     sensor.take_picture(infrared_only=True)
-    now, changed = sensor.get_config(), sensor.engine_inputs
+    now, changed = sensor.get_config(), sensor.engine_inputs()
     told = sensor.engine.signal
     sensor.set_conditions(temperature_c=50.0)
-    anew = sensor.engine_inputs
+    anew = sensor.engine_inputs()
     assert anew is not changed and changed.frame.exposure_s == now.ir_camera_exposure != config.ir_camera_exposure
     assert sensor.engine.signal == told
     for a, b in zip(changed.eyes, anew.eyes, strict=True):
@@ -146,7 +146,7 @@ def test_presets_limit_fireflies_in_the_film():
     for film, expected in ((config.ir_film, 1.5), ({"firefly_factor": 3.0}, 3.0), (None, 0.0)):
         config.ir_film = film
         with StereoDepthSensor(config, scene) as sensor:
-            assert [eye.film.firefly_factor for eye in sensor.engine_inputs.eyes] == [expected, expected]
+            assert [eye.film.firefly_factor for eye in sensor.engine_inputs().eyes] == [expected, expected]
     bright = []
     for film in (None, {"firefly_factor": 1.5}):
         config.ir_film, config.samples_per_pixel, config.denoise = film, 1, "none"

@@ -133,6 +133,6 @@ def test_dots_that_share_pixels_show_less_of_their_own_gains(scene, apart_px, sq
         -(((rows % apart_px) - apart_px // 2) ** 2 + ((columns % apart_px) - apart_px // 2) ** 2) / square_px
     )
     view = replace(view, pattern=pattern)
-    dots = light.flat * DotView.of(view).nominal
+    dots = light.flat * DotView.of(view).nominal()
     of_pixels = lambda residuals: (residuals[0] ** 2).sum() / (dots**2).sum()  # noqa: E731
     assert low < dots_seen([(SimpleNamespace(view=view), None, dots, None)], of_pixels) < high

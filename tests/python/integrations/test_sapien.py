@@ -112,13 +112,13 @@ def test_true_depth_is_that_of_the_shapes(scene, visual):
     sensor = StereoDepthSensor(config, mount)
     sensor.take_picture()
     truth, seen = traced_depth(config, sensor.get_pose())
-    error_m = np.abs(sensor.native.get_true_depth() - truth)
+    error_m = np.abs(sensor.native().get_true_depth() - truth)
     assert set(np.unique(seen)) == {"table", *THINGS}
     for kind in ("table", "box"):  # flat: to 0.01 mm
         assert (error_m < 1e-5)[seen == kind].mean() > 0.97, kind  # but for silhouettes
     for kind in ("sphere", "capsule", "cylinder"):
         assert (error_m < 5e-4)[seen == kind].mean() > 0.95, kind
-    ids = sensor.native.get_picture("semantic_id")[..., 0]
+    ids = sensor.native().get_picture("semantic_id")[..., 0]
     by_id = {e.per_scene_id: e.name for e in scene.entities}
     assert (np.vectorize(by_id.get)(ids) == seen).mean() > 0.98
 
@@ -151,8 +151,8 @@ def test_falling_things_are_seen_where_physics_has_them(scene):
     heights = []
     for _ in range(2):
         sensor.take_picture()
-        is_box = sensor.native.get_picture("semantic_id")[..., 0] == box.per_scene_id
-        points = sensor.native.get_picture("position")[is_box]
+        is_box = sensor.native().get_picture("semantic_id")[..., 0] == box.per_scene_id
+        points = sensor.native().get_picture("position")[is_box]
         heights.append((points[:, 2].max(), box.pose.p[2]))
         for _ in range(200):
             scene.step()
@@ -179,7 +179,7 @@ def test_results_have_sapiens_types(scene):
     assert rgb.shape == (130, 170, 3) and rgb.dtype == np.float32 and 0 <= rgb.min() and rgb.max() <= 1
     assert depth.shape == (130, 170) and depth.dtype == np.float32
     assert left.shape == right.shape == (120, 160) and left.dtype == np.float32
-    np.testing.assert_allclose(left**2.2, sensor.native.get_ir()[0], atol=1e-5)
+    np.testing.assert_allclose(left**2.2, sensor.native().get_ir()[0], atol=1e-5)
     points = sensor.get_pointcloud(with_rgb=True)
     assert points.shape == ((depth > 0).sum(), 6) and sensor.get_pointcloud().shape == (len(points), 3)
     assert isinstance(sensor.get_pose(), sapien.Pose)
@@ -197,12 +197,12 @@ def test_a_box_bounds_the_depth(scene):
     sensor = StereoDepthSensor(small(), mount)
     sensor.take_picture(infrared_only=True)
     sensor.compute_depth((60, 40), (40, 30))
-    disparity = sensor.native.get_disparity()
+    disparity = sensor.native().get_disparity()
     inside = np.zeros_like(disparity, bool)
     inside[40:70, 60:100] = True
     assert (disparity[~inside] < 0).all() and (disparity[inside] > 0).mean() > 0.5
     sensor.compute_depth()
-    assert (sensor.native.get_disparity() > 0).mean() > 0.5
+    assert (sensor.native().get_disparity() > 0).mean() > 0.5
 
 
 def test_a_mount_that_is_in_no_scene_is_told():
@@ -296,7 +296,9 @@ def test_setters_refuse_what_sapiens_refuse_and_take_the_rest(scene):
     for sensor in (early, late):
         sensor.compute_depth()
     assert (
-        early.native.engine.parameters["uniqueness_ratio"] == late.native.engine.parameters["uniqueness_ratio"] == 100
+        early.native().engine.parameters["uniqueness_ratio"]
+        == late.native().engine.parameters["uniqueness_ratio"]
+        == 100
     )
     with pytest.raises(TypeError, match="max_disp must be a whole number from 32 to 1024; given 16"):
         config = small()

@@ -310,7 +310,7 @@ def test_speckle_is_of_the_laser_alone_where_asked(table_top, small_config):
     sensor.compute_depth()
     counts_per_radiance = sensor.ir_gain * 100.0
     for got, clean, all_light, laser in zip(
-        sensor.get_ir_measured(), sensor.get_ir(), sensor._link.images, sensor._link.laser.images, strict=True
+        sensor.get_ir_measured(), sensor.get_ir(), sensor._link.images(), sensor._link.laser().images(), strict=True
     ):
         noise = (got - 65535.0 * clean) / counts_per_radiance
         bright = (laser > 0.01) & (got < 65535)

@@ -29,7 +29,7 @@ def dots_seen(train: Sequence[ImageResidual], variance_of: Callable[[list[np.nda
         if drawn is None:
             drawn = o.view.pattern * _gains(o.view.pattern, o.view.seed)
         view = DotView.of(o.view)
-        nominal = view.nominal
+        nominal = view.nominal()
         residuals.append(
             dots * np.where(nominal > 0, view.mean(drawn) / np.where(nominal > 0, nominal, 1.0) - 1.0, 0.0)
         )

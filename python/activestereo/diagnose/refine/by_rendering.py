@@ -11,12 +11,12 @@ with is rendered whole. Test frames are rendered where they are asked for, which
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
 from activestereo.capture.capture import ImageKey
+from activestereo.common.computed_once import computed_once
 from activestereo.diagnose.findings import Explanation
 from activestereo.diagnose.refine.fit_cache import content_key
 from activestereo.diagnose.refine.fitter import Fitter
@@ -33,7 +33,6 @@ _STEP_TYPICAL, _STEP_DISTANCE = 0.2, 0.15
 # A round moves a parameter by no more than so many of these steps, keeps the slopes where none moved by more than so
 # many, and ends the search where none moves by this part of one.
 _TRUSTED, _NEAR, _SETTLED = 6.0, 1.0, 0.3
-
 
 
 class RenderedLight(Protocol):
@@ -108,7 +107,7 @@ class _Rendered:
         """The effect with these images for its image function; neutral amplitudes change nothing."""
         return replace(self.rendered.effect, apply=self._apply, prepare=self._prepare)
 
-    @cached_property
+    @computed_once
     def content(self) -> str:
         """Hash of what decides the train frames."""
         return content_key(self.theta, self.change, self.slopes)

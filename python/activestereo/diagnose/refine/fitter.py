@@ -10,13 +10,13 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import islice
 from multiprocessing import parent_process
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from activestereo.common.computed_once import computed_once
 from activestereo.compare.nuisances import Nuisances
 from activestereo.diagnose.evidence.observation import FOLDS, Evidence, Observation
 from activestereo.diagnose.refine.fit_cache import FitCache, content_key, fit_key
@@ -79,11 +79,11 @@ class Fitter:
         """How many materials have an albedo nuisance."""
         return len(self._held_sigma) - (DENSE - SCALES)
 
-    @cached_property
+    @computed_once
     def _pixels(self) -> list[Pixels]:
         return [Pixels(o, self.materials, FOLDS if self._fine else 1) for o in self.observations]
 
-    @cached_property
+    @computed_once
     def _content(self) -> str:
         return content_key(self.observations, self._held_sigma, self._tiles, self._fine)
 
@@ -93,7 +93,7 @@ class Fitter:
         """make(), or what it gave for the same observations, space and values before."""
         if self.memory is None:
             return make()
-        return self.memory.once(fit_key(self._content, space, *values), make)
+        return self.memory.once(fit_key(self._content(), space, *values), make)
 
     def phi0(self, nuisances: Nuisances) -> np.ndarray:
         return np.concatenate([nuisances.vector(), np.zeros(len(self._held_sigma))])
@@ -155,19 +155,17 @@ class Fitter:
             pixels, light = seen
             return pixels.measured - _with_focal(exposed(model, pixels, light, phi)[0], pixels, phi)
 
-        return self._side_by_side(rest, list(zip(self._pixels, lights, strict=True)))
+        return self._side_by_side(rest, list(zip(self._pixels(), lights, strict=True)))
 
     def _chi2(self, rests: Sequence[np.ndarray], phi: np.ndarray) -> float:
-        squares = sum(float(((r * p.root_weight) ** 2).sum()) for p, r in zip(self._pixels, rests, strict=True))
+        squares = sum(float(((r * p.root_weight) ** 2).sum()) for p, r in zip(self._pixels(), rests, strict=True))
         return squares + float(((phi[SCALES:] / self._held_sigma) ** 2).sum())
 
-    def linearise(
-        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]
-    ) -> Sums:
+    def linearise(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> Sums:
         """Sums at (theta, phi). Columns: theta, then phi."""
         n_theta = len(theta)
         sums = Sums.of_size(n_theta + len(phi), self._tiles)
-        for pixels, columns, residual in self._slopes(self._pixels, space, theta, phi, lights, n_theta):
+        for pixels, columns, residual in self._slopes(self._pixels(), space, theta, phi, lights, n_theta):
             sums.add(pixels, columns, residual, n_theta, phi)
             if self._fine and n_theta:
                 sums.add_blocks(pixels, columns, residual, n_theta, phi)
@@ -284,11 +282,11 @@ class Fitter:
         if rounds == 1:
             return self._linear_fit(space, theta, phi, lights, limit)
         lights, chi2 = list(lights), np.inf
-        slopes = list(self._slopes(self._pixels, space, theta, phi, lights, 0))
+        slopes = list(self._slopes(self._pixels(), space, theta, phi, lights, 0))
         columns, residuals = [c for _, c, _ in slopes], [r for *_, r in slopes]
         for _ in range(rounds):
             sums = Sums.of_size(len(phi), self._tiles)
-            for pixels, column, residual in zip(self._pixels, columns, residuals, strict=True):
+            for pixels, column, residual in zip(self._pixels(), columns, residuals, strict=True):
                 sums.add(pixels, column, residual, 0, phi)
             trial = phi + self.solve(sums, phi, 0, space, theta, 0.0)
             residuals = self._rests(space, theta, trial, lights)
@@ -307,9 +305,9 @@ class Fitter:
         """See nuisance_fit(). What images leave with nuisances of their own they leave with everyone's, too, and those
         that are not looked at yet leave hardly less than their noise.
         """
-        sums, ahead = Sums.of_size(len(phi), self._tiles), sum(len(pixels.index) for pixels in self._pixels)
+        sums, ahead = Sums.of_size(len(phi), self._tiles), sum(len(pixels.index) for pixels in self._pixels())
         step, chi2 = np.zeros(len(phi)), 0.0
-        for pixels, columns, residual in self._slopes(self._pixels, space, theta, phi, lights, 0):
+        for pixels, columns, residual in self._slopes(self._pixels(), space, theta, phi, lights, 0):
             sums.add(pixels, columns, residual, 0, phi)
             ahead -= len(pixels.index)
             least = _LEAST_CHI2 * ahead

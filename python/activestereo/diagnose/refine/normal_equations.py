@@ -5,11 +5,11 @@ makes them slices.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
 
+from activestereo.common.computed_once import computed_once
 from activestereo.diagnose.evidence.observation import BLOCK_PX, FOLDS, Observation
 
 _PLAIN = ("gram", "moment", "chi2", "tile_chi2")
@@ -41,7 +41,7 @@ class Pixels:
         """An image's values."""
         return image.ravel()[self.index]
 
-    @cached_property
+    @computed_once
     def block(self) -> np.ndarray:
         """Index of each pixel's block of BLOCK_PX, from 0."""
         height, width = self.observation.measured.shape
@@ -129,7 +129,7 @@ class Sums:
         self, pixels: Pixels, columns: list[np.ndarray], residual: np.ndarray, n_theta: int, phi: np.ndarray
     ) -> None:
         """Adds one observation to block_moment; arguments as of add()."""
-        dense, force, block = len(columns), residual * pixels.root_weight**2, pixels.block
+        dense, force, block = len(columns), residual * pixels.root_weight**2, pixels.block()
         blocks = int(block.max()) + 1
         moment = np.zeros((self.moment.shape[1], blocks))
         for j, column in enumerate(columns):

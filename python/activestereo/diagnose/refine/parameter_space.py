@@ -2,7 +2,6 @@
 """The parameters that a fit may move, and what a fit found."""
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -53,36 +52,36 @@ class ParameterSpace:
         """One field of every parameter."""
         return np.array([getattr(p, name) for _, p in self.pairs])
 
-    @cached_property
+    @property
     def low(self) -> np.ndarray:
         return self.of_parameters("low")
 
-    @cached_property
+    @property
     def high(self) -> np.ndarray:
         return self.of_parameters("high")
 
-    @cached_property
+    @property
     def typical(self) -> np.ndarray:
         return self.of_parameters("typical")
 
-    @cached_property
+    @property
     def slope_step(self) -> np.ndarray:
         return self.of_parameters("slope_step")
 
-    @cached_property
+    @property
     def neutral(self) -> np.ndarray:
         return self.of_parameters("neutral")
 
-    @cached_property
+    @property
     def given(self) -> np.ndarray:
         """Which entries are choices: fits take them as they are."""
         return self.of_parameters("choice").astype(bool)
 
-    @cached_property
+    @property
     def in_camera(self) -> np.ndarray:
         return np.array([e.stage is Stage.CAMERA for e, _ in self.pairs], dtype=bool)
 
-    @cached_property
+    @property
     def in_light(self) -> np.ndarray:
         """Which entries act up to the lens."""
         return np.array([e.stage <= Stage.OPTICS for e, _ in self.pairs], dtype=bool)
@@ -115,10 +114,10 @@ class Solution:
     theta: np.ndarray
     phi: np.ndarray
     sums: Sums
+    model: Model = field(init=False)
 
-    @cached_property
-    def model(self) -> Model:
-        return self.space.model(self.theta)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "model", self.space.model(self.theta))
 
     @property
     def effects(self) -> list[Effect]:

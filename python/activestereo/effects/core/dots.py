@@ -5,10 +5,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 
+from activestereo.common.computed_once import computed_once
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import Pattern, disc_sampler
 from activestereo.effects.core.view import View, transform
@@ -43,7 +43,7 @@ class DotView:
     def project_camera(self, camera_points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return self.project(transform(self._view.camera_to_projector, camera_points))
 
-    @cached_property
+    @computed_once
     def nominal(self) -> np.ndarray:
         """mean() of the view's own pattern."""
         return self.mean(self._view.pattern)

@@ -6,27 +6,30 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
+from activestereo.common.computed_once import computed_once
 from activestereo.effects.core.resample import Spline, blur, shifted_sum
 
 
 @dataclass(frozen=True)
 class FineImages:
-    """images: float32 [n][(height + 2 margin_px) scale][(width + 2 margin_px) scale]; margin_px in pixels of the
-    camera."""
+    """samples, images(): float32 [n][(height + 2 margin_px) scale][(width + 2 margin_px) scale]; margin_px in
+    pixels of the camera."""
 
-    images: np.ndarray
+    samples: np.ndarray
     scale: int
     margin_px: int
 
-    @cached_property
+    def images(self) -> np.ndarray:
+        return self.samples
+
+    @computed_once
     def pixels(self) -> np.ndarray:
         """Means over the pixels' squares, float64 [n][height][width]."""
         s, edge = self.scale, self.margin_px * self.scale
-        inside = self.images[:, edge : self.images.shape[1] - edge, edge : self.images.shape[2] - edge]
+        inside = self.images()[:, edge : self.images().shape[1] - edge, edge : self.images().shape[2] - edge]
         count, height, width = inside.shape
         return inside.reshape(count, height // s, s, width // s, s).mean(axis=(2, 4), dtype=np.float64)
 
@@ -49,39 +52,40 @@ class FineImages:
         if np.ndim(sigma_px):
             sigma_px = self._refined(np.asarray(sigma_px, dtype=np.float64))
         return _LaterFine(
-            self, lambda fine: FineImages(blur(fine.images, self.scale * sigma_px), self.scale, self.margin_px)
+            self, lambda fine: FineImages(blur(fine.images(), self.scale * sigma_px), self.scale, self.margin_px)
         )
 
     def shifted_sum(self, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]) -> FineImages:
         """See resample.shifted_sum; shifts in pixels."""
         fine_u, fine_v = ([(self.scale * shift, weight) for shift, weight in taps] for taps in (along_u, along_v))
         return _LaterFine(
-            self, lambda fine: FineImages(shifted_sum(fine.images, fine_u, fine_v), self.scale, self.margin_px)
+            self, lambda fine: FineImages(shifted_sum(fine.images(), fine_u, fine_v), self.scale, self.margin_px)
         )
 
     def at(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Values at pixel positions (u, v) of any shape, float32 [n][...]."""
         fine_u, fine_v = ((x + self.margin_px + 0.5) * self.scale - 0.5 for x in (u, v))
-        return np.stack([spline(fine_u, fine_v) for spline in self._splines])
+        return np.stack([spline(fine_u, fine_v) for spline in self._splines()])
 
     def sum_of(self, indices: tuple[int, ...]) -> FineImages:
         """FineImages of one image, the sum of those at the indices."""
-        if indices not in self._sums:
-            self._sums[indices] = self._sum_of(indices)
-        return self._sums[indices]
+        known = self._sums()
+        if indices not in known:
+            known[indices] = self._sum_of(indices)
+        return known[indices]
 
     def _sum_of(self, indices: tuple[int, ...]) -> FineImages:
-        image = self.images[indices[0]] if len(indices) == 1 else self.images[list(indices)].sum(axis=0)
+        image = self.images()[indices[0]] if len(indices) == 1 else self.images()[list(indices)].sum(axis=0)
         return FineImages(image[None], self.scale, self.margin_px)
 
-    @cached_property
+    @computed_once
     def _sums(self) -> dict[tuple[int, ...], FineImages]:
         return {}
 
-    @cached_property
+    @computed_once
     def _splines(self) -> list[Spline]:
         """One set serves every warp of a fit."""
-        return [Spline(image) for image in self.images]
+        return [Spline(image) for image in self.images()]
 
     def _refined(self, image: np.ndarray) -> np.ndarray:
         """An image [height][width] at the fine samples, linear between pixels; beyond the frame as at its border."""
@@ -107,9 +111,9 @@ class _LaterFine(FineImages):
     def __init__(self, source: FineImages, operation: Callable[[FineImages], FineImages]) -> None:
         self.__dict__.update(scale=source.scale, margin_px=source.margin_px, _source=source, _operation=operation)
 
-    @cached_property
+    @computed_once
     def images(self) -> np.ndarray:
-        return self._operation(self._source).images
+        return self._operation(self._source).images()
 
     def _sum_of(self, indices: tuple[int, ...]) -> FineImages:
         return self._operation(self._source.sum_of(indices))

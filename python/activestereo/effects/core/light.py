@@ -190,11 +190,11 @@ class _Later:
         if self._fine is None:
             return self._of_images(now[None])[0]
         indices = tuple(_NAMES.index(name) for name in names)
-        before = self._source.fine.sum_of(indices).pixels[0]
+        before = self._source.fine.sum_of(indices).pixels()[0]
         changed = np.abs(now - before).max() > _UNCHANGED * before.max()
         if changed and len(names) > 1:
             return np.sum([self.image((name,)) for name in names], axis=0)
-        after = self._fine.sum_of(indices).pixels[0]
+        after = self._fine.sum_of(indices).pixels()[0]
         if not changed:
             return after
         gain = _local_gain(before, now)

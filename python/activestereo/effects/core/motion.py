@@ -31,7 +31,7 @@ def displaced(light: Light, view: View, dt_s: float | np.ndarray) -> Light:
     moved = light.warped(u, v)
     flat = moved.flat * _falloff_ratio(view, then_to_mid, u, v, then, mid)
     dots = DotView.of(view)
-    nominal = dots.nominal
+    nominal = dots.nominal()
     now = dots.mean(view.pattern, *dots.project_camera(then))
     lit = dots.lit & (light.flat > 0)
     seen = np.where(lit, light.direct / np.where(lit, light.flat, 1.0), nominal)

@@ -27,7 +27,6 @@ class Facing:
         source = np.linalg.inv(view.camera_to_projector)[:3, 3]
         self.to_projector, self.projector_cosine, self.irradiance = self.from_source(source)
 
-    @property
     def lobe(self) -> Cosines:
         """The cosines of a highlight of the projector."""
         return self._view.once("lobe", lambda: cosines_of(self.normal, self.to_projector, self.to_camera))

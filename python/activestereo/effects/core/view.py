@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from activestereo.common.computed_once import computed_once
 from activestereo.common.lens import distort, undistort
 from activestereo.effects.core.random_stream import random_stream
 
@@ -102,29 +102,30 @@ class View:
         """Kelvin above the reference temperature; 0 where the temperature is not known."""
         return 0.0 if self.frame.temperature_c is None else self.frame.temperature_c - REFERENCE_TEMPERATURE_C
 
-    @cached_property
+    @computed_once
     def _memory(self) -> dict[Hashable, Any]:
         return {}
 
     def once(self, name: Hashable, make: Callable[[], Any]) -> Any:
         """make(), computed the first time that this view is asked for `name`: fits look at one view hundreds of times.
         """
-        if name not in self._memory:
-            self._memory[name] = make()
-        return self._memory[name]
+        known = self._memory()
+        if name not in known:
+            known[name] = make()
+        return known[name]
 
     def latest(
         self, name: Hashable, light: Any, make: Callable[[], Any], choice: Hashable = None, most: int = 1
     ) -> Any:
         """make(), remembered for the latest `most` choices under the same light: fits change one parameter at a time.
         """
-        known = self._memory.get(name, ())
+        known = self._memory().get(name, ())
         for seen_light, seen_choice, value in known:
             if seen_light is light and seen_choice == choice:
                 return value
         kept = [entry for entry in known if entry[0] is light]
         value = make()
-        self._memory[name] = (
+        self._memory()[name] = (
             (*kept[len(kept) - most + 1 :], (light, choice, value)) if most > 1 else ((light, choice, value),)
         )
         return value

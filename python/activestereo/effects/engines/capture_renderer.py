@@ -93,6 +93,7 @@ class CaptureRenderer:
         self._one_at_a_time = threading.Lock()
         self._pattern = capture.rig.projector.pattern()
         self._smooth = smooth
+        self._is_changed = False
         self._kept: dict[tuple, list[list[dict[str, NDArray]]]] = {}
         camera = capture.rig.left
         self._imager = ExpectedImager(camera.width, camera.height, capture.rig.max_dn)
@@ -190,12 +191,12 @@ class CaptureRenderer:
         key = (half, *(_job_key(job.inputs) for job in jobs))
         with self._one_at_a_time:
             if key not in self._kept:
-                try:
-                    with changed_world(self._scene, jobs[0].inputs):
-                        images = self._render_world(jobs, progress, half)
-                except BaseException:
-                    self._scene = self._loaded_scene()  # what could not be taken back goes with the old one
-                    raise
+                if self._is_changed:  # by a render that failed: what could not be taken back goes with the old scene
+                    self._scene = self._loaded_scene()
+                self._is_changed = True
+                with changed_world(self._scene, jobs[0].inputs):
+                    images = self._render_world(jobs, progress, half)
+                self._is_changed = False
                 self._kept[key] = images
                 while len(self._kept) > _KEPT:
                     self._kept.pop(next(iter(self._kept)))

@@ -51,7 +51,7 @@ def _filter(image: np.ndarray, guide: tuple[Any, ...], reach: np.ndarray, step: 
         for i, column_tap in enumerate(_TAPS):
             here, there = _overlap(reach.shape, (j - 2) * step, (i - 2) * step)
             weight = np.float32(row_tap * column_tap) * _likeness(guide, reach, here, there)
-            total[..., *here] += weight * image[..., *there]
+            total[(..., *here)] += weight * image[(..., *there)]
             weight_sum[here] += weight
     # Where nothing is seen nothing weighs, and a NaN there would spread over the next level's taps.
     return np.where(weight_sum > 0, total / np.where(weight_sum > 0, weight_sum, 1.0), image)
@@ -60,11 +60,11 @@ def _filter(image: np.ndarray, guide: tuple[Any, ...], reach: np.ndarray, step: 
 def _likeness(guide: tuple[Any, ...], reach: np.ndarray, here: Any, there: Any) -> np.ndarray:
     """1 for a neighbour of the same surface, towards 0 for another."""
     normal, points, material = guide
-    cosine = np.maximum(_dot(normal[:, *here], normal[:, *there]), np.float32(1e-6))
+    cosine = np.maximum(_dot(normal[(..., *here)], normal[(..., *there)]), np.float32(1e-6))
     eighth = cosine * cosine
     eighth *= eighth
     eighth *= eighth
-    off_plane = _dot(normal[:, *here], points[:, *there] - points[:, *here]) / reach[here]
+    off_plane = _dot(normal[(..., *here)], points[(..., *there)] - points[(..., *here)]) / reach[here]
     same = (material[here] == material[there]) | (here == there)
     return same * (eighth * eighth * eighth) * np.exp(-off_plane * off_plane)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ import torch
 from mani_skill.sensors.camera import Camera, CameraConfig
 
 import kuafu
+from activestereo.common.computed_once import computed_once
 from activestereo.integrations.mani_skill.config import StereoDepthCameraConfig
 from activestereo.integrations.mani_skill.world import ManiSkillWorld
 from activestereo.sensor.batch import StereoDepthSensorBatch
@@ -164,10 +164,10 @@ class StereoDepthCamera(Camera):
 
     def _positions(self, depth_mm: torch.Tensor) -> torch.Tensor:
         """int16 [E, height, width, 3] millimetres in the camera's OpenGL axes: x right, y up, z backward."""
-        points = self._rays * depth_mm[..., None]
+        points = self._rays() * depth_mm[..., None]
         return points.clamp(-_FARTHEST_MM, _FARTHEST_MM).round().to(torch.int16)
 
-    @cached_property
+    @computed_once
     def _rays(self) -> torch.Tensor:
         """float32 [height, width, 3]: in the same axes, where pixels look, with z = -1."""
         config = self.sensors.get_config()

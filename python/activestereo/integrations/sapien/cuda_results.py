@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from activestereo.camera.auto_exposure import DARKEST, SRGB, STRIDE, exposure_of_median
+from activestereo.common.computed_once import computed_once
 from activestereo.sensor.cuda_tensor import cuda_tensor, wait_for
 from activestereo.sensor.sensor import StereoDepthSensor
 
@@ -40,7 +40,7 @@ class CudaResults:
 
         depth = self.depth()
         v, u = torch.nonzero(depth, as_tuple=True)
-        points = (self._rays[:, v, u] * depth[v, u]).T.to(depth.dtype)
+        points = (self._rays()[:, v, u] * depth[v, u]).T.to(depth.dtype)
         return wait_for(torch.cat([points, self._rgb()[v, u]], dim=1) if with_rgb else points.contiguous())
 
     # ---- inside ----
@@ -52,20 +52,20 @@ class CudaResults:
         # By float64, for not every torch's root of float32 is the nearest one.
         root = (light * float(np.float32(exposure))).clamp(0.0, 1.0).double().sqrt().float()
         place = (root * (len(SRGB) - 1) + 0.5).int().clamp(0, len(SRGB) - 1)
-        return self._curve[place]
+        return self._curve()[place]
 
     def _light(self) -> torch.Tensor:
         return cuda_tensor(self._sensor.get_cuda("radiance"))
 
-    @cached_property
+    @computed_once
     def _curve(self) -> torch.Tensor:
         return self._light().new_tensor(SRGB)
 
-    @cached_property
+    @computed_once
     def _rays(self) -> torch.Tensor:
         import torch
 
-        return torch.from_numpy(self._sensor.rgb_rays).to(self.depth().device)
+        return torch.from_numpy(self._sensor.rgb_rays()).to(self.depth().device)
 
 
 def _exposure_of(light: torch.Tensor) -> float:

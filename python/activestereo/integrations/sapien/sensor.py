@@ -162,7 +162,6 @@ class StereoDepthSensor:
     def set_local_pose(self, pose: sapien.Pose) -> None:
         self._pose = pose
 
-    @property
     def native(self) -> activestereo.StereoDepthSensor:
         """The sensor behind it, which has more: true depth, ids, the noisy infrared pair. RuntimeError before the first
         picture."""
