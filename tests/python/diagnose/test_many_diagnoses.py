@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Short diagnoses with 2 to 16 threads, one after the other: none dies, and each gives what one thread gave."""
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from worlds.world import make_world
+from activestereo.capture.capture import read_capture
+from activestereo.compare.cache import LayerCache
+from activestereo.compare.kuafu_renderer import KuafuRenderer
+from activestereo.compare.render import render_frames
+from activestereo.diagnose.diagnosis import examine
+from activestereo.diagnose.evidence import gather
+from activestereo.effects import Model, builtin
+from activestereo.effects.engines import CaptureRenderer
+
+TIMES = 200 if os.environ.get("ACTIVESTEREO_FULL") else 5
+HAZE = {"extinction_per_m": 0.6, "backscatter": 1.0, "housing_m": 0.05}
+EFFECTS = [builtin()[name] for name in ("haze", "vignetting")]
+
+
+@pytest.fixture(scope="module")
+def hazy(tmp_path_factory):
+    """Evidence of a small world whose images have haze in them."""
+    folder = tmp_path_factory.mktemp("many")
+    world = make_world(folder / "world", grid=2)
+    capture = read_capture(world.capture_path)
+    layers = render_frames(capture, KuafuRenderer(), 32, 2, cache=LayerCache(folder / "cache"))
+    clean = gather(capture, layers)
+    model = Model().with_effect(builtin()["haze"], **HAZE)
+    hazy = CaptureRenderer(capture, "auto", 32, 2, seed=1).expected(model, clean.nuisances)
+
+    def exposed(o):
+        return replace(o, measured=np.rint(hazy[o.key]).astype(np.float32))
+
+    return replace(clean, train=tuple(map(exposed, clean.train)), test=tuple(map(exposed, clean.test)))
+
+
+def test_many_diagnoses_with_many_threads_give_one_result(hazy):
+    renders = []
+
+    def result(workers):
+        renderer = CaptureRenderer(hazy.capture, "auto", 1, 2, 0)
+
+        def rendering(model, split, half=None):
+            renders.append(split)
+            return renderer.lights(model, hazy.capture.split(split), half=half)
+
+        return examine(hazy, Model(), EFFECTS, workers=workers, rendering=rendering).result
+
+    first = result(1)
+    assert first["ranking"][0]["effect"] == "haze" and renders
+    for number in range(1, TIMES):
+        workers = 2 + number % 15
+        assert result(workers) == first, f"diagnosis {number}, {workers} threads"
