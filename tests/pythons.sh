@@ -9,7 +9,7 @@ cd "$root"
 work=$root/build/pythons
 quick=(tests/python/common tests/python/effects tests/python/diagnose/test_many_diagnoses.py tests/python/diagnose/test_refine_by_rendering.py
   tests/python/diagnose/test_fit_cache.py tests/python/diagnose/test_parallel_prefit.py tests/python/camera tests/python/model)
-slow=(tests/python/diagnose tests/python/compare tests/python/sensor tests/python/capture)
+slow=(tests/python/diagnose tests/python/compare)
 python_of() {
   local found
   for found in "${PYENV_ROOT:-$HOME/.pyenv}"/versions/"$1".*/bin/python "$(command -v "python$1" || true)"; do

@@ -9,6 +9,7 @@ import numpy as np
 
 from activestereo.capture.capture import EYES, read_capture
 from activestereo.capture.images import read_gray
+from activestereo.common.input_files import checked_file
 from activestereo.common.rounding import ROUNDING_VARIANCE
 
 LEAST_REPEATS = 10
@@ -51,14 +52,15 @@ def read_repeats(path: Path, least: int = LEAST_REPEATS) -> list[Repeats]:
 
 def _stack(path: Path) -> np.ndarray:
     try:
-        counts = np.load(path, allow_pickle=False)
-    except (OSError, ValueError) as error:
+        # Mapped, so that a header that promises more than the file holds is an error before memory is taken.
+        counts = np.load(checked_file(path), mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError, OverflowError, EOFError) as error:
         raise ValueError(f"{path}: cannot be read as a .npy stack: {error}") from error
     if counts.ndim != 3 or counts.dtype not in (np.uint8, np.uint16):
         raise ValueError(
             f"{path}: is {counts.dtype} {list(counts.shape)}, expected uint8 or uint16 [frame][height][width]"
         )
-    return counts
+    return np.array(counts)
 
 
 def _of_folder(folder: Path) -> Repeats:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.common.input_files import read_bytes
 from activestereo.common.output_files import replace_file
 from activestereo.scene_io.gltf_document import read_document
 from activestereo.scene_io.gltf_writer import GltfWriter
@@ -130,17 +131,17 @@ def _read(path: Path) -> tuple[dict[str, Any], list[bytes]]:
         document, chunk_at = read_document(path)
     except ValueError as error:
         raise ValueError(f"{path}: is not glTF: {error}") from error
-    chunk = b"" if chunk_at is None else path.read_bytes()[chunk_at:]
+    chunk = b"" if chunk_at is None else read_bytes(path)[chunk_at:]
     buffers = [_bytes(path, entry.get("uri"), chunk)[: entry["byteLength"]] for entry in document.get("buffers", [])]
     for image in document.get("images", []):
         uri = image.get("uri", "data:")
         if not uri.startswith("data:"):
             kind = _MIME.get(Path(uri).suffix.lower(), "image/png")
-            image["uri"] = f"data:{kind};base64," + base64.b64encode((path.parent / uri).read_bytes()).decode()
+            image["uri"] = f"data:{kind};base64," + base64.b64encode(read_bytes(path.parent / uri)).decode()
     return document, buffers
 
 
 def _bytes(path: Path, uri: str | None, chunk: bytes) -> bytes:
     if uri is None:
         return chunk
-    return base64.b64decode(uri.partition(",")[2]) if uri.startswith("data:") else (path.parent / uri).read_bytes()
+    return base64.b64decode(uri.partition(",")[2]) if uri.startswith("data:") else read_bytes(path.parent / uri)

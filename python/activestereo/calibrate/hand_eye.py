@@ -6,6 +6,7 @@ gripper_to_base_i  camera_to_gripper  board_to_camera_i = board_to_base, for eve
 """
 
 import csv
+import io
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from activestereo.common.input_files import read_text
 from activestereo.common.pose import printed_motion
 
 METHODS = {
@@ -145,21 +147,20 @@ def read_poses(path: Path) -> dict[str, NDArray[np.float64]]:
     A first line of words is a heading. ValueError names file, line and what is wrong.
     """
     poses = {}
-    with open(path, newline="", encoding="utf-8") as file:
-        for number, row in enumerate(csv.reader(file), 1):
-            cells = [cell.strip() for cell in row]
-            if not any(cells) or (number == 1 and len(cells) > 1 and not _is_number(cells[1])):
-                continue
-            try:
-                values = np.array([float(cell) for cell in cells[1:]])
-            except ValueError:
-                raise ValueError(f"{path}: line {number}: '{','.join(cells[1:])}' are not numbers") from None
-            if len(values) not in (7, 16) or not np.isfinite(values).all():
-                raise ValueError(
-                    f"{path}: line {number}: {len(values)} numbers, expected finite x,y,z,qx,qy,qz,qw or a row-major "
-                    "4x4"
-                )
-            poses[cells[0]] = _of_numbers(values, path, number)
+    for number, row in enumerate(csv.reader(io.StringIO(read_text(path), newline="")), 1):
+        cells = [cell.strip() for cell in row]
+        if not any(cells) or (number == 1 and len(cells) > 1 and not _is_number(cells[1])):
+            continue
+        try:
+            values = np.array([float(cell) for cell in cells[1:]])
+        except ValueError:
+            raise ValueError(f"{path}: line {number}: '{','.join(cells[1:])}' are not numbers") from None
+        if len(values) not in (7, 16) or not np.isfinite(values).all():
+            raise ValueError(
+                f"{path}: line {number}: {len(values)} numbers, expected finite x,y,z,qx,qy,qz,qw or a row-major "
+                "4x4"
+            )
+        poses[cells[0]] = _of_numbers(values, path, number)
     if not poses:
         raise ValueError(f"{path}: holds no poses: each line is name,x,y,z,qx,qy,qz,qw")
     return poses

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from activestereo.common.input_files import read_json
 from activestereo.common.output_files import replace_file
 from activestereo.model import SensorModel, model_json
 from activestereo.model.read import FORMAT, VERSION
@@ -33,10 +34,7 @@ def replace_sections(path: Path, measured: SensorModel, keep_rig: bool = False) 
 
 
 def _read(path: Path) -> dict[str, Any]:
-    try:
-        model = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ValueError(f"{path}: not JSON: {error}") from error
+    model = read_json(path)
     if not isinstance(model, dict) or model.get("format") != FORMAT:
         raise ValueError(f"{path}: format is not {FORMAT!r}: give another file to -o")
     if model.get("version") != VERSION:

@@ -18,10 +18,10 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
+from activestereo.common.input_files import read_toml
 from activestereo.common.matcher_table import MATCHER, SIGNAL
 from activestereo.common.parameter import Parameter
 from activestereo.common.render_table import FILM, RENDER
-from activestereo.common.toml import tomllib
 
 FOLDER = Path(__file__).parent / "data"
 BASES = ("data sheet", "measured", "published", "derived", "estimated")
@@ -160,16 +160,14 @@ def read_camera(name: str | Path) -> CameraData:
 
 def camera_titles() -> list[str]:
     """The known cameras, as their files call them."""
-    return [tomllib.loads((FOLDER / f"{name}.toml").read_text(encoding="utf-8"))["name"] for name in camera_names()]
+    return [read_toml(FOLDER / f"{name}.toml")["name"] for name in camera_names()]
 
 
 def _read(path: Path, chain: int) -> CameraData:
     if chain == 0:
         raise ValueError(f"{path}: based_on: the files are based on one another in a circle")
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: is no TOML file: {error}") from error
+        content = read_toml(path)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from error
     figures: dict[str, dict[str, Figure]] = {section: {} for section in FIELDS}

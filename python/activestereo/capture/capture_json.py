@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
 
+from activestereo.common.input_files import read_json
 from activestereo.common.limits import ANY, FOCAL, LENGTH, NUMBER, PIXEL, Limits
 from activestereo.common.own_files import own_file
 from activestereo.common.pose import rigid_fault
@@ -35,13 +35,13 @@ class JsonObject:
     @classmethod
     def read(cls, path: str | Path) -> JsonObject:
         try:
-            values = json.loads(Path(path).read_text(encoding="utf-8"))
+            values = read_json(path)
         except OSError as error:
             raise CaptureError(
                 f"{path}: cannot be read ({error.strerror}); a capture is a folder with a capture.json"
             ) from error
-        except (ValueError, RecursionError) as error:
-            raise CaptureError(f"{path}: is not JSON: {error}") from error
+        except ValueError as error:
+            raise CaptureError(str(error)) from error
         if not isinstance(values, dict):
             raise CaptureError(f"{path}: is not a JSON object")
         return cls(Path(path), "", values)

@@ -8,6 +8,8 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from activestereo.capture.capture_json import CaptureError
+from activestereo.common.input_files import checked_file
+from activestereo.common.output_files import write_png
 
 _GRAY_MODES = ("L", "I;16", "I;16B", "I")
 _COLOR_MODES = ("RGB", "RGBA", "LA", "P")
@@ -62,7 +64,7 @@ def read_image_array(path: str | Path, key: str = "image") -> np.ndarray:
     if Path(path).suffix != ".npy":
         return read_gray(path, key=key)
     try:
-        pixels = np.load(path, mmap_mode="r", allow_pickle=False)
+        pixels = np.load(checked_file(path), mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError, OverflowError, EOFError) as error:
         raise CaptureError(f"{path}: {key}: cannot be read as a .npy array: {error}") from error
     if pixels.ndim != 2 or pixels.dtype not in (np.uint8, np.uint16):
@@ -89,12 +91,12 @@ def write_gray(path: str | Path, pixels: np.ndarray) -> None:
     """uint8 or uint16 [height][width]."""
     if pixels.dtype not in (np.uint8, np.uint16) or pixels.ndim != 2:
         raise ValueError(f"{path}: expected uint8 or uint16 [height][width], got {pixels.dtype} {pixels.shape}")
-    Image.fromarray(np.ascontiguousarray(pixels)).save(path)
+    write_png(path, pixels)
 
 
 def _open(path: str | Path, key: str) -> Image.Image:
     try:
-        return Image.open(path)
+        return Image.open(checked_file(path))
     except UnidentifiedImageError as error:
         raise CaptureError(f"{path}: {key}: cannot be read as an image") from error
     except (OSError, Image.DecompressionBombError) as error:

@@ -2,16 +2,16 @@
 """Writes captures (capture format, version 1): for recorders and for programs that make worlds with a known answer."""
 
 import json
-import shutil
 from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from activestereo.capture.capture import FORMAT, VERSION, Camera, Capture, Frame
 from activestereo.capture.images import write_gray
+from activestereo.common.input_files import read_bytes
+from activestereo.common.output_files import new_folder, write_bytes, write_png, write_text
 
 
 def write_capture(
@@ -29,28 +29,34 @@ def write_capture(
     {frame id: sRGB uint8 [height][width][3]}. The scene and the files it names are the caller's:
     capture.scene_path is copied with every file beside it that has the same stem.
     """
-    final = Path(path)
-    if final.exists():
-        raise FileExistsError(f"{final}: exists already; a capture is written once")
-    partial = final.with_name(final.name + ".partial")
-    shutil.rmtree(partial, ignore_errors=True)  # of a call that failed
+    with new_folder(Path(path)) as folder:
+        _write(folder, capture, images, pattern, depths, colors)
+
+
+def _write(
+    partial: Path,
+    capture: Capture,
+    images: Mapping[tuple[int, str], np.ndarray],
+    pattern: np.ndarray,
+    depths: Mapping[int, np.ndarray] | None,
+    colors: Mapping[int, np.ndarray] | None,
+) -> None:
     for folder in ("left", "right", "depth", *(("color",) if colors else ())):
         (partial / folder).mkdir(parents=True, exist_ok=True)
     for source in capture.scene_path.parent.glob(capture.scene_path.stem + ".*"):
         if source.is_file():
-            (partial / source.name).write_bytes(source.read_bytes())
+            write_bytes(partial / source.name, read_bytes(source))
     write_gray(partial / "pattern.png", pattern)
     for (frame_id, eye), image in images.items():
         write_gray(partial / eye / f"{frame_id:06d}.png", image)
     for frame_id, image in (depths or {}).items():
         write_gray(partial / "depth" / f"{frame_id:06d}.png", image)
     for frame_id, image in (colors or {}).items():
-        Image.fromarray(image).save(partial / "color" / f"{frame_id:06d}.png")
+        write_png(partial / "color" / f"{frame_id:06d}.png", image)
     with_infrared = {frame_id for frame_id, _ in images}
     entries = [_frame_json(f, with_infrared, depths or {}, colors or {}) for f in capture.frames]
     text = json.dumps(_capture_json(capture) | {"frames": entries}, indent=1)
-    (partial / "capture.json").write_text(text + "\n")
-    partial.rename(final)
+    write_text(partial / "capture.json", text + "\n")
 
 
 def _capture_json(capture: Capture) -> dict[str, Any]:

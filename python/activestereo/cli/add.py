@@ -2,11 +2,11 @@
 """activestereo add: an effect more in a model file."""
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
-from activestereo.cli.arguments import CommandError
+from activestereo.cli.arguments import CommandError, check_out_file
+from activestereo.common.input_files import read_json
 
 _TEXT = """\
 Adds an effect to a model, or gives one that it has other parameters. They come
@@ -50,6 +50,7 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.model.found import found_effect
     from activestereo.model.words import quantity_text
 
+    check_out_file(args.output)
     effects = library(*args.effects)
     model = SensorModel() if args.model is None else read_model(args.model, effects)
     effect = find(effects, args.effect)
@@ -84,9 +85,9 @@ def run(args: argparse.Namespace) -> None:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        diagnosis = json.loads(path.read_text(encoding="utf-8"))
+        diagnosis = read_json(path)
     except ValueError as error:
-        raise CommandError(f"{path}: not a diagnose.json: {error}") from error
+        raise CommandError(f"{error}; a diagnose.json is asked for") from error
     if not isinstance(diagnosis, dict):
         raise CommandError(f"{path}: not a diagnose.json: it holds no object")
     return diagnosis

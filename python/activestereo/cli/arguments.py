@@ -9,6 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from activestereo.common.output_files import check_target
 from activestereo.common.pose import rigid_fault
 from activestereo.common.render_table import RENDER
 
@@ -135,6 +136,15 @@ def real(text: str) -> float:
     if math.isnan(value):
         raise argparse.ArgumentTypeError(f"a number is needed, not '{text}'")
     return value
+
+
+def check_out_file(path: Path) -> None:
+    """Fails before the long work, not after it."""
+    if path.is_dir():
+        raise CommandError(f"{path} is a folder: give the name of a file, such as {path / 'model.json'}")
+    if not path.absolute().parent.is_dir():
+        raise CommandError(f"the folder {path.parent} does not exist: make it first")
+    check_target(path)
 
 
 def make_folder(path: Path) -> None:

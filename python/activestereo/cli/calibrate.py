@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from activestereo.cli import calibrate_pose, calibrate_scene
-from activestereo.cli.arguments import CommandError, add_seed, camera_matrix
+from activestereo.cli.arguments import CommandError, add_seed, camera_matrix, check_out_file
 
 _TEXT = """\
 Measures a real camera. Each part replaces its own section of model.json, and
@@ -131,20 +131,12 @@ def _part(parts: argparse._SubParsersAction, name: str, summary: str, text: str)
     return parser
 
 
-def _check_out(path: Path) -> None:
-    """Fails before the long work, not after it."""
-    if path.is_dir():
-        raise CommandError(f"{path} is a folder: give the name of a file, such as {path / 'model.json'}")
-    if not path.absolute().parent.is_dir():
-        raise CommandError(f"the folder {path.parent} does not exist: make it first")
-
-
 def _run_noise(args: argparse.Namespace) -> None:
     from activestereo.calibrate.model_section import replace_sections
     from activestereo.calibrate.noise import calibrate_noise
     from activestereo.common.progress_bar import ProgressBar
 
-    _check_out(args.out)
+    check_out_file(args.out)
     with ProgressBar("fitting noise") as bar:
         noise = calibrate_noise(args.frames, args.dark, args.paper, args.seed, bar)
     replace_sections(args.out, noise.model())
@@ -158,7 +150,7 @@ def _run_pattern(args: argparse.Namespace) -> None:
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.model import read_model
 
-    _check_out(args.out)
+    check_out_file(args.out)
     model = read_model(args.out) if args.out.is_file() else None
     with ProgressBar("finding dots") as bar:
         pattern = calibrate_pattern(args.frames, bar, model)
@@ -176,7 +168,7 @@ def _run_rig(args: argparse.Namespace) -> None:
     from activestereo.common.output_files import replace_file
     from activestereo.common.progress_bar import ProgressBar
 
-    _check_out(args.out)
+    check_out_file(args.out)
     robot = None if args.robot is None else read_poses(args.robot)
     with ProgressBar("calibrating") as bar:
         result = calibrate_rig(args.frames, Board.parse(args.board), not args.rectified and args.k is None, args.k, bar)

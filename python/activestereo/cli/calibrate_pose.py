@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from activestereo.cli.arguments import CommandError, add_seed, numbers, positive
+from activestereo.cli.arguments import CommandError, add_seed, check_out_file, numbers, positive
 
 if TYPE_CHECKING:
     import numpy as np
@@ -63,8 +63,9 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.scene_io.mesh_files import read_mesh
 
-    if args.out.suffix != ".gltf" or not args.out.absolute().parent.is_dir():
-        raise CommandError(f"{args.out}: -o is the name of a .gltf file in a folder that exists")
+    if args.out.suffix != ".gltf":
+        raise CommandError(f"{args.out}: -o is the name of a .gltf file")
+    check_out_file(args.out)
     if args.unit <= 0:
         raise CommandError("--unit is 0, expected metres per unit above 0")
     capture = read_capture(args.capture)

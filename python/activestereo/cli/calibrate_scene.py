@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import CommandError, add_device, add_seed, integer_from
+from activestereo.cli.arguments import CommandError, add_device, add_seed, check_out_file, integer_from
 
 _SCENE = """\
 A scene where no geometry exists: the surface that one pose of the camera measured, as
@@ -70,8 +70,9 @@ def _run_scene(args: argparse.Namespace) -> None:
     from activestereo.calibrate.height_field import NOTE, height_field, write_height_field
     from activestereo.capture.capture import read_capture
 
-    if args.out.suffix not in (".gltf", ".glb") or not args.out.absolute().parent.is_dir():
-        raise CommandError(f"{args.out}: -o is the name of a .gltf or .glb file in a folder that exists")
+    if args.out.suffix not in (".gltf", ".glb"):
+        raise CommandError(f"{args.out}: -o is the name of a .gltf or .glb file")
+    check_out_file(args.out)
     capture = read_capture(args.capture)
     field = height_field(capture, args.frame, args.step)
     frame = next(f for f in capture.frames if f.depth_path is not None and args.frame in (None, f.id))
@@ -88,8 +89,7 @@ def _run_materials(args: argparse.Namespace) -> None:
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.model import read_model
 
-    if args.out.is_dir() or not args.out.absolute().parent.is_dir():
-        raise CommandError(f"{args.out}: -o is the name of a file in a folder that exists, such as model.json")
+    check_out_file(args.out)
     with ProgressBar(f"materials of {args.object}") as bar:
         model = read_model(args.out) if args.out.is_file() else None
         found = calibrate_materials(

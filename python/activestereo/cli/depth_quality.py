@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from activestereo.cli.arguments import CommandError, Commands, camera_matrix, positive
+from activestereo.common.input_files import checked_file
 
 _TEXT = """\
 Measures depth maps of a flat target by the metrics of Intel's Depth Quality Tool, under
@@ -132,7 +133,7 @@ def _read(path: Path, unit_m: float) -> np.ndarray:
         return read_gray(path, key="depth")[None] * unit_m
     try:
         # Mapped, so that a header that promises more than the file holds is an error before memory is taken.
-        depth = np.load(path, mmap_mode="r", allow_pickle=False)
+        depth = np.load(checked_file(path), mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError, OverflowError, EOFError) as error:
         raise CommandError(f"{path}: cannot be read as a .npy array: {error}") from error
     if depth.ndim not in (2, 3) or depth.dtype.kind not in "fiu":

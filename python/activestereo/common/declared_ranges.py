@@ -6,11 +6,11 @@ from __future__ import annotations
 from dataclasses import fields
 from math import inf
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
-from activestereo.common.toml import tomllib
+from activestereo.common.input_files import read_toml
 
 
 class DeclaredRanges:
@@ -53,11 +53,11 @@ def read_ranges(path: Path | None, kind: type[Kind]) -> Kind:
     """The defaults where there is no file. ValueError names the file and what is wrong in it."""
     if path is None:
         return kind()
+    given = read_toml(path)
     try:
-        given: dict[str, Any] = tomllib.loads(path.read_text())
         unknown = sorted(set(given) - set(range_names(kind)))
         if unknown:
             raise ValueError(f"there is no range '{unknown[0]}' (known: {', '.join(sorted(range_names(kind)))})")
         return kind(**given)
-    except (ValueError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise ValueError(f"{path}: {error}") from error

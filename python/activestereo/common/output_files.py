@@ -3,6 +3,7 @@
 
 import errno
 import os
+import secrets
 import shutil
 import stat
 import tempfile
@@ -32,7 +33,7 @@ def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
     """write(binary file) fills it. A failed write leaves what was there before. Raises OSError whose filename is
     `path`: a full disk alone does not say what it had no room for."""
     path = Path(path)
-    _check_target(path)
+    check_target(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with open(temporary, "wb") as file:
@@ -52,8 +53,9 @@ def left_over(folder: Path) -> Iterator[tuple[str, Path]]:
         yield path.name.removeprefix(_UNFINISHED).rpartition("-")[0], path
 
 
-def _check_target(path: Path) -> None:
-    """OSError where a rename would put a file in the place of a device, a pipe or links in a loop."""
+def check_target(path: Path) -> None:
+    """OSError where a rename would put a file in the place of a folder, a device, a pipe or links in a loop: asked
+    before long work, too."""
     try:
         is_file = stat.S_ISREG(path.stat().st_mode)
     except FileNotFoundError:
@@ -69,18 +71,62 @@ def written_together(folder: Path, name: str = "") -> Iterator[Path]:
     left_over() tells the folder by that a killed process leaves."""
     aside = Path(tempfile.mkdtemp(prefix=f"{_UNFINISHED}{name}-", dir=folder))
     try:
-        yield aside
-        for path in sorted(path for path in aside.rglob("*") if path.is_file()):
+        with _named_by_place(aside, folder):
+            yield aside
+            _move(aside, folder)
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
+
+
+def _move(aside: Path, folder: Path) -> None:
+    """Puts the files into their places; where one cannot go, those that went before are taken back."""
+    files = sorted(path for path in aside.rglob("*") if path.is_file())
+    for path in files:
+        place = folder / path.relative_to(aside)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        check_target(place)
+    kept = Path(tempfile.mkdtemp(prefix="kept-", dir=aside))
+    moved: list[tuple[Path, Path | None]] = []
+    try:
+        for number, path in enumerate(files):
             place = folder / path.relative_to(aside)
-            place.parent.mkdir(parents=True, exist_ok=True)
+            before = kept / str(number) if place.exists() else None
+            if before is not None:
+                os.replace(place, before)
+            moved.append((place, before))
             os.replace(path, place)
+    except OSError:
+        for place, before in reversed(moved):
+            place.unlink(missing_ok=True) if before is None else os.replace(before, place)
+        raise
+
+
+@contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """A folder to fill, which has the name `path` when the block ends; a block that fails leaves nothing. OSError names
+    a file by its place, FileExistsError `path` where it is there already."""
+    if path.exists():
+        raise FileExistsError(errno.EEXIST, "exists already: give another name", str(path))
+    aside = path.with_name(f"{_UNFINISHED}{path.name}-{os.getpid()}-{secrets.token_hex(4)}")
+    aside.mkdir()
+    try:
+        with _named_by_place(aside, path):
+            yield aside
+            aside.rename(path)
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
+
+
+@contextmanager
+def _named_by_place(aside: Path, place: Path) -> Iterator[None]:
+    """OSErrors of files below `aside` have the names that they would have had below `place`."""
+    try:
+        yield
     except OSError as error:
         named = str(error.filename or "")
         if not named.startswith(str(aside)):
             raise
-        raise OSError(error.errno, error.strerror, str(folder / Path(named).relative_to(aside))) from error
-    finally:
-        shutil.rmtree(aside, ignore_errors=True)
+        raise OSError(error.errno, error.strerror, str(place / Path(named).relative_to(aside))) from error
 
 
 def write_png(path: str | Path, pixels: np.ndarray) -> None:

@@ -5,7 +5,6 @@ Entries are whole or absent (written aside, then renamed), so that parallel runs
 """
 
 import hashlib
-import json
 import os
 import warnings
 import zipfile
@@ -17,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from activestereo.common.input_files import read_bytes, read_json
 from activestereo.common.output_files import replace_file
 from activestereo.compare.layers import Layers, RenderRequest
 
@@ -37,13 +37,13 @@ def scene_digest(scene_path: str | Path) -> str:
     """Content hash of a glTF scene and every file it refers to."""
     digest = hashlib.sha256()
     path = Path(scene_path)
-    digest.update(path.read_bytes())
+    digest.update(read_bytes(path))
     if path.suffix == ".gltf":
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = read_json(path)
         for entry in document.get("buffers", []) + document.get("images", []):
             uri = entry.get("uri", "")
             if uri and not uri.startswith("data:"):
-                digest.update((path.parent / uri).read_bytes())
+                digest.update(read_bytes(path.parent / uri))
     return digest.hexdigest()
 
 

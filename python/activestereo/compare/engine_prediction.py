@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.capture.capture import EYES, Capture, ImageKey
+from activestereo.common.input_files import read_bytes
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache, scene_digest
 from activestereo.compare.fit_model import fit_under_model
@@ -109,7 +110,7 @@ class LightOnly(NamedTuple):
 def _images_key(renderer: CaptureRenderer, model: Model, split: str, half: int | None) -> str:
     """Hash of all that decides the images: the capture, the code that renders, and what the effects do to it."""
     capture, digest = renderer.capture, hashlib.sha256()
-    digest.update((capture.path / "capture.json").read_bytes())
+    digest.update(read_bytes(capture.path / "capture.json"))
     digest.update(scene_digest(capture.scene_path).encode())
     digest.update(np.ascontiguousarray(capture.rig.projector.pattern()).tobytes())
     settings = renderer.samples_per_pixel, renderer.max_bounces, renderer.seed, split, half, SMOOTH_VERSION

@@ -4,7 +4,6 @@
 Test frames are touched once, for the held-out figures of the models along the way; they decide nothing.
 """
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from activestereo.capture.capture import Capture, read_capture
+from activestereo.common.input_files import read_json
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.model_file import library, model_json
@@ -120,9 +120,9 @@ def no_infrared(capture_path: str | Path) -> str | None:
     if not file.is_file():
         return None  # read_capture says what is wrong
     try:
-        frames = json.loads(file.read_text(encoding="utf-8"))["frames"]
+        frames = read_json(file)["frames"]
         missing = frames and all(frame.get("left") is None and frame.get("right") is None for frame in frames)
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
     return "the capture has no infrared images: depth alone fits nearly every effect" if missing else None
 

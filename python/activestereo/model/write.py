@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from activestereo.common.input_files import open_file
 from activestereo.common.output_files import replace_file
 from activestereo.model.model import NOISE_TERMS, Pattern, Quantity, Rig, RigCamera, SensorModel
 from activestereo.model.read import FORMAT, VERSION
@@ -24,7 +25,7 @@ def write_model(path: str | Path, model: SensorModel) -> list[Path]:
     if model.pattern is not None and model.pattern.file is not None:
         source, copy = Path(model.pattern.file), path.with_name(pattern_name)
         if source.resolve() != copy.resolve():
-            with open(source, "rb") as image:
+            with open_file(source) as image:
                 replace_file(copy, lambda file: shutil.copyfileobj(image, file))
         written.append(copy)
     text = json.dumps(model_json(model, pattern_name), indent=1) + "\n"

@@ -45,7 +45,7 @@ def pair_figure(
             each.set_axis_off()
     counts = figure.add_subplot(grid[2, :2])
     for colour, (name, pair) in zip(_COLOURS, pairs.items(), strict=False):
-        values = np.bincount(np.minimum(pair[0].ravel(), 4095))
+        values = np.bincount(np.minimum(pair[0].ravel().astype(np.int64), 4095))
         counts.plot(np.arange(len(values)), values / pair[0].size, color=colour, label=name, lw=1.2)
     counts.set(yscale="log", xlim=(0, 1.1 * highest), xlabel="left image, DN", ylabel="share of the pixels")
     counts.legend(frameon=False)

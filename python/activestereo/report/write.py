@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from activestereo.common.input_files import read_json
 from activestereo.common.output_files import replace_file
 from activestereo.report.comparison import cards, comparison_sections, settings_section, summary_line
 from activestereo.report.diagnosis import diagnosis_sections
@@ -77,7 +78,7 @@ def report_page(
 def _stored_diagnosis(folder: Path, capture: str) -> dict[str, Any] | None:
     """The folder's diagnose.json if it is of this capture; one that cannot be read is as good as none."""
     try:
-        diagnosis = json.loads((folder / "diagnose.json").read_text(encoding="utf-8"))
+        diagnosis = read_json(folder / "diagnose.json")
     except (OSError, ValueError):
         return None
     return diagnosis if isinstance(diagnosis, dict) and diagnosis.get("capture", capture) == capture else None

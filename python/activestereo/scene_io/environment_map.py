@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from activestereo.common.input_files import checked_file
+
 if TYPE_CHECKING:
     import kuafu
 
@@ -25,15 +27,15 @@ def read_environment_map(path: str | Path) -> np.ndarray:
     """Linear RGB radiance, float32 [height, width, 3], of an equirectangular image twice as wide as high. Raises
     EnvironmentMapError."""
     path = Path(path)
-    if not path.is_file():
+    if not path.exists():
         raise EnvironmentMapError(f"{path}: there is no such file")
     # OpenCV reads OpenEXR only where the environment says so, for files that are not trusted.
     os.environ.setdefault("OPENCV_IO_ENABLE_OPENEXR", "1")
     import cv2
 
     try:
-        pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    except cv2.error as error:
+        pixels = cv2.imread(str(checked_file(path)), cv2.IMREAD_UNCHANGED)
+    except (OSError, cv2.error) as error:
         raise EnvironmentMapError(f"{path}: cannot be read: {str(error).splitlines()[0]}") from error
     if pixels is None:
         raise EnvironmentMapError(f"{path}: is no image that can be read: .hdr, .exr, .png and .jpg can be")

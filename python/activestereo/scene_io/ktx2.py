@@ -17,7 +17,8 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.common.output_files import write_png
+from activestereo.common.input_files import read_bytes
+from activestereo.common.output_files import write_bytes, write_png, write_text
 from activestereo.scene_io.gltf_document import read_document
 
 if TYPE_CHECKING:
@@ -94,11 +95,11 @@ def _write(path: Path, folder: Path, document: dict[str, Any], chunk: int | None
         if "uri" in buffer:
             data = _bytes(path, buffer["uri"])
         elif number == 0 and chunk is not None:
-            data = path.read_bytes()[chunk : chunk + buffer["byteLength"]]
+            data = read_bytes(path)[chunk : chunk + buffer["byteLength"]]
         buffers.append(data)
         if data is not None:  # what is left is filled by an extension, as EXT_meshopt_compression does
             buffer["uri"] = f"buffer_{number}.bin"
-            (folder / buffer["uri"]).write_bytes(data)
+            write_bytes(folder / buffer["uri"], data)
     wanted = _numbers(document)
     for number, image in enumerate(document.get("images", [])):
         if number in wanted:
@@ -108,7 +109,7 @@ def _write(path: Path, folder: Path, document: dict[str, Any], chunk: int | None
         elif "uri" in image and not image["uri"].startswith("data:") and _is_used(document, number):
             data = _bytes(path, image["uri"])
             image["uri"] = f"image_{number}{Path(image['uri']).suffix}"
-            (folder / image["uri"]).write_bytes(data)
+            write_bytes(folder / image["uri"], data)
     for texture in document.get("textures", []):
         found = texture.get("extensions", {}).pop(_EXTENSION, None)
         if found is not None:
@@ -118,7 +119,7 @@ def _write(path: Path, folder: Path, document: dict[str, Any], chunk: int | None
         if left:
             document[key] = left
     out = folder / f"{path.stem}.gltf"
-    out.write_text(json.dumps(document))
+    write_text(out, json.dumps(document))
     return out
 
 
@@ -149,7 +150,7 @@ def _bytes(path: Path, uri: str) -> bytes:
             )
         if not file.is_file():
             raise Ktx2Error(f"{path}: '{uri}' is not there, or no regular file")
-        return file.read_bytes()
+        return read_bytes(file)
     try:
         return base64.b64decode(uri.partition(",")[2])
     except binascii.Error as error:

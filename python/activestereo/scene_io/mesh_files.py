@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 
+from activestereo.common.input_files import read_bytes
 from activestereo.scene_io.meshes import Mesh
 
 CREASE_DEG = 40.0
@@ -31,7 +32,7 @@ def read_mesh(path: str | Path, unit_m: float = 1.0) -> Mesh:
     if path.suffix.lower() not in readers:
         raise ValueError(f"{path}: is not {', '.join(SUFFIXES)}: export the part as one of these")
     try:
-        points, faces = readers[path.suffix.lower()](path.read_bytes())
+        points, faces = readers[path.suffix.lower()](read_bytes(path))
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, IndexError, KeyError, OverflowError) as error:

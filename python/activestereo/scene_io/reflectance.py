@@ -16,12 +16,15 @@ laser shines.
 from __future__ import annotations
 
 import csv
+import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+from activestereo.common.input_files import read_text
 
 if TYPE_CHECKING:
     import kuafu
@@ -77,9 +80,8 @@ def _observer(nm: NDArray[np.float64]) -> NDArray[np.float64]:
 def read_reflectances(path: str | Path, infrared_nm: float = INFRARED_NM) -> dict[str, Reflectance]:
     """The table's materials by name. Raises ReflectanceError."""
     try:
-        with Path(path).open(newline="", encoding="utf-8") as file:
-            rows = [row for row in csv.reader(file) if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        rows = [row for row in csv.reader(io.StringIO(read_text(path), newline="")) if row]
+    except (OSError, ValueError, csv.Error) as error:
         raise ReflectanceError(f"{path}: cannot be read: {error}") from error
     if len(rows) < 3 or rows[0][0].strip() != "wavelength_nm" or len(rows[0]) < 2:
         raise ReflectanceError(f"{path}: needs a first line wavelength_nm,NAME,... and at least two lines of numbers")

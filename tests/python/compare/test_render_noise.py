@@ -93,4 +93,4 @@ def test_halves_are_independent_and_their_mean_is_of_all_samples(lab_world, clea
     np.testing.assert_allclose(noise[0], -noise[1], atol=1e-5)
     assert (first.ambient != second.ambient)[seen].mean() > 0.99
     fine = mean[key[0]][key[1]].fine
-    np.testing.assert_allclose(fine.pixels[2], mean[key[0]][key[1]].ambient, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(fine.pixels()[2], mean[key[0]][key[1]].ambient, rtol=1e-4, atol=1e-6)

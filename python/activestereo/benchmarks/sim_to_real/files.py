@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.common.input_files import checked_file, read_json, read_text
 from activestereo.common.output_files import replace_file, write_text
 
 Candidate = tuple[str, int]  # a method and the number of its setting
@@ -83,7 +84,7 @@ class RunFolder:
     def keep_measured(self, materials: Mapping[str, Mapping[str, float]]) -> None:
         """ValueError where the folder has pictures of other measured materials."""
         path, text = self.path / "measured.json", json.dumps(materials, indent=2) + "\n"
-        if path.exists() and path.read_text() != text:
+        if path.exists() and read_text(path) != text:
             raise ValueError(
                 f"{path} has other measured materials: delete it, depth/full_measured_materials and "
                 "errors/full_measured_materials, and run the same again"
@@ -94,12 +95,10 @@ class RunFolder:
         """ValueError where there is no run."""
         path = self.path / "settings.json"
         try:
-            found = json.loads(path.read_text())
+            found = read_json(path)
         except FileNotFoundError:
             advice = "make one with 'activestereo benchmark sim-to-real run --out DIR'"
             raise ValueError(f"{self.path} has no run: {advice}") from None
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from error
         if not isinstance(found, dict):
             raise ValueError(f"{path}: is not an object of settings")
         return found
@@ -116,7 +115,7 @@ def _write(path: Path, **arrays: NDArray[Any]) -> None:
 
 def _read(path: Path, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
     try:
-        with np.load(path) as file:
+        with np.load(checked_file(path)) as file:
             return {name: file[name] for name in names}
     except FileNotFoundError:
         raise

@@ -8,7 +8,6 @@ object's poses put them.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from activestereo.capture.importers.color_depth import (
     camera_matrix_of,
     image_files,
 )
+from activestereo.common.input_files import read_json
 from activestereo.common.pose import printed_motion
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.mesh_files import read_mesh
@@ -100,7 +100,7 @@ def _write_scene(
 
 
 def _json(path: Path) -> dict[str, Any]:
-    try:
-        return dict(json.loads(path.read_text(encoding="utf-8")))
-    except (ValueError, TypeError) as error:
-        raise ValueError(f"{path}: is not a JSON object: {error}") from error
+    found = read_json(path)
+    if not isinstance(found, dict):
+        raise ValueError(f"{path}: is not a JSON object")
+    return found

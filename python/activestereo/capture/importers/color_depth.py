@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from activestereo.capture.capture import Camera, Capture, ColorCamera, Frame, Projector, Rig
 from activestereo.capture.images import image_size, read_color, read_gray
 from activestereo.capture.write import write_capture
+from activestereo.common.output_files import write_text
 
 EMPTY_SCENE = '{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}\n'
 
@@ -112,7 +113,7 @@ def write_color_depth(
     chosen = scene or recording.scene
     try:
         if chosen is None:
-            empty.write_text(EMPTY_SCENE, encoding="utf-8")
+            write_text(empty, EMPTY_SCENE)
         notes = {
             "notes": f"imported from {recording.kind}: colour and depth, no infrared; baseline and pattern are nominal"
         }

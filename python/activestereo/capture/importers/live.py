@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from activestereo.capture.images import write_gray
 from activestereo.capture.importers.realsense_text import DeviceText, Intrinsic
+from activestereo.common.output_files import write_png
 from activestereo.common.pose import printed_motion
 
 # Automatic exposure needs a second or so to settle.
@@ -59,7 +59,7 @@ def _save(rs: Any, frames: Any, folder: Path, exposure_s: float) -> float:
     for eye in (1, 2):
         write_gray(folder / f"Infrared {eye} {time_ms:.3f}.png", np.array(frames.get_infrared_frame(eye).get_data()))
     write_gray(folder / f"Depth {time_ms:.3f}.png", np.array(frames.get_depth_frame().get_data()))
-    Image.fromarray(np.array(frames.get_color_frame().get_data())).save(folder / f"Color {time_ms:.3f}.png")
+    write_png(folder / f"Color {time_ms:.3f}.png", np.array(frames.get_color_frame().get_data()))
     first = frames.get_infrared_frame(1)
     key = rs.frame_metadata_value.actual_exposure
     return 1e-6 * float(first.get_frame_metadata(key)) if first.supports_frame_metadata(key) else exposure_s

@@ -4,7 +4,6 @@ the camera as trajectory.log or, as its viewer saves them, trajectory.json."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from activestereo.capture.importers.color_depth import (
     camera_matrix_of,
     image_files,
 )
+from activestereo.common.input_files import read_json, read_text
 from activestereo.common.pose import printed_motion
 
 _INTRINSICS = ("camera_intrinsic.json", "intrinsic.json")
@@ -69,7 +69,7 @@ def _poses(folder: Path) -> list[NDArray[np.float64]] | None:
         return None
     blocks: list[Any]
     if path.suffix == ".log":
-        rows = [line.split() for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+        rows = [line.split() for line in read_text(path).splitlines() if line.strip()]
         blocks = [rows[k + 1 : k + 5] for k in range(0, len(rows), 5)]
     else:
         # Column by column, and from the world to the camera.
@@ -86,7 +86,7 @@ def _poses(folder: Path) -> list[NDArray[np.float64]] | None:
 
 
 def _json(path: Path) -> dict[str, Any]:
-    try:
-        return dict(json.loads(path.read_text(encoding="utf-8")))
-    except (ValueError, TypeError) as error:
-        raise ValueError(f"{path}: is not a JSON object: {error}") from error
+    found = read_json(path)
+    if not isinstance(found, dict):
+        raise ValueError(f"{path}: is not a JSON object")
+    return found

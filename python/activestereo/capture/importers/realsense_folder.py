@@ -22,6 +22,7 @@ from activestereo.capture.importers.color_depth import EMPTY_SCENE
 from activestereo.capture.importers.realsense_text import DeviceText
 from activestereo.capture.importers.trajectory import pose_at
 from activestereo.capture.write import write_capture
+from activestereo.common.output_files import write_text
 
 _STREAMS = {
     "left": re.compile(r"infra(?:red)?[ _-]?1|left|ir1", re.I),
@@ -213,7 +214,7 @@ def import_realsense(
     empty = out.with_name(f".{out.name}.scene.gltf")
     try:
         if scene is None:
-            empty.write_text(EMPTY_SCENE, encoding="utf-8")
+            write_text(empty, EMPTY_SCENE)
         capture = Capture(
             out, out.name, Path(scene) if scene else empty, rig, tuple(frames), {"notes": "imported from librealsense"}
         )

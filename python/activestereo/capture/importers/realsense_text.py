@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.common.input_files import read_text
 from activestereo.common.pose import printed_motion
 
 _INTRINSIC = re.compile(r'Intrinsic of\s+"(?P<stream>[^"]+)"\s*/\s*(?P<width>\d+)x(?P<height>\d+)')
@@ -72,7 +73,7 @@ def read_device_text(path: Path) -> DeviceText:
     """The DeviceText of a file. ValueError names file, key and value of what is wrong."""
     path = Path(path)
     try:
-        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+        lines = read_text(path, errors="replace").splitlines()
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from error
     intrinsics: dict[tuple[str, int, int], Intrinsic] = {}

@@ -8,30 +8,31 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
+from activestereo.common.input_files import read_text
+
 
 def read_trajectory(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(times [n] in seconds, increasing; poses [n][4][4]). ValueError names file, line and what is wrong."""
     rows: list[list[float]] = []
-    with open(path, encoding="utf-8") as file:
-        for number, line in enumerate(file, 1):
-            words = line.split("#")[0].replace(",", " ").split()
-            if not words:
-                continue
-            try:
-                values = [float(word) for word in words]
-            except ValueError:
-                raise ValueError(f"{path}: line {number}: '{line.strip()}' is not eight numbers") from None
-            if len(values) != 8 or not np.isfinite(values).all():
-                raise ValueError(
-                    f"{path}: line {number}: {len(values)} numbers, expected finite timestamp tx ty tz qx qy qz qw"
-                )
-            if abs(np.linalg.norm(values[4:]) - 1.0) > 0.01:
-                raise ValueError(
-                    f"{path}: line {number}: the quaternion's length is {np.linalg.norm(values[4:]):.3f}, expected 1"
-                )
-            if rows and values[0] <= rows[-1][0]:
-                raise ValueError(f"{path}: line {number}: timestamp {values[0]:.6f} is not after {rows[-1][0]:.6f}")
-            rows.append(values)
+    for number, line in enumerate(read_text(path).splitlines(), 1):
+        words = line.split("#")[0].replace(",", " ").split()
+        if not words:
+            continue
+        try:
+            values = [float(word) for word in words]
+        except ValueError:
+            raise ValueError(f"{path}: line {number}: '{line.strip()}' is not eight numbers") from None
+        if len(values) != 8 or not np.isfinite(values).all():
+            raise ValueError(
+                f"{path}: line {number}: {len(values)} numbers, expected finite timestamp tx ty tz qx qy qz qw"
+            )
+        if abs(np.linalg.norm(values[4:]) - 1.0) > 0.01:
+            raise ValueError(
+                f"{path}: line {number}: the quaternion's length is {np.linalg.norm(values[4:]):.3f}, expected 1"
+            )
+        if rows and values[0] <= rows[-1][0]:
+            raise ValueError(f"{path}: line {number}: timestamp {values[0]:.6f} is not after {rows[-1][0]:.6f}")
+        rows.append(values)
     if not rows:
         raise ValueError(f"{path}: holds no poses: each line is timestamp tx ty tz qx qy qz qw")
     table = np.array(rows)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from activestereo.capture.importers.color_depth import ColorDepthFrame, ColorDepthRecording, nearest
 from activestereo.capture.importers.trajectory import pose_at, read_trajectory
+from activestereo.common.input_files import read_text
 from activestereo.common.own_files import own_file
 
 _UNIT_M = 1.0 / 5000.0
@@ -41,7 +42,7 @@ def read_tum(folder: Path, K: NDArray[np.float64] | None, depth_scale: float | N
 
 def _listed(path: Path) -> dict[float, Path]:
     out: dict[float, Path] = {}
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+    for number, line in enumerate(read_text(path).splitlines(), 1):
         words = line.split("#")[0].split()
         if not words:
             continue

@@ -16,6 +16,7 @@ from PIL import Image
 import activestereo
 from activestereo.camera.presets import SAPIEN_NAMES
 from activestereo.camera.presets import StereoDepthSensorConfig as NativeConfig
+from activestereo.common.input_files import checked_file
 from activestereo.common.pose import Pose, as_matrix
 from activestereo.integrations.sapien.cuda_results import CudaResults
 from activestereo.integrations.sapien.device_array import DeviceArray
@@ -244,7 +245,7 @@ def _own_value(name: str, value: Any) -> Any:
 
 def _red_of(path: str | PathLike[str]) -> NDArray[np.uint8]:
     """SAPIEN's patterns are colour images, of which its red projector throws the red."""
-    with Image.open(Path(path)) as image:
+    with Image.open(checked_file(Path(path))) as image:
         return np.ascontiguousarray(np.asarray(image.convert("RGB"))[..., 0])
 
 

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Users' files for reading: regular files of a bounded size, for a pipe waits for ever and a device never ends."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import re
+import stat
+import sys
+from pathlib import Path
+from typing import Any, BinaryIO
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+MOST_BYTES = 1 << 33
+_PART_BYTES = 1 << 24
+MOST_TEXT_BYTES = 1 << 28
+# No format of this project nests ten deep; what walks a deeper tree may run out of stack.
+DEEPEST_JSON = 100
+_MOST_TOML_BYTES = 1 << 20
+_DEEPEST_TOML = 16
+
+
+def open_file(path: str | Path, most_bytes: int = MOST_BYTES) -> BinaryIO:
+    """The file, open for reading. OSError, whose filename is `path`, where it is no regular file or has more bytes."""
+    # Without O_NONBLOCK a pipe that nobody writes to would be waited for here.
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        _check(os.fstat(descriptor), path, most_bytes)
+    except OSError:
+        os.close(descriptor)
+        raise
+    return os.fdopen(descriptor, "rb")
+
+
+def checked_file(path: str | Path, most_bytes: int = MOST_BYTES) -> Path:
+    """The path, for a library that opens it itself. OSError as by open_file()."""
+    _check(os.stat(path), path, most_bytes)
+    return Path(path)
+
+
+def read_bytes(path: str | Path, most_bytes: int = MOST_BYTES) -> bytes:
+    """The whole content. OSError as by open_file()."""
+    with open_file(path, most_bytes) as file:
+        # In parts, for one large read takes the memory before it knows the size; the kernel's files tell none.
+        parts = [file.read(_PART_BYTES)]
+        while parts[-1]:
+            parts.append(file.read(_PART_BYTES))
+            if len(parts) * _PART_BYTES > most_bytes + 2 * _PART_BYTES:
+                raise _too_large(path, len(parts) * _PART_BYTES, most_bytes)
+    return b"".join(parts)
+
+
+def read_text(path: str | Path, encoding: str = "utf-8", errors: str = "strict") -> str:
+    """The text. OSError as by open_file(), ValueError with the path where the encoding is another."""
+    try:
+        return read_bytes(path, MOST_TEXT_BYTES).decode(encoding, errors)
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: is no text in UTF-8: {error}") from error
+
+
+def read_json(path: str | Path) -> Any:
+    """The JSON value. OSError as by open_file(), ValueError with the path where it is no JSON or nested too deep."""
+    text = read_text(path)
+    try:
+        value = json.loads(text)
+    except RecursionError:
+        raise ValueError(f"{path}: its brackets are nested deeper than {DEEPEST_JSON}") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: is not JSON: {error}") from error
+    level = [value]
+    for _ in range(DEEPEST_JSON):
+        level = [inner for outer in level for inner in _inside(outer)]
+        if not level:
+            return value
+    raise ValueError(f"{path}: its brackets are nested deeper than {DEEPEST_JSON}")
+
+
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """The tables. OSError as by open_file(), ValueError with the path where it is no TOML or nested too deep."""
+    text = read_bytes(path, _MOST_TOML_BYTES).decode("utf-8", "replace")
+    # tomllib's memory grows with the square of a dotted key's parts: 100 kB of them took all there was.
+    longest = max((part.count(".") for part in re.split(r"[=,{}\[\]\n]", text)), default=0)
+    if longest > _DEEPEST_TOML:
+        raise ValueError(f"{path}: a key has {longest + 1} parts, at most {_DEEPEST_TOML + 1} are read")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError(f"{path}: its brackets are nested too deep") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: is no TOML file: {error}") from error
+
+
+def _inside(value: Any) -> list[Any]:
+    entries = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return [entry for entry in entries if isinstance(entry, (dict, list))]
+
+
+def _check(status: os.stat_result, path: str | Path, most_bytes: int) -> None:
+    if stat.S_ISDIR(status.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(status.st_mode):
+        raise OSError(errno.EINVAL, "is a pipe or a device: copy it to a file first", str(path))
+    if status.st_size > most_bytes:
+        raise _too_large(path, status.st_size, most_bytes)
+
+
+def _too_large(path: str | Path, size: int, most_bytes: int) -> OSError:
+    text = f"has {size / 1e6:.0f} MB, at most {most_bytes / 1e6:.0f} MB are read"
+    return OSError(errno.EFBIG, text, str(path))
