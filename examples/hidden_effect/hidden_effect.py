@@ -18,7 +18,7 @@ from another_scene import picture as errors_picture
 from another_scene import true_and_simulated, without_effects
 
 from activestereo.lab import Lab
-from activestereo.report.diagnosis_text import parameter_text
+from activestereo.report.diagnosis_text import error_text, parameter_text
 from activestereo.common.output_files import replace_file
 from activestereo.common.progress_bar import ProgressBar
 
@@ -127,12 +127,9 @@ def report(result, answer, out):
     for entry in result["ranking"][:3]:
         values = ", ".join(parameter_text(name, parameter) for name, parameter in entry["parameters"].items())
         print(f"  {entry['effect']:24} {entry['score_nats']:9.0f} nats, confidence {entry['confidence']:.2f}: {values}")
-    figures = [result[f"heldout_{name}"] for name in ("ir_rmse_before", "ir_rmse_after", "noise_floor")]
-    print(
-        "error on frames that no fit has seen: {:.2f} DN before, {:.2f} after; noise alone gives {:.2f}".format(
-            *figures
-        )
-    )
+    floor = result["heldout_noise_floor"]
+    before, after = (error_text(result[f"heldout_ir_rmse_{when}"], floor, 2) for when in ("before", "after"))
+    print(f"error on frames that no fit has seen: {before} before, {after} after; noise alone gives {floor:.2f} DN")
     print(f"what was hidden: {', '.join(answer['hidden'])}")
     print(f"report: {out / 'report' / 'report.html'}, picture: {out / 'hidden_effect.png'}")
 

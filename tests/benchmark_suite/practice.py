@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Diagnoses practice captures and compares each with the model that was found, rendered by the engines.
+"""Diagnoses practice captures.
 
     python3 tests/benchmark_suite/practice.py CAPTURES --out out/practice
 
 CAPTURES holds practice-NN folders, each with its answer.json, which the tool does not get to see. Prints a Markdown
-table: verdict and first names, the share of the gap between base model and floor that is closed, test errors of the
-diagnosis and of `compare --model`, and the time of the diagnosis (wall and processor seconds) with all renders and once
-more with renders kept on disk. What was run already is not run again. """
+table: verdict and first names, the share of the gap between base model and floor that is closed, the test error of the
+model that was found, and the time of the diagnosis (wall and processor seconds) with all renders and once more with
+renders kept on disk. What was run already is not run again. """
 
 import argparse
 import json
@@ -21,9 +21,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 TOOL = str(ROOT / "build/bin/activestereo")
 HEAD = (
-    "| capture | hidden | verdict, found | gap closed | diagnosis, DN | compare --model, DN | ratio | diagnosis "
-    "| again |",
-    "|---|---|---|---|---|---|---|---|---|",
+    "| capture | hidden | verdict, found | gap closed | test error, DN | diagnosis | again |",
+    "|---|---|---|---|---|---|---|",
 )
 
 
@@ -50,15 +49,10 @@ def row(folder: Path, out: Path, tool: str, device: str) -> str:
     _, again = kept(
         place / "again" / "diagnose.json", [tool, "diagnose", str(capture), "--device", device], out / "renders"
     )
-    compared, _ = kept(
-        place / "compare" / "compare.json",
-        [tool, "compare", str(capture), "--device", device, "--model", str(place / "model.json")],
-        out / "renders",
-    )
     truth = json.loads(answer.read_text())
     hidden = ", ".join(effect["effect"] for effect in truth["effects"]) or "nothing"
     error = truth["oracle"]["ir_rmse_dn"]["test"]
-    diagnosed, engines = said["heldout_ir_rmse_after"], compared["ir"]["test"]["rmse_dn"]
+    diagnosed = said["heldout_ir_rmse_after"]
     gap = (error["before"] - diagnosed) / (error["before"] - error["floor"]) if truth["effects"] else None
     cells = [
         folder.name,
@@ -66,8 +60,6 @@ def row(folder: Path, out: Path, tool: str, device: str) -> str:
         ", ".join([said["verdict"], *said["added"]]),
         "" if gap is None else f"{gap:.2f}",
         f"{diagnosed:.3f}",
-        f"{engines:.3f}",
-        f"{engines / diagnosed:.3f}",
         f"{first['wall_s']:.0f} s, {first['processor_s']:.0f} s",
         f"{again['wall_s']:.0f} s, {again['processor_s']:.0f} s",
     ]

@@ -24,7 +24,9 @@ scale, black level, focal lengths and albedos, and judged on image tiles that it
 fit did not see; temporal noise is judged on repeats, faults of the depth engine
 on the device's disparity. An effect is accepted only if it is significant among
 all that were tried, explains {share} of the error above the noise floor or more,
-and helps wherever it acts. Test frames serve once, for the held-out figures.
+and helps wherever it acts. Test frames serve once, for the held-out figures,
+which are those of compare: before, without a model or with the given one; after,
+with model.json.
 
 The verdict is one of
   effect        what was added explains most of the error above the noise floor
@@ -82,7 +84,8 @@ def add_parser(commands: Commands) -> None:
         help="refine what surfaces, air and lights do by kuafu's own images (default; --no-refine saves a minute or "
              "two on two cores)",
     )
-    parser.add_argument("--spp", type=integer_from(1), default=32, metavar="N", help="samples per pixel (default: 32)")
+    text = "samples per pixel of what is told, as of compare; the search takes half (default: 64)"
+    parser.add_argument("--spp", type=integer_from(1), default=64, metavar="N", help=text)
     add_max_bounces(parser)
     add_seed(parser, "same seed, same answer")
     text = "processes that fit (default: one per core)"
@@ -95,15 +98,17 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.compare.engine_prediction import EngineImages
     from activestereo.compare.kuafu_renderer import KuafuRenderer
-    from activestereo.compare.model_file import library, read_model, scene_of
+    from activestereo.compare.model_file import library
     from activestereo.diagnose import diagnose
+    from activestereo.effects.engines import CaptureRenderer
+    from activestereo.model import read_model
     from activestereo.report.diagnosis_text import diagnosis_text
     from activestereo.report.write_diagnosis import write_diagnosis
 
     make_folder(args.out)
     effects = library(*args.effects)
-    model = read_model(args.model, effects, scene_of(args.capture))
-    engine = lambda capture: EngineImages(capture, args.device, args.spp, args.max_bounces, args.seed)  # noqa: E731
+    model = None if args.model is None else read_model(args.model, effects)
+    sampled = args.device, args.spp, args.max_bounces, args.seed
     with ProgressBar(f"diagnosing {args.capture.name}") as bar:
         diagnosis = diagnose(
             args.capture,
@@ -116,7 +121,8 @@ def run(args: argparse.Namespace) -> None:
             seed=args.seed,
             workers=args.workers,
             progress=bar,
-            rendering=engine if args.refine else None,
+            rendering=(lambda capture: EngineImages(capture, *sampled)) if args.refine else None,
+            engines=lambda capture: CaptureRenderer(capture, *sampled),
         )
     paths = write_diagnosis(diagnosis, args.out)
     print(diagnosis_text(diagnosis.result))

@@ -74,15 +74,14 @@ class EngineImages:
     """A capture's light under a model by the engine (a Rendering of diagnose/refine/by_rendering.py). Images are kept
     in the user's cache of renders.
 
-    Arguments as of CaptureRenderer. Samples are of the base model's images; a draft has a quarter of them. What a
-    search ends with has twice as many, as many as `compare` has: light below surfaces is noisier than the base model's,
-    and its images are no longer filtered there.
+    Arguments as of CaptureRenderer. What a search ends with has all samples, as many as `compare` has; a draft has an
+    eighth of them.
     """
 
     def __init__(
         self, capture: Capture, device: str | int, samples_per_pixel: int, max_bounces: int, seed: int
     ) -> None:
-        draft, whole = max(1, samples_per_pixel // 4), 2 * samples_per_pixel
+        draft, whole = max(1, samples_per_pixel // 8), samples_per_pixel
         self._draft, self._whole = (
             CaptureRenderer(capture, device, spp, max_bounces, seed) for spp in (draft, whole)
         )

@@ -1,15 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """The nuisances under a model with effects, where the prediction may bend: Gauss-Newton on the same least squares as
-nuisances.py."""
+nuisances.py; and the images that are expected with them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from activestereo.capture.capture import EYES, Capture, ImageKey
 from activestereo.compare.nuisances import CLIP_MARGIN_SIGMA, Fit, Nuisances, fit_nuisances, solve_bounded
+
+if TYPE_CHECKING:
+    from activestereo.compare.render import LayersOfFrames
+    from activestereo.effects.core.model import Model
+    from activestereo.effects.core.view import View
 
 _ROUNDS = 5
 _STEP = 1e-3
@@ -32,6 +38,29 @@ def fit_under_model(model: Any, observations: Sequence[Any], max_dn: float) -> F
     errors = deviation * np.sqrt(np.maximum(np.diag(inverse), 0.0))
     total = sum(measured.size for _, _, measured in observations)
     return Fit(Nuisances(*map(float, theta)), Nuisances(*map(float, errors)), int(used), 1.0 - used / total, at_bound)
+
+
+def predict_under_model(
+    capture: Capture,
+    model: Model,
+    layers: Sequence[LayersOfFrames],
+    views: Mapping[ImageKey, View],
+    measured: Mapping[ImageKey, np.ndarray],
+) -> tuple[Fit, dict[ImageKey, list[np.ndarray]]]:
+    """(the Fit of the nuisances on the train frames, {(frame id, eye): expected DN, [height][width] each}) under a
+    Model.
+
+    layers: those that are fitted, then those whose images are wanted, or the first alone where they are the same;
+    views and measured: {(frame id, eye): View and DN}. ValueError where there is nothing to fit.
+    """
+    lights = [{key: model.light(of[key[0]][key[1]], view) for key, view in views.items()} for of in layers]
+    keys = [(frame.id, eye) for frame in capture.split("train") for eye in EYES]
+    train = [(views[key], lights[0][key], measured[key]) for key in keys]
+    fit = fit_under_model(model, train, capture.rig.max_dn)
+    wanted = lights[1:] or lights
+    return fit, {
+        key: [model.signal(light[key], view, fit.nuisances) for light in wanted] for key, view in views.items()
+    }
 
 
 def _normal_equations(

@@ -4,10 +4,13 @@
 Test frames are touched once, for the held-out figures of the models along the way; they decide nothing.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,11 +18,11 @@ from activestereo.capture.capture import Capture, read_capture
 from activestereo.common.input_files import read_json
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache
-from activestereo.compare.model_file import library, model_json
+from activestereo.compare.model_file import library, model_json, scene_of
 from activestereo.compare.render import WARP_SCALE, Renderer, render_frames, render_halves
 from activestereo.compare.render_noise import mean_of_halves
 from activestereo.compare.where_channels import surface_text
-from activestereo.diagnose.answer.figures import held_out_figures
+from activestereo.diagnose.answer.figures import ErrorsOfModels, held_out_figures
 from activestereo.diagnose.answer.found_model import found_model
 from activestereo.diagnose.answer.judging import judging_json
 from activestereo.diagnose.answer.ranking_json import depth_json, not_ranked_json, ranking_json
@@ -44,9 +47,15 @@ from activestereo.diagnose.verdict.depth import engine_faults
 from activestereo.diagnose.verdict.verdict import EFFECT, UNDETERMINED, UNKNOWN, is_named, verdict_of
 from activestereo.effects import Effect, Model
 from activestereo.effects.core.judging import Channel
+from activestereo.effects.core.scene_surfaces import surface_names
+from activestereo.effects.engines.halves import half_samples
 from activestereo.model import SensorModel
 
-_RENDER_SHARE = 0.4
+if TYPE_CHECKING:
+    from activestereo.effects.engines import CaptureRenderer
+
+# Of the progress: what renders for the search, and where it gives way to the figures.
+_RENDER_SHARE, _SEARCH_ENDS = 0.35, 0.85
 
 
 @dataclass(frozen=True)
@@ -65,11 +74,11 @@ class Diagnosis:
 
 def diagnose(
     capture_path: str | Path,
-    model: Model | None = None,
+    model: Model | SensorModel | None = None,
     effects: Mapping[str, Effect] | None = None,
     steps: str = "one",
     renderer: Renderer | None = None,
-    samples_per_pixel: int = 32,
+    samples_per_pixel: int = 64,
     max_bounces: int = 8,
     seed: int = 0,
     cache: LayerCache | None = None,
@@ -77,18 +86,20 @@ def diagnose(
     progress: Progress | None = None,
     thresholds: Thresholds = THRESHOLDS,
     rendering: Callable[[Capture], Rendering] | None = None,
+    engines: Callable[[Capture], CaptureRenderer] | None = None,
 ) -> Diagnosis:
     """A Diagnosis of the capture folder. CaptureError where the capture cannot be used.
 
-    model: a Model to start from; effects: {id: Effect} to choose from, None for the built-in ones. steps: "one" adds
-    the best effect at most, "greedy" goes on until nothing may be named. progress: called with the fraction done.
-    rendering: makes a capture's engine, by whose images effects of light transport are refined
-    (diagnose/refine/by_rendering.py).
+    model: to start from; the search takes a SensorModel's effects alone. effects: {id: Effect} to choose from, None for
+    the built-in ones. steps: "one" adds the best effect at most, "greedy" goes on until nothing may be named.
+    samples_per_pixel: of the held-out figures' images, as compare() has them; the search looks at half as many.
+    progress: called with the fraction done. rendering: makes a capture's engine, by whose images effects of light
+    transport are refined (diagnose/refine/by_rendering.py). engines: as of compare(), for the same held-out figures.
     """
-    model, effects = model or Model(), library() if effects is None else effects
+    effects = library() if effects is None else effects
     reason = no_infrared(capture_path)
     if reason:
-        return _undetermined(reason, model)
+        return _undetermined(reason, _effects_of(model, scene_of(capture_path)))
     capture = read_capture(capture_path)
     if renderer is None:
         from activestereo.compare.kuafu_renderer import KuafuRenderer
@@ -96,16 +107,21 @@ def diagnose(
         renderer = KuafuRenderer()
     cache = cache or LayerCache()
     train, test = capture.split("train"), capture.split("test")
-    sampled = capture, renderer, samples_per_pixel, max_bounces, seed, cache
+    sampled = capture, renderer, half_samples(samples_per_pixel), max_bounces, seed, cache
     middle = _RENDER_SHARE * len(train) / len(capture.frames)
     layers = render_frames(*sampled, part_of(progress, 0.0, middle), WARP_SCALE, train)
     halves = render_halves(*sampled, part_of(progress, middle, _RENDER_SHARE), WARP_SCALE, test)
     evidence = gather(capture, {**layers, **mean_of_halves(halves)}, seed, halves)
-    share = part_of(progress, _RENDER_SHARE, 1.0)
+    share, rest = part_of(progress, _RENDER_SHARE, _SEARCH_ENDS), part_of(progress, _SEARCH_ENDS, 1.0)
+    whole: dict[str, Any] = {"samples_per_pixel": samples_per_pixel, "max_bounces": max_bounces, "seed": seed}
+    base = partial(render_halves, renderer=renderer, cache=cache, progress=rest, scale=WARP_SCALE, **whole)
+    errors = ErrorsOfModels(capture, base, seed, engines)
     engine = None if rendering is None else rendering(capture)
     memory = FitCache(cache, evidence.train)
     try:
-        return examine(evidence, model, list(effects.values()), steps, workers, share, thresholds, engine, memory)
+        return examine(
+            evidence, model, list(effects.values()), steps, workers, share, thresholds, engine, memory, errors
+        )
     finally:
         memory.save()  # what was done before a cancellation need not be done again
 
@@ -127,6 +143,14 @@ def no_infrared(capture_path: str | Path) -> str | None:
     return "the capture has no infrared images: depth alone fits nearly every effect" if missing else None
 
 
+_NO_FIGURES: dict[str, Any] = {
+    "heldout_ir_rmse_before": None,
+    "heldout_ir_rmse_after": None,
+    "heldout_noise_floor": None,
+    "curve": [],
+}
+
+
 def _undetermined(reason: str, model: Model) -> Diagnosis:
     text = "record the infrared images of both cameras, with two or more frames of each static view"
     result: dict[str, Any] = {
@@ -134,12 +158,9 @@ def _undetermined(reason: str, model: Model) -> Diagnosis:
         "reason": reason,
         "ranking": [],
         "added": [],
-        "heldout_ir_rmse_before": None,
-        "heldout_ir_rmse_after": None,
-        "heldout_noise_floor": None,
+        **_NO_FIGURES,
         "next_measurement": [{"text": text, "separates": [], "change": None}],
         "law": None,
-        "curve": [],
         "depth": {"verdict": UNDETERMINED, "reason": reason, "ranking": [], "added": []},
         "model": model_json(model),
     }
@@ -148,7 +169,7 @@ def _undetermined(reason: str, model: Model) -> Diagnosis:
 
 def examine(
     evidence: Evidence,
-    model: Model,
+    given: Model | SensorModel | None,
     candidates: Sequence[Effect],
     steps: str = "one",
     workers: int = 2,
@@ -156,8 +177,11 @@ def examine(
     thresholds: Thresholds = THRESHOLDS,
     rendering: Rendering | None = None,
     memory: FitCache | None = None,
+    errors: ErrorsOfModels | None = None,
 ) -> Diagnosis:
-    """diagnose() on gathered evidence. memory: where its fits are kept, or None."""
+    """diagnose() on gathered evidence. memory: where its fits are kept, or None. errors: None leaves the held-out
+    figures out."""
+    model = _effects_of(given, evidence.capture.scene_path)
     if all(np.ptp(o.measured) == 0 for o in evidence.train):
         return _undetermined("the infrared images are blank", model)
     fitters = Fitters.of(evidence, scan_observations(evidence.train, evidence.seed), memory, workers)
@@ -185,9 +209,7 @@ def examine(
         "not_ranked": not_ranked_json((*first.not_ranked, *depth.not_ranked)),
         "added": [*way[-1].added, *(f.id for f in on_top)],
         "depth": depth_json(depth, faults, name_of),
-        **held_out_figures(
-            way[-1].context.evidence, fitters, [(step.added, step.ranking.base) for step in way], on_top
-        ),
+        **_NO_FIGURES,
         "next_measurement": next_measurements(first, evidence),
         "judging": judging_json(first, evidence.has_floor),
         "law": law and law.as_json(),
@@ -195,7 +217,21 @@ def examine(
     }
     found = _with_own_functions(found, candidates)
     complete = found_model(evidence, found, solution, [*first.findings, *faults])
+    if errors is not None:
+        between = [step for step in way[1:] if list(step.added) != result["added"]]
+        models = [(step.added, _found_at(step, evidence, candidates)) for step in between]
+        result |= held_out_figures(errors, given, models, (result["added"], complete))
     return Diagnosis(result, found, None if law is None else law.stub(), complete)
+
+
+def _effects_of(given: Model | SensorModel | None, scene_path: Path | None) -> Model:
+    return given.bound(surface_names(scene_path)) if isinstance(given, SensorModel) else given or Model()
+
+
+def _found_at(step: Step, evidence: Evidence, candidates: Sequence[Effect]) -> SensorModel:
+    """The model of one step along the way."""
+    solution = step.ranking.base.solution
+    return found_model(evidence, _with_own_functions(solution.model, candidates), solution, ())
 
 
 def _with_own_functions(model: Model, candidates: Sequence[Effect]) -> Model:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from activestereo.report.charts import effects_chart
-from activestereo.report.diagnosis_text import parameter_text
+from activestereo.report.diagnosis_text import error_text, parameter_text
 from activestereo.report.models import ROWS
 from activestereo.report.page import chart, section, share_bar, table, text
 
@@ -46,7 +46,8 @@ def _verdict(diagnosis: dict[str, Any]) -> str:
     )
     if before is not None and after is not None:
         noise = "" if floor is None else f"; noise alone gives {floor:.2f} DN"
-        parts.append(f"<p>Held-out infrared error {before:.2f} → {after:.2f} DN{noise}.</p>")
+        errors = " → ".join(error_text(error, floor, 2) for error in (before, after))
+        parts.append(f"<p>Held-out infrared error {errors}{noise}.</p>")
     if diagnosis.get("reason"):
         parts.append(f"<p>{text(diagnosis['reason'])}</p>")
     steps = [step for step in diagnosis.get("curve", []) if step["heldout_ir_rmse"] is not None]

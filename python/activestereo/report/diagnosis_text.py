@@ -15,6 +15,11 @@ def parameter_text(name: str, found: Mapping[str, Any]) -> str:
     return f"{name} {found['value']:.4g}{interval}" + ("" if found["unit"] in ("", "1") else f" {found['unit']}")
 
 
+def error_text(rmse_dn: float, floor_dn: float | None, decimals: int) -> str:
+    """An error for reading. Nothing is below the noise floor but by chance: no digit of that is told."""
+    return f"{rmse_dn:.{decimals}f} DN" if floor_dn is None or rmse_dn > floor_dn else "at the noise floor"
+
+
 def diagnosis_text(result: Mapping[str, Any]) -> str:
     """What a reader wants first."""
     lines = [f"verdict: {result['verdict']}" + (f" ({', '.join(result['added'])})" if result["added"] else "")]
@@ -25,9 +30,10 @@ def diagnosis_text(result: Mapping[str, Any]) -> str:
     if first and first["equivalent"] and result["verdict"] in ("effect", "undetermined"):
         lines.append(f"this data cannot tell {first['effect']} from {', '.join(first['equivalent'])}")
     if result["heldout_ir_rmse_before"] is not None:
-        figures = [result[f"heldout_{name}"] for name in ("ir_rmse_before", "ir_rmse_after", "noise_floor")]
-        texts = ["unknown" if f is None else f"{f:.3f} DN" for f in figures]
-        lines.append(f"held-out infrared RMSE: {texts[0]} before, {texts[1]} after, noise floor {texts[2]}")
+        floor = result["heldout_noise_floor"]
+        before, after = (error_text(result[f"heldout_ir_rmse_{when}"], floor, 3) for when in ("before", "after"))
+        noise = "unknown" if floor is None else f"{floor:.3f} DN"
+        lines.append(f"held-out infrared RMSE: {before} before, {after} after, noise floor {noise}")
     lines += _depth_lines(result.get("depth"))
     lines += [f"next measurement: {advice['text']}" for advice in result["next_measurement"]]
     if result.get("law"):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from activestereo.capture.capture import EYES
-from activestereo.compare.compare import predict_under_model
+from activestereo.compare.fit_model import predict_under_model
 from activestereo.compare.model_file import library
 from activestereo.effects import Model, Randomness, Stage, View
 

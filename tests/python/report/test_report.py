@@ -12,6 +12,8 @@ import pytest
 import activestereo.lab
 from schema_check import violations
 from activestereo.report import explorer
+from activestereo.report.diagnosis import diagnosis_sections
+from activestereo.report.diagnosis_text import diagnosis_text
 from activestereo.report.encode import encoded_image
 from activestereo.report.explorer import explorer_data
 from activestereo.report.models import model_images
@@ -169,7 +171,7 @@ def test_a_diagnosis_in_the_folder_is_shown(comparison, tmp_path):
     assert page.open == []
     assert "A known effect is missing : radial_distortion" in words
     assert "principal_point_offset" in words and "lens <shading>" in words  # escaped, and read back
-    assert "a second distance" in words and "14.2" in words and "6.21 → 2.51 DN" in words
+    assert "a second distance" in words and "14.2" in words and "6.21 DN → 2.51 DN" in words
 
 
 def test_a_damaged_or_foreign_diagnosis_is_left_out(comparison, tmp_path):
@@ -205,3 +207,12 @@ def test_summary_names_depth_and_where(comparison):
 
 def test_text_is_escaped():
     assert "<b>" not in table(["<b>"], [])
+
+
+@pytest.mark.parametrize("after, said", [(2.51, "2.51 DN"), (2.43, "at the noise floor")])
+def test_no_error_below_the_noise_floor_is_told(after, said):
+    result = DIAGNOSIS | {"heldout_ir_rmse_after": after, "ranking": [], "next_measurement": [], "depth": {}}
+    [line] = [line for line in diagnosis_text(result).splitlines() if "held-out" in line]
+    page = "".join(diagnosis_sections(result))
+    assert said.split()[0] in line and f"6.21 DN → {said}" in page
+    assert (f"{after:.2f}" in line) == (after > result["heldout_noise_floor"])

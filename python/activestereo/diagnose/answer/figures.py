@@ -1,66 +1,80 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Held-out figures of the models along a diagnosis's way: the only use of test frames."""
+"""Held-out figures of a diagnosis: those that `compare` tells of the given model, and of the model that is written."""
 
-from collections.abc import Sequence
-from typing import TypeAlias
+from __future__ import annotations
 
-import numpy as np
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from activestereo.compare.render_noise import noise_square, rmse_without_noise
-from activestereo.diagnose.evidence import Evidence
-from activestereo.diagnose.findings import BaseFit, Finding
-from activestereo.diagnose.refine import Fitter, Fitters, Solution
+from activestereo.capture.capture import Capture
+from activestereo.common.computed_once import computed_once
+from activestereo.compare.image_errors import ImageErrors, image_errors
+from activestereo.compare.render import Halves
+from activestereo.effects import Model
+from activestereo.effects.core.scene_surfaces import surface_names
+from activestereo.model import SensorModel
+from activestereo.model.calibrated import calibrated
 
-# Names of the effects so far, what was found last, and the fit whose expected images it has or is added to.
-_Shown: TypeAlias = tuple[tuple[str, ...], BaseFit | Finding, Solution]
+if TYPE_CHECKING:
+    from activestereo.effects.engines import CaptureRenderer
+
+Step: TypeAlias = tuple[Sequence[str], SensorModel]  # effects added, and the model with them
+
+
+@dataclass(frozen=True)
+class ErrorsOfModels:
+    """The ImageErrors of models on a capture. base: renders the base model's light on all frames of a capture; seed and
+    engines as of compare()."""
+
+    capture: Capture
+    base: Callable[[Capture], Halves]
+    seed: int = 0
+    engines: Callable[[Capture], CaptureRenderer] | None = None
+
+    def given(self, model: Model | SensorModel | None) -> ImageErrors:
+        """Errors of the model that a diagnosis starts from. None: there is none; the base model's light is taken."""
+        if isinstance(model, SensorModel):
+            capture = calibrated(self.capture, model)
+            return self._under(model, capture, self.base(capture))
+        engines = None if model is None else self.engines
+        return image_errors(self.capture, model or Model(), self._own_base(), self.seed, engines)
+
+    def found(self, model: SensorModel) -> ImageErrors:
+        """Errors of a model with the capture's own calibration and pattern."""
+        return self._under(model, self.capture, self._own_base())
+
+    def _under(self, model: SensorModel, capture: Capture, base: Halves) -> ImageErrors:
+        names = surface_names(capture.scene_path)
+        return image_errors(capture, model.bound(names), base, self.seed, self.engines, model.survey(names))
+
+    @computed_once
+    def _own_base(self) -> Halves:
+        return self.base(self.capture)
 
 
 def held_out_figures(
-    evidence: Evidence, fitters: Fitters, bases: Sequence[tuple[tuple[str, ...], BaseFit]], beside: Sequence[Finding]
-) -> dict[str, object]:
-    """Held-out figures, and error against effects added: pooled over images, DN. Held-out errors are without the
-    renderer's own noise (render_noise.py).
+    errors: ErrorsOfModels, given: Model | SensorModel | None, between: Sequence[Step], written: Step
+) -> dict[str, Any]:
+    """Figures pooled over images, DN, without the renderer's own noise (render_noise.py); None without test frames.
 
-    bases: (effects added, BaseFit) along the way; beside: findings added on top of the last. What images do not show
-    leaves their error as it was.
+    between: models on the way from the given one to the written one, which model.json holds.
     """
-    shown: list[_Shown] = [(names, base, base.solution) for names, base in bases]
-    for finding in beside:
-        names, before, solution = shown[-1]
-        shown.append(((*names, finding.id), finding if finding.on_images else before, finding.solution or solution))
-    curve = []
-    for names, entry, solution in shown:
-        train = _rmse(_residuals(fitters.train, entry, False), 0.0)
-        test = _rmse(_residuals(fitters.test, entry, True), _render_noise(fitters, solution))
-        curve.append({"effects": list(names), "train_ir_rmse": train, "heldout_ir_rmse": test})
-    floor = {}
-    for name, split in (("train", evidence.train), ("heldout", evidence.test)):
-        floor[name] = float(np.sqrt(evidence.floor_variance(split))) if split and evidence.has_floor else None
+    added, model = written
+    before, after = errors.given(given), errors.found(model)
+    way = [((), before), *((names, errors.found(m)) for names, m in between), *([(added, after)] if added else [])]
+    floors = {split: e["noise_floor_dn"] for split, e in after.by_split().items()}
     return {
-        "heldout_ir_rmse_before": curve[0]["heldout_ir_rmse"],
-        "heldout_ir_rmse_after": curve[-1]["heldout_ir_rmse"],
-        "heldout_noise_floor": floor["heldout"],
-        "train_noise_floor": floor["train"],
-        "curve": curve,
+        "heldout_ir_rmse_before": _rmse(before, "test"),
+        "heldout_ir_rmse_after": _rmse(after, "test"),
+        "heldout_noise_floor": floors.get("test"),
+        "train_noise_floor": floors.get("train"),
+        "curve": [
+            {"effects": list(names), "train_ir_rmse": _rmse(e, "train"), "heldout_ir_rmse": _rmse(e, "test")}
+            for names, e in way
+        ],
     }
 
 
-def _render_noise(fitters: Fitters, solution: Solution) -> float:
-    """The sum of squares of the renderer's noise in the test images under a solution, DN^2."""
-    halves = [fitter.residuals(solution) for fitter in fitters.test_halves]
-    return sum(noise_square(a.expected, b.expected) * a.expected.size for a, b in zip(*halves, strict=True))
-
-
-def _rmse(residuals: Sequence[np.ndarray], noise_squares: float) -> float | None:
-    if not residuals:
-        return None
-    squares = sum(float((r.astype(np.float64) ** 2).sum()) for r in residuals)
-    return rmse_without_noise(squares, sum(r.size for r in residuals), noise_squares)
-
-
-def _residuals(fitter: Fitter, entry: BaseFit | Finding, is_test: bool) -> Sequence[np.ndarray]:
-    if isinstance(entry, Finding) and entry.explanation.fields is not None:
-        fields = entry.explanation.fields
-        return fields.test_residuals if is_test else fields.residuals
-    solution = entry.fitted if isinstance(entry, Finding) else entry.solution
-    return [row.residual for row in fitter.residuals(solution)]
+def _rmse(errors: ImageErrors, split: str) -> float | None:
+    return errors.by_split().get(split, {}).get("rmse_dn")

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The errors of a model's expected infrared images: the only figures that `compare` and `diagnose` tell of one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.capture.capture import EYES, SPLITS, Capture, Frame, ImageKey
+from activestereo.compare.engine_prediction import predict_in_engines
+from activestereo.compare.fit_model import predict_under_model
+from activestereo.compare.noise import NoiseLaw
+from activestereo.compare.noise_floors import floors_of
+from activestereo.compare.nuisances import Fit
+from activestereo.compare.render import Halves, LayersOfFrames
+from activestereo.compare.render_noise import mean_of_halves, noise_square, rmse_without_noise
+from activestereo.compare.unsteady_light import unsteady_light
+from activestereo.effects.core.model import Model
+from activestereo.effects.core.view import View
+from activestereo.effects.engines import SceneMeasurement
+
+if TYPE_CHECKING:
+    from activestereo.effects.engines.capture_renderer import CaptureRenderer
+
+
+@dataclass(frozen=True)
+class ImageErrors:
+    """A model's expected images beside the measured ones, {(frame id, eye): [height][width]}, DN.
+
+    layers: the base model's light, {frame id: {eye: Layers}}, the mean of two halves of the samples. fit: the nuisances
+    under the model, fitted to the train frames. floors: {(frame id, eye): (variance in DN^2, where it is from)}; law:
+    the noise law or None."""
+
+    capture: Capture
+    layers: LayersOfFrames
+    views: dict[ImageKey, View]
+    measured: dict[ImageKey, NDArray]
+    fit: Fit
+    predictions: dict[ImageKey, NDArray[np.float32]]
+    floors: dict[ImageKey, tuple[float, str]]
+    law: NoiseLaw | None
+    _sums: dict[ImageKey, dict[str, Any]]
+
+    def by_split(self) -> dict[str, dict[str, Any]]:
+        """{"train" or "test": errors pooled over its images, and of each eye}; a split without frames is left out."""
+        return {split: self._of_split(frames) for split in SPLITS if (frames := self.capture.split(split))}
+
+    def by_frame(self) -> list[dict[str, Any]]:
+        """Errors of every frame, and of each eye."""
+        return [self._of_frame(frame) for frame in self.capture.frames]
+
+    def _of_split(self, frames: Sequence[Frame]) -> dict[str, Any]:
+        of = {eye: [self._sums[frame.id, eye] for frame in frames] for eye in EYES}
+        pooled = _pool([image for eye in EYES for image in of[eye]])
+        sources = sorted({image["floor_source"] for eye in EYES for image in of[eye] if image["floor_source"]})
+        return pooled | {
+            "noise_floor_from": sources,
+            "frames": [frame.id for frame in frames],
+            "eyes": {eye: _pool(of[eye]) for eye in EYES},
+        }
+
+    def _of_frame(self, frame: Frame) -> dict[str, Any]:
+        eyes = {eye: _pool([self._sums[frame.id, eye]]) for eye in EYES}
+        pooled = _pool([self._sums[frame.id, eye] for eye in EYES])
+        source = self._sums[frame.id, "left"]["floor_source"]
+        return {"id": frame.id, "split": frame.split} | pooled | {"noise_floor_from": source, "eyes": eyes}
+
+
+def image_errors(
+    capture: Capture,
+    model: Model,
+    halves: Halves,
+    seed: int = 0,
+    engines: Callable[[Capture], CaptureRenderer] | None = None,
+    survey: SceneMeasurement | None = None,
+) -> ImageErrors:
+    """The ImageErrors of a model with the nuisances that fit the train frames. ValueError: there is nothing to fit.
+
+    halves: the base model's light on all frames, by render_halves(). engines: makes a CaptureRenderer of the capture,
+    in which the model's effects act; None: their image functions do. survey: what is known of focal lengths and
+    albedos, which engines alone show.
+    """
+    layers = mean_of_halves(halves)
+    measured = {(frame.id, eye): capture.ir(frame, eye) for frame in capture.frames for eye in EYES}
+    views = {
+        (frame.id, eye): View.of(capture, frame, eye, layers[frame.id][eye], seed)
+        for frame in capture.frames
+        for eye in EYES
+    }
+    if engines is None:
+        fit, expected = predict_under_model(capture, model, (layers, *halves), views, measured)
+    else:
+        fit, expected = predict_in_engines(
+            capture, model, survey or SceneMeasurement(), engines(capture), layers, views, measured
+        )
+    predictions = {key: (0.5 * (a + b)).astype(np.float32) for key, (a, b) in expected.items()}
+    seen = {(f, e): (views[f, e].frame, layers[f][e], image) for (f, e), image in measured.items()}
+    floors, law = floors_of(capture, views, measured, predictions, fit.nuisances.black_dn, unsteady_light(seen))
+    sums = {key: _sums_of(measured[key], expected[key], floors.get(key)) for key in measured}
+    return ImageErrors(capture, layers, views, measured, fit, predictions, floors, law, sums)
+
+
+def _sums_of(measured: np.ndarray, halves: Sequence[np.ndarray], floor: Any) -> dict[str, Any]:
+    """Sums of squares of one image, to be pooled over eyes and frames. halves: expected, of half the samples each."""
+    residual = measured - 0.5 * (halves[0] + halves[1])
+    return {
+        "squares": float((residual**2).sum()),
+        "noise_squares": noise_square(*halves) * residual.size,
+        "sum": float(residual.sum()),
+        "pixels": residual.size,
+        "floor_variance": None if floor is None else floor[0],
+        "floor_source": None if floor is None else floor[1],
+    }
+
+
+def _pool(images: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """RMSE without the renderer's noise, bias, that noise, the measurement's noise floor, and what is left above it of
+    pooled pixels, DN."""
+    pixels, squares, noise = (sum(image[name] for image in images) for name in ("pixels", "squares", "noise_squares"))
+    rmse = rmse_without_noise(squares, pixels, noise)
+    pooled = {
+        "rmse_dn": rmse,
+        "bias_dn": sum(image["sum"] for image in images) / pixels,
+        "render_noise_dn": float(np.sqrt(noise / pixels)),
+    }
+    if any(image["floor_variance"] is None for image in images):
+        return pooled | {"noise_floor_dn": None, "explainable_rmse_dn": None}
+    floor = np.sqrt(sum(image["floor_variance"] * image["pixels"] for image in images) / pixels)
+    explainable = np.sqrt(max(0.0, rmse**2 - floor**2))
+    return pooled | {"noise_floor_dn": float(floor), "explainable_rmse_dn": float(explainable)}

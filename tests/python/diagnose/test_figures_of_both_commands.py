@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""diagnose tells of the given model, and of the model that it writes, what compare tells of them in any folder."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from activestereo.capture.capture import read_capture
+from activestereo.capture.images import read_gray
+from activestereo.capture.write import write_capture
+from activestereo.cli import main
+from activestereo.compare.nuisances import Nuisances
+from activestereo.compare.surrogate import trial_capture
+from activestereo.diagnose import diagnose
+from activestereo.effects import Model, builtin
+from activestereo.effects.engines import CaptureRenderer, SceneMeasurement
+from activestereo.model import diagnosed_model, read_model, write_model
+from activestereo.report.write_diagnosis import write_diagnosis
+
+FEW = {name: builtin()[name] for name in ("vignetting", "response_gamma", "gain_mismatch")}
+SAMPLING = 16, 1, 3  # per pixel, bounces, seed
+NOISE_DN = 3.0
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory) -> Path:
+    """A small capture by a sensor whose lens shades: a view that is repeated, and a frame that is held out."""
+    folder = tmp_path_factory.mktemp("figures")
+    nominal = trial_capture(folder, scale=0.5)
+    first, second = nominal.frames
+    frames = *(replace(first, id=n, repeat_group=0) for n in (0, 1)), replace(second, id=2, split="test")
+    nominal = replace(nominal, frames=frames)
+    hidden = Model().with_effect(FEW["vignetting"], exponent=2.0)
+    light = CaptureRenderer(nominal, "auto", *SAMPLING)
+    survey = SceneMeasurement((0.002, 0.002), {1: 1.1})
+    images, rng = light.expected(hidden, Nuisances(120000.0, 9000.0, 5.0), survey=survey), np.random.default_rng(1)
+    noisy = {
+        key: np.clip(np.rint(dn + NOISE_DN * rng.standard_normal(dn.shape)), 0, 255).astype(np.uint8)
+        for key, dn in images.items()
+    }
+    write_capture(folder / "capture", nominal, noisy, read_gray(nominal.rig.projector.pattern_path))
+    return folder / "capture"
+
+
+def compared(capture: Path, out: Path, model: Path | None = None) -> dict[str, float]:
+    samples, bounces, seed = map(str, SAMPLING)
+    words = ["compare", str(capture), "--out", str(out), "--spp", samples, "--max-bounces", bounces, "--seed", seed]
+    assert main(words + ([] if model is None else ["--model", str(model)])) == 0
+    return json.loads((out / "compare.json").read_text())["ir"]
+
+
+@pytest.mark.parametrize("starts_from", ["nothing", "a model"])
+def test_diagnose_and_compare_tell_the_same_figures(capture, tmp_path, starts_from):
+    start = None
+    if starts_from == "a model":
+        start = tmp_path / "start.json"
+        model = Model().with_effect(FEW["gain_mismatch"], gain=0.02)
+        write_model(start, diagnosed_model(read_capture(capture), model, {"focal_left": 0.001, "focal_right": 0.0}))
+    samples, bounces, seed = SAMPLING
+    diagnosis = diagnose(
+        capture,
+        None if start is None else read_model(start),
+        FEW,
+        samples_per_pixel=samples,
+        max_bounces=bounces,
+        seed=seed,
+        workers=1,
+        engines=lambda of: CaptureRenderer(of, "auto", samples, bounces, seed),
+    )
+    write_diagnosis(diagnosis, tmp_path / "diagnosis")
+    said = json.loads((tmp_path / "diagnosis" / "diagnose.json").read_text())
+    assert said["added"] == ["vignetting"]
+    before = compared(capture, tmp_path / "before", start)
+    after = compared(capture, tmp_path / "elsewhere", tmp_path / "diagnosis" / "model.json")
+    assert said["heldout_ir_rmse_before"] == before["test"]["rmse_dn"]
+    assert said["heldout_ir_rmse_after"] == after["test"]["rmse_dn"]
+    assert said["heldout_noise_floor"] == after["test"]["noise_floor_dn"]
+    assert said["train_noise_floor"] == after["train"]["noise_floor_dn"]
+    assert [step["effects"] for step in said["curve"]] == [[], ["vignetting"]]
+    assert [step["heldout_ir_rmse"] for step in said["curve"]] == [before["test"]["rmse_dn"], after["test"]["rmse_dn"]]
+    assert [step["train_ir_rmse"] for step in said["curve"]] == [before["train"]["rmse_dn"], after["train"]["rmse_dn"]]
+    left, had = (figures["test"]["explainable_rmse_dn"] for figures in (after, before))
+    assert left < 0.2 * had
