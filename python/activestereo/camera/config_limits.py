@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from math import inf
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+import kuafu
 from activestereo.common.limits import (
     ANY,
     DISTORTION,
@@ -25,13 +27,20 @@ from activestereo.common.limits import (
     TURN_RATE,
     Limits,
 )
-from activestereo.common.matcher_table import MATCHER, RIG
+from activestereo.common.matcher_table import MATCHER, RIG, SIGNAL
 from activestereo.common.parameter import Parameter
-from activestereo.common.render_table import RENDER, RENDERER
+from activestereo.common.render_table import FILM, RENDER, RENDERER
 
 # {camera: (resolution, its matrix, a copy of that)}: what belongs together.
 Calibrated: TypeAlias = "Mapping[str, tuple[tuple[int, int], NDArray[np.float64], NDArray[np.float64]]]"
 _TABLE = {p.name: p for p in (*MATCHER, *RIG, *RENDERER, *RENDER)}
+_IMAGER, _OPTICS = ({p.name: p for p in table} for table in (SIGNAL, FILM))
+# Optics have parameters of several numbers, too.
+_OPTICS_LENGTHS = {
+    name: len(value) for name in dir(kuafu.Film) if isinstance(value := getattr(kuafu.Film(), name), tuple)
+}
+# Fields that hold an engine's own parameters by name.
+_RECORDS = {"ir_signal": _IMAGER, "ir_film": _OPTICS, "rgb_film": _OPTICS}
 # Where infinity says that there is no limit.
 _ENDLESS = ("max_depth_m",)
 _SHARE = Limits(0.0, 1.0)
@@ -102,6 +111,10 @@ def check_field(name: str, value: Any) -> None:
         fault = _matrix_fault(value)
     elif name in _POSES:
         fault = _list_fault(value.p.tolist(), [LENGTH] * 3)
+    elif name in _RECORDS:
+        fault = _record_fault(value, _RECORDS[name])
+    elif name == "light_dots":
+        fault = _dots_fault(value)
     elif name in _CHOICES and value not in _CHOICES[name]:
         fault = f"is {value!r} (known: {', '.join(_CHOICES[name])})"
     if fault is not None:
@@ -130,6 +143,42 @@ def _parameter_fault(p: Parameter, value: Any) -> str | None:
     return fault
 
 
+def _record_fault(values: Any, table: Mapping[str, Parameter]) -> str | None:
+    if values is None or isinstance(values, str):  # the engine's preset of that name
+        return None
+    if not isinstance(values, Mapping):
+        return f"is {values!r}, expected {{parameter: value}}"
+    lengths = _OPTICS_LENGTHS if table is _OPTICS else {}
+    for name, value in values.items():
+        if name in table:
+            fault = _parameter_fault(table[name], value)
+        elif name in lengths:
+            fault = _list_fault(value, [ANY] * lengths[name])
+        else:
+            near = [known for known in (*table, *lengths) if known.startswith(str(name))]
+            near = near or get_close_matches(str(name), [*table, *lengths], 1)
+            return f"has no parameter {name!r}" + (f": did you mean {near[0]!r}?" if near else "")
+        if fault is not None:
+            return f"[{name!r}] {fault}"
+    return None
+
+
+def _dots_fault(dots: Any) -> str | None:
+    if dots is None:
+        return None
+    try:
+        table = np.asarray(dots, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        table = np.empty(0)
+    if table.ndim != 2 or table.shape[1] != 3 or not len(table):
+        return f"has the shape {list(table.shape)}, expected [dots, 3]: u, v and power"
+    is_right = (np.abs(table) <= PIXEL.high).all(axis=1) & (table[:, 2] >= 0)  # false for NaN, too
+    if is_right.all():
+        return None
+    first = int(np.argmin(is_right))
+    return f"[{first}] is {table[first].tolist()}, expected u and v in pixels and a power of 0 or more"
+
+
 def _list_fault(values: Any, limits: Sequence[Limits]) -> str | None:
     if isinstance(values, str) or np.shape(values) != (len(limits),):
         return f"is {values!r}, expected {len(limits)} numbers"
@@ -154,6 +203,14 @@ def _matrix_fault(value: Any) -> str | None:
     if k[1, 0] != 0 or not np.array_equal(k[2], [0, 0, 1]):
         return f"is {k.tolist()}, expected [fx s cx, 0 fy cy, 0 0 1]"
     return None
+
+
+def check_matrix(name: str, k: Any, fields: Mapping[str, Any]) -> None:
+    """ValueError where a camera's matrix is not of the resolution that is set."""
+    camera = name.partition("_")[0]
+    if k is not None and name != "pattern_intrinsic":
+        width, height = fields[f"{camera}_resolution"]
+        _check_middle(name, np.asarray(k), width, height, f"set {camera}_resolution first")
 
 
 def check_together(fields: Mapping[str, Any], calibrated: Calibrated) -> None:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.camera.camera_file import CameraData, camera_titles, read_camera
-from activestereo.camera.config_limits import Calibrated, check_field, check_together
+from activestereo.camera.config_limits import Calibrated, check_field, check_matrix, check_together
 from activestereo.common.matcher_table import MATCHER, RIG, MatcherFields
 from activestereo.common.pattern import PatternDesign, make_pattern
 from activestereo.common.pose import Pose
@@ -258,6 +258,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
             hint = f"; did you mean '{close[0]}'?" if close else ""
             raise AttributeError(f"a sensor's configuration has no field '{name}'{hint}")
         check_field(name, value)
+        if name.endswith("_intrinsic") and "_calibrated" in vars(self):
+            check_matrix(name, value, vars(self))
         object.__setattr__(self, name, value)
 
     @classmethod

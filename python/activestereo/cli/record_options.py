@@ -30,7 +30,6 @@ def add_records(group: argparse._ArgumentGroup) -> None:
 
 def set_records(config: StereoDepthSensorConfig, args: argparse.Namespace) -> None:
     """Puts what was given on top of what the sensor's configuration has."""
-    import kuafu
     import simsense
 
     if args.ir_signal:
@@ -38,8 +37,6 @@ def set_records(config: StereoDepthSensorConfig, args: argparse.Namespace) -> No
     for name, fields in (("ir_film", args.ir_film), ("rgb_film", args.rgb_film)):
         for field, value in fields:
             setattr(config, name, (getattr(config, name) or {}) | {field: value})
-        if fields:
-            _check(f"--{name.replace('_', '-')}", kuafu.Film(), getattr(config, name))
 
 
 def _imager(
@@ -56,19 +53,6 @@ def _imager(
         else:
             raise CommandError(f"--ir-signal {name}: an imager's fields are {', '.join(neutral)}, each one number")
     return out
-
-
-def _check(option: str, record: Any, fields: Mapping[str, Any]) -> None:
-    """The record takes the fields: there is such a one, and it has as many numbers."""
-    for name, value in fields.items():
-        known = [field for field in dir(record) if not field.startswith("_")]
-        if name not in known:
-            raise CommandError(f"{option} {name}: there is no such field (known: {', '.join(known)})")
-        try:
-            setattr(record, name, value)
-        except TypeError:
-            count = len(getattr(record, name)) if isinstance(getattr(record, name), tuple) else 1
-            raise CommandError(f"{option} {name} needs {count} number{'s' if count > 1 else ''}, not {value}") from None
 
 
 def _field(text: str) -> tuple[str, float | int | list[float] | None]:

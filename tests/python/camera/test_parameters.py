@@ -163,7 +163,7 @@ def test_fields_of_optics_and_imagers_are_options() -> None:
     [
         (("--ir-film", "psf=1"), "psf_sigma_px"),
         (("--ir-film", "vignetting_polynomial=1"), "3 numbers"),
-        (("--rgb-film", "psf_sigma_px=1,2"), "1 number"),
+        (("--rgb-film", "psf_sigma_px=1,2"), "expected a finite number"),
         (("--ir-signal", "read_noise=2"), "read_noise_e"),
         (("--ir-signal", "d400"), "d435"),
     ],
