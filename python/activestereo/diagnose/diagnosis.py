@@ -20,7 +20,6 @@ from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.model_file import library, model_json, scene_of
 from activestereo.compare.render import WARP_SCALE, Renderer, render_frames, render_halves
-from activestereo.compare.render_noise import mean_of_halves
 from activestereo.compare.where_channels import surface_text
 from activestereo.diagnose.answer.figures import ErrorsOfModels, held_out_figures
 from activestereo.diagnose.answer.found_model import found_model
@@ -106,12 +105,8 @@ def diagnose(
 
         renderer = KuafuRenderer()
     cache = cache or LayerCache()
-    train, test = capture.split("train"), capture.split("test")
-    sampled = capture, renderer, half_samples(samples_per_pixel), max_bounces, seed, cache
-    middle = _RENDER_SHARE * len(train) / len(capture.frames)
-    layers = render_frames(*sampled, part_of(progress, 0.0, middle), WARP_SCALE, train)
-    halves = render_halves(*sampled, part_of(progress, middle, _RENDER_SHARE), WARP_SCALE, test)
-    evidence = gather(capture, {**layers, **mean_of_halves(halves)}, seed, halves)
+    sampled = half_samples(samples_per_pixel), max_bounces, seed, cache, part_of(progress, 0.0, _RENDER_SHARE)
+    evidence = gather(capture, render_frames(capture, renderer, *sampled, WARP_SCALE), seed)
     share, rest = part_of(progress, _RENDER_SHARE, _SEARCH_ENDS), part_of(progress, _SEARCH_ENDS, 1.0)
     whole: dict[str, Any] = {"samples_per_pixel": samples_per_pixel, "max_bounces": max_bounces, "seed": seed}
     base = partial(render_halves, renderer=renderer, cache=cache, progress=rest, scale=WARP_SCALE, **whole)

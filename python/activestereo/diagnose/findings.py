@@ -39,12 +39,11 @@ class BaseFit:
 class FieldFit:
     """Fields of random draws, fitted.
 
-    residuals: of the train images after each was predicted from others; test_residuals: of the test images. sigma,
-    error: {parameter: deviation of a draw, its standard error}; share: of the places that have a sparse draw.
+    residuals: of the train images after each was predicted from others. sigma, error: {parameter: deviation of a draw,
+    its standard error}; share: of the places that have a sparse draw.
     """
 
     residuals: tuple[np.ndarray, ...]
-    test_residuals: tuple[np.ndarray, ...]
     sigma: Mapping[str, float]
     error: Mapping[str, float]
     share: float = 0.0

@@ -52,7 +52,7 @@ def test_hot_pixels_are_told_beside_a_fixed_pattern_and_not_in_it(pattern_dn, ho
     rows, findings = rows_with(pattern_dn, hot_dn), []
     for name in ("fixed_pattern_noise", "hot_pixels"):
         effect = builtin()[name]
-        fit = fit_fields(effect, rows, rows[:1], 0.0, THRESHOLDS)
+        fit = fit_fields(effect, rows, 0.0, THRESHOLDS)
         if fit is not None:
             parameters = field_parameters(effect, fit)
             explanation = Explanation(effect, Channel.STATIC_FIELD, parameters, 1.0, np.zeros(1), fields=fit)
@@ -76,7 +76,7 @@ def test_an_error_of_the_tone_curve_is_no_grain():
             for r in rows
         ]
         for name in ("prnu", "fixed_pattern_noise"):
-            fit = fit_fields(builtin()[name], bent, bent[:1], 0.0, THRESHOLDS)
+            fit = fit_fields(builtin()[name], bent, 0.0, THRESHOLDS)
             left = bent if fit is None else [r._replace(residual=x) for r, x in zip(bent, fit.residuals, strict=True)]
             before, after = (np.mean([r.residual**2 for r in some]) for some in (bent, left))
             share[name, error] = 1.0 - after / before

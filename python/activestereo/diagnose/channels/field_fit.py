@@ -31,7 +31,6 @@ Beside = Sequence[tuple[RandomTerm, float]]
 def fit_fields(
     effect: Effect,
     train: Sequence[ImageResidual],
-    test: Sequence[ImageResidual],
     black_dn: float,
     thresholds: Thresholds,
     beside: Beside = (),
@@ -42,8 +41,8 @@ def fit_fields(
     What is a function of the expected value alone, as an error of a tone curve is, is no draw: it is left as it is.
     beside: (term, deviation of a draw) of other fields, which a sparse draw has to stand out of.
     """
-    curves, test_curves = ([_level_means(row) for row in rows] for rows in (train, test))
-    train, test = _less(train, curves), _less(test, test_curves)
+    curves = [_level_means(row) for row in train]
+    train = _less(train, curves)
     index, share, found = DrawIndex(), 0.0, False
     sigma, error = {}, {}
     for term in effect.random_terms:
@@ -65,15 +64,12 @@ def fit_fields(
             seen = np.sqrt(dots_seen(train, partial(_variance_of, rows=rows)))
             sigma[term.parameter], error[term.parameter] = sigma[term.parameter] / seen, error[term.parameter] / seen
         found = True
-        tests = [_row_of(term, row, black_dn, index, beside) for row in test]
         train = _with_residuals(train, [_corrected(row, rows, totals, variance, sparse) for row in rows])
-        test = _with_residuals(test, [_predicted(row, totals, variance, sparse) for row in tests])
         if term.sparse_share:
             share, mean = _sparse(totals, thresholds.hot_sigma)
             sigma[term.parameter] = sigma[term.parameter] if mean is None else mean
     residuals = tuple(row.residual + curve for row, curve in zip(train, curves, strict=True))
-    test_residuals = tuple(row.residual + curve for row, curve in zip(test, test_curves, strict=True))
-    return FieldFit(residuals, test_residuals, sigma, error, share) if found else None
+    return FieldFit(residuals, sigma, error, share) if found else None
 
 
 def _level_means(row: ImageResidual) -> np.ndarray:
@@ -225,9 +221,3 @@ def _corrected(
     own = np.sum([other.sums(totals.shape[1]) for other in rows if other.group == row.group], axis=0)
     value = _shrunk(totals - own, variance, hot_sigma)
     return row.residual - row.z * value[row.index]
-
-
-def _predicted(row: _Row, totals: np.ndarray, variance: float, hot_sigma: float | None) -> np.ndarray:
-    value = _shrunk(totals, variance, hot_sigma)
-    known = row.index < len(value)
-    return row.residual - row.z * np.where(known, value[np.minimum(row.index, len(value) - 1)], 0.0)

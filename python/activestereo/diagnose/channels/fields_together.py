@@ -80,13 +80,13 @@ def _in_turn(
     findings: Sequence[tuple[Finding, Beside]], base: BaseFit, thresholds: Thresholds
 ) -> tuple[list[Finding], list[float]]:
     """Findings, each fitted to what those before it leave, and by how much chi2 falls."""
-    rows, test = base.train, base.test
+    rows = base.train
     fitted: list[Finding] = []
     gains: list[float] = []
     for f, beside in findings:
-        fit = fit_fields(f.effect, rows, test, base.solution.nuisances.black_dn, thresholds, beside)
+        fit = fit_fields(f.effect, rows, base.solution.nuisances.black_dn, thresholds, beside)
         if fit is not None:
-            left, test = _leaving(rows, fit.residuals), _leaving(test, fit.test_residuals)
+            left = _leaving(rows, fit.residuals)
             gains.append(_chi2(rows) - _chi2(left))
             rows, parameters = left, field_parameters(f.effect, fit)
             fitted.append(replace(f, explanation=replace(f.explanation, fields=fit, parameters=parameters)))
@@ -106,7 +106,7 @@ def _dense_together(findings: Sequence[Finding], base: BaseFit, thresholds: Thre
     chosen = sorted(((term, f) for term, f in terms if term is not None), key=lambda pair: _order(pair[0]))
     if len(chosen) < 2:
         return []
-    train, test = base.train, base.test
+    train = base.train
     black_dn = base.solution.nuisances.black_dn
     largest = {f.id: _largest_sigma(f) for _, f in chosen}
     shown = components({f.id: term for term, f in chosen}, largest, train, black_dn, thresholds)
@@ -116,11 +116,11 @@ def _dense_together(findings: Sequence[Finding], base: BaseFit, thresholds: Thre
         part = shown[f.id]
         if not (part.floors > least and part.variance > thresholds.component_sigmas * part.error):
             continue
-        fit = fit_fields(f.effect, train, test, black_dn, thresholds)
+        fit = fit_fields(f.effect, train, black_dn, thresholds)
         if fit is not None:
             explanation = replace(f.explanation, fields=fit, parameters=_parameters(f, part))
             fitted.append(replace(f, explanation=explanation))
-            train, test = _leaving(train, fit.residuals), _leaving(test, fit.test_residuals)
+            train = _leaving(train, fit.residuals)
     return fitted if len(fitted) > 1 else []
 
 

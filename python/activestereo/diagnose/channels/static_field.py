@@ -39,7 +39,7 @@ class StaticFieldChannel(JudgingChannel):
                 effect, "what stays between repeats of a view is not white over the image, as its draws would be"
             )
         black_dn = self._base.solution.nuisances.black_dn
-        fit = fit_fields(effect, self._base.train, self._base.test, black_dn, self._thresholds)
+        fit = fit_fields(effect, self._base.train, black_dn, self._thresholds)
         if fit is None:
             return NotRanked(effect, "no draws repeat from frame to frame, or what repeats is not random")
         tiles = np.zeros(self._evidence.tiles)

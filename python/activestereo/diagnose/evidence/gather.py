@@ -4,7 +4,6 @@ correlated by tiles.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -41,10 +40,8 @@ _MOST_MEASURED = 0.5
 Floors = dict[tuple[int, str], float]
 
 
-def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, halves: Sequence[LayersOfFrames] = ()) -> Evidence:
-    """The Evidence of a capture and its rendered layers {frame id: {eye: Layers}}. seed: rules every random choice.
-    halves: of the test frames' layers, which are the halves' mean.
-    """
+def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0) -> Evidence:
+    """The Evidence of a capture and its rendered layers {frame id: {eye: Layers}}. seed: rules every random choice."""
     shots = [
         MeasuredImage(f, eye, View.of(capture, f, eye, layers[f.id][eye], seed), layers[f.id][eye], capture.ir(f, eye))
         for f in capture.frames
@@ -71,11 +68,10 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, halves: Sequ
             shot.frame, shot.eye, shot.view, shot.layers, shot.measured, weight, tile, fold, material, slope
         )
 
-    test_observations = tuple(map(observation, test))
     return Evidence(
         capture=capture,
         train=tuple(map(observation, train)),
-        test=test_observations,
+        test=tuple(map(observation, test)),
         nuisances=nuisances,
         law=law,
         floors=floors,
@@ -84,12 +80,6 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, halves: Sequ
         tiles=count,
         place_error_m=place_error_m,
         seed=seed,
-        test_halves=tuple(
-            tuple(
-                replace(o, layers=of[o.frame.id][o.eye], view=replace(o.view, half=number)) for o in test_observations
-            )
-            for number, of in enumerate(halves)
-        ),
     )
 
 

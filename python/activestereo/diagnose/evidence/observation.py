@@ -53,8 +53,7 @@ class Evidence:
     nuisances: a first fit of projector scale, ambient scale and black level. law: the photon-transfer law of the
     noise; has_floor: whether repeats gave it. floors: {(frame id, eye): noise floor, DN^2}. materials: how many
     albedo nuisances there are. tiles: how many tiles. seed: rules every random choice. place_error_m: deviation by
-    which a survey misplaces the scene's edges. test_halves: the test observations with the light of either half of the
-    renderer's samples; empty where the renderer has no noise.
+    which a survey misplaces the scene's edges.
     """
 
     capture: Capture
@@ -68,7 +67,6 @@ class Evidence:
     tiles: int
     place_error_m: float
     seed: int = 0
-    test_halves: tuple[tuple[Observation, ...], ...] = ()
 
     @property
     def held_sigma(self) -> np.ndarray:

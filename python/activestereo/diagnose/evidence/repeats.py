@@ -54,7 +54,6 @@ def without_drift(
         evidence,
         train=weighed(evidence.train),
         test=weighed(evidence.test),
-        test_halves=tuple(map(weighed, evidence.test_halves)),
         law=lit_law,
         floors=found,
         place_error_m=place_error_m,

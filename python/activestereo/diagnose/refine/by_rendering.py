@@ -80,6 +80,11 @@ class _Change:
             self.without[split, half] = _images(self.rendering(Model(), split, half))
         return {key: image - self.without[split, half][key] for key, image in images.items()}
 
+    def whole(self, theta: np.ndarray, split: str) -> _Images:
+        """The change by all samples."""
+        first, second = (self.at(theta, split, half) for half in HALVES)
+        return {key: 0.5 * (image + second[key]) for key, image in first.items()}
+
     def slopes(self, theta: np.ndarray, steps: np.ndarray, split: str, here: _Images) -> tuple[_Images, ...]:
         """How drafts change by step along each parameter, 0: along none. here: the change at theta."""
         found: list[_Images] = []
@@ -92,8 +97,8 @@ class _Change:
 @dataclass(frozen=True)
 class _Rendered:
     """An effect whose image function is its change as rendered at theta, with slopes: of the train frames. steps: of
-    the slopes, for the test frames'. test: (the change of the test frames by either half of the samples, its slopes),
-    once prepare() has been asked for one of them.
+    the slopes, for the test frames'. test: (the change of the test frames, its slopes), once prepare() has been asked
+    for one of them.
     """
 
     rendered: _Change
@@ -101,7 +106,7 @@ class _Rendered:
     steps: np.ndarray
     change: _Images
     slopes: tuple[_Images, ...]
-    test: list[tuple[tuple[_Images, _Images], tuple[_Images, ...]]] = field(default_factory=list)
+    test: list[tuple[_Images, tuple[_Images, ...]]] = field(default_factory=list)
 
     def emulated(self) -> Effect:
         """The effect with these images for its image function; neutral amplitudes change nothing."""
@@ -116,9 +121,8 @@ class _Rendered:
         """Renders the test frames where one of the views is of them."""
         if self.test or all((view.frame.id, view.eye) in self.change for view in views):
             return
-        first, second = (self.rendered.at(self.theta, _TEST, half) for half in HALVES)
-        draft = self.rendered.at(self.theta, _TEST)
-        self.test.append(((first, second), self.rendered.slopes(self.theta, self.steps, _TEST, draft)))
+        slopes = self.rendered.slopes(self.theta, self.steps, _TEST, self.rendered.at(self.theta, _TEST))
+        self.test.append((self.rendered.whole(self.theta, _TEST), slopes))
 
     def _of_view(self, view: View) -> tuple[np.ndarray, list[np.ndarray | None]]:
         """(the change at theta, its slopes) of one image."""
@@ -127,9 +131,8 @@ class _Rendered:
             return self.change[key], [slope.get(key) for slope in self.slopes]
         if not self.test:
             raise RuntimeError(f"effect {self.rendered.effect.id}: frame {key[0]} is asked for before prepare()")
-        halves, slopes = self.test[0]
-        change = 0.5 * (halves[0][key] + halves[1][key]) if view.half is None else halves[view.half][key]
-        return change, [slope.get(key) for slope in slopes]
+        change, slopes = self.test[0]
+        return change[key], [slope.get(key) for slope in slopes]
 
     def _apply(self, light: Light, view: View, **values: float) -> Light:
         given = np.array([values[p.name] for p in self.rendered.effect.parameters])
@@ -176,7 +179,7 @@ def refined_by_rendering(fitter: Fitter, explanation: Explanation, rendering: Re
             break
         steps, slopes = _steps(effect, moved), slopes if (distance <= _NEAR * reach).all() else ()
     slopes = slopes or change.slopes(theta[own], steps, _TRAIN, change.at(theta[own], _TRAIN))
-    final = _whole(change, theta[own], steps, slopes)
+    final = _Rendered(change, theta[own], steps, change.whole(theta[own], _TRAIN), slopes)
     solution = fitter.refine(_with_effect(start.space, final.emulated()), theta, phi, 1)
     chi2 = cross_validated(fitter, solution)
     if chi2 >= explanation.chi2:
@@ -205,13 +208,6 @@ def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:
         is_fixed = p.choice or not p.in_engine
         out.append(0.0 if is_fixed else -step if v + step > p.high else step)
     return np.array(out)
-
-
-def _whole(change: _Change, theta: np.ndarray, steps: np.ndarray, slopes: tuple[_Images, ...]) -> _Rendered:
-    """Of all samples. slopes: those of values near by."""
-    first, second = (change.at(theta, _TRAIN, half) for half in HALVES)
-    mean = {key: 0.5 * (image + second[key]) for key, image in first.items()}
-    return _Rendered(change, theta, steps, mean, slopes)
 
 
 def _images(lights: Mapping[ImageKey, RenderedLight]) -> _Images:

@@ -358,14 +358,11 @@ class Fitter:
 
 @dataclass(frozen=True)
 class Fitters:
-    """The Fitters of one capture: over its train frames, its test frames, and the few images that a scan looks at;
-    test_halves: over its test frames by either half of the renderer's samples, or none.
-    """
+    """The Fitters of one capture: over its train frames, its test frames, and the few images that a scan looks at."""
 
     train: Fitter
     test: Fitter
     scan: Fitter
-    test_halves: tuple[Fitter, ...] = ()
 
     @classmethod
     def of(
@@ -373,11 +370,8 @@ class Fitters:
     ) -> "Fitters":
         """scanned: the observations of a scan, see propose/scan.py."""
         sized = evidence.held_sigma, evidence.tiles
-        train, test, *halves = (
-            Fitter(o, *sized, memory=memory, threads=threads)
-            for o in (evidence.train, evidence.test, *evidence.test_halves)
-        )
-        return cls(train, test, Fitter(scanned, *sized, fine=False, memory=memory), tuple(halves))
+        train, test = (Fitter(o, *sized, memory=memory, threads=threads) for o in (evidence.train, evidence.test))
+        return cls(train, test, Fitter(scanned, *sized, fine=False, memory=memory))
 
 
 def signal(model: Model, observation: Observation, light: Light, phi: np.ndarray) -> np.ndarray:

@@ -42,8 +42,8 @@ class View:
     """One eye of one frame. Arrays are [height][width]; depth 0 = nothing there; normal [height][width][3], unit,
     camera coordinates; a_to_b maps coordinates in a to those in b; distortion: of the nominal camera, see
     activestereo/common/lens.py; material: index in the scene file, or None; ambient_bounced: the share of the ambient
-    light that comes over other surfaces, or None where it is not known; half: the light is of this half of a renderer's
-    samples (0 or 1), or None of all. Disparity and depth effects get the left eye's view.
+    light that comes over other surfaces, or None where it is not known. Disparity and depth effects get the left eye's
+    view.
     """
 
     eye: str
@@ -62,7 +62,6 @@ class View:
     baseline_m: float = 0.05
     material: np.ndarray | None = None
     ambient_bounced: np.ndarray | None = None
-    half: int | None = None
 
     @classmethod
     def of(cls, capture: Capture, frame: Frame, eye: str, layers: RenderedSurfaces, seed: int = 0) -> View:
