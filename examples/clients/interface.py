@@ -601,8 +601,7 @@ class simsense_camera(c.Structure):
         ("width", c.c_uint32),
         ("height", c.c_uint32),
         ("k", c.c_double * 9),
-        ("distortion", c.c_double * 5),
-        ("reserved", c.c_double * 3),
+        ("distortion", c.c_double * 8),
     ]
 
 

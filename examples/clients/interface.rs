@@ -399,8 +399,7 @@ pub struct simsense_camera {
     pub width: u32,
     pub height: u32,
     pub k: [f64; 9],
-    pub distortion: [f64; 5],
-    pub reserved: [f64; 3],
+    pub distortion: [f64; 8],
 }
 
 #[repr(C)]

@@ -204,7 +204,8 @@ class Image:
     def array(self) -> NDArray[Any]:
         """The view as a numpy array, without a copy."""
 class Camera:
-    """A pinhole camera with Brown and Conrady's distortion [k1, k2, p1, p2, k3] (OpenCV's order)."""
+    """A pinhole camera with Brown and Conrady's distortion [k1, k2, p1, p2, k3, k4, k5, k6] (OpenCV's order); the last three make it
+    rational. Four, five or eight numbers are taken."""
 
     def __init__(self, width: int, height: int, k: ArrayLike, distortion: ArrayLike | None = None) -> None: ...
     @property
@@ -217,8 +218,8 @@ class Camera:
     def k(self) -> NDArray[np.float64]:
         """3x3, pixels; pixel centres are at integers."""
     @property
-    def distortion(self) -> tuple[float, float, float, float, float]:
-        """k1, k2, p1, p2, k3 of Brown and Conrady; zeros are an ideal pinhole."""
+    def distortion(self) -> tuple[float, float, float, float, float, float, float, float]:
+        """k1, k2, p1, p2, k3, k4, k5, k6 of Brown and Conrady; zeros are an ideal pinhole."""
 
 class Engine:
     """A stereo rig's depth engine. One thread at a time."""

@@ -305,15 +305,22 @@ struct Submission {
   }
 };
 
+/// Four, five or eight coefficients, as OpenCV and kuafu take them; None is no lens.
+void read_lens(const py::object& value, simsense_camera& camera) {
+  const Doubles array = value.is_none() ? Doubles() : Doubles::ensure(value);
+  const py::ssize_t count = array && (array.size() == 4 || array.size() == 5) ? array.size() : 8;
+  read_matrix<Simsense>(value, "distortion", camera.distortion, count);
+}
+
 void bind_camera(py::module_& module) {
   using C = simsense_camera;
-  py::class_<C>(module, "Camera", "A pinhole camera with Brown-Conrady distortion [k1, k2, p1, p2, k3].")
+  py::class_<C>(module, "Camera", "A pinhole camera with Brown-Conrady distortion [k1, k2, p1, p2, k3, k4, k5, k6].")
       .def(py::init([](const py::object& width, const py::object& height, const py::object& k, const py::object& distortion) {
              C camera = {};
              camera.width = read_as<Simsense, uint32_t>(width, "width", "a number of pixels");
              camera.height = read_as<Simsense, uint32_t>(height, "height", "a number of pixels");
              read_required_matrix<Simsense>(k, "k", camera.k, 9);
-             read_matrix<Simsense>(distortion, "distortion", camera.distortion, 5);
+             read_lens(distortion, camera);
              return camera;
            }),
            py::arg("width"), py::arg("height"), py::arg("k"), py::arg("distortion") = py::none())
@@ -321,7 +328,7 @@ void bind_camera(py::module_& module) {
       .def_readonly("height", &C::height)
       .def_property_readonly("k", [](const C& c) { return matrix(c.k, 3, 3); })
       .def_property_readonly("distortion",
-                             [](const C& c) { return py::tuple(py::cast(std::vector<double>(c.distortion, c.distortion + 5))); });
+                             [](const C& c) { return py::tuple(py::cast(std::vector<double>(c.distortion, c.distortion + 8))); });
 }
 
 }  // namespace

@@ -323,8 +323,7 @@ SIZE(simsense_camera, 144);
 AT(simsense_camera, width, 0, 4);
 AT(simsense_camera, height, 4, 4);
 AT(simsense_camera, k, 8, 72);
-AT(simsense_camera, distortion, 80, 40);
-AT(simsense_camera, reserved, 120, 24);
+AT(simsense_camera, distortion, 80, 64);
 
 SIZE(simsense_rig_desc, 728);
 AT(simsense_rig_desc, left, 16, 144);

@@ -76,14 +76,12 @@ _NUMBERS = {
 _LISTS = {
     "rgb_resolution": [SIDE] * 2,
     "ir_resolution": [SIDE] * 2,
-    "ir_distortion": [DISTORTION] * 5,
-    "ir_distortion_right": [DISTORTION] * 5,
-    "rgb_distortion": [DISTORTION] * 5,
     "laser_power_limits_mw": [_LASER] * 3,
     "ir_exposure_limits_s": [EXPOSURE] * 2,
     "ir_gain_limits": [GAIN] * 2,
     "ir_exposure_region": [Limits(0, 65535, "px", whole=True)] * 4,
 }
+_LENSES = ("ir_distortion", "ir_distortion_right", "rgb_distortion")
 _POSES = ("trans_pose_l", "trans_pose_r", "pose_rgb_irproj")
 _MATRICES = ("rgb_intrinsic", "ir_intrinsic", "ir_intrinsic_right", "pattern_intrinsic")
 _READOUTS = ("rows_down", "rows_up", "columns_right", "columns_left")
@@ -107,6 +105,8 @@ def check_field(name: str, value: Any) -> None:
         fault = _NUMBERS[name].fault(value)
     elif name in _LISTS:
         fault = _list_fault(value, _LISTS[name])
+    elif name in _LENSES:
+        fault = _lens_fault(value)
     elif name in _MATRICES:
         fault = _matrix_fault(value)
     elif name in _POSES:
@@ -184,6 +184,13 @@ def _list_fault(values: Any, limits: Sequence[Limits]) -> str | None:
         return f"is {values!r}, expected {len(limits)} numbers"
     faults = [f"[{i}] {fault}" for i, value in enumerate(values) if (fault := limits[i].fault(value)) is not None]
     return faults[0] if faults else None
+
+
+def _lens_fault(values: Any) -> str | None:
+    count = np.size(values)
+    if count not in (5, 8):
+        return f"is {values!r}, expected 5 numbers, or 8 of a rational lens"
+    return _list_fault(values, [DISTORTION] * count)
 
 
 def _matrix_fault(value: Any) -> str | None:

@@ -17,7 +17,6 @@ from activestereo.capture.images import image_size, read_color, read_gray
 from activestereo.common.limits import (
     BITS,
     DEPTH_SCALE,
-    DISTORTION,
     EXPOSURE,
     GAIN,
     LENGTH,
@@ -44,7 +43,8 @@ class CaptureWarning(UserWarning):
 
 @dataclass(frozen=True)
 class Camera:
-    """Nominal pinhole with Brown-Conrady distortion [k1, k2, p1, p2, k3] (OpenCV's order)."""
+    """Nominal pinhole with Brown-Conrady distortion: five coefficients, or the eight of a rational lens, in OpenCV's
+    order k1 k2 p1 p2 k3 k4 k5 k6."""
 
     width: int
     height: int
@@ -229,7 +229,7 @@ def read_capture(path: str | Path) -> Capture:
 
 def _read_camera(entry: JsonObject) -> Camera:
     width, height = entry.integer("width", SIDE), entry.integer("height", SIDE)
-    return Camera(width, height, entry.camera_matrix("K"), entry.numbers("distortion", [DISTORTION] * 5))
+    return Camera(width, height, entry.camera_matrix("K"), entry.lens("distortion"))
 
 
 def _read_color(entry: JsonObject) -> ColorCamera:

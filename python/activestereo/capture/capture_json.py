@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from activestereo.common.input_files import read_json
-from activestereo.common.limits import ANY, FOCAL, LENGTH, NUMBER, PIXEL, Limits
+from activestereo.common.limits import ANY, DISTORTION, FOCAL, LENGTH, NUMBER, PIXEL, Limits
 from activestereo.common.own_files import own_file
 from activestereo.common.pose import rigid_fault
 
@@ -154,6 +154,13 @@ class JsonObject:
         if min(k[0, 0], k[1, 1]) < FOCAL.low or np.any(k[2] != [0, 0, 1]) or k[1, 0] != 0:
             self.fail(key, f"is not a camera matrix [fx s cx, 0 fy cy, 0 0 1] with focal lengths of {FOCAL}")
         return k
+
+    def lens(self, key: str) -> np.ndarray:
+        """Five coefficients of Brown and Conrady, or the eight of a rational lens, in OpenCV's order."""
+        values = self._get(key, False)
+        if isinstance(values, list) and len(values) not in (5, 8):
+            self.fail(key, f"has {len(values)} entries, expected 5 numbers, or 8 of a rational lens")
+        return self.numbers(key, [DISTORTION] * (8 if isinstance(values, list) and len(values) == 8 else 5))
 
     def rigid_transform(self, key: str) -> np.ndarray:
         pose = self.numbers(key, _TRANSFORM).reshape(4, 4)

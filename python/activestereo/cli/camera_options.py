@@ -19,7 +19,7 @@ READOUTS = ("rows_down", "rows_up", "columns_right", "columns_left")
 
 def add_camera_options(group: argparse._ArgumentGroup) -> None:
     for camera, whose in (("ir", "both infrared cameras'"), ("rgb", "the RGB camera's")):
-        text = f"{whose} lens: Brown and Conrady's k1,k2,p1,p2[,k3], as in OpenCV; depth is measured through it"
+        text = f"{whose} lens: Brown and Conrady's k1,k2,p1,p2[,k3[,k4,k5,k6]], as in OpenCV"
         group.add_argument(f"--{camera}-distortion", type=_lens, metavar="K1,...", help=f"{text} (default: none)")
     text = (
         "what the sensor does while its shutters are open, m/s and rad/s along and about the left infrared camera's "
@@ -68,8 +68,8 @@ def set_cameras(config: StereoDepthSensorConfig, args: argparse.Namespace) -> No
 
 
 def _lens(text: str) -> tuple[float, ...]:
-    values = numbers(text, (4, 5), "a lens")
-    return tuple(map(float, np.concatenate([values, np.zeros(5 - len(values))])))
+    values = numbers(text, (4, 5, 8), "a lens")
+    return tuple(map(float, np.pad(values, (0, max(0, 5 - len(values))))))
 
 
 def _twist(text: str) -> np.ndarray:

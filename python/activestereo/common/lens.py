@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Brown-Conrady lens distortion [k1, k2, p1, p2, k3] (OpenCV's order) of image positions x, y in focal lengths."""
+"""Brown-Conrady lens distortion [k1, k2, p1, p2, k3], or rational with [k4, k5, k6] behind (OpenCV's order), of image
+positions x, y in focal lengths."""
 
 from collections.abc import Sequence
 
@@ -14,10 +15,11 @@ Positions = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 def distort(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Sequence[float] | np.ndarray) -> Positions:
     """Where a lens draws what an ideal pinhole draws at (x, y)."""
-    k1, k2, p1, p2, k3 = coefficients
+    k1, k2, p1, p2, k3, k4, k5, k6 = np.pad(np.asarray(coefficients, np.float64), (0, 8 - len(coefficients)))
     r2 = x * x + y * y
-    # A polynomial that turns over far outside the picture must not fold the scene back into it.
-    radial = (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))).clip(0.5, 2.0)
+    radial = (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+    # A lens that turns over far outside the picture must not fold the scene back into it.
+    radial = radial.clip(0.5, 2.0)
     return x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from activestereo.capture.capture_json import CaptureError, JsonObject
-from activestereo.common.limits import BITS, DISTORTION, EXPOSURE, FOCAL, GAIN, LINE_TIME, POWER, SIDE
+from activestereo.common.limits import BITS, EXPOSURE, FOCAL, GAIN, LINE_TIME, POWER, SIDE
 from activestereo.effects import builtin
 from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.surfaces import SURFACES
@@ -163,11 +163,8 @@ def _rig(entry: JsonObject) -> Rig:
 
 
 def _eye(entry: JsonObject) -> RigCamera:
-    given = entry.numbers("distortion", [DISTORTION] * 5) if entry.has("distortion") else (0.0,) * 5
-    distortion = tuple(map(float, given))
-    return RigCamera(
-        entry.integer("width", _EYE_SIDE), entry.integer("height", _EYE_SIDE), entry.camera_matrix("K"), distortion
-    )
+    lens = tuple(entry.lens("distortion").tolist()) if entry.has("distortion") else (0.0,) * 5
+    return RigCamera(entry.integer("width", _EYE_SIDE), entry.integer("height", _EYE_SIDE), entry.camera_matrix("K"), lens)
 
 
 def _pattern(entry: JsonObject) -> Pattern:

@@ -8,11 +8,12 @@
 layout(local_size_x = 32, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { DepthPush push; };
 
-/// false where the polynomial has folded back.
+/// false where the lens has folded back.
 bool distort(DepthParameters p, inout float x, inout float y) {
   precise float r2 = x * x + y * y;
   if (!(r2 < p.max_radius2)) return false;
-  precise float radial = 1.0f + r2 * (p.k1 + r2 * (p.k2 + r2 * p.k3)), xy2 = 2.0f * x * y;
+  precise float over = 1.0f + r2 * (p.k1 + r2 * (p.k2 + r2 * p.k3)), under = 1.0f + r2 * (p.k4 + r2 * (p.k5 + r2 * p.k6));
+  precise float radial = over / under, xy2 = 2.0f * x * y;
   precise float distorted_x = x * radial + p.p1 * xy2 + p.p2 * (r2 + 2.0f * x * x);
   precise float distorted_y = y * radial + p.p1 * (r2 + 2.0f * y * y) + p.p2 * xy2;
   x = distorted_x, y = distorted_y;

@@ -139,7 +139,7 @@ struct StructInfo<simsense_rig_desc> {
       KS_FIELD_END(simsense_rig_desc, low_memory),
       KS_FIELD_END(simsense_rig_desc, reserved),
   };
-  static constexpr std::array<ReservedBytes, 4> reserved = {{{offsetof(simsense_rig_desc, left) + offsetof(simsense_camera, reserved), sizeof(simsense_camera::reserved)}, {offsetof(simsense_rig_desc, right) + offsetof(simsense_camera, reserved), sizeof(simsense_camera::reserved)}, {offsetof(simsense_rig_desc, rgb) + offsetof(simsense_camera, reserved), sizeof(simsense_camera::reserved)}, {offsetof(simsense_rig_desc, reserved), sizeof(simsense_rig_desc::reserved)}}};
+  static constexpr std::array<ReservedBytes, 1> reserved = {{{offsetof(simsense_rig_desc, reserved), sizeof(simsense_rig_desc::reserved)}}};
   static simsense_rig_desc neutral() {
     simsense_rig_desc s{};
     s.header = ks_header_make(SIMSENSE_TYPE_RIG_DESC, sizeof s);

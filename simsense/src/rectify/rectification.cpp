@@ -2,6 +2,7 @@
 #include "rectify/rectification.h"
 
 #include <cmath>
+#include <limits>
 
 #include "device/error.h"
 #include "rectify/stereo_rectify.h"
@@ -50,17 +51,26 @@ void check_rectified(const simsense_rig_desc& rig, const Rigid& pose) {
              rig.left.distortion[0], rig.right.distortion[0]);
 }
 
-/// Each rectified pixel's ray, turned back and bent by the source's lens.
+/// Each rectified pixel's ray, turned back and bent by the source's lens. Beyond the fold of the lens the ray is not seen: its pixel lies
+/// outside the source.
 RemapTable remap_table(const simsense_camera& source, const Rotation& source_to_rectified, const Pinhole& rectified) {
   const Rotation back = transposed(source_to_rectified);
+  constexpr float outside_px = -2;
   const Distortion lens = distortion(source);
+  const double farthest2 = is_distorted(source) ? fold_radius2(lens) : std::numeric_limits<double>::infinity();
   RemapTable table{source.width, source.height, {}, {}};
   table.x.reserve(size_t{source.width} * source.height);
   table.y.reserve(size_t{source.width} * source.height);
   for (uint32_t v = 0; v < source.height; ++v)
     for (uint32_t u = 0; u < source.width; ++u) {
       const Vector3 ray = multiply(back, Vector3{(u - rectified.cx) / rectified.fx, (v - rectified.cy) / rectified.fy, 1});
-      const auto [x, y] = distorted(lens, {ray[0] / ray[2], ray[1] / ray[2]});
+      const Normalised ideal{ray[0] / ray[2], ray[1] / ray[2]};
+      if (!(ideal[0] * ideal[0] + ideal[1] * ideal[1] < farthest2)) {
+        table.x.push_back(outside_px);
+        table.y.push_back(outside_px);
+        continue;
+      }
+      const auto [x, y] = distorted(lens, ideal);
       table.x.push_back(static_cast<float>(source.k[0] * x + source.k[2]));
       table.y.push_back(static_cast<float>(source.k[4] * y + source.k[5]));
     }

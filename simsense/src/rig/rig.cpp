@@ -43,7 +43,7 @@ void check_camera(const simsense_camera& camera, const char* name, uint32_t smal
              "%s camera: k = [%g %g %g; %g %g %g; %g %g %g] must be [fx 0 cx; 0 fy cy; 0 0 1], row-major, without skew", name, k[0], k[1],
              k[2], k[3], k[4], k[5], k[6], k[7], k[8]);
   check_intrinsics(camera, name);
-  for (int i = 0; i < 5; ++i)
+  for (int i = 0; i < 8; ++i)
     if (!std::isfinite(camera.distortion[i]))
       ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s camera: distortion[%d] = %g is not finite", name, i, camera.distortion[i]);
 }

@@ -13,8 +13,8 @@ struct Pinhole {
   double fx = 0, fy = 0, cx = 0, cy = 0;
 };
 
-/// Brown-Conrady (Brown 1966) in OpenCV's order k1, k2, p1, p2, k3.
-using Distortion = std::array<double, 5>;
+/// Brown-Conrady (Brown 1966), rational, in OpenCV's order k1, k2, p1, p2, k3, k4, k5, k6.
+using Distortion = std::array<double, 8>;
 
 using Rotation = std::array<double, 9>;  // row-major 3x3
 

@@ -7,12 +7,17 @@ namespace simsense {
 namespace {
 
 struct Lens {
-  double k1, k2, p1, p2, k3;
-  explicit Lens(const Distortion& d) : k1(d[0]), k2(d[1]), p1(d[2]), p2(d[3]), k3(d[4]) {}
+  double k1, k2, p1, p2, k3, k4, k5, k6;
+  explicit Lens(const Distortion& d) : k1(d[0]), k2(d[1]), p1(d[2]), p2(d[3]), k3(d[4]), k4(d[5]), k5(d[6]), k6(d[7]) {}
 
-  [[nodiscard]] double radial(double r2) const { return 1 + r2 * (k1 + r2 * (k2 + r2 * k3)); }
+  [[nodiscard]] double over(double r2) const { return 1 + r2 * (k1 + r2 * (k2 + r2 * k3)); }
+  [[nodiscard]] double under(double r2) const { return 1 + r2 * (k4 + r2 * (k5 + r2 * k6)); }
+  [[nodiscard]] double radial(double r2) const { return over(r2) / under(r2); }
   /// d radial / d r2
-  [[nodiscard]] double slope(double r2) const { return k1 + r2 * (2 * k2 + r2 * 3 * k3); }
+  [[nodiscard]] double slope(double r2) const {
+    const double over_slope = k1 + r2 * (2 * k2 + r2 * 3 * k3), under_slope = k4 + r2 * (2 * k5 + r2 * 3 * k6);
+    return (over_slope - radial(r2) * under_slope) / under(r2);
+  }
   [[nodiscard]] Normalised tangential(double x, double y) const {
     const double r2 = x * x + y * y;
     return {2 * p1 * x * y + p2 * (r2 + 2 * x * x), p1 * (r2 + 2 * y * y) + 2 * p2 * x * y};
@@ -31,6 +36,15 @@ Normalised without_lens(const simsense_camera& camera, double u, double v) {
 }  // namespace
 
 Normalised distorted(const Distortion& lens, const Normalised& ray) { return Lens(lens)(ray[0], ray[1]); }
+
+double fold_radius2(const Distortion& distortion) {
+  const Lens lens(distortion);
+  for (double r = 0; r < 10; r += 1e-3) {
+    const double r2 = r * r;
+    if (!(lens.under(r2) > 0 && lens.radial(r2) + 2 * r2 * lens.slope(r2) > 0)) return r2;
+  }
+  return 100;
+}
 
 Normalised ray_of_pixel(const simsense_camera& camera, double u, double v) {
   const Lens lens(distortion(camera));
@@ -58,7 +72,7 @@ Normalised ray_of_pixel_by_steps(const simsense_camera& camera, double u, double
   const Normalised seen = without_lens(camera, u, v);
   auto [x, y] = seen;
   for (int step = 0; step < steps; ++step) {
-    const double inverse = 1 / lens.radial(x * x + y * y);
+    const double r2 = x * x + y * y, inverse = lens.under(r2) / lens.over(r2);
     if (inverse < 0) return seen;
     const Normalised bend = lens.tangential(x, y);
     x = (seen[0] - bend[0]) * inverse;

@@ -13,6 +13,11 @@ using Normalised = std::array<double, 2>;
 /// What the lens makes of a ray.
 Normalised distorted(const Distortion& lens, const Normalised& ray);
 
+/// Squared radius x^2 + y^2 of the first rays that the radial distortion no longer bends farther out than their neighbours within, or
+/// where its denominator is 0: from there on the lens shows the scene a second time, folded. 100 where it does not fold up to a radius of
+/// 10 (84 degrees off axis).
+double fold_radius2(const Distortion& lens);
+
 /// The ray of a pixel, by Newton's method. Where the lens has folded back there is none: the pixel's ray without a lens then.
 Normalised ray_of_pixel(const simsense_camera& camera, double u, double v);
 

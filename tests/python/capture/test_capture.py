@@ -155,6 +155,14 @@ def numbers_in(value, place=()):
             yield from numbers_in(inner, (*place, key))
 
 
+def test_a_rational_lens_is_read(folder):
+    lens = [0.1, -0.05, 1e-3, -1e-3, 0.01, 0.2, -0.03, 0.01]
+    edit(folder, lambda root: root["rig"]["left"].update(distortion=lens))
+    assert read_capture(folder).rig.left.distortion.tolist() == lens
+    edit(folder, lambda root: root["rig"]["left"].update(distortion=lens[:7]))
+    expect_error(folder, "distortion", "7 entries", "5 numbers, or 8")
+
+
 def test_a_good_capture_gives_no_warning(pristine):
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -13,6 +13,7 @@ from activestereo.common.pose import as_matrix, camera_to_world
 from sensor_scenes import wall_scene
 
 LENS = (-0.08, 0.02, 2e-4, -3e-4, 0.0)  # a barrel of some percent, as wide-angle modules have
+RATIONAL_LENS = (0.12, -0.05, 2e-4, -3e-4, 0.01, 0.2, -0.03, 0.01)  # as strong a barrel, by its denominator
 DISTANCE_M = 0.9
 EXPOSURE_S, SPEED = 0.01, 2.0
 
@@ -26,11 +27,12 @@ def wall_error(sensor):
     return np.percentile(error, [50, 90]), (depth > 0).mean()
 
 
-def test_depth_through_a_lens_is_as_good_as_without_one(small_config):
+@pytest.mark.parametrize("lens", [LENS, RATIONAL_LENS], ids=["polynomial", "rational"])
+def test_depth_through_a_lens_is_as_good_as_without_one(small_config, lens):
     """The lens bends the corners by 17 pixels; a sensor that takes no note of it errs by several times as much."""
     small_config.max_bounces, small_config.ir_speckle_noise = 0, 0.0
     bent = deepcopy(small_config)
-    bent.ir_distortion = LENS
+    bent.ir_distortion = lens
     plain, through_lens, unaware = (
         StereoDepthSensor(c, wall_scene(DISTANCE_M)) for c in (small_config, bent, small_config)
     )
@@ -41,9 +43,12 @@ def test_depth_through_a_lens_is_as_good_as_without_one(small_config):
     assert wrong[0] > 4 * error[0] and wrong[1] > 4 * error[1]
 
 
-def test_points_through_the_rgb_lens_lie_on_the_wall_and_where_they_are_seen(small_config):
+@pytest.mark.parametrize(
+    "lens", [(-0.2, 0.05, 1e-3, 0.0, 0.0), (0.1, 0.05, 1e-3, 0.0, 0.0, 0.3, 0.02, 0.01)], ids=["polynomial", "rational"]
+)
+def test_points_through_the_rgb_lens_lie_on_the_wall_and_where_they_are_seen(small_config, lens):
     small_config.max_bounces = 0
-    small_config.rgb_distortion = (-0.2, 0.05, 1e-3, 0.0, 0.0)
+    small_config.rgb_distortion = lens
     sensor = StereoDepthSensor(small_config, wall_scene(DISTANCE_M))
     error, fill = wall_error(sensor)
     assert error[0] < 0.005 and fill > 0.98

@@ -29,10 +29,10 @@ class Rigs {
     rig.right.k[4] *= between(0.99, 1.01);
     rig.left.k[2] += between(-20, 20);
     rig.right.k[5] += between(-20, 20);
-    const bool bent = count_ % 4 != 0, turned = count_ % 5 != 0;
+    const bool bent = count_ % 4 != 0, turned = count_ % 5 != 0, rational = count_ % 3 == 0;
     for (simsense_camera* camera : {&rig.left, &rig.right}) {
-      const double most[5] = {0.2, 0.05, 2e-3, 2e-3, 0.01};
-      for (int i = 0; i < 5 && bent; ++i) camera->distortion[i] = between(-most[i], most[i]);
+      const double most[8] = {0.2, 0.05, 2e-3, 2e-3, 0.01, 0.2, 0.05, 0.01};
+      for (int i = 0; i < (rational ? 8 : 5) && bent; ++i) camera->distortion[i] = between(-most[i], most[i]);
     }
     const auto angle = [&] { return turned ? between(-0.08, 0.08) : 0; };
     simsense_test::set_pose(rig.left_to_right, angle(), angle(), angle(), -between(0.02, 0.3), between(-0.01, 0.01), between(-0.01, 0.01));
@@ -52,17 +52,18 @@ struct Expected {
   Expected(const simsense_rig_desc& rig, bool shrink) {
     const Rigid pose = rigid(rig.left_to_right);
     const cv::Size size(static_cast<int>(rig.left.width), static_cast<int>(rig.left.height));
-    cv::stereoRectify(matrix(rig.left.k, 3, 3), matrix(rig.left.distortion, 1, 5), matrix(rig.right.k, 3, 3),
-                      matrix(rig.right.distortion, 1, 5), size, matrix(pose.rotation.data(), 3, 3), matrix(pose.translation.data(), 3, 1),
+    cv::stereoRectify(matrix(rig.left.k, 3, 3), matrix(rig.left.distortion, 1, 8), matrix(rig.right.k, 3, 3),
+                      matrix(rig.right.distortion, 1, 8), size, matrix(pose.rotation.data(), 3, 3), matrix(pose.translation.data(), 3, 1),
                       r1, r2, p1, p2, q, cv::CALIB_ZERO_DISPARITY, shrink ? 1 : -1);
   }
 };
 
 void expect_map(const RemapTable& map, const simsense_camera& camera, const cv::Mat& rotation, const cv::Mat& projection) {
   cv::Mat x, y;
-  cv::initUndistortRectifyMap(matrix(camera.k, 3, 3), matrix(camera.distortion, 1, 5), rotation, projection,
+  cv::initUndistortRectifyMap(matrix(camera.k, 3, 3), matrix(camera.distortion, 1, 8), rotation, projection,
                               cv::Size(static_cast<int>(camera.width), static_cast<int>(camera.height)), CV_32FC1, x, y);
   for (size_t i = 0; i < map.x.size(); ++i) {
+    if (map.x[i] == -2 && map.y[i] == -2) continue;  // beyond the fold, which OpenCV does not look for
     // one unit in the last place of a float
     ASSERT_NEAR(map.x[i], x.ptr<float>()[i], 1.2e-7 * (1 + std::abs(map.x[i]))) << "pixel " << i;
     ASSERT_NEAR(map.y[i], y.ptr<float>()[i], 1.2e-7 * (1 + std::abs(map.y[i]))) << "pixel " << i;
@@ -106,6 +107,29 @@ TEST(OpenCv, MapsTheSamePixels) {
   }
 }
 
+TEST(OpenCv, MapsTheSamePixelsWithinTheFoldAndNoneBeyond) {
+  // (1 - 0.3 r^2) / (1 + 0.3 r^2) times r stops growing where 0.09 r^4 + 1.2 r^2 = 1
+  const double fold2 = (-1.2 + std::sqrt(1.2 * 1.2 + 4 * 0.09)) / (2 * 0.09);
+  simsense_rig_desc rig = simsense_test::ideal_rig(320, 240, 120);
+  rig.rectified = 0;
+  for (simsense_camera* camera : {&rig.left, &rig.right}) camera->distortion[0] = -0.3, camera->distortion[5] = 0.3;
+  const Expected expected(rig, false);
+  const Rectification r = make_rectification(rig);
+  expect_map(r.left, rig.left, expected.r1, expected.p1);
+  int within = 0, beyond = 0;
+  for (uint32_t v = 0; v < 240; ++v)
+    for (uint32_t u = 0; u < 320; ++u) {
+      const Pinhole& k = r.geometry.camera;
+      const double radius = std::hypot((u - k.cx) / k.fx, (v - k.cy) / k.fy), distance = radius - std::sqrt(fold2);
+      if (std::abs(distance) < 2e-3) continue;  // the fold is found in steps of 1e-3
+      const size_t i = size_t{v} * 320 + u;
+      ASSERT_EQ(r.left.x[i] == -2 && r.left.y[i] == -2, distance > 0) << u << ", " << v;
+      ++(distance > 0 ? beyond : within);
+    }
+  EXPECT_GT(within, 10'000);
+  EXPECT_GT(beyond, 10'000);
+}
+
 TEST(OpenCv, UndistortsPixelsToTheSameRays) {
   Rigs rigs;
   int compared = 0;
@@ -114,7 +138,7 @@ TEST(OpenCv, UndistortsPixelsToTheSameRays) {
     std::vector<cv::Point2d> pixels, rays;
     for (uint32_t v = 0; v < camera.height; v += 7)
       for (uint32_t u = 0; u < camera.width; u += 7) pixels.emplace_back(u, v);
-    cv::undistortPoints(pixels, rays, matrix(camera.k, 3, 3), matrix(camera.distortion, 1, 5), cv::noArray(), cv::noArray(),
+    cv::undistortPoints(pixels, rays, matrix(camera.k, 3, 3), matrix(camera.distortion, 1, 8), cv::noArray(), cv::noArray(),
                         cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 500, 1e-12));
     for (size_t i = 0; i < pixels.size(); ++i) {
       const Normalised back = distorted(distortion(camera), {rays[i].x, rays[i].y});
