@@ -13,6 +13,8 @@ from activestereo.common.output_files import write_png
 
 _GRAY_MODES = ("L", "I;16", "I;16B", "I")
 _COLOR_MODES = ("RGB", "RGBA", "LA", "P")
+# No camera of this kind has a tenth of them; a small file can promise far more.
+_MOST_PIXELS = 1 << 26
 
 
 def image_size(path: str | Path, key: str = "image") -> tuple[int, int]:
@@ -96,9 +98,12 @@ def write_gray(path: str | Path, pixels: np.ndarray) -> None:
 
 def _open(path: str | Path, key: str) -> Image.Image:
     try:
-        return Image.open(checked_file(path))
+        image = Image.open(checked_file(path))
     except UnidentifiedImageError as error:
         raise CaptureError(f"{path}: {key}: cannot be read as an image") from error
     except (OSError, Image.DecompressionBombError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise CaptureError(f"{path}: {key}: cannot be read as an image: {reason}") from error
+    if image.width * image.height > _MOST_PIXELS:
+        raise CaptureError(f"{path}: {key}: is {image.width}x{image.height}, at most {_MOST_PIXELS} pixels are read")
+    return image

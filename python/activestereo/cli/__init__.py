@@ -80,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         args = _parsed(_glued(sys.argv[1:] if arguments is None else arguments))
         with outside_allowed() if args.allow_outside else nullcontext():
-            args.run(args)
+            _run(args)
         sys.stdout.flush()
     except KeyboardInterrupt:
         return _fail("stopped", 130)
@@ -106,6 +106,14 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
         return make_parser().parse_args(arguments)
     finally:
         sys.stdout.flush()
+
+
+def _run(args: argparse.Namespace) -> None:
+    try:
+        args.run(args)
+    except SystemExit as error:  # no command of ours does that, but a user's effect may
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        raise CommandError(f"{last.filename}, line {last.lineno}: sys.exit({error.code!r}) was called") from error
 
 
 def _fault(error: Exception) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 from PIL import Image
 
 _UNFINISHED = ".unfinished-"
+_OF_PROCESS = "process_"
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -65,22 +66,29 @@ def check_target(path: Path) -> None:
 
 
 @contextmanager
-def written_together(folder: Path, name: str = "") -> Iterator[Path]:
+def written_together(folder: Path, name: str = "", last: Path = Path()) -> Iterator[Path]:
     """A folder for files that go with one another, by their places below `folder`. They move there when the block ends;
     a block that fails, on a full disk perhaps, leaves none of them. OSError names a file by its place. name: what
-    left_over() tells the folder by that a killed process leaves."""
-    aside = Path(tempfile.mkdtemp(prefix=f"{_UNFINISHED}{name}-", dir=folder))
+    left_over() tells the folder by that a killed process leaves; without one, the next call removes that. last: the
+    file that moves behind the others, for who looks whether all are there."""
+    if not name:
+        for owner, path in left_over(folder):
+            if owner.startswith(_OF_PROCESS) and not Path("/proc", owner.removeprefix(_OF_PROCESS)).exists():
+                shutil.rmtree(path, ignore_errors=True)
+    owner = name or f"{_OF_PROCESS}{os.getpid()}"
+    aside = Path(tempfile.mkdtemp(prefix=f"{_UNFINISHED}{owner}-", dir=folder))
     try:
         with _named_by_place(aside, folder):
             yield aside
-            _move(aside, folder)
+            _move(aside, folder, last)
     finally:
         shutil.rmtree(aside, ignore_errors=True)
 
 
-def _move(aside: Path, folder: Path) -> None:
+def _move(aside: Path, folder: Path, last: Path) -> None:
     """Puts the files into their places; where one cannot go, those that went before are taken back."""
-    files = sorted(path for path in aside.rglob("*") if path.is_file())
+    found = (path for path in aside.rglob("*") if path.is_file())
+    files = sorted(found, key=lambda path: (path == aside / last, path))
     for path in files:
         place = folder / path.relative_to(aside)
         place.parent.mkdir(parents=True, exist_ok=True)

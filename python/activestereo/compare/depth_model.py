@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from activestereo.capture.capture import Capture, CaptureWarning, Rig
+from activestereo.capture.capture_json import CaptureError
 from activestereo.common.matcher_table import MATCHER
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.noise import NoiseLaw
@@ -72,7 +73,10 @@ class DepthModel:
             text = f"{capture.path}: depth_engine hints cannot be followed: {error}"
             warnings.warn(text, CaptureWarning, stacklevel=2)
             self.parameters = _followed({})
-            self._engine = engine(self.parameters)
+            try:
+                self._engine = engine(self.parameters)
+            except simsense.ArgumentError as again:
+                raise CaptureError(f"{capture.path / 'capture.json'}: rig: depth cannot be judged: {again}") from again
         self._output = "depth" if is_ideal else "depth_rgb"
         self._dtype = np.uint8 if rig.bit_depth <= 8 else np.uint16
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol, TypeAlias
 
 from activestereo.capture.capture import EYES, Capture, Frame
+from activestereo.capture.capture_json import CaptureError
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache, request_key
 from activestereo.compare.layers import Layers, RenderRequest, rig_request, sampling_of
@@ -47,7 +48,10 @@ def render_frames(
     nominal lens that distorts too much.
     """
     cache = cache or LayerCache()
-    sampling = sampling_of(capture.rig, scale)
+    try:
+        sampling = sampling_of(capture.rig, scale)
+    except ValueError as error:
+        raise CaptureError(f"{capture.path / 'capture.json'}: rig: {error}") from error
     requests: dict[str, RenderRequest] = {}
     keys = {}
     for frame in capture.frames if frames is None else frames:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from activestereo.capture.capture import read_capture
+from activestereo.capture.importers.bag import _intrinsic
 from activestereo.cli import main
 
 pytest.importorskip("rosbags", reason="the package rosbags is not installed (pip install rosbags)")
@@ -35,7 +36,7 @@ def image_message(store, pixels, time_ns):
     return types["sensor_msgs/msg/Image"](header, *_SIZE, encoding, 0, pixels.strides[0], data)
 
 
-def camera_info(store, baseline_m):
+def camera_info(store, baseline_m, model="plumb_bob", d=(0.0,) * 5):
     types, (height, width) = store.types, _SIZE
     is_ros1 = "K" in types["sensor_msgs/msg/CameraInfo"].__annotations__
     stamp = types["builtin_interfaces/msg/Time"](0, 0)
@@ -44,7 +45,7 @@ def camera_info(store, baseline_m):
     k = np.array([43.0, 0, 32.1, 0, 43.5, 24.2, 0, 0, 1])
     p = np.array([43.0, 0, 32.1, -43.0 * baseline_m, 0, 43.5, 24.2, 0, 0, 0, 1, 0])
     return types["sensor_msgs/msg/CameraInfo"](
-        header, height, width, "plumb_bob", np.zeros(5), k, np.eye(3).ravel(), p, 0, 0, roi
+        header, height, width, model, np.array(d), k, np.eye(3).ravel(), p, 0, 0, roi
     )
 
 
@@ -134,3 +135,23 @@ def test_a_damaged_bag_is_one_line(tmp_path, capsys):
     (tmp_path / "a.bag").write_bytes(b"#ROSBAG V2.0\nnothing")
     assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture")]) == 2
     assert "a.bag: cannot be read as a bag" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("model", "d"),
+    [
+        ("equidistant", (0.1, 0, 0, 0)),
+        ("rational_polynomial", (0.1, 0, 0, 0, 0, 0.1, 0, 0)),
+        ("Inverse Brown Conrady", (0.1, 0, 0, 0, 0)),
+    ],
+)
+def test_a_lens_of_another_law_is_refused(model, d):
+    message = camera_info(get_typestore(Stores.ROS1_NOETIC), 0.05, model, d)
+    with pytest.raises(ValueError, match=f"distortion_model is '{model}'"):
+        _intrinsic("a.bag", "topic", message)
+
+
+def test_a_rational_lens_without_denominator_is_brown_and_conradys():
+    d = (0.1, 0.2, 0, 0, 0.3, 0, 0, 0)
+    message = camera_info(get_typestore(Stores.ROS1_NOETIC), 0.05, "rational_polynomial", d)
+    assert _intrinsic("a.bag", "topic", message).distortion.tolist() == [0.1, 0.2, 0, 0, 0.3]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from activestereo.capture.images import write_gray
+from activestereo.cli import main
 from activestereo.common.output_files import left_over, write_text, written_together
 from activestereo.effects.core.load import load_effects
 
@@ -19,6 +20,12 @@ def test_an_effect_file_that_exits_is_an_error_with_its_line(tmp_path):
     (tmp_path / "mine.py").write_text("import sys\nsys.exit(0)\n")
     with pytest.raises(ValueError, match="mine.py, line 2: SystemExit: 0"):
         load_effects(tmp_path / "mine.py")
+
+
+def test_an_effect_that_exits_when_it_is_used_is_an_error(monkeypatch, capsys):
+    monkeypatch.setattr("activestereo.cli.presets.run", lambda args: sys.exit(0))
+    assert main(["presets"]) == 2
+    assert "test_ends.py, line" in (said := capsys.readouterr().err) and "sys.exit(0) was called" in said
 
 
 def test_a_closed_standard_output_is_said_before_any_work():

@@ -6,9 +6,11 @@ import subprocess
 import sys
 
 import pytest
+from PIL import Image
 
 from activestereo.capture.capture import read_capture
 from activestereo.capture.capture_json import CaptureError
+from activestereo.capture.images import read_gray
 from activestereo.common.input_files import DEEPEST_JSON, MOST_TEXT_BYTES, read_json, read_text, read_toml
 from activestereo.common.output_files import new_folder, write_text, written_together
 
@@ -120,3 +122,19 @@ def test_files_that_cannot_all_move_leave_what_was_there(tmp_path):
         write_text(aside / "a.txt", "after")
         write_text(aside / "b.txt", "after")
     assert (tmp_path / "a.txt").read_text() == "before" and len(list(tmp_path.iterdir())) == 2
+
+
+def test_what_a_killed_process_left_goes_with_the_next_write(tmp_path):
+    left = tmp_path / ".unfinished-process_999999999-x"  # no system has such a process
+    left.mkdir()
+    own = tmp_path / f".unfinished-process_{os.getpid()}-x"
+    own.mkdir()
+    with written_together(tmp_path) as aside:
+        write_text(aside / "a.txt", "a")
+    assert {path.name for path in tmp_path.iterdir()} == {"a.txt", own.name}
+
+
+def test_an_image_that_is_larger_than_any_cameras_is_refused_with_its_name(tmp_path):
+    Image.new("L", (8193, 8192)).save(tmp_path / "a.png")
+    with pytest.raises(CaptureError, match="a.png: image: is 8193x8192, at most 67108864 pixels"):
+        read_gray(tmp_path / "a.png", key="image")

@@ -59,8 +59,9 @@ def write_frame(out: Path, frame: Frame) -> None:
     kinds = ("rgb", "depth", "ir_left", "ir_right", "depth_true", "mask", "mask_visib")
     for kind in (*kinds, _RECORDS):
         (folder / kind).mkdir(parents=True, exist_ok=True)
-    with written_together(folder, str(frame.number)) as aside:
-        for kind in kinds:
+    record_file = record_path(out, frame.number).relative_to(folder)
+    with written_together(folder, str(frame.number), last=record_file) as aside:
+        for kind in (*kinds, _RECORDS):
             (aside / kind).mkdir()
         write_png(aside / "rgb" / f"{name}.png", frame.rgb)
         write_png(aside / "ir_left" / f"{name}.png", frame.left)
@@ -70,17 +71,17 @@ def write_frame(out: Path, frame: Frame) -> None:
         for order, found in enumerate(frame.found):
             for kind, mask in (("mask", found.mask), ("mask_visib", found.mask_visible)):
                 write_png(aside / kind / f"{name}_{order:06d}.png", np.where(mask, np.uint8(255), np.uint8(0)))
-    record = {
-        "camera": {
-            "cam_K": frame.k.ravel().tolist(),
-            "depth_scale": 1.0,
-            "cam_R_w2c": frame.world_to_camera[:3, :3].ravel().tolist(),
-            "cam_t_w2c": (1000.0 * frame.world_to_camera[:3, 3]).tolist(),
-        },
-        "gt": [_pose(found) for found in frame.found],
-        "gt_info": [_info(found, frame.depth) for found in frame.found],
-    }
-    _write_json(record_path(out, frame.number), record)
+        record = {
+            "camera": {
+                "cam_K": frame.k.ravel().tolist(),
+                "depth_scale": 1.0,
+                "cam_R_w2c": frame.world_to_camera[:3, :3].ravel().tolist(),
+                "cam_t_w2c": (1000.0 * frame.world_to_camera[:3, 3]).tolist(),
+            },
+            "gt": [_pose(found) for found in frame.found],
+            "gt_info": [_info(found, frame.depth) for found in frame.found],
+        }
+        _write_json(aside / record_file, record)
 
 
 def read_files(out: Path) -> dict[str, bytes]:

@@ -99,6 +99,10 @@ def _messages(path: Path) -> Iterator[tuple[str, Any, float, float]]:
         ) from error
 
 
+# Models whose numbers are k1, k2, p1, p2, k3, where there are no more than these: ROS's names and librealsense's.
+_BROWN = ("", "plumb_bob", "rational_polynomial", "none", "brown conrady", "modified brown conrady")
+
+
 def _is_wanted(topic: str, kind: str) -> bool:
     name = kind.split("/")[-1]
     if "depth_units" in topic.lower():
@@ -125,9 +129,13 @@ def _pixels(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
 
 def _intrinsic(path: Path, topic: str, message: Any) -> Intrinsic:
     K = np.asarray(_either(message, "k"), float).reshape(3, 3)
-    distortion = np.zeros(5)
-    coefficients = np.asarray(_either(message, "d"), float)[:5]
-    distortion[: len(coefficients)] = coefficients
+    distortion, coefficients = np.zeros(5), np.asarray(_either(message, "d"), float)
+    if np.any(coefficients) and (message.distortion_model.lower() not in _BROWN or np.any(coefficients[5:])):
+        raise ValueError(
+            f"{path}: {topic}: distortion_model is {message.distortion_model!r} with d = {coefficients.tolist()}; only "
+            "the five numbers of plumb_bob (Brown and Conrady) are read: record rectified infrared images"
+        )
+    distortion[: min(len(coefficients), 5)] = coefficients[:5]
     if not (K[0, 0] > 0 and K[1, 1] > 0):
         raise ValueError(f"{path}: {topic}: K is {K.ravel().tolist()}, expected focal lengths above 0")
     return Intrinsic(int(message.width), int(message.height), K, distortion)
