@@ -163,8 +163,9 @@ def _rig(entry: JsonObject) -> Rig:
 
 
 def _eye(entry: JsonObject) -> RigCamera:
+    width, height = entry.integer("width", _EYE_SIDE), entry.integer("height", _EYE_SIDE)
     lens = tuple(entry.lens("distortion").tolist()) if entry.has("distortion") else (0.0,) * 5
-    return RigCamera(entry.integer("width", _EYE_SIDE), entry.integer("height", _EYE_SIDE), entry.camera_matrix("K"), lens)
+    return RigCamera(width, height, entry.camera_matrix("K"), lens)
 
 
 def _pattern(entry: JsonObject) -> Pattern:

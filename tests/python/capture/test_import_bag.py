@@ -141,7 +141,8 @@ def test_a_damaged_bag_is_one_line(tmp_path, capsys):
     ("model", "d"),
     [
         ("equidistant", (0.1, 0, 0, 0)),
-        ("rational_polynomial", (0.1, 0, 0, 0, 0, 0.1, 0, 0)),
+        ("plumb_bob", (0.1, 0, 0, 0, 0, 0.1, 0, 0)),
+        ("rational_polynomial", (0.1, 0, 0, 0, 0, 0.1, 0, 0, 0, 0, 0, 0, 0.01, 0)),
         ("Inverse Brown Conrady", (0.1, 0, 0, 0, 0)),
     ],
 )
@@ -151,7 +152,14 @@ def test_a_lens_of_another_law_is_refused(model, d):
         _intrinsic("a.bag", "topic", message)
 
 
-def test_a_rational_lens_without_denominator_is_brown_and_conradys():
-    d = (0.1, 0.2, 0, 0, 0.3, 0, 0, 0)
+@pytest.mark.parametrize(
+    ("d", "read"),
+    [
+        ((0.1, 0.2, 0, 0, 0.3, 0, 0, 0), [0.1, 0.2, 0, 0, 0.3]),
+        ((0.1, 0.2, 0, 0, 0.3, 0.1, 0, 0), [0.1, 0.2, 0, 0, 0.3, 0.1, 0, 0]),
+    ],
+    ids=["polynomial", "rational"],
+)
+def test_a_rational_lens_has_eight_numbers_where_it_has_a_denominator(d, read):
     message = camera_info(get_typestore(Stores.ROS1_NOETIC), 0.05, "rational_polynomial", d)
-    assert _intrinsic("a.bag", "topic", message).distortion.tolist() == [0.1, 0.2, 0, 0, 0.3]
+    assert _intrinsic("a.bag", "topic", message).distortion.tolist() == read

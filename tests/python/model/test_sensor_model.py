@@ -39,8 +39,9 @@ def whole(tmp_path) -> SensorModel:
     beside = np.eye(4)
     beside[0, 3] = -0.05
     eye = RigCamera(424, 240, K, (0.01, 0.0, 0.0, 0.0, 0.0))
+    rational = RigCamera(424, 240, K, (0.01, 0.0, 0.0, 0.0, 0.0, 0.02, -0.01, 0.001))
     model = SensorModel(
-        rig=Rig(eye, eye, beside, beside, source="a board"),
+        rig=Rig(eye, rational, beside, beside, source="a board"),
         pattern=Pattern(K, file=image, source="a wall"),
         imager=Imager(Quantity(0.6, unit="DN^2"), Quantity(0.005, unit="DN"), Quantity(0.001)),
         materials={"cup": {"ir_albedo_factor": Quantity(1.03, 1.01, 1.05)}},
@@ -73,6 +74,7 @@ def test_what_is_written_is_read(whole, tmp_path):
     assert again.pattern.file == tmp_path / "model.pattern.png"
     assert model_json(again, "model.pattern.png") == model_json(whole, "model.pattern.png")
     assert again.effects[1].surfaces == ("cup",)
+    assert again.rig.right.distortion == whole.rig.right.distortion
     assert not violations(json.loads(path.read_text()), json.loads(SCHEMA.read_text()))
 
 

@@ -99,8 +99,8 @@ def _messages(path: Path) -> Iterator[tuple[str, Any, float, float]]:
         ) from error
 
 
-# Models whose numbers are k1, k2, p1, p2, k3, where there are no more than these: ROS's names and librealsense's.
-_BROWN = ("", "plumb_bob", "rational_polynomial", "none", "brown conrady", "modified brown conrady")
+# How many numbers of k1, k2, p1, p2, k3, k4, k5, k6 a lens model has at most: ROS's names and librealsense's.
+_BROWN = {"": 5, "plumb_bob": 5, "none": 5, "brown conrady": 5, "modified brown conrady": 5, "rational_polynomial": 8}
 
 
 def _is_wanted(topic: str, kind: str) -> bool:
@@ -129,13 +129,15 @@ def _pixels(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
 
 def _intrinsic(path: Path, topic: str, message: Any) -> Intrinsic:
     K = np.asarray(_either(message, "k"), float).reshape(3, 3)
-    distortion, coefficients = np.zeros(5), np.asarray(_either(message, "d"), float)
-    if np.any(coefficients) and (message.distortion_model.lower() not in _BROWN or np.any(coefficients[5:])):
+    coefficients = np.trim_zeros(np.asarray(_either(message, "d"), float), "b")
+    if len(coefficients) > _BROWN.get(message.distortion_model.lower(), 0):
         raise ValueError(
             f"{path}: {topic}: distortion_model is {message.distortion_model!r} with d = {coefficients.tolist()}; only "
-            "the five numbers of plumb_bob (Brown and Conrady) are read: record rectified infrared images"
+            "the five numbers of plumb_bob (Brown and Conrady) and the eight of rational_polynomial are read: record "
+            "rectified infrared images"
         )
-    distortion[: min(len(coefficients), 5)] = coefficients[:5]
+    distortion = np.zeros(8 if len(coefficients) > 5 else 5)
+    distortion[: len(coefficients)] = coefficients
     if not (K[0, 0] > 0 and K[1, 1] > 0):
         raise ValueError(f"{path}: {topic}: K is {K.ravel().tolist()}, expected focal lengths above 0")
     return Intrinsic(int(message.width), int(message.height), K, distortion)
