@@ -25,15 +25,12 @@ SAMPLING = 16, 1, 3  # per pixel, bounces, seed
 NOISE_DN = 3.0
 
 
-@pytest.fixture(scope="module")
-def capture(tmp_path_factory) -> Path:
-    """A small capture by a sensor whose lens shades: a view that is repeated, and a frame that is held out."""
-    folder = tmp_path_factory.mktemp("figures")
+def recorded(folder: Path, hidden: Model) -> Path:
+    """A small capture by a sensor with hidden effects: a view that is repeated, and a frame that is held out."""
     nominal = trial_capture(folder, scale=0.5)
     first, second = nominal.frames
     frames = *(replace(first, id=n, repeat_group=0) for n in (0, 1)), replace(second, id=2, split="test")
     nominal = replace(nominal, frames=frames)
-    hidden = Model().with_effect(FEW["vignetting"], exponent=2.0)
     light = CaptureRenderer(nominal, "auto", *SAMPLING)
     survey = SceneMeasurement((0.002, 0.002), {1: 1.1})
     images, rng = light.expected(hidden, Nuisances(120000.0, 9000.0, 5.0), survey=survey), np.random.default_rng(1)
@@ -52,9 +49,12 @@ def compared(capture: Path, out: Path, model: Path | None = None) -> dict[str, f
     return json.loads((out / "compare.json").read_text())["ir"]
 
 
-@pytest.mark.parametrize("starts_from", ["nothing", "a model"])
-def test_diagnose_and_compare_tell_the_same_figures(capture, tmp_path, starts_from):
-    start = None
+@pytest.mark.parametrize("starts_from, steps", [("nothing", "one"), ("a model", "one"), ("nothing", "greedy")])
+def test_diagnose_and_compare_tell_the_same_figures(tmp_path, starts_from, steps):
+    hidden, start = Model().with_effect(FEW["vignetting"], exponent=2.0), None
+    if steps == "greedy":
+        hidden = hidden.with_effect(FEW["gain_mismatch"], gain=0.15)
+    capture = recorded(tmp_path, hidden)
     if starts_from == "a model":
         start = tmp_path / "start.json"
         model = Model().with_effect(FEW["gain_mismatch"], gain=0.02)
@@ -64,6 +64,7 @@ def test_diagnose_and_compare_tell_the_same_figures(capture, tmp_path, starts_fr
         capture,
         None if start is None else read_model(start),
         FEW,
+        steps,
         samples_per_pixel=samples,
         max_bounces=bounces,
         seed=seed,
@@ -72,15 +73,15 @@ def test_diagnose_and_compare_tell_the_same_figures(capture, tmp_path, starts_fr
     )
     write_diagnosis(diagnosis, tmp_path / "diagnosis")
     said = json.loads((tmp_path / "diagnosis" / "diagnose.json").read_text())
-    assert said["added"] == ["vignetting"]
+    assert said["added"] == (["vignetting", "gain_mismatch"] if steps == "greedy" else ["vignetting"])
     before = compared(capture, tmp_path / "before", start)
     after = compared(capture, tmp_path / "elsewhere", tmp_path / "diagnosis" / "model.json")
     assert said["heldout_ir_rmse_before"] == before["test"]["rmse_dn"]
     assert said["heldout_ir_rmse_after"] == after["test"]["rmse_dn"]
     assert said["heldout_noise_floor"] == after["test"]["noise_floor_dn"]
     assert said["train_noise_floor"] == after["train"]["noise_floor_dn"]
-    assert [step["effects"] for step in said["curve"]] == [[], ["vignetting"]]
-    assert [step["heldout_ir_rmse"] for step in said["curve"]] == [before["test"]["rmse_dn"], after["test"]["rmse_dn"]]
-    assert [step["train_ir_rmse"] for step in said["curve"]] == [before["train"]["rmse_dn"], after["train"]["rmse_dn"]]
+    assert [step["effects"] for step in said["curve"]] == [said["added"][:n] for n in range(len(said["added"]) + 1)]
+    for step, told in ((said["curve"][0], before), (said["curve"][-1], after)):
+        assert step["heldout_ir_rmse"] == told["test"]["rmse_dn"] and step["train_ir_rmse"] == told["train"]["rmse_dn"]
     left, had = (figures["test"]["explainable_rmse_dn"] for figures in (after, before))
     assert left < 0.2 * had
