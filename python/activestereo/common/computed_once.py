@@ -9,19 +9,30 @@ from functools import wraps
 from typing import Any, TypeVar
 
 _Result = TypeVar("_Result")
+_LOCK = "_computed_once_lock"
+
+
+class _Lock:
+    """An object's own lock: one for each method would let two objects wait for one another. A copy gets a new one."""
+
+    def __init__(self) -> None:
+        self.lock = threading.RLock()
+
+    def __reduce__(self) -> tuple[type[_Lock], tuple[()]]:
+        return _Lock, ()
 
 
 def computed_once(method: Callable[[Any], _Result]) -> Callable[[Any], _Result]:
     """The method, which works in the first call on an object; all later calls return the same result.
 
     Of several threads one computes and the others wait. An error is not kept. The object needs a `__dict__`."""
-    name, lock = f"_{method.__name__}_computed", threading.RLock()
+    name = f"_{method.__name__}_computed"
 
     @wraps(method)
     def kept(self: Any) -> _Result:
         known = self.__dict__
         if name not in known:
-            with lock:
+            with known.setdefault(_LOCK, _Lock()).lock:
                 if name not in known:
                     known[name] = method(self)
         return known[name]
