@@ -7,5 +7,5 @@ sanitize_tree() {
   local launcher=()
   command -v ccache >/dev/null && launcher=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache -DCMAKE_C_COMPILER_LAUNCHER=ccache)
   cmake -S . -B "$tree" -G Ninja -DCMAKE_BUILD_TYPE=None -DCMAKE_CXX_FLAGS=-O1 -DCMAKE_C_FLAGS=-O1 -DACTIVESTEREO_SANITIZE="$sanitizers" \
-    -DACTIVESTEREO_PYTHON=OFF -DACTIVESTEREO_BENCH=OFF "${launcher[@]}" >/dev/null
+    -DACTIVESTEREO_LED_FUZZERS=ON -DACTIVESTEREO_PYTHON=OFF -DACTIVESTEREO_BENCH=OFF "${launcher[@]}" >/dev/null
 }

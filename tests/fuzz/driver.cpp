@@ -45,6 +45,21 @@ extern "C" __attribute__((no_sanitize_coverage)) void __sanitizer_cov_trace_pc()
   place = 1;
 }
 
+// What libFuzzer is told besides, of code that both kinds of programs share.
+extern "C" {
+void __sanitizer_cov_trace_cmp1(uint8_t, uint8_t) {}
+void __sanitizer_cov_trace_cmp2(uint16_t, uint16_t) {}
+void __sanitizer_cov_trace_cmp4(uint32_t, uint32_t) {}
+void __sanitizer_cov_trace_cmp8(uint64_t, uint64_t) {}
+void __sanitizer_cov_trace_const_cmp1(uint8_t, uint8_t) {}
+void __sanitizer_cov_trace_const_cmp2(uint16_t, uint16_t) {}
+void __sanitizer_cov_trace_const_cmp4(uint32_t, uint32_t) {}
+void __sanitizer_cov_trace_const_cmp8(uint64_t, uint64_t) {}
+void __sanitizer_cov_trace_cmpf(float, float) {}
+void __sanitizer_cov_trace_cmpd(double, double) {}
+void __sanitizer_cov_trace_switch(uint64_t, uint64_t*) {}
+}
+
 namespace {
 
 // ---- changes of an input ----

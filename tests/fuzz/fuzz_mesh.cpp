@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bytes as a mesh file, read by the helper program as a host has it read: the host gets a scene, or one error that names the file. The
+// Bytes as a mesh file, counted by the plain readers in this process and read by the helper
+// program as a host has it read: the host gets a scene, or one error that names the file. The
 // first byte chooses the format. What follows a byte of 0 in an OBJ file is the MTL file beside it.
 #include <algorithm>
 #include <cstdio>
@@ -10,6 +11,7 @@
 #include <unistd.h>
 
 #include "device/error.h"
+#include "import/plain_mesh.h"
 #include "io/load.h"
 
 namespace {
@@ -38,6 +40,12 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     bytes = bytes.substr(0, end);
   }
   write(file, bytes);
+  try {
+    if (data[0] % 4 == 0) (void)kuafu::plain_obj(bytes);
+    if (data[0] % 4 == 1) (void)kuafu::plain_ply(bytes);
+    if (data[0] % 4 == 2) (void)kuafu::plain_stl(bytes);
+  } catch (const ks::Error&) {
+  }
   kuafu::Scene scene;
   try {
     kuafu::LoadOptions options;

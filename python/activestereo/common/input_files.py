@@ -19,7 +19,7 @@ else:
 
 MOST_BYTES = 1 << 33
 _PART_BYTES = 1 << 24
-MOST_TEXT_BYTES = 1 << 28
+MOST_TEXT_BYTES = 1 << 26
 # No format of this project nests ten deep; what walks a deeper tree may run out of stack.
 DEEPEST_JSON = 100
 _MOST_TOML_BYTES = 1 << 20

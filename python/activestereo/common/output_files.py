@@ -100,13 +100,21 @@ def _move(aside: Path, folder: Path, last: Path) -> None:
             place = folder / path.relative_to(aside)
             before = kept / str(number) if place.exists() else None
             if before is not None:
-                os.replace(place, before)
+                _keep(place, before)
             moved.append((place, before))
             os.replace(path, place)
-    except OSError:
+    except BaseException:  # an interrupt, too
         for place, before in reversed(moved):
             place.unlink(missing_ok=True) if before is None else os.replace(before, place)
         raise
+
+
+def _keep(place: Path, before: Path) -> None:
+    """A second name of the file, which stays in its place: a process that is killed here loses nothing."""
+    try:
+        os.link(place, before)
+    except OSError:  # a file system without links
+        shutil.copy2(place, before)
 
 
 @contextmanager

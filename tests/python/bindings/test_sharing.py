@@ -78,7 +78,7 @@ def file_mapping(address):
 
 def test_link_gives_each_eye_its_half(device, engine_device):
     link = IrLink(device, engine_device, 64, 48)
-    images = link.images
+    images = link.images()
     images[0], images[1] = 1.0, 2.0
     link.put(images)
     link.deliver()
@@ -94,8 +94,8 @@ def test_memory_of_a_gpu_is_read_and_written_by_copies(device, engine_device, mo
     link = IrLink(device, engine_device, 64, 48, count=2)
     pair = np.random.default_rng(0).random((4, 48, 64), dtype=np.float32)
     link.put(pair)
-    np.testing.assert_array_equal(link.images, pair)
-    np.testing.assert_array_equal(link.first, pair[0])
+    np.testing.assert_array_equal(link.images(), pair)
+    np.testing.assert_array_equal(link.first_image(), pair[0])
     with pytest.raises(BufferError, match="not host-visible"):
         link.target.array()
 

@@ -82,7 +82,7 @@ def test_a_text_larger_than_any_is_not_read(tmp_path):
     path = tmp_path / "large.json"
     with open(path, "wb") as file:
         file.truncate(MOST_TEXT_BYTES + 1)
-    with pytest.raises(OSError, match="at most 268 MB"):
+    with pytest.raises(OSError, match="at most 67 MB"):
         read_text(path)
     with pytest.raises(OSError, match="pipe or a device"):
         read_text("/dev/zero")
@@ -138,3 +138,20 @@ def test_an_image_that_is_larger_than_any_cameras_is_refused_with_its_name(tmp_p
     Image.new("L", (8193, 8192)).save(tmp_path / "a.png")
     with pytest.raises(CaptureError, match="a.png: image: is 8193x8192, at most 67108864 pixels"):
         read_gray(tmp_path / "a.png", key="image")
+
+
+def test_an_interrupt_between_two_files_leaves_what_was_there(tmp_path, monkeypatch):
+    for name in "ab":
+        (tmp_path / name).write_text("before")
+    replace, interrupts = os.replace, [KeyboardInterrupt]
+
+    def interrupted(source, place):
+        if str(place) == str(tmp_path / "b") and interrupts:
+            raise interrupts.pop()
+        replace(source, place)
+
+    monkeypatch.setattr("activestereo.common.output_files.os.replace", interrupted)
+    with pytest.raises(KeyboardInterrupt), written_together(tmp_path) as aside:
+        for name in "ab":
+            (aside / name).write_text("after")
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a": "before", "b": "before"}

@@ -90,10 +90,11 @@ def read_files(out: Path) -> dict[str, bytes]:
 
 
 def write_files(out: Path, files: Mapping[str, bytes]) -> None:
-    """A frame's files, as read_files() has them: pictures, then the record."""
-    for name in sorted(files, key=lambda name: (_RECORDS in name, name)):
-        (out / name).parent.mkdir(parents=True, exist_ok=True)
-        write_bytes(out / name, files[name])
+    """A frame's files, as read_files() has them: pictures, then the record; none where one cannot be written."""
+    with written_together(out, last=Path(next(name for name in files if _RECORDS in name))) as aside:
+        for name, content in files.items():
+            (aside / name).parent.mkdir(parents=True, exist_ok=True)
+            write_bytes(aside / name, content)
 
 
 def write_scenes(out: Path, count: int) -> None:
