@@ -27,8 +27,8 @@ struct Element {
 };
 
 void set_type(View word, char& type, size_t& bytes) {
-  type = word[0] == 'u' ? 'u' : word[0] == 'f' || word[0] == 'd' ? 'f' : 'i';
-  const View kind = word.substr(word[0] == 'u' ? 1 : 0);
+  type = word.starts_with('u') ? 'u' : word.starts_with('f') || word.starts_with('d') ? 'f' : 'i';
+  const View kind = word.substr(word.starts_with('u') ? 1 : 0);
   bytes = kind == "char" || kind == "int8" ? 1 : kind == "short" || kind == "int16" ? 2 : kind == "double" || kind == "float64" ? 8 : 4;
 }
 
@@ -54,6 +54,7 @@ class PlyReader {
  private:
   void header() {
     while (true) {
+      if (rest_.empty()) ks::fail(KS_ERROR_FILE, "line %zu: the header has no end", static_cast<size_t>(line_ + 1));
       View line = take_line(rest_);
       ++line_;
       const View kind = take_word(line);
@@ -66,6 +67,7 @@ class PlyReader {
         const View name = take_word(line), count = take_word(line);
         elements_.push_back({std::string(name), 0, {}});
         std::from_chars(count.data(), count.data() + count.size(), elements_.back().count);
+        if (static_cast<double>(elements_.back().count) > most_numbers_) fail_end();
       } else if (kind == "property") {
         property(line);
       }
@@ -73,6 +75,7 @@ class PlyReader {
   }
 
   void property(View words) {
+    if (elements_.empty()) ks::fail(KS_ERROR_FILE, "line %zu: a property stands before its element", static_cast<size_t>(line_));
     Element& element = elements_.back();
     Property p;
     View word = take_word(words);
