@@ -18,7 +18,7 @@ python_of() {
 }
 found=()
 for version in 3.10 3.12 3.13; do
-  python=$(python_of "$version")
+  python=$(python_of "$version" || true)
   if [ -z "$python" ]; then
     echo "== Python $version: skipped, it is not installed here"
   else
