@@ -34,12 +34,12 @@ from activestereo.common.render_table import FILM, RENDER, RENDERER
 # {camera: (resolution, its matrix, a copy of that)}: what belongs together.
 Calibrated: TypeAlias = "Mapping[str, tuple[tuple[int, int], NDArray[np.float64], NDArray[np.float64]]]"
 _TABLE = {p.name: p for p in (*MATCHER, *RIG, *RENDERER, *RENDER)}
-_IMAGER, _OPTICS = ({p.name: p for p in table} for table in (SIGNAL, FILM))
-# Optics have parameters of several numbers, too.
-_OPTICS_LENGTHS = {
-    name: len(value) for name in dir(kuafu.Film) if isinstance(value := getattr(kuafu.Film(), name), tuple)
+_NEUTRAL_OPTICS = kuafu.Film()
+# Fields that hold an engine's own parameters by name: those of one number, and how many numbers the others have.
+_IMAGER: tuple[dict[str, Parameter], dict[str, int]] = {p.name: p for p in SIGNAL}, {}
+_OPTICS = {p.name: p for p in FILM}, {
+    name: len(value) for name in dir(_NEUTRAL_OPTICS) if isinstance(value := getattr(_NEUTRAL_OPTICS, name), tuple)
 }
-# Fields that hold an engine's own parameters by name.
 _RECORDS = {"ir_signal": _IMAGER, "ir_film": _OPTICS, "rgb_film": _OPTICS}
 # Where infinity says that there is no limit.
 _ENDLESS = ("max_depth_m",)
@@ -112,7 +112,7 @@ def check_field(name: str, value: Any) -> None:
     elif name in _POSES:
         fault = _list_fault(value.p.tolist(), [LENGTH] * 3)
     elif name in _RECORDS:
-        fault = _record_fault(value, _RECORDS[name])
+        fault = _record_fault(value, *_RECORDS[name])
     elif name == "light_dots":
         fault = _dots_fault(value)
     elif name in _CHOICES and value not in _CHOICES[name]:
@@ -143,20 +143,19 @@ def _parameter_fault(p: Parameter, value: Any) -> str | None:
     return fault
 
 
-def _record_fault(values: Any, table: Mapping[str, Parameter]) -> str | None:
+def _record_fault(values: Any, table: Mapping[str, Parameter], lengths: Mapping[str, int]) -> str | None:
     if values is None or isinstance(values, str):  # the engine's preset of that name
         return None
     if not isinstance(values, Mapping):
         return f"is {values!r}, expected {{parameter: value}}"
-    lengths = _OPTICS_LENGTHS if table is _OPTICS else {}
+    known = (*table, *lengths)
     for name, value in values.items():
         if name in table:
             fault = _parameter_fault(table[name], value)
         elif name in lengths:
             fault = _list_fault(value, [ANY] * lengths[name])
         else:
-            near = [known for known in (*table, *lengths) if known.startswith(str(name))]
-            near = near or get_close_matches(str(name), [*table, *lengths], 1)
+            near = [other for other in known if other.startswith(str(name))] or get_close_matches(str(name), known, 1)
             return f"has no parameter {name!r}" + (f": did you mean {near[0]!r}?" if near else "")
         if fault is not None:
             return f"[{name!r}] {fault}"

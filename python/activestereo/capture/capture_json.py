@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from activestereo.common.input_files import read_json
+from activestereo.common.input_files import read_json_object
 from activestereo.common.limits import ANY, DISTORTION, FOCAL, LENGTH, NUMBER, PIXEL, Limits
 from activestereo.common.own_files import own_file
 from activestereo.common.pose import rigid_fault
@@ -35,15 +35,13 @@ class JsonObject:
     @classmethod
     def read(cls, path: str | Path) -> JsonObject:
         try:
-            values = read_json(path)
+            values = read_json_object(path)
         except OSError as error:
             raise CaptureError(
                 f"{path}: cannot be read ({error.strerror}); a capture is a folder with a capture.json"
             ) from error
         except ValueError as error:
             raise CaptureError(str(error)) from error
-        if not isinstance(values, dict):
-            raise CaptureError(f"{path}: is not a JSON object")
         return cls(Path(path), "", values)
 
     def key(self, key: str) -> str:
@@ -157,10 +155,11 @@ class JsonObject:
 
     def lens(self, key: str) -> np.ndarray:
         """Five coefficients of Brown and Conrady, or the eight of a rational lens, in OpenCV's order."""
-        values = self._get(key, False)
-        if isinstance(values, list) and len(values) not in (5, 8):
-            self.fail(key, f"has {len(values)} entries, expected 5 numbers, or 8 of a rational lens")
-        return self.numbers(key, [DISTORTION] * (8 if isinstance(values, list) and len(values) == 8 else 5))
+        values = self._get(key)
+        count = len(values) if isinstance(values, list) else 5
+        if count not in (5, 8):
+            self.fail(key, f"has {count} entries, expected 5 numbers, or 8 of a rational lens")
+        return self.numbers(key, [DISTORTION] * count)
 
     def rigid_transform(self, key: str) -> np.ndarray:
         pose = self.numbers(key, _TRANSFORM).reshape(4, 4)

@@ -48,11 +48,12 @@ def read_bytes(path: str | Path, most_bytes: int = MOST_BYTES) -> bytes:
     """The whole content. OSError as by open_file()."""
     with open_file(path, most_bytes) as file:
         # In parts, for one large read takes the memory before it knows the size; the kernel's files tell none.
-        parts = [file.read(_PART_BYTES)]
-        while parts[-1]:
-            parts.append(file.read(_PART_BYTES))
-            if len(parts) * _PART_BYTES > most_bytes + 2 * _PART_BYTES:
-                raise _too_large(path, len(parts) * _PART_BYTES, most_bytes)
+        parts, size = [], 0
+        while part := file.read(_PART_BYTES):
+            parts.append(part)
+            size += len(part)
+            if size > most_bytes:
+                raise _too_large(path, size, most_bytes)
     return b"".join(parts)
 
 
@@ -81,9 +82,21 @@ def read_json(path: str | Path) -> Any:
     raise ValueError(f"{path}: its brackets are nested deeper than {DEEPEST_JSON}")
 
 
+def read_json_object(path: str | Path) -> dict[str, Any]:
+    """read_json() of a file that holds an object; ValueError with the path where it holds another value."""
+    found = read_json(path)
+    if not isinstance(found, dict):
+        raise ValueError(f"{path}: is not a JSON object")
+    return found
+
+
 def read_toml(path: str | Path) -> dict[str, Any]:
     """The tables. OSError as by open_file(), ValueError with the path where it is no TOML or nested too deep."""
-    text = read_bytes(path, _MOST_TOML_BYTES).decode("utf-8", "replace")
+    content = read_bytes(path, _MOST_TOML_BYTES)
+    try:
+        text = content.decode()
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: is no TOML file: {error}") from error
     # tomllib's memory grows with the square of a dotted key's parts: 100 kB of them took all there was.
     longest = max((part.count(".") for part in re.split(r"[=,{}\[\]\n]", text)), default=0)
     if longest > _DEEPEST_TOML:

@@ -15,7 +15,7 @@ Positions = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 def distort(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Sequence[float] | np.ndarray) -> Positions:
     """Where a lens draws what an ideal pinhole draws at (x, y)."""
-    k1, k2, p1, p2, k3, k4, k5, k6 = np.pad(np.asarray(coefficients, np.float64), (0, 8 - len(coefficients)))
+    k1, k2, p1, p2, k3, k4, k5, k6 = (*coefficients, 0.0, 0.0, 0.0)[:8]
     r2 = x * x + y * y
     radial = (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)))
     # A lens that turns over far outside the picture must not fold the scene back into it.

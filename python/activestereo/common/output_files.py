@@ -3,10 +3,10 @@
 
 import errno
 import os
+import platform
 import secrets
 import shutil
 import stat
-import tempfile
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,7 +17,7 @@ import numpy as np
 from PIL import Image
 
 _UNFINISHED = ".unfinished-"
-_OF_PROCESS = "process_"
+_OF_PROCESS = f"process_{platform.node()}_"  # of this machine: other machines' numbers say nothing here
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -71,18 +71,25 @@ def written_together(folder: Path, name: str = "", last: Path = Path()) -> Itera
     a block that fails, on a full disk perhaps, leaves none of them. OSError names a file by its place. name: what
     left_over() tells the folder by that a killed process leaves; without one, the next call removes that. last: the
     file that moves behind the others, for who looks whether all are there."""
-    if not name:
-        for owner, path in left_over(folder):
-            if owner.startswith(_OF_PROCESS) and not Path("/proc", owner.removeprefix(_OF_PROCESS)).exists():
-                shutil.rmtree(path, ignore_errors=True)
-    owner = name or f"{_OF_PROCESS}{os.getpid()}"
-    aside = Path(tempfile.mkdtemp(prefix=f"{_UNFINISHED}{owner}-", dir=folder))
+    aside = _new_aside(folder, name)
     try:
         with _named_by_place(aside, folder):
             yield aside
             _move(aside, folder, last)
     finally:
         shutil.rmtree(aside, ignore_errors=True)
+
+
+def _new_aside(folder: Path, name: str = "") -> Path:
+    """A new folder below `folder`, named for this process where there is no name; those of processes of this machine
+    that have ended go."""
+    if not name:
+        for owner, path in left_over(folder):
+            if owner.startswith(_OF_PROCESS) and not Path("/proc", owner.removeprefix(_OF_PROCESS)).exists():
+                shutil.rmtree(path, ignore_errors=True)
+    aside = folder / f"{_UNFINISHED}{name or f'{_OF_PROCESS}{os.getpid()}'}-{secrets.token_hex(4)}"
+    aside.mkdir(parents=True)
+    return aside
 
 
 def _move(aside: Path, folder: Path, last: Path) -> None:
@@ -93,7 +100,7 @@ def _move(aside: Path, folder: Path, last: Path) -> None:
         place = folder / path.relative_to(aside)
         place.parent.mkdir(parents=True, exist_ok=True)
         check_target(place)
-    kept = Path(tempfile.mkdtemp(prefix="kept-", dir=aside))
+    kept = _new_aside(aside, "kept")
     moved: list[tuple[Path, Path | None]] = []
     try:
         for number, path in enumerate(files):
@@ -123,8 +130,7 @@ def new_folder(path: Path) -> Iterator[Path]:
     a file by its place, FileExistsError `path` where it is there already."""
     if path.exists():
         raise FileExistsError(errno.EEXIST, "exists already: give another name", str(path))
-    aside = path.with_name(f"{_UNFINISHED}{path.name}-{os.getpid()}-{secrets.token_hex(4)}")
-    aside.mkdir()
+    aside = _new_aside(path.parent)
     try:
         with _named_by_place(aside, path):
             yield aside

@@ -27,7 +27,7 @@ class Renderer(Protocol):
     """Renders one rig pose; see the head of this file."""
 
     version: str
-    """What decides its images: a cached render of another version is not used."""
+    """Names all that decides its images: a cached render of another version is not used."""
 
     def __call__(
         self, request: RenderRequest, progress: Callable[[float], object] | None = None

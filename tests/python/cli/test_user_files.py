@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What users give as a file may be a pipe, a device, huge or nested without end: one line says so, at once."""
+"""A file of a user's may be a pipe, a device, huge or nested without end: one line says so, at once."""
 
 import os
+import platform
 import subprocess
 import sys
 
@@ -96,9 +97,13 @@ def test_json_may_nest_as_deep_as_the_limit(tmp_path):
         read_json(tmp_path / f"{DEEPEST_JSON + 1}.json")
 
 
-@pytest.mark.parametrize("text", ["a=" + "[" * 100_000, "a=" + "{a=" * 50_000, ".".join(["a"] * 100_000) + "=1", "\0"])
+@pytest.mark.parametrize(
+    "text",
+    ["a=" + "[" * 100_000, "a=" + "{a=" * 50_000, ".".join(["a"] * 100_000) + "=1", "\0", "a = '\xff'"],
+    ids=["brackets", "tables", "parts", "zero", "latin"],
+)
 def test_toml_that_nests_without_end_is_refused(text, tmp_path):
-    (tmp_path / "a.toml").write_text(text)
+    (tmp_path / "a.toml").write_bytes(text.encode("latin-1"))
     with pytest.raises(ValueError, match="a.toml: (its brackets|a key has|is no TOML)"):
         read_toml(tmp_path / "a.toml")
 
@@ -111,6 +116,9 @@ def test_a_new_folder_is_whole_or_not_there(tmp_path):
     with new_folder(tmp_path / "capture") as folder:
         write_text(folder / "a.txt", "a")
     assert [path.name for path in tmp_path.iterdir()] == ["capture"]
+    with new_folder(tmp_path / "not/there/yet"):
+        pass
+    assert (tmp_path / "not/there/yet").is_dir() and len(list((tmp_path / "not/there").iterdir())) == 1
     with pytest.raises(FileExistsError, match="exists already"), new_folder(tmp_path / "capture"):
         pass
 
@@ -125,13 +133,14 @@ def test_files_that_cannot_all_move_leave_what_was_there(tmp_path):
 
 
 def test_what_a_killed_process_left_goes_with_the_next_write(tmp_path):
-    left = tmp_path / ".unfinished-process_999999999-x"  # no system has such a process
-    left.mkdir()
-    own = tmp_path / f".unfinished-process_{os.getpid()}-x"
-    own.mkdir()
+    left = tmp_path / f".unfinished-process_{platform.node()}_999999999-x"  # no system has such a process
+    own = tmp_path / f".unfinished-process_{platform.node()}_{os.getpid()}-x"
+    elsewhere = tmp_path / ".unfinished-process_another-machine_999999999-x"
+    for folder in (left, own, elsewhere):
+        folder.mkdir()
     with written_together(tmp_path) as aside:
         write_text(aside / "a.txt", "a")
-    assert {path.name for path in tmp_path.iterdir()} == {"a.txt", own.name}
+    assert {path.name for path in tmp_path.iterdir()} == {"a.txt", own.name, elsewhere.name}
 
 
 def test_an_image_that_is_larger_than_any_cameras_is_refused_with_its_name(tmp_path):

@@ -20,7 +20,7 @@ from activestereo.capture.importers.color_depth import (
     camera_matrix_of,
     image_files,
 )
-from activestereo.common.input_files import read_json
+from activestereo.common.input_files import read_json_object
 from activestereo.common.pose import printed_motion
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.mesh_files import read_mesh
@@ -36,7 +36,8 @@ def is_bop(folder: Path) -> bool:
 def read_bop(folder: Path, scene: Path, depth_scale: float | None = None) -> ColorDepthRecording:
     """scene: where the objects' glTF file is written, if there are models. ValueError names file, key and value."""
     path = folder / "scene_camera.json"
-    cameras, truth = _json(path), _json(folder / "scene_gt.json") if (folder / "scene_gt.json").is_file() else {}
+    cameras, poses = read_json_object(path), folder / "scene_gt.json"
+    truth = read_json_object(poses) if poses.is_file() else {}
     depths, colors = image_files(folder / "depth"), image_files(folder / "rgb") or image_files(folder / "gray")
     frames, Ks = [], []
     for number, name in enumerate(sorted(cameras, key=int)):
@@ -97,10 +98,3 @@ def _write_scene(
     if count:
         writer.write(scene)
     return count > 0
-
-
-def _json(path: Path) -> dict[str, Any]:
-    found = read_json(path)
-    if not isinstance(found, dict):
-        raise ValueError(f"{path}: is not a JSON object")
-    return found

@@ -16,7 +16,7 @@ from activestereo.capture.importers.color_depth import (
     camera_matrix_of,
     image_files,
 )
-from activestereo.common.input_files import read_json, read_text
+from activestereo.common.input_files import read_json_object, read_text
 from activestereo.common.pose import printed_motion
 
 _INTRINSICS = ("camera_intrinsic.json", "intrinsic.json")
@@ -34,7 +34,7 @@ def read_open3d(
 ) -> ColorDepthRecording:
     """K and depth_scale go before what the folder says. ValueError names file, key and value."""
     path = next(folder / name for name in _INTRINSICS if (folder / name).is_file())
-    intrinsics = _json(path)
+    intrinsics = read_json_object(path)
     if K is None:
         if "intrinsic_matrix" not in intrinsics:
             raise ValueError(f"{path}: intrinsic_matrix: is missing: give --k FX,FY,CX,CY")
@@ -73,7 +73,7 @@ def _poses(folder: Path) -> list[NDArray[np.float64]] | None:
         blocks = [rows[k + 1 : k + 5] for k in range(0, len(rows), 5)]
     else:
         # Column by column, and from the world to the camera.
-        blocks = [np.reshape(entry["extrinsic"], (4, 4)).T for entry in _json(path).get("parameters", [])]
+        blocks = [np.reshape(entry["extrinsic"], (4, 4)).T for entry in read_json_object(path).get("parameters", [])]
     out = []
     for number, block in enumerate(blocks):
         try:
@@ -83,10 +83,3 @@ def _poses(folder: Path) -> list[NDArray[np.float64]] | None:
         pose = printed_motion(pose[:3, :3], pose[:3, 3], f"{path}: pose {number}", pose[3])
         out.append(pose if path.suffix == ".log" else np.linalg.inv(pose))
     return out
-
-
-def _json(path: Path) -> dict[str, Any]:
-    found = read_json(path)
-    if not isinstance(found, dict):
-        raise ValueError(f"{path}: is not a JSON object")
-    return found

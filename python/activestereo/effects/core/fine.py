@@ -29,7 +29,8 @@ class FineImages:
     def pixels(self) -> np.ndarray:
         """Means over the pixels' squares, float64 [n][height][width]."""
         s, edge = self.scale, self.margin_px * self.scale
-        inside = self.images()[:, edge : self.images().shape[1] - edge, edge : self.images().shape[2] - edge]
+        images = self.images()
+        inside = images[:, edge : images.shape[1] - edge, edge : images.shape[2] - edge]
         count, height, width = inside.shape
         return inside.reshape(count, height // s, s, width // s, s).mean(axis=(2, 4), dtype=np.float64)
 
@@ -75,7 +76,8 @@ class FineImages:
         return known[indices]
 
     def _sum_of(self, indices: tuple[int, ...]) -> FineImages:
-        image = self.images()[indices[0]] if len(indices) == 1 else self.images()[list(indices)].sum(axis=0)
+        images = self.images()
+        image = images[indices[0]] if len(indices) == 1 else images[list(indices)].sum(axis=0)
         return FineImages(image[None], self.scale, self.margin_px)
 
     @computed_once
