@@ -13,13 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
 from activestereo.common.input_files import read_toml
 from activestereo.common.matcher_table import MATCHER, SIGNAL
+from activestereo.common.nearest import did_you_mean
 from activestereo.common.parameter import Parameter
 from activestereo.common.render_table import FILM, RENDER
 
@@ -153,8 +153,9 @@ def read_camera(name: str | Path) -> CameraData:
     if not path.is_file() or "/" in str(name):
         path = Path(name)
         if path.suffix != ".toml":
-            known = ", ".join(camera_titles())
-            raise ValueError(f"unknown sensor '{name}' (known: {known}, or the path of a .toml file)")
+            titles = camera_titles()
+            known = f"known: {', '.join(titles)}, or the path of a .toml file"
+            raise ValueError(f"unknown sensor '{name}' ({known}){did_you_mean(name, titles)}")
     return _read(path, _LONGEST_CHAIN)
 
 
@@ -192,9 +193,8 @@ def _read(path: Path, chain: int) -> CameraData:
 
 def _known(path: Path, kind: str, name: str, known: dict[str, Any]) -> None:
     if name not in known:
-        close = get_close_matches(name, known, 1)
-        hint = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(known)}"
-        raise ValueError(f"{path}: '{name}' is no {kind}; {hint}")
+        hint = did_you_mean(name, known) or f"; known: {', '.join(known)}"
+        raise ValueError(f"{path}: '{name}' is no {kind}{hint}")
 
 
 def _figure(place: str, entry: Any, field: Field) -> Figure:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import deepcopy
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,9 +20,11 @@ from numpy.typing import NDArray
 
 from activestereo.camera.camera_file import CameraData, camera_titles, read_camera
 from activestereo.camera.config_limits import Calibrated, check_field, check_matrix, check_together
+from activestereo.common.limits import SIDE, Limits
 from activestereo.common.matcher_table import MATCHER, RIG, MatcherFields
+from activestereo.common.nearest import did_you_mean
 from activestereo.common.pattern import PatternDesign, make_pattern
-from activestereo.common.pose import Pose
+from activestereo.common.pose import Pose, as_matrix
 from activestereo.common.render_table import RENDER, RENDERER, RenderFields
 
 if TYPE_CHECKING:
@@ -101,6 +102,7 @@ OF_THE_CAMERA = {
 }
 
 
+FIELD_OF_VIEW = Limits(1.0, 170.0, "degrees")
 # A block of summed costs covers at least this side, that of a census window.
 _LEAST_BLOCK_PX = 7
 
@@ -108,6 +110,20 @@ _LEAST_BLOCK_PX = 7
 def _scaled_block(side_px: int, factor: float) -> int:
     """An odd side."""
     return min(side_px, max(_LEAST_BLOCK_PX, 2 * int(0.5 * side_px * factor) + 1))
+
+
+def _is_equal(a: Any, b: Any) -> bool:
+    if isinstance(a, Pose) and isinstance(b, Pose):
+        return np.array_equal(as_matrix(a), as_matrix(b))
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        return np.array_equal(a, b)
+    return bool(a == b)
+
+
+def _brief(value: Any) -> str:
+    if isinstance(value, np.ndarray) and value.size > 9:
+        return f"<{value.dtype} {list(value.shape)}>"
+    return repr(value.tolist() if isinstance(value, np.ndarray) else value)
 
 
 _OWN_NAMES = {sapien: own for own, sapien in SAPIEN_NAMES.items()}
@@ -243,20 +259,39 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         """ValueError where fields do not go together: a camera's matrix is of another resolution. Sensors ask it."""
         check_together({name: getattr(self, name) for name in self._FIELDS}, self._calibrated)
 
+    @classmethod
+    def _unknown(cls, name: str) -> str:
+        return f"a sensor's configuration has no field '{name}'{did_you_mean(name, cls._FIELDS)}"
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, StereoDepthSensorConfig):
+            return NotImplemented
+        return not self._differing(other)
+
+    def __repr__(self) -> str:
+        """The model, and the fields that are not as it has them."""
+        try:
+            base = type(self)(self.model)
+        except ValueError:  # of a file of the user's
+            return f"<StereoDepthSensorConfig of '{self.model}', {self.ir_resolution[0]}x{self.ir_resolution[1]}>"
+        changed = [f"{name}={_brief(getattr(self, name))}" for name in self._differing(base)]
+        return f"StereoDepthSensorConfig({', '.join([repr(self.model), *changed])})"
+
+    def _differing(self, other: StereoDepthSensorConfig) -> list[str]:
+        return [name for name in self._FIELDS if not _is_equal(getattr(self, name), getattr(other, name))]
+
     if not TYPE_CHECKING:  # our own code uses our own names
 
         def __getattr__(self, name: str) -> Any:
             """A field under SAPIEN's name."""
             if name in _OWN_NAMES:
                 return getattr(self, _OWN_NAMES[name])
-            raise AttributeError(f"a sensor's configuration has no field '{name}'")
+            raise AttributeError(self._unknown(name))
 
     def __setattr__(self, name: str, value: Any) -> None:
         name = _OWN_NAMES.get(name, name)
         if self._FIELDS and name not in self._FIELDS:
-            close = get_close_matches(name, self._FIELDS, 1)
-            hint = f"; did you mean '{close[0]}'?" if close else ""
-            raise AttributeError(f"a sensor's configuration has no field '{name}'{hint}")
+            raise AttributeError(self._unknown(name))
         check_field(name, value)
         if name.endswith("_intrinsic") and "_calibrated" in vars(self):
             check_matrix(name, value, vars(self))
@@ -312,6 +347,37 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         grows."""
         if not 0.0 < factor <= 100.0:
             raise ValueError(f"a sensor is scaled by a factor above 0 and up to 100, not {factor}")
+        out = self._rescaled(factor)
+        for camera in ("rgb", "ir"):
+            old = np.array(getattr(self, f"{camera}_resolution"))
+            new = np.maximum(np.rint(old * factor).astype(int), 1)
+            self._resize(out, camera, (int(new[0]), int(new[1])), new / old)
+        out._keep_calibration()
+        return out
+
+    def resized(self, width: int, height: int, fov: float | None = None) -> StereoDepthSensorConfig:
+        """A copy whose images are all width x height pixels, with square pixels as square as before. fov: the
+        horizontal field of view of all cameras, degrees; None = each keeps its own, and height cuts or adds above and
+        below. The disparity range and the matcher's block go with the infrared cameras' focal length, as scaled() has
+        them."""
+        for name, side in (("width", width), ("height", height)):
+            SIDE.check(name, side)
+        if fov is not None:
+            FIELD_OF_VIEW.check("fov", fov)
+        focal = {}
+        for camera in ("rgb", "ir"):
+            old_fx = getattr(self, f"{camera}_intrinsic")[0, 0]
+            own = width / getattr(self, f"{camera}_resolution")[0]
+            focal[camera] = own if fov is None else 0.5 * width / np.tan(0.5 * np.deg2rad(fov)) / old_fx
+        out = self._rescaled(focal["ir"])
+        for camera, ratio in focal.items():
+            self._resize(out, camera, (width, height), np.full(2, ratio))
+        out._keep_calibration()
+        return out
+
+    def _rescaled(self, factor: float) -> StereoDepthSensorConfig:
+        """A copy whose matcher and speckle are of images with this many times the focal length."""
+        self.check()
         out = deepcopy(self)
         out.max_disparity = max(32, round(self.max_disparity * factor))
         out.block_width, out.block_height = (
@@ -320,31 +386,30 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         if isinstance(out.ir_signal, dict) and "speckle_psf_sigma_px" in out.ir_signal:
             grain_px = factor * out.ir_signal["speckle_psf_sigma_px"]
             out.ir_signal["speckle_psf_sigma_px"] = grain_px if grain_px >= 0.1 else 0.0  # less is a pixel's own
-        self.check()
-        for camera in ("rgb", "ir"):
-            old = np.array(getattr(self, f"{camera}_resolution"))
-            new = np.maximum(np.rint(old * factor).astype(int), 1)
-            ratio = np.array([new[0] / old[0], new[1] / old[1], 1.0])
-            setattr(out, f"{camera}_resolution", (int(new[0]), int(new[1])))
-            for name in [f"{camera}_intrinsic"] + (
-                ["ir_intrinsic_right"] if camera == "ir" and self.ir_intrinsic_right is not None else []
-            ):
-                k = getattr(self, name).copy()
-                k[:2, 2] += 0.5  # pixel centres are at integers: the image's corner is at -0.5
-                k = k * ratio[:, None]
-                k[:2, 2] -= 0.5
-                setattr(out, name, k)
-            if camera == "ir" and self.ir_exposure_region is not None:
-                left, top, right, bottom = self.ir_exposure_region
-                x, y = ratio[:2]
-                out.ir_exposure_region = (round(left * x), round(top * y), round(right * x), round(bottom * y))
-            film = getattr(self, f"{camera}_film")
-            if film is not None:
-                setattr(out, f"{camera}_film", {n: v * ratio[0] if n.endswith("_px") else v for n, v in film.items()})
-            lines = 0 if "columns" in getattr(self, f"{camera}_readout") else 1
-            setattr(out, f"{camera}_line_time_s", getattr(self, f"{camera}_line_time_s") / ratio[lines])
-        out._keep_calibration()
         return out
+
+    def _resize(
+        self, out: StereoDepthSensorConfig, camera: str, size: tuple[int, int], focal: NDArray[np.float64]
+    ) -> None:
+        """Gives `out` this camera at another resolution; focal: new over old focal lengths, x and y."""
+        ratio = np.array(size) / np.array(getattr(self, f"{camera}_resolution"))
+        setattr(out, f"{camera}_resolution", size)
+        for name in [f"{camera}_intrinsic"] + (
+            ["ir_intrinsic_right"] if camera == "ir" and self.ir_intrinsic_right is not None else []
+        ):
+            k = getattr(self, name).copy()
+            k[:2, :2] *= focal[:, None]
+            k[:2, 2] = (k[:2, 2] + 0.5) * ratio - 0.5  # pixel centres are at integers: the image's corner is at -0.5
+            setattr(out, name, k)
+        if camera == "ir" and self.ir_exposure_region is not None:
+            left, top, right, bottom = self.ir_exposure_region
+            x, y = ratio
+            out.ir_exposure_region = (round(left * x), round(top * y), round(right * x), round(bottom * y))
+        film = getattr(self, f"{camera}_film")
+        if film is not None:
+            setattr(out, f"{camera}_film", {n: v * focal[0] if n.endswith("_px") else v for n, v in film.items()})
+        lines = 0 if "columns" in getattr(self, f"{camera}_readout") else 1
+        setattr(out, f"{camera}_line_time_s", getattr(self, f"{camera}_line_time_s") / ratio[lines])
 
     def pattern(self) -> tuple[np.ndarray, np.ndarray] | None:
         """The projector's image as uint8 [height, width] and its 3x3 K, or None where there is no projector."""

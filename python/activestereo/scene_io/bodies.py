@@ -13,12 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import kuafu
+from activestereo.common.nearest import did_you_mean
 from activestereo.common.pose_arrays import PosesLike, host_array, pose_fault, pose_matrices
 from activestereo.scene_io.meshes import Mesh
 
@@ -132,9 +132,7 @@ class Bodies:
         """A body's number. Raises ValueError where there is none of this name."""
         if name in self.names:
             return self.names.index(name)
-        close = get_close_matches(name, self.names, 1)
-        hint = f"; did you mean '{close[0]}'?" if close else ""
-        raise ValueError(f"there is no body '{name}' among {len(self.names)}{hint}")
+        raise ValueError(f"there is no body '{name}' among {len(self.names)}{did_you_mean(name, self.names)}")
 
     @property
     def poses(self) -> NDArray[np.float64]:

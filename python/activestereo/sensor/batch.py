@@ -19,7 +19,7 @@ from types import TracebackType
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 import kuafu
 import simsense
@@ -41,13 +41,17 @@ from activestereo.sensor.picture_memory import RGB_OUTPUTS, PictureMemory
 from activestereo.sensor.result_memory import Kind, PartOfResults
 from activestereo.sensor.results import require_depth, require_picture, require_rgb
 
+# Of a batch's broken poses, so many are named in the error's text; the error has all their environments.
+_MOST_NAMED = 8
+
 
 class SensorPoseError(ValueError):
     """A sensor's pose is none. The pictures of the other environments are taken; this one's are from its last place."""
 
-    def __init__(self, text: str, environment: int) -> None:
+    def __init__(self, text: str, environments: list[int]) -> None:
         super().__init__(text)
-        self.environment = environment
+        self.environments = environments  # all whose mounts have no pose
+        self.environment = environments[0]
 
 
 class HasPoses(Protocol):
@@ -273,33 +277,47 @@ class StereoDepthSensorBatch:
 
     def vary(
         self,
-        environment: int,
-        laser_power: NDArray[np.float64],
-        exposure: NDArray[np.float64],
-        right_turn: NDArray[np.float64],
+        environment: int | None = None,
+        laser_power: ArrayLike | None = None,
+        exposure: ArrayLike | None = None,
+        right_turn: NDArray[np.float64] | None = None,
     ) -> None:
         """How the sensors of an environment differ from the configuration, from the next picture on: the laser's power
         [S] and the exposure [S] over what they are without this, and rotations [S, 3, 3] of the right eyes in their
-        own axes, which the matcher does not know of. ValueError for another number of sensors, for numbers that are
-        negative or not finite, and for what is no rotation."""
+        own axes, which the matcher does not know of. environment None: of all at once, each array then with the
+        batch's shape, [E] or [E, S], before the rest. What is None stays as it is. ValueError for another number of
+        sensors, for numbers that are negative or not finite, and for what is no rotation; then nothing has changed."""
         sensors = self._count // self._shape[0]
-        if environment not in self._numbers:
-            raise ValueError(f"environments are {self._numbers[0]} to {self._numbers[-1]}, not {environment}")
-        first = (environment - self._numbers.start) * sensors
-        own = slice(first, first + sensors)
+        own, shape, where = slice(None), self._shape, "the batch"
+        if environment is not None:
+            if environment not in self._numbers:
+                raise ValueError(f"environments are {self._numbers[0]} to {self._numbers[-1]}, not {environment}")
+            first = (environment - self._numbers.start) * sensors
+            own, shape, where = slice(first, first + sensors), (sensors,), f"environment {environment}"
+        shares = {}
         for name, values in (("laser_power", laser_power), ("exposure", exposure)):
-            if np.shape(values) != (sensors,):
-                raise ValueError(f"{name} of environment {environment} is {sensors} numbers from 0 on, not {values}")
-            for value in np.asarray(values).tolist():
-                POWER.check(f"{name} of environment {environment}", value)
-        turned = np.broadcast_to(np.eye(4), (sensors, 4, 4)).copy()
-        if np.shape(right_turn) != (sensors, 3, 3):
-            raise ValueError(f"right_turn of environment {environment}: [{sensors}, 3, 3], not {np.shape(right_turn)}")
-        turned[:, :3, :3] = right_turn
-        if pose_fault(turned).any():
-            raise ValueError(f"right_turn of environment {environment} is no rotation")
-        self._rig.laser_power[own], self._rig.right_turn[own] = laser_power, turned
-        self._light_share[own] = exposure
+            if values is None:
+                continue
+            shares[name] = np.asarray(values, np.float64)
+            if shares[name].shape != shape:
+                raise ValueError(f"{name} of {where} is {list(shape)} numbers from 0 on, not {values!r}")
+            for n, value in enumerate(shares[name].ravel().tolist()):
+                at = where if environment is not None else f"environment {self._numbers[n // sensors]}"
+                POWER.check(f"{name} of {at}", value)
+        if right_turn is not None:
+            if np.shape(right_turn) != (*shape, 3, 3):
+                raise ValueError(f"right_turn of {where}: {[*shape, 3, 3]}, not {np.shape(right_turn)}")
+            turned = np.broadcast_to(np.eye(4), (int(np.prod(shape)), 4, 4)).copy()
+            turned[:, :3, :3] = np.reshape(right_turn, (-1, 3, 3))
+            broken = np.flatnonzero(pose_fault(turned))
+            if broken.size:
+                at = where if environment is not None else f"environment {self._numbers[int(broken[0]) // sensors]}"
+                raise ValueError(f"right_turn of {at} is no rotation")
+            self._rig.right_turn[own] = turned
+        if "laser_power" in shares:
+            self._rig.laser_power[own] = shares["laser_power"].ravel()
+        if "exposure" in shares:
+            self._light_share[own] = shares["exposure"].ravel()
 
     def count_to(self, frame: int) -> None:
         """The next picture has the number after this one: as where pictures were taken elsewhere that failed here."""
@@ -343,11 +361,13 @@ class StereoDepthSensorBatch:
 
     def _tell(self, broken: NDArray[np.intp]) -> None:
         if broken.size:
-            own, *sensor = (int(n) for n in np.unravel_index(broken[0], self._shape))
-            environment = self._numbers[own]
-            where = ", sensor ".join(str(n) for n in (environment, *sensor))
-            text = f"environment {where}: the mount's pose is not a finite rigid one; {broken.size} of {self._count}"
-            raise SensorPoseError(f"{text} sensors took their picture from their last place", environment)
+            places = np.stack(np.unravel_index(broken, self._shape), axis=1)
+            places[:, 0] += self._numbers[0]
+            named = "; environment ".join(", sensor ".join(map(str, place)) for place in places[:_MOST_NAMED].tolist())
+            named += f" and {broken.size - _MOST_NAMED} more" if broken.size > _MOST_NAMED else ""
+            text = f"environment {named}: the mount's pose is not a finite rigid one; {broken.size} of {self._count}"
+            bad = np.unique(places[:, 0]).tolist()
+            raise SensorPoseError(f"{text} sensors took their picture from their last place", bad)
 
     def _place(self) -> NDArray[np.intp]:
         """Cameras and projectors to where the mounts are; returns the numbers of sensors whose mount has no pose."""

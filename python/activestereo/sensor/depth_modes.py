@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.nearest import unknown
 from activestereo.common.pose import PoseLike
 from activestereo.sensor.batch import HasPoses, StereoDepthSensorBatch
 
@@ -37,7 +38,7 @@ class DepthCamera:
         self, mode: str, config: StereoDepthSensorConfig, mounts: HasPoses, pose: PoseLike | None = None
     ) -> None:
         if mode not in MODES:
-            raise ValueError(f"unknown mode '{mode}' (known: {', '.join(MODES)})")
+            raise ValueError(unknown("mode", mode, MODES))
         self.mode = mode
         config = deepcopy(config)
         if mode == "raster":

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo.camera.matching import render_parameters, signal_parameters
 from activestereo.capture.capture import Frame
-from activestereo.common.pose import Pose, camera_to_camera, camera_to_world, carried_twist
+from activestereo.common.pose import Pose, camera_to_world
 from activestereo.effects.core.engine import EngineCamera, EngineInputs
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.scene_surfaces import split_surfaces
 from activestereo.effects.engines.scene_measurement import SceneMeasurement
 from activestereo.model import SensorModel, read_model
+from activestereo.sensor.rig_motion import twist_of
 
 if TYPE_CHECKING:
     from activestereo.camera.presets import StereoDepthSensorConfig
@@ -101,13 +102,6 @@ def exposure(
 def render_settings(config: StereoDepthSensorConfig, frame: int) -> dict[str, Any]:
     """Keyword arguments of kuafu.Renderer.render that follow from the configuration alone."""
     return render_parameters(config) | {"seed": (config.render_seed << 32) + frame}
-
-
-def twist_of(config: StereoDepthSensorConfig, twist: NDArray[np.float64], pose_in_rgb: Pose) -> NDArray[np.float64]:
-    """[2, 3] linear and angular velocity, in its own camera axes, of what stands at this place of the sensor."""
-    if not np.any(twist):  # as nearly always; each picture under automatic exposure asks
-        return np.zeros((2, 3))
-    return carried_twist(camera_to_camera(config.trans_pose_l, pose_in_rgb), twist).reshape(2, 3)
 
 
 def shutter(line_time_s: float, readout: str) -> dict[str, Any]:

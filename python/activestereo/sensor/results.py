@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import kuafu
 import simsense
 from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.nearest import did_you_mean
 from activestereo.sensor.cuda_maps import DEPTH_MAPS, MAPS, PICTURES, CudaMap, CudaMaps, check_cuda_name
 from activestereo.sensor.cuda_memory import CudaArray
 from activestereo.sensor.lazy_maps import LazyMaps
@@ -104,7 +105,8 @@ class SensorResults:
 
     def _check_depth_map(self, name: str) -> None:
         if name not in self._depth_maps:
-            raise ValueError(f"'{name}' is none of the config's depth_maps {self._depth_maps}")
+            hint = did_you_mean(name, self._depth_maps)
+            raise ValueError(f"'{name}' is none of the config's depth_maps {self._depth_maps}{hint}")
 
     def _map(self, name: str, match: Match) -> Any:
         require_depth(self.maps)

@@ -21,28 +21,24 @@ from activestereo.camera.auto_exposure import AutoExposure, encoded_rgb
 from activestereo.camera.config_limits import checked_twist
 from activestereo.camera.matching import Taken, engine_parameters, linear_counts, make_engine, renderer_parameters
 from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.capture.capture import EYES
 from activestereo.common.computed_once import computed_once
 from activestereo.common.lens import pixel_rays
 from activestereo.common.limits import TEMPERATURE, TIME
+from activestereo.common.nearest import unknown
 from activestereo.common.pose import Pose, as_matrix, camera_to_world
 from activestereo.common.progress_bar import Progress, part_of
 from activestereo.effects.core.engine import EngineInputs, apply_engine, moved_pose
 from activestereo.model import SensorModel
 from activestereo.sensor.cuda_memory import CudaArray
 from activestereo.sensor.image_effects import ImageEffects, ModelCostWarning
-from activestereo.sensor.inputs import (
-    exposed_anew,
-    exposure,
-    fitted_to,
-    render_settings,
-    sensor_inputs,
-    shutter,
-    twist_of,
-)  # fmt: skip
+from activestereo.sensor.inputs import exposed_anew, exposure, fitted_to, render_settings, sensor_inputs, shutter
 from activestereo.sensor.ir_link import IrLink
 from activestereo.sensor.mount import Mount as Mount
 from activestereo.sensor.mount import RigPlace, as_mount
+from activestereo.sensor.radiance import checked_radiance
 from activestereo.sensor.results import SensorResults, require_picture
+from activestereo.sensor.rig_motion import give_velocity, twist_of
 from activestereo.sensor.world import LATER, SensorWorld
 
 Band = Literal["visible", "infrared"]
@@ -143,6 +139,18 @@ class StereoDepthSensor:
         self._results.match(self._match)
         self._keep_times("depth", self._engine)
 
+    def compute_depth_from(
+        self, left: ArrayLike, right: ArrayLike, left_laser: ArrayLike | None = None,
+        right_laser: ArrayLike | None = None, outputs: tuple[str, ...] = ("disparity",), frame_index: int = 0,
+    ) -> dict[str, np.ndarray]:  # fmt: skip
+        """{output of simsense.Engine.compute: array} of radiance of one's own, [height, width] W/(sr m^2), with picture
+        frame_index's noise. *_laser: the projector's part, which alone has speckle; without, all has."""
+        pair, lasers = checked_radiance(left, right, left_laser, right_laser, self._config.ir_resolution[::-1])
+        self._match_rest()
+        self._engine.set_signal(*self._signals())
+        self._engine.set_parameters(frame_index=frame_index, scene_index=0)
+        return self._image_effects.depth(self._engine, pair, outputs, **lasers)
+
     # ---- results ----
 
     def get_rgba8(self) -> NDArray[np.uint8]:
@@ -157,8 +165,7 @@ class StereoDepthSensor:
         """[left, right] float32 [height, width] in 0..1: what linear imagers would count without noise and dark
         current, over full scale."""
         require_picture(self._results.has_picture)
-        images = zip(self._link.images(), self._signals(), strict=True)
-        return [linear_counts(image, signal) for image, signal in images]
+        return [linear_counts(*eye) for eye in zip(self._link.images(), self._signals(), strict=True)]
 
     def get_ir_measured(self) -> list[np.ndarray]:
         """[left, right] uint8 [height, width], uint16 where ir_signal has more than 8 bits: what the sensor gives, with
@@ -207,17 +214,15 @@ class StereoDepthSensor:
         return self._results.cuda(name, self._match)
 
     def get_picture(self, name: str, camera: str = "rgb") -> np.ndarray:
-        """[height, width, channels]: one of kuafu's outputs ('position', 'albedo', 'projector_uv', 'motion', ...; see
-        kuafu.Renderer.render) as camera 'rgb', 'left' or 'right' sees the scene now. projector_* are of this sensor's
-        projector. Needs no take_picture()."""
-        cameras = {"rgb": self.rgb_camera, "left": lambda: self.ir_cameras()[0], "right": lambda: self.ir_cameras()[1]}
-        if camera not in cameras:
-            raise ValueError(f"unknown camera '{camera}' (known: rgb, left, right)")
-        frame = max(self._frame, 0)
+        """[height, width, channels]: one of kuafu's outputs ('position', 'albedo', ...; see kuafu.Renderer) as camera
+        'rgb', 'left' or 'right' sees it now; projector_* of this sensor's. Needs no take_picture()."""
+        if camera not in ("rgb", *EYES):
+            raise ValueError(unknown("camera", camera, ("rgb", *EYES)))
+        frame, right = max(self._frame, 0), camera == "right"
         with self._projector_on():
             if camera == "rgb":
                 return self._render([self.rgb_camera()], [name], "visible", frame, None)[name][0]
-            return self._render([cameras[camera]()], [name], "infrared", frame, None, eyes=[camera == "right"])[name][0]
+            return self._render([self.ir_cameras()[right]], [name], "infrared", frame, None, eyes=[right])[name][0]
 
     # ---- the sensor itself ----
 
@@ -269,8 +274,7 @@ class StereoDepthSensor:
         return self._engine
 
     def engine_inputs(self) -> EngineInputs:
-        """The engines' inputs for this sensor under its model, with the infrared cameras at their present
-        poses."""
+        """The engines' inputs for this sensor under its model, with the infrared cameras at their present poses."""
         self.ir_cameras()
         return self._tell_engines()
 
@@ -449,11 +453,7 @@ class StereoDepthSensor:
         if self._inputs is None or any(eye.delay_s for eye in self._inputs.eyes):
             self._inputs = None
             return
-        c, inputs = self._config, self._inputs
-        for record, place in ((inputs.left.camera, c.trans_pose_l), (inputs.right.camera, c.trans_pose_r)):
-            record.linear_velocity, record.angular_velocity = twist_of(c, self._twist, place)
-        for light in ([] if inputs.projector is None else [inputs.projector]) + inputs.rig_lights:
-            light.linear_velocity, light.angular_velocity = twist_of(c, self._twist, c.pose_rgb_irproj)
+        give_velocity(self._inputs, self._config, self._twist)
 
     def _place_projector(self) -> None:
         """The projector, and what else is on the rig, at the present pose."""

@@ -197,3 +197,47 @@ def test_what_engines_would_refuse_later_is_refused_when_it_is_set(name, value, 
     with pytest.raises(ValueError, match=words):
         setattr(config, name, value)
     assert getattr(config, name) is before
+
+
+def test_resized_keeps_the_field_of_view_or_takes_the_given_one():
+    config = StereoDepthSensorConfig("D435")
+    same = config.resized(128, 128)
+    assert same.ir_resolution == same.rgb_resolution == (128, 128)
+    assert same.ir_intrinsic[0, 0] == pytest.approx(config.ir_intrinsic[0, 0] * 128 / config.ir_resolution[0])
+    assert same.ir_intrinsic[0, 0] / same.ir_intrinsic[1, 1] == pytest.approx(
+        config.ir_intrinsic[0, 0] / config.ir_intrinsic[1, 1]
+    )
+    given = config.resized(320, 200, fov=90.0)
+    assert given.ir_intrinsic[0, 0] == pytest.approx(160.0)
+    assert given.rgb_intrinsic[0, 0] == pytest.approx(160.0)
+    same.check()
+    given.check()
+
+
+@pytest.mark.parametrize(
+    ("size", "words"),
+    [((0, 8), "width is 0"), ((64, 2.5), "height is 2.5"), ((64, 64, 175.0), "fov is 175.*1 to 170 degrees")],
+)
+def test_resized_refuses_what_is_no_image(size, words):
+    with pytest.raises(ValueError, match=words):
+        StereoDepthSensorConfig().resized(*size)
+
+
+def test_configurations_compare_by_value_and_show_what_was_changed():
+    one, other = StereoDepthSensorConfig("D435"), StereoDepthSensorConfig("D435")
+    assert one == other
+    assert repr(one) == "StereoDepthSensorConfig('D435')"
+    other.max_disparity = 64
+    assert one != other
+    assert repr(other) == "StereoDepthSensorConfig('D435', max_disparity=64)"
+    moved = StereoDepthSensorConfig("D435")
+    moved.ir_intrinsic = moved.ir_intrinsic + [[0, 0, 1], [0, 0, 0], [0, 0, 0]]
+    assert one != moved
+    assert one != "D435"
+
+
+def test_an_unknown_name_suggests_the_nearest():
+    with pytest.raises(ValueError, match="unknown sensor 'd436'.*did you mean 'D43.'"):
+        StereoDepthSensorConfig("d436")
+    with pytest.raises(AttributeError, match="did you mean 'p1'"):
+        _ = StereoDepthSensorConfig().p11

@@ -97,6 +97,17 @@ def test_a_right_eye_that_has_turned_shifts_the_disparity(config):
     assert shift[0] == shift[2] == 0.0
 
 
+def test_one_thing_of_all_environments_is_varied_by_an_array(config):
+    """Twice the exposure is twice the light; what is not named stays as it was."""
+    world = World(config)
+    before = world.look()[0]
+    world.batch.vary(1, laser_power=[0.5])
+    halved = world.look()[0]
+    world.batch.vary(exposure=[1.0, 1.0, 2.0])
+    np.testing.assert_allclose(world.look()[0], halved * np.array([1.0, 1.0, 2.0]), rtol=2e-3)
+    assert halved[1] < before[1] and halved[0] == pytest.approx(before[0], rel=2e-3)
+
+
 def test_bodies_are_drawn_for_each_environment():
     has = drawn_bodies(WorldRanges(bodies=(1, 2)), 200, 5, seed=1)
     assert has.shape == (200, 5) and set(has.sum(axis=1)) == {1, 2}
@@ -115,6 +126,10 @@ def test_lamps_go_and_what_is_wrong_is_told(config, tmp_path):
         world.batch.vary(0, np.ones(1), np.array([np.nan]), np.eye(3)[None])
     with pytest.raises(ValueError, match="right_turn of environment 0 is no rotation"):
         world.batch.vary(0, np.ones(1), np.ones(1), np.zeros((1, 3, 3)))
+    with pytest.raises(ValueError, match="laser_power of environment 2 is -1"):
+        world.batch.vary(laser_power=[1.0, 1.0, -1.0])
+    with pytest.raises(ValueError, match=r"exposure of the batch is \[3\] numbers"):
+        world.batch.vary(exposure=[1.0])
     with pytest.raises(ValueError, match="right_eye_turn_deg must lie within -5 to 5"):
         WorldRanges(right_eye_turn_deg=(-6, 0))
     (tmp_path / "ranges.toml").write_text("laser_power = [0.5, 1.0]\n")

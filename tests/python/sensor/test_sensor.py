@@ -378,3 +378,28 @@ def test_a_batch_refuses_what_no_picture_has():
                 batch.count_to(frame)
         batch.restart(2**32 - 1)
         batch.take_picture(infrared_only=True)
+
+
+def test_radiance_of_ones_own_is_matched_as_the_sensors_own_is(table):
+    """Sensors that render and those that are given the same light count and match alike."""
+    before = table.get_disparity().copy()
+    images, taken = table._link.images().copy(), table._taken
+    lasers = [None, None]
+    if taken.is_laser_apart:
+        lasers = list(table._link.laser().images().copy())
+    found = table.compute_depth_from(*images, *lasers, outputs=("disparity", "ir_left"), frame_index=taken.frame)
+    np.testing.assert_array_equal(found["disparity"], before)
+    np.testing.assert_array_equal(found["ir_left"], table.get_ir_measured()[0])
+    np.testing.assert_array_equal(table.get_disparity(), before)
+
+
+def test_radiance_that_is_none_is_named(table):
+    light = np.ones((240, 424), np.float32)
+    bad = light.copy()
+    bad[3, 5] = np.nan
+    with pytest.raises(ValueError, match=r"right\[3, 5\] is nan, expected a radiance"):
+        table.compute_depth_from(light, bad)
+    with pytest.raises(ValueError, match=r"left is \[2, 2\], expected \[240, 424\]"):
+        table.compute_depth_from(np.ones((2, 2)), light)
+    with pytest.raises(ValueError, match="come together"):
+        table.compute_depth_from(light, light, left_laser=light)

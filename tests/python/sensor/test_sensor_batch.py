@@ -138,9 +138,13 @@ def test_a_mount_without_a_pose_is_named_and_the_others_are_seen(config):
         SensorPoseError, match="environment 1: the mount's pose is not a finite rigid one; 1 of 3"
     ) as caught:
         batch.take_picture()
-    assert caught.value.environment == 1
+    assert caught.value.environment == 1 and caught.value.environments == [1]
     batch.compute_depth()
     assert median(batch.get_depth()[2]) == pytest.approx(median(batch.get_true_depth()[2]), rel=0.01)
+    mounts.poses[2, 3:] = 0.0
+    with pytest.raises(SensorPoseError, match="environment 1; environment 2: the mount's pose .* 2 of 3") as caught:
+        batch.take_picture()
+    assert caught.value.environments == [1, 2]
     mounts.poses = [FORWARD] * 2
     with pytest.raises(ValueError, match=r"this batch is of \(3,\) sensors; the poses are of \(2,\)"):
         batch.take_picture()

@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What was probably meant by a name that there is not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+def did_you_mean(name: object, known: Iterable[str]) -> str:
+    """"; did you mean 'x'?" where one of the known names is close in any case, else nothing."""
+    by_folded = {other.casefold(): other for other in known}
+    close = get_close_matches(str(name).casefold(), by_folded, 1)
+    return f"; did you mean '{by_folded[close[0]]}'?" if close else ""
+
+
+def unknown(what: str, name: object, known: Iterable[str]) -> str:
+    """A message: there is no `what` of this name, the known ones, and the nearest of them."""
+    names = list(known)
+    return f"unknown {what} '{name}' (known: {', '.join(names)}){did_you_mean(name, names)}"
