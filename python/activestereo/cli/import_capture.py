@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from activestereo.cli.arguments import CommandError, Commands, camera_matrix, integer_from, positive, size
+from activestereo.cli.import_calibration import checked_eyes, eyes_text, folder_device, missing_text, unused_text
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Capture
@@ -23,8 +24,9 @@ Makes a capture of a recording. RECORDING is one of
     left, right, depth) and the time or number; names without one are the same in
     each stream but for that word. Folders inside with both eyes of their own are
     views of their own (walls/near, walls/far); one named off has frames with the
-    projector off (desk/on, desk/off). Needs --calibration: what rs-enumerate-devices
-    -c prints, saved to a file, from the same device
+    projector off (desk/on, desk/off). --calibration is what rs-enumerate-devices -c
+    prints, saved to a file; --k and --baseline do for other cameras' rectified
+    images, and without either the preset's nominal figures
   a bag: librealsense's .bag, or one of ROS 1 or ROS 2 with the topics of
     realsense-ros (needs: pip install rosbags). It has its own calibration
   live: a connected D4xx (needs: pip install pyrealsense2)
@@ -42,6 +44,8 @@ example:
   rs-enumerate-devices -c > d435.txt
   activestereo import recording/ --calibration d435.txt --depth-scale 0.001 --out captures/desk
   activestereo import 20260101_120000.bag --out captures/desk
+  activestereo import views/ --sensor d415 --k 903.5,903.5,631.9,369.3 \\
+      --baseline 0.05475 --depth depth_laser --depth-scale 0.001 -o captures/views
   activestereo import views/ --calibration d435.txt --robot poses.csv \\
       --hand-eye model.hand_eye.json --out captures/views
 """
@@ -57,8 +61,13 @@ def add_parser(commands: Commands) -> None:
     add = parser.add_argument
     add("recording", type=Path, metavar="RECORDING", help="folder of PNG files, a bag, or live")
     add("--calibration", type=Path, metavar="FILE", help="output of rs-enumerate-devices -c; not needed for a bag")
-    add("--k", type=camera_matrix, metavar="FX,FY,CX,CY", help="of colour and depth, where the folder does not tell it")
-    add("--out", required=True, type=Path, metavar="DIR", help="the capture's folder, which must not exist")
+    text = "of both rectified eyes, or of colour and depth, where no file tells it"
+    add("--k", type=camera_matrix, metavar="FX,FY,CX,CY", help=text)
+    add("--baseline", type=positive, metavar="M", help="metres between the eyes, where no file tells it")
+    add("--swap", action="store_true", help="the files named left are the right eye's")
+    text = "what the depth images' names hold, where there are several kinds (default: depth)"
+    add("--depth", metavar="WORD", help=text)
+    add("-o", "--out", required=True, type=Path, metavar="DIR", help="the capture's folder, which must not exist")
     add("--depth-scale", type=positive, metavar="M", help="metres per unit of the depth images, often 0.001")
     add(
         "--poses",
@@ -144,16 +153,13 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.capture.importers.bag import extract_bag, is_bag
     from activestereo.capture.importers.live import record_live
-    from activestereo.capture.importers.realsense_folder import import_realsense
+    from activestereo.capture.importers.realsense_folder import frame_files, import_realsense, swapped
     from activestereo.capture.importers.realsense_text import read_device_text
     from activestereo.capture.importers.trajectory import read_trajectory
     from activestereo.common.progress_bar import ProgressBar
 
     units: float | None = None
     is_live, bag = str(args.recording) == "live", is_bag(args.recording)
-    if not bag and not is_live and args.calibration is None:
-        raise CommandError("--calibration is needed for a folder of PNG files: the output of rs-enumerate-devices -c")
-    device = None if args.calibration is None else read_device_text(args.calibration)
     trajectory = None if args.poses is None else read_trajectory(args.poses)
     robot = _robot(args)
     folder, depth_scale, exposure_s = args.recording, args.depth_scale, args.exposure
@@ -164,11 +170,21 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
         with ProgressBar(f"reading {args.recording.name}") as bar:
             recorded_device, units = extract_bag(args.recording, temporary, progress=bar)
     if is_live or bag:
-        folder, depth_scale, device = temporary, depth_scale or units, device or recorded_device
-    assert device is not None  # a folder has --calibration, others their own
+        folder, depth_scale = temporary, depth_scale or units
+    files = frame_files(folder, args.depth)
+    if args.swap:
+        files = swapped(files)
+    assumed: list[str] = []
+    if is_live or bag:
+        device = recorded_device if args.calibration is None else read_device_text(args.calibration)
+    else:
+        device, assumed = folder_device(args, files)
+    told = [eyes_text(checked_eyes(files, args.swap)), *(f"assumed: {line}" for line in assumed)]
+    told += unused_text(folder, files)
+    told += [f"missing: {line}" for line in missing_text(files, bool(args.poses or args.robot))]
     with ProgressBar(f"importing {args.recording.name}") as bar:
-        return import_realsense(
-            folder,
+        capture = import_realsense(
+            files,
             device,
             args.out,
             *_pattern(args.sensor),
@@ -180,6 +196,8 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
             robot=robot,
             progress=bar,
         )
+    print("\n".join(told))
+    return capture
 
 
 def _robot(args: argparse.Namespace) -> RobotPoses | None:

@@ -66,15 +66,25 @@ class FrameFiles:
     projector_on: bool = True
 
 
-def frame_files(folder: Path) -> list[FrameFiles]:
+def frame_files(folder: Path, depth_word: str | None = None) -> list[FrameFiles]:
     """Frames with both eyes: of each view in order of time. A folder inside with both eyes of its own is a view of its
-    own, such as walls/near and walls/far, or desk/on and desk/off. ValueError where there are none."""
+    own, such as walls/near and walls/far, or desk/on and desk/off. depth_word: what names of depth images hold where
+    there are several kinds, None for "depth". ValueError where there are none."""
     folder = Path(folder)
+    streams = _STREAMS if depth_word is None else _STREAMS | {"depth": re.compile(re.escape(depth_word), re.I)}
     out = []
     for number, view in enumerate(_views(folder)):
         is_on = not any(_OFF.search(part) for part in view.relative_to(folder).parts)
-        out += [replace(entry, view=number, projector_on=is_on) for entry in _view_files(view)]
+        out += [replace(entry, view=number, projector_on=is_on) for entry in _view_files(view, streams)]
     return out
+
+
+def swapped(files: list[FrameFiles]) -> list[FrameFiles]:
+    """The same frames with the eyes' images exchanged."""
+    return [
+        replace(entry, files=entry.files | {"left": entry.files["right"], "right": entry.files["left"]})
+        for entry in files
+    ]
 
 
 def _views(folder: Path) -> list[Path]:
@@ -87,11 +97,11 @@ def _has_both(folder: Path) -> bool:
     return all(any(_STREAMS[eye].search(name) for name in names) for eye in ("left", "right"))
 
 
-def _view_files(folder: Path) -> list[FrameFiles]:
-    by_stream: dict[str, list[Path]] = {stream: [] for stream in _STREAMS}
+def _view_files(folder: Path, streams: dict[str, re.Pattern[str]]) -> list[FrameFiles]:
+    by_stream: dict[str, list[Path]] = {stream: [] for stream in streams}
     for file in sorted(folder.rglob("*.png")):
         name = file.relative_to(folder).as_posix()
-        stream = next((s for s, pattern in _STREAMS.items() if pattern.search(name)), None)
+        stream = next((s for s, pattern in streams.items() if pattern.search(name)), None)
         if stream is not None:
             by_stream[stream].append(file)
     for stream in ("left", "right"):
@@ -101,7 +111,7 @@ def _view_files(folder: Path) -> list[FrameFiles]:
             )
     numbers = {stream: [_number(file) for file in files] for stream, files in by_stream.items()}
     are_numbered = all(None not in own and len(set(own)) == len(own) for own in numbers.values())
-    return _by_number(folder, by_stream) if are_numbered else _by_name(folder, by_stream)
+    return _by_number(folder, by_stream) if are_numbered else _by_name(folder, by_stream, streams)
 
 
 def _number(file: Path) -> float | None:
@@ -131,12 +141,14 @@ def _by_number(folder: Path, by_stream: dict[str, list[Path]]) -> list[FrameFile
     return frames
 
 
-def _by_name(folder: Path, by_stream: dict[str, list[Path]]) -> list[FrameFiles]:
+def _by_name(
+    folder: Path, by_stream: dict[str, list[Path]], streams: dict[str, re.Pattern[str]]
+) -> list[FrameFiles]:
     """Frames of files whose names are the same but for the words that tell the stream, in natural order."""
     named: dict[str, dict[str, Path]] = {}
     for stream, files in by_stream.items():
         for file in files:
-            name = _STREAMS[stream].sub("", file.relative_to(folder).as_posix())
+            name = streams[stream].sub("", file.relative_to(folder).as_posix())
             if stream in named.setdefault(name, {}):
                 raise ValueError(f"{file}: is named as {named[name][stream]}, expected one image of a frame and stream")
             named[name][stream] = file
@@ -158,21 +170,21 @@ def _natural(name: str) -> list[tuple[int, str]]:
 
 
 def import_realsense(
-    folder: Path, device: DeviceText, out: Path, pattern: NDArray[np.uint8], pattern_K: NDArray[np.float64],
+    files: list[FrameFiles], device: DeviceText, out: Path, pattern: NDArray[np.uint8], pattern_K: NDArray[np.float64],
     projector_in_left_m: tuple[float, float, float], depth_scale: float | None = None, scene: Path | None = None,
     trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None, exposure_s: float = 0.008,
     robot: RobotPoses | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Capture:  # fmt: skip
-    """Writes the capture `out` (which must not exist) and returns it.
+    """Writes the capture `out` (which must not exist) of frames and returns it.
 
+    files: of frame_files; 16-bit images none of whose pixels is above 255 are stored as the 8 bits that they are.
     pattern: uint8, the nominal one of the device, under pattern_K; projector_in_left_m: its nominal place in the left
     camera's frame. depth_scale: metres per unit of the depth images. scene: a glTF file, None for an empty one.
     trajectory: camera poses over seconds; robot: poses of a gripper that carries the camera. Without either the camera
     stands still, and all frames are repeats of one view.
     """
     tell = progress or (lambda fraction: None)
-    files = frame_files(folder)
     first = read_gray(files[0].files["left"], key="Infrared 1")
     height, width = first.shape
     left, right = (device.intrinsic(_NAMES[eye], width, height) for eye in ("left", "right"))
@@ -203,11 +215,14 @@ def import_realsense(
             colors[number] = read_color(entry.files["color"], (color.width, color.height), "Color")
         frames.append(_frame(number, entry, exposure_s, depth_scale, trajectory, robot))
         tell((number + 1) / len(files))
+    is_byte = all(image.max() <= 255 for image in images.values())
+    if is_byte:
+        images = {key: image.astype(np.uint8) for key, image in images.items()}
     left_to_projector = np.eye(4)
     left_to_projector[:3, 3] = -np.array(projector_in_left_m)
     rig = Rig(
         Camera(width, height, left.K, left.distortion), Camera(width, height, right.K, right.distortion), left_to_right,
-        Projector(Path("pattern.png"), pattern_K, left_to_projector), 8 if first.dtype == np.uint8 else 16,
+        Projector(Path("pattern.png"), pattern_K, left_to_projector), 8 if is_byte else 16,
         color=color,
     )  # fmt: skip
     out = Path(out)

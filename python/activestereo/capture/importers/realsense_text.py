@@ -52,9 +52,13 @@ class DeviceText:
         """ValueError lists the modes that there are."""
         found = self.intrinsics.get((stream, width, height))
         if found is None:
-            modes = ", ".join(f"{w}x{h}" for s, w, h in self.intrinsics if s == stream) or "none"
+            known = [(w, h) for s, w, h in self.intrinsics if s == stream]
+            modes = ", ".join(f"{w}x{h}" for w, h in known) or "none"
+            scaled = next((f"{w}x{h}" for w, h in known if w * height == h * width), None)
+            hint = f"; were they rescaled from {scaled}? then give --k, scaled along" if scaled else ""
             raise ValueError(
-                f'{self.path}: Intrinsic of "{stream}": none for the images\' {width}x{height} (there are: {modes})'
+                f'{self.path}: Intrinsic of "{stream}": none for the images\' {width}x{height} '
+                f"(there are: {modes}){hint}"
             )
         return found
 

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where an import has the infrared cameras' calibration from, and what it found and assumed, in lines for people."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from activestereo.cli.arguments import CommandError
+
+if TYPE_CHECKING:
+    from activestereo.capture.importers.realsense_folder import FrameFiles
+    from activestereo.capture.importers.realsense_text import DeviceText
+    from activestereo.compare.eye_order import EyeOrder
+
+# Rows of rectified images match to about 0.2 px on real devices; beyond this a matcher loses pixels.
+_MOST_ROWS_PX = 0.5
+_PAIRS = 3
+
+
+def folder_device(args: argparse.Namespace, files: Sequence[FrameFiles]) -> tuple[DeviceText, list[str]]:
+    """(calibration, what was assumed) of a folder of images: the device's text, else --k and --baseline, and what they
+    leave out from the preset."""
+    from activestereo.camera.presets import StereoDepthSensorConfig
+    from activestereo.capture.images import image_size
+    from activestereo.capture.importers.realsense_text import DeviceText, Intrinsic, read_device_text
+
+    if args.calibration is not None:
+        if args.k is not None or args.baseline is not None:
+            raise CommandError("--calibration tells K and the baseline: give it, or --k and --baseline")
+        return read_device_text(args.calibration), []
+    width, height = image_size(files[0].files["left"], "Infrared 1")
+    config, assumed = StereoDepthSensorConfig(args.sensor), []
+    K, baseline_m = args.k, args.baseline
+    if baseline_m is None:
+        baseline_m = config.focal_baseline_px_m / float(config.ir_intrinsic[0][0])
+        assumed.append(f"the baseline is {args.sensor}'s nominal {1e3 * baseline_m:.2f} mm: --baseline tells better")
+    if K is None:
+        own_width, own_height = config.ir_resolution
+        factor = width / own_width
+        if abs(height - factor * own_height) > 1.0:
+            raise CommandError(
+                f"the images are {width}x{height}, {args.sensor}'s {own_width}x{own_height}: they are not scaled "
+                "alike, so that its focal length tells nothing: give --k FX,FY,CX,CY"
+            )
+        K = config.scaled(factor).ir_intrinsic
+        assumed.append(
+            f"K is {args.sensor}'s nominal one, f {K[0, 0]:.1f} px and centre {K[0, 2]:.1f}, {K[1, 2]:.1f}: devices "
+            "differ by 1 to 2 %, --k or --calibration tells better"
+        )
+    if not (0 <= K[0, 2] < width and 0 <= K[1, 2] < height):
+        raise CommandError(
+            f"--k has its centre at {K[0, 2]:g}, {K[1, 2]:g}, outside of the images' {width}x{height}: were they "
+            "rescaled? K is scaled along with them"
+        )
+    lens, left_to_right = Intrinsic(width, height, K, np.zeros(5)), np.eye(4)
+    left_to_right[0, 3] = -baseline_m
+    modes = {(name, width, height): lens for name in ("Infrared 1", "Infrared 2")}
+    assumed.append("both eyes are rectified to this K")
+    return DeviceText(Path("--k"), modes, {("Infrared 1", "Infrared 2"): left_to_right}), assumed
+
+
+def checked_eyes(files: Sequence[FrameFiles], are_exchanged: bool) -> EyeOrder:
+    """The order of the eyes in up to three pairs. CommandError where they are swapped, by --swap (are_exchanged) or
+    without it."""
+    from activestereo.capture.images import read_gray
+    from activestereo.compare.eye_order import eye_order
+
+    some = [files[i].files for i in sorted({0, len(files) // 2, len(files) - 1})][:_PAIRS]
+    pairs = [(read_gray(own["left"], key="Infrared 1"), read_gray(own["right"], key="Infrared 2")) for own in some]
+    order = eye_order([(left, right) for left, right in pairs if left.shape == right.shape])
+    if order.is_swapped:
+        raise CommandError(
+            f"left and right are swapped: {100 * order.nearer_right:.0f} % of {order.patches} patches lie further "
+            f"right in the right image, where nothing can: {'leave out' if are_exchanged else 'give'} --swap"
+        )
+    return order
+
+
+def eyes_text(order: EyeOrder) -> str:
+    if not order.is_told:
+        return f"eyes: only {order.patches} patches are alike in both images, which tells neither order nor rows"
+    row = f"rows {order.row_offset_px:+.2f} px apart (spread {order.row_spread_px:.2f}) in {order.patches} patches"
+    wrong = abs(order.row_offset_px) > _MOST_ROWS_PX or order.row_spread_px > 1.0
+    return f"eyes: {row}" + (": they do not match, so the pair is not rectified by this calibration" if wrong else "")
+
+
+def missing_text(files: Sequence[FrameFiles], has_poses: bool) -> list[str]:
+    """What the recording lacks, and what for."""
+    out = []
+    if not any("depth" in entry.files for entry in files):
+        out.append("no depth: poses, pattern and albedo cannot be measured from scenes; record the depth stream, too")
+    if not has_poses:
+        out.append("no poses: the camera is taken to stand still, once for each folder of frames")
+    return out
+
+
+def unused_text(folder: Path, files: Sequence[FrameFiles]) -> list[str]:
+    """PNG files of a folder that belong to no frame."""
+    used = {file for entry in files for file in entry.files.values()}
+    rest = sorted(set(Path(folder).rglob("*.png")) - used)
+    if not rest:
+        return []
+    name = rest[0].relative_to(folder)
+    return [f"{len(rest)} images are not used, such as {name}: --depth WORD says which names are the depth's"]

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Folders of any camera's images become captures: what is assumed is said, and pairs that are no pairs are refused."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, shift
+
+from activestereo.capture.capture import read_capture
+from activestereo.capture.images import write_gray
+from activestereo.cli import main
+from activestereo.compare.eye_order import eye_order
+
+DISPARITY_PX, LOWER_PX = 9.0, 0.4
+
+
+@pytest.fixture(scope="module")
+def pair():
+    """Smoothed noise whose right image lies 9 px further left and 0.4 px lower."""
+    left = gaussian_filter(np.random.default_rng(3).normal(0.0, 1.0, (240, 424)), 1.5)
+    left = 120.0 + 40.0 * left / left.std()
+    right = shift(left, (LOWER_PX, -DISPARITY_PX), order=3, mode="nearest")
+    return tuple(np.rint(np.clip(image, 0, 255)).astype(np.uint8) for image in (left, right))
+
+
+@pytest.fixture
+def recording(pair, tmp_path):
+    """Two views as public data sets lay them out: a folder each, two kinds of depth, 8-bit images in 16-bit files."""
+    for view in ("view_17", "view_20"):
+        (tmp_path / "set" / view).mkdir(parents=True)
+        for name, image in zip(("left", "right"), pair, strict=True):
+            write_gray(tmp_path / "set" / view / f"img_{name}.png", image.astype(np.uint16))
+        for kind, millimetres in (("laser", 1500), ("own", 1400)):
+            write_gray(tmp_path / "set" / view / f"img_depth_{kind}.png", np.full((240, 424), millimetres, np.uint16))
+    return tmp_path / "set"
+
+
+def _import(recording, *more):
+    return main(["import", str(recording), "-o", str(recording.parent / "rec"), "--depth-scale", "0.001", *more])
+
+
+def test_k_and_baseline_do_without_a_file_of_calibration(recording, capsys):
+    assert _import(recording, "--k", "300,301,211,119", "--baseline", "0.07", "--depth", "depth_laser") == 0
+    told = capsys.readouterr().out
+    capture = read_capture(recording.parent / "rec")
+    assert capture.rig.baseline_m == pytest.approx(0.07) and capture.rig.bit_depth == 8
+    assert np.array_equal(capture.rig.right.K, [[300, 0, 211], [0, 301, 119], [0, 0, 1]])
+    assert [frame.repeat_group for frame in capture.frames] == [0, 1]
+    assert capture.depth(capture.frames[1])[5, 5] == pytest.approx(1.5)
+    assert "2 images are not used, such as view_17/img_depth_own.png" in told
+    assert "nominal 5" not in told and "missing: no poses" in told
+
+
+def test_what_nothing_tells_is_the_presets_and_said(recording, capsys):
+    assert _import(recording, "--sensor", "d435") == 0
+    told = capsys.readouterr().out
+    capture = read_capture(recording.parent / "rec")
+    assert capture.rig.left.K[0, 0] == pytest.approx(0.5 * 430.0, rel=0.05)
+    assert "assumed: the baseline is d435's nominal" in told and "assumed: K is d435's nominal one" in told
+    assert "missing: no depth" in told and "rows +0.39 px apart" in told
+
+
+def test_swapped_eyes_and_a_foreign_k_are_refused(recording, capsys):
+    assert _import(recording, "--swap") == 2
+    assert "leave out --swap" in capsys.readouterr().err
+    for view in recording.iterdir():
+        (view / "img_left.png").rename(view / "third.png")
+        (view / "img_right.png").rename(view / "img_left.png")
+        (view / "third.png").rename(view / "img_right.png")
+    assert _import(recording) == 2
+    assert "left and right are swapped: 100 %" in capsys.readouterr().err
+    assert not (recording.parent / "rec").exists()
+    assert _import(recording, "--swap") == 0
+    assert _import(recording.with_name("none"), "--k", "600,600,424,240") == 2
+    capsys.readouterr()
+    arguments = ["import", str(recording), "--swap", "-o", str(recording.parent / "other"), "--k", "600,600,640,240"]
+    assert main(arguments) == 2
+    assert "outside of the images' 424x240: were they rescaled?" in capsys.readouterr().err
+
+
+def test_order_and_rows_are_told_from_images_alone(pair):
+    order = eye_order([pair])
+    assert order.is_told and not order.is_swapped and order.nearer_right == 0.0
+    assert order.row_offset_px == pytest.approx(LOWER_PX, abs=0.05)
+    assert eye_order([pair[::-1]]).is_swapped
+    grey = np.full((240, 424), 80, np.uint8)
+    assert not eye_order([(grey, grey)]).is_told
