@@ -19,6 +19,7 @@ _HOMES = {
     "Capture": "capture.capture",
     "Comparison": "compare.compare",
     "Diagnosis": "diagnose.diagnosis",
+    "GBufferStereo": "sensor.gbuffer.stereo",
     "Lab": "lab",
     "PipelinedStereoDepthSensor": "sensor.pipelined",
     "PipelinedStereoDepthSensorBatch": "sensor.pipelined_batch",

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What in the world keeps a pixel from being measured; simsense's 'reason' says which of its checks refused it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
+
+import simsense
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.sensor.gbuffer.buffers import GBuffer
+
+# A pixel has the first of these that holds, in this order but for 'measured'.
+CAUSES = (
+    "measured",
+    "nothing",  # no surface there
+    "out_of_range",  # of the depths or of the disparities
+    "outside",  # of the other camera's image
+    "occluded",  # from the other camera
+    "saturated",
+    "mirror_or_glass",  # light that only paths know
+    "shadow",  # of the projector
+    "edge",  # another surface's depth lies within the matcher's block
+    "too_dark",
+    "low_contrast",
+    "not_unique",
+    "checks",  # any other check of the matcher
+)
+_MIRROR_ROUGHNESS = 0.45
+# Two depths are two surfaces from so many pixels of disparity on.
+_EDGE_PX = 1.0
+_SATURATED_SHARE = 0.1  # of the block
+
+
+def causes(
+    config: StereoDepthSensorConfig, seen: GBuffer, is_lit: NDArray[np.bool_], is_hidden: NDArray[np.bool_],
+    counts: NDArray[np.integer], reason: NDArray[np.uint8], black_dn: float, max_dn: float,
+) -> NDArray[np.uint8]:  # fmt: skip
+    """uint8 [E, height, width], an index into CAUSES. counts: the left image; is_hidden: from the right camera."""
+    own, near = config.focal_baseline_px_m * seen.inverse_depth, seen.inverse_depth
+    k_left, k_right = config.ir_eye(False)[0], config.ir_eye(True)[0]
+    column = np.arange(own.shape[-1]) - own + (k_right[0, 2] - k_left[0, 2])
+    block = (1, config.block_height, config.block_width)
+    steps = maximum_filter(own, block, mode="nearest") - minimum_filter(own, block, mode="nearest")
+    signal = np.asarray(counts, np.float64) - black_dn
+    mean = uniform_filter(signal, block, mode="nearest")
+    deviation = np.sqrt(np.maximum(uniform_filter(signal**2, block, mode="nearest") - mean**2, 0.0))
+    with np.errstate(divide="ignore"):
+        depth = 1.0 / near
+    is_shiny = (seen.metallic > 0.5) & (seen.roughness < _MIRROR_ROUGHNESS)
+    floor_dn = max(float(config.min_texture_dn), 1.0)
+    holds = {
+        "measured": reason == simsense.REASONS.index("valid"),
+        "nothing": near == 0.0,
+        "out_of_range": (depth < config.min_depth_m) | (depth > config.max_depth_m) | (own >= config.max_disparity),
+        "outside": column < 0.0,
+        "occluded": is_hidden,
+        "saturated": uniform_filter((counts >= max_dn).astype(np.float64), block, mode="nearest") > _SATURATED_SHARE,
+        "mirror_or_glass": is_shiny | (seen.transmission > 0.5),
+        "shadow": ~is_lit,
+        "edge": steps > _EDGE_PX + 0.5 * own,
+        "too_dark": mean < 2.0 * floor_dn,
+        "low_contrast": (deviation < 2.0 * floor_dn) | (reason == simsense.REASONS.index("low_texture")),
+        "not_unique": reason == simsense.REASONS.index("not_unique"),
+    }
+    numbers = [CAUSES.index(name) for name in holds]
+    return np.select(list(holds.values()), numbers, CAUSES.index("checks")).astype(np.uint8)

@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: Apache-2.0
+"""GBufferStereo: laws of warped views and of the projector's light, the path tracer as the truth, and bad input."""
+
+import numpy as np
+import pytest
+
+import kuafu
+from activestereo import GBufferStereo, StereoDepthSensor, StereoDepthSensorConfig
+from activestereo.common.pose import body_pose, look_at
+from activestereo.scene_io import solids
+from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
+from activestereo.sensor.gbuffer.buffers import SurfaceTable, read_gbuffer
+from activestereo.sensor.gbuffer.cause import CAUSES
+from activestereo.sensor.gbuffer.light import ProjectedLight, eye_of
+from activestereo.sensor.gbuffer.warp import warped
+
+FACING = np.array([0.0, 0.0, -1.0])
+
+
+@pytest.fixture
+def config():
+    config = StereoDepthSensorConfig("D435").resized(160, 120)
+    config.ir_exposure_mode = "fixed"
+    return config
+
+
+def wall(config, depth_m, environments=1):
+    """Depth, normal and albedo of walls that face the camera."""
+    width, height = config.ir_resolution
+    depth = np.broadcast_to(np.reshape(depth_m, (-1, 1, 1)), (environments, height, width)).astype(np.float32)
+    return {"depth": depth, "normal": np.broadcast_to(FACING, (*depth.shape, 3)), "albedo": np.full(depth.shape, 0.5)}
+
+
+@pytest.mark.parametrize("baseline_m", [0.05, -0.03])
+def test_a_tilted_plane_is_warped_into_the_plane_that_the_other_camera_sees(baseline_m):
+    """1/z of a plane is affine in the image: 1/z = a + b u seen from baseline_m beside it, u' = u - f B / z."""
+    u, f = np.arange(200.0), 100.0
+    near = np.broadcast_to(0.8 + 0.002 * u, (2, 3, 200))
+    found = warped(near, f, baseline_m)
+    slope = 0.002 / (1.0 - f * baseline_m * 0.002)
+    expected = 0.8 + slope * (u + f * baseline_m * 0.8)
+    assert found.seen.mean() > 0.9
+    between = found.seen & (expected >= near.min()) & (expected <= near.max())  # border pixels reach out by half of one
+    np.testing.assert_allclose(found.inverse_depth[between], np.broadcast_to(expected, near.shape)[between], 1e-9)
+
+
+def test_what_a_near_thing_uncovers_is_continued_from_the_background():
+    """A block at 0.5 m before a wall at 1 m: each shifts by f B / z, and the difference is wall that is not seen."""
+    near = np.full((1, 2, 100), 1.0)
+    near[..., 40:60] = 2.0
+    found = warped(near, 100.0, 0.05)  # 5 px and 10 px
+    np.testing.assert_array_equal(np.flatnonzero(found.inverse_depth[0, 0] == 2.0), np.arange(30, 50))
+    np.testing.assert_array_equal(np.flatnonzero(~found.seen[0, 0]), [*range(50, 55), *range(95, 100)])
+    assert (found.inverse_depth[0, 0, 50:55] == 1.0).all()
+    mirrored = warped(near, 100.0, -0.05)
+    np.testing.assert_array_equal(np.flatnonzero(mirrored.inverse_depth[0, 0] == 2.0), np.arange(50, 70))
+
+
+def test_a_matt_wall_shines_as_lambert_and_the_square_of_the_distance_say(config):
+    config.light_pattern = np.full((64, 64), 255, np.uint8)
+    config.ir_film, config.projector_falloff, config.projector_beam_radius_m = None, 2.0, 0.0
+    eye, light = eye_of(config, False), ProjectedLight(config)
+    shape = (2, *config.ir_resolution[::-1])
+    given = wall(config, [0.5, 1.5], 2)
+    seen = read_gbuffer(given, shape, eye.rays, "planar", SurfaceTable())
+    everything, laser = light.seen(eye, seen, np.ones(shape, bool), np.array([3.0, 3.0]), np.full((2, 1, 1), 0.2))
+    source = np.linalg.inv(eye.to_projector)[:3, 3]
+    way = source - eye.rays[60, 80] * np.array([[0.5], [1.5]])
+    d = np.linalg.norm(way, axis=-1)
+    cosine = -way[:, 2] / d  # at the wall and at the projector, which looks along the same axis
+    np.testing.assert_allclose(laser[:, 60, 80], 0.5 / np.pi * 3.0 * cosine**3 / d**2, rtol=1e-4)
+    np.testing.assert_allclose((everything - laser)[:, 60, 80], 0.5 * 0.2, rtol=1e-5)
+
+
+def test_depth_of_walls_is_right_in_every_environment_and_again_under_the_same_seed(config):
+    truth = np.array([0.4, 0.7, 1.1])
+    sensor = GBufferStereo(config, environments=3)
+    given = wall(config, truth, 3)
+    out = sensor(**given)
+    for n, depth in enumerate(truth):
+        assert out["valid"][n].mean() > 0.6
+        disparity = config.focal_baseline_px_m / depth
+        assert np.median(out["disparity"][n][out["valid"][n]]) == pytest.approx(disparity, abs=0.2)
+    assert out["ir_left"].shape == out["cause"].shape == (3, 120, 160)
+    sensor(**given)
+    sensor.restart(config.noise_seed)
+    again = sensor(**given)
+    for name, image in out.items():
+        np.testing.assert_array_equal(image, again[name], err_msg=name)
+
+
+def test_depth_along_rays_is_what_planar_depth_is(config):
+    planar = GBufferStereo(config)
+    given = wall(config, 0.8)
+    ray = given | {"depth": given["depth"] * np.linalg.norm(eye_of(config, False).rays, axis=-1)}
+    a, b = planar(**given), GBufferStereo(config)(**ray, depth_kind="ray")
+    np.testing.assert_allclose(a["disparity"], b["disparity"], atol=1e-3)
+
+
+@pytest.fixture(scope="module")
+def traced():
+    """(sensor, G-buffers of its left camera, materials, names of instances): matt things and steel on a table."""
+    config = StereoDepthSensorConfig("D435").scaled(0.4)
+    config.samples_per_pixel, config.ir_exposure_mode = 16, "fixed"
+    scene = kuafu.Scene(kuafu.Device())
+    bodies, materials = Bodies(scene, 1), {}
+
+    def put(name, mesh, half_m, place, **looks):
+        number = scene.add_material(kuafu.Material(**looks))
+        materials[number] = scene.get_material(number)
+        bodies.add(name, [Shape(mesh, [number], np.diag([*half_m, 1.0]))], pose=[*place, 1, 0, 0, 0])
+
+    matt = {"specular": 0.0, "roughness": 1.0}
+    box, ball = add_mesh(scene, solids.box()), add_mesh(scene, solids.sphere())
+    put("table", box, (1, 1, 0.02), (0, 0, -0.02), base_color=(0.3, 0.3, 0.3, 1), **matt)
+    put("box", box, (0.06, 0.06, 0.1), (0, 0.15, 0.1), base_color=(0.6, 0.6, 0.6, 1), **matt)
+    put("steel", ball, (0.08,) * 3, (0, -0.12, 0.08), base_color=(0.7, 0.7, 0.7, 1), metallic=1.0, roughness=0.2)
+    sensor = StereoDepthSensor(config, scene, pose=body_pose(look_at((-0.6, 0, 0.6), (0, 0, 0), (0, 0, 1))))
+    sensor.take_picture(infrared_only=True)
+    sensor.compute_depth()
+    images = {name: sensor.get_picture(name, "left") for name in ("depth", "normal", "albedo", "material_id")}
+    to_camera = np.linalg.inv(np.array(sensor.ir_cameras()[0].camera_to_world))[:3, :3]
+    number = images["material_id"][..., 0].astype(np.int64)
+    number[images["depth"][..., 0] == 0.0] = min(materials)
+    given = {"depth": images["depth"][..., 0], "normal": images["normal"] @ to_camera.T, "material": number}
+    return sensor, given, materials, bodies.names
+
+
+def test_matt_things_are_measured_as_the_path_tracer_measures_them(traced):
+    """In units of what two pictures of the same light with other noise differ by."""
+    sensor, given, materials, _ = traced
+    out = GBufferStereo(sensor.get_config(), materials=materials)(**given)
+    lasers = sensor._link.laser().images() if sensor._taken.is_laser_apart else (None, None)
+    other = sensor.compute_depth_from(*sensor._link.images(), *lasers, frame_index=9)["disparity"]
+    truth, found = sensor.get_disparity(), out["disparity"][0]
+    matt = np.isin(given["material"], sorted(materials)[:2]) & (given["depth"] > 0)
+    valid = matt & (truth > 0) & (found > 0) & (other > 0)
+    assert valid.sum() > 0.8 * matt.sum()
+    assert np.median(np.abs(found - truth)[valid]) < 1.5 * np.median(np.abs(other - truth)[valid])
+    assert abs(np.median((found - truth)[valid])) < 0.03
+    own, light = (np.asarray(image, float)[matt].mean() for image in (out["ir_left"][0], sensor.get_ir_measured()[0]))
+    assert own == pytest.approx(light, rel=0.15)  # what things throw onto one another is missing
+
+
+def test_holes_have_causes_and_only_holes(traced):
+    sensor, given, materials, _ = traced
+    out = GBufferStereo(sensor.get_config(), materials=materials)(**given)
+    cause = out["cause"][0]
+    np.testing.assert_array_equal(cause == CAUSES.index("measured"), out["valid"][0])
+    steel = given["material"] == sorted(materials)[2]
+    holes = steel & ~out["valid"][0] & (given["depth"] > 0)
+    named = np.isin(cause[holes], [CAUSES.index(name) for name in ("mirror_or_glass", "occluded", "saturated")])
+    assert holes.sum() > 10 and named.all()
+
+
+def test_what_removes_a_cause_restores_the_pixel(config):
+    """A wall too near, one without light and one that is not there."""
+    given = wall(config, [0.05, 0.8, 0.0], 3)
+    sensor = GBufferStereo(config, environments=3)
+    cause = sensor(**given, laser_power=[1.0, 0.0, 1.0], ambient=0.0)["cause"][:, 60, 100]
+    assert [CAUSES[n] for n in cause] == ["out_of_range", "too_dark", "nothing"]
+    given["depth"] = np.full_like(given["depth"], 0.8)
+    assert sensor(**given)["valid"][:, 60, 100].all()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"depth": np.nan}, r"environment 1, pixel \(7, 5\): depth is nan"),
+        ({"depth": -1.0}, r"environment 1, pixel \(7, 5\): depth is -1"),
+        ({"normal": 2.0}, "environment 1, pixel .*: the length of normal is .*, expected unit vectors"),
+        ({"albedo": 1.5}, "environment 1, pixel .*: albedo is 1.5, expected 0 to 1"),
+    ],
+)
+def test_a_bad_value_is_named_with_its_environment(config, change, words):
+    given = {name: np.array(image) for name, image in wall(config, [0.5, 0.5], 2).items()}
+    for name, value in change.items():
+        given[name][1, 5, 7] = value
+    with pytest.raises(ValueError, match=words):
+        GBufferStereo(config, environments=2)(**given)
+
+
+def test_what_does_not_go_together_is_told(config):
+    sensor, given = GBufferStereo(config, environments=2), wall(config, [0.5, 0.5], 2)
+    with pytest.raises(ValueError, match=r"depth is \[2, 120\], expected \[2, 120, 160\]"):
+        sensor(**given | {"depth": given["depth"][..., 0]})
+    with pytest.raises(ValueError, match="unknown depth_kind 'planer'.*did you mean 'planar'"):
+        sensor(**given, depth_kind="planer")
+    with pytest.raises(ValueError, match="made without materials="):
+        sensor(**given, material=np.zeros((2, 120, 160), int))
+    with pytest.raises(ValueError, match="laser_power of environment 1 is -1"):
+        sensor(**given, laser_power=[1.0, -1.0])
+    with pytest.raises(ValueError, match="environment 0, pixel .*: material is 3, expected a number of materials"):
+        GBufferStereo(config, 2, materials=[kuafu.Material()])(**given, material=np.full((2, 120, 160), 3))
+    config.ir_distortion = (0.1, 0, 0, 0, 0)
+    with pytest.raises(ValueError, match="pinhole"):
+        GBufferStereo(config)
