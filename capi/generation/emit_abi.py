@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What keeps the C ABI: how each struct lies, what a missing field means, the exported initialiser, and the test of
-every offset."""
+"""The checks that keep the C ABI: how each struct lies, what a missing field means, the exported initialiser, and the
+test of every offset."""
 
 from __future__ import annotations
 
@@ -152,8 +152,8 @@ def _was_reserved(name: str, place: list[str], today: dict[str, list[str]]) -> b
 
 
 def check_baseline(tables: Tables, text: str) -> list[str]:
-    """What today's tables break of a baseline: moved fields, embedded structs that grew, appended fields whose neutral
-    value is not 0."""
+    """The rules that today's tables break against a baseline: moved fields, embedded structs that grew, appended fields
+    whose neutral value is not 0."""
     today = dict(line.rsplit(" ", 2)[0:1] + [line.rsplit(" ", 2)[1:]] for line in baseline(tables).splitlines())
     then = dict(line.rsplit(" ", 2)[0:1] + [line.rsplit(" ", 2)[1:]] for line in text.splitlines())
     broken = [

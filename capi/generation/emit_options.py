@@ -99,7 +99,7 @@ def _annotation(field: Field) -> str:
 
 
 def _range(f: Field) -> tuple[float, float] | None:
-    """What a number may be; an unsigned one is never negative."""
+    """The range of a number; an unsigned one is never negative."""
     if f.type in ("uint32", "uint64") and not f.range and not f.allowed:
         return (0, 2**32 - 1 if f.type == "uint32" else 2**64 - 1)
     return f.range

@@ -46,7 +46,7 @@ def _stub_fields(struct: Struct) -> list[str]:
 
 
 def _prose(field: Field) -> str:
-    """What a field is, in Python's words."""
+    """A field's description, in Python's words."""
     return python_words(" ".join(filter(None, [field.doc, f"[{facts(field)}]" if facts(field) else ""])))
 
 

@@ -79,7 +79,7 @@ class Function(NamedTuple):
 
 
 def declared_functions(library: str) -> dict[str, Function]:
-    """What the library's headers declare, but for the table's own function, by name in the headers' order."""
+    """The functions that the library's headers declare, but for the table's own, by name in the headers' order."""
     found: dict[str, Function] = {}
     folder = ROOT / "capi/include" / library
     main = folder / f"{library}.h"

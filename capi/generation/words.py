@@ -52,7 +52,7 @@ def c_literal(kind: str, value: object) -> str:
 
 
 def range_text(field: Field) -> str:
-    """What values are possible: '16..1024', '>= 0', '1, 3, 5 or 7'; empty where the table says nothing."""
+    """The possible values: '16..1024', '>= 0', '1, 3, 5 or 7'; empty where the table says nothing."""
     if field.allowed:
         return ", ".join(map(str, field.allowed[:-1])) + f" or {field.allowed[-1]}"
     if field.above is not None:

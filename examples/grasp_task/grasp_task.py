@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a gripper's wrist camera gives in each mode of depth, and how often one who knows the state grasps.
+"""Measures what a gripper's wrist camera gives in each mode of depth, and how often one who knows the state grasps.
 
     PYTHONPATH=build/python python3 examples/grasp_task/grasp_task.py --out out/grasp_task
 """

@@ -46,14 +46,14 @@ class Errors:
 
 
 def without_effects(found: SensorModel, nuisances: Mapping[str, float]) -> SensorModel:
-    """What the model was before: the same rig, pattern and noise, and the light's scales that fit best then."""
+    """The model as it was before: the same rig, pattern and noise, and the light's scales that fit best then."""
     scales = {name: Quantity(nuisances[name]) for name in ("projector_scale", "ambient_scale", "black_dn")}
     return replace(found, effects=(), nuisances=scales)
 
 
 def true_and_simulated(folder: Path, models: list[SensorModel]) -> tuple[Errors, list[Errors]]:
-    """Of the sensor that took the capture in `folder`, and of each model in its place. The models' albedos are another
-    scene's and are left out."""
+    """Depth of the sensor that took the capture in `folder`, and of each model in its place. The models' albedos are
+    another scene's and are left out."""
     capture = read_capture(folder)
     frames = _alike(capture)
     expected = None

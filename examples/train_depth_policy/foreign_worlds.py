@@ -80,7 +80,7 @@ class MitsubaWrist:
 
 
 def foreign_renderers() -> list[str]:
-    """Of RENDERERS, those that are installed; tells of those that are not."""
+    """Returns those of RENDERERS that are installed, and tells of those that are not."""
     if importlib.util.find_spec("mitsuba"):
         return list(RENDERERS)
     print("the foreign world of Mitsuba is left out: it needs the package mitsuba (pip install mitsuba)")

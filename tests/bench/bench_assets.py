@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What becomes of a folder of models: each file is loaded and rendered small, in a process and a time limit of its own.
+"""Loads a folder of models: each file is loaded and rendered small, in a process and a time limit of its own.
 
 Prints a table: file, verdict (rendered, refused, nothing to see, stopped, crashed), milliseconds, and the messages or
 the line that refuses it. usage: PYTHONPATH=build/python python3 tests/bench/bench_assets.py FOLDER [--limit SECONDS]

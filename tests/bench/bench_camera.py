@@ -153,7 +153,7 @@ class Camera:
         return np.array(found["disparity"])
 
     def _repeats(self, sensor: StereoDepthSensor) -> None:
-        """Of one and the same light: the samples' noise is none of the camera's."""
+        """Repeats under one and the same light: the samples' noise is none of the camera's."""
         light, laser = self._light(sensor)
         stack = []
         for frame in range(FRAMES):
@@ -203,7 +203,8 @@ def material_names(scene: kuafu.Scene) -> list[str]:
 
 
 def seen_by_both(sensor: StereoDepthSensor, scene: kuafu.Scene) -> tuple[NDArray[np.uint32], NDArray[np.bool_]]:
-    """Of the left infrared image: materials' numbers, and where the right eye sees the same point, within 1 %."""
+    """Two pictures of the left infrared image: materials' numbers, and where the right eye sees the same point, within
+    1 %."""
     seen = kuafu.Renderer(scene.device).render(
         scene, list(sensor.ir_cameras()), ["depth", "material_id"], band="infrared", spp=1
     )

@@ -36,7 +36,7 @@ LIMITS = {"specular": 0.2}
 
 
 def measured(name: str, spp: int, poses: int) -> dict[str, Any]:
-    """What is found of one object; `found`: {parameter: [truth, value, low, high], [truth] if named undetermined}."""
+    """The findings on one object; `found`: {parameter: [truth, value, low, high], [truth] if named undetermined}."""
     shape, paint, known = OBJECTS[name]
     with tempfile.TemporaryDirectory() as folder:
         path = record(Path(folder) / "world", PAINTS[paint], samples=spp, poses=poses, shape=shape, nominal_color=known)

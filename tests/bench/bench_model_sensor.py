@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What five engine effects cost a sensor: time of picture and depth under a model over the time without one.
+"""The cost of five engine effects for a sensor: time of picture and depth under a model over the time without one.
 
 Both take turns, and the least of the rounds counts for each. usage: PYTHONPATH=build/python python3
 tests/bench/bench_model_sensor.py [--rounds N]

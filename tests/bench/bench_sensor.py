@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a picture and its depth cost where the user stands: wall time in Python from take_picture() to the depth as an
+"""The cost of a picture and its depth for the user: wall time in Python from take_picture() to the depth as an
 array.
 
 usage: PYTHONPATH=build/python python3 tests/bench/bench_sensor.py [--size 848x480] [--rounds N] [--environments 1,16]

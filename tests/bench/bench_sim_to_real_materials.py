@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `calibrate materials` finds of the objects of `activestereo benchmark sim-to-real` as the foreign world of
-Mitsuba 3 has them.
+"""Compares what `calibrate materials` finds of the objects of `activestereo benchmark sim-to-real` as the foreign world
+of Mitsuba 3 has them.
 
     pip install mitsuba     # 3.9 was tried
     PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_sim_to_real_materials.py --out out/materials

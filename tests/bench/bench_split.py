@@ -45,7 +45,7 @@ def mounts(device: kuafu.Device, environments: range, count: int) -> Mounts:
 
 
 def least_ms(batch: StereoDepthSensorBatch | SplitStereoDepthSensorBatch, rounds: int) -> tuple[float, str, np.ndarray]:
-    """Of a picture with depth; where it went; the first picture's depth."""
+    """The least time of a picture with depth; where it went; the first picture's depth."""
     parts = [batch] if isinstance(batch, StereoDepthSensorBatch) else batch.parts
     found, first = [], np.empty(0)
     for n in range(rounds + 1):

@@ -45,7 +45,7 @@ def dot_rms_dn(distance_m: float) -> float:
 
 
 def residual_share(distance_m: float) -> float:
-    """Of the dot RMS: what the eyes see differently."""
+    """The share of the dot RMS that the two cameras see differently."""
     return 0.16 + 0.09 * (distance_m - 1)
 
 

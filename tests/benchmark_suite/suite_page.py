@@ -93,7 +93,7 @@ def _color(truth, answer):
 
 
 def _answers_picture(by_strength):
-    """What was said of each effect at each strength."""
+    """The answers for each effect at each strength."""
     effects = sorted({truth for part in by_strength.values() for truth in part["confusion"]})
     figure = Figure(
         figsize=(3.2 + 2.3 * len(by_strength), 1.2 + 0.24 * len(effects)), facecolor="white", layout="constrained"

@@ -48,7 +48,7 @@ class Result:
 
     @property
     def added(self):
-        """What is added to the model: on the images and behind the matcher."""
+        """The effects that are added to the model: on the images and behind the matcher."""
         return (
             set()
             if self.failed
@@ -65,7 +65,7 @@ class Result:
         return [self.world_name(entry["effect"]) for entry in self.ranking[:count]]
 
     def world_name(self, effect):
-        """What the world calls an effect of the library. Its second unit stands on the rig or in the room: only where
+        """The world's name of an effect of the library. Its second unit stands on the rig or in the room: only where
         the key says that it stands in the room is room_projector its name."""
         stands_in_room = self.key["hidden"].get("second_projector", {}).get("on_rig", 1.0) <= 0.0
         if effect == "room_projector" and stands_in_room:

@@ -50,7 +50,7 @@ class Item:
 
     @property
     def blind_name(self):
-        """What the tool under test sees of it."""
+        """The name that the tool under test sees."""
         return "blind-" + hashlib.sha256(f"bank {self.seed}".encode()).hexdigest()[:10]
 
     def draw(self):

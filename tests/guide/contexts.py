@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the code blocks of a page take for granted: files in the folder that they run in, and names that Python blocks
-use."""
+"""Contexts that the code blocks of a page take for granted: files in the folder that they run in, and names that Python
+blocks use."""
 
 import pathlib
 import subprocess

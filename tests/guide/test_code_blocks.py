@@ -112,8 +112,8 @@ def as_run_here(line: str) -> str:
 
 
 def assert_depths_are_right(said: str) -> None:
-    """Of the wall at 1.5 m and the board at 0.8 m, within 3 %: about one disparity step of a tenth of a pixel and its
-    noise."""
+    """Checks the depths of the wall at 1.5 m and the board at 0.8 m, within 3 %: about one disparity step of a tenth of
+    a pixel and its noise."""
     found = re.fullmatch(r"wall ([\d.]+) m, board ([\d.]+) m\n", said)
     assert found, said
     assert [float(text) for text in found.groups()] == pytest.approx([1.5, 0.8], rel=0.03)

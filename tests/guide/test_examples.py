@@ -56,7 +56,7 @@ def test_grasp_task(tmp_path):
 
 
 def test_train_depth_policy(tmp_path, monkeypatch):
-    """What the network is to say makes it act as the teacher does; a whole run, of one step of training, writes its
+    """A network that says what it is taught acts as the teacher does; a whole run, of one step of training, writes its
     results."""
     pytest.importorskip("torch", reason="the package torch is not installed (pip install torch)")
     pytest.importorskip("cv2", reason="OpenCV is not installed (pip install opencv-python-headless)")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is installed can be used from where it lies: by pkg-config, find_package, after a move, by add_subdirectory and
+"""The installation can be used from where it lies: by pkg-config, find_package, after a move, by add_subdirectory and
 FetchContent."""
 
 import os

@@ -63,7 +63,7 @@ def run_folder(tmp_path_factory):
 
 
 def made_once(path, make):
-    """What make() returns, made by the first process that asks for it."""
+    """The result of make(), made by the first process that asks for it."""
     with open(path.with_suffix(".lock"), "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not path.exists():

@@ -40,7 +40,7 @@ class Board:
 
     @classmethod
     def parse(cls, text: str) -> "Board":
-        """Of `--board`'s text; ValueError says what is right."""
+        """The board that `--board`'s text describes; ValueError says what is right."""
         parts = text.split(":")
         kind = parts.pop(0) if parts[0] in KINDS else "chessboard"
         try:

@@ -62,8 +62,8 @@ def projected(
 def power_factor(
     points: NDArray[np.float64], normal: NDArray[np.float64], beam: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """What a flux in the camera is multiplied by for its integral over the pattern's pixels, up to a constant. points
-    [n][3]: from the camera.
+    """The factor by which a flux in the camera is multiplied for its integral over the pattern's pixels, up to a
+    constant. points [n][3]: from the camera.
 
     A matt wall turns a beam's power, watts, into the same radiance times area whatever the beam's angle. The camera
     integrates it over du dv = f^2 dOmega / cos^3 a with dOmega = dA cos(c) / r^2, a its angle off the axis and c off

@@ -60,7 +60,7 @@ class HandEye:
         }  # fmt: skip
 
     def text(self) -> str:
-        """What a reader wants first."""
+        """The summary that the command prints."""
         t, e = 1e3 * self.camera_to_gripper[:3, 3], 1e3 * _INTERVAL_90 * self.error[3:]
         turn = np.rad2deg(_INTERVAL_90 * np.linalg.norm(self.error[:3]))
         lines = [

@@ -36,7 +36,7 @@ class HeightField:
 
 
 def height_field(capture: Capture, frame_id: int | None = None, step_px: int = 2) -> HeightField:
-    """Of the pose of a frame, the first with depth by default; all its repeats. In the world's axes.
+    """The heights at the pose of a frame, the first with depth by default, from all its repeats. In the world's axes.
 
     ValueError where no such frame has depth, or hardly any of it is measured.
     """
@@ -76,7 +76,7 @@ def write_height_field(path: Path, field: HeightField, capture: Capture, pose: N
 
 
 def _median(capture: Capture, frames: list[Frame]) -> NDArray[np.float64]:
-    """Of the measured values of each pixel; 0 where fewer than half of the frames have one."""
+    """The median of each pixel's measured values; 0 where fewer than half of the frames have one."""
     stack = np.array([capture.depth(frame) for frame in frames], dtype=np.float64)
     known = stack > 0
     values = np.where(known, stack, np.nan)

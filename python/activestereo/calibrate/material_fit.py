@@ -82,7 +82,7 @@ class MaterialFit:
         self._nominal = self._as_the_scene_has_it()
 
     def start(self) -> NDArray[np.float64]:
-        """What the scene says."""
+        """The scene's own values, from which the fit starts."""
         return self._nominal.copy()
 
     def _as_the_scene_has_it(self) -> NDArray[np.float64]:

@@ -107,7 +107,8 @@ class MaterialScene:
 
 
 def pictures(scene: MaterialScene, capture: Capture, surfaces: Sequence[int], most_poses: int = 3) -> list[Picture]:
-    """Of the poses that see most of the object: infrared with the projector on and off, and colour, where there are.
+    """The images of the poses that see most of the object: infrared with the projector on and off, and colour, where
+    there are.
 
     ValueError where no pose sees it.
     """

@@ -56,7 +56,7 @@ class Materials:
         return SensorModel(materials={name: fields for name, fields in self.found.items() if fields})
 
     def text(self) -> str:
-        """What a reader wants first."""
+        """The summary that the command prints."""
         lines = [f"{self.object_name}, from {', '.join(self.pictures)}"]
         for surface, fields in self.found.items():
             lines.append(f"{surface}:")

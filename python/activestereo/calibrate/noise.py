@@ -76,7 +76,7 @@ class Noise:
         return SensorModel(imager=imager, nuisances={"black_dn": black})
 
     def text(self) -> str:
-        """What a reader wants first."""
+        """The summary that the command prints."""
         law, fit = self.fit.law, self.fit
         margin, error = self.margin_nats
         other = next(kind.name for kind in LAWS if kind.name != self.chosen)

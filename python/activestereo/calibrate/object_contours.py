@@ -46,7 +46,7 @@ class PartRenderer:
         self._corners = _corners(mesh)
 
     def contours(self, views: Sequence[View], part_to_world: NDArray[np.float64]) -> list[Contours | None]:
-        """Of every view; None where the part is out of it."""
+        """The contours of every view; None where the part is out of it."""
         found = [self._box(view, part_to_world) for view in views]
         boxes = {k: box for k, box in enumerate(found) if box is not None}
         seen = list(boxes)
@@ -69,7 +69,7 @@ class PartRenderer:
         return out
 
     def _box(self, view: View, part_to_world: NDArray[np.float64]) -> tuple[int, int, int, int] | None:
-        """Of the image that the part may cover, with a margin."""
+        """The box of the image that the part may cover, with a margin."""
         there = np.linalg.inv(view.camera_to_world) @ part_to_world
         points = self._corners @ there[:3, :3].T + there[:3, 3]
         if (points[:, 2] <= 0.01).any():
@@ -137,7 +137,7 @@ def _contours(
 
 
 def _crease_direction(normal: NDArray) -> NDArray:
-    """Of the strongest change of the normal."""
+    """The direction of the strongest change of the normal."""
     parts = np.array([[gaussian_filter(normal[..., c], 1.5, order=o) for o in ((0, 1), (1, 0))] for c in range(3)])
     xx, xy, yy = ((parts[:, a] * parts[:, b]).sum(axis=0) for a, b in ((0, 0), (0, 1), (1, 1)))
     angle = 0.5 * np.arctan2(2 * xy, xx - yy)

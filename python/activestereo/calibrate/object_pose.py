@@ -78,8 +78,9 @@ def refine_pose(
 
 @dataclass(frozen=True)
 class _Step:
-    """Of a step of Gauss-Newton, in turns times the part's radius and shifts, m. free: [6][k], directions that no
-    contour resists; extent: [6][6], covariance times the square of a 90 % interval's half width in deviations."""
+    """The limits of a step of Gauss-Newton, in turns times the part's radius and shifts, m. free: [6][k], directions
+    that no contour resists; extent: [6][6], covariance times the square of a 90 % interval's half width in
+    deviations."""
 
     free: NDArray[np.float64]
     extent: NDArray[np.float64]
@@ -177,7 +178,7 @@ class _Fit:
     # ---- inside ----
 
     def _m_per_px(self, pose: NDArray) -> float:
-        """Of the part's middle, over the views."""
+        """Metres per pixel at the part's middle, over the views."""
         middle = np.append(self._centre, 1.0)
         away = [(np.linalg.inv(view.camera_to_world) @ pose @ middle)[2] / view.K[0, 0] for view in self._views]
         return float(np.median(np.abs(away)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a capture shows of an object without the projector's dots: colour images and infrared images with the projector
+"""A capture's views of an object without the projector's dots: colour images and infrared images with the projector
 off, one of each pose, undistorted."""
 
 from __future__ import annotations

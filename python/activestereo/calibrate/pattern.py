@@ -107,7 +107,7 @@ class Pattern:
         return SensorModel(pattern=pattern, rig=nominal)
 
     def text(self) -> str:
-        """What a reader wants first."""
+        """The summary that the command prints."""
         lines = [
             f"{len(self.dots)} dots; {self.seen_twice} of them are seen at two distances; sigma "
             f"{self.dot_sigma_px:.2f} px of the pattern"

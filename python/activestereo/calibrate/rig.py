@@ -73,7 +73,7 @@ class Calibration:
         return float(value - half), float(value + half)
 
     def text(self) -> str:
-        """What a reader wants first."""
+        """The summary that the command prints."""
         lines = [f"{len(self.views)} boards, {self.rms_px:.3f} px RMS (values with 90 % intervals)"]
         for eye in EYES:
             K, half = self.K[eye], _INTERVAL_90 * self.error[eye]

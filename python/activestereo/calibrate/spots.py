@@ -168,11 +168,11 @@ class _Fit:
         self.sigma = float(np.clip(self.sigma + np.clip(step[-1], -0.1, 0.1), 0.4, 8.0))
 
     def _follow_background(self) -> None:
-        """What is smooth in the residual is background."""
+        """Adds the smooth part of the residual to the background."""
         self.background = self.background + gaussian_filter(self.residual(), 6.0 * self.sigma)
 
     def _amplitude_error(self) -> np.ndarray:
-        """Of the noise alone: a Gaussian's square sums to pi sigma^2 over the pixels."""
+        """The amplitude's error by noise alone: a Gaussian's square sums to pi sigma^2 over the pixels."""
         at = self.deviation[self._pixel(self.u, self.v)]
         return np.asarray(at / (np.sqrt(np.pi) * self.sigma))
 

@@ -30,7 +30,7 @@ _LONGEST_CHAIN = 8
 
 @dataclass(frozen=True)
 class Field:
-    """What a figure may be: `count` numbers (0: one, not a list) within low..high, or one of `choices`."""
+    """The range of a figure: `count` numbers (0: one, not a list) within low..high, or one of `choices`."""
 
     doc: str
     unit: str = ""

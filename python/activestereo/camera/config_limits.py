@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the fields of a sensor's configuration may be: checked when one is set, and together when a sensor is made."""
+"""Ranges of the fields of a sensor's configuration: checked when one is set, and together when a sensor is made."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ THERMAL_SIGMA_DN = 0.25
 
 
 class Taken(NamedTuple):
-    """What matching has to know of a picture beside its images."""
+    """Facts of a picture, beside its images, that matching depends on."""
 
     frame: int = -1
     speckle_draw: int = -1
@@ -56,7 +56,7 @@ def _sapien_noise(config: StereoDepthSensorConfig) -> dict[str, float]:
 
 
 def _values(config: StereoDepthSensorConfig, table: Sequence[Parameter]) -> dict[str, Any]:
-    """What the configuration says, under the engine's names."""
+    """The configuration's values under the engine's names."""
     return {p.name: getattr(config, p.name) for p in table}
 
 
@@ -106,7 +106,7 @@ def make_engine(config: StereoDepthSensorConfig, device: simsense.Device, batch_
 
 
 def linear_counts(image: np.ndarray, signal: dict[str, float]) -> np.ndarray:
-    """What a linear imager without noise and dark current counts of an image of radiance, over full scale: 0..1."""
+    """Counts over full scale, 0..1, of a linear imager without noise and dark current for an image of radiance."""
     full_scale_dn = 2 ** signal["bit_depth"] - 1
     per_radiance = signal["exposure_s"] * signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"]
     warming_k = signal["temperature_c"] - signal["dark_reference_c"]

@@ -137,7 +137,7 @@ class Frame:
     gripper_to_base: np.ndarray | None = None
 
     def path(self, eye: str) -> Path:
-        """Of an eye's image. CaptureError where the recording has none."""
+        """The path of one camera's image. CaptureError where the recording has none."""
         path = {"left": self.left_path, "right": self.right_path}[eye]
         if path is None:
             raise CaptureError(

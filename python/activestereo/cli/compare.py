@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _under_model(args: argparse.Namespace, effects: "dict[str, Effect]") -> dict[str, Any]:
-    """What compare() takes of a model: its effects and survey in this scene, and engines in which they act."""
+    """A model's parts that compare() takes: its effects and survey in this scene, and engines in which they act."""
     from activestereo.compare.model_file import scene_of
     from activestereo.effects.core.scene_surfaces import surface_names
     from activestereo.effects.engines import CaptureRenderer

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a user of `depth` would want to know of a result that is not what it could be: exchanged eyes, depth that was
-cut off."""
+"""Hints of `depth` at a result that could be better: exchanged cameras, depth that was cut off."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def eyes_text(order: EyeOrder) -> str:
 
 
 def missing_text(files: Sequence[FrameFiles], has_poses: bool) -> list[str]:
-    """What the recording lacks, and what for."""
+    """A text that names what the recording lacks, and what for."""
     out = []
     if not any("depth" in entry.files for entry in files):
         out.append("no depth: poses, pattern and albedo cannot be measured from scenes; record the depth stream, too")

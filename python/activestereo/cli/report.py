@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the commands print at their end."""
+"""Lines that the commands print at their end."""
 
 from collections.abc import Mapping
 

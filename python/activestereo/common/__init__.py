@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every other package may use: rigid motions, lenses, the projector's pattern, generated tables of parameters,
-output files.
+"""Parts that every other package may use: rigid motions, lenses, the projector's pattern, generated tables of
+parameters, output files.
 """

@@ -45,7 +45,7 @@ Kind = TypeVar("Kind", bound=DeclaredRanges)
 
 
 def range_names(kind: type[DeclaredRanges]) -> list[str]:
-    """Of a class's ranges."""
+    """The names of a class's ranges."""
     return [field.name for field in fields(kind)]
 
 

@@ -19,7 +19,7 @@ class Limits:
     whole: bool = False
 
     def fault(self, value: Any) -> str | None:
-        """What keeps a value from being such a number, in words that follow its name; None where it is one."""
+        """The reason why a value is no such number, in words that follow its name; None where it is one."""
         kind = "a whole" if self.whole else "a finite"
         is_number = isinstance(value, Integral if self.whole else Real) and not isinstance(value, bool)
         if not is_number or not math.isfinite(_as_float(value)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was probably meant by a name that there is not."""
+"""The known name that an unknown one probably stands for."""
 
 from __future__ import annotations
 

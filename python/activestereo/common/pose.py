@@ -124,7 +124,7 @@ def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> np.ndarray:
 
 
 def rigid_fault(pose: np.ndarray, tolerance: float = _ROTATION_TOLERANCE) -> str | None:
-    """What keeps a [4, 4] from being a rigid motion, in words that follow its name; None where it is one."""
+    """The reason why a [4, 4] is no rigid motion, in words that follow its name; None where it is one."""
     if pose.shape != (4, 4) or not np.isfinite(pose).all():
         return "is not a 4x4 of finite numbers"
     if np.abs(pose[3] - [0.0, 0.0, 0.0, 1.0]).max() > 1e-9:

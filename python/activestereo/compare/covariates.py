@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is known of every pixel besides its error: the quantities against which a residual is looked at.
+"""Covariates, known of every pixel besides its error: the quantities against which a residual is looked at.
 
 Each covariate is one map [height][width] of an image, or one number of a frame. NaN = not defined there (the sky has no
 depth).

@@ -49,8 +49,8 @@ class EngineModel:
         }
 
     def light(self, seen: CameraLight, flat: NDArray[np.float32], view: View) -> Light:
-        """What falls on the imager. flat: of the base layers, for effects of the projector that have no engine
-        field."""
+        """The light that falls on the imager. flat: of the base layers, for effects of the projector that have no
+        engine field."""
         images = (seen.direct, seen.indirect, seen.ambient, flat)
         light = Light.of_images([np.asarray(image, dtype=np.float64) for image in images])
         return self.rest.light(light, view) if self.rest.effects else light

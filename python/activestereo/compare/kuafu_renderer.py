@@ -89,7 +89,8 @@ class KuafuRenderer:
         i: int,
         camera: Any,
     ) -> Layers:
-        """Of one camera. single: light straight off the first surface, under a pattern that is 1 everywhere."""
+        """The rendered layers of one camera. single: light straight off the first surface, under a pattern that is 1
+        everywhere."""
         depth_m, normal, material = (
             images["depth"][i, ..., 0].copy(),
             images["normal"][i].copy(),

@@ -145,7 +145,7 @@ def _fast(image: Image) -> NDArray[np.float64]:
 
 
 def warnings_of(fit: Mapping[str, Any], match: Match) -> list[str]:
-    """What to say before all else, of a Fit as JSON and a Match."""
+    """The warnings that stand before all else, for a Fit as JSON and a Match."""
     words = {
         "projector_scale": "the projector's scale is at its bound, 0: the measured images show none of its light where "
                            "it is rendered",

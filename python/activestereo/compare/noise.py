@@ -37,7 +37,7 @@ _Item = TypeVar("_Item")
 
 
 def by_repeats(items: Iterable[tuple[Frame, str, _Item]]) -> list[list[_Item]]:
-    """What belongs to one static view and eye together, in order; frames without repeats are left out.
+    """The frames of each static view and camera together, in order; frames without repeats are left out.
 
     items: (frame, eye, what belongs to them).
     """

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a rectified infrared pair tells without a scene: saturation, gain and offset between the eyes, row offset, and f
-x baseline against the device's own depth. Intervals are 95 %, from a bootstrap over blocks of the image: pixels are not
-independent.
+"""Findings from a rectified infrared pair without a scene: saturation, gain and offset between the eyes, row offset,
+and f x baseline against the device's own depth. Intervals are 95 %, from a bootstrap over blocks of the image: pixels
+are not independent.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What one rectified infrared pair shows of dots and noise: figures to lay beside those of a simulated pair of the same
-view. Intervals are 95 %, from the same bootstrap over blocks of the image as pair_findings.
+"""Statistics of dots and noise in one rectified infrared pair: figures to lay beside those of a simulated pair of the
+same view. Intervals are 95 %, from the same bootstrap over blocks of the image as pair_findings.
 
     dot RMS      of the left image less its Gaussian blur of 4 px
     residual     the same of left less right at the matched disparity, over sqrt 2, as a share of the dot RMS

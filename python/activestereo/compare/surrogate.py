@@ -53,8 +53,8 @@ class Trial:
         return cls((first, second))
 
     def difference(self, effect: Effect) -> float:
-        """Of an effect with engine fields at its typical values, on all surfaces; what the engines do not know stays
-        neutral."""
+        """The change by an effect with engine fields at typical values, on all surfaces; fields unknown to the engines
+        stay neutral."""
         unknown = {p.name: p.neutral for p in effect.parameters if not p.in_engine}
         values = effect.typical_values | unknown | ({SURFACES.name: 0.0} if SURFACES in effect.parameters else {})
         model = Model().with_effect(effect, **values)
@@ -102,7 +102,7 @@ class _Run:
         return run
 
     def changes(self, model: Model, random: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """What a model changes in the engines and by its formulas, DN [image][height][width] each."""
+        """A model's changes in the engines and by its formulas, DN [image][height][width] each."""
         in_engine = _change(self.engine.expected(model, _NUISANCES, random=random), self.engine_base)
         return in_engine, _change(self._by_formula(model, random), self.base)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a lamp that flickers changes between repeats: it is no noise, but the variance of repeats contains it.
+"""Changes by a flickering lamp between repeats: they are no noise, but the variance of repeats contains them.
 
 A rolling shutter lays a lamp's brightness over time along the rows: in every row the ambient light is brighter or
 darker by one factor, and neighbouring rows, which are exposed at nearly the same time, have nearly the same factor.
@@ -42,6 +42,6 @@ def unsteady_light(shots: Mapping[ImageKey, tuple[Frame, Images, np.ndarray]]) -
 
 
 def _common(change: np.ndarray, light: np.ndarray, rows: int = _ROWS) -> np.ndarray:
-    """Of a change, what neighbouring rows have in common: the light times one factor in each row."""
+    """The part of a change that neighbouring rows have in common: the light times one factor in each row."""
     moment, power = (uniform_filter1d((x * light).sum(axis=1), rows, mode="nearest") for x in (change, light))
     return (moment / np.maximum(power, 1e-12))[:, None] * light

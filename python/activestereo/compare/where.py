@@ -72,8 +72,8 @@ def _table(
 
 
 def _p_value(columns: np.ndarray, overall: Any) -> float:
-    """Of the hypothesis that the covariate does not matter: in every bin the mean residual and the excess are the
-    overall ones."""
+    """The p value of the hypothesis that the covariate does not matter: in every bin the mean residual and the excess
+    are the overall ones."""
     observed, drawn = 0.0, np.zeros(1)
     for (value, draws), (all_value, all_draws) in zip(columns, overall, strict=True):
         t, t_draws = max_t(value - all_value, draws - all_draws)

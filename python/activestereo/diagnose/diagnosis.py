@@ -260,8 +260,8 @@ def _accepted(verdict: str, first: Ranking, way: list[Step], steps: str) -> tupl
 
 
 def _without_images_of_their_own(ranking: Ranking) -> list[Finding]:
-    """What may still be named at the end without an expected image to go on from: noise, and random fields that
-    stay (the best, or those that are shown together).
+    """Effects that may still be named at the end though they leave no expected image to continue from: noise, and
+    random fields that stay (the best, or those that are shown together).
     """
     passing = [f for f in ranking.findings if f.solution is None and passes(ranking, f)]
     fields, noise = ([f for f in passing if f.channel is c] for c in (Channel.STATIC_FIELD, Channel.NOISE_LAW))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a diagnosis finds, in frozen records: explanations by effects, what they are worth, and a ranking of them.
+"""Findings of a diagnosis in frozen records: explanations by effects, their scores, and a ranking of them.
 
 A channel gives Explanations; scores and checks turn them into Findings; verdicts are functions of Findings alone.
 """
@@ -65,7 +65,7 @@ class OwnEvidence:
 
 @dataclass(frozen=True)
 class Explanation:
-    """What one effect explains on its channel, as fitted.
+    """An effect's fitted explanation of the data on its channel.
 
     chi2, tile_chi2: of the train images with it; the base's where the channel looks at something else. solution: the
     fit of an expected image. fields: of random draws. own: the evidence of other channels. repeats_floors: what the
@@ -99,7 +99,7 @@ class NotRanked:
 
 @dataclass(frozen=True)
 class Score:
-    """What an explanation is worth.
+    """The score of an explanation.
 
     nats: gain of log-likelihood. explained_share: of the error above the floor. gain_floors: fall of the mean square.
     consistency: share of the touched images that get better. choice_nats: of choices that it took, or that surveys
@@ -116,7 +116,7 @@ class Score:
 
 @dataclass(frozen=True)
 class Checks:
-    """What was looked at of the explanations that matter.
+    """Checks of the explanations that matter.
 
     plain_share, plain_floors: explained_share and gain_floors of the error in DN as it is, not weighed by its
     expected variance. varying_floors: what a varying amplitude of the effect's trace explains beyond one.
@@ -137,7 +137,7 @@ class Checks:
 
 @dataclass(frozen=True)
 class BaseChecks(Checks):
-    """What was looked at of the base, besides.
+    """Further checks of the base.
 
     plain_excess_floors: mean square above the floor of the error in DN as it is. unsteady_floors,
     uneven_structure_floors: see score/steadiness.py.
@@ -150,7 +150,8 @@ class BaseChecks(Checks):
 
 @dataclass(frozen=True)
 class Remainder:
-    """What an explanation, or the base, leaves. chi2: of the train images; the others as in Explanation and Checks."""
+    """The residual that an explanation, or the base, leaves. chi2: of the train images; the others as in Explanation
+    and Checks."""
 
     chi2: float
     repeats_floors: float
@@ -233,7 +234,7 @@ class Ranking:
 
     @property
     def excess_floors(self) -> float:
-        """What the base leaves above the floor and the renderer's own noise."""
+        """The base's residual above the noise and the renderer's own noise, in noise variances."""
         return self.base.chi2 / self.pixels - 1.0 - self.base.white_floors
 
     @property
@@ -242,7 +243,7 @@ class Ranking:
         return self.excess_floors < self.thresholds.images_at_floor
 
     def excess_after(self, chi2: float) -> float:
-        """What an explanation with this chi2 leaves above the floor, in floors."""
+        """The residual of an explanation with this chi2 above the noise, in noise variances."""
         return max(chi2 / self.pixels - self.floor_chi2 / self.pixels, 0.0)
 
     def difference_error(self, first: Finding, second: Finding) -> float:

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What to measure next: of a menu of exposures of the known views, those that would separate explanations that fit
-alike.
+"""The next measurement: exposures of the known views that would separate explanations that fit alike.
 
 Expected log-likelihood, 1/2 |mu_i - mu_j|^2 / variance, that is left between two members when one is refitted to what
 the other foretells of the new frames, as far as the frames at hand let its parameters and nuisances go (T-optimal

@@ -43,7 +43,7 @@ _FIELDS_TIME = 0.05
 
 @dataclass(frozen=True)
 class DiagnosisContext:
-    """What rankings of one capture share.
+    """The inputs that rankings of one capture share.
 
     given: ids of the effects of the model that the diagnosis started from. rendering: the engine, for what surfaces
     and lights do, whose image functions only propose; None where there is none.
@@ -188,7 +188,7 @@ def _score(context: DiagnosisContext, base: BaseFit, e: Explanation, design: flo
 
 
 def _own_score(e: Explanation) -> Score:
-    """Of a channel with evidence of its own, whose shares stand for floors."""
+    """The score on a channel with evidence of its own, whose shares take the place of noise variances."""
     own = e.own
     assert own is not None, e.effect.id
     return Score(own.nats, own.share, own.share, own.consistency, choice_nats=own.surveyed_nats)
@@ -284,7 +284,8 @@ def _varying(context: DiagnosisContext, solution: Solution, effect: Effect) -> f
 
 
 def _in_order(ranking: Ranking) -> list[Finding]:
-    """What may be named first; within each part by gain and simplicity; among what the images name, by confidence."""
+    """Findings that may be named come first; within each part by gain and simplicity; among what the images name, by
+    confidence."""
 
     def place(f: Finding) -> tuple[bool, float]:
         return not passes(ranking, f), -f.score.nats - f.score.occam_nats
@@ -299,7 +300,7 @@ def _in_order(ranking: Ranking) -> list[Finding]:
 
 
 def _with_remainders(context: DiagnosisContext, ranking: Ranking) -> Ranking:
-    """What the base leaves, and the findings that a verdict may rest on: the first, what cannot be told from it,
+    """The base's residual, and the findings that a verdict may rest on: the first, what cannot be told from it,
     and the one that leaves least.
     """
     passing = [f for f in ranking.findings if f.on_images and passes(ranking, f)]
@@ -362,8 +363,7 @@ def _rows_after(context: DiagnosisContext, base: BaseFit, finding: Finding) -> S
 
 
 def _preferring_what_leaves_no_structure(ranking: Ranking) -> Ranking:
-    """Of explanations that cannot be told apart one that leaves structure is none: the next of them that leaves
-    none comes first.
+    """Moves an explanation that leaves no structure before those that leave some and cannot be told apart from it.
     """
     best = ranking.best
     if best is None or not passes(ranking, best) or not is_unexplained(ranking, best.remainder, ranking):

@@ -14,9 +14,9 @@ from activestereo.effects.core.view import View
 
 
 def _mean_free_path_m(length_m: float, albedo: float) -> float:
-    """Of a medium whose light leaves at an rms distance length_m along one axis. Christensen and Burley 2015
-    (Approximate reflectance profiles for efficient subsurface scattering): the profile of two exponentials of width d =
-    path / s has an rms distance of sqrt(7) d."""
+    """The mean free path of a medium whose light leaves at an rms distance length_m along one axis. Christensen and
+    Burley 2015 (Approximate reflectance profiles for efficient subsurface scattering): the profile of two exponentials
+    of width d = path / s has an rms distance of sqrt(7) d."""
     s = 1.9 - albedo + 3.5 * (albedo - 0.8) ** 2
     return length_m / np.sqrt(7.0) * s
 

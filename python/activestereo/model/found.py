@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a diagnose.json found for an effect."""
+"""The finding of a diagnose.json for an effect."""
 
 from __future__ import annotations
 

@@ -82,9 +82,9 @@ class Rig:
 
 @dataclass(frozen=True)
 class Pattern:
-    """What the projector throws: an 8-bit image file, or dots [n, 3] of u, v and power in an image of `size` (width,
-    height). background: every pixel of that image beside the dots, so that its sum and the dots' powers are of one
-    unit. K: 3x3."""
+    """The image that the projector casts: an 8-bit image file, or dots [n, 3] of u, v and power in an image of `size`
+    (width, height). background: every pixel of that image beside the dots, so that its sum and the dots' powers are of
+    one unit. K: 3x3."""
 
     K: NDArray[np.float64]
     file: Path | None = None
@@ -169,7 +169,7 @@ class SensorModel:
         return SceneMeasurement((left, right), albedo, surfaces)
 
     def _surface(self, name: str) -> dict[str, float]:
-        """What is known of a surface, but for factors."""
+        """The known properties of a surface, but for factors."""
         fields = self.materials.get(name) or self.materials.get(material_of(name)) or {}
         return {field: q.value for field, q in fields.items() if field != "ir_albedo_factor"}
 

@@ -34,7 +34,7 @@ def write_model(path: str | Path, model: SensorModel) -> list[Path]:
 
 
 def model_json(model: SensorModel, pattern_file: str | None = None) -> dict[str, Any]:
-    """What the file holds. pattern_file: name of the pattern's image beside it. Each part says whether the engines
+    """The content of the file. pattern_file: name of the pattern's image beside it. Each part says whether the engines
     simulate it."""
     root: dict[str, Any] = {"format": FORMAT, "version": VERSION}
     if model.source:

@@ -168,7 +168,7 @@ def effects_chart(steps: Sequence[Mapping[str, Any]], floor: float | None) -> Fi
 
 
 def _step_name(steps: Sequence[Mapping[str, Any]], index: int) -> str:
-    """What a step changed, in words."""
+    """The name of what a step changed, in words."""
     now, before = steps[index]["effects"], steps[index - 1]["effects"] if index else []
     changes = [f"+ {name}" for name in now if name not in before] + [f"− {name}" for name in before if name not in now]
     return "\n".join(changes) or ("refitted" if index else "base model")

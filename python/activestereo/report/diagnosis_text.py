@@ -21,7 +21,7 @@ def error_text(rmse_dn: float, floor_dn: float | None, decimals: int) -> str:
 
 
 def diagnosis_text(result: Mapping[str, Any]) -> str:
-    """What a reader wants first."""
+    """The summary that the command prints."""
     lines = [f"verdict: {result['verdict']}" + (f" ({', '.join(result['added'])})" if result["added"] else "")]
     if result.get("reason"):
         lines.append(result["reason"])

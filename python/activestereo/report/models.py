@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the models that a report shows expect of each frame: the base model, the model with what was found, and each row
+"""Images that the models of a report expect of each frame: the base model, the model with what was found, and each row
 of the ranking."""
 
 from __future__ import annotations

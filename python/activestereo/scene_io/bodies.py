@@ -145,7 +145,7 @@ class Bodies:
         return self._semantic_ids.copy()
 
     def semantic_ids(self, instances: NDArray[np.uint32]) -> NDArray[np.uint32]:
-        """Of a picture of instances, the picture of what add() was given as semantic_id; 0 where there is no body."""
+        """Replaces each instance in a picture by the semantic_id that add() was given; 0 where there is no body."""
         return self._semantic_ids[np.minimum(instances, len(self._semantic_ids) - 1)]
 
     def move(self, poses: PosesLike | Mapping[str, PosesLike]) -> int:

@@ -32,11 +32,11 @@ The actor never ran - it was cancelled before it started running."""
 
 
 class Lost(Exception):
-    """What FakeRay says of an actor that is no more."""
+    """FakeRay's error for an actor that is no more."""
 
 
 class OutOfMemory(Exception):
-    """What FakeRay says of an actor that the memory monitor ended; Ray has it apart from the others."""
+    """FakeRay's error for an actor that the memory monitor ended; Ray has it apart from the others."""
 
 
 class Failed(Exception):

@@ -87,7 +87,7 @@ def test_link_gives_each_eye_its_half(device, engine_device):
 
 
 def test_memory_of_a_gpu_is_read_and_written_by_copies(device, engine_device, monkeypatch):
-    """What a GPU with memory of its own does, on any device that shares file descriptors."""
+    """The copies of a GPU with memory of its own, on any device that shares file descriptors."""
     if shared_memory_kind(device, engine_device) != "opaque_fd":
         pytest.skip(f"{device.info.name} and {engine_device.info.name} share no file descriptors")
     monkeypatch.setattr("activestereo.sensor.ir_link.has_own_memory", lambda device: True)

@@ -59,7 +59,7 @@ def test_it_converges_over_frames_and_gain_follows_exposure_at_its_limit(config)
 
 
 def test_a_new_exposure_reaches_all_that_the_engines_are_told(config):
-    """What is changed of the inputs is what they would be if they were found anew."""
+    """Inputs that are changed equal those that are made again."""
     config.ir_exposure_limits_s = (1e-6, 10.0)
     sensor = StereoDepthSensor(config, wall(room=3.0))
     sensor.set_conditions(temperature_c=50.0)

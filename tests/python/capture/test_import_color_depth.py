@@ -283,7 +283,7 @@ class _Image:
 
 
 class _Pipeline:
-    """What record_live() calls of pyrealsense2, with frames of its own."""
+    """The part of pyrealsense2 that record_live() calls, with frames of its own."""
 
     def __init__(self):
         self.number = 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the commands write and say: files whole or not at all, the progress bar, accuracy."""
+"""Output of the commands: files whole or not at all, the progress bar, accuracy."""
 
 import errno
 import io

@@ -53,7 +53,7 @@ def renderer(nominal) -> CaptureRenderer:
 
 @pytest.fixture(scope="module")
 def hidden(nominal, renderer, tmp_path_factory) -> Path:
-    """What a sensor with the hidden effects measures."""
+    """The measurement of a sensor with the hidden effects."""
     expected = renderer.expected(model_of(**HIDDEN), NUISANCES, survey=SURVEY)
     rng = np.random.default_rng(1)
     images = {
@@ -161,7 +161,8 @@ def _coarse(image):
     "name", ["gain_error", "dark_signal", "black_level", "response_gamma", "saturation_blooming", "gain_mismatch"]
 )
 def test_the_engines_imager_and_the_formulas_count_alike(renderer, nominal, name):
-    """What acts on charge and counts has one law in simsense and in NumPy; blooming spills by rounds in one of them."""
+    """Effects on charge and counts have one formula in simsense and in NumPy; blooming spills by rounds in one of
+    them."""
     from activestereo.effects import Light, View
     from activestereo.compare.engine_prediction import EngineModel
     from activestereo.compare.layers import Layers

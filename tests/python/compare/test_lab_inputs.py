@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the lab does with inputs that change or lie outside the usual: deeper images, edited scenes, shared caches,
+"""The lab with inputs that change or lie outside the usual: deeper images, edited scenes, shared caches,
 models by hand."""
 
 import json

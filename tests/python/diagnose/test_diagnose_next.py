@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What to measure next: what a rival's parameters can make up for separates nothing."""
+"""The next measurement: an exposure for which a rival's parameters can make up separates nothing."""
 
 from dataclasses import replace
 

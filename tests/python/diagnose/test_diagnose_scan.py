@@ -69,14 +69,14 @@ def test_a_flickers_starts_are_of_different_frequencies_and_no_deeper_than_its_m
 
 @dataclass(frozen=True)
 class SimpleLight:
-    """What a flicker changes of a Light."""
+    """The part of a Light that a flicker changes."""
 
     ambient: np.ndarray
 
 
 @dataclass(frozen=True)
 class Image:
-    """What a scan's choice asks of an Observation."""
+    """The part of an Observation that a scan's choice uses."""
 
     frame: SimpleNamespace
     eye: str

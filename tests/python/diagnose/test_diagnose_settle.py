@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a diagnosis says of parameters: no bias by weights that have seen the noise, no value where it costs nothing to
+"""Parameters that a diagnosis reports: no bias by weights that have seen the noise, no value where it costs nothing to
 leave it out."""
 
 from dataclasses import dataclass, field, replace

@@ -44,7 +44,7 @@ def fitted(evidence: Evidence, renders: Path, effect: Effect = FADING) -> tuple[
 
 @pytest.fixture
 def work(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """What is fitted anew."""
+    """The fits that are made again."""
     done: list[str] = []
     for name in ("_refined", "nuisance_fit"):
         own = getattr(Fitter, name)

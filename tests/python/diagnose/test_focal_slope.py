@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a longer focal length changes, where dots are hardly wider than a pixel."""
+"""The change by a longer focal length, where dots are hardly wider than a pixel."""
 
 from dataclasses import replace
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a residual still holds for any effect to explain, and random fields that lie over each other."""
+"""Structure that a residual still holds, and random fields that lie over each other."""
 
 from types import SimpleNamespace
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is a random field and what is none: hot pixels over a fixed pattern, and the error of a tone curve."""
+"""Random fields, and what only looks like one: hot pixels over a fixed pattern, and the error of a tone curve."""
 
 from types import SimpleNamespace
 

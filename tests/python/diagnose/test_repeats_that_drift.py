@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a found effect adds in the dark or between repeats is no noise: floors and weights are made without it."""
+"""Noise variances and weights are made without what a found effect adds in the dark or between repeats."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path

@@ -22,7 +22,8 @@ AMBIENT_DN, INTENSITY_M2 = 50.0, 6.0
 
 
 def image_of(pose, noise_share):
-    """What a rig at a pose sees of the unit alone, as the residual, with noise of a share of the dots' deviation."""
+    """The image of the unit alone that a rig at a pose sees, as the residual, with noise of a share of the dots'
+    deviation."""
     light, geometry = seen("left", left_to_world=pose, bounces=0)
     view: View = view_of(geometry, "left")
     view = replace(view, frame=replace(view.frame, camera_to_world=pose, projector_power=0.0))

@@ -209,7 +209,7 @@ def cameras_of(parallel: Any, names: list[str], **options: Any) -> list[StereoDe
 
 
 def observe(cameras: list[StereoDepthCamera], **modalities: bool) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Of all cameras, in ManiSkill's order: parameters, then images."""
+    """The observation of all cameras, in ManiSkill's order: parameters, then images."""
     params = [camera.get_params() for camera in cameras]
     for camera in cameras:
         camera.capture()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a model says of rig and pattern takes the place of a capture's nominal values."""
+"""A model's rig and pattern take the place of a capture's nominal values."""
 
 from pathlib import Path
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a UsdPreviewSurface's inputs come from: interfaces, textures of many folders and kinds; losses are told."""
+"""Sources of a UsdPreviewSurface's inputs: interfaces, textures of many folders and kinds; losses are told."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ def test_bits_are_the_serial_ones(config, mode, emitter, with_rgb):
 
 
 def batch_pictures(kind, config, count):
-    """Of two environments, one darker than the other, after each picture from the `kind`'s first on."""
+    """Pictures of two environments, one darker than the other, after each picture from the `kind`'s first on."""
     scene, square = small_world()
     poses = np.tile(np.eye(4), (2, 1, 1))
     poses[1, 1, 3] = 0.1

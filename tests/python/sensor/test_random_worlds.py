@@ -86,8 +86,8 @@ def test_a_sensors_laser_and_exposure_scale_its_light(config):
 
 
 def test_a_right_eye_that_has_turned_shifts_the_disparity(config):
-    """Of a turn about the camera's y axis by an angle a, by f tan a at the middle of the image: here two pixels, which
-    the matcher's pull towards whole ones does not change."""
+    """A turn about the camera's y axis by an angle a shifts the disparity by f tan a at the middle of the image: here
+    two pixels, which the matcher's pull towards whole ones does not change."""
     world, turn = World(config), np.arctan(2.0 / config.ir_intrinsic[0, 0])
     before = np.median(world.look()[1][:, 50:70, 90:120], axis=(1, 2))
     rotation = np.array([[[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]]])

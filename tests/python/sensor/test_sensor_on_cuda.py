@@ -57,7 +57,7 @@ def host_results(sensor: StereoDepthSensor) -> dict[str, np.ndarray]:
 
 
 def pictures(sensor: StereoDepthSensor, set_wall: Any) -> Iterator[dict[str, np.ndarray]]:
-    """Of two pictures, and of the second under another matcher."""
+    """The results of two pictures, and of the second under another matcher."""
     is_late = isinstance(sensor, PipelinedStereoDepthSensor)
     for step in range(3 if is_late else 2):
         if isinstance(sensor, PipelinedStereoDepthSensor):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What rs-enumerate-devices -c says of a D435."""
+"""Texts of rs-enumerate-devices -c for a D435."""
 
 ENUMERATED = """\
 Device info:

@@ -81,7 +81,7 @@ def intrinsics(scale=1.0):
 
 
 def eye_pose(k):
-    """Of the camera, around the thing; k: 0, 1 and on are the recorded places, others lie between them."""
+    """The camera's pose around the thing; k: 0, 1 and on are the recorded places, others lie between them."""
     azimuth, elevation = np.deg2rad(50.0 * k), np.deg2rad(35.0 - 10.0 * k)
     place = 0.5 * np.array(
         [np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)]

@@ -54,7 +54,7 @@ def make_ball_comparison(folder: Path) -> Comparison:
 
 
 def decoded(layer: dict) -> np.ndarray:
-    """What the page's script reads from a picture: float64 [height][width], NaN where it holds no value."""
+    """The values that the page's script reads from a picture: float64 [height][width], NaN where it holds no value."""
     kind, data = layer["src"].split(",", 1)
     assert kind == "data:image/webp;base64"
     code = np.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB"))[..., 0].astype(np.float64)

@@ -157,7 +157,7 @@ def test_registers_to_the_rgb_camera(pair):
 
 
 def test_exact_mode_keeps_every_fault(pair):
-    """Of a rectified pair only the parabola and the rectifier's focal length count;
+    """For a rectified pair only the parabola and the rectifier's focal length count;
     tests/simsense/engine/published_test.cpp proves the bits."""
     exact, fixed = make(mode="simsense-exact"), make()
     assert exact.engine.parameters["subpixel"] == 1 and fixed.engine.parameters["subpixel"] == 2

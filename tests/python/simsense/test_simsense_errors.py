@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a wrong argument of the depth engine answers: one line that names it, with what it must be, and no name out of
-C."""
+"""A wrong argument of the depth engine raises an error of one line that names it, with what it must be, and no name out
+of C."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What one pinhole camera of a world sees: every pixel is the mean over a grid of jittered subpixel rays."""
+"""The image of one pinhole camera of a world: every pixel is the mean over a grid of jittered subpixel rays."""
 
 from dataclasses import dataclass
 

@@ -19,7 +19,7 @@ PROJECTOR_X_M = 0.015
 
 @dataclass(frozen=True)
 class World:
-    """What the product must find out; `views` are the noise-free images, {(frame id, eye): View}."""
+    """The truth that the product must find out; `views` are the noise-free images, {(frame id, eye): View}."""
 
     capture_path: object
     sensor: Sensor

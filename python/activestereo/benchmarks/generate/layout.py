@@ -97,7 +97,7 @@ def _turned_about_z(angle: float) -> NDArray[np.float64]:
 
 
 def _rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of w, x, y, z of any length."""
+    """The rotation of a quaternion w, x, y, z of any length."""
     from activestereo.common.pose_arrays import pose_matrices
 
     return pose_matrices(np.concatenate([np.zeros(3), quaternion]), "a turn")[:3, :3]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is drawn anew for each frame of a data set, and from which ranges."""
+"""The quantities that are drawn again for each frame of a data set, and their ranges."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ def generate(
 
 
 def description(settings: Settings) -> dict[str, Any]:
-    """What the frames depend on, for dataset.json."""
+    """Everything that the frames depend on, for dataset.json."""
     about = asdict(settings)
     del about["device"]
     return about | {"things": [path.name for path in settings.things], "rgb_size": list(settings.rgb_size),

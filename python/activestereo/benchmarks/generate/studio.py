@@ -26,7 +26,8 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class Settings:
-    """What a data set is made of. layout: 'scatter' or 'drop'. sensor: a preset's name or a camera's .toml file."""
+    """The settings that a data set is made of. layout: 'scatter' or 'drop'. sensor: a preset's name or a camera's .toml
+    file."""
 
     things: tuple[Path, ...]
     sensor: str = "d435"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stands on the table of each environment: boxes and cylinders of several materials, of which one at a time is on
+"""The objects on the table of each environment: boxes and cylinders of several materials, of which one at a time is on
 the table and the others wait below it."""
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class GraspScene:
         self.bodies.move(self._poses)
 
     def mesh(self, environment: int, number: int) -> Mesh:
-        """Of object `number`, metres, its middle at the origin."""
+        """The mesh of object `number`, metres, its middle at the origin."""
         unit = solids.cylinder() if self.is_round[number] else solids.box()
         # Scales are of the axes that the normals lie along, or alike in x and y.
         return Mesh.of(unit.positions * self.half_sizes_m[environment, number], unit.normals, unit.uvs, unit.indices)
@@ -98,7 +98,7 @@ def _materials() -> list[kuafu.Material]:
 
 
 def _hard_materials() -> list[kuafu.Material]:
-    """What active stereo sees through, loses or takes for something else."""
+    """Materials that active stereo sees through, loses or takes for something else."""
     return [
         kuafu.Material(name="glass", transmission=1.0, roughness=0.0, ior=1.5),
         kuafu.Material(name="polished steel", base_color=(0.66, 0.64, 0.61, 1.0), metallic=1.0, roughness=0.08),

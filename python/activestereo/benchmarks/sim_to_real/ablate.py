@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the simulation's realism takes: the agreement of `full` with the foreign world, with more and fewer rays, with
-and without the denoiser, with more and less noise, with nominal, random and measured materials. The models stay those
-of the run."""
+"""Measures which part of the simulation its realism rests on: the agreement of `full` with the foreign world, with more
+and fewer rays, with and without the denoiser, with more and less noise, with nominal, random and measured materials.
+The models stay those of the run."""
 
 from __future__ import annotations
 

@@ -29,8 +29,8 @@ def cloud(
     camera_to_world: NDArray[np.float64],
     guess_m: NDArray[np.float64],
 ) -> Cloud:
-    """Of a depth picture [height, width], 0 = no measurement: at most 400 points above the table within 0.1 m (across)
-    of guess_m. Empty where there are fewer than LEAST."""
+    """The points of a depth picture [height, width], 0 = no measurement: at most 400 points above the table within 0.1
+    m (across) of guess_m. Empty where there are fewer than LEAST."""
     v, u = np.nonzero(depth_m > 0)
     z = depth_m[v, u].astype(np.float64)
     rays = np.stack([(u - k[0, 2]) / k[0, 0], (v - k[1, 2]) / k[1, 1], np.ones(len(z))], axis=1)
@@ -45,7 +45,7 @@ def cloud(
 
 
 def _normals(points: NDArray[np.float64], eye: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of the plane through each point's neighbours."""
+    """The normal of the plane through each point's neighbours."""
     _, near = cKDTree(points).query(points, min(_NEIGHBOURS, len(points)))
     around = points[near] - points[near].mean(axis=1, keepdims=True)
     _, directions = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))

@@ -92,7 +92,7 @@ def foreign_things(
 
 
 def foreign_room() -> dict[str, Any]:
-    """What lights the things beside the projector."""
+    """The lights besides the projector."""
     radiance = _LAMP_W_PER_SR / (np.pi * _LAMP_RADIUS_M**2)
     lamp = {"type": "area", "radiance": grey(radiance)}
     return {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `calibrate` found of the foreign world, in place of what the simulation has: the objects' materials, the
+"""Values that `calibrate` found in the foreign world, in place of the simulation's own: the objects' materials, the
 imager's noise."""
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Measured = Mapping[str, Mapping[str, float]]  # {object: {field of its material:
 
 
 def read_measured(path: Path, objects: tuple[BenchmarkObject, ...]) -> Measured:
-    """Of a model.json whose materials are called as the objects are. ValueError where it has none of these."""
+    """Reads the materials of a model.json that are named after objects. ValueError where it has none of these."""
     names = [thing.name for thing in objects]
     known = read_model(path).survey(names).surfaces
     if not known:
@@ -26,7 +26,7 @@ def read_measured(path: Path, objects: tuple[BenchmarkObject, ...]) -> Measured:
 
 
 def read_imager(path: Path) -> NoiseLaw:
-    """Of a model.json. ValueError where it has no imager."""
+    """Reads the imager of a model.json. ValueError where it has none."""
     imager = read_model(path).imager
     if imager is None:
         raise ValueError(f"{path}: has no imager: 'activestereo calibrate noise' makes one")
@@ -34,7 +34,7 @@ def read_imager(path: Path) -> NoiseLaw:
 
 
 def with_measured(objects: tuple[BenchmarkObject, ...], measured: Measured) -> tuple[BenchmarkObject, ...]:
-    """What was not found stays."""
+    """The scene with the measured materials; those that were not found stay."""
     return tuple(_changed(thing, measured.get(thing.name, {})) for thing in objects)
 
 

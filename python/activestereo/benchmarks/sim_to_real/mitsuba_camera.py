@@ -41,8 +41,8 @@ class MitsubaCamera:
     def light(
         self, things: dict[str, Any], room: dict[str, Any], body: Pose, random: np.random.Generator
     ) -> list[NDArray[np.float64]]:
-        """What falls on the left and the right eye, [height, width]. things, room: parts of a scene, those that are lit
-        and what lights them; body: the RGB camera's pose."""
+        """The light that falls on the left and the right camera, [height, width]. things, room: parts of a scene, those
+        that are lit and what lights them; body: the RGB camera's pose."""
         seeds = iter(random.integers(2**31, size=4).tolist())
         config = self._config
         laser = self._laser | {"to_world": pose(self._mi, camera_to_world(body * config.pose_rgb_irproj))}

@@ -34,7 +34,7 @@ def grey(value: float) -> dict[str, Any]:
 
 
 def pose(mi: Any, to_world: NDArray[np.float64]) -> Any:
-    """Of a camera or projector with x right, y down, z forward; theirs has x left and y up."""
+    """Mitsuba's pose (x left, y up) of a camera or projector with x right, y down, z forward."""
     return mi.ScalarTransform4f((to_world @ np.diag([-1.0, -1.0, 1.0, 1.0])).tolist())
 
 

@@ -75,5 +75,5 @@ def _mitsuba_stage(settings: BenchmarkSettings) -> MitsubaStage:
 
 
 def _seed(seed: int, split: str, number: int) -> int:
-    """Of what a round's pictures draw, another one for each round."""
+    """The seed of all that a round's pictures draw, another one for each round."""
     return int(np.random.SeedSequence([seed, SPLITS.index(split), number]).generate_state(1)[0] % 2**31)

@@ -59,7 +59,7 @@ class Results:
         return own + [(model.method, model.tuned_on, "added") for model in self.added]
 
     def agreement(self, world: str, criterion: tuple[float, float]) -> Agreement:
-        """Of a world with the foreign one."""
+        """The agreement of a world with the foreign one."""
         found, known = [], []
         for name in (world, "foreign"):
             key = name, criterion
@@ -70,8 +70,8 @@ class Results:
 
 
 def results(folder: RunFolder, added: Sequence[Path] = ()) -> Results:
-    """Of the test views that all worlds have. added: files of models of others (added.py). ValueError where the run is
-    not so far, or such a file is not of this run."""
+    """The results of the test views that all worlds have. added: files of models of others (added.py). ValueError where
+    the run is not so far, or such a file is not of this run."""
     settings = BenchmarkSettings.of(folder)
     models = models_of(folder)
     candidates = candidates_of(models)

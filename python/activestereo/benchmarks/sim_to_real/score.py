@@ -59,8 +59,8 @@ def agreement(
     seed: int = 0,
     known: tuple[Sequence[float], Sequence[float]] = ((), ()),
 ) -> Agreement:
-    """Of successes [models, views] in two worlds. known: the scores, in both, of more models, of which no views are
-    drawn. ValueError where the two are not of the same models and views."""
+    """The agreement of successes [models, views] in two worlds. known: the scores, in both, of more models, of which no
+    views are drawn. ValueError where the two are not of the same models and views."""
     if simulated.shape != real.shape or simulated.ndim != 2 or not simulated.size:
         raise ValueError(f"successes of both worlds are [models, views], not {simulated.shape} and {real.shape}")
     views = simulated.shape[1]

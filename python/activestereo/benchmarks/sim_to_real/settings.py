@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run depends on."""
+"""The settings that a run depends on."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from activestereo.camera.registration import registered
 
 
 class Sgbm:
-    """Of rectified pairs that `config` tells of."""
+    """OpenCV's matcher for rectified pairs that `config` describes."""
 
     def __init__(self, config: StereoDepthSensorConfig) -> None:
         self._config = config

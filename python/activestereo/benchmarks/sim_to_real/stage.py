@@ -28,7 +28,8 @@ _TABLE_HALF_M = 1.0
 
 @dataclass(frozen=True)
 class NoiseLaw:
-    """Of an imager, as model.json has it: variance in DN^2 = offset + shot signal + relative signal^2."""
+    """The noise model of an imager, as model.json has it: variance in DN^2 = offset + shot signal + relative
+    signal^2."""
 
     offset: float
     shot: float
@@ -50,7 +51,7 @@ class CameraSettings:
 
 @dataclass(frozen=True)
 class Room:
-    """What is around the objects. ambient: radiance; lamp: its place, metres, and power, W/sr."""
+    """The room around the objects. ambient: radiance; lamp: its place, metres, and power, W/sr."""
 
     ambient: float = 0.2
     table_albedo: float = 0.5
@@ -126,8 +127,8 @@ def crop(settings: CameraSettings) -> StereoDepthSensorConfig:
 
 
 def set_noise(config: StereoDepthSensorConfig, law: NoiseLaw) -> None:
-    """What changes from frame to frame, as the law has it; static speckle and pixels' own gains stay. ValueError for a
-    sensor with SAPIEN's noise."""
+    """Sets the noise that changes from frame to frame, as the model has it; static speckle and pixels' own gains stay.
+    ValueError for a sensor with SAPIEN's noise."""
     if not isinstance(config.ir_signal, dict):
         raise ValueError(f"{config.model} cannot be given another noise: it has no imager of its own")
     signal = dict(config.ir_signal) | {"read_noise_e": 0.0}

@@ -31,7 +31,7 @@ class Model:
 
     @property
     def values(self) -> dict[str, Any]:
-        """What the setting says."""
+        """The values of the setting."""
         return asdict(METHODS[self.method].SETTINGS[self.setting])
 
 
@@ -40,7 +40,7 @@ def every_candidate() -> list[Candidate]:
 
 
 def models_of(folder: RunFolder) -> list[Model]:
-    """Of a run whose tuning is done. ValueError where it is not."""
+    """The models of a run whose tuning is done. ValueError where it is not."""
     settings = BenchmarkSettings.of(folder)
     every, rounds = every_candidate(), settings.rounds("tuning")
     return tuned({mode: errors_of(folder, mode, "tuning", rounds, every) for mode in SIMULATED}, every)

@@ -32,7 +32,7 @@ _ROS2_DEPTH_SCALE_M = 0.001  # realsense-ros publishes 16UC1 in millimetres (REP
 
 @dataclass
 class _Found:
-    """What a bag tells beside its images."""
+    """A bag's contents beside its images."""
 
     intrinsics: dict[str, Intrinsic] = field(default_factory=dict)
     baselines_m: dict[str, float] = field(default_factory=dict)

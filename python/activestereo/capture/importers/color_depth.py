@@ -125,6 +125,6 @@ def write_color_depth(
 
 
 def nearest(times: Iterable[float], time_s: float, within_s: float) -> float | None:
-    """Of some times the one nearest to another, None where it is farther than within_s."""
+    """The one of some times that is nearest to another, None where it is farther than within_s."""
     found = min(times, key=lambda t: abs(t - time_s), default=None)
     return found if found is not None and abs(found - time_s) <= within_s else None

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `rs-enumerate-devices -c` prints of one device: intrinsics of every stream and mode, extrinsics between streams.
+"""Reads what `rs-enumerate-devices -c` prints of one device: intrinsics of every stream and mode, extrinsics between
+streams.
 
     Intrinsic of "Infrared 1" / 848x480 / {Y8}         Extrinsic from "Infrared 1"  To  "Infrared 2" :
       Width:  848                                       Rotation Matrix:

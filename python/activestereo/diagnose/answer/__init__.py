@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a diagnosis says, as data: figures, ranking, the model that was found, and what no effect explains."""
+"""A diagnosis's answer as data: figures, ranking, the model that was found, and what no effect explains."""

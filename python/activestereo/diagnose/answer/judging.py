@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a verdict rests on, as numbers that diagnose.json keeps: from them it can be passed again under other
-thresholds."""
+"""Numbers that a verdict rests on, kept by diagnose.json: from them it can be passed again under other thresholds."""
 
 from collections.abc import Mapping, Sequence
 from types import SimpleNamespace

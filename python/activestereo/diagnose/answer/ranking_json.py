@@ -40,7 +40,7 @@ def depth_json(depth: Ranking, faults: Sequence[Finding], name_of: Callable[[int
 
 
 def not_ranked_json(skipped: Iterable[NotRanked]) -> list[Json]:
-    """What could not be ranked, with the reason."""
+    """The effects that could not be ranked, with the reason."""
     return [{"effect": s.effect.id, "family": s.effect.family, "reason": s.reason} for s in skipped]
 
 
@@ -62,6 +62,6 @@ def _finding_json(ranking: Ranking, f: Finding, confidence: float, name_of: Call
 
 
 def _parameter_json(parameter: Parameter, found: Interval, name_of: Callable[[int], str]) -> Json:
-    """What is found of a parameter; of a choice of surfaces with their materials' names, none for all surfaces."""
+    """A parameter's finding; for a choice of surfaces with their materials' names, none for all surfaces."""
     names = {"materials": [name_of(k) for k in material_numbers(found.value)]} if parameter.choice else {}
     return found.as_json() | names

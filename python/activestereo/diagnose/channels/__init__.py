@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What effects are judged on. Each channel is one class that says which effects it judges and explains them."""
+"""Channels: the kinds of data that effects are judged on. Each channel is one class that says which effects it judges
+and explains them."""
 
 from activestereo.diagnose.channels.channel import JudgingChannel, Progress
 from activestereo.diagnose.channels.depth_engine import DepthEngineChannel

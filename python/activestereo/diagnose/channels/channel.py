@@ -20,7 +20,7 @@ class JudgingChannel(ABC):
 
     @abstractmethod
     def explain(self, effects: Sequence[Effect], progress: Progress | None = None) -> list[Explanation | NotRanked]:
-        """What each of these effects, all of this channel's kind, explains.
+        """The explanations by these effects, all of this channel's kind.
 
         Effects that gain nothing may be left out.
         """

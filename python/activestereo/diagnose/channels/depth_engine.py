@@ -278,8 +278,8 @@ def _leading(effect: Effect, value: float) -> np.ndarray:
 
 
 def surveyed_nats(nats: float, offset_px: np.ndarray, survey_px: float) -> float:
-    """What the best displacement that the poses' errors, normal with this deviation, explain gains: of quadratic
-    log-likelihoods.
+    """Log-likelihood, quadratic, that the best displacement gains which the poses' errors, normal with this deviation,
+    explain.
     """
     gained = 2.0 * max(nats, 0.0) * survey_px**2
     return float(nats * gained / (gained + (offset_px**2).sum())) if gained > 0 else 0.0

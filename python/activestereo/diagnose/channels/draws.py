@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a random term's descriptor means for images: what a draw is multiplied with, and which pixels share one."""
+"""A random term's descriptor in images: the factor of each draw, and the pixels that share one."""
 
 from collections.abc import Hashable
 

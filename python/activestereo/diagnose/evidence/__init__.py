@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a diagnosis looks at: measured images beside their rendered light, expected variances, tiles and folds."""
+"""The evidence of a diagnosis: measured images beside their rendered light, expected variances, tiles and folds."""
 
 from activestereo.diagnose.evidence.gather import gather
 from activestereo.diagnose.evidence.observation import BLOCK_PX, FOLDS, TILE_PX, Evidence, Observation

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a calibration's error of the focal length changes in an image.
+"""The change of an image by a calibration's error of the focal length.
 
 It is the difference over both sides of the finer images where there are any: a dot is hardly wider than a pixel, and
 pixels alone tell the slope beside it wrong by half. A slope that is wrong leaves most of the error to an effect that

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a measured scene is never known to exactly: the places of its edges.
+"""Variance for the places of edges, which no measured scene knows exactly.
 
 A tape measure errs by a millimetre or so: where materials or surfaces meet, the image is off by the local slope times
 that. This error is estimated on static frames alone and never believed beyond a limit, so that what moves edges in

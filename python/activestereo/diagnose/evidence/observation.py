@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a diagnosis looks at: one eye of one frame each, and all of them together with what is known of their
-noise.
+"""Observations of a diagnosis: one camera's image of one frame each, and all of them together with what is known of
+their noise.
 
 The *noise floor* of an image is its mean temporal variance in DN^2: what a perfect model would leave of the squared
 error. It comes from repeated frames of a static view (activestereo.compare.noise). Every figure "in floors" is a mean

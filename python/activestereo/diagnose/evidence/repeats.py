@@ -61,7 +61,7 @@ def without_drift(
 
 
 def _drift(shots: Sequence[Observation], expected: Images) -> Images:
-    """Of every repeat its expected image's difference from the mean of its group's, DN."""
+    """The difference of every repeat's expected image from the mean of its group's, DN."""
     groups = by_repeats((o.frame, o.eye, o.key) for o in shots)
     means = ((keys, np.mean([expected[k] for k in keys], axis=0)) for keys in groups)
     return {key: expected[key] - mean for keys, mean in means for key in keys}

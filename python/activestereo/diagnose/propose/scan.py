@@ -159,7 +159,7 @@ def _own_points(fitter: Fitter, space: ParameterSpace, candidate: Effect, phi: n
 
 
 def start_images(fitter: Fitter, space: ParameterSpace, phi: np.ndarray) -> list[StartImage]:
-    """What an effect's own proposals look at: the fitter's images at the start of a space."""
+    """The fitter's images at the start of a space, at which an effect's own proposals look."""
     lights = fitter.lights(space, space.start)
     images = []
     for (o, slopes, residual), light in zip(fitter.slopes(space, space.start, phi, lights, 0), lights, strict=True):

@@ -64,7 +64,7 @@ def on_explained(fitter: Fitter, solution: Solution, steps: int) -> Solution:
 
 
 class _Sums:
-    """Of one material: chi2 with its albedo fitted."""
+    """Sums over one material for chi2 with its albedo fitted."""
 
     def __init__(self) -> None:
         self._square = self._cross = self._slope = 0.0

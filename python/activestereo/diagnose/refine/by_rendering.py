@@ -64,7 +64,7 @@ _TRAIN, _TEST = "train", "test"
 
 @dataclass(frozen=True)
 class _Change:
-    """What an effect changes of the light, [3][height][width] of each image. without: images without it, as far as
+    """An effect's changes of the light, [3][height][width] of each image. without: images without it, as far as
     they were asked for.
     """
 

@@ -82,8 +82,8 @@ class FitCache:
 
 
 def fit_key(observations: str, space: ParameterSpace, *values: object) -> str | None:
-    """Of a fit in a space. observations: their content_key(). values: numbers and arrays that decide it besides. None
-    where a part of the model is a user's own."""
+    """The key of a fit in a space. observations: their content_key(). values: numbers and arrays that decide it
+    besides. None where a part of the model is a user's own."""
     effects = [effect_content(e) for e, _ in (*space.base.effects, *space.pairs)]
     if None in effects:
         return None
@@ -93,8 +93,8 @@ def fit_key(observations: str, space: ParameterSpace, *values: object) -> str | 
 
 
 def effect_content(effect: Effect) -> str | None:
-    """What an effect does, as text: of a built-in one its name, of one by rendered images their content too
-    (by_rendering.py); None of others, whose code is not known."""
+    """An effect's identity as text: a built-in one's name, with the rendered images' content where it uses them
+    (by_rendering.py); None for others, whose code is not known."""
     own = _builtin().get(effect.id)
     if effect is own:
         return effect.id
@@ -131,7 +131,7 @@ def content_key(*values: object) -> str:
 
 @cache
 def code_digest() -> str:
-    """Of this package's code and of the libraries that it computes with."""
+    """The digest of this package's code and of the libraries that it computes with."""
     root, digest = Path(activestereo.__file__).parent, hashlib.sha256()
     for path in sorted(path for path in root.rglob("*.py") if path.is_file()):  # a build tree may hold links to no file
         digest.update(str(path.relative_to(root)).encode() + path.read_bytes())

@@ -148,7 +148,7 @@ class Fitter:
     def _rests(
         self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]
     ) -> list[np.ndarray]:
-        """What (theta, phi) leaves of each observation's pixels, DN."""
+        """Residuals of each observation's pixels under (theta, phi), DN."""
         model = space.model(theta)
 
         def rest(seen: tuple[Pixels, Light]) -> np.ndarray:
@@ -227,9 +227,9 @@ class Fitter:
         return None if space.given[j] else space.model(np.where(np.arange(len(theta)) == j, theta + steps, theta))
 
     def covariance(self, solution: Solution) -> np.ndarray:
-        """Of theta, [n][n]: the sandwich over clusters that share errors (Liang and Zeger 1986): blocks of an
-        eye's image, repeats and settings of one pose together; and what a survey's errors add, whose prior holds the
-        nuisances near wrong values.
+        """The covariance of theta, [n][n]: the sandwich over clusters that share errors (Liang and Zeger 1986): blocks
+        of an eye's image, repeats and settings of one pose together; and what a survey's errors add, whose prior holds
+        the nuisances near wrong values.
 
         None of it asks for independent pixels.
         """

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a fit asks for again and again: the light of an observation under a model, and the numbers that a sensor
-makes of it.
+"""The light of an observation under a model, and a sensor's numbers for it, kept because a fit asks for them again and
+again.
 
 The nuisances phi are projector scale, ambient scale and black level; then, with priors, both eyes' relative focal
 lengths and the materials' relative albedos.

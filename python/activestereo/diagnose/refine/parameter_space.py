@@ -105,7 +105,7 @@ class ParameterSpace:
 
 @dataclass(frozen=True)
 class Solution:
-    """What a fit found.
+    """The result of a fit.
 
     theta: effect parameters. phi: nuisances (see light.py). sums: normal equations at the solution.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a fit says of a parameter: a value and a 90 % interval."""
+"""A parameter's value and 90 % interval from a fit."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass

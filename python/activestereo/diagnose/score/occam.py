@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an explanation's freedom costs: Laplace's estimate of its evidence beside its best likelihood (MacKay 2003,
-chapter 28).
+"""The penalty for an explanation's free parameters: Laplace's estimate of its evidence beside its best likelihood
+(MacKay 2003, chapter 28).
 
 An effect that had to be tuned finely, or far from what its kind usually is, was less to be expected: of two that
 explain the data equally well, the one that needed less of both comes first. The estimate is good to a few nats, no
@@ -77,7 +77,8 @@ def _cost(kept: list[int], away: np.ndarray, density: np.ndarray, information: n
 
 
 def _information(fitter: Fitter, solution: Solution, chosen: np.ndarray) -> np.ndarray:
-    """Of the chosen parameters, all others and the nuisances fitted beside them (Schur's complement)."""
+    """The information on the chosen parameters, all others and the nuisances fitted beside them (Schur's
+    complement)."""
     gram = solution.sums.gram.sum(0) + np.diag(fitter.prior(len(solution.theta), solution.space))
     rest = np.setdiff1d(np.arange(len(gram)), chosen)
     norm = np.sqrt(np.maximum(np.diag(gram)[rest], 1e-300))
@@ -89,8 +90,8 @@ def _information(fitter: Fitter, solution: Solution, chosen: np.ndarray) -> np.n
 
 
 def _log_density(parameter: Parameter, away: float) -> float:
-    """Of a parameter's prior per typical deviation: normal for shapes, which physics tells; of amplitudes only the
-    order of magnitude is known, so theirs is Cauchy's (Gelman et al.
+    """The log density of a parameter's prior per typical deviation: normal for shapes, which physics tells; of
+    amplitudes only the order of magnitude is known, so theirs is Cauchy's (Gelman et al.
 
     2008, A weakly informative default prior distribution).
     """

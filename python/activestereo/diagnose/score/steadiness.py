@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What no survey leaves: errors that come and go.
+"""Errors that come and go, which a constant error of the measured scene cannot leave.
 
 A misplaced surface or a wrong albedo leaves the same error in every frame of a view, and about as much structure in
 every image. What shows in one frame of a view and not in another, or in one image more than in all others, is an

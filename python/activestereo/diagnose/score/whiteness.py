@@ -14,7 +14,7 @@ from activestereo.diagnose.thresholds import Thresholds
 
 
 def pose_key(o: Observation) -> tuple[bytes, bool]:
-    """What stands still together."""
+    """The key that images share which stand still together."""
     return o.frame.camera_to_world.tobytes(), o.frame.is_moving
 
 

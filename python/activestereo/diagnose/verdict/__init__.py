@@ -1,3 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What findings allow to say. All functions here are pure: they look at findings and thresholds, and at nothing
+"""The verdict that findings allow. All functions here are pure: they look at findings and thresholds, and at nothing
 else."""

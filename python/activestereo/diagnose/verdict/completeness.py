@@ -37,7 +37,7 @@ def lacks_nothing(ranking: Ranking, noise: Finding) -> bool:
 
 
 def _excess_beside(ranking: Ranking, remainder: Remainder) -> float:
-    """What is above the floor and above what coarse steps leave in every frame alike, in floors."""
+    """The excess above the noise and above what coarse steps leave in every frame alike, in noise variances."""
     return (
         remainder.chi2 / ranking.pixels - 1.0 - (1.0 + ranking.thresholds.rounding_known_to) * remainder.repeats_floors
     )

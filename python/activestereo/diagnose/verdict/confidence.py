@@ -74,7 +74,7 @@ def confidences(ranking: Ranking) -> dict[str, float]:
 
 
 def _logits(ranking: Ranking, rivals: Sequence[Finding], base: BaseFit, named: np.ndarray) -> np.ndarray:
-    """Of the confidence; the last one is 'none'.
+    """The logits of the confidence; the last one is 'none'.
 
     The gain of what may not be named is not believed: survey errors gain, too.
     """

@@ -1,2 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What effects are made of: descriptors, light, view, model, laws, and the operations that several effects share."""
+"""The parts that effects are made of: descriptors, light, view, model, laws, and the operations that several effects
+share."""

@@ -126,7 +126,7 @@ class Effect:
 
     @property
     def channel(self) -> Channel | None:
-        """What the lab judges it on; None where it is random and does not say how."""
+        """The channel that the lab judges the effect on; None where it is random and does not say how."""
         if self.stage > Stage.DIGITAL:
             return Channel.DEPTH_ENGINE if self.randomness is Randomness.NONE else None
         if any(isinstance(j, CodeSteps) for j in self.judged):

@@ -32,7 +32,7 @@ class Cosines(NamedTuple):
 
 
 def cosines_of(normal: np.ndarray, to_light: np.ndarray, to_camera: np.ndarray) -> Cosines:
-    """Of directions [...][3], unit."""
+    """The cosines of directions [...][3], unit."""
     half = to_light + to_camera
     half = half / np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-12)
     dot = lambda a, b: np.clip((a * b).sum(-1), 0.0, 1.0)  # noqa: E731

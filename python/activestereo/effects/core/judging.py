@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
 
 class Channel(Enum):
-    """What an effect is judged on: expected images, fields of draws that stay, repeats, or the device's disparity."""
+    """The data that an effect is judged on: expected images, fields of draws that stay, repeats, or the device's
+    disparity."""
 
     EXPECTED_IMAGE = "expected image"
     STATIC_FIELD = "static field"
@@ -35,7 +36,7 @@ class Channel(Enum):
 
 
 class Lever(Enum):
-    """What a random draw of deviation 1 is multiplied with, besides the parameter.
+    """The factor of a random draw of deviation 1, besides the parameter.
 
     ONE: 1 DN. SIGNAL: DN above black. PROJECTOR: DN of the projector's direct light. EXPOSURE: exposure x gain,
     seconds. PHOTONS: the square root of gain x DN above black, where the parameter is the variance's factor and not
@@ -50,7 +51,7 @@ class Lever(Enum):
 
 
 class SharedBy(Enum):
-    """What shares one draw.
+    """The pixels and images that share one draw.
 
     PIXEL: a pixel of one eye, in all frames (in one frame, where the effect is TEMPORAL). VIEW: a pixel of one eye
     while the rig stands still. COLUMN, ROW: all pixels of a column or row of one eye. DOT: all pixels that see one
@@ -87,7 +88,7 @@ class CodeSteps:
 
 @dataclass(frozen=True)
 class EngineFault:
-    """What a fault of the depth engine resembles.
+    """The disturbance that a fault of the depth engine resembles.
 
     is_matcher_choice: any other matcher would differ so (a sub-pixel formula, a rounding, the size of a median): it
     is fitted and reported, and never a fault of the sensor. displaces: it moves what is measured in the picture by
@@ -103,7 +104,7 @@ Judgement = RandomTerm | CodeSteps | EngineFault
 
 @dataclass(frozen=True)
 class StartImage:
-    """What an effect's own proposal of starting values looks at: one image under the model without the effect,
+    """The image under the model without the effect, at which the effect's own proposal of starting values looks,
     [height][width].
 
     view: a View. light: its Light. weight: 1/DN^2. residual: measured - expected, DN. ambient: DN of ambient light in

@@ -56,7 +56,8 @@ class Lamp:
         return pose
 
     def white_radiance(self, light: Light, view: View) -> np.ndarray:
-        """What diffuse surfaces send, [height][width]: 1 for a white one at the world's origin that faces the light."""
+        """The radiance that diffuse surfaces send, [height][width]: 1 for a white one at the world's origin that faces
+        the light."""
         shading = Shading.of(light, view)
         way, square = self._way(view, shading.points)
         cosine = np.where(shading.hit, np.maximum((shading.normal * way).sum(-1), 0.0), 0.0)

@@ -107,7 +107,7 @@ def acted(effect: Effect, parameters: dict[str, float], light: Light, view: View
 
 
 def scales(frame: Frame) -> tuple[float, float]:
-    """What a frame's settings make of projector light and of ambient light: seconds x gain x level."""
+    """The factors of projector light and of ambient light by a frame's settings: seconds x gain x level."""
     level = 1.0 if frame.ambient is None else frame.ambient
     return frame.exposure_gain * frame.projector_power, frame.exposure_gain * level
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a moving rig sees a little before or after mid-exposure: the scene shifts, the rig's own dots hardly do."""
+"""Images of a moving rig a little before or after mid-exposure: the scene shifts, the rig's own dots hardly do."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an effect may know of one image: camera, rig, geometry, frame settings, and random numbers of its own."""
+"""A View holds what an effect may know of one image: camera, rig, geometry, frame settings, and random numbers of its
+own."""
 
 from __future__ import annotations
 
@@ -21,8 +22,8 @@ _NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class RenderedSurfaces(Protocol):
-    """What a View takes from rendered images (compare/layers.py), each [height][width]; normal [height][width][3]. They
-    may also have `ambient_direct`."""
+    """The parts of rendered images that a View takes (compare/layers.py), each [height][width]; normal
+    [height][width][3]. They may also have `ambient_direct`."""
 
     @property
     def depth_m(self) -> np.ndarray: ...

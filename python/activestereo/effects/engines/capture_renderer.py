@@ -296,7 +296,7 @@ def _unit(projector: kuafu.Light) -> kuafu.Light:
 
 
 def _job_key(inputs: EngineInputs) -> tuple:
-    """What decides the images of one pose; powers scale them and do not count."""
+    """The key of everything that decides the images of one pose; powers scale them and do not count."""
     eyes = tuple((record_key(eye.camera), record_key(eye.film), eye.delay_s) for eye in inputs.eyes)
     projector = () if inputs.projector is None else record_key(_unit(inputs.projector))
     pattern = b"" if inputs.pattern is None else inputs.pattern.tobytes()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What imagers count of the light that falls on them, finer than in whole counts: simsense's signal chain in 16
+"""Counts of imagers for the light that falls on them, finer than in whole counts: simsense's signal chain in 16
 bits."""
 
 from __future__ import annotations

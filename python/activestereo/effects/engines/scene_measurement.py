@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a fit says of calibration and scene beside the effects: focal lengths and albedos."""
+"""A fit's findings of calibration and scene beside the effects: focal lengths and albedos."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What effects change in the world itself: materials, the medium, ambient light. Put into a kuafu scene, and taken
+"""Changes of the world itself by effects: materials, the medium, ambient light. Put into a kuafu scene, and taken
 back."""
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def copy_light(light: kuafu.Light, delay_s: float = 0.0) -> kuafu.Light:
 
 
 def world_key(inputs: EngineInputs) -> tuple:
-    """What all poses of one render share."""
+    """The key of everything that all poses of one render share."""
     materials = tuple((number, record_key(m)) for number, m in sorted(inputs.materials.items()))
     return materials, record_key(inputs.medium)
 

@@ -133,7 +133,7 @@ class StereoDepthCamera(Camera):
             return kind(config, mounts)
 
     def _taken(self, name: str) -> torch.Tensor:
-        """What the sensors' get_<name>() have, where observations are made."""
+        """The images of the sensors' get_<name>(), where observations are made."""
         if self._on_cuda:
             return cuda_tensor(self.sensors.get_cuda(name))
         return torch.from_numpy(getattr(self.sensors, f"get_{name}")())

@@ -84,7 +84,7 @@ class StereoDepthCameraConfig(ManiSkillConfig):
 
 
 def _tangents(config: StereoDepthSensorConfig) -> NDArray[np.float64]:
-    """Of half the infrared cameras' fields of view, horizontal and vertical."""
+    """The tangents of half the infrared cameras' fields of view, horizontal and vertical."""
     return 0.5 * np.array(config.ir_resolution) / np.diag(config.ir_intrinsic)[:2]
 
 

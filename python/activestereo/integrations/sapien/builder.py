@@ -18,7 +18,7 @@ import kuafu
 
 
 class VisualRecords(sapien.Component):
-    """What an entity looks like: a list of SAPIEN's VisualShapeRecord, whose materials are kuafu's."""
+    """An entity's looks: a list of SAPIEN's VisualShapeRecord, whose materials are kuafu's."""
 
     def __init__(self, records: Sequence[VisualShapeRecord]) -> None:
         super().__init__()

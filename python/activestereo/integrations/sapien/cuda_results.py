@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What SAPIEN's get_..._cuda() give, computed on the GPU of a sensor that was made with on_cuda."""
+"""Results of SAPIEN's get_..._cuda(), computed on the GPU of a sensor that was made with on_cuda."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class CudaResults:
-    """Of a sensor's last picture, with the bits of the host's methods."""
+    """The results of a sensor's last picture, with the bits of the host's methods."""
 
     def __init__(self, sensor: StereoDepthSensor) -> None:
         self._sensor = sensor

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What SAPIEN's entities look like, in kuafu's terms: meshes, materials, textures and lights."""
+"""The looks of SAPIEN's entities in kuafu's terms: meshes, materials, textures and lights."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def is_visible(entity: Any) -> bool:
 
 
 def parts(entity: Any) -> Iterator[tuple[Part, Any]]:
-    """What the entity looks like, each with the shape's pose in the entity."""
+    """The parts of an entity's looks, each with the shape's pose in the entity."""
     shapes: list[tuple[Any, Any, Callable[[Any], Iterator[Part]]]]
     bodies = _of_kind(entity, "RenderBodyComponent")
     records = [r for c in entity.components if isinstance(c, VisualRecords) for r in c.records]

@@ -35,7 +35,7 @@ class Part:
 
 
 def render_parts(shape: Any) -> Iterator[Part]:
-    """Of a RenderShape: SAPIEN gives box, sphere, cylinder and plane at unit size, capsules at their own."""
+    """The parts of a RenderShape: SAPIEN gives box, sphere, cylinder and plane at unit size, capsules at their own."""
     kind = type(shape).__name__
     if kind == "RenderShapeBox":
         scale = shape.half_size
@@ -61,7 +61,7 @@ def render_parts(shape: Any) -> Iterator[Part]:
 
 
 def record_parts(record: Any) -> Iterator[Part]:
-    """Of a VisualShapeRecord."""
+    """The parts of a VisualShapeRecord."""
     if record.type == "file":
         yield from _file_parts(record.filename, record.scale, record.material)
         return
@@ -70,7 +70,7 @@ def record_parts(record: Any) -> Iterator[Part]:
 
 
 def collision_parts(shape: Any) -> Iterator[Part]:
-    """Of a PhysxCollisionShape, in grey: what there is where an entity has no looks."""
+    """The parts of a PhysxCollisionShape, in grey: what there is where an entity has no looks."""
     kind = type(shape).__name__.removeprefix("PhysxCollisionShape")
     grey = kuafu.Material(name="collision shape", base_color=_GREY)
     if kind in ("ConvexMesh", "TriangleMesh"):

@@ -24,7 +24,7 @@ _SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 
 @dataclass(frozen=True)
 class Converted:
-    """What a .glb file has no words for, and what was lost."""
+    """The parts of a stage that a .glb file cannot say, and what was lost."""
 
     ambient: tuple[float, float, float] | None  # radiance of the stage's dome light; None: it has none
     messages: tuple[str, ...]
@@ -72,7 +72,7 @@ class _Conversion:
             self._add(prim, columns(self._cache.GetLocalToWorldTransform(prim)))
 
     def _below(self, root: Any) -> Iterator[Any]:
-        """What is seen below a prim, instances included; what PointInstancers copy is theirs."""
+        """The visible prims below a prim, instances included; what PointInstancers copy is theirs."""
         from pxr import Usd, UsdGeom
 
         prims = iter(Usd.PrimRange(root, Usd.TraverseInstanceProxies()))

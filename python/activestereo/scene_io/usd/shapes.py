@@ -108,7 +108,7 @@ def textured(stage: Stage, mesh: Any, cut: Polygons, whole: Mesh, uv_name: str) 
 
 
 def part(whole: Mesh, triangles: np.ndarray) -> Mesh:
-    """Of the triangles alone, vertices that are alike joined."""
+    """The mesh of the triangles alone, vertices that are alike joined."""
     rows = np.hstack([whole.positions, whole.normals, whole.uvs])[whole.indices[triangles].ravel()]
     unique, index = np.unique(rows, axis=0, return_inverse=True)
     return Mesh.of(unique[:, :3], unique[:, 3:6], unique[:, 6:], index.reshape(-1, 3))

@@ -33,7 +33,7 @@ class Stage:
             _LOG.warning("%s: %s", self.path, message)
 
     def value(self, attribute: Any, fallback: Any = None) -> Any:
-        """Of an attribute at the stage's time."""
+        """The value of an attribute at the stage's time."""
         value = attribute.Get(self.time) if attribute else None
         return fallback if value is None else value
 

@@ -134,14 +134,15 @@ class Surfaces:
         to[key] = {"index": self._textures[identity]}
 
     def _number(self, shader: Any, key: str, fallback: float) -> float:
-        """Of an input whose textures are not read."""
+        """The number of an input whose textures are not read."""
         value, picture = self._input(shader, key, fallback)
         if picture is not None:
             self._stage.tell(f"{shader.GetPath()}.{key}: its texture is not read; it is {fallback:g}")
         return float(value)
 
     def _value(self, shader: Any, key: str, fallback: Any = None) -> Any:
-        """Of an input or of the material's input that it is connected to; the fallback where a shader computes it."""
+        """The value of an input, or of the material's input that it is connected to; the fallback where a shader
+        computes it."""
         from pxr import UsdShade
 
         entry = shader.GetInput(key)

@@ -80,7 +80,7 @@ class Lightmap:
         return texel
 
     def bounced(self, first):
-        """What arrives after one bounce or more, where `first` arrives directly."""
+        """The light that arrives after one bounce or more, where `first` arrives directly."""
         total = np.zeros_like(first)
         for _ in range(_BOUNCES):
             total = self._transport @ (self.albedo * self._filled(first + total))

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the best model could reach on a world: its own noise, and the error while the hidden effects are left out."""
+"""The bounds that the best model could reach on a world: its own noise, and the error while the hidden effects are left
+out."""
 
 import numpy as np
 

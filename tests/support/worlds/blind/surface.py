@@ -28,7 +28,7 @@ class Layers:
     depth: np.ndarray
 
     def map(self, function):
-        """Of the lights; depth stays."""
+        """Maps the lights; depth stays."""
         return replace(
             self, **{name: function(getattr(self, name)) for name in ("direct", "indirect", "sky", "other", "lamp")}
         )
@@ -133,7 +133,7 @@ def _diffused(world, frame, points, normals, poses, row, length_m, everywhere):
 
 
 def _gamma2_quantile(p):
-    """Of the density r exp(-r), by Newton's method."""
+    """The quantile of the density r exp(-r), by Newton's method."""
     r = 1.7
     for _ in range(30):
         r -= (1 - (1 + r) * np.exp(-r) - p) / (r * np.exp(-r))

@@ -33,7 +33,7 @@ _BY_FRAME = frozenset({"pattern_scale_drift", "laser_power_drift", "thermal_drif
 
 @dataclass(frozen=True)
 class Hardware:
-    """What stands in front of a ray: the scene, the rig, and what is wrong with them."""
+    """Everything that stands in front of a ray: the scene, the rig, and what is wrong with them."""
 
     solids: tuple
     rig: Rig
@@ -158,7 +158,7 @@ class World:
         return on_pixels(self.layers(frame, eye, hidden), frame, eye, hidden, self.rig)
 
     def _residue(self, frame, eye, hidden):
-        """What the frame before leaves behind, or None."""
+        """The residue that the frame before leaves, or None."""
         if "image_lag" not in hidden or frame.id == 0:
             return None
         before = self.frames[frame.id - 1]
