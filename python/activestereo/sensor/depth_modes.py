@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Depth of one camera in five kinds, one word each, to compare what a robot learns from them.
+"""Depth of one camera in eight kinds, one word each, to compare what a robot learns from them.
 
 | mode | depth |
 |--|--|
 | clean | of the first surface, as a z-buffer has it |
 | gaussian | that, with noise that grows with the square of the depth |
-| isaac-like | from one view: that as disparity, with noise and in steps, as simulators' depth cameras have it |
+| datasheet | the same by a datasheet's subpixel noise |
+| simkinect | that, shifted and in steps of disparity (Barron and Malik 2013; Handa et al. 2014) |
+| redwood | the same coarser, as Habitat and Open3D have it (Choi et al. 2015) |
+| isaac-like | from one view: noise, steps, occlusion and missing texture, as Isaac Sim's single-view depth sensor |
 | raster | matched stereo of Lambertian surfaces without bounces of light (Planche et al., DepthSynth, 3DV 2017) |
 | full | matched stereo of path-traced images |
 """
@@ -22,24 +25,25 @@ from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.nearest import unknown
 from activestereo.common.pose import PoseLike
 from activestereo.sensor.batch import HasPoses, StereoDepthSensorBatch
+from activestereo.sensor.rival_noise import IsaacSettings, datasheet, gaussian, isaac, redwood, simkinect
 
-MODES = ("clean", "gaussian", "isaac-like", "raster", "full")
+MODES = ("clean", "gaussian", "datasheet", "simkinect", "redwood", "isaac-like", "raster", "full")
 # Of 'gaussian': standard deviation at 1 m. A D435's subpixel noise of 0.08 px gives this.
 _SIGMA_M_AT_1_M = 0.004
-# Of 'isaac-like', as Isaac Sim's single-view depth sensor has them by default.
-_DISPARITY_SIGMA_PX, _DISPARITY_STEP_PX = 0.25, 1.0 / 16.0
 
 
 class DepthCamera:
     """Depth [E, height, width], float32 metres, of a sensor's RGB camera on each mount. 'raster' makes every material
-    of the scene Lambertian, for good. pose: the RGB camera's, relative to its mount."""
+    of the scene Lambertian, for good. pose: the RGB camera's, relative to its mount. isaac: settings of 'isaac-like',
+    by default those of Isaac Sim, which see nothing nearer than 0.5 m and nothing without texture."""
 
     def __init__(
-        self, mode: str, config: StereoDepthSensorConfig, mounts: HasPoses, pose: PoseLike | None = None
-    ) -> None:
+        self, mode: str, config: StereoDepthSensorConfig, mounts: HasPoses, pose: PoseLike | None = None,
+        isaac: IsaacSettings | None = None,
+    ) -> None:  # fmt: skip
         if mode not in MODES:
             raise ValueError(unknown("mode", mode, MODES))
-        self.mode = mode
+        self.mode, self._isaac = mode, isaac or IsaacSettings()
         config = deepcopy(config)
         if mode == "raster":
             make_lambertian(mounts.scene)
@@ -59,19 +63,23 @@ class DepthCamera:
             self.sensors.take_picture(infrared_only=True)
             self.sensors.compute_depth()
             return self.sensors.get_depth()
-        truth = self.sensors.render_true_depth()
-        c = self._config
+        c, gray = self._config, None
+        if self.mode == "isaac-like" and self._isaac.needs_texture:
+            self.sensors.take_picture()
+            truth, gray = self.sensors.get_true_depth(), self.sensors.get_rgb().mean(axis=-1)
+        else:
+            truth = self.sensors.render_true_depth()
         truth = np.where((truth >= c.min_depth_m) & (truth < c.max_depth_m), truth, np.float32(0.0))
         if self.mode == "clean":
             return truth
-        noise = self._random.standard_normal(truth.shape, np.float32)
         if self.mode == "gaussian":
-            return np.where(truth > 0, truth + _SIGMA_M_AT_1_M * truth**2 * noise, 0.0).astype(np.float32)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            disparity = c.focal_baseline_px_m / truth + _DISPARITY_SIGMA_PX * noise
-            disparity = np.rint(disparity / _DISPARITY_STEP_PX) * _DISPARITY_STEP_PX
-            is_measured = (truth > 0) & (disparity > 0) & (disparity < c.max_disparity)
-            return np.where(is_measured, c.focal_baseline_px_m / disparity, 0.0).astype(np.float32)
+            return gaussian(truth, _SIGMA_M_AT_1_M, self._random)
+        if self.mode == "isaac-like":
+            focal_px = float(c.ir_intrinsic[0, 0])
+            baseline_m = c.focal_baseline_px_m / focal_px
+            return isaac(truth, gray, focal_px, baseline_m, self._isaac, self._random)
+        rival = {"datasheet": datasheet, "simkinect": simkinect, "redwood": redwood}[self.mode]
+        return rival(truth, c.focal_baseline_px_m, self._random)
 
 
 def make_lambertian(scene: kuafu.Scene) -> None:

@@ -3,12 +3,14 @@
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 import kuafu
 from activestereo import Mounts, StereoDepthSensorConfig
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import add_mesh
 from activestereo.sensor.depth_modes import MODES, DepthCamera
+from activestereo.sensor.rival_noise import IsaacSettings
 from activestereo.benchmarks.grasp import GraspWorld, teacher
 
 
@@ -21,10 +23,10 @@ def wall_scene(distance_m=0.8, **material):
     return scene
 
 
-def camera(mode, **options):
+def camera(mode, isaac=None, **options):
     config = StereoDepthSensorConfig("sapien-D435").scaled(0.25)
     config.samples_per_pixel = 2
-    return DepthCamera(mode, config, Mounts(wall_scene(**options), [[0, 0, 0, 1, 0, 0, 0]] * 2)), config
+    return DepthCamera(mode, config, Mounts(wall_scene(**options), [[0, 0, 0, 1, 0, 0, 0]] * 2), isaac=isaac), config
 
 
 def test_clean_is_the_true_depth():
@@ -39,13 +41,42 @@ def test_gaussian_noise_grows_with_the_square_of_depth():
     np.testing.assert_allclose(sigma, [0.001, 0.016], rtol=0.05)
 
 
-def test_isaac_like_is_noise_and_steps_of_disparity():
-    one, config = camera("isaac-like")
-    disparity = config.focal_baseline_px_m / one.take()
-    np.testing.assert_allclose(disparity * 16, np.rint(disparity * 16), atol=0.01)
-    np.testing.assert_allclose(np.std(disparity), np.hypot(0.25, 1 / 16 / np.sqrt(12)), rtol=0.05)
-    again, _ = camera("isaac-like")
-    np.testing.assert_array_equal(one.take() * 0 + again.take(), camera("isaac-like")[0].take())
+def measured(depth):
+    return depth[depth > 0]
+
+
+def test_isaac_like_is_noise_and_steps_of_disparity_where_the_other_view_sees_too():
+    isaac = IsaacSettings(needs_texture=False)
+    one, config = camera("isaac-like", isaac=isaac)
+    depth = one.take()
+    disparity = config.focal_baseline_px_m / measured(depth)
+    np.testing.assert_allclose(disparity * 4, np.rint(disparity * 4), atol=0.01)
+    np.testing.assert_allclose(np.std(disparity), np.hypot(0.25, 0.25 / np.sqrt(12)), rtol=0.05)
+    outside = int(config.focal_baseline_px_m / 0.8) - 1
+    assert (depth[..., :outside] == 0).all() and (depth[..., outside + 2 :] > 0).all()
+    np.testing.assert_array_equal(depth, camera("isaac-like", isaac=isaac)[0].take())
+
+
+def test_isaac_like_sees_no_untextured_wall_and_nothing_near():
+    assert not camera("isaac-like", distance_m=1.0)[0].take().any()
+    assert not camera("isaac-like", distance_m=0.4, isaac=IsaacSettings(needs_texture=False))[0].take().any()
+
+
+@pytest.mark.parametrize(
+    ("mode", "sigma_px", "step_px"),
+    [("simkinect", 1 / 48, 1 / 8), ("redwood", 0.027778, 1 / 8), ("datasheet", 0.08, 0)],
+)
+def test_rivals_have_the_noise_that_their_papers_state(mode, sigma_px, step_px):
+    one, config = camera(mode)
+    disparity = config.focal_baseline_px_m / measured(one.take())
+    true = config.focal_baseline_px_m / 0.8
+    if step_px:
+        np.testing.assert_allclose(disparity / step_px, np.rint(disparity / step_px), atol=0.01)
+        edge = (np.floor(true / step_px) + 0.5) * step_px  # the share below it is a normal distribution's
+        share = norm.cdf((edge - true) / sigma_px)
+        assert (disparity < edge).mean() == pytest.approx(share, abs=0.02)
+    else:
+        assert np.std(disparity) == pytest.approx(sigma_px, rel=0.05)
 
 
 @pytest.mark.parametrize("mode", ["raster", "full"])
@@ -64,7 +95,7 @@ def test_metal_is_matt_in_raster_alone():
 
 
 def test_a_mode_that_is_none_is_refused():
-    with pytest.raises(ValueError, match="unknown mode 'fulll' .known: clean, gaussian, isaac-like, raster, full"):
+    with pytest.raises(ValueError, match="unknown mode 'fulll' ..*raster, full.; did you mean 'full'"):
         camera("fulll")
 
 

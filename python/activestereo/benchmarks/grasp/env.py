@@ -28,7 +28,7 @@ def _observed(depth: NDArray[np.float32]) -> NDArray[np.float32]:
 
 class StereoGraspEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """Observation: the wrist's depth, float32 [size, size, 1] metres, 0 = no measurement. Action: dx, dy, dz, dtheta in
-    -1..1. Ends after 10 steps; the reward is then 1 for a grasp. mode: clean, gaussian, isaac-like, raster, full.
+    -1..1. Ends after 10 steps; the reward is then 1 for a grasp. mode: one of depth_modes.MODES.
     things: mixed or hard, as GraspWorld has them."""
 
     metadata: dict[str, Any] = {"render_modes": []}

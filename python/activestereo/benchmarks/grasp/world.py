@@ -17,6 +17,7 @@ from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import body_pose, look_at
 from activestereo.sensor.batch import Mounts
 from activestereo.sensor.depth_modes import DepthCamera
+from activestereo.sensor.rival_noise import IsaacSettings
 
 STEPS = 10
 # What an action of 1 moves: x, y, z in metres, and the turn about z in radians.
@@ -29,6 +30,8 @@ _START_M, _START_SPREAD_M, _OBJECT_SPREAD_M = 0.2, 0.02, 0.07
 # The RGB camera's pose on the gripper: it looks at the finger tips.
 CAMERA_ON_GRIPPER = body_pose(look_at((-0.06, 0.0, 0.24), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
 _FIELD_OF_VIEW_RAD, _NEAREST_M = np.deg2rad(58.0), 0.12
+# By default it sees nothing nearer than 0.5 m and no surface without texture: on a wrist, nothing.
+_ISAAC = IsaacSettings(min_distance_m=_NEAREST_M, needs_texture=False)
 
 
 class GraspWorld:
@@ -56,7 +59,8 @@ class GraspWorld:
         self.object_yaw_rad = np.zeros(environment_count)
         self.steps = np.zeros(environment_count, np.intp)
         self.mounts = Mounts(self.things.scene, self._poses())
-        self.camera = DepthCamera(mode, wrist_config(size_px, samples_per_pixel, seed), self.mounts, CAMERA_ON_GRIPPER)
+        config = wrist_config(size_px, samples_per_pixel, seed)
+        self.camera = DepthCamera(mode, config, self.mounts, CAMERA_ON_GRIPPER, isaac=_ISAAC)
 
     def reset(self, which: NDArray[np.bool_] | None = None, seed: int | None = None) -> NDArray[np.float32]:
         """Begins anew in all environments, or in those of `which` [E]; returns the depth."""

@@ -8,7 +8,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from copy import deepcopy
 from typing import Any, NamedTuple
 
@@ -137,11 +139,14 @@ class GBufferStereo:
         c = self._config
         intensity = power * c.projector_intensity * c.emitter_power(frame)
         step = max(1, _CHUNK_PX // int(np.prod(self.shape[1:])))
-        chunks = []
-        for first in range(0, self._count, step):
+
+        def chunk_from(first: int) -> _Chunk:
             part = slice(first, first + step)
             views = [None if view is None else _part(view, part) for view in (seen, other)]
-            chunks.append(self._chunk(views, None if hiding is None else hiding[part], intensity[part], room[part]))
+            return self._chunk(views, None if hiding is None else hiding[part], intensity[part], room[part])
+
+        with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:  # NumPy works outside of Python's lock
+            chunks = list(threads.map(chunk_from, range(0, self._count, step)))
         eyes = [np.concatenate([chunk.light[eye] for chunk in chunks]) for eye in (0, 1)]
         lasers = [np.concatenate([chunk.laser[eye] for chunk in chunks]) for eye in (0, 1)]
         for n in range(self._count):
