@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a simulator gives of one camera, checked and brought to the host."""
+"""The images that a simulator gives of one camera are checked and brought to the host."""
 
 from __future__ import annotations
 

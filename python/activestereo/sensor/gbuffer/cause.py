@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What in the world keeps a pixel from being measured; simsense's 'reason' says which of its checks refused it."""
+"""The reason in the world why a pixel was not measured; simsense's 'reason' says which of its checks refused it."""
 
 from __future__ import annotations
 

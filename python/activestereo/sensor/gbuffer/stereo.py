@@ -204,7 +204,7 @@ class GBufferStereo:
         return _Chunk([f[0] for f in found], [f[1] for f in found], left, lit[0], hidden)
 
     def _hidden(self, left: GBuffer, right_inverse: Floats) -> NDArray[np.bool_]:
-        """What of the left view something nearer hides from the right camera."""
+        """The part of the left view that something nearer hides from the right camera."""
         scale = self._config.focal_baseline_px_m
         x = np.arange(right_inverse.shape[-1]) - scale * left.inverse_depth + self._shift_px
         place = np.clip(np.rint(x), 0, right_inverse.shape[-1] - 1).astype(np.intp)
