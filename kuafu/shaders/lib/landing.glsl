@@ -45,4 +45,10 @@ uint bucket_of(IN(LandingTable) table, ivec3 cell, int level, uint light, uint e
   uint h = hash(uint(cell.x) ^ hash(uint(cell.y) ^ hash(uint(cell.z) ^ hash(uint(level) ^ (light << 8u) ^ (environment << 20u)))));
   return h & (table.buckets - 1u);
 }
+
+/// Word of the table that holds a bucket's first entry; its count of entries follows.
+uint head_word(uint bucket) { return landing_heads + landing_words_per_head * bucket; }
+
+/// Word of the table that holds an entry: a pencil's index.
+uint entry_word(IN(LandingTable) table, uint entry) { return head_word(table.buckets) + entry; }
 #endif

@@ -18,8 +18,10 @@ struct PencilSource {
   vec2 first, step;            // of the nodes, along axis_u and axis_v: metres
   uint columns, first_pencil;  // pencil = first_pencil + row * columns + column
   uint light, environment;
-  uint instance;  // of the glass: what meets other glass first belongs to that one's own source
-  uint flags;     // source_*
+  uint instance;    // of the glass: what meets other glass first belongs to that one's own source
+  uint flags;       // source_*
+  uint key;         // of its pencils' random numbers: its number in its environment, so that other environments change nothing
+  int least_level;  // of cells: less than what no glass has bent takes up needs none of its own
 };
 KUAFU_CONST source_directional = 1u;
 KUAFU_CONST source_turned =
@@ -53,7 +55,8 @@ KUAFU_WRITTEN_ARRAY(PencilArray, Pencil, 4)
 // by several cells stands there as often.
 KUAFU_CONST landing_used = 0u;    // entries
 KUAFU_CONST landing_levels = 1u;  // bit (level - landing_least_level): some pencil landed there
-KUAFU_CONST landing_heads = 2u;
+KUAFU_CONST landing_heads = 2u;   // lib/landing.glsl: head_word, entry_word
+KUAFU_CONST landing_words_per_head = 2u;
 KUAFU_CONST landing_entries_per_pencil = 32u;  // on average at most: three times what is usual
 KUAFU_CONST landing_most_cells_along = 16u;    // of a section, by how level_of chooses them
 const int landing_least_level = -24, landing_most_level = 7;
@@ -76,13 +79,11 @@ struct LandPush {
   PencilSourceArray sources;
   PencilArray pencils;
   uint source_count, first, count, capacity;
-  uint block;       // of counters: that of rays_in
-  uint surfaces;    // that a pencil may pass
-  uint flags;       // land_*
-  uint key;         // of its random numbers
-  int least_level;  // of cells: less than what no glass has bent takes up needs none of its own
-  vec2 jitter;      // of all grids, in nodes
-  uint reserved;
+  uint block;     // of counters: that of rays_in
+  uint surfaces;  // that a pencil may pass
+  uint flags;     // land_*
+  uint key;       // of its random numbers, with each source's
+  vec2 jitter;    // of all grids, in nodes
 };
 KUAFU_CONST land_environments = 1u;  // rays carry an environment
 KUAFU_CONST land_medium = 2u;
@@ -99,10 +100,10 @@ KUAFU_CONST landing_step_order = 3u;  // buckets: by pencil, whichever came firs
 KUAFU_CONST landing_steps = 4u;
 
 #ifdef __cplusplus
-static_assert(sizeof(PencilSource) == 88);
+static_assert(sizeof(PencilSource) == 96);
 static_assert(sizeof(Pencil) == 148);
 static_assert(sizeof(LandingTable) == 32);
-static_assert(sizeof(LandPush) == 112);
+static_assert(sizeof(LandPush) == 104);
 }  // namespace kuafu
 #endif
 #endif

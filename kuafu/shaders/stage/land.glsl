@@ -65,7 +65,12 @@ Ray begin_pencil(uint index) {
 const float most_steps = 8.0f;            // of the grid, were there no glass: half of the longest section
 const float pencil_least = 1.0f / 64.0f;  // of the light that would be there without glass
 
-float pencil_chance(uint index, uint surfaces, uint purpose) { return unit_float(hash(index ^ hash((4u * surfaces + purpose) ^ hash(push.key)))); }
+/// Follows the pencil's place in its own source's grid, whatever other sources there are.
+float pencil_chance(IN(Pencil) p, uint index, uint purpose) {
+  IN(PencilSource) s = push.sources.at[p.source];
+  uint surfaces = p.state & pencil_surfaces_mask;
+  return unit_float(hash((index - s.first_pencil) ^ hash((4u * surfaces + purpose) ^ hash(push.key ^ hash(s.key)))));
+}
 
 vec3 colour_of(Spectrum s) {
 #if KUAFU_CHANNELS == 1
@@ -106,7 +111,7 @@ bool cross_boundary(INOUT(Pencil) p, uint index, IN(MetSurface) met, IN(Surface)
   float weight = 1.0f;
   if (!total && (push.sources.at[p.source].flags & source_turned) != 0u) {
     float chance = (p.state & pencil_turned) != 0u ? mean : clamp(mean, 0.25f, 0.75f);
-    turns = pencil_chance(index, p.state & pencil_surfaces_mask, 0u) < chance;
+    turns = pencil_chance(p, index, 0u) < chance;
     weight = 1.0f / (turns ? chance : 1.0f - chance);
     if (turns) p.state |= pencil_turned;
   }
@@ -154,7 +159,7 @@ void land(INOUT(Pencil) p, uint index, IN(Surface) s) {
   p.direction_v = along / extent;
   vec3 half_width = half_width_of(p);
   float most = max(half_width.x, max(half_width.y, half_width.z));
-  p.level = max(level_of(max(width, max(0.5f * extent, most * (2.0f / float(landing_most_cells_along - 2u))))), push.least_level);
+  p.level = max(level_of(max(width, max(0.5f * extent, most * (2.0f / float(landing_most_cells_along - 2u))))), push.sources.at[p.source].least_level);
   p.gain *= p.weight * reach_m * reach_m / (extent * width);
   if (!directional) {
     p.lit = push.sources.at[p.source].origin + p.lit * reach_m;
@@ -164,7 +169,7 @@ void land(INOUT(Pencil) p, uint index, IN(Surface) s) {
   p.position = s.position;
   // Where a node's light goes far apart, many cover each point: a few of them, as much brighter, do.
   float brings = max(p.gain.x, max(p.gain.y, p.gain.z)), chance = min(1.0f, brings / pencil_least);
-  if (pencil_chance(index, p.state & pencil_surfaces_mask, 2u) >= chance || p.level > landing_most_level) return;
+  if (pencil_chance(p, index, 2u) >= chance || p.level > landing_most_level) return;
   p.gain /= chance;
   p.state |= pencil_landed;
 }
@@ -200,7 +205,7 @@ Segment follow_pencil(uint i) {
   Spectrum straight = bends ? Spectrum(0.0f) : straight_transmittance(m, abs(dot(s.geometric_normal, p.direction)));
   // What lets only a part of the light through has something for it to land on, too: a chance says which it is.
   float through = bends ? (1.0f - m.metallic) * m.transmission : max_component(straight) > 0.0f ? (1.0f - m.metallic) * m.transmission : 0.0f;
-  bool passes = through > 0.0f && (through >= 1.0f || pencil_chance(index, p.state & pencil_surfaces_mask, 1u) < through);
+  bool passes = through > 0.0f && (through >= 1.0f || pencil_chance(p, index, 1u) < through);
   p.gain /= passes ? through : 1.0f - through;
   if (!passes) {
     if ((p.state & pencil_bent) == 0u) return onward;

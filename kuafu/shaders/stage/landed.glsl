@@ -33,8 +33,8 @@ Gathered gather_about(vec3 point, uint light, uint environment, float random) {
   Gathered g = Gathered(0.0f, vec3(0.0f), vec3(0.0f), Spectrum(0.0f));
   for (uint levels = table.words.at[landing_levels]; levels != 0u; levels &= levels - 1u) {
     int level = findLSB(levels) + landing_least_level;
-    uint bucket = bucket_of(table, cell_of(point, level), level, light, environment), head = landing_heads + 2u * bucket;
-    uint entry = landing_heads + 2u * table.buckets + table.words.at[head], end = entry + table.words.at[head + 1u];
+    uint bucket = bucket_of(table, cell_of(point, level), level, light, environment), head = head_word(bucket);
+    uint entry = entry_word(table, table.words.at[head]), end = entry + table.words.at[head + 1u];
     uint last = no_pencil;
     for (; entry < end; ++entry) {
       uint pencil = table.words.at[entry];

@@ -4,9 +4,6 @@
 
 const uint no_entries = 0xffffffffu;
 
-uint head_word(uint bucket) { return landing_heads + 2u * bucket; }
-uint entry_word(IN(LandingTable) table, uint entry) { return landing_heads + 2u * table.buckets + entry; }
-
 /// Whether a section may reach a cell: no plane between them has the section's slopes.
 bool reaches(IN(Pencil) p, vec3 to_middle, float half_cell) {
   vec3 u = p.position_u, v = p.position_v, n = p.direction_u;

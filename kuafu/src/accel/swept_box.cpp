@@ -5,17 +5,15 @@
 #include <cmath>
 
 #include "accel/top_level.h"
+#include "scene/box_corners.h"
 
 namespace kuafu {
 namespace {
 
 double farthest_corner_m(const Box& local, const glm::dmat4& local_to_world, const glm::dvec3& from) {
   double farthest = 0.0;
-  for (int corner = 0; corner < 8; ++corner) {
-    const glm::dvec4 p(corner & 1 ? local.max.x : local.min.x, corner & 2 ? local.max.y : local.min.y,
-                       corner & 4 ? local.max.z : local.min.z, 1.0);
-    farthest = std::max(farthest, glm::length(glm::dvec3(local_to_world * p) - from));
-  }
+  for (const glm::dvec3& corner : box_corners(local))
+    farthest = std::max(farthest, glm::length(glm::dvec3(local_to_world * glm::dvec4(corner, 1.0)) - from));
   return farthest;
 }
 

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "scene/box_corners.h"
+
 namespace kuafu {
 namespace {
 
@@ -152,10 +154,8 @@ bool TopLevel::insert(uint32_t slot, const Box& box) {
 
 Box world_box(const Box& local, const glm::dmat4& local_to_world) {
   glm::dvec3 low(std::numeric_limits<double>::infinity()), high = -low;
-  for (int corner = 0; corner < 8; ++corner) {
-    const glm::dvec4 p(corner & 1 ? local.max.x : local.min.x, corner & 2 ? local.max.y : local.min.y,
-                       corner & 4 ? local.max.z : local.min.z, 1.0);
-    const glm::dvec3 q(local_to_world * p);
+  for (const glm::dvec3& corner : box_corners(local)) {
+    const glm::dvec3 q(local_to_world * glm::dvec4(corner, 1.0));
     low = glm::min(low, q), high = glm::max(high, q);
   }
   Box box;

@@ -84,12 +84,12 @@ void gather_block(Shade& stage, uint32_t first, uint32_t end) {
       for (uint32_t levels = table.words.at[landing_levels]; levels != 0; levels &= levels - 1) {
         const int level = findLSB(levels) + landing_least_level;
         const uint32_t bucket = bucket_of(table, cell_of(g.position, level), level, light.index, stage.path_environment(g.path));
-        heads.push_back(table.words.at + landing_heads + 2 * bucket);
+        heads.push_back(table.words.at + head_word(bucket));
         __builtin_prefetch(heads.back());
       }
     }
   }
-  const uint32_t* const entries = table.words.at + landing_heads + 2 * table.buckets;
+  const uint32_t* const entries = table.words.at + entry_word(table, 0);
   for (const uint32_t* head : heads)
     if (head[1] > 0) __builtin_prefetch(entries + head[0]);
   for (const uint32_t* head : heads)

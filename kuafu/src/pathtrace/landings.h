@@ -22,7 +22,7 @@ class Landings {
   [[nodiscard]] LandPush push(uint32_t key, const glm::vec2& jitter) const;
   /// The words that the table's steps find cleared.
   [[nodiscard]] const ks::Buffer& words() const { return *words_; }
-  [[nodiscard]] uint64_t cleared_bytes() const { return (landing_heads + 2 * uint64_t(buckets_)) * 4; }
+  [[nodiscard]] uint64_t cleared_bytes() const { return (landing_heads + landing_words_per_head * uint64_t(buckets_)) * 4; }
   /// Invocations of a step of the table (landing_step_*).
   [[nodiscard]] uint32_t step_size(uint32_t step) const {
     return step == landing_step_claim || step == landing_step_order ? buckets_ : pencil_count_;
@@ -34,7 +34,6 @@ class Landings {
   MappedTable<LandingTable> table_;
   std::shared_ptr<ks::Buffer> pencils_, words_;
   uint32_t source_count_ = 0, pencil_count_ = 0, buckets_ = 1;
-  int least_level_ = landing_least_level;
 };
 
 }  // namespace kuafu

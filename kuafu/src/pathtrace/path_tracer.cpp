@@ -75,7 +75,7 @@ WavePlan PathTracer::plan_of(const Launch& launch, bool special_cameras) const {
           .ambient = tables_.has_ambient(),
           .select_lights = tables_.select_lights(),
           .passes_glass = passes_glass,
-          .bends = passes_glass && tables_.has_bending() && !launch.straight_through_glass,
+          .bends = launch.wants_radiance() && passes_glass && tables_.has_bending() && !launch.straight_through_glass,
           .features = tables_.features(),
           .groups = light_groups ? group_ambient + tables_.light_groups() : group_count,
           .shadow_rays_per_vertex = tables_.shadow_rays_per_vertex(),

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "material/material_record.h"
+#include "scene/box_corners.h"
 
 namespace kuafu {
 namespace {
@@ -37,10 +38,8 @@ void GlassBodies::update(const Scene& scene, const Band& band) {
     if (!bends(scene, instance, band) || scene.meshes()[instance.mesh].positions.empty()) continue;
     const Scene::Bounds& local = local_box(scene, instance.mesh);
     GlassBody body{.min = glm::dvec3(1e300), .max = glm::dvec3(-1e300), .slot = slot, .environment = instance.environment};
-    for (int corner = 0; corner < 8; ++corner) {
-      const glm::dvec4 p(corner & 1 ? local.max.x : local.min.x, corner & 2 ? local.max.y : local.min.y,
-                         corner & 4 ? local.max.z : local.min.z, 1.0);
-      const glm::dvec3 world(instance.local_to_world * p);
+    for (const glm::dvec3& corner : box_corners(local)) {
+      const glm::dvec3 world(instance.local_to_world * glm::dvec4(corner, 1.0));
       body.min = glm::min(body.min, world);
       body.max = glm::max(body.max, world);
     }

@@ -2,8 +2,9 @@
 #include "tables/pencil_sources.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+
+#include "scene/box_corners.h"
 
 namespace kuafu {
 namespace {
@@ -22,14 +23,6 @@ Frame frame_around(const glm::dvec3& axis) {
   return {u, glm::cross(axis, u), axis};
 }
 
-std::array<glm::dvec3, 8> corners(const GlassBody& body) {
-  std::array<glm::dvec3, 8> out;
-  for (int corner = 0; corner < 8; ++corner)
-    out[size_t(corner)] = {corner & 1 ? body.max.x : body.min.x, corner & 2 ? body.max.y : body.min.y,
-                           corner & 4 ? body.max.z : body.min.z};
-  return out;
-}
-
 struct Window {
   glm::dvec2 low{1e300}, high{-1e300};
   void take(const glm::dvec2& p) {
@@ -41,7 +34,9 @@ struct Window {
 /// Adds grids, of about so many pencils, to what there is.
 class Grids {
  public:
-  Grids(PencilSources& out, const SharpLight& light, const GlassBody& body) : out_(out), light_(light), body_(body) {}
+  /// grids: how many the light's environment has.
+  Grids(PencilSources& out, uint32_t& grids, const SharpLight& light, const GlassBody& body)
+      : out_(out), grids_(grids), light_(light), body_(body) {}
 
   void add(const glm::dvec3& origin, const Frame& frame, const Window& window, double pencils) {
     add_grid(origin, frame, window, pencils * (turned_part - 1) / turned_part, 0);
@@ -54,7 +49,7 @@ class Grids {
     const uint32_t side = std::max(least_side, uint32_t(std::sqrt(pencils)));
     const glm::dvec2 step = glm::max(window.high - window.low, glm::dvec2(1e-9)) / double(side);
     const double reach_m = light_.directional ? 1.0 : glm::length(0.5 * (body_.min + body_.max) - origin);
-    out_.finest_m = std::min(out_.finest_m, std::max(1e-7, std::min(step.x, step.y) * reach_m));
+    const double finest_m = std::max(1e-7, std::min(step.x, step.y) * reach_m);  // between neighbours where they reach their glass
     out_.sources.push_back({.origin = glm::vec3(origin),
                             .axis_u = glm::vec3(frame.u),
                             .axis_v = glm::vec3(frame.v),
@@ -66,11 +61,14 @@ class Grids {
                             .light = light_.index,
                             .environment = light_.environment,
                             .instance = body_.slot,
-                            .flags = flags | (light_.directional ? source_directional : 0)});
+                            .flags = flags | (light_.directional ? source_directional : 0),
+                            .key = grids_++,
+                            .least_level = std::clamp(int(std::floor(std::log2(finest_m))), landing_least_level, landing_most_level)});
     out_.pencil_count += (side + 2) * (side + 2);
   }
 
   PencilSources& out_;
+  uint32_t& grids_;
   const SharpLight& light_;
   const GlassBody& body_;
 };
@@ -79,7 +77,7 @@ void add_directional(Grids& grids, const SharpLight& light, const GlassBody& bod
   const Frame frame = frame_around(light.direction);
   const glm::dvec3 middle = 0.5 * (body.min + body.max);
   Window window;
-  for (const glm::dvec3& corner : corners(body)) window.take({glm::dot(corner - middle, frame.u), glm::dot(corner - middle, frame.v)});
+  for (const glm::dvec3& corner : box_corners(body)) window.take({glm::dot(corner - middle, frame.u), glm::dot(corner - middle, frame.v)});
   grids.add(middle - frame.axis * (2 * world_radius_m + glm::length(body.max - body.min)), frame, window, pencils);
 }
 
@@ -90,7 +88,7 @@ void add_from_point(Grids& grids, const SharpLight& light, const GlassBody& body
     const Frame frame = frame_around(glm::normalize(middle - from));
     Window window;
     bool faces = true;
-    for (const glm::dvec3& corner : corners(body)) {
+    for (const glm::dvec3& corner : box_corners(body)) {
       const glm::dvec3 way = corner - from;
       const double along = glm::dot(way, frame.axis);
       faces = faces && along > least_facing * glm::length(way);
@@ -117,14 +115,14 @@ PencilSources make_pencil_sources(const std::vector<SharpLight>& lights, const s
   const auto meet = [](const SharpLight& light, const GlassBody& body) {
     return body.environment == none || body.environment == light.environment;
   };
-  std::vector<uint32_t> pairs(environment_count);
+  std::vector<uint32_t> pairs(environment_count), grids_of(environment_count);
   for (const SharpLight& light : lights)
     for (const GlassBody& body : bodies)
       if (meet(light, body)) ++pairs[light.environment];
   for (const SharpLight& light : lights)
     for (const GlassBody& body : bodies) {
       if (!meet(light, body)) continue;
-      Grids grids(out, light, body);
+      Grids grids(out, grids_of[light.environment], light, body);
       const double pencils = double(pencils_per_environment) / pairs[light.environment];
       if (light.directional)
         add_directional(grids, light, body, world_radius_m, pencils);

@@ -14,7 +14,6 @@ namespace kuafu {
 struct PencilSources {
   std::vector<PencilSource> sources;
   uint32_t pencil_count = 0;
-  double finest_m = 1e30;  // the least distance of neighbours where they reach their glass
 };
 
 /// About so many pencils for each environment. world_radius_m: half the diagonal of what there is.

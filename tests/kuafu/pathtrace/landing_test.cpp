@@ -40,13 +40,12 @@ class Pencils {
   static constexpr uint32_t count = 2000, lights = 2;
 
   explicit Pencils(uint32_t seed)
-      : random_(seed), pencils_(count), words_(landing_heads + 2 * buckets + landing_entries_per_pencil * count) {
+      : random_(seed), pencils_(count), words_(landing_heads + landing_words_per_head * buckets + landing_entries_per_pencil * count) {
     surface_.geometric_normal = normalize(vec3(0.3f, -0.2f, 1.0f));
     surface_.coordinate_size = 1.0f;
-    const PencilSource source{};
+    const PencilSource source{.least_level = -9};
     LandPush push{};
     push.sources = reinterpret_cast<uint64_t>(&source);
-    push.least_level = -9;
     Land stage{push};
     for (uint32_t i = 0; i < count; ++i) {
       Pencil& p = pencils_[i];
