@@ -20,6 +20,7 @@ import emit_options
 import emit_page
 import emit_plugin
 import emit_python
+import emit_shader
 from table import FOLDER, TableError, Tables, read_tables
 from words import licensed
 
@@ -40,7 +41,7 @@ def outputs(tables: Tables) -> dict[str, str]:
         )
     callers = [f"capi/include/{entry.path}" for entry in tables.headers if not any(s.plugin for s in entry.structs)]
     headers = {path: files[path] for path in callers}
-    return files | {
+    return files | emit_shader.records(tables) | {
         "examples/clients/interface.py": emit_ffi.python_structs(tables, headers),
         "examples/clients/interface.rs": emit_ffi.rust_structs(tables, headers),
         "capi/device/struct_table.h": emit_abi.struct_table(tables, "ks"),

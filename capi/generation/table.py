@@ -32,11 +32,11 @@ SCALARS = {
 FIELD_KEYS = set(
     "type doc count shape default neutral range above allowed zero_means unit group values prefix first none nan "
     "config match kernel pair"
-    " python extras check reserved copy lengths option short one member".split()
+    " python extras check reserved copy lengths option short one member shader".split()
 )
 STRUCT_KEYS = set(
     "struct type_id doc what reach init fields python scene record read_back checked plugin embedded "
-    "has_neutral".split()
+    "has_neutral shader derived steps".split()
 )
 
 
@@ -75,6 +75,7 @@ class Field:
     match: bool = False  # copied into the matcher's parameters
     kernel: bool = False  # and a constant of the matcher's shaders
     python: bool = True
+    shader: bool = False  # in the record that shaders read
     extras: bool = False  # read from a glTF material's extras
     check: bool = True
     copy: bool = True  # copied between the public struct and the scene's record
@@ -118,6 +119,9 @@ class Struct:
     checked: bool = False  # its fields are checked as they come, without a record
     plugin: bool = False  # read by the lab, by neither library
     embedded: bool = False  # stands inside other structs by value: can never grow
+    shader: str = ""  # name of the record that shaders read
+    derived: dict[str, list[str]] = field(default_factory=dict)  # [type, doc] of what that has beside the fields
+    steps: dict[str, str] = field(default_factory=dict)  # what its stage does, one launch each
     has_neutral: bool = False  # its record can say whether it changes anything
 
     @property
@@ -206,6 +210,9 @@ def read_struct(path: Path) -> Struct:
             "plugin",
             "embedded",
             "has_neutral",
+            "shader",
+            "derived",
+            "steps",
         )
         if key in data
     }

@@ -4,6 +4,8 @@
 #define KUAFU_SCENE_RECORDS_H
 
 #include "shared/arrays.h"
+#include "shared/light_fields.h"
+#include "shared/material_fields.h"
 #include "shared/motion_record.h"
 #include "shared/ray_queue.h"
 
@@ -34,43 +36,6 @@ struct InstanceRecord {
   uint semantic_id;
 };
 KUAFU_ARRAY(InstanceArray, InstanceRecord, 8)
-
-/// All values are those of the band being rendered; in the infrared one, the three channels of a colour are the same.
-struct MaterialRecord {
-  vec3 base_color;
-  float metallic, roughness, specular, ior, transmission;
-  vec3 emission;
-  uint id;        // scene id, or none for the grey default
-  uint textured;  // nonzero: any of the textures below
-  uint base_color_texture, metallic_roughness_texture, normal_texture;
-  uint emission_texture, transmission_texture, specular_texture, ior_texture;
-  vec3 attenuation;  // inside, 1/m
-  float transmission_roughness, diffuse_roughness;
-  float coat;  // 1, or 0: no dielectric layer (KUAFU_BSDF_PAPER)
-  uint light_group;
-  float subsurface;
-  vec3 subsurface_albedo, subsurface_extinction;  // of one scattering, and 1/m
-  uint thin_walled;
-  uint alpha_mode;  // alpha_*
-  float alpha, alpha_cutoff;
-  uint alpha_texture;  // its alpha multiplies; the visible band's base_color_texture
-  uint colored;        // nonzero: the mesh's colors multiply base_color
-  float normal_scale;
-  float clearcoat, clearcoat_roughness;
-  float diffuse_transmission;
-  vec3 diffuse_transmission_color;
-  uint clearcoat_texture, clearcoat_roughness_texture, diffuse_transmission_texture, diffuse_transmission_color_texture;
-  float anisotropy, anisotropy_cos, anisotropy_sin;  // of the angle from growing u
-  uint anisotropy_texture;
-  vec3 sheen_color;
-  float sheen_roughness;
-  uint sheen_color_texture, sheen_roughness_texture;
-  float iridescence, iridescence_ior, iridescence_thickness_nm, iridescence_least_thickness_nm;
-  uint iridescence_texture, iridescence_thickness_texture;
-  float dispersion;
-  uint needs;  // feature_* of this material
-};
-KUAFU_ARRAY(MaterialArray, MaterialRecord, 4)
 
 KUAFU_CONST alpha_opaque = 0u;
 KUAFU_CONST alpha_mask = 1u;
@@ -124,28 +89,6 @@ struct LightRecord {
   uint light_group;                           // not of a projector; light_mesh has those of its materials
 };
 KUAFU_ARRAY(LightArray, LightRecord, 8)
-
-/// What a light has beyond LightRecord; read only with feature_lights.
-struct LightShape {
-  vec3 axis_x, axis_y, axis_z;  // of the light's frame, unit; it shines along +z
-  vec2 half_size;               // rectangle; directional: half a tile of the texture, metres
-  float radius_m;               // point, disk; of a projector's lens
-  float one_minus_cos;          // directional: of its half angle
-  float cos_inner, cos_outer;   // spot
-  uint texture;                 // or no_texture
-  vec2 focal, centre;           // projector: of K, pixels
-  float skew, falloff, focus_m;
-  float distortion[8];     // k1 k2 p1 p2 k3 k4 k5 k6
-  float distortion_reach;  // tangent of the angle up to which the distortion grows
-  uint first, count;       // of light_cumulative: mesh: triangles; map: rows, whose columns follow
-  uint first_triangle;     // of light_triangles
-  uint columns;            // map
-  float half_texel;        // map: of a row
-  float total;             // mesh: sum of emission times area
-  float range_m;           // point without a radius, spot: where it ends, 0: never
-  uint reserved;
-};
-KUAFU_ARRAY(LightShapeArray, LightShape, 4)
 
 /// What a light does in time; read only with feature_motion.
 struct LightMotion {
@@ -207,10 +150,8 @@ KUAFU_ARRAY(SceneReference, SceneAddresses, 8)
 
 #ifdef __cplusplus
 static_assert(sizeof(InstanceRecord) == 168);
-static_assert(sizeof(MaterialRecord) == 276);
 static_assert(sizeof(TextureRecord) == 48);
 static_assert(sizeof(LightRecord) == 104);
-static_assert(sizeof(LightShape) == 160);
 static_assert(sizeof(EnvironmentRecord) == 36);
 static_assert(sizeof(MediumRecord) == 56);
 static_assert(sizeof(SceneAddresses) == 112);

@@ -55,7 +55,8 @@ void vignetting(uint pixel) {
   vec2 p = vec2((float(column) - f.cx - f.skew * y) / f.fx, y);
   if (f.distorts != 0u) p = undistort(f.distortion, p);
   float r2 = field_square(column, row);
-  float factor = max(0.0f, 1.0f + r2 * (f.vignetting_a1 + r2 * (f.vignetting_a2 + r2 * f.vignetting_a3)));
+  vec3 a = f.vignetting_polynomial;
+  float factor = max(0.0f, 1.0f + r2 * (a.x + r2 * (a.y + r2 * a.z)));
   factor *= pow(1.0f + dot(p, p), -0.5f * f.vignetting_exponent);
   for (uint c = 0u; c < push.channels; ++c) push.to.at[pixel * push.channels + c] *= factor;
 }

@@ -22,7 +22,6 @@ bool limits_fireflies(const Film& film) { return film.firefly_factor > 0.0; }
 void add_kernels(const Film& film, FilmRecord& record, std::vector<float>& table) {
   if (!spreads(film)) return;
   const double middle = square(film.psf_sigma_px), corner = square(film.psf_corner_sigma_px);
-  record.psf_corner_sigma_px = float(film.psf_corner_sigma_px);
   record.psf_radius = gaussian_radius(middle + corner);
   record.psf_kernels = uint32_t(table.size());
   record.psf_kernels_per_variance = corner > 0.0 ? float(varying_kernels / corner) : 0.0f;
@@ -45,10 +44,7 @@ uint32_t steps_of(const Film& film) {
 FilmRecord film_record(const View& view) {
   const Film& film = view.film;
   FilmRecord r{};
-  r.vignetting_exponent = float(film.vignetting_exponent);
-  r.vignetting_a1 = float(film.vignetting_polynomial[0]);
-  r.vignetting_a2 = float(film.vignetting_polynomial[1]);
-  r.vignetting_a3 = float(film.vignetting_polynomial[2]);
+  copy_fields(film, r);
   r.fx = float(view.k[0][0]);
   r.fy = float(view.k[1][1]);
   r.cx = float(view.k[2][0]);
@@ -58,8 +54,6 @@ FilmRecord film_record(const View& view) {
   std::ranges::copy(view.optics.distortion, r.distortion);
   r.defocus_px_m = float(film.defocus_lens_radius_m * 0.5 * (view.k[0][0] + view.k[1][1]));
   r.defocus_inverse_focus = film.defocuses() ? float(1.0 / film.defocus_focus_m) : 0.0f;
-  r.veiling_glare_fraction = float(film.veiling_glare_fraction);
-  r.firefly_factor = float(film.firefly_factor);
   return r;
 }
 

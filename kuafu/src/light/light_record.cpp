@@ -56,9 +56,6 @@ void set_lens(LightEntry& e, const Light& light) {
   s.focal = glm::vec2(k[0][0], k[1][1]);
   s.centre = glm::vec2(k[2][0], k[2][1]);
   s.skew = float(k[1][0]);
-  s.falloff = float(light.falloff);
-  s.focus_m = float(light.focus_m);
-  std::ranges::copy(light.distortion, s.distortion);
   s.distortion_reach = float(distortion_reach(light.distortion));
   e.shaped = light.falloff > 0 || (light.focus_m > 0 && light.radius_m > 0) ||
              std::ranges::any_of(light.distortion, [](double k) { return k != 0; });
@@ -93,17 +90,15 @@ LightEntry light_entry(const Light& light, const glm::vec3& intensity, const Sce
   e.motion = {motion_record(light.light_to_world, light.velocity), float(light.on_from_s), float(light.on_until_s)};
   e.power = power_of(light, brightness(intensity), world_radius_m);
   LightShape& s = e.shape;
+  copy_fields(light, s);
   s.axis_x = glm::vec3(light.light_to_world[0]);
   s.axis_y = glm::vec3(light.light_to_world[1]);
   s.axis_z = glm::vec3(light.light_to_world[2]);
   s.half_size = glm::vec2(light.size_m * 0.5);
-  s.radius_m = float(light.radius_m);
   const double half_sine = std::sin(light.angle_rad / 2);
   s.one_minus_cos = float(2 * half_sine * half_sine);
   s.cos_inner = float(std::cos(light.inner_rad));
   s.cos_outer = float(std::cos(light.outer_rad));
-  s.texture = light.texture;
-  s.range_m = float(light.range_m);
   if (light.kind == Light::Kind::projector) {
     set_projector(e, light, scene, pattern);
     set_lens(e, light);

@@ -19,52 +19,8 @@ float single_albedo(float albedo) {
   return float(1 - s * s);
 }
 
-void set_subsurface(MaterialRecord& r, const Material& m) {
-  r.subsurface = m.subsurface;
-  for (int i = 0; i < 3; ++i) {
-    r.subsurface_albedo[i] = single_albedo(m.subsurface_color[i]);
-    r.subsurface_extinction[i] = 1 / m.subsurface_radius_m[i];
-  }
-}
-
 /// (n - 1) / (ior - 1) - 1 at 850 nm for a dispersion of 1: Cauchy's law, as lib/dispersion.glsl has it for the visible band.
 constexpr float cauchy_part_850 = -0.0396032f;
-
-void set_lobes(MaterialRecord& r, const Material& m) {
-  r.clearcoat = m.clearcoat;
-  r.clearcoat_roughness = m.clearcoat_roughness;
-  r.diffuse_transmission = m.diffuse_transmission;
-  r.diffuse_transmission_color = m.diffuse_transmission_color;
-  r.anisotropy = m.anisotropy;
-  r.anisotropy_cos = std::cos(m.anisotropy_rotation_rad);
-  r.anisotropy_sin = std::sin(m.anisotropy_rotation_rad);
-  r.sheen_color = m.sheen_color;
-  r.sheen_roughness = m.sheen_roughness;
-  r.iridescence = m.iridescence;
-  r.iridescence_ior = m.iridescence_ior == 0.0f ? 1.3f : m.iridescence_ior;
-  r.iridescence_thickness_nm = m.iridescence_thickness_nm;
-  r.iridescence_least_thickness_nm = m.iridescence_least_thickness_nm;
-  r.dispersion = m.dispersion;
-}
-
-void set_textures(MaterialRecord& r, const Material& m) {
-  r.base_color_texture = m.base_color_texture;
-  r.metallic_roughness_texture = m.metallic_roughness_texture;
-  r.normal_texture = m.normal_texture;
-  r.emission_texture = m.emission_texture;
-  r.transmission_texture = m.transmission_texture;
-  r.specular_texture = m.specular_texture;
-  r.ior_texture = m.ior_texture;
-  r.clearcoat_texture = m.clearcoat_texture;
-  r.clearcoat_roughness_texture = m.clearcoat_roughness_texture;
-  r.diffuse_transmission_texture = m.diffuse_transmission_texture;
-  r.diffuse_transmission_color_texture = m.diffuse_transmission_color_texture;
-  r.anisotropy_texture = m.anisotropy_texture;
-  r.sheen_color_texture = m.sheen_color_texture;
-  r.sheen_roughness_texture = m.sheen_roughness_texture;
-  r.iridescence_texture = m.iridescence_texture;
-  r.iridescence_thickness_texture = m.iridescence_thickness_texture;
-}
 
 /// A colour that has its own in the infrared band, where that is not 0, and then no texture.
 void take_infrared(glm::vec3& color, uint32_t& texture, float infrared) {
@@ -102,30 +58,23 @@ Material in_band(const Material& material, const Band& band) {
 MaterialRecord material_record(const Material& material, uint32_t id, const Band& band) {
   const Material m = in_band(material, band);
   MaterialRecord r{};
+  copy_fields(m, r);
   r.base_color = glm::vec3(m.base_color);
-  r.metallic = m.metallic;
-  r.roughness = m.roughness;
-  r.specular = m.specular;
-  r.ior = m.ior;
-  r.transmission = m.transmission;
-  r.emission = m.emission;
   r.id = id;
-  for (int i = 0; i < 3; ++i) r.attenuation[i] = attenuation(m.attenuation_color[i], m.attenuation_distance_m);
-  r.transmission_roughness = m.transmission_roughness;
-  r.diffuse_roughness = m.diffuse_roughness;
+  for (int i = 0; i < 3; ++i) {
+    r.attenuation[i] = attenuation(m.attenuation_color[i], m.attenuation_distance_m);
+    r.subsurface_albedo[i] = single_albedo(m.subsurface_color[i]);
+    r.subsurface_extinction[i] = 1 / m.subsurface_radius_m[i];
+  }
   r.coat = m.bsdf == Material::Bsdf::paper ? 0.0f : 1.0f;
-  r.light_group = m.light_group;
-  r.thin_walled = m.thin_walled ? 1 : 0;
   r.textured = std::ranges::any_of(texture_ids(m), [](const uint32_t* id) { return *id != none; }) ? 1 : 0;
-  r.alpha_mode = uint32_t(m.alpha_mode);
   r.alpha = m.base_color.a;
-  r.alpha_cutoff = m.alpha_cutoff;
   r.alpha_texture = material.base_color_texture;
   r.colored = !band.infrared || (material.ir_albedo_texture == none && std::isnan(material.ir_albedo)) ? 1 : 0;
-  r.normal_scale = m.normal_scale == 0.0f ? 1.0f : m.normal_scale;
-  set_lobes(r, m);
-  set_subsurface(r, m);
-  set_textures(r, m);
+  if (m.normal_scale == 0.0f) r.normal_scale = 1.0f;
+  r.anisotropy_cos = std::cos(m.anisotropy_rotation_rad);
+  r.anisotropy_sin = std::sin(m.anisotropy_rotation_rad);
+  if (m.iridescence_ior == 0.0f) r.iridescence_ior = 1.3f;
   r.needs = material_features(m);
   return r;
 }
