@@ -19,6 +19,7 @@ from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
 import kuafu
 from activestereo.capture.capture import Camera, Capture, Frame
 from activestereo.effects.core.scene_surfaces import split_surfaces
+from activestereo.scene_io.scene_files import load_scene_file
 
 _MARGIN = 0.35  # of the object's size, around it: the table's known material tells how bright the lights are
 _LARGEST_PX = 72  # pictures are averaged down to this
@@ -53,7 +54,7 @@ class MaterialScene:
         self._device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
         self._renderer, self.scene = kuafu.Renderer(self._device), kuafu.Scene(self._device)
         self._capture, self._bounces = capture, max_bounces
-        self.scene.load(capture.scene_path)
+        load_scene_file(self.scene, capture.scene_path)
         split_surfaces(self.scene, capture.scene_path)
         self.scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0, light_group=0)
         self._group_lights()

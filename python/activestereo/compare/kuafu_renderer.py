@@ -22,6 +22,7 @@ from activestereo.compare.layers import Layers, RenderRequest
 from activestereo.effects.core.scene_surfaces import split_surfaces
 from activestereo.effects.engines.smooth import SMOOTH_VERSION
 from activestereo.effects.engines.smoothing import seen_surfaces, smooth_light
+from activestereo.scene_io.scene_files import load_scene_file
 
 # Light without the pattern varies at edges alone: it needs fewer samples.
 _FLAT_SHARE = 0.5
@@ -131,7 +132,7 @@ class KuafuRenderer:
         if world is not None and digest == world.digest and np.array_equal(request.pattern, world.pattern):
             return world
         scene = kuafu.Scene(self._device)
-        scene.load(request.scene_path)
+        load_scene_file(scene, request.scene_path)
         split_surfaces(scene, request.scene_path)
         scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
         texture = scene.add_texture(request.pattern, name="pattern")

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from activestereo.common.input_files import read_bytes
 from activestereo.common.output_files import write_bytes, write_png, write_text
+from activestereo.scene_io.converted_copy import load_copy
 from activestereo.scene_io.gltf_document import read_document
 
 if TYPE_CHECKING:
@@ -62,16 +63,8 @@ def convert(path: str | Path, folder: str | Path) -> Path:
 def load_ktx2(scene: kuafu.Scene, path: str | Path, time_s: float | None = None) -> None:
     """Adds the glTF file at `path` to the scene, at that time of its animations. Raises Ktx2Error of one line, and what
     Scene.load raises."""
-    import kuafu
-
     with tempfile.TemporaryDirectory() as folder:
-        copy = convert(path, folder)
-        try:
-            scene.load(copy, time_s=time_s)
-        except kuafu.Error as error:  # what is wrong is wrong in the caller's file
-            renamed = type(error)(str(error).replace(str(copy), str(path)))
-            vars(renamed).update(vars(error))  # its status
-            raise renamed from error
+        load_copy(scene, convert(path, folder), path, time_s)
 
 
 def _numbers(document: dict[str, Any]) -> set[int]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import base64
 import json
 import os
+import re
 import struct
 import sys
 from pathlib import Path
@@ -16,7 +17,9 @@ import pytest
 from PIL import Image
 
 import kuafu
+import activestereo
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig, cli
+from activestereo.benchmarks.generate.things import Things
 from activestereo.scene_io.ktx2 import Ktx2Error, convert, load_ktx2, needs_ktx2
 from activestereo.scene_io.scene_files import load_scene_file
 
@@ -123,6 +126,26 @@ def test_a_sensor_and_all_that_takes_scene_files_has_it(tmp_path: Path, decoder:
     scene = kuafu.Scene(kuafu.Device("cpu"))
     assert load_scene_file(scene, str(tmp_path / "a.glb")) is None
     assert scene.summary.texture_count == 1
+
+
+def test_a_data_sets_thing_has_it(tmp_path: Path, decoder: None) -> None:
+    (tmp_path / "a.ktx2").write_bytes(b"\xabKTX")
+    content = document([{"uri": "a.ktx2"}], b"")
+    content["nodes"][0]["scale"] = [0.1, 0.1, 0.1]
+    write_glb(tmp_path / "a.glb", content, points())
+    scene = kuafu.Scene(kuafu.Device("cpu"))
+    assert [thing.path for thing in Things(scene, [tmp_path / "a.glb"]).things] == [tmp_path / "a.glb"]
+    assert scene.summary.texture_count == 1
+    with pytest.raises(ValueError, match=r"a\.usda: a thing is no USD stage: convert it"):
+        Things(scene, [tmp_path / "a.usda"])
+
+
+def test_scene_files_are_loaded_in_one_place() -> None:
+    """Captures, data sets and sensors convert what `simulate` does, for nothing but scene_io calls Scene.load."""
+    package = Path(activestereo.__file__).resolve().parent
+    calls = re.compile(r"\b(?:scene|_scene|alone)\.load\(")
+    found = {str(path.relative_to(package)) for path in package.rglob("*.py") if calls.search(path.read_text("utf-8"))}
+    assert found == {"scene_io/converted_copy.py", "scene_io/scene_files.py"}
 
 
 def test_what_is_wrong_is_wrong_in_the_callers_file(tmp_path: Path, decoder: None) -> None:

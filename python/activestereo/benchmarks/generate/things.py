@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 import kuafu
 from activestereo.effects.core.scene_surfaces import instance_transforms
+from activestereo.scene_io.scene_files import load_scene_file
+from activestereo.scene_io.usd import is_usd
 
 _Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 # Where things wait that a frame has not.
@@ -41,8 +43,10 @@ class Things:
         self._instances: list[NDArray[np.uint32]] = []
         self._base: list[NDArray[np.float64]] = []
         for number, path in enumerate(paths):
+            if is_usd(path):
+                raise ValueError(f"{path}: a thing is no USD stage: convert it (activestereo.scene_io.usd.convert)")
             first = scene.summary.instance_count
-            scene.load(path)
+            load_scene_file(scene, path)
             ids = np.arange(first, scene.summary.instance_count, dtype=np.uint32)
             base = instance_transforms(path, len(ids))
             self._instances.append(ids)
@@ -63,7 +67,7 @@ class Things:
 
 def _thing(number: int, path: Path, device: kuafu.Device) -> Thing:
     alone = kuafu.Scene(device)
-    alone.load(path)
+    load_scene_file(alone, path)
     summary = alone.summary
     if not summary.triangle_count:
         raise ValueError(f"{path}: there is nothing to see in it: no triangles")

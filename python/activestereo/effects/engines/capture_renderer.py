@@ -33,6 +33,7 @@ from activestereo.effects.engines.world import (
     record_key,
     world_key,
 )
+from activestereo.scene_io.scene_files import load_scene_file
 
 _LIGHT = ("projector_direct", "projector_indirect", "ambient")
 _GEOMETRY = ("depth", "normal", "position", "material_id")
@@ -100,7 +101,7 @@ class CaptureRenderer:
 
     def _loaded_scene(self) -> kuafu.Scene:
         scene = kuafu.Scene(self._device)
-        scene.load(self.capture.scene_path)
+        load_scene_file(scene, self.capture.scene_path)
         split_surfaces(scene, self.capture.scene_path)
         scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
         return scene

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from activestereo.scene_io.converted_copy import load_copy
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.usd import lamps, shapes
 from activestereo.scene_io.usd.stage import Stage, UsdError, columns, open_stage
@@ -51,7 +52,7 @@ def load_usd(scene: kuafu.Scene, path: str | Path, time_s: float | None = None) 
     with tempfile.TemporaryDirectory() as folder:
         glb = Path(folder) / "stage.glb"
         converted = convert(path, glb, time_s)
-        scene.load(glb)
+        load_copy(scene, glb, path)
     return converted
 
 
