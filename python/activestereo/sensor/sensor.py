@@ -31,6 +31,7 @@ from activestereo.common.progress_bar import Progress, part_of
 from activestereo.effects.core.engine import EngineInputs, apply_engine, moved_pose
 from activestereo.model import SensorModel
 from activestereo.sensor.cuda_memory import CudaArray
+from activestereo.sensor.gbuffer.traced import traced_causes
 from activestereo.sensor.image_effects import ImageEffects, ModelCostWarning
 from activestereo.sensor.inputs import exposed_anew, exposure, fitted_to, render_settings, sensor_inputs, shutter
 from activestereo.sensor.ir_link import IrLink
@@ -168,29 +169,28 @@ class StereoDepthSensor:
         return [linear_counts(*eye) for eye in zip(self._link.images(), self._signals(), strict=True)]
 
     def get_ir_measured(self) -> list[np.ndarray]:
-        """[left, right] uint8 [height, width], uint16 where ir_signal has more than 8 bits: what the sensor gives, with
-        noise."""
+        """[left, right] uint8 (uint16 where ir_signal has more bits) [height, width]: what the sensor gives, noisy."""
         return [self._results.map("ir_left", self._match), self._results.map("ir_right", self._match)]
 
     def get_depth(self) -> NDArray[np.float32]:
-        """float32 [height, width] metres in the RGB camera, at its resolution and through its lens; 0 = no
-        measurement."""
+        """float32 [height, width] metres in the RGB camera, through its lens; 0 = no measurement."""
         return self._results.map("depth_rgb", self._match)
 
     def get_disparity(self) -> NDArray[np.float32]:
-        """float32 [height, width] pixels in the left infrared camera, or in its rectified image where the config asks
-        for one or the lenses distort; -1 = no measurement."""
+        """float32 [height, width] pixels in the (rectified) left infrared camera; -1 = no measurement."""
         return self._results.map("disparity", self._match)
 
     def get_depth_map(self, name: str) -> np.ndarray:
         """One of the config's depth_maps, of the (rectified) left infrared camera: 'confidence' float32 [height, width]
         0..1, 'reason' uint8 [height, width] an index into simsense.REASONS, 'points' float32 [height, width, 3] metres,
-        or 'rectified_left', 'rectified_right'."""
+        'rectified_left', 'rectified_right'; always 'cause', uint8 [height, width] an index into gbuffer.cause.CAUSES:
+        what in the scene, as it is now, made the hole."""
+        if name == "cause":
+            return traced_causes(self, self._results.map("reason", self._match))
         return self._results.depth_map(name, self._match)
 
     def get_pointcloud(self, with_rgb: bool = False) -> NDArray[np.float32]:
-        """float32 [n, 3], metres in the RGB camera's axes (x right, y down, z forward); with_rgb: [n, 6], colours
-        0..1."""
+        """float32 [n, 3], metres in the RGB camera's axes (x right, y down, z forward); with_rgb: and colours."""
         depth = self.get_depth()
         v, u = np.nonzero(depth)
         points = (self.rgb_rays()[:, v, u] * depth[v, u]).T.astype(np.float32)

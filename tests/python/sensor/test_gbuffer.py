@@ -153,6 +153,19 @@ def test_holes_have_causes_and_only_holes(traced):
     assert holes.sum() > 10 and named.all()
 
 
+def test_the_traced_sensor_names_causes_too(traced):
+    """Its own G-buffers say what GBufferStereo's do of all that both measure or both miss."""
+    sensor, given, materials, _ = traced
+    cause = sensor.get_depth_map("cause")
+    valid = sensor.get_disparity() > 0
+    assert cause.shape == valid.shape and cause.dtype == np.uint8
+    assert set(cause[~valid]).isdisjoint({CAUSES.index("measured")})
+    assert (cause == CAUSES.index("measured"))[valid].mean() > 0.99  # a disparity may be of no depth in range
+    other = GBufferStereo(sensor.get_config(), materials=materials)(**given)["cause"][0]
+    both = ~valid & (other != CAUSES.index("measured"))
+    assert both.sum() > 300 and (cause == other)[both].mean() > 0.8
+
+
 def test_what_removes_a_cause_restores_the_pixel(config):
     """A wall too near, one without light and one that is not there."""
     given = wall(config, [0.05, 0.8, 0.0], 3)

@@ -9,7 +9,7 @@ from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
 
 import simsense
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.sensor.gbuffer.buffers import GBuffer
+from activestereo.sensor.gbuffer.buffers import Floats, GBuffer
 
 # A pixel has the first of these that holds, in this order but for 'measured'.
 CAUSES = (
@@ -30,7 +30,26 @@ CAUSES = (
 _MIRROR_ROUGHNESS = 0.45
 # Two depths are two surfaces from so many pixels of disparity on.
 _EDGE_PX = 1.0
+_HIDDEN_PX = 1.0
 _SATURATED_SHARE = 0.1  # of the block
+
+
+def hidden_from_right(
+    config: StereoDepthSensorConfig, seen: GBuffer, right_inverse_depth: Floats
+) -> NDArray[np.bool_]:
+    """[E, height, width]: the part of the left view that something nearer hides from the right camera."""
+    column = _right_column(config, seen)
+    width = column.shape[-1]
+    place = np.clip(np.rint(column), 0, width - 1).astype(np.intp)
+    in_front = np.take_along_axis(right_inverse_depth, place, axis=-1) - seen.inverse_depth
+    return np.asarray((config.focal_baseline_px_m * in_front > _HIDDEN_PX) & (column >= 0))
+
+
+def _right_column(config: StereoDepthSensorConfig, seen: GBuffer) -> Floats:
+    """Columns of the right image where the left one's pixels lie."""
+    k_left, k_right = config.ir_eye(False)[0], config.ir_eye(True)[0]
+    disparity = config.focal_baseline_px_m * seen.inverse_depth
+    return np.asarray(np.arange(disparity.shape[-1]) - disparity + (k_right[0, 2] - k_left[0, 2]))
 
 
 def causes(
@@ -39,8 +58,6 @@ def causes(
 ) -> NDArray[np.uint8]:  # fmt: skip
     """uint8 [E, height, width], an index into CAUSES. counts: the left image; is_hidden: from the right camera."""
     own, near = config.focal_baseline_px_m * seen.inverse_depth, seen.inverse_depth
-    k_left, k_right = config.ir_eye(False)[0], config.ir_eye(True)[0]
-    column = np.arange(own.shape[-1]) - own + (k_right[0, 2] - k_left[0, 2])
     block = (1, config.block_height, config.block_width)
     steps = maximum_filter(own, block, mode="nearest") - minimum_filter(own, block, mode="nearest")
     signal = np.asarray(counts, np.float64) - black_dn
@@ -54,7 +71,7 @@ def causes(
         "measured": reason == simsense.REASONS.index("valid"),
         "nothing": near == 0.0,
         "out_of_range": (depth < config.min_depth_m) | (depth > config.max_depth_m) | (own >= config.max_disparity),
-        "outside": column < 0.0,
+        "outside": _right_column(config, seen) < 0.0,
         "occluded": is_hidden,
         "saturated": uniform_filter((counts >= max_dn).astype(np.float64), block, mode="nearest") > _SATURATED_SHARE,
         "mirror_or_glass": is_shiny | (seen.transmission > 0.5),

@@ -24,10 +24,10 @@ from activestereo.camera.config_limits import FRAME
 from activestereo.camera.matching import make_engine, signal_parameters
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.limits import POWER, Limits
-from activestereo.common.pose import PoseLike, camera_to_camera
 from activestereo.sensor.gbuffer.buffers import Floats, GBuffer, SurfaceTable, host_image, read_gbuffer
-from activestereo.sensor.gbuffer.cause import causes
+from activestereo.sensor.gbuffer.cause import causes, hidden_from_right
 from activestereo.sensor.gbuffer.light import ProjectedLight, eye_of, lit_by_projector
+from activestereo.sensor.gbuffer.rig import beside_m, inverse_depth
 from activestereo.sensor.gbuffer.warp import warped
 from activestereo.sensor.radiance import checked_radiance
 
@@ -35,9 +35,6 @@ _ENVIRONMENTS = Limits(1, 1_000_000, whole=True)
 _SEED = Limits(0, 2**64 - 1, whole=True)
 # What is rendered at a time, pixels: its arrays fit a processor's cache.
 _CHUNK_PX = 1 << 16
-# A view may stand so far beside the row, or be turned so far, and still be warped along rows.
-_ASIDE_M, _TURNED_RAD = 5e-3, 0.02
-_HIDDEN_PX = 1.0
 
 
 class _Chunk(NamedTuple):
@@ -75,9 +72,9 @@ class GBufferStereo:
                 raise ValueError(f"{name} is {getattr(c, name)}: G-buffers are of pinhole cameras: set it to zeros")
         self._table = SurfaceTable(materials)
         self._eyes = [eye_of(c, is_right) for is_right in (False, True)]
-        self._baseline_m = _beside(c.trans_pose_l, c.trans_pose_r, "the right infrared camera")
+        self._baseline_m = beside_m(c.trans_pose_l, c.trans_pose_r, "the right infrared camera")
         self._shift_px = float(self._eyes[1].k[0, 2] - self._eyes[0].k[0, 2])
-        self._projector_m = _beside(c.trans_pose_l, c.pose_rgb_irproj, "the projector")
+        self._projector_m = beside_m(c.trans_pose_l, c.pose_rgb_irproj, "the projector")
         self._light = ProjectedLight(c)
         device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
         self._engine = make_engine(c, simsense.Device(device.info.device_uuid), self._count)
@@ -132,7 +129,7 @@ class GBufferStereo:
             if "depth" not in right:
                 raise ValueError("right has no 'depth'")
             other = read_gbuffer(right, self.shape, self._eyes[1].rays, depth_kind, self._table)
-        hiding = None if projector is None else _inverse(host_image("projector", projector, self.shape))
+        hiding = None if projector is None else inverse_depth(host_image("projector", projector, self.shape))
         power, share = self._per_environment("laser_power", laser_power), self._per_environment("exposure", exposure)
         room = self._ambient(ambient)
         frame = int(FRAME.check("the frame", self._frame + 1))
@@ -200,16 +197,8 @@ class GBufferStereo:
             self._light.seen(eye, view, is_lit, intensity, ambient)
             for eye, view, is_lit in zip(self._eyes, (left, right), lit, strict=True)
         ]
-        hidden = self._hidden(left, beside.inverse_depth)
+        hidden = hidden_from_right(self._config, left, beside.inverse_depth)
         return _Chunk([f[0] for f in found], [f[1] for f in found], left, lit[0], hidden)
-
-    def _hidden(self, left: GBuffer, right_inverse: Floats) -> NDArray[np.bool_]:
-        """The part of the left view that something nearer hides from the right camera."""
-        scale = self._config.focal_baseline_px_m
-        x = np.arange(right_inverse.shape[-1]) - scale * left.inverse_depth + self._shift_px
-        place = np.clip(np.rint(x), 0, right_inverse.shape[-1] - 1).astype(np.intp)
-        in_front = scale * (np.take_along_axis(right_inverse, place, axis=-1) - left.inverse_depth)
-        return np.asarray((in_front > _HIDDEN_PX) & (x >= 0))
 
     def _matched(self, left: Any, right: Any, left_laser: Any, right_laser: Any) -> dict[str, NDArray[Any]]:
         self._engine.set_parameters(frame_index=self._frame, scene_index=0)
@@ -244,24 +233,6 @@ class GBufferStereo:
         if not (np.isfinite(room) & (room >= 0.0)).all():
             raise ValueError(f"ambient is {float(room.min()):g} at least, expected finite radiances of 0 or more")
         return np.broadcast_to(room, (self._count, *room.shape[1:]) if room.ndim else (self._count, 1, 1))
-
-
-def _beside(here: PoseLike, there: PoseLike, what: str) -> float:
-    """How far to the right of `here` a camera stands whose rows are aligned with it, metres."""
-    place = np.linalg.inv(camera_to_camera(here, there))
-    turned = float(np.arccos(np.clip((np.trace(place[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
-    x, y, z = place[:3, 3].tolist()
-    if turned > _TURNED_RAD or max(abs(y), abs(z)) > _ASIDE_M:
-        text = f"{what} stands at {np.round([x, y, z], 4).tolist()} m, turned by {turned:.3f} rad, from the left camera"
-        raise ValueError(f"{text}: G-buffers are warped along rows, which it has to share")
-    return float(x)
-
-
-def _inverse(depth: NDArray[Any]) -> Floats:
-    if not ((depth >= 0.0) | np.isposinf(depth)).all():
-        raise ValueError(f"projector is {float(np.nanmin(depth)):g} m or no number, expected depths of 0 or more")
-    with np.errstate(divide="ignore"):
-        return np.where(depth > 0.0, 1.0 / np.asarray(depth, np.float64), 0.0)
 
 
 def _part(view: GBuffer, part: slice) -> GBuffer:

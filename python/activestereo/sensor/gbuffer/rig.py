@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the projector and the right camera stand beside the left one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.common.pose import PoseLike, camera_to_camera
+
+# A view may stand so far beside the row, or be turned so far, and still be warped along rows.
+_ASIDE_M, _TURNED_RAD = 5e-3, 0.02
+
+
+def beside_m(here: PoseLike, there: PoseLike, what: str) -> float:
+    """How far to the right of `here` a camera stands whose rows are aligned with it, metres."""
+    place = np.linalg.inv(camera_to_camera(here, there))
+    turned = float(np.arccos(np.clip((np.trace(place[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
+    x, y, z = place[:3, 3].tolist()
+    if turned > _TURNED_RAD or max(abs(y), abs(z)) > _ASIDE_M:
+        text = f"{what} stands at {np.round([x, y, z], 4).tolist()} m, turned by {turned:.3f} rad, from the left camera"
+        raise ValueError(f"{text}: G-buffers are warped along rows, which it has to share")
+    return float(x)
+
+
+def inverse_depth(depth: NDArray[Any]) -> NDArray[np.float64]:
+    """1 / depth, 0 where nothing is. ValueError for what is no depth."""
+    if not ((depth >= 0.0) | np.isposinf(depth)).all():
+        raise ValueError(f"a depth is {float(np.nanmin(depth)):g} m or no number, expected depths of 0 or more")
+    with np.errstate(divide="ignore"):
+        return np.where(depth > 0.0, 1.0 / np.asarray(depth, np.float64), 0.0)

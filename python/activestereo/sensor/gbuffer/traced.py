@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Causes of the holes of a path-traced sensor, from G-buffers that are rendered of its infrared cameras."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kuafu
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.effects.core.engine import EngineInputs
+from activestereo.sensor.gbuffer.buffers import SurfaceTable, read_gbuffer
+from activestereo.sensor.gbuffer.cause import causes, hidden_from_right
+from activestereo.sensor.gbuffer.light import eye_of
+from activestereo.sensor.gbuffer.rig import inverse_depth
+
+_NOTHING = 0xFFFFFFFF
+
+
+class TracedSensor(Protocol):
+    """A StereoDepthSensor, as causes are asked of it."""
+
+    @property
+    def scene(self) -> kuafu.Scene: ...
+
+    def get_config(self) -> StereoDepthSensorConfig: ...
+
+    def get_picture(self, name: str, camera: str) -> NDArray[Any]: ...
+
+    def get_ir_measured(self) -> list[NDArray[Any]]: ...
+
+    def engine_inputs(self) -> EngineInputs: ...
+
+
+def traced_causes(sensor: TracedSensor, reason: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """uint8 [height, width], an index into cause.CAUSES, of the scene as it is now. reason: the matcher's. ValueError
+    for a sensor whose images are rectified before they are matched."""
+    config = sensor.get_config()
+    if not config.rectified or any(np.any(config.ir_eye(is_right)[1]) for is_right in (False, True)):
+        raise ValueError("causes are told of pairs that are matched as they come: rectified=True, and no distortion")
+    inputs = sensor.engine_inputs()
+    images = {name: sensor.get_picture(name, "left")[None] for name in ("depth", "normal", "material_id")}
+    depth, numbers = images["depth"][..., 0], images["material_id"][..., 0].astype(np.int64)
+    own = np.unique(numbers[(depth > 0) & (numbers != _NOTHING)]).tolist()
+    table = SurfaceTable({number: sensor.scene.get_material(number) for number in own} or [kuafu.Material()])
+    depth = np.where(numbers == _NOTHING, np.float32(0.0), depth)
+    to_camera = np.linalg.inv(np.array(inputs.left.camera.camera_to_world))[:3, :3]
+    given = {"depth": depth, "normal": images["normal"] @ to_camera.T, "material": numbers}
+    eye = eye_of(config, is_right=False)
+    seen = read_gbuffer(given, depth.shape, eye.rays, "planar", table)
+    beside = inverse_depth(sensor.get_picture("depth", "right")[None, ..., 0])
+    is_lit = sensor.get_picture("projector_visibility", "left")[None, ..., 0] > 0.5
+    is_hidden = hidden_from_right(config, seen, beside)
+    counts, black_dn = sensor.get_ir_measured()[0][None], float(inputs.left.signal["black_level_dn"])
+    return causes(config, seen, is_lit, is_hidden, counts, reason[None], black_dn, inputs.max_dn)[0]
