@@ -58,11 +58,11 @@ def exceeds_surveys(ranking: Ranking) -> bool:
 def is_unexplained(ranking: Ranking, remainder: Remainder, first: Ranking | None = None) -> bool:
     """Whether what an explanation leaves (the base, where nothing is named) asks for another effect.
 
-    first: the ranking without effects, where something is named. What is named only beside a calibration or a survey
-    that nobody would have made stands in for another law, whatever it leaves. Noise of single pixels asks for none:
-    its level is a nuisance, and what is random and stays has candidates of its own. Those explain no structure: it is
-    the base's that counts beside them. Where nothing is named, more than surveys leave asks, too; what is named has to
-    follow its own law.
+    first: the ranking without effects, where an effect is named. An effect whose fit moves the calibration or the scene
+    measurement further than their priors allow is a confounder of the true one, however small its residual. Noise of
+    single pixels needs no effect: its level is a nuisance, and random patterns that stay have candidates of their own.
+    Those explain no structure, so the base's structure counts beside them. Where no effect is named, a residual above
+    what errors of the scene measurement leave needs one too; a named effect has to have its own signature.
     """
     thresholds = ranking.thresholds
     excess = _excess_beside(ranking, remainder)
