@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The files that ARCHITECTURE.md's recipes name are all that an addition takes: one of each kind is made in a copy of
+the tree. ACTIVESTEREO_FULL=1 also builds the copy, and renders with what was added."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+TABLES = "capi/generation/tables"
+
+# First words of a recipe: the addition's name, and for each file (text there, text that takes its place).
+ADDITIONS = {
+    "a scalar material parameter": ("emission_boost", {
+        f"{TABLES}/kuafu_material_desc.toml": [("# What shaders read beside", """[fields.emission_boost]
+type = "double"
+shader = true
+extras = true
+range = [0, 10]
+doc = "The emission is multiplied by 1 + emission_boost."
+
+# What shaders read beside""")],
+        "kuafu/shaders/lib/material.glsl": [
+            ("band_of(m.emission);", "band_of(m.emission) * (1.0f + m.emission_boost);")],
+    }),
+    "a film effect": ("neutral_density", {
+        f"{TABLES}/kuafu_film_desc.toml": [
+            ("# What shaders read beside", """[fields.neutral_density]
+type = "double"
+shader = true
+range = [0, 10]
+doc = "The light is multiplied by 10^-neutral_density."
+
+# What shaders read beside"""),
+            ("[steps]", "[steps]\nneutral_density = \"Per pixel, in place.\"")],
+        "kuafu/src/film/film.cpp": [
+            ("  return (vignettes ?",
+             "  return (film.neutral_density > 0.0 ? 1u << film_neutral_density : 0) |\n         (vignettes ?"),
+            ("  if (takes(film_vignetting))",
+             "  if (takes(film_neutral_density)) in_place(film_neutral_density, pixels);\n"
+             "  if (takes(film_vignetting))")],
+        "kuafu/shaders/stage/film.glsl": [
+            ("void film(uint i) {", """void neutral_density(uint pixel) {
+  float factor = pow(10.0f, -film_of(pixel).neutral_density);
+  for (uint c = 0u; c < push.channels; ++c) push.to.at[pixel * push.channels + c] *= factor;
+}
+
+void film(uint i) {
+  if (push.step == film_neutral_density) neutral_density(i);""")],
+    }),
+    "an effect": ("grey_filter", {"python/activestereo/effects/grey_filter.py": [("", '''"""A grey filter."""
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.view import View
+
+
+@effect("grey_filter", stage=Stage.OPTICS, family="glare", source="test",
+        parameters=[Parameter("loss", "1", neutral=0.0, low=0.0, high=1.0, typical=0.1)])
+def grey_filter(image: np.ndarray, view: View, loss: float) -> np.ndarray:
+    """A share of all light is lost."""
+    return (1.0 - loss) * image
+''')]}),
+}  # fmt: skip
+
+RENDER = """
+import numpy as np
+import kuafu
+from activestereo.effects import builtin
+from activestereo.effects.core.laws import example_view
+
+device = kuafu.Device()
+
+def radiance(film=None, **material):
+    scene = kuafu.Scene(device)
+    wall = scene.add_material(kuafu.Material(base_color=(0, 0, 0, 1), specular=0.0, emission=(1, 1, 1), **material))
+    corners = np.array([[-9, -9, 2], [9, -9, 2], [9, 9, 2], [-9, 9, 2]], np.float32)
+    scene.add_instance(scene.add_mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.uint32)), [wall])
+    camera = kuafu.Camera(16, 12, np.array([[12.0, 0, 8], [0, 12, 6], [0, 0, 1]]))
+    return kuafu.Renderer(device).render(scene, camera, ["radiance"], band="visible", spp=1, max_bounces=0, film=film)[
+        "radiance"]
+
+np.testing.assert_allclose(radiance(), 1.0, rtol=1e-5)
+np.testing.assert_allclose(radiance(emission_boost=2.0), 3.0, rtol=1e-5)
+np.testing.assert_allclose(radiance(film=kuafu.Film(neutral_density=1.0)), 0.1, rtol=1e-5)
+np.testing.assert_allclose(builtin()["grey_filter"](np.ones((4, 4)), example_view(), loss=0.25), 0.75)
+"""
+
+
+def run(*command: object, **options) -> str:
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, **options)
+    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory) -> Path:
+    """The tree's files with the additions, before anything is generated."""
+    folder = tmp_path_factory.mktemp("recipes")
+    kept = run("git", "-C", ROOT, "ls-files", "CMakeLists.txt", "LICENSE", "NOTICE", "README.md", "capi", "kuafu",
+               "simsense", "python", "examples/clients", "tests/capi")  # fmt: skip
+    for path in kept.splitlines():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(ROOT / path, folder / path)
+    for _, files in ADDITIONS.values():
+        for path, edits in files.items():
+            text = (folder / path).read_text() if (folder / path).exists() else ""
+            for old, new in edits:
+                assert not old or text.count(old) == 1, f"{path} has '{old}' {text.count(old)} times"
+                text = text.replace(old, new) if old else new
+            (folder / path).write_text(text)
+    return folder
+
+
+@pytest.mark.parametrize("recipe", ADDITIONS)
+def test_the_recipe_names_the_files_of_the_addition(recipe: str) -> None:
+    rows = [row for row in (ROOT / "ARCHITECTURE.md").read_text().splitlines() if row.startswith(f"| {recipe} |")]
+    assert len(rows) == 1
+    name, files = ADDITIONS[recipe]
+    for path in files:
+        assert (path if (ROOT / path).exists() else str(Path(path).parent)) in rows[0]
+
+
+def test_nothing_else_written_by_hand_knows_the_additions(copy: Path) -> None:
+    before = {path: path.read_bytes() for path in copy.rglob("*") if path.is_file()}
+    written = run(sys.executable, copy / "capi/generation/generate.py")
+    assert "kuafu/shaders/shared/material_fields.h" in written
+    for name, files in ADDITIONS.values():
+        known = {str(p.relative_to(copy)) for p, text in before.items() if name.encode() in text}
+        assert known == set(files)
+
+
+def test_what_was_added_renders(copy: Path) -> None:
+    if not os.environ.get("ACTIVESTEREO_FULL"):
+        pytest.skip("compiles the renderer: ACTIVESTEREO_FULL=1 (tests/run.sh --full) does")
+    run(sys.executable, copy / "capi/generation/generate.py")
+    launcher = ["-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"] if shutil.which("ccache") else []
+    ccache = {**os.environ, "CCACHE_BASEDIR": str(copy), "CCACHE_NOHASHDIR": "1"}
+    run("cmake", "-S", copy, "-B", copy / "build", "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", *launcher,
+        "-DACTIVESTEREO_TESTS=OFF", "-DACTIVESTEREO_BENCH=OFF", "-DACTIVESTEREO_INSTALL=OFF", env=ccache)  # fmt: skip
+    run("ninja", "-C", copy / "build", "product", env=ccache)
+    run("/usr/bin/python3", "-c", RENDER, env={**os.environ, "PYTHONPATH": str(copy / "build/python")})
