@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.common.lens import distort
+from activestereo.common.lens import distort, is_drawn
 from activestereo.common.pose import Pose, camera_to_camera
 
 if TYPE_CHECKING:
@@ -33,7 +33,9 @@ def registered(
     ahead = z > 0
     x, y, z = x[ahead] / z[ahead], y[ahead] / z[ahead], z[ahead]
     if np.any(config.rgb_distortion):
-        x, y = distort(x, y, config.rgb_distortion)
+        drawn = is_drawn(x, y, config.rgb_distortion)
+        x, y = distort(x[drawn], y[drawn], config.rgb_distortion)
+        z = z[drawn]
     rgb_k = config.rgb_intrinsic
     column = np.rint(rgb_k[0, 0] * x + rgb_k[0, 1] * y + rgb_k[0, 2]).astype(int)
     row = np.rint(rgb_k[1, 1] * y + rgb_k[1, 2]).astype(int)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from activestereo.common.lens import distort, undistort
+from activestereo.common.lens import distort, is_drawn, undistort
 from activestereo.effects.core.view import View
 
 _OCCLUSION = 0.02  # relative difference of depth from which on the two eyes see different surfaces
@@ -44,9 +44,11 @@ def warp_between(left: View, right: View) -> Warp:
     there = np.tensordot(pose[:3, :3], points, axes=1) + pose[:3, 3][:, None, None]
     z = np.where(there[2] > 1e-6, there[2], 1.0)
     x, y = there[0] / z, there[1] / z
+    drawn = left.depth_m > 0
     if np.any(right.distortion):
+        drawn &= is_drawn(x, y, right.distortion)
         x, y = distort(x, y, right.distortion)
     to_u, to_v = right.K[0, 0] * x + right.K[0, 2], right.K[1, 1] * y + right.K[1, 2]
-    inside = (left.depth_m > 0) & (to_u >= 1) & (to_u <= width - 2) & (to_v >= 1) & (to_v <= height - 2)
+    inside = drawn & (to_u >= 1) & (to_u <= width - 2) & (to_v >= 1) & (to_v <= height - 2)
     depth = map_coordinates(right.depth_m, [to_v, to_u], order=0, mode="nearest")
     return Warp(to_u, to_v, inside & (np.abs(depth - there[2]) < _OCCLUSION * z))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from activestereo.capture.capture import EYES, Camera, Capture, Frame, Rig
-from activestereo.common.lens import distort, undistort
+from activestereo.common.lens import distort, is_drawn, undistort
 from activestereo.effects.core.fine import FineImages
 
 # Rendered beyond the frame at finer scales: what calibration errors, lenses and motion bring into sight.
@@ -144,12 +144,15 @@ def ideal_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> tuple[n
     return camera.K[0, 0] * x + camera.K[0, 1] * y + camera.K[0, 2], camera.K[1, 1] * y + camera.K[1, 2]
 
 
-def drawn_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def drawn_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> np.ndarray:
     """[2][...]: where the Camera draws what an ideal pinhole of the same K draws at pixels (column, row):
-    ideal_pixels() inverted."""
+    ideal_pixels() inverted; NaN beyond the lens' fold."""
     y = (row - camera.K[1, 2]) / camera.K[1, 1]
-    x, y = distort((column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0], y, camera.distortion)
-    return np.stack([camera.K[0, 0] * x + camera.K[0, 1] * y + camera.K[0, 2], camera.K[1, 1] * y + camera.K[1, 2]])
+    x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
+    is_seen = is_drawn(x, y, camera.distortion)
+    x, y = distort(x, y, camera.distortion)
+    drawn = [camera.K[0, 0] * x + camera.K[0, 1] * y + camera.K[0, 2], camera.K[1, 1] * y + camera.K[1, 2]]
+    return np.where(is_seen, np.stack(drawn), np.nan)
 
 
 def sampling_of(rig: Rig, scale: int) -> Sampling:

@@ -1,20 +1,73 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lens distortion in Python against OpenCV's."""
+"""Lens distortion in Python against OpenCV's, and its fold against the closed form."""
+
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 
-from activestereo.common.lens import distort, undistort
+from activestereo.camera.registration import registered
+from activestereo.common.lens import distort, is_drawn, undistort
+from activestereo.compare.camera_warp import warp_between
+from activestereo.effects.core.laws import example_view
 
-LENSES = [(-0.1, 0.03, 1e-3, -2e-3, 0.01), (0.1, -0.05, 1e-3, -2e-3, 0.01, 0.2, -0.03, 0.01)]
+LENSES = {
+    "polynomial": (-0.1, 0.03, 1e-3, -2e-3, 0.01),
+    "rational": (0.1, -0.05, 1e-3, -2e-3, 0.01, 0.2, -0.03, 0.01),
+    "pincushion": (0.8, 0.5, 1e-3, -2e-3, 0.3),
+}
+BARREL = (-0.3, 0.0, 0.0, 0.0, 0.0)  # folds at a radius of 1 / sqrt(0.9), which it draws at 2/3 of that
 
 
-@pytest.mark.parametrize("lens", LENSES, ids=["polynomial", "rational"])
+@pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
 def test_a_lens_draws_where_opencv_draws_and_its_inverse_comes_back(lens):
-    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-0.8, 0.8, 17), np.linspace(-0.5, 0.5, 11)))
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-1.2, 1.2, 17), np.linspace(-0.9, 0.9, 11)))
     drawn = distort(x, y, lens)
     points = np.stack([x, y, np.ones_like(x)], axis=1)
     expected = cv2.projectPoints(points, np.zeros(3), np.zeros(3), np.eye(3), np.array(lens))[0].reshape(-1, 2)
-    np.testing.assert_allclose(np.stack(drawn, axis=1), expected, rtol=0, atol=1e-14)
-    np.testing.assert_allclose(undistort(*drawn, lens), (x, y), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(np.stack(drawn, axis=1), expected, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(undistort(*drawn, lens), (x, y), rtol=0, atol=1e-9)
+
+
+def test_a_lens_folds_where_its_radius_stops_growing_and_positions_go_on_outwards():
+    x = np.linspace(0.0, 3.0, 3001)
+    drawn, _ = distort(x, 0 * x, BARREL)
+    assert np.all(np.diff(drawn) > 0)
+    fold = 1 / np.sqrt(0.9)
+    np.testing.assert_array_equal(is_drawn(x, 0 * x, BARREL), x < fold)
+    within = x < fold - 2e-3
+    np.testing.assert_allclose(drawn[within], x[within] * (1 - 0.3 * x[within] ** 2), rtol=1e-14)
+    np.testing.assert_allclose(undistort(drawn, 0 * x, BARREL)[0][within], x[within], atol=1e-6)
+
+
+def test_a_denominator_that_reaches_0_ends_the_lens():
+    """1 / (1 - 0.5 r^2), whose radius grows up to the pole."""
+    x = np.array([0.0, 1.4, 1.5, 2.5])
+    lens = (0.0, 0.0, 0.0, 0.0, 0.0, -0.5, 0.0, 0.0)
+    np.testing.assert_array_equal(is_drawn(x, 0 * x, lens), [True, True, False, False])
+    assert np.all(np.isfinite(distort(x, 0 * x, lens)))
+
+
+def test_points_beyond_the_fold_are_not_registered(small_config):
+    """The infrared camera sees directions up to 1.5; the RGB camera's lens would draw those beyond 1.054 again."""
+    small_config.rgb_resolution = (140, 40)
+    small_config.rgb_intrinsic = np.array([[100.0, 0, 69.5], [0, 100.0, 19.5], [0, 0, 1]])
+    small_config.rgb_distortion = BARREL
+    small_config.trans_pose_l = type(small_config.trans_pose_l)()
+    k = np.array([[100.0, 0, 149.5], [0, 100.0, 19.5], [0, 0, 1]])
+    beyond = np.zeros((40, 300), np.float32)
+    beyond[:, np.abs(np.arange(300) - 149.5) > 110] = 1.0
+    assert not registered(beyond, k, np.eye(4), small_config).any()
+    assert registered(1.0 - beyond, k, np.eye(4), small_config).any()
+
+
+def test_the_other_eye_does_not_see_beyond_its_fold():
+    view = example_view()
+    height, width = view.shape
+    wide = np.array([[width / 3.0, 0, (width - 1) / 2], [0, width / 3.0, (height - 1) / 2], [0, 0, 1]])
+    left = replace(view, K=wide, distortion=(0.0,) * 5, depth_m=np.ones(view.shape), left_to_camera=np.eye(4))
+    right = replace(left, distortion=BARREL)
+    x, y = left.rays()
+    seen = warp_between(left, right).seen
+    assert seen.any() and not np.any(seen & (np.hypot(x, y) > 1 / np.sqrt(0.9) + 1e-3))
