@@ -28,5 +28,5 @@ void main() {
   if (push.third.format == 0u) return;
   for (uint c = 0u; c < 3u; ++c)
     store_f32(push.second, point + (3u + c) * uint(push.second.component_stride),
-              z > 0.0f ? load_element(push.third, color + c * uint(push.third.component_stride)) / 255.0f : 0.0f);
+              z > 0.0f ? exact_quotient(load_element(push.third, color + c * uint(push.third.component_stride)), 255.0f) : 0.0f);
 }

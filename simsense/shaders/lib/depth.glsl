@@ -2,6 +2,7 @@
 // Disparity to depth and the formats of both, as in cpu/depth/depth.cpp and cpu/frame.h.
 #ifndef SIMSENSE_DEPTH_GLSL
 #define SIMSENSE_DEPTH_GLSL
+#include "lib/exact_ratio.glsl"
 #include "lib/image.glsl"
 #include "shared/depth_push.h"
 
@@ -11,7 +12,7 @@ const uint infinity = 0x7f800000u;  // bits of the float
 float depth_of(DepthParameters p, float disparity) {
   float parallax = disparity + p.offset_px;
   if (!(disparity > p.invalid && parallax > 0.0f)) return 0.0f;
-  precise float z = p.focal_baseline / parallax;
+  precise float z = exact_quotient(p.focal_baseline, parallax);
   return floatBitsToUint(z) < infinity ? z : 0.0f;
 }
 
