@@ -16,6 +16,8 @@ from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import lsqr
 from scipy.spatial import cKDTree
 
+from activestereo.common.parabola import vertex
+
 _SCALES_PX = (0.8, 1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0)
 _LEAST_SPOTS = 50
 # A spot's response is at least this share of the strong ones' around it, and so many deviations of the noise's.
@@ -249,4 +251,4 @@ def _vertex(image: np.ndarray, v: np.ndarray, u: np.ndarray, dv: int, du: int) -
     height, width = image.shape
     before, middle = image[np.maximum(v - dv, 0), np.maximum(u - du, 0)], image[v, u]
     after = image[np.minimum(v + dv, height - 1), np.minimum(u + du, width - 1)]
-    return 0.5 * (before - after) / np.minimum(before - 2.0 * middle + after, -1e-12)
+    return vertex(before, middle, after)

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 # Rows of rectified images match to about 0.2 px on real devices; beyond this a matcher loses pixels.
 _MOST_ROWS_PX = 0.5
-_PAIRS = 3
 
 
 def folder_device(args: argparse.Namespace, files: Sequence[FrameFiles]) -> tuple[DeviceText, list[str]]:
@@ -70,7 +69,7 @@ def checked_eyes(files: Sequence[FrameFiles], are_exchanged: bool) -> EyeOrder:
     from activestereo.capture.images import read_gray
     from activestereo.compare.eye_order import eye_order
 
-    some = [files[i].files for i in sorted({0, len(files) // 2, len(files) - 1})][:_PAIRS]
+    some = [files[i].files for i in sorted({0, len(files) // 2, len(files) - 1})]
     pairs = [(read_gray(own["left"], key="Infrared 1"), read_gray(own["right"], key="Infrared 2")) for own in some]
     order = eye_order([(left, right) for left, right in pairs if left.shape == right.shape])
     if order.is_swapped:

@@ -11,6 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.common.parabola import vertex
+
 _PATCH_PX, _ROWS_PX = 25, 6
 _DISPARITY_SHARE = 0.25  # of the width: a D435 at 0.2 m
 _MOST_PATCHES, _LEAST_PATCHES = 240, 30
@@ -66,11 +68,5 @@ def _shifts(left: NDArray[np.generic], right: NDArray[np.generic]) -> NDArray[np
                 score = cv2.matchTemplate(b[v - margin : v + margin + 1, start:end], patch, cv2.TM_CCOEFF_NORMED)
                 _, best, _, (x, y) = cv2.minMaxLoc(score)
                 if best > _LEAST_CORRELATION and 0 < y < 2 * _ROWS_PX:
-                    out.append((start + x + half - u, y - _ROWS_PX + _vertex(score[y - 1 : y + 2, x])))
+                    out.append((start + x + half - u, y - _ROWS_PX + vertex(*score[y - 1 : y + 2, x].tolist())))
     return np.array(out, np.float64).reshape(-1, 2)
-
-
-def _vertex(three: NDArray[np.float32]) -> float:
-    """Where the parabola through three values has its top, from the middle one."""
-    bend = float(three[0] - 2 * three[1] + three[2])
-    return 0.0 if bend >= 0 else 0.5 * float(three[0] - three[2]) / bend

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
 
-from activestereo.sensor.gbuffer.warp import warped
+from activestereo.common.window_statistics import mean_and_deviation
+from activestereo.sensor.gbuffer.rig import inverse_depth
+from activestereo.sensor.gbuffer.warp import in_front, warped
 
 Depth = NDArray[np.float32]
 # Kinect's disparities come in eighths of a pixel.
@@ -72,28 +73,20 @@ def isaac(
     random: np.random.Generator,
 ) -> Depth:  # fmt: skip
     """gray: the picture, 0..1, for settings.needs_texture. What the second view does not see is dropped."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = np.where(depth > 0, 1.0 / np.maximum(depth, np.float32(1e-6)), 0.0).astype(np.float64)
+    inverse = inverse_depth(depth)
     disparity = focal_px * baseline_m * inverse
     beside = warped(inverse, focal_px, baseline_m).inverse_depth
     x = np.arange(depth.shape[-1]) - disparity
-    place = np.clip(np.rint(x), 0, depth.shape[-1] - 1).astype(np.intp)
-    nearer_px = focal_px * baseline_m * np.take_along_axis(beside, place, axis=-1) - disparity
+    nearer_px = focal_px * baseline_m * in_front(beside, x, inverse)
     is_kept = (depth >= settings.min_distance_m) & (x >= 0.0) & (nearer_px < 1.0)
     if settings.needs_texture:
         if gray is None:
             raise ValueError("IsaacSettings.needs_texture: the picture is missing")
-        is_kept &= _contrast(gray) * 255.0 > _TEXTURE_LEVELS
+        _, contrast = mean_and_deviation(gray, (1, _TEXTURE_WINDOW, _TEXTURE_WINDOW))
+        is_kept &= contrast * 255.0 > _TEXTURE_LEVELS
     jitter = settings.sigma_px * random.standard_normal(depth.shape)
     is_kept &= disparity < settings.max_disparity_px
     return _rounded(np.where(is_kept, depth, np.float32(0.0)), focal_px * baseline_m, jitter, settings.step_px)
-
-
-def _contrast(gray: NDArray[np.float32]) -> NDArray[np.float64]:
-    window = (1, _TEXTURE_WINDOW, _TEXTURE_WINDOW)
-    values = gray.astype(np.float64)
-    mean = uniform_filter(values, window, mode="nearest")
-    return np.sqrt(np.maximum(uniform_filter(values**2, window, mode="nearest") - mean**2, 0.0))
 
 
 def _shifted(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import kuafu
 from activestereo.common.nearest import unknown
+from activestereo.sensor.gbuffer.rig import inverse_depth
 
 Floats = NDArray[np.float64]
 # Normals are unit vectors but for the rounding of 8-bit and half-precision images.
@@ -68,9 +69,7 @@ def read_gbuffer(
     _require(np.isfinite(depth) & (depth >= 0.0), "depth", depth, "metres from 0 on, 0 or inf = nothing there")
     if depth_kind == "ray":
         depth /= np.linalg.norm(rays, axis=-1)
-    with np.errstate(divide="ignore", over="ignore"):
-        inverse = np.where(depth > 0.0, 1.0 / depth, 0.0)
-    inverse[np.isinf(inverse)] = 0.0
+    inverse = inverse_depth(depth)
     normal = buffers.get("normal")
     if normal is None:
         normal = _normals_of(depth, rays)
@@ -137,7 +136,7 @@ def _albedo_image(values: Any, shape: tuple[int, ...], inverse: Floats) -> Float
 
 
 def _normals_of(depth: Floats, rays: Floats) -> Floats:
-    """Of planes through each pixel's neighbours."""
+    """Normals of planes through each pixel's neighbours."""
     points = depth[..., None] * rays
     across = np.cross(np.gradient(points, axis=-3), np.gradient(points, axis=-2))
     length = np.linalg.norm(across, axis=-1, keepdims=True)

@@ -9,7 +9,9 @@ from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
 
 import simsense
 from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.window_statistics import mean_and_deviation
 from activestereo.sensor.gbuffer.buffers import Floats, GBuffer
+from activestereo.sensor.gbuffer.warp import in_front
 
 # A pixel has the first of these that holds, in this order but for 'measured'.
 CAUSES = (
@@ -39,10 +41,8 @@ def hidden_from_right(
 ) -> NDArray[np.bool_]:
     """[E, height, width]: the part of the left view that something nearer hides from the right camera."""
     column = _right_column(config, seen)
-    width = column.shape[-1]
-    place = np.clip(np.rint(column), 0, width - 1).astype(np.intp)
-    in_front = np.take_along_axis(right_inverse_depth, place, axis=-1) - seen.inverse_depth
-    return np.asarray((config.focal_baseline_px_m * in_front > _HIDDEN_PX) & (column >= 0))
+    in_front_px = config.focal_baseline_px_m * in_front(right_inverse_depth, column, seen.inverse_depth)
+    return np.asarray((in_front_px > _HIDDEN_PX) & (column >= 0))
 
 
 def _right_column(config: StereoDepthSensorConfig, seen: GBuffer) -> Floats:
@@ -60,9 +60,7 @@ def causes(
     own, near = config.focal_baseline_px_m * seen.inverse_depth, seen.inverse_depth
     block = (1, config.block_height, config.block_width)
     steps = maximum_filter(own, block, mode="nearest") - minimum_filter(own, block, mode="nearest")
-    signal = np.asarray(counts, np.float64) - black_dn
-    mean = uniform_filter(signal, block, mode="nearest")
-    deviation = np.sqrt(np.maximum(uniform_filter(signal**2, block, mode="nearest") - mean**2, 0.0))
+    mean, deviation = mean_and_deviation(np.asarray(counts, np.float64) - black_dn, block)
     with np.errstate(divide="ignore"):
         depth = 1.0 / near
     is_shiny = (seen.metallic > 0.5) & (seen.roughness < _MIRROR_ROUGHNESS)

@@ -29,5 +29,6 @@ def inverse_depth(depth: NDArray[Any]) -> NDArray[np.float64]:
     """1 / depth, 0 where nothing is. ValueError for what is no depth."""
     if not ((depth >= 0.0) | np.isposinf(depth)).all():
         raise ValueError(f"a depth is {float(np.nanmin(depth)):g} m or no number, expected depths of 0 or more")
-    with np.errstate(divide="ignore"):
-        return np.where(depth > 0.0, 1.0 / np.asarray(depth, np.float64), 0.0)
+    with np.errstate(divide="ignore", over="ignore"):
+        inverse = 1.0 / np.asarray(depth, np.float64)
+    return np.where(np.isinf(inverse), 0.0, inverse)

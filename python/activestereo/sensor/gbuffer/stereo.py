@@ -38,7 +38,7 @@ _CHUNK_PX = 1 << 16
 
 
 class _Chunk(NamedTuple):
-    """Of some environments: radiance of both eyes, all and the projector's, and what causes() takes."""
+    """Some environments: radiance of both eyes, all and the projector's, and what causes() takes."""
 
     light: list[NDArray[np.float32]]
     laser: list[NDArray[np.float32]]
@@ -146,10 +146,9 @@ class GBufferStereo:
             chunks = list(threads.map(chunk_from, range(0, self._count, step)))
         eyes = [np.concatenate([chunk.light[eye] for chunk in chunks]) for eye in (0, 1)]
         lasers = [np.concatenate([chunk.laser[eye] for chunk in chunks]) for eye in (0, 1)]
-        for n in range(self._count):
-            light = np.float32(share[n]) * self._light_of(eyes[0][n])
-            for image in (*eyes, *lasers):
-                image[n] *= light
+        light = np.array([np.float32(own) * self._light_of(left) for own, left in zip(share, eyes[0], strict=True)])
+        for images in (*eyes, *lasers):
+            images *= light[:, None, None]
         apart = (lasers[0], lasers[1]) if c.ir_speckle_of_laser else (None, None)
         self._frame = frame
         out = self._matched(eyes[0], eyes[1], *apart)

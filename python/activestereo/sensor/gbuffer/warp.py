@@ -74,6 +74,15 @@ def warped(inverse_depth: NDArray[np.float64], focal_px: float, baseline_m: floa
     return Warped(np.maximum(value, 0.0), pixel, seen)
 
 
+def in_front(
+    beside: NDArray[np.float64], column: NDArray[np.float64], inverse_depth: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """1/m: by how much the inverse depth of what another camera sees exceeds that of each surface, which lies in this
+    column of its image; what lies beside the image is compared with the last column. beside: that camera's."""
+    place = np.clip(np.rint(column), 0, beside.shape[-1] - 1).astype(np.intp)
+    return np.take_along_axis(beside, place, axis=-1) - inverse_depth
+
+
 def _filled(inverse: NDArray[np.float64], seen: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Columns of the nearest seen pixels beside each, the farther surface of the two; its own where it is seen."""
     width = inverse.shape[-1]

@@ -1,0 +1,18 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Mean and spread of images within a window around each pixel."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
+
+
+def mean_and_deviation(
+    images: NDArray[Any], window: tuple[int, ...]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(mean, standard deviation) within the window of each pixel, whose last pixels are repeated at borders. images and
+    window have the same number of axes."""
+    values = np.asarray(images, np.float64)
+    mean = uniform_filter(values, window, mode="nearest")
+    return mean, np.sqrt(np.maximum(uniform_filter(values**2, window, mode="nearest") - mean**2, 0.0))
