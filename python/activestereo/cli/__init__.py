@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: activestereo simulate | presets | depth | pair | depth-quality | compare | diagnose | add | model |
-calibrate | import | overlay | effect | generate | benchmark | devices, one file each. This one parses, runs and makes
+calibrate | import | overlay | effect | generate | benchmark | cache | devices, one file each. This one parses, runs and makes
 failures one line."""
 
 import argparse
@@ -15,6 +15,7 @@ from typing import NoReturn
 from activestereo.cli import (
     add,
     benchmark,
+    cache,
     calibrate,
     compare,
     depth,
@@ -49,6 +50,7 @@ _COMMANDS = (
     effect,
     benchmark,
     generate,
+    cache,
     devices,
 )
 

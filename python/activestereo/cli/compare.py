@@ -57,6 +57,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
 
 def run(args: argparse.Namespace) -> None:
     from activestereo.common.progress_bar import ProgressBar
+    from activestereo.compare.cache import LayerCache
     from activestereo.compare.compare import compare
     from activestereo.compare.kuafu_renderer import KuafuRenderer
     from activestereo.compare.model_file import library
@@ -79,6 +80,7 @@ def run(args: argparse.Namespace) -> None:
     with ProgressBar("writing the report") as bar:
         write_report(comparison, args.out, effects=effects, progress=bar)
     print(summary_table(comparison.scores))
+    print(f"{LayerCache().usage_text()} (activestereo cache list)")
     print(f"written: compare.json, compare.png, report.html in {args.out}")
 
 

@@ -96,6 +96,7 @@ def add_parser(commands: Commands) -> None:
 
 def run(args: argparse.Namespace) -> None:
     from activestereo.common.progress_bar import ProgressBar
+    from activestereo.compare.cache import LayerCache
     from activestereo.compare.engine_prediction import EngineImages
     from activestereo.compare.kuafu_renderer import KuafuRenderer
     from activestereo.compare.model_file import library
@@ -126,4 +127,5 @@ def run(args: argparse.Namespace) -> None:
         )
     paths = write_diagnosis(diagnosis, args.out)
     print(diagnosis_text(diagnosis.result))
+    print(f"{LayerCache().usage_text()} (activestereo cache list)")
     print(f"written: {', '.join(path.name for path in paths)} in {args.out}")

@@ -10,19 +10,20 @@ import warnings
 import zipfile
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from activestereo.common.input_files import read_bytes, read_json
+from activestereo.common.input_files import checked_file, read_bytes, read_json
 from activestereo.common.output_files import replace_file
 from activestereo.compare.layers import Layers, RenderRequest
 
 # Raised when the meaning of a cached array changes.
 _FORMAT = 4
-_LIMIT_BYTES = 4 << 30
+_LIMIT_GB = 2.0
+_LIMIT_VARIABLE = "ACTIVESTEREO_CACHE_GB"
 
 
 def default_cache_folder() -> Path:
@@ -31,6 +32,18 @@ def default_cache_folder() -> Path:
     if own:
         return Path(own)
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "activestereo" / "layers"
+
+
+def default_limit_bytes() -> int:
+    """ACTIVESTEREO_CACHE_GB in bytes, else 2 GB. ValueError where it is no number of at least 0."""
+    text = os.environ.get(_LIMIT_VARIABLE)
+    try:
+        gigabytes = float(text) if text else _LIMIT_GB
+    except ValueError:
+        gigabytes = -1.0
+    if not 0.0 <= gigabytes < 1e6:
+        raise ValueError(f"{_LIMIT_VARIABLE} is '{text}', expected gigabytes: a number of at least 0")
+    return int(gigabytes * 1e9)
 
 
 def scene_digest(scene_path: str | Path) -> str:
@@ -73,13 +86,30 @@ class CacheWarning(UserWarning):
     """Renders cannot be kept."""
 
 
-class LayerCache:
-    """Folder of `<key>.npz`, one rig pose or one set of images each. The oldest entries go when it grows over its
-    limit."""
+@dataclass(frozen=True)
+class CacheEntry:
+    """One file of the cache. used_s: when it was last written or read, seconds since 1970."""
 
-    def __init__(self, folder: str | Path | None = None, limit_bytes: int = _LIMIT_BYTES) -> None:
+    path: Path
+    size_bytes: int
+    used_s: float
+
+    def kind(self) -> str:
+        """Its content: "renders" (layers or images), "fits", or "damaged" where it is no array file."""
+        try:
+            with zipfile.ZipFile(checked_file(self.path)) as stored:
+                return "fits" if any("/" in name for name in stored.namelist()) else "renders"
+        except (OSError, zipfile.BadZipFile):
+            return "damaged"
+
+
+class LayerCache:
+    """Folder of `<key>.npz`, one rig pose, one set of images or the fits to one capture each. The entries that were not
+    used for longest go when it grows over its limit, by default default_limit_bytes()."""
+
+    def __init__(self, folder: str | Path | None = None, limit_bytes: int | None = None) -> None:
         self.folder = Path(folder) if folder else default_cache_folder()
-        self._limit_bytes = limit_bytes
+        self.limit_bytes = default_limit_bytes() if limit_bytes is None else limit_bytes
 
     def get(self, key: str) -> tuple[Layers, ...] | None:
         """The stored layers, one entry per camera, or None."""
@@ -121,15 +151,31 @@ class LayerCache:
             return
         self._forget_oldest()
 
-    def _forget_oldest(self) -> None:
-        entries = []
+    def entries(self) -> list[CacheEntry]:
+        """All entries, the last used one first."""
+        found = []
         for path in self.folder.glob("*.npz"):
             with suppress(OSError):
                 status = path.stat()
-                entries.append((status.st_mtime, status.st_size, path))
+                found.append(CacheEntry(path, status.st_size, status.st_mtime))
+        return sorted(found, key=lambda entry: entry.used_s, reverse=True)
+
+    def clear(self) -> list[CacheEntry]:
+        """Removes all entries, and returns those that are gone. OSError where one cannot be removed."""
+        gone = self.entries()
+        for entry in gone:
+            entry.path.unlink(missing_ok=True)
+        return gone
+
+    def usage_text(self) -> str:
+        """How much of its limit it takes, and where, in a line."""
+        used = sum(entry.size_bytes for entry in self.entries())
+        return f"cache: {used / 1e9:.2f} of {self.limit_bytes / 1e9:g} GB in {self.folder}"
+
+    def _forget_oldest(self) -> None:
         used = 0
-        for _, size, path in sorted(entries, reverse=True):
-            used += size
-            if used > self._limit_bytes:
+        for entry in self.entries():
+            used += entry.size_bytes
+            if used > self.limit_bytes:
                 with suppress(OSError):
-                    path.unlink(missing_ok=True)
+                    entry.path.unlink(missing_ok=True)

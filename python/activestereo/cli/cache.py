@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""activestereo cache list | clear: what compare and diagnose keep on disk for a second look."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from typing import TYPE_CHECKING, Any
+
+from activestereo.cli.arguments import Commands
+
+if TYPE_CHECKING:
+    from activestereo.compare.cache import CacheEntry, LayerCache
+
+_TEXT = """\
+Renders and fits are kept on disk, so that a second look at a capture traces no ray and
+repeats no fit. Entries that were not used for longest go when the folder grows over 2 GB.
+
+  list    how much there is, of what, and when it was last used
+  clear   removes all of it; the next compare or diagnose makes it again
+
+The variable ACTIVESTEREO_CACHE names another folder, ACTIVESTEREO_CACHE_GB another limit.
+
+examples:
+  activestereo cache list
+  ACTIVESTEREO_CACHE_GB=0.5 activestereo diagnose captures/table --out out/diagnosis
+"""
+
+
+def add_parser(commands: Commands) -> None:
+    raw = argparse.RawDescriptionHelpFormatter
+    text = "list or clear the renders and fits that are kept on disk"
+    parser = commands.add_parser("cache", help=text, description=_TEXT, formatter_class=raw)
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    listing = actions.add_parser("list", help="how much there is, of what", formatter_class=raw)
+    listing.add_argument("--json", action="store_true", help="print JSON, with each entry")
+    listing.set_defaults(run=run_list)
+    actions.add_parser("clear", help="remove all of it", formatter_class=raw).set_defaults(run=run_clear)
+
+
+def run_list(args: argparse.Namespace) -> None:
+    from activestereo.compare.cache import LayerCache
+
+    cache = LayerCache()
+    print(json.dumps(_as_json(cache), indent=1) if args.json else _table(cache))
+
+
+def run_clear(args: argparse.Namespace) -> None:
+    from activestereo.compare.cache import LayerCache
+
+    cache = LayerCache()
+    gone = cache.clear()
+    print(f"removed: {len(gone)} entries, {_megabytes(gone):.1f} MB, from {cache.folder}")
+
+
+def _table(cache: LayerCache) -> str:
+    by_kind: dict[str, list[CacheEntry]] = {}
+    for entry in cache.entries():
+        by_kind.setdefault(entry.kind(), []).append(entry)
+    lines = [f"{'what':10}{'entries':>9}{'size':>12}   last used"]
+    for kind, entries in sorted(by_kind.items()):
+        last, first = (time.strftime("%Y-%m-%d", time.localtime(entries[i].used_s)) for i in (0, -1))
+        lines.append(f"{kind:10}{len(entries):>9}{_megabytes(entries):>9.1f} MB   {first} to {last}")
+    return "\n".join([*(lines if by_kind else []), cache.usage_text()])
+
+
+def _as_json(cache: LayerCache) -> dict[str, Any]:
+    entries = cache.entries()
+    return {
+        "folder": str(cache.folder),
+        "limit_bytes": cache.limit_bytes,
+        "used_bytes": sum(entry.size_bytes for entry in entries),
+        "entries": [
+            {"file": e.path.name, "kind": e.kind(), "size_bytes": e.size_bytes, "used_s": e.used_s} for e in entries
+        ],
+    }
+
+
+def _megabytes(entries: list[CacheEntry]) -> float:
+    return sum(entry.size_bytes for entry in entries) / 1e6
