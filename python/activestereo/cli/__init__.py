@@ -10,7 +10,6 @@ import sys
 import traceback
 from collections.abc import Sequence
 from contextlib import nullcontext
-from typing import NoReturn
 
 from activestereo.cli import (
     add,
@@ -31,7 +30,9 @@ from activestereo.cli import (
     presets,
     simulate,
 )
-from activestereo.cli.arguments import CommandError
+from activestereo.cli.arguments import CommandError, Finding
+from activestereo.cli.exit_codes import FAILURE, FINDING, FINE, READER_GONE, STOPPED, USAGE
+from activestereo.cli.parser import Parser
 from activestereo.common.own_files import outside_allowed
 
 _COMMANDS = (
@@ -55,17 +56,13 @@ _COMMANDS = (
 )
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
-
-
 def make_parser() -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = Parser(
         prog="activestereo",
         description="Simulate active stereo depth sensors (RealSense-like) with physics: infrared pattern projector, "
         "path-traced image pair, stereo matching.",
-        epilog="Each command has its own help: activestereo simulate --help",
+        epilog="Each command has its own help: activestereo simulate --help. Exit status: 0 fine, 1 a check found something, "
+        "2 an option or a file is wrong, 3 the device or the program failed.",
     )
     text = "files that captures, models and lists of recordings name may lie outside of their folders"
     parser.add_argument("--allow-outside", action="store_true", help=text)
@@ -76,30 +73,33 @@ def make_parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Exit status: 0 done, 1 the device or the program failed, 2 the input is wrong, 130 stopped from the keyboard."""
+    """Runs a command. Returns one of exit_codes."""
     if sys.stdout is None or sys.stderr is None:
-        return 2 if sys.stderr is None else _fail("standard output is closed: send it to a file or to /dev/null", 2)
+        closed = "standard output is closed: send it to a file or to /dev/null"
+        return USAGE if sys.stderr is None else _fail(closed, USAGE)
     try:
         args = _parsed(_glued(sys.argv[1:] if arguments is None else arguments))
         with outside_allowed() if args.allow_outside else nullcontext():
             _run(args)
         sys.stdout.flush()
     except KeyboardInterrupt:
-        return _fail("stopped", 130)
+        return _fail("stopped", STOPPED)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader of our output has gone; say no more
-        return 1
+        return READER_GONE
     except MemoryError as error:
-        return _fail(f"out of memory: {_text(error) or 'nothing more is known'}", 1)
+        return _fail(f"out of memory: {_text(error) or 'nothing more is known'}", FAILURE)
     except ImportError as error:
-        return _fail(f"{error}; build first: bash examples/quickstart.sh", 1)
+        return _fail(f"{error}; build first: bash examples/quickstart.sh", FAILURE)
+    except Finding as error:
+        return _fail(_text(error), FINDING)
     except (CommandError, OSError, ValueError) as error:
-        return _fail(_text(error), 2)
+        return _fail(_text(error), USAGE)
     except RuntimeError as error:  # kuafu.Error and simsense.Error
-        return _fail(_text(error), 2 if getattr(error, "status", None) in _INPUT_STATUSES else 1)
+        return _fail(_text(error), USAGE if getattr(error, "status", None) in _INPUT_STATUSES else FAILURE)
     except Exception as error:
-        return _fail(_fault(error), 1)
-    return 0
+        return _fail(_fault(error), FAILURE)
+    return FINE
 
 
 def _parsed(arguments: Sequence[str]) -> argparse.Namespace:

@@ -38,7 +38,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument("--effects", type=Path, action="append", default=[], metavar="FILE", help="your own effects")
     parser.add_argument(
-        "-o", "--output", required=True, type=Path, metavar="FILE", help="the model to write; may be the same file"
+        "-o", "--out", required=True, type=Path, metavar="FILE", help="the model to write; may be the same file"
     )
     parser.set_defaults(run=run)
 
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.model.found import found_effect
     from activestereo.model.words import quantity_text
 
-    check_out_file(args.output)
+    check_out_file(args.out)
     effects = library(*args.effects)
     model = SensorModel() if args.model is None else read_model(args.model, effects)
     effect = find(effects, args.effect)
@@ -76,11 +76,11 @@ def run(args: argparse.Namespace) -> None:
             if n != SURFACES.name
         }
     model = model.with_effect(effect, given, tuple(args.on) or surfaces)
-    write_model(args.output, model)
+    write_model(args.out, model)
     added = model.effects[-1]
     on = f" on {', '.join(added.surfaces)}" if added.surfaces else ""
     print(f"{effect.id}{on}: " + ", ".join(f"{name} = {quantity_text(q)}" for name, q in added.parameters.items()))
-    print(f"written: {args.output} with {', '.join(e.effect.id for e in model.effects)}")
+    print(f"written: {args.out} with {', '.join(e.effect.id for e in model.effects)}")
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -22,6 +22,10 @@ class CommandError(Exception):
     """The input is wrong; the text is the one line to show."""
 
 
+class Finding(Exception):
+    """A check found something that is not in order; the text is the one line to show."""
+
+
 def numbers(text: str, counts: Sequence[int], what: str) -> np.ndarray:
     """Comma- or blank-separated numbers, as many as one of `counts`."""
     try:
@@ -119,7 +123,7 @@ def _folder(text: str) -> Path:
 
 def add_out(parser: argparse.ArgumentParser) -> None:
     text = "folder for the results; made if it is not there, files of the same names are replaced"
-    parser.add_argument("--out", required=True, type=_folder, metavar="DIR", help=text)
+    parser.add_argument("-o", "--out", required=True, type=_folder, metavar="DIR", help=text)
 
 
 def whole(text: str) -> int:

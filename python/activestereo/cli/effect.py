@@ -23,7 +23,7 @@ or a shared library of ks/effect.h, and tries five laws on each: neutral paramet
 the identity; the same seed gives the same bits; values in range give finite numbers;
 every parameter has an influence; the input is left alone.
 
-The exit status is 0 where all hold, else 2.
+The exit status is 0 where all hold, else 1.
 """
 _MEASURE = """\
 Renders a small world with each effect inside of the engines, and with its image function,
@@ -56,7 +56,8 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         "--effects", dest="files", type=Path, action="append", default=[], metavar="FILE", help="your own effects"
     )
     measure.add_argument(
-        "--write",
+        "-o",
+        "--out",
         type=Path,
         metavar="FILE",
         help="figures as JSON; python/activestereo/effects/differences.json is the page's",
@@ -88,13 +89,13 @@ def run_measure(args: argparse.Namespace) -> None:
     for name, difference in differences(chosen, args.device):
         found[name] = round(difference, 4)
         print(f"{name:28}{100 * difference:7.1f} %", flush=True)
-    if args.write:
+    if args.out:
         text = json.dumps(found, indent=1) + "\n"
-        replace_file(args.write, lambda file: file.write(text.encode()))
+        replace_file(args.out, lambda file: file.write(text.encode()))
 
 
 def run_check(args: argparse.Namespace) -> None:
-    from activestereo.cli.arguments import CommandError
+    from activestereo.cli.arguments import Finding
     from activestereo.effects import broken_laws, builtin, load_effects
 
     known, lawless = builtin(), 0
@@ -110,4 +111,4 @@ def run_check(args: argparse.Namespace) -> None:
         if not broken:
             print("  ok: all laws hold")
     if lawless:
-        raise CommandError(f"{args.file}: {lawless} effect{'s' if lawless > 1 else ''} with broken laws")
+        raise Finding(f"{args.file}: {lawless} effect{'s' if lawless > 1 else ''} with broken laws")

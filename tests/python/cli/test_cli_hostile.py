@@ -86,6 +86,6 @@ def test_what_nobody_foresaw_is_one_line(monkeypatch, capsys, raised, said):
         raise raised
 
     monkeypatch.setattr(cli, "_parsed", lambda _: argparse.Namespace(run=broken, allow_outside=False))
-    assert cli.main(["devices"]) == 1
+    assert cli.main(["devices"]) == 3
     text = capsys.readouterr().err
     assert text.count("\n") == 1 and said in text

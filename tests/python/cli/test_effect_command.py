@@ -83,7 +83,7 @@ def test_the_pages_example_is_the_example_file():
 def test_a_broken_law_is_named_and_the_status_says_so(tmp_path, capsys, body, words):
     with np.errstate(all="ignore"):
         status, out, err = check(capsys, user_file(tmp_path, body))
-    assert status == 2
+    assert status == 1
     assert "broken: " in out and words in out
     assert len(err.splitlines()) == 1 and "1 effect with broken laws" in err
 

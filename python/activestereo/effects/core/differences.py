@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The measured distance of the image functions from the engines: `activestereo effect measure --write`."""
+"""The measured distance of the image functions from the engines: `activestereo effect measure --out`."""
 
 import json
 from pathlib import Path

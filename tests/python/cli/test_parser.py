@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The promises of the parser of all commands: the same name of one thing everywhere, and the nearest name of what is not
+known."""
+
+import argparse
+import re
+from pathlib import Path
+
+import pytest
+
+from activestereo.cli import exit_codes, main, make_parser
+
+PAGE = Path(__file__).resolve().parents[3] / "examples/guide/command_line.md"
+
+
+def leaves(parser=None):
+    """{"calibrate noise": its parser} of all commands that do something."""
+    parser = make_parser() if parser is None else parser
+    kinds = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
+    inner = [leaf for kind in kinds for each in kind.choices.values() for leaf in leaves(each).items()]
+    return dict(inner) if kinds else {parser.prog.partition(" ")[2]: parser}
+
+
+def test_results_go_where_out_or_o_says_in_every_command():
+    assert len(leaves()) > 20
+    for name, parser in leaves().items():
+        options = parser._option_string_actions
+        assert options.get("-o") is options.get("--out"), name
+        assert not {"--output", "--write"} & set(options), name
+
+
+@pytest.mark.parametrize(
+    "arguments, meant",
+    [
+        (["diagnos", "x"], "did you mean 'diagnose'?"),
+        (["SIMULATE", "x"], "did you mean 'simulate'?"),
+        (["model", "shw", "x"], "did you mean 'show'?"),
+        (["simulate", "x.gltf", "--sensr", "d435"], "unknown option --sensr; did you mean '--sensor'?"),
+        (["simulate", "x.gltf", "--lazer-power=3", "--out", "x"], "did you mean '--laser-power'?"),
+        (["--allow-outsde", "compare", "x"], "did you mean '--allow-outside'?"),
+        (["depth", "l", "r", "--profile", "activ"], "did you mean 'active'?"),
+    ],
+)
+def test_a_misspelt_name_is_answered_with_the_nearest(arguments, meant, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    said = capsys.readouterr().err
+    assert ended.value.code == 2 and said.count("\n") == 1 and meant in said, said
+
+
+def test_an_option_may_be_cut_short_and_values_after_two_dashes_are_no_options():
+    assert make_parser().parse_args(["compare", "x", "--ou", "y"]).out == Path("y")
+    assert make_parser().parse_args(["model", "show", "--", "--odd.json"]).files == [Path("--odd.json")]
+
+
+def test_the_page_has_every_exit_status_and_no_other():
+    told = {int(number) for number in re.findall(r"^\| (\d+) \|", PAGE.read_text(encoding="utf-8"), re.M)}
+    assert told == {value for name, value in vars(exit_codes).items() if name.isupper()}
