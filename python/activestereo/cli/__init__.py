@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: activestereo simulate | presets | depth | pair | depth-quality | compare | diagnose | add | model |
-calibrate | import | overlay | effect | generate | benchmark | cache | devices, one file each. This one parses, runs and makes
-failures one line."""
+calibrate | import | overlay | effect | generate | benchmark | cache | devices | doctor, one file each. This one parses,
+runs and makes failures one line."""
 
 import argparse
 import os
@@ -21,6 +21,7 @@ from activestereo.cli import (
     depth_quality,
     devices,
     diagnose,
+    doctor,
     effect,
     generate,
     import_capture,
@@ -53,6 +54,7 @@ _COMMANDS = (
     generate,
     cache,
     devices,
+    doctor,
 )
 
 

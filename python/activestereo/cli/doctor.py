@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""activestereo doctor: what this machine renders and matches on, and what stands in the way."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict
+from importlib.util import find_spec
+from typing import Any
+
+from activestereo.cli.arguments import Commands, Finding
+
+_TEXT = """\
+Tells what this machine renders and matches on, why each device is refused, which optional
+packages are there, where the cache is and how large, and how much memory is free. Known
+failures of a Vulkan set-up are named with the line that mends them.
+
+The exit status is 0 where all is well, else 1.
+"""
+_PACKAGES = {
+    "cv2": "lab", "sapien": "sapien", "mani_skill": "mani_skill", "mujoco": "mujoco", "ray": "ray", "rosbags": "bags",
+    "pyrealsense2": "live", "mitsuba": "mitsuba", "pxr": "usd", "opengl_basisu": "ktx2",
+}  # fmt: skip
+
+
+def add_parser(commands: Commands) -> None:
+    parser = commands.add_parser(
+        "doctor",
+        help="what this machine renders on, and what stands in the way",
+        description=_TEXT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> None:
+    found = examine()
+    print(json.dumps(found, indent=1) if args.json else _words(found), flush=True)
+    count = len(found["problems"])
+    if count:
+        raise Finding(f"{count} problem{'s' if count > 1 else ''} with the Vulkan set-up")
+
+
+def examine() -> dict[str, Any]:
+    """All that is told, as values for JSON."""
+    import kuafu
+    from activestereo.cli.vulkan_setup import problems
+    from activestereo.compare.cache import LayerCache
+
+    try:
+        devices = kuafu.Device.enumerate()
+    except RuntimeError:  # a driver that fails where it has no device
+        devices = []
+    names = ("index", "name", "kind", "driver", "api_version", "memory_bytes", "usable", "refused")
+    cache = LayerCache()
+    return {
+        "renders_on": kuafu.Device().info.name if any(device.usable for device in devices) else None,
+        "matches_on": "the device that renders, or the CPU",
+        "devices": [
+            {name: getattr(device, name) for name in names} | {"capabilities": list(device.capabilities)}
+            for device in devices
+        ],
+        "problems": [asdict(problem) for problem in problems(len(devices))],
+        "packages": {name: find_spec(name) is not None for name in _PACKAGES},
+        "cache": {
+            "folder": str(cache.folder),
+            "used_bytes": sum(entry.size_bytes for entry in cache.entries()),
+            "limit_bytes": cache.limit_bytes,
+        },
+        "memory_free_bytes": _free_memory(),
+    }
+
+
+def _words(found: dict[str, Any]) -> str:
+    lines = [f"renders on: {found['renders_on'] or 'nothing: no Vulkan device can be used'}"]
+    lines.append(f"matches on: {found['matches_on'] if found['renders_on'] else 'the CPU'}")
+    for device in found["devices"]:
+        state = "usable" if device["usable"] else f"refused: {device['refused']}"
+        lines.append(f"device [{device['index']}] {device['name']} ({device['kind']}, {device['driver']}): {state}")
+    for problem in found["problems"]:
+        lines += [f"problem, {problem['name']}: {problem['seen']}", f"  mend it: {problem['remedy']}"]
+    there = [name for name, is_there in found["packages"].items() if is_there]
+    missing = [f"{name} (extra {_PACKAGES[name]})" for name in found["packages"] if name not in there]
+    lines.append(f"optional packages: {', '.join(there) or 'none'}; not there: {', '.join(missing) or 'none'}")
+    cache, free = found["cache"], found["memory_free_bytes"]
+    lines.append(f"cache: {cache['used_bytes'] / 1e9:.2f} of {cache['limit_bytes'] / 1e9:g} GB in {cache['folder']}")
+    lines.append("free memory: " + ("not known" if free is None else f"{free / 1e9:.1f} GB"))
+    return "\n".join(lines)
+
+
+def _free_memory() -> int | None:
+    """Bytes that programs may still take; None where the kernel does not tell."""
+    from activestereo.common.input_files import read_text
+
+    try:
+        fields = dict(line.split(":", 1) for line in read_text("/proc/meminfo").splitlines())
+        return 1024 * int(fields["MemAvailable"].split()[0])
+    except (OSError, KeyError, ValueError):
+        return None

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Known failures of a Vulkan set-up, each with the line that mends it: no loader, no driver, a library of a driver that
+is missing, a container without the graphics capability, a render node without permission, a driver without a device."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from activestereo.common.input_files import read_json_object
+
+RENDER_NODES = Path("/dev/dri")
+_LAVAPIPE = "apt install libvulkan1 mesa-vulkan-drivers"
+# Debian's packages of what drivers are linked to, by the library's name without its version.
+_PACKAGES = {
+    "libXext": "libxext6", "libX11": "libx11-6", "libX11-xcb": "libx11-xcb1", "libxcb": "libxcb1", "libdrm": "libdrm2",
+    "libxshmfence": "libxshmfence1", "libwayland-client": "libwayland-client0", "libxcb-dri3": "libxcb-dri3-0",
+    "libxcb-present": "libxcb-present0", "libxcb-randr": "libxcb-randr0", "libxcb-sync": "libxcb-sync1",
+    "libEGL": "libegl1", "libGL": "libgl1",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A failure: its name, what was seen, and the line that mends it."""
+
+    name: str
+    seen: str
+    remedy: str
+
+
+def problems(device_count: int) -> list[Problem]:
+    """The failures of this machine's set-up. device_count: how many devices the loader lists."""
+    if (fault := load_fault("libvulkan.so.1")) is not None:
+        return [Problem("no loader", f"the Vulkan loader cannot be opened: {fault}", _LAVAPIPE)]
+    manifests = driver_manifests()
+    found = [*_missing_libraries(manifests), *_without_graphics(), *_closed_nodes()]
+    if not manifests:
+        variable = next((name for name in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES") if os.environ.get(name)), None)
+        seen = "no driver's manifest is there" if variable is None else f"{variable} names no manifest that is there"
+        found.append(Problem("no driver", seen, _LAVAPIPE if variable is None else f"unset {variable}"))
+    elif not device_count and not found:
+        names = ", ".join(path.name for path in manifests)
+        found.append(Problem("no device", f"the drivers that are there ({names}) find no device", _LAVAPIPE))
+    return found
+
+
+def driver_manifests() -> list[Path]:
+    """The manifests that the loader reads: those of VK_DRIVER_FILES or VK_ICD_FILENAMES, else of the usual folders."""
+    named = os.environ.get("VK_DRIVER_FILES") or os.environ.get("VK_ICD_FILENAMES")
+    if named:
+        return [path for path in map(Path, named.split(":")) if path.is_file()]
+    config, data = (
+        os.environ.get(name) or default
+        for name, default in (("XDG_CONFIG_DIRS", "/etc/xdg"), ("XDG_DATA_DIRS", "/usr/local/share:/usr/share"))
+    )
+    home = os.environ.get("XDG_DATA_HOME") or str(Path.home() / ".local/share")
+    folders = dict.fromkeys([*config.split(":"), "/etc", home, *data.split(":")])
+    return [path for folder in folders for path in sorted(Path(folder, "vulkan/icd.d").glob("*.json"))]
+
+
+def load_fault(library: str) -> str | None:
+    """The loader's words where the library cannot be opened."""
+    try:
+        ctypes.CDLL(library)
+    except OSError as error:
+        return str(error)
+    return None
+
+
+def _missing_libraries(manifests: list[Path]) -> Iterator[Problem]:
+    for manifest in manifests:
+        try:
+            name = str(read_json_object(manifest)["ICD"]["library_path"])
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            yield Problem("broken manifest", f"{manifest} cannot be read: {error}", _LAVAPIPE)
+            continue
+        fault = load_fault(str(manifest.parent / name) if "/" in name else name)
+        missing = re.match(r"((lib[\w+-]+?)\.so[\w.]*): cannot open shared object file", fault or "")
+        if missing is None or missing[1] == name:
+            continue  # it opens, or is another machine's, or not there at all
+        package = _PACKAGES.get(missing[2])
+        remedy = f"apt install {package}" if package else f"install the package that has {missing[1]}"
+        yield Problem("library missing", f"the driver {manifest.name} needs {missing[1]}, which is not there", remedy)
+
+
+def _without_graphics() -> Iterator[Problem]:
+    """NVIDIA's driver, of which a container got the part for computing alone."""
+    computes = any(load_fault(name) is None for name in ("libcuda.so.1", "libnvidia-ml.so.1"))
+    if computes and load_fault("libGLX_nvidia.so.0") is not None:
+        seen = "NVIDIA's driver is there for computing, without its part for graphics (libGLX_nvidia.so.0)"
+        remedy = "start the container with NVIDIA_DRIVER_CAPABILITIES=all (docker run --gpus all -e ...)"
+        yield Problem("no graphics capability", seen, remedy)
+
+
+def _closed_nodes() -> Iterator[Problem]:
+    for node in sorted(RENDER_NODES.glob("renderD*")):
+        if not os.access(node, os.R_OK | os.W_OK):
+            remedy = "sudo usermod -aG render $USER, then log in again (docker run: --group-add of the node's group)"
+            yield Problem("no permission", f"{node} may not be opened by this user", remedy)

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command doctor: six failures of a Vulkan set-up are provoked, named, and told with the line that mends them."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from activestereo.cli import main, vulkan_setup
+
+DEVICELESS = Path("/usr/share/vulkan/icd.d/intel_icd.x86_64.json")
+
+
+def doctor(**changes):
+    """(exit status, what it says in JSON) under changed variables of the environment."""
+    command = [sys.executable, "-m", "activestereo", "doctor", "--json"]
+    environment = {name: value for name, value in os.environ.items() if name not in ("VK_DRIVER_FILES",)}
+    result = subprocess.run(
+        command, capture_output=True, text=True, timeout=120, env=environment | {k: str(v) for k, v in changes.items()}
+    )
+    assert "Traceback" not in result.stderr, result.stderr
+    return result.returncode, json.loads(result.stdout)
+
+
+def assert_named(told, name, seen, remedy):
+    status, found = told
+    (problem,) = (p for p in found["problems"] if p["name"] == name)
+    assert status == 1 and seen in problem["seen"] and remedy in problem["remedy"], problem
+
+
+def test_a_machine_that_renders(device, capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr(vulkan_setup, "RENDER_NODES", tmp_path)
+    monkeypatch.setenv("ACTIVESTEREO_CACHE", str(tmp_path))
+    main(["doctor"])
+    said = capsys.readouterr().out
+    assert f"renders on: {device.info.name}" in said and f"of 2 GB in {tmp_path}" in said
+    _, found = doctor(ACTIVESTEREO_CACHE=tmp_path)
+    assert found["renders_on"] == device.info.name and found["memory_free_bytes"] > 1e8
+    assert any(entry["usable"] for entry in found["devices"])
+    assert set(found["packages"]) >= {"cv2", "mujoco", "pxr"} and found["cache"]["used_bytes"] == 0
+
+
+def test_no_loader(tmp_path):
+    for name in ("libvulkan.so.1", "libvulkan.so"):
+        (tmp_path / name).write_bytes(b"no library")
+    told = doctor(LD_LIBRARY_PATH=tmp_path)
+    assert_named(told, "no loader", "libvulkan.so.1", "apt install libvulkan1")
+    assert told[1]["renders_on"] is None and told[1]["devices"] == []
+
+
+def test_no_driver(tmp_path):
+    assert_named(doctor(VK_DRIVER_FILES="/none.json"), "no driver", "VK_DRIVER_FILES", "unset VK_DRIVER_FILES")
+
+
+@pytest.mark.skipif(any(Path("/dev/dri").glob("renderD*")), reason="a GPU is there, which the driver may find")
+@pytest.mark.skipif(not DEVICELESS.is_file(), reason="Debian's mesa-vulkan-drivers is not installed")
+def test_a_driver_without_a_device():
+    told = doctor(VK_DRIVER_FILES=DEVICELESS, VK_ICD_FILENAMES=DEVICELESS)
+    assert_named(told, "no device", DEVICELESS.name, "apt install")
+
+
+def test_a_library_of_the_driver_is_missing(tmp_path):
+    for output, more in (("libXext.so.99", ["-Wl,-soname,libXext.so.99"]), ("driver.so", ["libXext.so.99"])):
+        subprocess.run(
+            ["cc", "-shared", "-fPIC", "-Wl,--no-as-needed", "-x", "c", "/dev/null", "-o", output, "-x", "none", *more],
+            cwd=tmp_path, check=True,
+        )  # fmt: skip
+    (tmp_path / "libXext.so.99").unlink()
+    manifest = tmp_path / "icd.json"
+    manifest.write_text(json.dumps({"ICD": {"library_path": "./driver.so", "api_version": "1.3.0"}}))
+    told = doctor(VK_DRIVER_FILES=manifest, VK_ICD_FILENAMES=manifest)
+    assert_named(told, "library missing", "icd.json needs libXext.so.99", "apt install libxext6")
+
+
+def test_a_container_without_the_graphics_capability(stub_cuda, tmp_path):
+    (tmp_path / "libcuda.so.1").symlink_to(stub_cuda)
+    (tmp_path / "libGLX_nvidia.so.0").write_bytes(b"no library")
+    told = doctor(LD_LIBRARY_PATH=tmp_path)
+    assert_named(told, "no graphics capability", "libGLX_nvidia.so.0", "NVIDIA_DRIVER_CAPABILITIES=all")
+
+
+def test_no_permission_on_the_render_node(tmp_path, monkeypatch, capsys):
+    node = tmp_path / "renderD128"
+    node.touch()
+    may_open = os.access
+    monkeypatch.setattr(vulkan_setup, "RENDER_NODES", tmp_path)
+    monkeypatch.setattr("os.access", lambda path, mode: path != node and may_open(path, mode))  # root may open any file
+    status = main(["doctor", "--json"])
+    told = status, json.loads(capsys.readouterr().out)
+    assert_named(told, "no permission", "renderD128", "usermod -aG render")
