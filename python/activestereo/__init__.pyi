@@ -11,11 +11,10 @@ from activestereo.model.read import read_model as read_model
 from activestereo.model.write import write_model as write_model
 from activestereo.report.write import write_report as write_report
 from activestereo.scene_io.scene_files import load_scene_file as load_scene_file
-from activestereo.sensor.batch import Mounts as Mounts
 from activestereo.sensor.batch import StereoDepthSensorBatch as StereoDepthSensorBatch
 from activestereo.sensor.gbuffer.stereo import GBufferStereo as GBufferStereo
 from activestereo.sensor.mount import Mount as Mount
+from activestereo.sensor.mounts import Mounts as Mounts
 from activestereo.sensor.pipelined import PipelinedStereoDepthSensor as PipelinedStereoDepthSensor
-from activestereo.sensor.pipelined_batch import PipelinedStereoDepthSensorBatch as PipelinedStereoDepthSensorBatch
 from activestereo.sensor.sensor import StereoDepthSensor as StereoDepthSensor
 from activestereo.sensor.split_batch import SplitStereoDepthSensorBatch as SplitStereoDepthSensorBatch

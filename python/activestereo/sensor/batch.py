@@ -12,65 +12,38 @@ one that names none by all (activestereo.scene_io.bodies puts bodies into them).
 
 from __future__ import annotations
 
+import weakref
 from copy import deepcopy
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import kuafu
 import simsense
-from activestereo.camera.auto_exposure import AutoExposure, encoded_rgb
+from activestereo.camera.auto_exposure import encoded_rgb
 from activestereo.camera.config_limits import FRAME, RENDER_SEED
 from activestereo.camera.matching import Taken, make_engine, renderer_parameters
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.limits import POWER
 from activestereo.common.pose import Pose, PoseLike, as_matrix, camera_to_world
-from activestereo.common.pose_arrays import PosesLike, host_array, pose_fault, pose_matrices
+from activestereo.common.pose_arrays import host_array, pose_fault, pose_matrices
 from activestereo.model import SensorModel, read_model
+from activestereo.sensor.batch_exposure import BatchExposure
 from activestereo.sensor.batch_rig import BatchRig
 from activestereo.sensor.cuda_maps import MAPS, PICTURES, CudaMaps, check_cuda_name
 from activestereo.sensor.cuda_memory import CudaArray
 from activestereo.sensor.inputs import render_settings, shutter
 from activestereo.sensor.ir_link import IrLink
 from activestereo.sensor.lazy_maps import LazyMaps
+from activestereo.sensor.mounts import HasPoses, own_numbers, raise_broken
 from activestereo.sensor.picture_memory import RGB_OUTPUTS, PictureMemory
+from activestereo.sensor.pipelined_pictures import Picture, UnderWay
 from activestereo.sensor.result_memory import Kind, PartOfResults
 from activestereo.sensor.results import require_depth, require_picture, require_rgb
-
-# Of a batch's broken poses, so many are named in the error's text; the error has all their environments.
-_MOST_NAMED = 8
-
-
-class SensorPoseError(ValueError):
-    """A sensor's pose is none. The pictures of the other environments are taken; this one's are from its last place."""
-
-    def __init__(self, text: str, environments: list[int]) -> None:
-        super().__init__(text)
-        self.environments = environments  # all whose mounts have no pose
-        self.environment = environments[0]
-
-
-class HasPoses(Protocol):
-    """Where a batch stands, as Mounts or activestereo.integrations.mujoco's mount()."""
-
-    @property
-    def scene(self) -> kuafu.Scene: ...
-
-    @property
-    def poses(self) -> PosesLike: ...
-
-
-class Mounts:
-    """A scene and the poses in it that a batch of sensors moves along with: [E, 7] or [E, 4, 4], one sensor for each
-    environment, or [E, S, 7] or [E, S, 4, 4]; of NumPy, torch or DLPack. Assign `poses` to move them."""
-
-    def __init__(self, scene: kuafu.Scene, poses: PosesLike) -> None:
-        self.scene = scene
-        self.poses = poses
 
 
 class StereoDepthSensorBatch:
@@ -92,6 +65,10 @@ class StereoDepthSensorBatch:
     keep their numbers in the scene, and all has the bits that it has in a batch of all (SplitStereoDepthSensorBatch).
 
     results: where its maps lie, if not in arrays of its own.
+
+    pipelined: pictures are rendered while those before them are matched and read. take_picture() begins them, results
+    are of those before, with the same bits, and wait() comes before the scene changes: kuafu.Error, that work is under
+    way, where it does not.
     """
 
     def __init__(
@@ -103,19 +80,18 @@ class StereoDepthSensorBatch:
         on_cuda: bool = False,
         environments: range | None = None,
         results: PartOfResults | None = None,
+        pipelined: bool = False,
     ) -> None:
         self._config = deepcopy(config)
         self._config.check()
         self._mounts, self._scene = mounts, mounts.scene
-        self._exposure = AutoExposure(self._config)
-        if self._exposure.mode == "converging":
-            raise ValueError("ir_exposure_mode of a batch is 'fixed' or 'settled', not 'converging'")
+        self._exposure = BatchExposure(self._config)
         self._pose = np.eye(4) if pose is None else as_matrix(pose)
         places = pose_matrices(host_array(mounts.poses), "poses of sensors")
         self._mounts_shape = places.shape[:-2]
         if len(self._mounts_shape) not in (1, 2) or not places.size:
             raise ValueError(f"poses of sensors are [E] or [E, S] times 7 or 4x4, given {list(places.shape)}")
-        self._numbers = _own_numbers(environments, self._mounts_shape[0])
+        self._numbers = own_numbers(environments, self._mounts_shape[0])
         self._shape = (len(self._numbers), *self._mounts_shape[1:])
         self._count = int(np.prod(self._shape))
         sensors = self._count // self._shape[0]
@@ -123,13 +99,12 @@ class StereoDepthSensorBatch:
         self._places = np.broadcast_to(np.eye(4), (int(np.prod(self._mounts_shape)), 4, 4)).copy()
         self._environments = np.repeat(self._numbers, sensors).tolist()
         device = self._scene.device
-        rgb_width, rgb_height = self._config.rgb_resolution
-        self._on_cuda = on_cuda
-        self._rgb = PictureMemory(device, (self._count, rgb_height, rgb_width), RGB_OUTPUTS, on_cuda=on_cuda)
+        self._on_cuda, self._pipelined = on_cuda, pipelined
         self._renderer = kuafu.Renderer(device, **renderer_parameters(self._config))
         self._engine = make_engine(self._config, simsense.Device(device.info.device_uuid), self._count)
-        width, height = self._config.ir_resolution
-        self._link = IrLink(device, self._engine.device, width, height, count=self._count)
+        self._present = self._new_picture()
+        self._next = self._new_picture() if pipelined else self._present
+        self._under_way = UnderWay()
         model = read_model(Path(model)) if isinstance(model, (str, PathLike)) else model
         self._rig = BatchRig(self._config, self._scene, self._environments, model)
         try:
@@ -138,46 +113,73 @@ class StereoDepthSensorBatch:
             self.close()
             raise
         self._light_share = np.ones(self._count)  # of each sensor, over its exposure
-        self._frame, self._has_picture, self._speckle_draw, self._taken = -1, False, -1, Taken()
-        self._has_rgb = False
+        self._frame, self._speckle_draw, self._taken = -1, -1, Taken()
         self._results = results
         self._maps = LazyMaps() if on_cuda else LazyMaps("depth_rgb")
         self._cuda_maps, self._maps_on_cuda = CudaMaps(self._engine.device), LazyMaps("depth_rgb")
+        weakref.finalize(self, self._under_way.let_end).atexit = False
 
     # ---- taking pictures ----
 
     def take_picture(self, infrared_only: bool = False) -> None:
-        """Renders all infrared pairs, and before them the RGB pictures unless infrared_only. Raises SensorPoseError,
-        after the others' pictures are taken, where a mount's pose is none."""
-        self._has_picture = self._has_rgb = False
-        self._forget_maps()
+        """Renders all infrared pairs, and before them the RGB pictures unless infrared_only; a pipelined batch begins
+        to, and makes those before them the ones that results are of. Raises SensorPoseError, after the others' pictures
+        are taken or begun, where a mount's pose is none. Pictures that failed, here or in wait(), are none."""
+        self.wait()
+        if self._pipelined:
+            self._turn()
+        else:
+            self._forget_maps()
+        self._next.forget()
         broken = self._place()
         taken = self._prepare()
         try:
             if not infrared_only:
-                self._render_rgb(taken, self._rgb, self._renderer.render)
-                self._has_rgb = True
-            self._render_infrared(taken, self._link, self._renderer.render)
-        finally:
+                self._render_rgb(taken)
+            self._render_infrared(taken)
+        except BaseException:
+            self._under_way.let_end()
             self._darken()
-        self._expose(taken, self._link, self._light_share)
-        self._frame, self._has_picture, self._taken = taken.frame, True, taken
-        self._tell(broken)
+            raise
+        self._next.taken, self._next.has_rgb = taken, not infrared_only
+        self._next.light_share = self._light_share.copy()
+        if not self._pipelined:
+            self._finish()
+            self._turn()
+        raise_broken(broken, self._shape, self._numbers.start)
+
+    def wait(self) -> None:
+        """Until the pictures that a pipelined batch has begun are rendered: then the scene may change. Results stay
+        those of the ones before."""
+        if self._under_way:
+            self._finish()
+
+    @property
+    def has_picture(self) -> bool:
+        """Whether results are there: of a pipelined batch from the second take_picture() on, else from the first."""
+        return self._present.taken is not None
+
+    @property
+    def has_next(self) -> bool:
+        """Whether a pipelined batch has begun pictures, and they have not failed, that the next take_picture() makes
+        the present ones."""
+        return self._pipelined and self._next.taken is not None
 
     def render_true_depth(self) -> NDArray[np.float32]:
         """float32 [..., height, width] as get_true_depth(), of the scene and the mounts as they are now; takes no
         picture."""
+        self.wait()
         broken = self._place()
         depth = self._renderer.render(
             self._scene, self._rgb_cameras, ["depth"], band="visible", environments=self._environments, spp=1
         )["depth"]
-        self._tell(broken)
+        raise_broken(broken, self._shape, self._numbers.start)
         return depth.reshape(*self._shape, *depth.shape[1:3])
 
     def compute_depth(self) -> None:
         """Noise, matching and registration of all pairs. What has been read of earlier pictures is computed at once;
         anything else when it is first read."""
-        require_picture(self._has_picture)
+        require_picture(self.has_picture)
         self._maps.begin(self._compute)
         if self._on_cuda:
             self._maps_on_cuda.begin(self._compute_on_cuda)
@@ -203,9 +205,9 @@ class StereoDepthSensorBatch:
     def get_ir_radiance(self) -> NDArray[np.float32]:
         """float32 [2, ..., height, width] W/(sr m^2) at the imagers, left then right, without noise; a copy of a
         GPU's memory, elsewhere a view of what the next picture is rendered into."""
-        require_picture(self._has_picture)
+        require_picture(self.has_picture)
         height, width = self._config.ir_resolution[::-1]
-        return self._link.images().reshape(2, *self._shape, height, width)
+        return self._present.link.images().reshape(2, *self._shape, height, width)
 
     def get_depth_map(self, name: str) -> NDArray[Any]:
         """'confidence', 'reason', 'points', 'rectified_left' or 'rectified_right', as StereoDepthSensor has them."""
@@ -244,9 +246,9 @@ class StereoDepthSensorBatch:
         if name in MAPS:
             require_depth(self._maps)
             return self._maps_on_cuda.read(MAPS[name], self._compute_on_cuda)
-        require_rgb(self._has_picture, self._has_rgb)
-        shape = self._rgb.targets[PICTURES[name]].shape
-        return self._rgb.cuda(PICTURES[name], (*self._shape, *(shape[1:] if shape[-1] > 1 else shape[1:-1])))
+        require_rgb(self.has_picture, self._present.has_rgb)
+        shape = self._present.rgb.targets[PICTURES[name]].shape
+        return self._present.rgb.cuda(PICTURES[name], (*self._shape, *(shape[1:] if shape[-1] > 1 else shape[1:-1])))
 
     # ---- the batch itself ----
 
@@ -327,14 +329,17 @@ class StereoDepthSensorBatch:
         """The next picture is frame 0 under this seed, of the render and of the noise: from here on all is as it was
         after the same restart."""
         seed = int(RENDER_SEED.check("the seed", seed))
+        self.wait()
         self._config.render_seed = self._config.noise_seed = seed
         self._engine.set_parameters(noise_seed=seed)
-        self._frame, self._speckle_draw, self._has_picture = -1, -1, False
-        self._has_rgb = False
+        self._frame, self._speckle_draw = -1, -1
+        self._present.forget()
+        self._next.forget()
         self._forget_maps()
 
     def close(self) -> None:
         """Takes the projectors, and what else a model brought, out of the scene."""
+        self._under_way.let_end()
         self._rig.leave()
 
     def __enter__(self) -> StereoDepthSensorBatch:
@@ -347,27 +352,24 @@ class StereoDepthSensorBatch:
 
     # ---- inside ----
 
+    def _new_picture(self) -> Picture:
+        """Memory for pictures of all sensors."""
+        device, (width, height) = self._scene.device, self._config.ir_resolution
+        rgb_width, rgb_height = self._config.rgb_resolution
+        return Picture(
+            IrLink(device, self._engine.device, width, height, count=self._count),
+            PictureMemory(device, (self._count, rgb_height, rgb_width), RGB_OUTPUTS, on_cuda=self._on_cuda),
+        )
+
     def _make_rig(self) -> None:
         """The cameras and projectors of all sensors, and where they are on theirs."""
         c = self._config
-        inputs = self._rig.inputs
-        self._engine.set_signal(*(eye.signal for eye in inputs.eyes))
-        self._signal, self._max_dn = inputs.left.signal, inputs.max_dn
+        self._engine.set_signal(*(eye.signal for eye in self._rig.inputs.eyes))
         lens: dict[str, Any] = {"distortion": c.rgb_distortion, "exposure_s": c.rgb_exposure_s}
         lens |= shutter(c.rgb_line_time_s, c.rgb_readout)
         self._rgb_on_rig = camera_to_world(Pose())
         width, height = c.rgb_resolution
         self._rgb_cameras = [kuafu.Camera(width, height, c.rgb_intrinsic, **lens) for _ in range(self._count)]
-
-    def _tell(self, broken: NDArray[np.intp]) -> None:
-        if broken.size:
-            places = np.stack(np.unravel_index(broken, self._shape), axis=1)
-            places[:, 0] += self._numbers[0]
-            named = "; environment ".join(", sensor ".join(map(str, place)) for place in places[:_MOST_NAMED].tolist())
-            named += f" and {broken.size - _MOST_NAMED} more" if broken.size > _MOST_NAMED else ""
-            text = f"environment {named}: the mount's pose is not a finite rigid one; {broken.size} of {self._count}"
-            bad = np.unique(places[:, 0]).tolist()
-            raise SensorPoseError(f"{text} sensors took their picture from their last place", bad)
 
     def _place(self) -> NDArray[np.intp]:
         """Cameras and projectors to where the mounts are; returns the numbers of sensors whose mount has no pose."""
@@ -395,51 +397,50 @@ class StereoDepthSensorBatch:
         if not self._config.projector_always_on:
             self._rig.shine(0.0)
 
-    def _render_rgb(self, taken: Taken, memory: PictureMemory, run: Any) -> Any:
-        """run: the renderer's render or submit."""
+    def _render(self, group: str, cameras: list[kuafu.Camera], targets: Any, taken: Taken, **options: Any) -> None:
+        """Renders now, or begins to where pictures are pipelined."""
+        options |= render_settings(self._config, taken.frame)
+        if self._pipelined:
+            self._under_way.begin(group, self._renderer, self._scene, cameras, targets, **options)
+        else:
+            self._renderer.render(self._scene, cameras, targets, **options)
+
+    def _render_rgb(self, taken: Taken) -> None:
+        memory = self._next.rgb
         memory.forget()
-        return run(
-            self._scene,
-            self._rgb_cameras,
-            memory.targets,
-            band="visible",
-            environments=self._environments,
-            film=self._config.rgb_film,
-            scales={"srgb": self._config.rgb_exposure or 0.0},
-            **render_settings(self._config, taken.frame),
-        )
+        film, scales = self._config.rgb_film, {"srgb": self._config.rgb_exposure or 0.0}
+        seen = {"band": "visible", "environments": self._environments, "film": film, "scales": scales}
+        self._render("rgb", self._rgb_cameras, memory.targets, taken, **seen)
 
-    def _render_infrared(self, taken: Taken, link: IrLink, run: Any) -> Any:
+    def _render_infrared(self, taken: Taken) -> None:
         """The laser's part, where speckle is its alone, is kept beside it."""
-        return run(
-            self._scene,
-            self._rig.cameras,
-            link.targets(taken.is_laser_apart),
-            band="infrared",
-            environments=self._environments * 2,
-            film=self._rig.films,
-            **render_settings(self._config, taken.frame),
-        )
+        seen = {"band": "infrared", "environments": self._environments * 2, "film": self._rig.films}
+        self._render("ir", self._rig.cameras, self._next.link.targets(taken.is_laser_apart), taken, **seen)
 
-    def _expose(self, taken: Taken, link: IrLink, light_share: NDArray[np.float64]) -> None:
-        """Brings a rendered pair to the sensors' exposures, and to the engine."""
-        if self._exposure.mode != "fixed" or not bool((light_share == 1.0).all()):
-            links = [link, link.laser()] if taken.is_laser_apart else [link]
-            pairs = [(images := one.images()).reshape(2, self._count, *images.shape[1:]) for one in links]
-            for n in range(self._count):
-                light = self._light_of(pairs[0][0, n]) * np.float32(light_share[n])
-                for images in pairs:
-                    images[:, n] *= light
-            for one, images in zip(links, pairs, strict=True):
-                one.put(images)
-        link.deliver()
+    def _finish(self) -> None:
+        """Once the next pictures are rendered: the emitters go dark, and the pairs are exposed and delivered."""
+        try:
+            try:
+                self._under_way.wait()
+            finally:
+                if not self._under_way:
+                    self._darken()
+            self._exposure.expose(self._next, self._rig.inputs)
+        except BaseException:
+            if not self._under_way:
+                self._next.forget()
+            raise
 
-    def _light_of(self, left: NDArray[np.float32]) -> np.float32:
-        """How much more light than under the configuration's exposure a sensor that sees this takes."""
-        if self._exposure.mode == "fixed":
-            return np.float32(1.0)
-        setting = self._exposure.after(self._config, self._signal, left, self._max_dn)
-        return np.float32(setting.light_s / self._exposure.start.light_s)
+    def _turn(self) -> None:
+        """What was rendered are the pictures now; of a pipelined batch those before give their memory to the next."""
+        taken = self._next.taken
+        if taken is None:
+            return
+        self._forget_maps()
+        self._present, self._next = self._next, self._present
+        self._frame, self._taken = taken.frame, taken
+        if self._pipelined:
+            self._next.forget()
 
     def _compute(self, names: list[str]) -> dict[str, NDArray[Any]]:
         taken = {} if self._results is None else self._results.take(names)
@@ -465,27 +466,19 @@ class StereoDepthSensorBatch:
         self._engine.set_parameters(
             frame_index=self._taken.frame, scene_index=self._taken.speckle_draw, first_view=self._own.start
         )
-        pair = (self._link.left, self._link.right)
-        lasers: dict[str, Any] = self._link.lasers(self._taken.is_laser_apart)
-        return self._engine.compute(*pair, outputs, **lasers)
+        link = self._present.link
+        lasers: dict[str, Any] = link.lasers(self._taken.is_laser_apart)
+        return self._engine.compute(link.left, link.right, outputs, **lasers)
 
     def _output(self, name: str) -> NDArray[Any]:
         require_depth(self._maps)
         return self._maps.read(name, self._compute)
 
     def _picture(self, name: str) -> NDArray[Any]:
-        require_rgb(self._has_picture, self._has_rgb)
-        image = self._rgb.read(name)
+        require_rgb(self.has_picture, self._present.has_rgb)
+        image = self._present.rgb.read(name)
         return image.reshape(*self._shape, *image.shape[1:])
 
     def _forget_maps(self) -> None:
         self._maps.clear()
         self._maps_on_cuda.clear()
-
-
-def _own_numbers(environments: range | None, count: int) -> range:
-    """Of the environments of a batch, among `count` that there are."""
-    numbers = range(count) if environments is None else environments
-    if not (numbers.step == 1 and 0 <= numbers.start < numbers.stop <= count):
-        raise ValueError(f"environments of a batch are a range inside of 0 to {count - 1}, not {numbers}")
-    return numbers

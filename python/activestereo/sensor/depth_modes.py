@@ -24,7 +24,8 @@ import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.nearest import unknown
 from activestereo.common.pose import PoseLike
-from activestereo.sensor.batch import HasPoses, StereoDepthSensorBatch
+from activestereo.sensor.batch import StereoDepthSensorBatch
+from activestereo.sensor.mounts import HasPoses
 from activestereo.sensor.rival_noise import IsaacSettings, datasheet, gaussian, isaac, redwood, simkinect
 
 MODES = ("clean", "gaussian", "datasheet", "simkinect", "redwood", "isaac-like", "raster", "full")

@@ -1,14 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Renders that were submitted and have not been waited for, and the pipelined sensors that a scene's changes wait
-for."""
+"""A batch's picture in its own memory, renders that were submitted and have not been waited for, and the pipelined
+sensors that a scene's changes wait for."""
 
 from __future__ import annotations
 
 import weakref
 from collections.abc import Callable
-from typing import Protocol
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 import kuafu
+from activestereo.camera.matching import Taken
+from activestereo.sensor.ir_link import IrLink
+from activestereo.sensor.picture_memory import PictureMemory
+
+
+@dataclass
+class Picture:
+    """Memory that pictures are rendered into one after another, and what the last one was taken under. taken: None
+    where there is none. light_share: of each sensor, the light over that of its exposure."""
+
+    link: IrLink
+    rgb: PictureMemory
+    taken: Taken | None = None
+    has_rgb: bool = False
+    light_share: NDArray[np.float64] = field(default_factory=lambda: np.ones(1))
+
+    def forget(self) -> None:
+        """There is none until the next one has been taken."""
+        self.taken, self.has_rgb = None, False
 
 
 class UnderWay:
@@ -22,6 +45,10 @@ class UnderWay:
 
     def add(self, name: str, submission: kuafu.Submission) -> None:
         self._submissions.append((name, submission))
+
+    def begin(self, name: str, renderer: kuafu.Renderer, *scene_and_views: Any, **options: Any) -> None:
+        """Submits what renderer.render() would do."""
+        self.add(name, renderer.submit(*scene_and_views, **options))
 
     def wait(self, ended: Callable[[str], object] | None = None) -> None:
         """Until all have ended; ended(name) after each. Where one has failed the others end first, unheard; an

@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose_arrays import host_array
-from activestereo.sensor.batch import HasPoses, SensorPoseError, StereoDepthSensorBatch
+from activestereo.sensor.batch import StereoDepthSensorBatch
+from activestereo.sensor.mounts import HasPoses, SensorPoseError
 from activestereo.sensor.result_memory import JoinedResults, joined
 
 _Result = TypeVar("_Result")

@@ -7,7 +7,6 @@ import pytest
 import kuafu
 from activestereo import (
     PipelinedStereoDepthSensor,
-    PipelinedStereoDepthSensorBatch,
     Mounts,
     Pose,
     StereoDepthSensor,
@@ -91,19 +90,19 @@ def test_bits_are_the_serial_ones(config, mode, emitter, with_rgb):
             np.testing.assert_array_equal(one, other)
 
 
-def batch_pictures(kind, config, count):
-    """Pictures of two environments, one darker than the other, after each picture from the `kind`'s first on."""
+def batch_pictures(config, count, pipelined):
+    """Pictures of two environments, one darker than the other, after each picture that has results."""
     scene, square = small_world()
     poses = np.tile(np.eye(4), (2, 1, 1))
     poses[1, 1, 3] = 0.1
-    with kind(config, Mounts(scene, poses)) as batch:
+    with StereoDepthSensorBatch(config, Mounts(scene, poses), pipelined=pipelined) as batch:
         batch.vary(1, np.array([1.0]), np.array([0.6]), np.eye(3)[None])
         for step in range(count):
-            if kind is PipelinedStereoDepthSensorBatch:
-                batch.wait()
+            batch.wait()
             move(scene, square, min(step, COUNT - 1))
             batch.take_picture()
-            if kind is StereoDepthSensorBatch or batch.has_picture:
+            assert batch.has_picture == (step > 0 or not pipelined)
+            if batch.has_picture:
                 batch.compute_depth()
                 found = [batch.get_depth(), *batch.get_ir_measured(), batch.get_ir_radiance(), batch.get_rgba8()]
                 yield [np.array(image) for image in (*found, batch.get_rgb(), batch.get_instance_ids())]
@@ -111,11 +110,9 @@ def batch_pictures(kind, config, count):
 
 def test_bits_of_a_batch_are_the_serial_ones(config):
     config.ir_exposure_mode = "settled"
-    pictures = list(batch_pictures(StereoDepthSensorBatch, config, COUNT))
+    pictures = list(batch_pictures(config, COUNT, False))
     assert not np.array_equal(pictures[0][1], pictures[1][1])
-    for expected, found in zip(
-        pictures, batch_pictures(PipelinedStereoDepthSensorBatch, config, COUNT + 1), strict=True
-    ):
+    for expected, found in zip(pictures, batch_pictures(config, COUNT + 1, True), strict=True):
         for one, other in zip(expected, found, strict=True):
             np.testing.assert_array_equal(one, other)
 
@@ -123,7 +120,7 @@ def test_bits_of_a_batch_are_the_serial_ones(config):
 def test_a_batch_starts_anew_while_pictures_are_under_way(config):
     config.ir_exposure_mode = "fixed"
     scene, square = small_world()
-    with PipelinedStereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None])) as batch:
+    with StereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None]), pipelined=True) as batch:
         depths = []
         for _ in range(2):
             batch.restart(7)

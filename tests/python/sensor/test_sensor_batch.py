@@ -11,7 +11,7 @@ from activestereo import Mount, Mounts, Pose, StereoDepthSensor, StereoDepthSens
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
 from activestereo.effects import builtin
-from activestereo.sensor.batch import SensorPoseError
+from activestereo.sensor.mounts import SensorPoseError
 from activestereo.model import Quantity, SensorModel
 
 FORWARD = [0, 0, 0, 1, 0, 0, 0]

@@ -10,7 +10,7 @@ import kuafu
 from activestereo import Mounts, SplitStereoDepthSensorBatch, StereoDepthSensorBatch, StereoDepthSensorConfig
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
-from activestereo.sensor.batch import SensorPoseError
+from activestereo.sensor.mounts import SensorPoseError
 
 DISTANCES_M = (0.5, 0.6, 0.8)
 POSES = np.array([[[0, 0, 0, 1, 0, 0, 0], [0.1, 0, 0, 1, 0, 0, 0]]] * 3, float)  # two sensors in each environment

@@ -17,7 +17,8 @@ from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import CAMERA_TO_BODY, look_at
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import add_mesh
-from activestereo.sensor.batch import Mounts, StereoDepthSensorBatch
+from activestereo.sensor.batch import StereoDepthSensorBatch
+from activestereo.sensor.mounts import Mounts
 from activestereo.sensor.picture_memory import PictureMemory
 
 _TABLE_HALF_M = 2.0

@@ -18,7 +18,6 @@ from activestereo.integrations.mani_skill.world import ManiSkillWorld
 from activestereo.sensor.batch import StereoDepthSensorBatch
 from activestereo.sensor.cuda_memory import CudaError
 from activestereo.sensor.cuda_tensor import cuda_tensor, wait_for
-from activestereo.sensor.pipelined_batch import PipelinedStereoDepthSensorBatch
 
 _MM = 1000.0
 _FARTHEST_MM = 32767.0
@@ -79,7 +78,7 @@ class StereoDepthCamera(Camera):
         if self._world is None:
             self._world = ManiSkillWorld.of(self._scene, self.config.device)
             self._sensors = self._made(self._world)
-            if isinstance(self._sensors, PipelinedStereoDepthSensorBatch):
+            if self.config.pipelined:
                 self._world.pipelined.add(self._sensors)
         self._world.update()
 
@@ -119,18 +118,17 @@ class StereoDepthCamera(Camera):
 
     def _made(self, world: ManiSkillWorld) -> StereoDepthSensorBatch:
         config = self.config.native(self.camera.get_intrinsic_matrix()[0].cpu().numpy().astype(np.float64))
-        kind = PipelinedStereoDepthSensorBatch if self.config.pipelined else StereoDepthSensorBatch
         mounts = _CameraMounts(self.camera, world.scene)
         is_there = self._scene.device.type == "cuda"
         self._on_cuda = is_there if self.config.on_cuda is None else self.config.on_cuda
         try:
-            return kind(config, mounts, on_cuda=self._on_cuda)
+            return StereoDepthSensorBatch(config, mounts, on_cuda=self._on_cuda, pipelined=self.config.pipelined)
         except CudaError as error:
             if self.config.on_cuda:
                 raise
             warnings.warn(f"observations pass through the host: {error}", stacklevel=3)
             self._on_cuda = False
-            return kind(config, mounts)
+            return StereoDepthSensorBatch(config, mounts, pipelined=self.config.pipelined)
 
     def _taken(self, name: str) -> torch.Tensor:
         """The images of the sensors' get_<name>(), where observations are made."""
@@ -140,8 +138,7 @@ class StereoDepthCamera(Camera):
 
     def _serves(self, begun: _Begun) -> bool:
         """Whether the picture that was begun is the next observation's: not after a reset(), nor where it failed."""
-        sensors = self._sensors
-        return begun.reset is self._reset and isinstance(sensors, PipelinedStereoDepthSensorBatch) and sensors.has_next
+        return begun.reset is self._reset and self._sensors is not None and self._sensors.has_next
 
     @property
     def _reset(self) -> torch.Tensor:
@@ -152,7 +149,7 @@ class StereoDepthCamera(Camera):
         assert self._world is not None
         self._world.pipelined.wait()  # another camera's picture, too: ours turns our projectors on
         sensors, begun = self.sensors, self._begun
-        if not isinstance(sensors, PipelinedStereoDepthSensorBatch):
+        if not self.config.pipelined:
             sensors.take_picture(infrared_only=not with_rgb)
             return
         serves = begun is not None and self._serves(begun) and (begun.has_rgb or not with_rgb)
