@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """activestereo benchmark sim-to-real run | score | ablate: how well simulated depth ranks methods as a foreign world
-does."""
+does. activestereo benchmark inject: a known effect in a capture's measured images (benchmark_inject.py)."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 
 from activestereo.benchmarks.sim_to_real.worlds import FOREIGN
 from activestereo.cli.arguments import CommandError, Commands, add_device, add_out, add_seed, integer_from, make_folder
+from activestereo.cli.benchmark_inject import add_inject
 
 _TEXT = """\
 Asks whether a simulated depth camera tells which methods will do well with another
@@ -50,9 +51,11 @@ examples:
 
 def add_parser(commands: Commands) -> None:
     raw = argparse.RawDescriptionHelpFormatter
-    text = "measure how well simulated depth ranks methods as a foreign world does"
-    benchmarks = commands.add_parser("benchmark", help="measure how well simulated depth stands for real depth")
+    text = "measure how well simulated depth stands for real depth, and how well the lab finds a known effect"
+    benchmarks = commands.add_parser("benchmark", help=text)
     kinds = benchmarks.add_subparsers(dest="benchmark", metavar="BENCHMARK", required=True)
+    add_inject(kinds)
+    text = "measure how well simulated depth ranks methods as a foreign world does"
     parser = kinds.add_parser("sim-to-real", help=text, description=_TEXT, formatter_class=raw)
     parts = parser.add_subparsers(dest="part", metavar="PART", required=True)
     make = parts.add_parser("run", help="pictures, tuning, poses, scores", description=_RUN, formatter_class=raw)

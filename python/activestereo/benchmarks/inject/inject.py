@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A copy of a capture whose measured infrared images have one effect more, and the answer beside them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+
+from activestereo.benchmarks.inject.dots import moved_depth
+from activestereo.benchmarks.inject.kinds import KINDS, Kind
+from activestereo.benchmarks.inject.light import Light, View
+from activestereo.benchmarks.inject.noise import NoiseLaw, measured_law, with_noise
+from activestereo.capture.capture import EYES, SPLITS, Capture, Frame
+from activestereo.capture.images import read_gray, write_gray
+from activestereo.common.input_files import read_bytes, read_json
+from activestereo.common.output_files import new_folder, write_bytes, write_text
+from activestereo.common.progress_bar import ProgressBar
+
+ANSWER = "answer.json"
+_DARKEST = 0.001  # of all pixels: taken for black where nothing better is known
+_ROW_TIME_S = 2e-5  # of a capture that tells none
+
+
+@dataclass(frozen=True)
+class Injection:
+    """One effect for the images of a capture, and all that they then depend on."""
+
+    capture: Capture
+    name: str
+    strength: str
+    value: float
+    eyes: tuple[str, ...]
+    drawn: Mapping[str, float]
+    seed: int
+    black_dn: float
+    law: NoiseLaw
+
+    @property
+    def kind(self) -> Kind:
+        return KINDS[self.name]
+
+    def changed(self, number: int, eye: str) -> np.ndarray:
+        """The image of one frame, by its number in the capture, as whole DN."""
+        frame, rig = self.capture.frames[number], self.capture.rig
+        measured = self.capture.ir(frame, eye).astype(np.float64)
+        if eye not in self.eyes or (self.name == "dead_dots" and frame.projector_power == 0.0):
+            return measured
+        light = Light(measured - self.black_dn, self.law.variance(measured - self.black_dn))
+        view = self._view(number, eye)
+        try:
+            light = self.kind.apply(light, view, **{self.kind.parameter: self._scaled_value(), **self.drawn})
+        except ValueError as error:
+            raise ValueError(f"{self.capture.path}: frames[id={frame.id}] {error}") from error
+        if not self.kind.behind_noise:
+            light = with_noise(light, self.law, view.temporal)
+        return np.clip(np.rint(light.value + self.black_dn), 0, rig.max_dn)
+
+    def _scaled_value(self) -> float:
+        return self.value * (self.capture.rig.max_dn / 255.0 if self.kind.in_dn else 1.0)
+
+    def _view(self, number: int, eye: str) -> View:
+        frame, rig = self.capture.frames[number], self.capture.rig
+        is_right = eye == "right"
+        camera_to_left = np.linalg.inv(rig.left_to_right) if is_right else np.eye(4)
+        pattern = rig.projector.pattern()
+        return View(
+            K=rig.camera(eye).K,
+            is_right=is_right,
+            time_s=frame.timestamp_s,
+            row_time_s=rig.line_time_s or _ROW_TIME_S,
+            max_dn=rig.max_dn - self.black_dn,
+            depth=self._depth(frame, is_right) if self.name == "dead_dots" else None,
+            camera_to_projector=np.asarray(rig.projector.left_to_projector @ camera_to_left, np.float64),
+            projector_K=rig.projector.K,
+            projector_size=(pattern.shape[1], pattern.shape[0]),
+            temporal=_generator(self.seed, number, is_right),
+            static=_generator(self.seed),
+        )
+
+    def _depth(self, frame: Frame, is_right: bool) -> np.ndarray | None:
+        """Depth of one camera, by this frame or another of its pose: repeats often have it once."""
+        same = (f for f in self.capture.frames if np.array_equal(f.camera_to_world, frame.camera_to_world))
+        told = next((f for f in (frame, *same) if f.depth_path is not None), frame)
+        depth, rig = self.capture.depth(told), self.capture.rig
+        if depth is None or not is_right:
+            return None if depth is None else depth.astype(np.float64)
+        return moved_depth(depth.astype(np.float64), rig.left.K, rig.left_to_right, rig.right.K)
+
+
+def _generator(*key: int | bool) -> np.random.Generator:
+    return np.random.Generator(np.random.PCG64([int(part) for part in key]))
+
+
+def plan(capture: Capture, name: str, strength: str, seed: int, black_dn: float | None = None) -> Injection:
+    """The Injection of an effect at one of STRENGTHS, or at a number. black_dn: the images' black level; None takes
+    their darkest pixels for it. ValueError says what is wrong."""
+    if name not in KINDS:
+        raise ValueError(f"there is no effect {name!r}: {', '.join(KINDS)}")
+    kind = KINDS[name]
+    try:
+        value = kind.value(strength)
+    except ValueError as error:
+        raise ValueError(f"the strength of {name} {error}") from error
+    if not any(frame.has_infrared for frame in capture.frames):
+        raise ValueError(f"{capture.path}: there are no infrared images to put an effect into")
+    choice = _generator(seed, crc32(name.encode()))
+    eyes = (EYES[int(choice.integers(2))],) if kind.one_camera else EYES
+    black = darkest(capture) if black_dn is None else black_dn
+    if not 0.0 <= black < capture.rig.max_dn:
+        raise ValueError(f"the black level is {black:g}, expected 0 to below {capture.rig.max_dn} DN")
+    law = measured_law(capture, black)
+    return Injection(capture, name, strength, value, eyes, kind.drawn(choice), seed, black, law)
+
+
+def darkest(capture: Capture) -> float:
+    """The darkest thousandth of all pixels, DN."""
+    images = [capture.ir(frame, eye).ravel() for frame in capture.frames if frame.has_infrared for eye in EYES]
+    return float(np.quantile(np.concatenate(images), _DARKEST, method="lower"))
+
+
+def write_injected(injection: Injection, out: Path, bar: ProgressBar | None = None) -> dict[str, Any]:
+    """Writes the capture with the effect as the new folder `out`, and returns what answer.json in it says. All but the
+    infrared images is copied: depth is what the device computed before."""
+    capture = injection.capture
+    home = capture.path.resolve()
+    if out.resolve().is_relative_to(home):
+        raise ValueError(f"{out} lies in the capture {capture.path}: give a place beside it")
+    for frame in capture.frames:
+        for eye in EYES if frame.has_infrared else ():
+            if not frame.path(eye).resolve().is_relative_to(home):
+                raise ValueError(f"{frame.path(eye)} lies outside of {capture.path}: move it into the folder")
+    differences: dict[str, list[float]] = {split: [] for split in SPLITS}
+    with new_folder(out) as folder:
+        for path in sorted(home.rglob("*")):
+            if path.is_file():
+                place = folder / path.relative_to(home)
+                place.parent.mkdir(parents=True, exist_ok=True)
+                write_bytes(place, read_bytes(path))
+        for number, frame in enumerate(capture.frames):
+            for eye in EYES if frame.has_infrared else ():
+                stored, pixels = read_gray(frame.path(eye)), injection.changed(number, eye)
+                differences[frame.split].append(float(np.mean((pixels - stored) ** 2)))
+                write_gray(folder / frame.path(eye).resolve().relative_to(home), pixels.astype(stored.dtype))
+            if bar is not None:
+                bar((number + 1) / len(capture.frames))
+        answer = _answer(injection, differences)
+        write_text(folder / ANSWER, json.dumps(answer, indent=1) + "\n")
+    return answer
+
+
+def _answer(injection: Injection, differences: Mapping[str, list[float]]) -> dict[str, Any]:
+    kind, law, before = injection.kind, injection.law, injection.capture.path / ANSWER
+    answer: dict[str, Any] = {
+        "format": "active-stereo-injected-effect",
+        "version": 1,
+        "effect": injection.name,
+        "accepted": list(kind.accepted),
+        "strength": injection.strength,
+        "cameras": list(injection.eyes),
+        "parameters": {kind.parameter: injection._scaled_value(), **injection.drawn},
+        "seed": injection.seed,
+        "black_level_dn": injection.black_dn,
+        "noise": {"floor_dn2": law.floor_dn2, "slope_dn": law.slope_dn, "measured": law.measured},
+        "changed_rms_dn": {split: float(np.sqrt(np.mean(all_))) for split, all_ in differences.items() if all_},
+    }
+    if before.is_file():
+        answer["hidden_before"] = read_json(before)
+    return answer

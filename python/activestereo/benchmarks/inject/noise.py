@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The noise of measured images, by its law variance = floor + slope x light (EMVA 1288), and noise that is added where
+an effect has taken some away: a blurred lens does not quieten an imager."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+from scipy.stats import chi2
+
+from activestereo.benchmarks.inject.light import Light
+from activestereo.capture.capture import EYES, Capture
+
+ROUNDING = 1.0 / 12.0  # variance of rounding to whole DN
+_BINS, _FEWEST = 16, 64
+_BLOCK = 4  # of second differences to each side, of which the quietest blocks show the noise
+_QUIET = 0.1
+
+
+@dataclass(frozen=True)
+class NoiseLaw:
+    """variance = floor_dn2 + slope_dn x light, DN above black; measured: by what."""
+
+    floor_dn2: float
+    slope_dn: float
+    measured: str
+
+    def variance(self, light: np.ndarray) -> np.ndarray:
+        return self.floor_dn2 + self.slope_dn * np.maximum(light, 0.0)
+
+
+def measured_law(capture: Capture, black_dn: float) -> NoiseLaw:
+    """The law by differences of repeats; without repeats by the quietest places, where texture makes it too high."""
+    pairs = [
+        (capture.ir(first, eye), capture.ir(second, eye))
+        for frames in capture.repeats().values()
+        for first, second in zip(frames[:-1], frames[1:], strict=True)
+        for eye in EYES
+        if first.has_infrared and second.has_infrared
+    ]
+    if pairs:
+        first, second = (np.concatenate([image.ravel() for image in images]) for images in zip(*pairs, strict=True))
+        level, variance, how = (first + second) / 2, (first - second) ** 2 / 2, "repeats"
+    else:
+        each = [_quiet_blocks(capture.ir(f, eye)) for f in capture.frames if f.has_infrared for eye in EYES]
+        level, variance = (np.concatenate(part) for part in zip(*each, strict=True))
+        how = "quietest places"
+    floor, slope = _line(level - black_dn, variance, capture.rig.max_dn - black_dn, None if pairs else _QUIET)
+    return NoiseLaw(floor, slope, how)
+
+
+def _quiet_blocks(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(mean, variance by second differences across both axes) of blocks; Immerkaer 1996, of 3x3 pixels that share
+    none."""
+    side = 3 * _BLOCK
+    rows, columns = (length // side for length in image.shape)
+    blocks = image[: rows * side, : columns * side].reshape(rows, _BLOCK, 3, columns, _BLOCK, 3)
+    difference = np.einsum("ribcjd,b,d->ricj", blocks, [1, -2, 1], [1, -2, 1])
+    variance = (difference**2 / 36.0).mean(axis=(1, 3))
+    return blocks.mean(axis=(1, 2, 4, 5)).ravel(), variance.ravel()
+
+
+def _line(level: np.ndarray, variance: np.ndarray, full: float, quiet: float | None) -> tuple[float, float]:
+    """(floor, slope), neither below 0, through the mean variance of bins of equal count; with `quiet` through that
+    quantile, over what it would be for noise alone."""
+    usable = level < 0.95 * full
+    level, variance = level[usable], variance[usable]
+    order = np.array_split(np.argsort(level, kind="stable"), max(1, min(_BINS, len(level) // _FEWEST)))
+    if not len(level):
+        return ROUNDING, 0.0
+    centres = np.array([level[part].mean() for part in order])
+    if quiet is None:
+        heights = np.array([variance[part].mean() for part in order])
+    else:
+        count = _BLOCK**2
+        expected = chi2.ppf(quiet, count) / count
+        heights = np.array([np.quantile(variance[part], quiet) for part in order]) / expected
+    weights = 1.0 / np.maximum(heights, ROUNDING)
+    (floor, slope), _ = nnls(np.stack([weights, weights * np.maximum(centres, 0.0)], 1), weights * heights)
+    return max(float(floor), ROUNDING), float(slope)
+
+
+def with_noise(light: Light, law: NoiseLaw, generator: np.random.Generator) -> Light:
+    """The light with as much noise as the law asks for at its level, less what the rounding to come will add."""
+    lacking = np.maximum(law.variance(light.value) - light.variance - ROUNDING, 0.0)
+    added = np.sqrt(lacking) * generator.standard_normal(light.value.shape)
+    return Light(light.value + added, light.variance + lacking)
