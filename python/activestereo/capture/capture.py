@@ -211,6 +211,14 @@ def read_capture(path: str | Path) -> Capture:
     if folder.name == "capture.json":
         folder = folder.parent
     root = JsonObject.read(folder / "capture.json")
+    capture = capture_from(root)
+    for key in root.unknown_keys():
+        warnings.warn(f"{root.path}: unknown key {key} is ignored", CaptureWarning, stacklevel=2)
+    return capture
+
+
+def capture_from(root: JsonObject) -> Capture:
+    """The capture of a capture.json. CaptureError as by read_capture()."""
     if root.text("format") != FORMAT:
         root.fail("format", f"is {root.text('format')!r}, expected {FORMAT!r}")
     if root.integer("version") != VERSION:
@@ -219,12 +227,9 @@ def read_capture(path: str | Path) -> Capture:
     frames = tuple(_read_frame(entry, rig) for entry in root.objects("frames"))
     _check_frames(root, frames)
     lights = tuple(_read_light(entry) for entry in root.objects("lights")) if root.has("lights") else ()
-    capture = Capture(
-        folder, root.text("name"), root.file("scene"), rig, frames, root.free_form("depth_engine"), lights
+    return Capture(
+        root.path.parent, root.text("name"), root.file("scene"), rig, frames, root.free_form("depth_engine"), lights
     )
-    for key in root.unknown_keys():
-        warnings.warn(f"{root.path}: unknown key {key} is ignored", CaptureWarning, stacklevel=2)
-    return capture
 
 
 def _read_camera(entry: JsonObject) -> Camera:
@@ -271,11 +276,12 @@ def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
     color_path = entry.file("color", optional=True)
     if color_path is not None:
         if rig.color is None:
-            entry.fail("color", "rig.color is missing: say which camera took it")
-        _check_size(entry, "color", (rig.color.width, rig.color.height))
+            entry.complain("color", "rig.color is missing: say which camera took it")
+        else:
+            _check_size(entry, "color", (rig.color.width, rig.color.height))
     split = entry.text("split")
     if split not in SPLITS:
-        entry.fail("split", f"is {split!r}, expected 'train' or 'test'")
+        entry.complain("split", f"is {split!r}, expected 'train' or 'test'")
     velocity = entry.numbers("camera_velocity", [SPEED] * 3 + [TURN_RATE] * 3, optional=True)
     return Frame(
         id=frame_id,
@@ -301,18 +307,24 @@ def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
 
 def _check_size(entry: JsonObject, key: str, expected: tuple[int, int]) -> None:
     path = entry.file(key)
-    size = image_size(path, entry.key(key))
+    if path is None or 0 in expected:  # told already
+        return
+    try:
+        size = image_size(path, entry.key(key))
+    except CaptureError as error:
+        entry.refuse(error)
+        return
     if size != expected:
-        entry.fail(key, f"{path.name} is {size[0]}x{size[1]}, the rig says {expected[0]}x{expected[1]}")
+        entry.complain(key, f"{path.name} is {size[0]}x{size[1]}, the rig says {expected[0]}x{expected[1]}")
 
 
 def _check_frames(root: JsonObject, frames: tuple[Frame, ...]) -> None:
     if not frames:
-        root.fail("frames", "is empty")
+        root.complain("frames", "is empty")
     ids = [frame.id for frame in frames]
     repeated = sorted({i for i in ids if ids.count(i) > 1})
     if repeated:
-        root.fail("frames", f"id {repeated[0]} is used more than once")
+        root.complain("frames", f"id {repeated[0]} is used more than once")
 
 
 __all__ = [

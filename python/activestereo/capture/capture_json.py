@@ -83,6 +83,14 @@ class JsonObject:
     def fail(self, key: str, what: str) -> NoReturn:
         raise CaptureError(f"{self.path}: {self.key(key)}: {what}")
 
+    def complain(self, key: str, what: str) -> None:
+        """refuse() with a text on a key."""
+        self.refuse(CaptureError(f"{self.path}: {self.key(key)}: {what}"))
+
+    def refuse(self, error: CaptureError) -> None:
+        """Raises a fault beside which reading could go on."""
+        raise error
+
     def unknown_keys(self) -> list[str]:
         """Keys present in the file that nobody asked for, here and below, in the file's order."""
         own = [self.key(key) for key in self._values if key not in self._known]
@@ -110,7 +118,7 @@ class JsonObject:
     def _child(self, key: str, name: str, value: Any) -> JsonObject:
         if not isinstance(value, dict):
             raise CaptureError(f"{self.path}: {name}: is not an object")
-        child = JsonObject(self.path, name, value)
+        child = type(self)(self.path, name, value)
         self._children.append(child)
         return child
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: activestereo simulate | presets | depth | pair | depth-quality | compare | diagnose | add | model |
-calibrate | import | overlay | effect | generate | benchmark | cache | devices | doctor, one file each. This one parses,
-runs and makes failures one line."""
+calibrate | import | capture | overlay | effect | generate | benchmark | cache | devices | doctor, one file each.
+This one parses, runs and makes failures one line."""
 
 import argparse
 import os
@@ -16,6 +16,7 @@ from activestereo.cli import (
     benchmark,
     cache,
     calibrate,
+    capture,
     compare,
     depth,
     depth_quality,
@@ -48,6 +49,7 @@ _COMMANDS = (
     model,
     calibrate,
     import_capture,
+    capture,
     overlay,
     effect,
     benchmark,

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""activestereo capture check: all that is wrong with a capture, at once."""
+
+import argparse
+import json
+from pathlib import Path
+
+from activestereo.cli.arguments import Commands, Finding
+
+_TEXT = """\
+Checks a capture: each key of capture.json and each image. All that is wrong is printed at
+once, a line each; the exit status is 0 where all is well, else 1.
+
+example:
+  activestereo capture check captures/desk
+"""
+
+
+def add_parser(commands: Commands) -> None:
+    raw = argparse.RawDescriptionHelpFormatter
+    parser = commands.add_parser("capture", help="check a capture", description=_TEXT, formatter_class=raw)
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    check = actions.add_parser("check", help="all that is wrong, at once", description=_TEXT, formatter_class=raw)
+    check.add_argument("folder", type=Path, metavar="FOLDER", help="the capture's folder")
+    check.add_argument("--json", action="store_true", help="print JSON: a list of texts")
+    check.set_defaults(run=run_check)
+
+
+def run_check(args: argparse.Namespace) -> None:
+    from activestereo.capture.check import capture_faults
+
+    faults = capture_faults(args.folder)
+    print(json.dumps(faults, indent=1) if args.json else "\n".join(faults) or f"{args.folder}: all is well", flush=True)
+    if faults:
+        raise Finding(f"{args.folder}: {len(faults)} fault{'s' if len(faults) > 1 else ''}")
