@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: activestereo simulate | presets | depth | pair | depth-quality | compare | diagnose | add | model |
-calibrate | import | capture | overlay | effect | generate | benchmark | cache | devices | doctor, one file each.
-This one parses, runs and makes failures one line."""
+calibrate | import | capture | overlay | effect | generate | benchmark | cache | devices | doctor | completion, one file
+each. This one parses, runs and makes failures one line."""
 
 import argparse
 import os
@@ -18,6 +18,7 @@ from activestereo.cli import (
     calibrate,
     capture,
     compare,
+    completion,
     depth,
     depth_quality,
     devices,
@@ -57,6 +58,7 @@ _COMMANDS = (
     cache,
     devices,
     doctor,
+    completion,
 )
 
 
@@ -70,6 +72,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     text = "files that captures, models and lists of recordings name may lie outside of their folders"
     parser.add_argument("--allow-outside", action="store_true", help=text)
+    parser.set_defaults(parser=parser)  # for completion, which tells all of it
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for command in _COMMANDS:
         command.add_parser(commands)
