@@ -67,8 +67,8 @@ def make_parser() -> argparse.ArgumentParser:
         prog="activestereo",
         description="Simulate active stereo depth sensors (RealSense-like) with physics: infrared pattern projector, "
         "path-traced image pair, stereo matching.",
-        epilog="Each command has its own help: activestereo simulate --help. Exit status: 0 fine, 1 a check found something, "
-        "2 an option or a file is wrong, 3 the device or the program failed.",
+        epilog="Each command has its own help: activestereo simulate --help. Exit status: 0 fine, 1 a check found "
+        "something, 2 an option or a file is wrong, 3 the device or the program failed.",
     )
     text = "files that captures, models and lists of recordings name may lie outside of their folders"
     parser.add_argument("--allow-outside", action="store_true", help=text)

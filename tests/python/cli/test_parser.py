@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The promises of the parser of all commands: the same name of one thing everywhere, and the nearest name of what is not
-known."""
+"""The promises of the parser of all commands: the same name of one thing everywhere, and the nearest known name of one
+that is not known."""
 
 import argparse
 import re
