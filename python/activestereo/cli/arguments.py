@@ -2,10 +2,11 @@
 """Argument types and groups that several commands share. Wrong text gives a message that says what is right."""
 
 import argparse
+import json
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -124,6 +125,23 @@ def _folder(text: str) -> Path:
 def add_out(parser: argparse.ArgumentParser) -> None:
     text = "folder for the results; made if it is not there, files of the same names are replaced"
     parser.add_argument("-o", "--out", required=True, type=_folder, metavar="DIR", help=text)
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", action="store_true", help="print JSON in place of words and tables")
+
+
+def print_json(value: Any) -> None:
+    """The value on standard output; NaN and infinities, which JSON has no words for, as null."""
+    print(json.dumps(_finite(value), indent=1, allow_nan=False))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _finite(one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def whole(text: str) -> int:

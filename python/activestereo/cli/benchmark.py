@@ -9,8 +9,19 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from activestereo.benchmarks.sim_to_real.worlds import FOREIGN
-from activestereo.cli.arguments import CommandError, Commands, add_device, add_out, add_seed, integer_from, make_folder
+from activestereo.cli.arguments import (
+    CommandError,
+    Commands,
+    add_device,
+    add_json,
+    add_out,
+    add_seed,
+    integer_from,
+    make_folder,
+    print_json,
+)
 from activestereo.cli.benchmark_inject import add_inject
+from activestereo.common.input_files import read_json
 
 _TEXT = """\
 Asks whether a simulated depth camera tells which methods will do well with another
@@ -79,12 +90,14 @@ def add_parser(commands: Commands) -> None:
     )
     make.add_argument("--imager", type=Path, metavar="FILE", help=text)
     _add_workers(make)
+    add_json(make)
     make.set_defaults(run=_run)
     score = parts.add_parser("score", help="the scores of what a run has so far")
     score.add_argument("folder", type=Path, metavar="DIR", help="folder of a run")
     text = "scores of more models, learned ones for instance: a table with the columns method,tuned_on,world,mm,deg "
     text += "and then view,found or score (benchmarks/sim_to_real/README.md); may be given again"
     score.add_argument("--add", type=Path, action="append", default=[], metavar="FILE.csv", help=text)
+    add_json(score)
     score.set_defaults(run=_score)
     text = "rays, denoiser, noise, materials"
     ablation = parts.add_parser("ablate", help=text, description=_ABLATE, formatter_class=raw)
@@ -99,6 +112,7 @@ def add_parser(commands: Commands) -> None:
     ablation.add_argument("--measured", type=Path, metavar="FILE", help=text)
     add_device(ablation)
     _add_workers(ablation)
+    add_json(ablation)
     ablation.set_defaults(run=_ablate)
 
 
@@ -120,19 +134,22 @@ def _run(args: argparse.Namespace) -> None:
     make_folder(args.out)
     with ProgressBar(f"{settings.rounds('test') * 8} views of 4 worlds") as bar:
         run(settings, args.out, args.device, args.workers, bar)
-    _write(args.out)
+    _write(args.out, args.json)
 
 
 def _score(args: argparse.Namespace) -> None:
-    _write(args.folder, args.add)
+    _write(args.folder, args.json, args.add)
 
 
-def _write(out: Path, added: Sequence[Path] = ()) -> None:
+def _write(out: Path, as_json: bool, added: Sequence[Path] = ()) -> None:
     from activestereo.benchmarks.sim_to_real.files import RunFolder
     from activestereo.benchmarks.sim_to_real.report import agreement_table, results, write_report
 
     found = results(RunFolder(out), added)
     write_report(found, out)
+    if as_json:
+        print_json(read_json(out / "gap.json"))
+        return
     print("\n".join(agreement_table(found)))
     print(f"{found.views} views; written: {out / 'gap.json'}, gap.md, gap.png")
 
@@ -153,5 +170,8 @@ def _ablate(args: argparse.Namespace) -> None:
     with ProgressBar(f"{args.views} views of {len(worlds)} worlds") as bar:
         found = ablate(RunFolder(args.folder), args.views, worlds, args.device, args.workers, bar, measured)
     write_ablation(found, args.folder)
+    if args.json:
+        print_json(read_json(args.folder / "ablation.json"))
+        return
     print("\n".join(table(found)))
     print(f"written: {args.folder / 'ablation.json'}, ablation.md, ablation.png")

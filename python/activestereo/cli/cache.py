@@ -4,11 +4,10 @@
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from typing import TYPE_CHECKING, Any
 
-from activestereo.cli.arguments import Commands
+from activestereo.cli.arguments import Commands, add_json, print_json
 
 if TYPE_CHECKING:
     from activestereo.compare.cache import CacheEntry, LayerCache
@@ -34,7 +33,7 @@ def add_parser(commands: Commands) -> None:
     parser = commands.add_parser("cache", help=text, description=_TEXT, formatter_class=raw)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     listing = actions.add_parser("list", help="how much there is, of what", formatter_class=raw)
-    listing.add_argument("--json", action="store_true", help="print JSON, with each entry")
+    add_json(listing)
     listing.set_defaults(run=run_list)
     actions.add_parser("clear", help="remove all of it", formatter_class=raw).set_defaults(run=run_clear)
 
@@ -43,7 +42,7 @@ def run_list(args: argparse.Namespace) -> None:
     from activestereo.compare.cache import LayerCache
 
     cache = LayerCache()
-    print(json.dumps(_as_json(cache), indent=1) if args.json else _table(cache))
+    print_json(_as_json(cache)) if args.json else print(_table(cache))
 
 
 def run_clear(args: argparse.Namespace) -> None:

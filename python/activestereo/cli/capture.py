@@ -2,10 +2,10 @@
 """activestereo capture check: all that is wrong with a capture, at once."""
 
 import argparse
-import json
+import sys
 from pathlib import Path
 
-from activestereo.cli.arguments import Commands, Finding
+from activestereo.cli.arguments import Commands, Finding, add_json, print_json
 
 _TEXT = """\
 Checks a capture: each key of capture.json and each image. All that is wrong is printed at
@@ -22,7 +22,7 @@ def add_parser(commands: Commands) -> None:
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     check = actions.add_parser("check", help="all that is wrong, at once", description=_TEXT, formatter_class=raw)
     check.add_argument("folder", type=Path, metavar="FOLDER", help="the capture's folder")
-    check.add_argument("--json", action="store_true", help="print JSON: a list of texts")
+    add_json(check)
     check.set_defaults(run=run_check)
 
 
@@ -30,6 +30,7 @@ def run_check(args: argparse.Namespace) -> None:
     from activestereo.capture.check import capture_faults
 
     faults = capture_faults(args.folder)
-    print(json.dumps(faults, indent=1) if args.json else "\n".join(faults) or f"{args.folder}: all is well", flush=True)
+    print_json(faults) if args.json else print("\n".join(faults) or f"{args.folder}: all is well")
+    sys.stdout.flush()
     if faults:
         raise Finding(f"{args.folder}: {len(faults)} fault{'s' if len(faults) > 1 else ''}")

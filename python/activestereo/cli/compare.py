@@ -5,7 +5,16 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from activestereo.cli.arguments import add_device, add_max_bounces, add_out, add_seed, integer_from, make_folder
+from activestereo.cli.arguments import (
+    add_device,
+    add_json,
+    add_max_bounces,
+    add_out,
+    add_seed,
+    integer_from,
+    make_folder,
+    print_json,
+)
 
 if TYPE_CHECKING:
     from activestereo.effects import Effect
@@ -52,6 +61,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     add_max_bounces(parser)
     add_seed(parser, "same seed, same pictures")
     add_device(parser)
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
@@ -79,6 +89,9 @@ def run(args: argparse.Namespace) -> None:
         )
     with ProgressBar("writing the report") as bar:
         write_report(comparison, args.out, effects=effects, progress=bar)
+    if args.json:
+        print_json(comparison.scores)
+        return
     print(summary_table(comparison.scores))
     print(f"{LayerCache().usage_text()} (activestereo cache list)")
     print(f"written: compare.json, compare.png, report.html in {args.out}")

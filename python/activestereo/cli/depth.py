@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from activestereo.cli.arguments import CommandError, Commands, add_out, camera_matrix, make_folder, positive
+from activestereo.cli.arguments import (
+    CommandError,
+    Commands,
+    add_json,
+    add_out,
+    camera_matrix,
+    make_folder,
+    positive,
+    print_json,
+)
 from activestereo.cli.depth_hints import depth_hints
 from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
 from activestereo.cli.engine_options import add_matching, given_matching, given_rig
@@ -70,6 +79,7 @@ def add_parser(commands: Commands) -> None:
         "--baseline", required=True, type=positive, metavar="M", help="distance between the cameras, metres"
     )
     add_out(parser)
+    add_json(parser)
     text = (
         "values of the options below that are not given: active for pictures of dots, passive for plain pictures of "
         "textured things, engine for the engine's own defaults (default: active)"
@@ -101,6 +111,9 @@ def run(args: argparse.Namespace) -> None:
     with ProgressBar(f"matching {left.shape[1]}x{left.shape[0]}") as bar:
         result = engine.compute(left, right, ("depth", "disparity", "points", *wanted_maps(args)), progress=bar)
     _write(args, left, right, result)
+    if args.json:
+        print_json(_as_json(engine, result["depth"]) | {"hints": depth_hints(args, engine, left, right, result)})
+        return
     _report(args, engine, result["depth"])
     for hint in depth_hints(args, engine, left, right, result):
         print(hint)
@@ -149,6 +162,16 @@ def _write(args: argparse.Namespace, left: np.ndarray, right: np.ndarray, result
         write_maps(out, {name: result[name] for name in wanted_maps(args)})
         title = f"Depth from {args.left.name} and {args.right.name}"
         write_figure(out / "overview.png", matching_figure(title, left, right, disparity, depth))
+
+
+def _as_json(engine: simsense.Engine, depth: np.ndarray) -> dict[str, Any]:
+    valid = depth[depth > 0]
+    return {
+        "matching": dict(engine.parameters),
+        "stages_ms": {"depth": dict(engine.stage_times)},
+        "measured_share": valid.size / depth.size,
+        "median_depth_m": float(np.median(valid)) if valid.size else None,
+    }
 
 
 def _report(args: argparse.Namespace, engine: simsense.Engine, depth: np.ndarray) -> None:

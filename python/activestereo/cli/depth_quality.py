@@ -10,8 +10,17 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.cli.arguments import CommandError, Commands, camera_matrix, positive
+from activestereo.cli.arguments import (
+    CommandError,
+    Commands,
+    add_json,
+    camera_matrix,
+    check_out_file,
+    positive,
+    print_json,
+)
 from activestereo.common.input_files import checked_file
+from activestereo.common.output_files import write_text
 
 _TEXT = """\
 Measures depth maps of a flat target by the metrics of Intel's Depth Quality Tool, under
@@ -68,7 +77,8 @@ def add_parser(commands: Commands) -> None:
         "--unit", type=positive, default=0.001, metavar="M", help="metres per step of a PNG (default %(default)s)"
     )
     parser.add_argument("--disparity", action="store_true", help="the .npy files hold disparities, pixels")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the metrics there too")
+    parser.add_argument("-o", "--out", type=Path, metavar="FILE", help="write the metrics there too, as JSON")
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
@@ -77,21 +87,23 @@ def run(args: argparse.Namespace) -> None:
 
     if args.roi > 1:
         raise CommandError(f"--roi is {args.roi:g}: a fraction of the image, 0..1")
+    if args.out is not None:
+        check_out_file(args.out)
     frames = _read_all(args)
     quality = depth_quality(frames, args.k, args.baseline, args.truth, region_of(frames.shape[1:], args.roi))
-    print(
-        f"{len(frames)} frame{'s' if len(frames) > 1 else ''} of {frames.shape[2]}x{frames.shape[1]}, "
-        f"central {100 * args.roi:.0f} %"
-    )
-    print(quality_table(quality))
-    if hint := _steps(args, frames):
-        print(hint)
+    metrics = {"frames": len(frames)} | {n: None if np.isnan(v) else v for n, v in asdict(quality).items()}
     if args.json:
-        from activestereo.common.output_files import replace_file
-
-        values = {name: None if np.isnan(value) else value for name, value in asdict(quality).items()}
-        text = json.dumps({"frames": len(frames), **values}, indent=2) + "\n"
-        replace_file(args.json, lambda file: file.write(text.encode()))
+        print_json(metrics)
+    else:
+        print(
+            f"{len(frames)} frame{'s' if len(frames) > 1 else ''} of {frames.shape[2]}x{frames.shape[1]}, "
+            f"central {100 * args.roi:.0f} %"
+        )
+        print(quality_table(quality))
+        if hint := _steps(args, frames):
+            print(hint)
+    if args.out is not None:
+        write_text(args.out, json.dumps(metrics, indent=2) + "\n")
 
 
 def _steps(args: argparse.Namespace, frames: np.ndarray) -> str | None:

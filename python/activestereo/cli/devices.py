@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from activestereo.cli.arguments import CommandError, Commands
+from activestereo.cli.arguments import CommandError, Commands, add_json, print_json
 
 if TYPE_CHECKING:
     import kuafu
@@ -19,7 +19,8 @@ GPU, integrated, virtual, then CPU. Without a GPU, Debian's mesa-vulkan-drivers 
 lavapipe, a Vulkan device that computes on the CPU; it does everything here, only slower.
 """
 _INSTALL = (
-    "no Vulkan device here; install a GPU's Vulkan driver, or lavapipe: apt install libvulkan1 mesa-vulkan-drivers"
+    "no Vulkan device here; install a GPU's Vulkan driver, or lavapipe: apt install libvulkan1 mesa-vulkan-drivers "
+    "(activestereo doctor says what is wrong)"
 )
 
 
@@ -30,6 +31,7 @@ def add_parser(commands: Commands) -> None:
         description=_TEXT,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
@@ -39,8 +41,17 @@ def run(args: argparse.Namespace) -> None:
     infos = kuafu.Device.enumerate()
     if not infos:
         raise CommandError(_INSTALL)
+    if args.json:
+        print_json([as_json(info) for info in infos])
+        return
     for info in infos:
         print(describe(info))
+
+
+def as_json(info: kuafu.DeviceInfo) -> dict[str, Any]:
+    """The figures of one device."""
+    names = ("index", "name", "kind", "driver", "api_version", "memory_bytes", "usable", "refused")
+    return {name: getattr(info, name) for name in names} | {"capabilities": list(info.capabilities)}
 
 
 def describe(info: kuafu.DeviceInfo) -> str:

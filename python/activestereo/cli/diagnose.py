@@ -10,11 +10,13 @@ from pathlib import Path
 from activestereo.cli.arguments import (
     Commands,
     add_device,
+    add_json,
     add_max_bounces,
     add_out,
     add_seed,
     integer_from,
     make_folder,
+    print_json,
 )
 
 _TEXT = """\
@@ -91,6 +93,7 @@ def add_parser(commands: Commands) -> None:
     text = "processes that fit (default: one per core)"
     parser.add_argument("--workers", type=integer_from(1), default=os.cpu_count() or 1, metavar="N", help=text)
     add_device(parser)
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
@@ -126,6 +129,9 @@ def run(args: argparse.Namespace) -> None:
             engines=lambda capture: CaptureRenderer(capture, *sampled),
         )
     paths = write_diagnosis(diagnosis, args.out)
+    if args.json:
+        print_json(diagnosis.result)
+        return
     print(diagnosis_text(diagnosis.result))
     print(f"{LayerCache().usage_text()} (activestereo cache list)")
     print(f"written: {', '.join(path.name for path in paths)} in {args.out}")

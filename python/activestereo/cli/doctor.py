@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import argparse
-import json
+import sys
 from dataclasses import asdict
 from importlib.util import find_spec
 from typing import Any
 
-from activestereo.cli.arguments import Commands, Finding
+from activestereo.cli.arguments import Commands, Finding, add_json, print_json
+from activestereo.cli.devices import as_json
 
 _TEXT = """\
 Tells what this machine renders and matches on, why each device is refused, which optional
@@ -31,13 +32,14 @@ def add_parser(commands: Commands) -> None:
         description=_TEXT,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> None:
     found = examine()
-    print(json.dumps(found, indent=1) if args.json else _words(found), flush=True)
+    print_json(found) if args.json else print(_words(found))
+    sys.stdout.flush()
     count = len(found["problems"])
     if count:
         raise Finding(f"{count} problem{'s' if count > 1 else ''} with the Vulkan set-up")
@@ -53,15 +55,11 @@ def examine() -> dict[str, Any]:
         devices = kuafu.Device.enumerate()
     except RuntimeError:  # a driver that fails where it has no device
         devices = []
-    names = ("index", "name", "kind", "driver", "api_version", "memory_bytes", "usable", "refused")
     cache = LayerCache()
     return {
         "renders_on": kuafu.Device().info.name if any(device.usable for device in devices) else None,
         "matches_on": "the device that renders, or the CPU",
-        "devices": [
-            {name: getattr(device, name) for name in names} | {"capabilities": list(device.capabilities)}
-            for device in devices
-        ],
+        "devices": [as_json(device) for device in devices],
         "problems": [asdict(problem) for problem in problems(len(devices))],
         "packages": {name: find_spec(name) is not None for name in _PACKAGES},
         "cache": {

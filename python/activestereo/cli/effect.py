@@ -4,7 +4,7 @@
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import add_device
+from activestereo.cli.arguments import add_device, add_json, print_json
 
 _TEXT = """\
 Physical effects that the lab can add to its model.
@@ -42,6 +42,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     listing.add_argument(
         "--markdown", action="store_true", help="the whole documentation page, examples/effects/README.md"
     )
+    add_json(listing)
     listing.set_defaults(run=run_list)
     check = actions.add_parser(
         "check", help="try the laws on effects of your own", description=_CHECK, formatter_class=raw
@@ -63,14 +64,18 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         help="figures as JSON; python/activestereo/effects/differences.json is the page's",
     )
     add_device(measure)
+    add_json(measure)
     measure.set_defaults(run=run_measure)
 
 
 def run_list(args: argparse.Namespace) -> None:
     from activestereo.effects import builtin
-    from activestereo.effects.core.catalogue import page, table
+    from activestereo.effects.core.catalogue import as_json, page, table
     from activestereo.effects.core.differences import known_differences
 
+    if args.json:
+        print_json(as_json(builtin()))
+        return
     print(
         page(builtin(), known_differences()) if args.markdown else table(builtin()), end="" if args.markdown else "\n"
     )
@@ -88,7 +93,10 @@ def run_measure(args: argparse.Namespace) -> None:
     found = {}
     for name, difference in differences(chosen, args.device):
         found[name] = round(difference, 4)
-        print(f"{name:28}{100 * difference:7.1f} %", flush=True)
+        if not args.json:
+            print(f"{name:28}{100 * difference:7.1f} %", flush=True)
+    if args.json:
+        print_json(found)
     if args.out:
         text = json.dumps(found, indent=1) + "\n"
         replace_file(args.out, lambda file: file.write(text.encode()))

@@ -9,7 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.cli.arguments import CommandError, Commands, add_out, camera_matrix, make_folder, positive
+from activestereo.cli.arguments import (
+    CommandError,
+    Commands,
+    add_json,
+    add_out,
+    camera_matrix,
+    make_folder,
+    positive,
+    print_json,
+)
 
 _TEXT = """\
 States what one rectified infrared pair of a real sensor tells without a known
@@ -56,6 +65,7 @@ def add_parser(commands: Commands) -> None:
         "--against", type=Path, metavar="SIMULATED", help="a simulated pair's folder, shown beside this one"
     )
     add_out(parser)
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
@@ -90,13 +100,16 @@ def run(args: argparse.Namespace) -> None:
         entries["against"] = [f.as_json() for f in statistics["against"]]
     text = json.dumps(entries, indent=1) + "\n"
     replace_file(args.out / "pair.json", lambda file: file.write(text.encode()))
-    print(findings_text(findings))
-    print(f"\n{statistics_text(statistics)}")
     if "against" in pairs:
         from activestereo.report.overview import write_figure
         from activestereo.report.pair_figure import pair_figure
 
         write_figure(args.out / "against.png", pair_figure(pairs, disparity, statistics))
+    if args.json:
+        print_json(entries)
+        return
+    print(findings_text(findings))
+    print(f"\n{statistics_text(statistics)}")
     print(f"written: pair.json{', against.png' if 'against' in pairs else ''} in {args.out}")
 
 

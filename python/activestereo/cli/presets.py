@@ -4,11 +4,10 @@
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from activestereo.cli.arguments import Commands
+from activestereo.cli.arguments import Commands, add_json, print_json
 
 if TYPE_CHECKING:
     from activestereo.camera.camera_file import CameraData, Figure
@@ -39,7 +38,7 @@ def add_parser(commands: Commands) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("name", nargs="?", metavar="NAME", help="a camera, or the path of a .toml file (default: all)")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
@@ -48,7 +47,7 @@ def run(args: argparse.Namespace) -> None:
 
     cameras = [read_camera(name) for name in ([args.name] if args.name else camera_names())]
     if args.json:
-        print(json.dumps([asdict(camera) for camera in cameras], indent=1))
+        print_json([asdict(camera) for camera in cameras])
     elif args.name:
         print(_figures(cameras[0]))
     else:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,11 +15,13 @@ from activestereo.cli.arguments import (
     CommandError,
     Commands,
     add_device,
+    add_json,
     add_out,
     add_seed,
     integer_from,
     make_folder,
     positive,
+    print_json,
     size,
     transform,
 )
@@ -93,6 +96,7 @@ def add_parser(commands: Commands) -> None:
         help="your own effects, where the model has some",
     )
     add_out(parser)
+    add_json(parser)
     add_device(parser)
     _add_view(parser.add_argument_group("view"))
     add_camera_options(parser.add_argument_group("lenses, shutters and motion"))
@@ -320,6 +324,10 @@ def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]
         group, stage = name.split(": ", 1)
         groups.setdefault(group, {})[stage] = time
     info = sensor.device.info
+    if args.json:
+        accuracy, matching = [asdict(row) for row in rows], dict(sensor.engine.parameters)
+        print_json({"device": info.name, "matching": matching, "stages_ms": groups, "accuracy": accuracy})
+        return
     print(f"device: {info.name} ({info.kind}, {info.driver}); infrared pair shared by {sensor.ir_memory}")
     print(matching_line(sensor.engine))
     print(stage_table(groups))

@@ -2,23 +2,15 @@
 """The promises of the parser of all commands: the same name of one thing everywhere, and the nearest known name of one
 that is not known."""
 
-import argparse
 import re
 from pathlib import Path
 
 import pytest
 
 from activestereo.cli import exit_codes, main, make_parser
+from command_line import leaves
 
 PAGE = Path(__file__).resolve().parents[3] / "examples/guide/command_line.md"
-
-
-def leaves(parser=None):
-    """{"calibrate noise": its parser} of all commands that do something."""
-    parser = make_parser() if parser is None else parser
-    kinds = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
-    inner = [leaf for kind in kinds for each in kind.choices.values() for leaf in leaves(each).items()]
-    return dict(inner) if kinds else {parser.prog.partition(" ")[2]: parser}
 
 
 def test_results_go_where_out_or_o_says_in_every_command():

@@ -88,7 +88,7 @@ def test_command_line(tmp_path, capsys):
         names.append(str(tmp_path / f"depth{i}.png"))
         Image.fromarray(np.rint(1000 * depth).astype(np.uint16)).save(names[-1])
     options = ["--k", "420,420,319.5,239.5", "--baseline", "0.05"]
-    assert main(["depth-quality", *names, *options, "--truth", "0.8", "--json", str(tmp_path / "q.json")]) == 0
+    assert main(["depth-quality", *names, *options, "--truth", "0.8", "--out", str(tmp_path / "q.json")]) == 0
     out = capsys.readouterr().out
     for word in ("Fill-Rate", "Z Accuracy", "Plane Fit RMS Error", "Subpixel RMS Error", "Temporal Noise", "3 frames"):
         assert word in out
@@ -106,7 +106,7 @@ def test_command_line(tmp_path, capsys):
                 str(tmp_path / "disparity.npy"),
                 *options,
                 "--disparity",
-                "--json",
+                "--out",
                 str(tmp_path / "d.json"),
             ]
         )

@@ -2,7 +2,9 @@
 """diagnose tells of the given model, and of the model that it writes, what compare tells of them in any folder."""
 
 import json
+from contextlib import redirect_stdout
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -45,8 +47,11 @@ def recorded(folder: Path, hidden: Model) -> Path:
 def compared(capture: Path, out: Path, model: Path | None = None) -> dict[str, float]:
     samples, bounces, seed = map(str, SAMPLING)
     words = ["compare", str(capture), "--out", str(out), "--spp", samples, "--max-bounces", bounces, "--seed", seed]
-    assert main(words + ([] if model is None else ["--model", str(model)])) == 0
-    return json.loads((out / "compare.json").read_text())["ir"]
+    with redirect_stdout(StringIO()) as said:
+        assert main([*words, "--json", *([] if model is None else ["--model", str(model)])]) == 0
+    told = json.loads(said.getvalue())
+    assert told == json.loads((out / "compare.json").read_text())
+    return told["ir"]
 
 
 @pytest.mark.parametrize("starts_from, steps", [("nothing", "one"), ("a model", "one"), ("nothing", "greedy")])

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The effects as text: a table for the terminal, a page for the documentation. Both come from the descriptors alone."""
 
+from typing import Any
+
 from activestereo.effects.core.descriptor import Effect, Parameter, Stage
 
 _WHERE = {
@@ -29,6 +31,20 @@ def table(effects: dict[str, Effect]) -> str:
     return "\n".join(
         "  ".join([*(cell.ljust(w) for cell, w in zip(row, widths, strict=False)), row[last]]) for row in rows
     )
+
+
+def as_json(effects: dict[str, Effect]) -> list[dict[str, Any]]:
+    """The table's rows as values for JSON."""
+    return [
+        {
+            "id": e.id,
+            "stage": e.stage.name.lower(),
+            "family": e.family,
+            "simulated": _where(e),
+            "parameters": [{"name": p.name, "unit": p.unit, "low": p.low, "high": p.high} for p in e.parameters],
+        }
+        for e in effects.values()
+    ]
 
 
 def page(effects: dict[str, Effect], differences: dict[str, float] | None = None) -> str:
