@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from activestereo.capture.capture_json import CaptureError, JsonObject
+from activestereo.common.nearest import unknown
 from activestereo.compare.nuisances import Nuisances
 from activestereo.effects import Effect, Model, builtin, load_effects
 from activestereo.effects.core.scene_surfaces import surface_names
@@ -28,9 +29,9 @@ def library(*files: str | Path) -> dict[str, Effect]:
 
 
 def find(effects: dict[str, Effect], effect_id: str) -> Effect:
-    """The effect of an id; ValueError lists what there is."""
+    """The effect of an id; ValueError lists what there is, with the nearest."""
     if effect_id not in effects:
-        raise ValueError(f"no effect '{effect_id}' (there are: {', '.join(effects)})")
+        raise ValueError(unknown("effect", effect_id, effects))
     return effects[effect_id]
 
 

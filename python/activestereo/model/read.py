@@ -11,6 +11,7 @@ import numpy as np
 
 from activestereo.capture.capture_json import CaptureError, JsonObject
 from activestereo.common.limits import BITS, EXPOSURE, FOCAL, GAIN, LINE_TIME, POWER, SIDE
+from activestereo.common.nearest import unknown
 from activestereo.effects import builtin
 from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.surfaces import SURFACES
@@ -95,7 +96,7 @@ def _effects(root: JsonObject, effects: dict[str, Effect]) -> tuple[ModelEffect,
     for entry in root.objects("effects") if root.has("effects") else []:
         name = entry.text("id")
         if name not in effects:
-            entry.fail("id", f"there is no effect '{name}' (there are: {', '.join(effects)})")
+            entry.fail("id", unknown("effect", name, effects))
         if name in (e.effect.id for e in found):
             entry.fail("id", f"the effect '{name}' is there twice")
         entry.rename(f"effects[{name}]")

@@ -40,6 +40,16 @@ def test_a_misspelt_name_is_answered_with_the_nearest(arguments, meant, capsys):
     assert ended.value.code == 2 and said.count("\n") == 1 and meant in said, said
 
 
+def test_a_misspelt_effect_is_answered_with_the_nearest(capsys, tmp_path):
+    assert main(["add", "vigneting", "-o", str(tmp_path / "model.json")]) == 2
+    assert capsys.readouterr().err.endswith("; did you mean 'vignetting'?\n")
+    (tmp_path / "model.json").write_text(
+        '{"format": "active-stereo-model", "version": 1, "effects": [{"id": "lens_psff", "parameters": {}}]}'
+    )
+    assert main(["model", "show", str(tmp_path / "model.json")]) == 2
+    assert capsys.readouterr().err.endswith("; did you mean 'lens_psf'?\n")
+
+
 def test_an_option_may_be_cut_short_and_values_after_two_dashes_are_no_options():
     assert make_parser().parse_args(["compare", "x", "--ou", "y"]).out == Path("y")
     assert make_parser().parse_args(["model", "show", "--", "--odd.json"]).files == [Path("--odd.json")]

@@ -122,7 +122,7 @@ def test_add_command_takes_the_parameters_of_a_diagnosis(hidden_shading, tmp_pat
     (tmp_path / "list.json").write_text("[]")
     assert main(["add", "vignetting", "--from", str(tmp_path / "list.json"), "-o", str(out)]) == 2
     assert main(["add", "no_such_effect", "-o", str(out)]) == 2
-    assert "no effect 'no_such_effect'" in capsys.readouterr().err
+    assert "unknown effect 'no_such_effect'" in capsys.readouterr().err
 
 
 def test_depth_alone_ends_in_undetermined(lab_world, tmp_path):
