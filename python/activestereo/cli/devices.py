@@ -38,7 +38,10 @@ def add_parser(commands: Commands) -> None:
 def run(args: argparse.Namespace) -> None:
     import kuafu
 
-    infos = kuafu.Device.enumerate()
+    try:
+        infos = kuafu.Device.enumerate()
+    except RuntimeError as error:  # a driver that fails where it has no device
+        raise CommandError(f"{error}: activestereo doctor says what is wrong") from error
     if not infos:
         raise CommandError(_INSTALL)
     if args.json:

@@ -57,7 +57,7 @@ def examine() -> dict[str, Any]:
         devices = []
     cache = LayerCache()
     return {
-        "renders_on": kuafu.Device().info.name if any(device.usable for device in devices) else None,
+        "renders_on": _chosen_name() if any(device.usable for device in devices) else None,
         "matches_on": "the device that renders, or the CPU",
         "devices": [as_json(device) for device in devices],
         "problems": [asdict(problem) for problem in problems(len(devices))],
@@ -69,6 +69,16 @@ def examine() -> dict[str, Any]:
         },
         "memory_free_bytes": _free_memory(),
     }
+
+
+def _chosen_name() -> str | None:
+    """The name of the device that 'auto' takes; None where it cannot be opened."""
+    import kuafu
+
+    try:
+        return kuafu.Device().info.name
+    except RuntimeError:
+        return None
 
 
 def _words(found: dict[str, Any]) -> str:

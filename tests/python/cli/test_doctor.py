@@ -6,7 +6,9 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
+import kuafu
 import pytest
 
 from activestereo.cli import main, vulkan_setup
@@ -60,6 +62,28 @@ def test_no_driver(tmp_path):
 def test_a_driver_without_a_device():
     told = doctor(VK_DRIVER_FILES=DEVICELESS, VK_ICD_FILENAMES=DEVICELESS)
     assert_named(told, "no device", DEVICELESS.name, "apt install")
+
+
+def test_devices_leads_to_the_doctor_where_a_driver_fails(monkeypatch, capsys):
+    def fails():
+        raise RuntimeError("VK_ERROR_INITIALIZATION_FAILED")
+
+    monkeypatch.setattr("kuafu.Device", SimpleNamespace(enumerate=fails))
+    assert main(["devices"]) == 2
+    assert "VK_ERROR_INITIALIZATION_FAILED: activestereo doctor" in capsys.readouterr().err
+
+
+def test_a_device_that_is_listed_and_cannot_be_opened(device, monkeypatch, capsys):
+    class Lost:
+        enumerate = kuafu.Device.enumerate
+
+        def __init__(self):
+            raise RuntimeError("lost")
+
+    monkeypatch.setattr("kuafu.Device", Lost)
+    main(["doctor", "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert found["renders_on"] is None and found["devices"][0]["name"] == device.info.name
 
 
 def test_a_library_of_the_driver_is_missing(tmp_path):
