@@ -29,7 +29,7 @@ def dead_dots(light: Light, view: View, share: float) -> Light:
 
 
 def dead_directions(view: View, share: float) -> np.ndarray:
-    """Pixels of the pattern without light, bool [height][width]: discs at random places until their share is `share`."""
+    """Pixels of the pattern without light, bool [height][width]: discs at random places until they fill `share`."""
     width, height = view.projector_size
     dead, count = np.zeros((height, width), bool), 0
     radius = max(1.0, _DISC * width / 2)
@@ -61,7 +61,7 @@ def _is_dead(view: View, share: float) -> np.ndarray:
 
 
 def moved_depth(depth: np.ndarray, K: np.ndarray, to_other: np.ndarray, other_K: np.ndarray) -> np.ndarray:
-    """A depth image as another camera of the same size sees it: the nearest surface wins, gaps of a pixel are closed."""
+    """A depth image as another camera of the same size sees it: the nearest surface wins, gaps of one pixel close."""
     v, u = np.nonzero(depth > 0.0)
     z = depth[v, u]
     point = np.linalg.inv(K) @ np.stack([u * z, v * z, z])
