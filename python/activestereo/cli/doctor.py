@@ -21,7 +21,7 @@ The exit status is 0 where all is well, else 1.
 """
 _PACKAGES = {
     "cv2": "lab", "sapien": "sapien", "mani_skill": "mani_skill", "mujoco": "mujoco", "ray": "ray", "rosbags": "bags",
-    "pyrealsense2": "live", "mitsuba": "mitsuba", "pxr": "usd", "opengl_basisu": "ktx2",
+    "pyrealsense2": "live", "yaml": "yaml", "mitsuba": "mitsuba", "pxr": "usd", "opengl_basisu": "ktx2",
 }  # fmt: skip
 
 

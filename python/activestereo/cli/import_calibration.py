@@ -26,12 +26,13 @@ def folder_device(args: argparse.Namespace, files: Sequence[FrameFiles]) -> tupl
     leave out from the preset."""
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.capture.images import image_size
-    from activestereo.capture.importers.realsense_text import DeviceText, Intrinsic, read_device_text
+    from activestereo.capture.importers.realsense_text import DeviceText, Intrinsic
 
-    if args.calibration is not None:
+    device = given_device(args)
+    if device is not None:
         if args.k is not None or args.baseline is not None:
             raise CommandError("--calibration tells K and the baseline: give it, or --k and --baseline")
-        return read_device_text(args.calibration), []
+        return device, []
     width, height = image_size(files[0].files["left"], "Infrared 1")
     config, assumed = StereoDepthSensorConfig(args.sensor), []
     K, baseline_m = args.k, args.baseline
@@ -63,6 +64,22 @@ def folder_device(args: argparse.Namespace, files: Sequence[FrameFiles]) -> tupl
     return DeviceText(Path("--k"), modes, {("Infrared 1", "Infrared 2"): left_to_right}), assumed
 
 
+def given_device(args: argparse.Namespace) -> DeviceText | None:
+    """The calibration that --calibration names: librealsense's text, or YAML of ROS or Kalibr by the files' suffix.
+    None where it is not given."""
+    from activestereo.capture.importers.calibration_yaml import SUFFIXES, read_calibration_yaml
+    from activestereo.capture.importers.realsense_text import read_device_text
+
+    paths: list[Path] = args.calibration
+    if any(path.suffix.lower() in SUFFIXES for path in paths):
+        return read_calibration_yaml(paths, args.rectified)
+    if args.rectified:
+        raise CommandError("--rectified is about ROS' YAML: give it with --calibration FILE.yaml")
+    if len(paths) > 1:
+        raise CommandError("--calibration is given twice: only ROS' YAML has a file for each eye")
+    return read_device_text(paths[0]) if paths else None
+
+
 def checked_eyes(files: Sequence[FrameFiles], are_exchanged: bool) -> EyeOrder:
     """The order of the eyes in up to three pairs. CommandError where they are swapped, by --swap (are_exchanged) or
     without it."""
@@ -78,6 +95,17 @@ def checked_eyes(files: Sequence[FrameFiles], are_exchanged: bool) -> EyeOrder:
             f"right in the right image, where nothing can: {'leave out' if are_exchanged else 'give'} --swap"
         )
     return order
+
+
+def is_rectified(device: DeviceText, width: int, height: int) -> bool:
+    """Whether images of this calibration are rectified: no lens, one K, and eyes that differ by the baseline alone."""
+    left, right = (device.intrinsic(name, width, height) for name in ("Infrared 1", "Infrared 2"))
+    left_to_right = device.extrinsic("Infrared 1", "Infrared 2")
+    turned = np.abs(left_to_right[:3, :3] - np.eye(3)).max() * left.K[0, 0]
+    across = np.abs(left_to_right[1:3, 3]).max() / max(1e-9, abs(left_to_right[0, 3]))
+    apart = np.abs(left.K - right.K).max()
+    lens = max(np.abs(left.distortion).max(), np.abs(right.distortion).max())
+    return bool(max(turned, apart) < _MOST_ROWS_PX and across < 0.01 and lens == 0.0)
 
 
 def eyes_text(order: EyeOrder) -> str:

@@ -9,7 +9,15 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from activestereo.cli.arguments import CommandError, Commands, camera_matrix, integer_from, positive, size
-from activestereo.cli.import_calibration import checked_eyes, eyes_text, folder_device, missing_text, unused_text
+from activestereo.cli.import_calibration import (
+    checked_eyes,
+    eyes_text,
+    folder_device,
+    given_device,
+    is_rectified,
+    missing_text,
+    unused_text,
+)
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Capture
@@ -25,8 +33,9 @@ Makes a capture of a recording. RECORDING is one of
     each stream but for that word. Folders inside with both eyes of their own are
     views of their own (walls/near, walls/far); one named off has frames with the
     projector off (desk/on, desk/off). --calibration is what rs-enumerate-devices -c
-    prints, saved to a file; --k and --baseline do for other cameras' rectified
-    images, and without either the preset's nominal figures
+    prints, saved to a file, or YAML of Kalibr (camchain.yaml) or of ROS (camera_info
+    of each eye; needs: apt-get install python3-yaml); --k and --baseline do for
+    other cameras' rectified images, and without either the preset's nominal figures
   a bag: librealsense's .bag, or one of ROS 1 or ROS 2 with the topics of
     realsense-ros (needs: pip install rosbags). It has its own calibration
   live: a connected D4xx (needs: pip install pyrealsense2)
@@ -46,6 +55,8 @@ example:
   activestereo import 20260101_120000.bag --out captures/desk
   activestereo import views/ --sensor d415 --k 903.5,903.5,631.9,369.3 \\
       --baseline 0.05475 --depth depth_laser --depth-scale 0.001 -o captures/views
+  activestereo import views/ --calibration left.yaml --calibration right.yaml \\
+      --rectified -o captures/views
   activestereo import views/ --calibration d435.txt --robot poses.csv \\
       --hand-eye model.hand_eye.json --out captures/views
 """
@@ -60,7 +71,10 @@ def add_parser(commands: Commands) -> None:
     )
     add = parser.add_argument
     add("recording", type=Path, metavar="RECORDING", help="folder of PNG files, a bag, or live")
-    add("--calibration", type=Path, metavar="FILE", help="output of rs-enumerate-devices -c; not needed for a bag")
+    text = "output of rs-enumerate-devices -c, Kalibr's camchain.yaml, or ROS' camera_info YAML, which is given twice, "
+    text += "for both eyes; not needed for a bag"
+    add("--calibration", type=Path, action="append", default=[], metavar="FILE", help=text)
+    add("--rectified", action="store_true", help="the images are ROS' image_rect, not image_raw (with ROS' YAML)")
     text = "of both rectified eyes, or of colour and depth, where no file tells it"
     add("--k", type=camera_matrix, metavar="FX,FY,CX,CY", help=text)
     add("--baseline", type=positive, metavar="M", help="metres between the eyes, where no file tells it")
@@ -151,10 +165,10 @@ def _write_color_depth(args: argparse.Namespace, recording: ColorDepthRecording)
 
 def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
     from activestereo.camera.presets import StereoDepthSensorConfig
+    from activestereo.capture.images import image_size
     from activestereo.capture.importers.bag import extract_bag, is_bag
     from activestereo.capture.importers.live import record_live
     from activestereo.capture.importers.realsense_folder import frame_files, import_realsense, swapped
-    from activestereo.capture.importers.realsense_text import read_device_text
     from activestereo.capture.importers.trajectory import read_trajectory
     from activestereo.common.progress_bar import ProgressBar
 
@@ -176,10 +190,14 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
         files = swapped(files)
     assumed: list[str] = []
     if is_live or bag:
-        device = recorded_device if args.calibration is None else read_device_text(args.calibration)
+        device = given_device(args) or recorded_device
     else:
         device, assumed = folder_device(args, files)
-    told = [eyes_text(checked_eyes(files, args.swap)), *(f"assumed: {line}" for line in assumed)]
+    if is_rectified(device, *image_size(files[0].files["left"], "Infrared 1")):
+        told = [eyes_text(checked_eyes(files, args.swap))]
+    else:
+        told = ["eyes: not rectified, by this calibration: their order and rows are not looked at"]
+    told += [*(f"assumed: {line}" for line in assumed)]
     told += unused_text(folder, files)
     told += [f"missing: {line}" for line in missing_text(files, bool(args.poses or args.robot))]
     with ProgressBar(f"importing {args.recording.name}") as bar:

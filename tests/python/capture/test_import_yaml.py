@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Calibrations in YAML of ROS and of Kalibr: both eyes' lenses and places come out as they were put in."""
+
+import sys
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+from scipy.spatial.transform import Rotation
+
+from activestereo.capture.capture import read_capture
+from activestereo.capture.images import write_gray
+from activestereo.cli import main
+
+pytest.importorskip("yaml", reason="the package PyYAML is not installed (apt-get install python3-yaml)")
+
+WIDTH, HEIGHT, BASELINE = 160, 120, 0.0625
+K = {
+    "left": np.array([[201.5, 0, 79], [0, 202.5, 61], [0, 0, 1]]),
+    "right": np.array([[199.0, 0, 81], [0, 200, 58], [0, 0, 1]]),
+}
+LENS = {"left": [0.02, -0.01, 0.001, 0.0005, 0.003], "right": [-0.03, 0.02, -0.001, 1e-05, 0.0]}
+R = {eye: Rotation.from_euler("xyz", angles).as_matrix() for eye, angles in
+     (("left", (0.01, -0.02, 0.003)), ("right", (-0.004, 0.015, 0.002)))}  # fmt: skip
+NEW_K = np.array([[190.0, 0, 80.5], [0, 190.0, 59.5], [0, 0, 1]])
+
+
+def left_to_right():
+    """By points: the same point in rectified axes differs by the baseline."""
+    pose = np.eye(4)
+    pose[:3, :3] = np.linalg.inv(R["right"]) @ R["left"]
+    pose[:3, 3] = np.linalg.inv(R["right"]) @ [-BASELINE, 0, 0]
+    return pose
+
+
+def projection(eye):
+    shift = -NEW_K[0, 0] * BASELINE if eye == "right" else 0.0
+    return np.column_stack([NEW_K, [shift, 0.0, 0.0]])
+
+
+def matrix(values, rows, columns):
+    return f"\n  rows: {rows}\n  cols: {columns}\n  data: {[float(v) for v in np.ravel(values)]}"
+
+
+def saved_by_ros(eye, **changes):
+    """A file as camera_calibration's cameracalibrator saves it."""
+    fields = {
+        "image_width": WIDTH, "image_height": HEIGHT, "camera_name": eye, "camera_matrix": matrix(K[eye], 3, 3),
+        "distortion_model": "plumb_bob", "distortion_coefficients": matrix(LENS[eye], 1, len(LENS[eye])),
+        "rectification_matrix": matrix(R[eye], 3, 3), "projection_matrix": matrix(projection(eye), 3, 4),
+    }  # fmt: skip
+    return "".join(f"{name}: {value}\n" for name, value in (fields | changes).items() if value is not None)
+
+
+def echoed_by_ros(eye, upper=True):
+    """A message as rostopic echo and ros2 topic echo print it, with numbers such as 1e-05."""
+    def name(text):
+        return text if upper else text.lower()
+
+    return (
+        f"header:\n  stamp:\n    secs: 1\nheight: {HEIGHT}\nwidth: {WIDTH}\ndistortion_model: \"plumb_bob\"\n"
+        f"{name('D')}: {LENS[eye]}\n{name('K')}: {K[eye].ravel().tolist()}\n{name('R')}: {R[eye].ravel().tolist()}\n"
+        f"{name('P')}: {projection(eye).ravel().tolist()}\nbinning_x: 0\n---\n"
+    )
+
+
+def kalibr(first, second, motion, **changes):
+    fields = {"camera_model": "pinhole", "distortion_model": "radtan"} | changes
+    text = ""
+    for name, eye in (("cam0", first), ("cam1", second)):
+        text += f"{name}:\n  cam_overlaps: [1]\n"
+        text += "".join(f"  {key}: {value}\n" for key, value in fields.items() if value is not None)
+        text += f"  distortion_coeffs: {LENS[eye][:4]}\n  resolution: [{WIDTH}, {HEIGHT}]\n"
+        text += f"  intrinsics: {[float(K[eye][i]) for i in ((0, 0), (1, 1), (0, 2), (1, 2))]}\n"
+    return text + "  T_cn_cnm1:\n" + "".join(f"  - {row.tolist()}\n" for row in motion)
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """A pair 9 px apart."""
+    noise = gaussian_filter(np.random.default_rng(3).normal(0.0, 1.0, (HEIGHT, WIDTH + 9)), 1.2)
+    noise = np.clip(np.rint(120.0 + 40.0 * noise / noise.std()), 0, 255).astype(np.uint8)
+    for eye, first in (("left", 0), ("right", 9)):
+        (tmp_path / "set" / eye).mkdir(parents=True)
+        write_gray(tmp_path / "set" / eye / "000001.png", noise[:, first : first + WIDTH])
+    return tmp_path / "set"
+
+
+@pytest.fixture
+def imported(recording, tmp_path):
+    """Imports with these texts as calibrations; the exit status."""
+
+    def run(*texts, more=()):
+        arguments = ["import", str(recording), "-o", str(tmp_path / "out"), *more]
+        for i, text in enumerate(texts):
+            (tmp_path / f"{i}.yaml").write_text(text)
+            arguments += ["--calibration", str(tmp_path / f"{i}.yaml")]
+        return main(arguments)
+
+    return run
+
+
+def assert_raw(rig, lens_numbers):
+    for eye in ("left", "right"):
+        np.testing.assert_allclose(rig.camera(eye).K, K[eye])
+        np.testing.assert_allclose(rig.camera(eye).distortion[:lens_numbers], LENS[eye][:lens_numbers])
+    np.testing.assert_allclose(rig.left_to_right, left_to_right(), atol=1e-9)
+
+
+@pytest.mark.parametrize("order", [("left", "right"), ("right", "left")])
+def test_ros_files_of_both_eyes_in_any_order(imported, tmp_path, capsys, order):
+    assert imported(*map(saved_by_ros, order)) == 0
+    assert_raw(read_capture(tmp_path / "out").rig, 5)
+    assert "eyes: not rectified, by this calibration" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("upper", [True, False])
+def test_echoed_messages_of_ros_in_one_file(imported, tmp_path, upper):
+    assert imported(echoed_by_ros("left", upper) + echoed_by_ros("right", upper)) == 0
+    assert_raw(read_capture(tmp_path / "out").rig, 5)
+
+
+def test_rectified_images_of_ros_have_the_projection_matrix(imported, tmp_path, capsys):
+    assert imported(saved_by_ros("left"), saved_by_ros("right"), more=["--rectified"]) == 0
+    rig = read_capture(tmp_path / "out").rig
+    assert rig.left.is_pinhole and rig.right.is_pinhole and rig.baseline_m == pytest.approx(BASELINE)
+    np.testing.assert_array_equal(rig.left.K, NEW_K)
+    np.testing.assert_array_equal(rig.left_to_right[:3, :3], np.eye(3))
+    assert "not rectified" not in capsys.readouterr().out
+
+
+def test_a_rational_lens_keeps_its_eight_numbers(imported, tmp_path):
+    eight = [0.1, 0.2, 0.001, 0.002, 0.3, 0.11, 0.21, 0.31]
+    changes = {"distortion_model": "rational_polynomial", "distortion_coefficients": matrix(eight, 1, 8)}
+    assert imported(saved_by_ros("left", **changes), saved_by_ros("right", **changes)) == 0
+    np.testing.assert_array_equal(read_capture(tmp_path / "out").rig.right.distortion, eight)
+
+
+@pytest.mark.parametrize("first, second", [("left", "right"), ("right", "left")])
+def test_kalibrs_chain_tells_by_its_motion_which_eye_is_left(imported, tmp_path, first, second):
+    motion = left_to_right() if first == "left" else np.linalg.inv(left_to_right())
+    assert imported(kalibr(first, second, motion)) == 0
+    assert_raw(read_capture(tmp_path / "out").rig, 4)
+
+
+def without_baseline(eye):
+    return saved_by_ros(eye, projection_matrix=matrix(projection("left"), 3, 4))
+
+
+@pytest.mark.parametrize(
+    "texts, said",
+    [
+        ([saved_by_ros("left")], "1 camera of ROS, expected both eyes: give --calibration twice"),
+        ([without_baseline("left"), without_baseline("right")], "P[3] of the eyes is 0 and 0, expected 0 of the left"),
+        ([saved_by_ros("left"), saved_by_ros("right", camera_matrix=None)], "1.yaml: camera_matrix: is missing"),
+        ([saved_by_ros("left"), saved_by_ros("right", image_width="wide")], "image_width: is 'wide', expected a whole"),
+        ([saved_by_ros("left"), saved_by_ros("right", distortion_model="equidistant")], "is 'equidistant'"),
+        ([saved_by_ros("left"), saved_by_ros("right", camera_matrix="[1, 2]")], "camera_matrix: has 2 entries"),
+        ([saved_by_ros("left"), saved_by_ros("right", camera_matrix=matrix(np.zeros(9), 3, 3))], "is no camera matrix"),
+        ([saved_by_ros("left"), saved_by_ros("right", rectification_matrix=matrix(np.ones(9), 3, 3))],
+         "rectification_matrix"),
+        ([saved_by_ros("left").replace("201.5", "many"), saved_by_ros("right")], "camera_matrix[0]: is 'many'"),
+        ([saved_by_ros("left", image_width=320), saved_by_ros("right", image_width=320)], "there are: 320x120"),
+        ([kalibr("left", "right", left_to_right(), camera_model="omni")], "camera_model: is 'omni', expected pinhole"),
+        ([kalibr("left", "right", left_to_right()[:3])], "cam1: T_cn_cnm1: is not 4 rows of 4 numbers"),
+        ([kalibr("left", "right", left_to_right()).split("cam1")[0]], "cam1: is missing: a pair has cam0 and cam1"),
+        ([kalibr("left", "right", left_to_right()), saved_by_ros("left")], "Kalibr's chain of all"),
+        (["a: [1"], "0.yaml: is not YAML: "),
+        (["[" * 5000], "0.yaml: is n"),
+        (["- 1\n"], "0.yaml: has no mapping"),
+        ([""], "0.yaml: has no mapping"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_told_in_one_line_with_file_and_key(imported, tmp_path, capsys, texts, said):
+    assert imported(*texts) == 2
+    error = capsys.readouterr().err.strip().splitlines()
+    assert len(error) == 1 and said in error[0] and ".yaml" in error[0]
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_belongs_to_ros_alone_is_refused_elsewhere(recording, imported, tmp_path, capsys):
+    (tmp_path / "d435.txt").write_text("")
+    text = ["import", str(recording), "-o", str(tmp_path / "out"), "--calibration", str(tmp_path / "d435.txt")]
+    assert main([*text, "--rectified"]) == 2
+    assert main([*text, "--calibration", str(tmp_path / "d435.txt")]) == 2
+    assert imported(kalibr("left", "right", left_to_right()), more=["--rectified"]) == 2
+    assert imported(saved_by_ros("left"), saved_by_ros("right"), more=["--k", "1,1,1,1"]) == 2
+    said = capsys.readouterr().err
+    for words in ("--rectified is about ROS' YAML", "--calibration is given twice", "give no --rectified", "or --k"):
+        assert words in said
+
+
+def test_without_pyyaml_the_package_is_named(imported, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "yaml", None)
+    assert imported(saved_by_ros("left"), saved_by_ros("right")) == 2
+    assert "PyYAML, which is missing: apt-get install python3-yaml, or pip install pyyaml" in capsys.readouterr().err
+
+
+def test_yaml_makes_no_objects(imported, tmp_path, capsys):
+    assert imported(f'!!python/object/apply:os.mkdir ["{tmp_path / "made"}"]') == 2
+    assert not (tmp_path / "made").exists()
+    assert "is not YAML" in capsys.readouterr().err
