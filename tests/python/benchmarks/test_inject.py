@@ -312,6 +312,21 @@ def test_wrong_input_is_told_in_one_line(ramp, tmp_path, capsys, arguments, said
     assert list(tmp_path.iterdir()) == []
 
 
+def test_repeats_share_their_depth_and_other_views_do_not(ramp):
+    capture = read_capture(ramp)
+    whole = plan(capture, "dead_dots", "strong", 0, BLACK)
+    for group, is_refused in ((0, False), (1, True)):
+        last = Frame(**{**capture.frames[1].__dict__, "depth_path": None, "repeat_group": group})
+        frames = (capture.frames[0], last, *capture.frames[2:])
+        injection = plan(Capture(**{**capture.__dict__, "frames": frames}), "dead_dots", "strong", 0, BLACK)
+        if is_refused:
+            with pytest.raises(ValueError, match=r"frames\[id=1\] has no depth"):
+                injection.changed(1, "left")
+        else:
+            assert (injection.changed(1, "right") != capture.ir(last, "right")).any()
+            np.testing.assert_array_equal(injection.changed(1, "right"), whole.changed(1, "right"))
+
+
 def test_dead_dots_without_depth_says_which_frame(ramp, tmp_path):
     capture = read_capture(ramp)
     frames = tuple(Frame(**{**frame.__dict__, "depth_path": None}) for frame in capture.frames)

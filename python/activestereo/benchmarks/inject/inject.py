@@ -84,9 +84,10 @@ class Injection:
         )
 
     def _depth(self, frame: Frame, is_right: bool) -> np.ndarray | None:
-        """Depth of one camera, by this frame or another of its pose: repeats often have it once."""
-        same = (f for f in self.capture.frames if np.array_equal(f.camera_to_world, frame.camera_to_world))
-        told = next((f for f in (frame, *same) if f.depth_path is not None), frame)
+        """Depth of one camera, by this frame or a repeat of it: repeats often have it once."""
+        group = frame.repeat_group
+        repeats = [f for f in self.capture.frames if group is not None and f.repeat_group == group]
+        told = next((f for f in (frame, *repeats) if f.depth_path is not None), frame)
         depth, rig = self.capture.depth(told), self.capture.rig
         if depth is None or not is_right:
             return None if depth is None else depth.astype(np.float64)
