@@ -15,8 +15,8 @@ import kuafu
 from activestereo.benchmarks.grasp.scene import OBJECTS, GraspScene
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import body_pose, look_at
-from activestereo.sensor.mounts import Mounts
 from activestereo.sensor.depth_modes import DepthCamera
+from activestereo.sensor.mounts import Mounts
 from activestereo.sensor.rival_noise import IsaacSettings
 
 STEPS = 10

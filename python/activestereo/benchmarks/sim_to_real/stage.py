@@ -19,8 +19,8 @@ from activestereo.common.pose import CAMERA_TO_BODY
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
-from activestereo.sensor.mounts import Mounts
 from activestereo.sensor.depth_modes import DepthCamera
+from activestereo.sensor.mounts import Mounts
 
 _NEAREST_M, _FARTHEST_M = 0.3, 1.5
 _TABLE_HALF_M = 1.0
