@@ -27,7 +27,7 @@ class Page:
     size: (width, height) of the window, pixels.
     """
 
-    def __init__(self, path: Path, size: tuple[int, int] = (1280, 1000)) -> None:
+    def __init__(self, path: Path | str, size: tuple[int, int] = (1280, 1000)) -> None:
         self._profile = tempfile.TemporaryDirectory(prefix="chromium-")
         self._messages, self._rest = [], b""
         from_us, self._write = os.pipe()
@@ -59,7 +59,7 @@ class Page:
             "Emulation.setDeviceMetricsOverride", width=size[0], height=size[1], deviceScaleFactor=1, mobile=False
         )
         self.events = []
-        self.call("Page.navigate", url=Path(path).resolve().as_uri())
+        self.call("Page.navigate", url=path if isinstance(path, str) else path.resolve().as_uri())
         self.wait("document.readyState === 'complete'")
 
     def __enter__(self) -> "Page":

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: activestereo simulate | presets | depth | pair | depth-quality | compare | diagnose | add | model |
-calibrate | import | capture | overlay | effect | generate | benchmark | cache | devices | doctor | completion, one file
-each. This one parses, runs and makes failures one line."""
+"""The command line: activestereo simulate | view | presets | depth | pair | depth-quality | compare | diagnose | add |
+model | calibrate | import | capture | overlay | effect | generate | benchmark | cache | devices | doctor | completion,
+one file each. This one parses, runs and makes failures one line."""
 
 import argparse
 import os
@@ -32,6 +32,7 @@ from activestereo.cli import (
     pair,
     presets,
     simulate,
+    view,
 )
 from activestereo.cli.arguments import CommandError, Finding
 from activestereo.cli.exit_codes import FAILURE, FINDING, FINE, READER_GONE, STOPPED, USAGE
@@ -40,6 +41,7 @@ from activestereo.common.own_files import outside_allowed
 
 _COMMANDS = (
     simulate,
+    view,
     presets,
     depth,
     pair,

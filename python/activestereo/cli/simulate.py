@@ -185,7 +185,7 @@ def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> S
         else StereoDepthSensorConfig.from_model(model, args.sensor)
     )
     if args.resolution:
-        config = _resized(config, args.resolution)
+        config = resized(config, args.resolution)
     config.render_seed = config.noise_seed = args.seed
     set_cameras(config, args)
     if args.projector_intensity is not None:
@@ -207,7 +207,7 @@ def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> S
     return config
 
 
-def _resized(config: StereoDepthSensorConfig, resolution: tuple[int, int]) -> StereoDepthSensorConfig:
+def resized(config: StereoDepthSensorConfig, resolution: tuple[int, int]) -> StereoDepthSensorConfig:
     width, height = config.ir_resolution
     scaled = config.scaled(resolution[0] / width)
     if scaled.ir_resolution != resolution:

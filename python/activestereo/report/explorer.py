@@ -66,7 +66,7 @@ def explorer_data(comparison: Comparison, images: ModelImages) -> dict[str, Any]
         "views": views,
         "start": worst_frame(comparison.scores, split)["id"],
         "models": {name: words[name] for name in images},
-        "maps": {name: _colour_stops(name) for name in ("gray", "RdBu_r", "viridis")},
+        "maps": {name: colour_stops(name) for name in ("gray", "RdBu_r", "viridis")},
     }
 
 
@@ -131,5 +131,5 @@ def _depth_view(depth: DepthFrame, comparison: Comparison) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _colour_stops(name: str) -> list[list[int]]:
+def colour_stops(name: str) -> list[list[int]]:
     return [[int(round(255 * c)) for c in colormaps[name](i / (_COLOURS - 1))[:3]] for i in range(_COLOURS)]

@@ -13,7 +13,7 @@ import simsense
 
 _MOST_COUNTS = 2**16 - 1
 # The expected value has no random part; a response and a full well act on the mean.
-_NOISE = (
+NOISE = (
     "speckle_shape",
     "prnu",
     "hot_pixel_share",
@@ -66,4 +66,4 @@ class ExpectedImager:
 
     def _fine(self, signal: dict[str, float], noisy: bool) -> dict[str, float]:
         scaled = {name: signal[name] * self._scale for name in _IN_COUNTS}
-        return signal | ({} if noisy else dict.fromkeys(_NOISE, 0.0)) | scaled | {"bit_depth": 16}
+        return signal | ({} if noisy else dict.fromkeys(NOISE, 0.0)) | scaled | {"bit_depth": 16}

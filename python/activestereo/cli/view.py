@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""activestereo view: a local page that shows a capture or a scene, and renders it anew as its sliders move."""
+
+from __future__ import annotations
+
+import argparse
+import webbrowser
+from pathlib import Path
+from typing import Any
+
+from activestereo.cli.arguments import CommandError, Commands, add_device, size, whole
+
+_TEXT = """\
+Serves a page on this machine alone and opens it in the browser: what was measured,
+what the simulator gives in its place, and their difference; values, dots and
+disparity under the pointer. PATH is
+
+  a capture's folder   its frames beside the simulator in the capture's scene
+  a scene file         a preset's sensor at the scene's cameras, against its own first picture
+  a folder of those    a list to choose from
+
+The page is at the printed address, whose token nobody can guess; other machines and
+pages of other origins are not answered. Ctrl-C ends it.
+
+examples:
+  activestereo view captures/table
+  activestereo view table_top.gltf --sensor d415 --resolution 424x240
+"""
+
+
+def add_parser(commands: Commands) -> None:
+    parser = commands.add_parser(
+        "view",
+        help="look at captures and scenes in the browser, with sliders that render anew",
+        description=_TEXT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("path", type=Path, metavar="PATH", help="capture, scene file, or a folder of them")
+    text = "a sensor model to begin with: its calibration, noise and effects"
+    parser.add_argument("--model", type=Path, metavar="FILE", help=text)
+    text = "your own effects, to be added on the page"
+    parser.add_argument("--effects", type=Path, action="append", default=[], metavar="FILE", help=text)
+    text = "the sensor in scene files, as simulate's (default: d435)"
+    parser.add_argument("--sensor", default="d435", metavar="NAME", help=text)
+    text = "of the infrared images in scene files (default: the sensor's own; smaller ones are quicker)"
+    parser.add_argument("--resolution", type=size, metavar="WxH", help=text)
+    parser.add_argument("--port", type=whole, default=0, metavar="N", help="of the address (default: a free one)")
+    parser.add_argument("--no-browser", action="store_true", help="print the address only")
+    add_device(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> None:
+    server = make_server(args)
+    print(f"activestereo view of {args.path}: {server.address}  (Ctrl-C ends it)", flush=True)
+    if not args.no_browser:
+        webbrowser.open_new_tab(server.address)
+    with server:
+        server.serve_forever()
+
+
+def make_server(args: argparse.Namespace) -> Any:
+    """The server of the options, at its address but not yet serving."""
+    import kuafu
+    from activestereo.compare.model_file import library
+    from activestereo.model import read_model
+    from activestereo.report.view.library import Library, is_capture
+    from activestereo.report.view.routes import Routes
+    from activestereo.report.view.server import ViewServer
+
+    if not 0 <= args.port < 65536:
+        raise CommandError(f"--port {args.port}: a port is 0 to 65535")
+    effects = library(*args.effects)
+    model = None if args.model is None else read_model(args.model, effects)
+    device = kuafu.Device(args.device)
+
+    def make(path: Path) -> Any:
+        from activestereo.capture.capture import read_capture
+        from activestereo.report.view.capture_source import CaptureSource
+        from activestereo.report.view.scene_source import SceneSource
+
+        if is_capture(path):
+            return CaptureSource(read_capture(path), device, model)
+        return SceneSource(path, device, _config(args, model), model)
+
+    return ViewServer(Routes(Library(args.path, make), effects).calls(), args.port)
+
+
+def _config(args: argparse.Namespace, model: Any) -> Any:
+    from activestereo.camera.presets import StereoDepthSensorConfig
+    from activestereo.cli.simulate import resized
+
+    if model is not None:
+        if args.resolution:
+            raise CommandError(
+                "--resolution and --model exclude one another: a model's figures are in pixels of its own images"
+            )
+        return StereoDepthSensorConfig.from_model(model, args.sensor)
+    config = StereoDepthSensorConfig(args.sensor)
+    return resized(config, args.resolution) if args.resolution else config

@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A local page that shows captures, scenes and recordings, and renders them anew as its sliders move: `activestereo
+view`.
+
+| file | job |
+|--|--|
+| guard.py | which requests are answered |
+| server.py | HTTP on the loopback address |
+| routes.py | the page's calls |
+| packing.py | images and numbers as one answer |
+| library.py | what a folder holds, and what may be opened of it |
+| capture_source.py | a capture: its frames, and the sensor that took them |
+| scene_source.py | a scene file: its cameras, and a preset's sensor |
+| fit.py | projector's light, room's light and black level of a capture, and its noise |
+| settings.py | what the sliders change |
+| simulation.py | one exposure under these settings |
+"""

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A capture on the page: its frames as they were measured, and the sensor that takes them in its scene."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import kuafu
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.capture.capture import Capture, Frame
+from activestereo.common.computed_once import computed_once
+from activestereo.common.pose import Pose
+from activestereo.compare.depth_model import DepthModel
+from activestereo.compare.kuafu_renderer import KuafuRenderer
+from activestereo.effects.core.scene_surfaces import split_surfaces
+from activestereo.model import Pattern, Rig, RigCamera, SensorModel
+from activestereo.model.calibrated import calibrated
+from activestereo.model.configure import configured
+from activestereo.report.view.fit import fitted_noise, fitted_nuisances
+from activestereo.report.view.simulation import Pictures, Shot, Simulation, disparity_of, with_left_as_colour
+from activestereo.scene_io.scene_files import load_scene_file
+
+# The laser's slider ends at so many times the power of the capture.
+_STRONGEST_LASER = 3.0
+
+
+class CaptureSource:
+    """A capture. model: what is known of the sensor besides; what it does not say of light and noise is fitted.
+
+    Where the capture's scene is empty nothing is simulated."""
+
+    def __init__(self, capture: Capture, device: kuafu.Device, model: SensorModel | None = None) -> None:
+        self.title = capture.name
+        self._given = SensorModel() if model is None else model
+        self._capture = calibrated(capture, self._given)
+        self._device = device
+        self._frames = {frame.id: frame for frame in capture.frames if frame.has_infrared}
+        if not self._frames:
+            raise ValueError(f"{capture.path}: has no infrared images, only colour and depth: there is nothing to show")
+
+    def frames(self) -> list[dict[str, object]]:
+        """[{id, label}] in the capture's order."""
+        return [
+            {"id": f.id, "label": f"{f.id}, {f.split}{', projector off' if f.projector_power == 0 else ''}"}
+            for f in self._frames.values()
+        ]
+
+    def facts(self) -> dict[str, object]:
+        """The left camera as the page's depth and points need it."""
+        rig = self._capture.rig
+        return {
+            "kind": "capture", "has_measured": True, "width": rig.left.width, "height": rig.left.height,
+            "max_dn": rig.max_dn, "k": rig.left.K.ravel().tolist(), "has_depth": True,
+            "focal_baseline_px_m": self._focal_baseline(),
+        }  # fmt: skip
+
+    def measured(self, frame_id: int) -> Pictures:
+        """One frame with the device's depth, or with the depth that its pair gives where the device's is not there."""
+        frame, capture = self._frame(frame_id), self._capture
+        left, right = (capture.ir(frame, eye) for eye in ("left", "right"))
+        depth = capture.depth(frame)
+        if depth is None:
+            depth = self._matcher().depth(left, right)
+        disparity = disparity_of(depth, self._focal_baseline())
+        return Pictures(left, right, disparity, self._focal_baseline(), frame.exposure_s, frame.gain)
+
+    @computed_once
+    def simulation(self) -> Simulation | None:
+        """The capture's scene, loaded; None where there is nothing in it."""
+        scene = kuafu.Scene(self._device)
+        load_scene_file(scene, self._capture.scene_path)
+        if not scene.summary.triangle_count:
+            return None
+        split_surfaces(scene, self._capture.scene_path)
+        return Simulation(scene)
+
+    def shot(self, frame_id: int) -> Shot:
+        """One frame as the sensor takes it. Radiance is in counts of the room's light, in which lamps of the scene
+        count alike."""
+        frame, model = self._frame(frame_id), self._model()
+        room = model.nuisances["ambient_scale"].value * (1.0 if frame.ambient is None else frame.ambient)
+        projector = model.nuisances["projector_scale"].value
+        config = self._config(max(room, 1e-6 * projector))
+        config.laser_power_mw = frame.projector_power * config.laser_power_nominal_mw
+        config.ir_camera_exposure, config.ir_camera_gain = frame.exposure_s, frame.gain
+        return Shot(
+            config, model, frame.camera_to_world, room / config.ir_responsivity_dn, frame.temperature_c,
+            frame.timestamp_s, frame.camera_velocity,
+        )  # fmt: skip
+
+    # ---- inside ----
+
+    def _frame(self, frame_id: int) -> Frame:
+        if frame_id not in self._frames:
+            raise ValueError(f"{self.title} has no frame {frame_id!r} with infrared images")
+        return self._frames[frame_id]
+
+    def _focal_baseline(self) -> float:
+        return float(self._capture.rig.left.K[0, 0]) * self._capture.rig.baseline_m
+
+    @computed_once
+    def _matcher(self) -> DepthModel:
+        return DepthModel(self._capture)
+
+    def _config(self, responsivity_dn: float) -> StereoDepthSensorConfig:
+        """The sensor's configuration with the left camera in the colour camera's place."""
+        model, config = self._model(), StereoDepthSensorConfig()
+        config.trans_pose_l = Pose()
+        config.ir_exposure_mode, config.ir_responsivity_dn = "fixed", responsivity_dn
+        low, _, step = config.laser_power_limits_mw
+        config.laser_power_limits_mw = (low, _STRONGEST_LASER * config.laser_power_nominal_mw, step)
+        for name, value in configured(vars(config), model).items():
+            setattr(config, name, value)
+        for name, value in self._matcher().parameters.items():
+            setattr(config, name, value)
+        return with_left_as_colour(config)
+
+    @computed_once
+    def _model(self) -> SensorModel:
+        """Everything that is known of the sensor, without the settings of single frames."""
+        capture, given = self._capture, self._given
+        rig, projector = capture.rig, capture.rig.projector
+        left, right = (RigCamera(c.width, c.height, c.K, tuple(c.distortion)) for c in (rig.left, rig.right))
+        own = Rig(left, right, rig.left_to_right, projector.left_to_projector, rig.bit_depth, rig.line_time_s)
+        pattern = given.pattern or Pattern(projector.K, projector.pattern_path)
+        model = replace(given, rig=own, pattern=pattern)
+        if not {"projector_scale", "ambient_scale", "black_dn"} <= set(given.nuisances):
+            fitted = fitted_nuisances(capture, KuafuRenderer(self._device))
+            model = replace(model, nuisances=fitted | dict(given.nuisances))
+        if model.imager is None:
+            model = replace(model, imager=fitted_noise(capture, model.nuisances["black_dn"].value))
+        return model

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers and images as one answer: four bytes with the length of a JSON text, that text, then each image's values.
+
+The text's "arrays" are {name: [type, height, width, first byte behind the text]}; the text ends at a multiple of eight.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+_ALIGNMENT = 8
+
+
+def packed(content: Mapping[str, Any], images: Mapping[str, NDArray[Any]] | None = None) -> bytes:
+    """One answer. images: {name: [height][width] of float32, uint8 or uint32}; what has no value is NaN."""
+    arrays, parts, size = {}, [], 0
+    for name, image in (images or {}).items():
+        data = np.ascontiguousarray(image).astype(image.dtype.newbyteorder("<"), copy=False).tobytes()
+        arrays[name] = [image.dtype.name, *image.shape, size]
+        parts.append(data + b"\0" * (-len(data) % _ALIGNMENT))
+        size += len(parts[-1])
+    text = json.dumps(_finite({**content, "arrays": arrays}), allow_nan=False, separators=(",", ":")).encode()
+    text += b" " * (-(4 + len(text)) % _ALIGNMENT)
+    return b"".join([struct.pack("<I", len(text)), text, *parts])
+
+
+def unpacked(answer: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """The content and the images of an answer."""
+    (length,) = struct.unpack_from("<I", answer)
+    content = json.loads(answer[4 : 4 + length])
+    images = {}
+    for name, (kind, height, width, first) in content.pop("arrays").items():
+        flat = np.frombuffer(answer, np.dtype(kind).newbyteorder("<"), height * width, 4 + length + first)
+        images[name] = flat.reshape(height, width)
+    return content, images
+
+
+def _finite(value: Any) -> Any:
+    """The same with None for infinities, which JSON has no words for."""
+    if isinstance(value, dict):
+        return {name: _finite(one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scene file on the page: what a preset's sensor gives at its cameras. There is no measurement; the page compares
+with the picture before any slider was moved."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+import kuafu
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.computed_once import computed_once
+from activestereo.common.pose import CAMERA_TO_BODY, as_matrix, look_at
+from activestereo.model import SensorModel
+from activestereo.report.view.simulation import Pictures, Shot, Simulation, with_left_as_colour
+from activestereo.scene_io.scene_files import load_scene_file
+
+# Visible radiance from all sides, W/(sr m^2), as simulate has it: with lamps in the scene, and without.
+_ROOM, _ROOM_WITHOUT_LAMPS = 0.25, 1.0
+_ALL_OF_IT = 2.6  # radii from the middle, at which the scene fills half of the picture
+
+
+class SceneSource:
+    """A scene file. config: the sensor; model: what is known of it, or None."""
+
+    def __init__(
+        self, path: Path, device: kuafu.Device, config: StereoDepthSensorConfig, model: SensorModel | None = None
+    ) -> None:
+        self.title, self._path, self._device = path.name, path, device
+        self._config, self._model = config, SensorModel() if model is None else model
+        self._left_config = with_left_as_colour(config)
+
+    def frames(self) -> list[dict[str, object]]:
+        """[{id, label}] of the scene's cameras, or of one view of all of it."""
+        count = self._scene().summary.camera_count
+        return [{"id": n, "label": f"camera {n}" if count else "all of it"} for n in range(max(count, 1))]
+
+    def facts(self) -> dict[str, object]:
+        """The left camera as the page's depth and points need it."""
+        width, height = self._left_config.ir_resolution
+        return {
+            "kind": "scene", "has_measured": False, "width": width, "height": height, "max_dn": self._max_dn(),
+            "k": np.ravel(self._left_config.ir_intrinsic).tolist(), "has_depth": True,
+            "focal_baseline_px_m": self._left_config.focal_baseline_px_m,
+        }  # fmt: skip
+
+    def measured(self, frame_id: int) -> Pictures:
+        raise ValueError(f"{self.title} is a scene: nothing was measured in it")
+
+    @computed_once
+    def simulation(self) -> Simulation:
+        return Simulation(self._scene())
+
+    def shot(self, frame_id: int) -> Shot:
+        """The sensor's colour camera at one of the scene's cameras."""
+        scene = self._scene()
+        known = [frame["id"] for frame in self.frames()]
+        if frame_id not in known:
+            raise ValueError(f"{self.title} has no camera {frame_id!r}, only {known[0]} to {known[-1]}")
+        colour = scene.camera(frame_id).camera_to_world if scene.summary.camera_count else _overall_view(scene.summary)
+        colour_to_left = CAMERA_TO_BODY.T @ as_matrix(self._config.trans_pose_l) @ CAMERA_TO_BODY
+        return Shot(self._left_config, self._model, np.asarray(colour) @ colour_to_left)
+
+    # ---- inside ----
+
+    def _max_dn(self) -> int:
+        signal = self._config.ir_signal
+        return 2 ** int(signal.get("bit_depth", 8) if isinstance(signal, dict) else 8) - 1
+
+    @computed_once
+    def _scene(self) -> kuafu.Scene:
+        scene = kuafu.Scene(self._device)
+        dome = load_scene_file(scene, self._path)
+        if not scene.summary.triangle_count:
+            raise ValueError(f"{self._path}: there is nothing to see in it: no triangles")
+        room = _ROOM if scene.summary.light_count else _ROOM_WITHOUT_LAMPS
+        scene.set_environment(dome or (room, room, room))
+        return scene
+
+
+def _overall_view(summary: kuafu.SceneSummary) -> np.ndarray:
+    """A camera in front of the scene and above it (y up, as in glTF) that sees all of it."""
+    low, high = np.array(summary.bounds_min_m), np.array(summary.bounds_max_m)
+    centre, radius = 0.5 * (low + high), max(0.5 * float(np.linalg.norm(high - low)), 0.05)
+    direction = np.array([0.0, 0.5, 1.0]) / np.hypot(0.5, 1.0)
+    return look_at(centre + _ALL_OF_IT * radius * direction, centre, (0.0, 1.0, 0.0))

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""HTTP on the loopback address: the page's own files, and its calls as JSON. A bad request gets one line and costs one
+connection."""
+
+from __future__ import annotations
+
+import json
+import secrets
+import threading
+from collections.abc import Callable, Mapping
+from contextvars import copy_context
+from functools import partial
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+from activestereo.report.page import web_file
+from activestereo.report.view.guard import HOSTS, Guard, Refused
+
+Call = Callable[[dict[str, Any]], bytes]
+
+# The page's files: {name: (place in report/web, kind)}.
+_FILES = {
+    "": ("view/view.html", "text/html"),
+    "view.css": ("view/view.css", "text/css"),
+    "page.css": ("page.css", "text/css"),
+    **{name: (name, "text/javascript") for name in ("picture.js", "zoom.js")},
+    **{name: (f"view/{name}", "text/javascript") for name in ("server.js", "dots.js", "view.js")},
+}
+_SAFETY = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src data:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+# A client that sends nothing for so long is left.
+_SILENCE_S = 20.0
+_MOST_CONNECTIONS = 64
+
+
+class ViewServer(ThreadingHTTPServer):
+    """Serves the page at `address`. calls: {name: function of the call's JSON object that returns the answer}; their
+    ValueErrors and OSErrors are told to the page. port: 0 for one that is free."""
+
+    daemon_threads = True
+
+    def __init__(self, calls: Mapping[str, Call], port: int = 0) -> None:
+        self._free = threading.BoundedSemaphore(_MOST_CONNECTIONS)
+        super().__init__((HOSTS[0], port), partial(_Handler, calls, copy_context()))
+        self.guard = Guard(self.server_address[1], secrets.token_urlsafe(24))
+        self.address = f"http://{HOSTS[0]}:{self.guard.port}/{self.guard.token}/"
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """A thread for each connection, as long as they are few; more are closed."""
+        if not self._free.acquire(blocking=False):
+            self.shutdown_request(request)
+            return
+        super().process_request(request, client_address)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Nothing is said of a connection that broke: the client has gone."""
+
+
+class _Handler(BaseHTTPRequestHandler):
+    protocol_version = "HTTP/1.1"
+    timeout = _SILENCE_S
+    server: ViewServer
+
+    def __init__(self, calls: Mapping[str, Call], context: Any, *connection: Any) -> None:
+        self._calls, self._context = calls, context
+        super().__init__(*connection)
+
+    def do_GET(self) -> None:
+        self._answer(self._file)
+
+    def do_POST(self) -> None:
+        self._answer(self._call)
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Nothing is printed: requests carry the token."""
+
+    def version_string(self) -> str:
+        return "activestereo"
+
+    # ---- inside ----
+
+    def _answer(self, make: Callable[[str], tuple[bytes, str]]) -> None:
+        try:
+            content, kind = make(self.server.guard.inner_path(self.path, self.headers))
+        except Refused as refusal:
+            self._send(refusal.status, str(refusal).encode(), "text/plain")
+            return
+        except (ValueError, OSError, RuntimeError) as error:
+            self._send(HTTPStatus.BAD_REQUEST, " ".join(str(error).split()).encode(), "text/plain")
+            return
+        self._send(HTTPStatus.OK, content, kind)
+
+    def _file(self, name: str) -> tuple[bytes, str]:
+        if name not in _FILES:
+            raise Refused(HTTPStatus.NOT_FOUND, "there is no such file")
+        place, kind = _FILES[name]
+        return web_file(place).encode(), kind
+
+    def _call(self, name: str) -> tuple[bytes, str]:
+        body = self.rfile.read(self.server.guard.body_bytes(self.headers))
+        if name not in self._calls:
+            raise Refused(HTTPStatus.NOT_FOUND, "there is no such call")
+        try:
+            given = json.loads(body)
+        except (ValueError, RecursionError):
+            raise ValueError("the call's body is no JSON") from None
+        if not isinstance(given, dict):
+            raise ValueError("the call's body is no JSON object")
+        # What the command line allowed holds in this thread, too.
+        return self._context.copy().run(self._calls[name], given), "application/octet-stream"
+
+    def _send(self, status: HTTPStatus, content: bytes, kind: str) -> None:
+        self.close_connection = self.close_connection or status is not HTTPStatus.OK
+        self.send_response(status)
+        self.send_header("Content-Type", f"{kind}; charset=utf-8" if kind.startswith("text") else kind)
+        self.send_header("Content-Length", str(len(content)))
+        if self.close_connection:
+            self.send_header("Connection", "close")
+        for name, value in _SAFETY.items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(content)

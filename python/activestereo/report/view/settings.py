@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page's sliders: exposure, gain, laser power, properties of surfaces, effects. What was not moved is not there,
+and stays what it was."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import simsense
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.limits import EXPOSURE, GAIN, Limits
+from activestereo.common.nearest import unknown
+from activestereo.effects import Effect
+from activestereo.effects.core.surfaces import SURFACES
+from activestereo.effects.engines.imager import NOISE
+from activestereo.model import Quantity, SensorModel
+from activestereo.model.model import MATERIAL_FIELDS
+
+# Properties of a surface that have a slider, in its order.
+SURFACE_FIELDS = ("roughness", "ir_albedo", "specular", "metallic", "transmission")
+_CAMERA = {"exposure_s": EXPOSURE, "gain": GAIN, "laser_power_mw": Limits(0.0, 1e9, "mW")}
+_KEYS = (*_CAMERA, "has_noise", "materials", "effects")
+_FAMILY_OF_MOTION = "motion"
+_SOURCE = "set by hand in activestereo view"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """exposure_s, gain, laser_power_mw: None = the sensor's own. materials: {material: {name of SURFACE_FIELDS:
+    value}}. effects: {id: {parameter: value}}; surfaces: {id of an effect: the materials that show it}, all where it is
+    not there."""
+
+    exposure_s: float | None = None
+    gain: float | None = None
+    laser_power_mw: float | None = None
+    has_noise: bool = True
+    materials: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    surfaces: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    library: Mapping[str, Effect] = field(default_factory=dict, repr=False)
+
+    def applied(
+        self, config: StereoDepthSensorConfig, model: SensorModel
+    ) -> tuple[StereoDepthSensorConfig, SensorModel]:
+        """The configuration, which is changed, and the model under these settings."""
+        if self.exposure_s is not None or self.gain is not None:
+            config.ir_exposure_mode = "fixed"
+        if self.exposure_s is not None:
+            config.ir_camera_exposure = self.exposure_s
+        if self.gain is not None:
+            config.ir_camera_gain = self.gain
+        if self.laser_power_mw is not None:
+            config.laser_power_mw = self.laser_power_mw
+            config.emitter_power(0)  # ValueError for a power that the laser has not
+        if not self.has_noise:
+            config.ir_speckle_noise, config.ir_speckle_of_laser = 0.0, False
+            if config.ir_signal is not None:
+                config.ir_signal = _signal(config.ir_signal) | dict.fromkeys(NOISE, 0.0)
+        return config, self.in_model(model)
+
+    def in_model(self, model: SensorModel) -> SensorModel:
+        """The model with these surfaces and effects."""
+        for name, values in self.effects.items():
+            effect = self.library[name]
+            units = {p.name: p.unit for p in effect.parameters}
+            quantities = {n: Quantity(v, unit=units[n], source=_SOURCE) for n, v in values.items()}
+            model = model.with_effect(effect, quantities, self.surfaces.get(name, ()))
+        materials = {name: dict(fields) for name, fields in model.materials.items()}
+        for name, values in self.materials.items():
+            own = materials.setdefault(name, {})
+            own |= {f: Quantity(v, unit=MATERIAL_FIELDS[f][0], source=_SOURCE) for f, v in values.items()}
+        return replace(model, materials=materials)
+
+    def has_motion(self, model: SensorModel) -> bool:
+        """Whether an effect lets what moves be seen: without one every camera stands still, as in the lab."""
+        present = [*(entry.effect for entry in model.effects), *(self.library[name] for name in self.effects)]
+        return any(effect.family == _FAMILY_OF_MOTION for effect in present)
+
+
+def settings_of(given: Any, library: Mapping[str, Effect], material_names: list[str]) -> Settings:
+    """The Settings of a call's JSON object. ValueError says what is wrong in it."""
+    given = _object(given, "settings")
+    for key in given:
+        if key not in _KEYS:
+            raise ValueError(unknown("setting", str(key), _KEYS))
+    camera = {
+        name: float(limits.check(name, given[name]))
+        for name, limits in _CAMERA.items()
+        if given.get(name) is not None
+    }
+    materials = {
+        name: _surface(name, values, material_names)
+        for name, values in _object(given.get("materials", {}), "materials").items()
+    }
+    effects, surfaces = {}, {}
+    for name, values in _object(given.get("effects", {}), "effects").items():
+        if name not in library:
+            raise ValueError(unknown("effect", name, library))
+        values = dict(_object(values, name))
+        if SURFACES.name in values:
+            surfaces[name] = _names(name, values.pop(SURFACES.name), material_names)
+        numbers = {n: _number(f"{name}.{n}", v) for n, v in values.items()}
+        checked = library[name].values(numbers)
+        effects[name] = {n: v for n, v in checked.items() if n != SURFACES.name}
+    has_noise = given.get("has_noise", True)
+    if not isinstance(has_noise, bool):
+        raise ValueError(f"has_noise is {has_noise!r}, expected true or false")
+    return Settings(
+        **camera, has_noise=has_noise, materials=materials, effects=effects, surfaces=surfaces, library=library
+    )
+
+
+def _signal(given: str | dict[str, float]) -> dict[str, float]:
+    return simsense.signal_preset(given) if isinstance(given, str) else given  # type: ignore[arg-type]
+
+
+def _surface(name: str, values: Any, material_names: list[str]) -> dict[str, float]:
+    if name not in material_names:
+        raise ValueError(unknown("material", name, material_names))
+    out = {}
+    for key, value in _object(values, name).items():
+        if key not in SURFACE_FIELDS:
+            raise ValueError(unknown("property of a surface", key, SURFACE_FIELDS))
+        _, low, high = MATERIAL_FIELDS[key]
+        out[key] = float(Limits(low, high).check(f"{name}.{key}", value))
+    return out
+
+
+def _names(effect: str, value: Any, material_names: list[str]) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(name in material_names for name in value):
+        raise ValueError(f"{effect}.{SURFACES.name} is {value!r}, expected a list of {', '.join(material_names)}")
+    return tuple(value)
+
+
+def _object(value: Any, name: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise ValueError(f"{name} is {value!r}, expected a JSON object")
+    return value
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ValueError(f"{name} is {value!r}, expected a finite number")
+    return float(value)

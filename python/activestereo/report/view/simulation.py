@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One exposure of a sensor in a scene, as often as settings change: the scene stays loaded, the sensor is made anew,
+which takes a fiftieth of a second."""
+
+from __future__ import annotations
+
+import threading
+import warnings
+from copy import deepcopy
+from dataclasses import dataclass, field
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kuafu
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.pose import Pose, body_pose
+from activestereo.model import SensorModel
+from activestereo.report.view.settings import Settings
+from activestereo.sensor.image_effects import ModelCostWarning
+from activestereo.sensor.sensor import StereoDepthSensor
+
+# A draft's bounced light is noisy, but its dots are exact, and so is the depth that they give. It is not denoised,
+# which would take four fifths of its time on a processor.
+_DRAFT = {"samples_per_pixel": 2, "max_bounces": 2, "denoise": "none"}
+_REFINED_SAMPLES = 64
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One exposure before any setting. config: with the colour camera in the left infrared one's place; model: what is
+    known of the sensor; camera_to_world: the left camera's, 4x4. room_radiance: infrared, from all sides; None: the
+    scene's own. twist: (6,) m/s and rad/s, as a capture's camera_velocity."""
+
+    config: StereoDepthSensorConfig
+    model: SensorModel
+    camera_to_world: NDArray[np.float64]
+    room_radiance: float | None = None
+    temperature_c: float | None = None
+    time_s: float = 0.0
+    twist: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """left, right: DN, float32 [height][width]; disparity_px: of the left one, NaN = none; None where nothing is known
+    of depth. focal_baseline_px_m over a disparity is a depth in metres."""
+
+    left: NDArray[np.float32]
+    right: NDArray[np.float32]
+    disparity_px: NDArray[np.float32] | None
+    focal_baseline_px_m: float
+    exposure_s: float | None = None
+    gain: float | None = None
+    render_s: float = 0.0
+
+    def images(self) -> dict[str, NDArray[np.float32]]:
+        named = {"left": self.left, "right": self.right, "disparity": self.disparity_px}
+        return {name: image for name, image in named.items() if image is not None}
+
+
+class Superseded(Exception):
+    """A picture that nobody waits for any more."""
+
+
+class Simulation:
+    """A loaded scene. A later picture() ends an earlier one that is still under way."""
+
+    def __init__(self, scene: kuafu.Scene) -> None:
+        self._scene = scene
+        self._one_at_a_time = threading.Lock()
+        self._newest = 0
+
+    def material_names(self) -> list[str]:
+        return [self._scene.material_name(number) for number in range(self._scene.summary.material_count)]
+
+    def picture(self, shot: Shot, settings: Settings, is_draft: bool) -> Pictures:
+        """The exposure under these settings. Superseded where another one is asked for meanwhile."""
+        self._newest += 1
+        ticket, begin = self._newest, perf_counter()
+        with self._one_at_a_time:
+            if ticket != self._newest:
+                raise Superseded
+            try:
+                with self._sensor(shot, settings, is_draft) as sensor:
+                    sensor.take_picture(infrared_only=True, progress=lambda _: ticket != self._newest)
+                    return _pictures(sensor, begin)
+            except kuafu.CancelledError as error:
+                raise Superseded from error
+
+    def surface(self, shot: Shot, settings: Settings, u: int, v: int) -> str | None:
+        """The name of the material at a pixel of the left image, None where there is nothing."""
+        with self._one_at_a_time, self._sensor(shot, settings, is_draft=True) as sensor:
+            numbers = sensor.get_picture("material_id", "left")[..., 0]
+        names = self.material_names()
+        height, width = numbers.shape
+        if not (0 <= u < width and 0 <= v < height):
+            raise ValueError(f"there is no pixel u {u}, v {v} in an image of {width}x{height}")
+        number = int(numbers[v, u])
+        return names[number] if number < len(names) else None
+
+    def _sensor(self, shot: Shot, settings: Settings, is_draft: bool) -> StereoDepthSensor:
+        config, model = settings.applied(deepcopy(shot.config), shot.model)
+        for name, value in (_DRAFT if is_draft else {"samples_per_pixel": _REFINED_SAMPLES}).items():
+            setattr(config, name, value)
+        if shot.room_radiance is not None:
+            self._scene.set_environment((shot.room_radiance,) * 3, ir_radiance=shot.room_radiance)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ModelCostWarning)
+            sensor = StereoDepthSensor(config, self._scene, body_pose(shot.camera_to_world), model=model)
+        sensor.set_conditions(shot.temperature_c, shot.time_s)
+        if settings.has_motion(shot.model):
+            sensor.set_velocity(shot.twist[:3], shot.twist[3:])
+        return sensor
+
+
+def with_left_as_colour(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
+    """The sensor with its colour camera moved into the left infrared one's place, which it then sees exactly as: depth
+    is registered to the left image."""
+    out = deepcopy(config)
+    to_left = config.trans_pose_l.inv()
+    out.trans_pose_l = Pose()
+    out.trans_pose_r = to_left * config.trans_pose_r
+    out.pose_rgb_irproj = to_left * config.pose_rgb_irproj
+    out.rgb_resolution = config.ir_resolution
+    out.rgb_intrinsic = np.array(config.ir_intrinsic)
+    out.rgb_distortion = config.ir_distortion
+    return out
+
+
+def _pictures(sensor: StereoDepthSensor, begin: float) -> Pictures:
+    sensor.compute_depth()
+    config = sensor.get_config()
+    left, right = (image.astype(np.float32) for image in sensor.get_ir_measured())
+    depth_m, focal_baseline = sensor.get_depth(), config.focal_baseline_px_m
+    if config.rectified and not any(config.ir_distortion):  # registration would take away what lies between pixels
+        disparity = sensor.get_disparity()
+        disparity = np.where(disparity > 0, disparity, np.float32(np.nan))
+    else:
+        disparity = disparity_of(depth_m, focal_baseline)
+    taken_s = perf_counter() - begin
+    exposure_s, gain = float(config.ir_camera_exposure), float(config.ir_camera_gain)
+    return Pictures(left, right, disparity, focal_baseline, exposure_s, gain, taken_s)
+
+
+def disparity_of(depth_m: NDArray[np.float32], focal_baseline_px_m: float) -> NDArray[np.float32]:
+    """Pixels, NaN where the depth is 0."""
+    with np.errstate(divide="ignore"):
+        return np.where(depth_m > 0, focal_baseline_px_m / depth_m, np.nan).astype(np.float32)

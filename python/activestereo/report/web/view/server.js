@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+// Calls to the server, and its answers: numbers and images in one (see packing.py).
+
+const TYPES = { float32: Float32Array, uint8: Uint8Array, uint32: Uint32Array };
+
+// The answer's content; its images are typed arrays by name in `images`. Throws what the server says is wrong.
+async function called(name, given) {
+  const answer = await fetch(name, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(given) });
+  if (!answer.ok) throw new Error(await answer.text());
+  const bytes = await answer.arrayBuffer();
+  const length = new DataView(bytes).getUint32(0, true);
+  const content = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
+  content.images = {};
+  for (const [own, [type, height, width, first]] of Object.entries(content.arrays)) {
+    content.images[own] = new TYPES[type](bytes, 4 + length + first, height * width);
+  }
+  return content;
+}

@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page of `activestereo view` in a browser: a headless chromium clicks, drags and points, and the page answers."""
+
+import re
+import threading
+
+import numpy as np
+import pytest
+
+from activestereo.capture.capture import read_capture
+from activestereo.cli import make_parser
+from activestereo.cli.view import make_server
+from chromium import Page, is_installed
+
+pytestmark = pytest.mark.skipif(
+    not is_installed(), reason="no chromium: install Debian's package chromium to test the page of activestereo view"
+)
+
+
+class View:
+    """A served path and a browser's page on it."""
+
+    def __init__(self, *arguments):
+        self.server = make_server(make_parser().parse_args(["view", "--device", "cpu", *map(str, arguments)]))
+        threading.Thread(target=self.server.serve_forever, daemon=True).start()
+        self.page = Page(self.server.address, (1280, 900))
+        self.wait()
+
+    def wait(self, shown="refined"):
+        self.page.wait(f"document.getElementById('view').dataset.shown === '{shown}'")
+
+    def point(self, u, v):
+        """The pointer on the middle of a pixel of the measured picture, which is shown whole."""
+        width, height = self.page.value("[facts.width, facts.height]")
+        self.page.point("#measured", (u + 0.5) / width, (v + 0.5) / height)
+
+    def numbers(self):
+        """Those of the readout, in its order: u, v, and of each quantity measured and simulated."""
+        return [float(n) for n in re.findall(r"-?\d+(?:\.\d+)?", self.page.text("#readout").replace("none", "0"))]
+
+    def key(self, key, **more):
+        self.page.call("Input.dispatchKeyEvent", type="keyDown", key=key, **more)
+
+    def close(self):
+        self.page.__exit__()
+        self.server.shutdown()
+        self.server.server_close()
+
+
+@pytest.fixture(scope="module")
+def capture(lab_world):
+    return read_capture(lab_world.capture_path)
+
+
+@pytest.fixture(scope="module")
+def opened(capture):
+    view = View(capture.path)
+    yield view
+    view.close()
+
+
+@pytest.fixture
+def view(opened):
+    """On frame 0, left image, the whole picture."""
+    opened.page.click("#zoom-reset")
+    opened.page.click("#kinds [data-kind=left]")
+    if opened.page.value("document.getElementById('frame').value") != "0":
+        opened.page.value("(() => { const s = document.getElementById('frame'); s.value = '0'; s.onchange(); })()")
+    opened.wait()
+    return opened
+
+
+def test_a_capture_is_shown_with_what_the_simulator_gives_in_its_place(view, capture):
+    u, v = 60, 40
+    view.point(u, v)
+    shown = view.numbers()
+    assert shown[:3] == [u, v, capture.ir(capture.frames[0], "left")[v, u]]
+    script = "[...pictures.measured.images.left]", "[...pictures.simulated.images.left]"
+    measured, simulated = (np.array(view.page.value(s)) for s in script)
+    assert np.array_equal(measured, capture.ir(capture.frames[0], "left").ravel())
+    # The scene is the one that was measured: what differs is noise, and pixels at edges.
+    residual = measured - simulated
+    assert np.sqrt(np.mean(residual**2)) < 0.35 * measured.std()
+    assert shown[3] == np.rint(simulated[v * capture.rig.left.width + u])
+    assert float(re.search(r"RMS ([\d.]+) DN", view.page.text("#rmse"))[1]) == pytest.approx(
+        np.sqrt(np.mean(residual**2)), abs=0.01
+    )
+
+
+def test_disparity_and_depth_under_the_pointer_agree(view, capture):
+    both = view.page.value(
+        "pictures.measured.images.disparity.findIndex((d, i) => d > 0 && pictures.simulated.images.disparity[i] > 0)"
+    )
+    width = capture.rig.left.width
+    view.point(both % width, both // width)
+    *_, d_measured, d_simulated, z_measured, z_simulated = view.numbers()
+    focal_baseline = capture.rig.left.K[0, 0] * capture.rig.baseline_m
+    assert [z_measured, z_simulated] == pytest.approx(
+        [focal_baseline / d_measured, focal_baseline / d_simulated], rel=0.01
+    )
+    assert d_simulated == pytest.approx(d_measured, abs=1.0)
+
+
+def test_frames_and_pictures_are_chosen_by_click_and_by_key(view, capture):
+    view.page.click("#kinds [data-kind=right]")
+    view.point(30, 20)
+    assert view.numbers()[2] == capture.ir(capture.frames[0], "right")[20, 30]
+    view.page.click("#next-frame")
+    view.wait()
+    view.point(30, 20)
+    assert view.numbers()[2] == capture.ir(capture.frames[1], "right")[20, 30]
+    view.page.value("document.activeElement.blur()")
+    view.key("1")
+    view.point(30, 20)
+    assert view.numbers()[2] == capture.ir(capture.frames[1], "left")[20, 30]
+    view.key("3")
+    assert "px" in view.page.text("#measured-scale")
+    view.key("p")
+    view.wait()
+    assert view.page.value("document.getElementById('frame').value") == "0"
+
+
+def test_the_pointer_is_moved_by_keys(view):
+    view.point(30, 20)
+    view.page.value("document.getElementById('measured').focus()")
+    shift = 8
+    for _ in range(3):
+        view.key("ArrowRight", modifiers=shift)
+    view.key("ArrowUp", modifiers=shift)
+    assert view.numbers()[:2] == [33, 19]
+    assert view.page.text("#zoom") == "1×"
+
+
+def test_all_pictures_share_one_zoom_and_are_dragged_together(view):
+    pictures = ["#measured", "#simulated", "#difference"]
+    parts = lambda: [view.page.value(f"document.querySelector('{p}').dataset.shown") for p in pictures]  # noqa: E731
+    whole = parts()
+    view.page.wheel("#difference", -480, 0.5, 0.5)
+    view.page.wait("document.getElementById('zoom').textContent === '4×'")
+    zoomed = parts()
+    start = view.page.place("#measured", 0.5, 0.5)
+    view.page.mouse("mousePressed", start, button="left", clickCount=1)
+    view.page.mouse("mouseMoved", (start[0] - 40, start[1]), button="left", buttons=1)
+    view.page.mouse("mouseReleased", (start[0] - 40, start[1]), button="left")
+    dragged = parts()
+    assert len(set(whole)) == len(set(zoomed)) == len(set(dragged)) == 1
+    assert float(dragged[0].split()[0]) > float(zoomed[0].split()[0]) > 0.0
+
+
+def test_dots_under_the_pointer_are_shown_where_the_right_eye_has_them(view):
+    """The right crop is taken at the disparity: both crops show the same dots."""
+    script = """(() => { const images = pictures.measured.images, w = facts.width;
+        for (let i = 13 * w; i < images.left.length - 13 * w; ++i) {
+            const u = i % w, d = images.disparity[i];
+            if (u > d + 14 && u < w - 14 && images.left[i] > 80) return [u, Math.floor(i / w)];
+        } return null; })()"""
+    view.point(*view.page.value(script))
+    crop = """(() => { const c = document.querySelector('#dots-measured-%s');
+        return [...c.getContext('2d').getImageData(0, 0, c.width, c.height).data]; })()"""
+    left, right = (np.array(view.page.value(crop % eye), float).reshape(300, 300, 4)[6::12, 6::12, 0] for eye in
+                   ("left", "right"))  # fmt: skip
+    assert np.corrcoef(left[8:17, 8:17].ravel(), right[8:17, 8:17].ravel())[0, 1] > 0.5
+    assert float(re.search(r"brightest ([\d.]+)", view.page.text("#dots-text"))[1]) > 1.5
+
+
+def test_nothing_but_the_server_is_asked_and_nothing_fails(view):
+    assert {address.split("/")[2] for address in view.page.requests()} == {f"127.0.0.1:{view.server.guard.port}"}
+    assert view.page.complaints() == []
+
+
+def test_a_scene_is_compared_with_its_own_first_picture(table_top):
+    view = View(table_top, "--resolution", "212x120")
+    try:
+        view.point(100, 60)
+        u, v, before, now, *_ = view.numbers()
+        assert (u, v) == (100, 60) and before == now > 0
+        assert "before" in view.page.text("#readout")
+        assert float(re.search(r"RMS ([\d.]+)", view.page.text("#rmse"))[1]) == 0.0
+    finally:
+        view.close()
+
+
+def test_a_folder_is_a_list_to_choose_from(lab_world, tmp_path):
+    import shutil
+
+    for name in ("first", "second"):
+        shutil.copytree(read_capture(lab_world.capture_path).path, tmp_path / name)
+    (tmp_path / "second" / "capture.json").write_text("{}")
+    view = View(tmp_path)
+    try:
+        names = "[...document.getElementById('entry').options].map((o) => o.value)"
+        assert view.page.value(names) == ["first", "second"]
+        view.page.value("(() => { const s = document.getElementById('entry'); s.value = 'second'; s.onchange(); })()")
+        view.wait("nothing")
+        assert "capture.json" in view.page.text("#told")
+    finally:
+        view.close()

@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The server of `activestereo view`: it answers its own page, and nobody else."""
+
+import http.client
+import json
+import random
+import socket
+import threading
+import time
+
+import pytest
+
+from activestereo.common.own_files import outside_allowed, own_file
+from activestereo.report.view.library import Library
+from activestereo.report.view.packing import packed, unpacked
+from activestereo.report.view.server import ViewServer
+
+
+def _wrong(given):
+    raise ValueError("the value is\nwrong")
+
+
+class Client:
+    """Requests to a server as its own page sends them, but for what a test changes."""
+
+    def __init__(self, server):
+        self.port, self.token = server.guard.port, server.guard.token
+
+    def ask(self, method="GET", path="", body=None, token=None, **headers):
+        """(status, headers, content). headers: with _ for -; None leaves one out."""
+        own = {"Host": f"127.0.0.1:{self.port}"}
+        if method == "POST":
+            own |= {"Origin": f"http://127.0.0.1:{self.port}", "Content-Type": "application/json"}
+        own |= {name.replace("_", "-"): value for name, value in headers.items()}
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
+        connection.putrequest(method, f"/{self.token if token is None else token}/{path}", skip_host=True)
+        for name, value in own.items():
+            if value is not None:
+                connection.putheader(name, value)
+        if body is not None and "Content-Length" not in own:
+            connection.putheader("Content-Length", str(len(body)))
+        connection.endheaders(body)
+        answer = connection.getresponse()
+        content = answer.read()
+        connection.close()
+        return answer.status, dict(answer.getheaders()), content
+
+    def call(self, name, given=None, **headers):
+        return self.ask("POST", name, json.dumps({} if given is None else given).encode(), **headers)
+
+
+@pytest.fixture(scope="module")
+def server():
+    with ViewServer({"echo": lambda given: packed({"given": given}), "wrong": _wrong}) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield server
+        server.shutdown()
+
+
+@pytest.fixture
+def client(server):
+    return Client(server)
+
+
+def test_the_page_and_its_calls_are_answered(client):
+    status, headers, page = client.ask()
+    assert status == 200 and b"<title>" in page
+    assert "default-src 'none'" in headers["Content-Security-Policy"]
+    status, _, answer = client.call("echo", {"a": [1.5]})
+    assert status == 200 and unpacked(answer) == ({"given": {"a": [1.5]}}, {})
+
+
+def test_every_file_of_the_page_is_there(client):
+    _, _, page = client.ask()
+    names = [part.split(b'"')[0].decode() for mark in (b'src="', b'href="') for part in page.split(mark)[1:]]
+    assert len(names) >= 6
+    for name in names:
+        assert client.ask(path=name)[0] == 200, name
+
+
+def test_it_listens_on_the_loopback_address_alone(server):
+    assert server.server_address[0] == "127.0.0.1"
+    assert server.address == f"http://127.0.0.1:{server.guard.port}/{server.guard.token}/"
+    assert len(server.guard.token) >= 32
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Host": "evil.example"}, {"Host": "127.0.0.1"}, {"Host": "127.0.0.1:1"}, {"Host": None},
+        {"Host": "evil.example:80"}, {"Origin": "http://evil.example"}, {"Origin": "null"}, {"Origin": ""},
+        {"Origin": "https://127.0.0.1:80"}, {"Sec_Fetch_Site": "cross-site"}, {"Sec_Fetch_Site": "same-site"},
+    ],
+)  # fmt: skip
+def test_another_host_or_origin_is_refused(client, headers):
+    assert client.ask(**headers)[0] == 403
+    assert client.call("echo", **headers)[0] == 403
+
+
+def test_another_servers_page_is_of_another_origin(client):
+    assert client.call("echo", Origin=f"http://127.0.0.1:{client.port + 1}")[0] == 403
+    other_name = {"Host": f"localhost:{client.port}", "Origin": f"http://127.0.0.1:{client.port}"}
+    assert client.call("echo", **other_name)[0] == 403
+    assert client.call("echo", **(other_name | {"Origin": f"http://localhost:{client.port}"}))[0] == 200
+
+
+@pytest.mark.parametrize("token", ["", "x", "..", "%2e%2e", "%C3%BC"])
+def test_without_the_token_there_is_nothing(client, token):
+    assert client.ask(token=token)[0] == 404
+    assert client.call("echo", token=token)[0] == 404
+    assert client.call("echo", token=client.token[:-1])[0] == 404
+
+
+@pytest.mark.parametrize(
+    "path", ["../server.py", "..%2fserver.py", "/etc/passwd", "view/view.html", "view.js/", "echo", "%00", "page.html"]
+)
+def test_files_outside_of_the_page_are_refused(client, path):
+    assert client.ask(path=path)[0] == 404
+
+
+@pytest.mark.parametrize(
+    "status, headers, body",
+    [
+        (403, {"Origin": None}, b"{}"), (415, {"Content_Type": "text/plain"}, b"{}"),
+        (415, {"Content_Type": None}, b""),
+        (411, {"Content-Length": "x"}, None), (411, {"Content-Length": "-1"}, None), (411, {}, None),
+        (413, {"Content-Length": "99999999"}, None), (400, {}, b"{"), (400, {}, b"[1]"), (400, {}, b"\xff"),
+        (400, {}, b"[" * 100_000),
+    ],
+)  # fmt: skip
+def test_a_bad_call_is_refused(client, status, headers, body):
+    assert client.ask("POST", "echo", body, **headers)[0] == status
+
+
+def test_an_unknown_call_and_a_wrong_value_are_told(client):
+    assert client.call("nothing")[0] == 404
+    status, _, text = client.call("wrong")
+    assert (status, text) == (400, b"the value is wrong")
+
+
+def test_a_thousand_bad_requests_do_not_bring_it_down(server, client, capfd):
+    """Broken lines, endless headers, wrong methods, calls of others, connections that end in the middle."""
+    numbers = random.Random(37)
+    own = f"Host: 127.0.0.1:{client.port}\r\n".encode()
+    shapes = [
+        lambda: numbers.randbytes(200),
+        lambda: b"GET / HTTP/9.9\r\n\r\n",
+        lambda: b"GET /" + b"a" * 70_000 + b" HTTP/1.1\r\n\r\n",
+        lambda: b"GET / HTTP/1.1\r\n" + b"X: y\r\n" * 200 + b"\r\n",
+        lambda: b"DELETE /x HTTP/1.1\r\n" + own + b"\r\n",
+        lambda: f"POST /{client.token}/echo HTTP/1.1\r\n".encode() + own + b"Content-Length: 50\r\n\r\n{}",
+        lambda: f"GET /{client.token}/".encode(),
+        lambda: b"",
+    ]
+    for number in range(1000):
+        with socket.create_connection(("127.0.0.1", client.port), timeout=10) as connection:
+            try:
+                connection.sendall(shapes[number % len(shapes)]())
+                connection.shutdown(socket.SHUT_WR)
+                while connection.recv(1 << 16):
+                    pass
+            except ConnectionError:  # it did not want to read more
+                pass
+    assert client.call("echo", {"still": "there"})[0] == 200
+    end = time.monotonic() + 10
+    while threading.active_count() > 10 and time.monotonic() < end:
+        time.sleep(0.05)
+    assert threading.active_count() <= 10
+    assert capfd.readouterr() == ("", "")
+
+
+def test_more_connections_than_it_has_threads_for_are_closed(server, client):
+    silent = [socket.create_connection(("127.0.0.1", client.port), timeout=10) for _ in range(70)]
+    closed = sum(connection.recv(1) == b"" for connection in silent[64:])
+    for connection in silent:
+        connection.close()
+    assert closed == 6
+    end = time.monotonic() + 10
+    while time.monotonic() < end:  # the silent ones are noticed to have gone
+        try:
+            assert client.ask()[0] == 200
+            return
+        except (ConnectionError, http.client.BadStatusLine):
+            time.sleep(0.05)
+    raise AssertionError("the server answers no more")
+
+
+def test_what_the_command_line_allows_holds_in_its_threads(tmp_path):
+    (tmp_path / "inside").mkdir()
+    (tmp_path / "beside").write_text("")
+    call = {"look": lambda given: packed({"found": own_file(tmp_path / "inside", "../beside").name})}
+    for allowed, status in ((True, 200), (False, 400)):
+        if allowed:
+            with outside_allowed():
+                server = ViewServer(call)
+        else:
+            server = ViewServer(call)
+        with server:
+            threading.Thread(target=server.serve_forever, daemon=True).start()
+            assert Client(server).call("look")[0] == status
+            server.shutdown()
+
+
+def test_a_library_opens_what_it_lists_and_nothing_else(tmp_path):
+    folder, outside = tmp_path / "folder", tmp_path / "outside"
+    for capture in (folder / "one", folder / "deeper" / "two", outside):
+        capture.mkdir(parents=True)
+        (capture / "capture.json").write_text("{}")
+    (folder / "scene.gltf").write_text("{}")
+    (folder / "one" / "scene.gltf").write_text("{}")
+    (folder / "link").symlink_to(outside)
+    library = Library(folder, lambda path: path)
+    assert library.names == ["deeper/two", "one", "scene.gltf"]
+    assert library.source("one") == folder / "one"
+    for name in ("../outside", "link", "/etc/passwd", "deeper", "one/scene.gltf", "", None, ["one"], 1):
+        with pytest.raises(ValueError, match="outside of the folder"):
+            library.source(name)
+    assert Library(folder / "one", lambda path: path).names == ["."]
+    with pytest.raises(ValueError, match="neither a capture"):
+        Library(folder / "deeper" / "two" / "capture.json", lambda path: path)
+    with pytest.raises(ValueError, match="no such file"):
+        Library(folder / "nothing", lambda path: path)
