@@ -38,6 +38,8 @@ The verdict is one of
   undetermined  the data cannot tell; what to measure next is printed
 
 Writes into DIR:
+  report.html    the verdict on its first screen, then pictures to explore, the ranking
+                 and where the model fails, on one page that needs no other file
   diagnose.json  verdict, ranking, held-out figures, next measurements
   model.json     the model with what was added: compare --model, diagnose --model
 
@@ -107,6 +109,7 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.effects.engines import CaptureRenderer
     from activestereo.model import read_model
     from activestereo.report.diagnosis_text import diagnosis_text
+    from activestereo.report.write import write_diagnosis_report
     from activestereo.report.write_diagnosis import write_diagnosis
 
     make_folder(args.out)
@@ -128,7 +131,8 @@ def run(args: argparse.Namespace) -> None:
             rendering=(lambda capture: EngineImages(capture, *sampled)) if args.refine else None,
             engines=lambda capture: CaptureRenderer(capture, *sampled),
         )
-    paths = write_diagnosis(diagnosis, args.out)
+    with ProgressBar("writing the report") as bar:
+        paths = [write_diagnosis_report(diagnosis, args.out, effects, bar), *write_diagnosis(diagnosis, args.out)]
     if args.json:
         print_json(diagnosis.result)
         return

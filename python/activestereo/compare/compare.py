@@ -17,7 +17,7 @@ import numpy as np
 from activestereo.capture.capture import Capture, read_capture
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.depth_compare import DepthFrame, depth_scores, model_depths
-from activestereo.compare.image_errors import image_errors
+from activestereo.compare.image_errors import ImageErrors, image_errors
 from activestereo.compare.mismatch import match_of, warnings_of
 from activestereo.compare.noise import transfer_points
 from activestereo.compare.render import WARP_SCALE, LayersOfFrames, render_halves
@@ -37,17 +37,28 @@ _RENDER_SHARE = 0.9
 
 @dataclass(frozen=True)
 class Comparison:
-    """scores: what compare.json holds (report/schema/compare.schema.json). predictions: {(frame id, eye): expected DN,
-    float32 [height][width]}. depths: a DepthFrame for each frame with the device's depth. layers: {frame id: {eye:
-    Layers}} as rendered, the mean of two halves of the samples. Errors of images are without the renderer's own noise
+    """scores: what compare.json holds (report/schema/compare.schema.json). measured, predictions: {(frame id, eye):
+    DN [height][width]}. depths: a DepthFrame for each frame with the device's depth. layers: {frame id: {eye: Layers}}
+    as rendered, the mean of two halves of the samples. Errors of images are without the renderer's own noise
     (render_noise.py)."""
 
     capture: Capture
     scores: dict[str, Any]
+    measured: dict[tuple[int, str], np.ndarray]
     predictions: dict[tuple[int, str], np.ndarray]
     depths: list[DepthFrame]
     layers: LayersOfFrames
     model: Model
+
+
+@dataclass(frozen=True)
+class RenderedWith:
+    """The settings that a comparison's images were made with. renderer: its version."""
+
+    renderer: str
+    samples_per_pixel: int
+    max_bounces: int
+    seed: int
 
 
 def compare(
@@ -76,16 +87,19 @@ def compare(
     model = model or Model()
     halves = render_halves(capture, renderer, samples_per_pixel, max_bounces, seed, cache, share, WARP_SCALE)
     errors = image_errors(capture, model, halves, seed, engines, survey)
+    return comparison_of(errors, RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed))
+
+
+def comparison_of(errors: ImageErrors, made: RenderedWith) -> Comparison:
+    """The Comparison of a model whose images are there. It renders nothing."""
+    capture, model, seed = errors.capture, errors.model, made.seed
     layers, views, measured, predictions = errors.layers, errors.views, errors.measured, errors.predictions
     law = errors.law
     match = match_of(capture, views, {key: layers[key[0]][key[1]].projector for key in views}, measured, law)
     depths = model_depths(capture, measured, predictions, views, law, model, seed)
     scores = {
         "capture": capture.name,
-        "renderer": renderer.version,
-        "samples_per_pixel": samples_per_pixel,
-        "max_bounces": max_bounces,
-        "seed": seed,
+        **vars(made),
         "warnings": warnings_of(errors.fit.as_json(), match),
         "match": match.as_json(),
         "fit": errors.fit.as_json(),
@@ -97,4 +111,4 @@ def compare(
         "frames": errors.by_frame(),
     }
     scores |= where_it_fails(capture, layers, views, measured, predictions, errors.floors, law, depths, seed)
-    return Comparison(capture, scores, predictions, depths, layers, model)
+    return Comparison(capture, scores, measured, predictions, depths, layers, model)

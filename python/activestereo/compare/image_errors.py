@@ -36,6 +36,7 @@ class ImageErrors:
     the noise law or None."""
 
     capture: Capture
+    model: Model
     layers: LayersOfFrames
     views: dict[ImageKey, View]
     measured: dict[ImageKey, NDArray]
@@ -101,7 +102,7 @@ def image_errors(
     seen = {(f, e): (views[f, e].frame, layers[f][e], image) for (f, e), image in measured.items()}
     floors, law = floors_of(capture, views, measured, predictions, fit.nuisances.black_dn, unsteady_light(seen))
     sums = {key: _sums_of(measured[key], expected[key], floors.get(key)) for key in measured}
-    return ImageErrors(capture, layers, views, measured, fit, predictions, floors, law, sums)
+    return ImageErrors(capture, model, layers, views, measured, fit, predictions, floors, law, sums)
 
 
 def _sums_of(measured: np.ndarray, halves: Sequence[np.ndarray], floor: Any) -> dict[str, Any]:

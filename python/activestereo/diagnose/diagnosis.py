@@ -7,7 +7,7 @@ Test frames are touched once, for the held-out figures of the models along the w
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,13 +18,15 @@ from activestereo.capture.capture import Capture, read_capture
 from activestereo.common.input_files import read_json
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache
+from activestereo.compare.compare import RenderedWith
+from activestereo.compare.image_errors import ImageErrors
 from activestereo.compare.model_file import library, model_json, scene_of
 from activestereo.compare.render import WARP_SCALE, Renderer, render_frames, render_halves
 from activestereo.compare.where_channels import surface_text
 from activestereo.diagnose.answer.figures import ErrorsOfModels, held_out_figures
 from activestereo.diagnose.answer.found_model import found_model
 from activestereo.diagnose.answer.judging import judging_json
-from activestereo.diagnose.answer.ranking_json import depth_json, not_ranked_json, ranking_json
+from activestereo.diagnose.answer.ranking_json import depth_json, not_ranked_json, own_json, ranking_json
 from activestereo.diagnose.answer.residual_model import residual_law
 from activestereo.diagnose.base_fit import BaseFits
 from activestereo.diagnose.channels import Progress
@@ -44,7 +46,7 @@ from activestereo.diagnose.verdict.acceptance import passes
 from activestereo.diagnose.verdict.completeness import is_unexplained, lacks_nothing
 from activestereo.diagnose.verdict.depth import engine_faults
 from activestereo.diagnose.verdict.verdict import EFFECT, UNDETERMINED, UNKNOWN, is_named, verdict_of
-from activestereo.effects import Effect, Model
+from activestereo.effects import Effect, Model, builtin
 from activestereo.effects.core.judging import Channel
 from activestereo.effects.core.scene_surfaces import surface_names
 from activestereo.effects.engines.halves import half_samples
@@ -62,13 +64,18 @@ class Diagnosis:
     """result: what diagnose.json holds.
 
     model: the given model with what was added. stub: Python text of an effect, or None. sensor_model: what
-    model.json holds; None where the capture's images could not be judged.
+    model.json holds; None where the capture's images could not be judged. before, after: the images that the given
+    model and model.json expect, with their errors; None where those were not asked for. made: what they were
+    rendered with.
     """
 
     result: dict[str, Any]
     model: Model
     stub: str | None = None
     sensor_model: SensorModel | None = None
+    before: ImageErrors | None = None
+    after: ImageErrors | None = None
+    made: RenderedWith | None = None
 
 
 def diagnose(
@@ -114,9 +121,10 @@ def diagnose(
     engine = None if rendering is None else rendering(capture)
     memory = FitCache(cache, evidence.train)
     try:
-        return examine(
+        diagnosis = examine(
             evidence, model, list(effects.values()), steps, workers, share, thresholds, engine, memory, errors
         )
+        return replace(diagnosis, made=RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed))
     finally:
         memory.save()  # what was done before a cancellation need not be done again
 
@@ -201,6 +209,7 @@ def examine(
         "verdict": verdict,
         "capture": evidence.capture.name,
         "ranking": ranking_json(first, name_of),
+        "own": own_json(_own(candidates), (first, depth), model),
         "not_ranked": not_ranked_json((*first.not_ranked, *depth.not_ranked)),
         "added": [*way[-1].added, *(f.id for f in on_top)],
         "depth": depth_json(depth, faults, name_of),
@@ -212,15 +221,23 @@ def examine(
     }
     found = _with_own_functions(found, candidates)
     complete = found_model(evidence, found, solution, [*first.findings, *faults])
+    before = after = None
     if errors is not None:
         between = [step for step in way[1:] if list(step.added) != result["added"]]
         models = [(step.added, _found_at(step, evidence, candidates)) for step in between]
-        result |= held_out_figures(errors, given, models, (result["added"], complete))
-    return Diagnosis(result, found, None if law is None else law.stub(), complete)
+        figures, before, after = held_out_figures(errors, given, models, (result["added"], complete))
+        result |= figures
+    return Diagnosis(result, found, None if law is None else law.stub(), complete, before, after)
 
 
 def _effects_of(given: Model | SensorModel | None, scene_path: Path | None) -> Model:
     return given.bound(surface_names(scene_path)) if isinstance(given, SensorModel) else given or Model()
+
+
+def _own(candidates: Sequence[Effect]) -> list[Effect]:
+    """The candidates that are not the library's."""
+    known = builtin()
+    return [e for e in candidates if known.get(e.id) is not e]
 
 
 def _found_at(step: Step, evidence: Evidence, candidates: Sequence[Effect]) -> SensorModel:

@@ -14,6 +14,7 @@ from activestereo.effects.core.view import View
     "ambient_ir",
     stage=Stage.SURFACE,
     family="ambient light",
+    finding="There is more ambient infrared light than the scene file says",
     source="sun and lamps at 850 nm through windows come from one side",
     parameters=[
         Parameter(

@@ -17,6 +17,7 @@ def _engine(inputs: EngineInputs, offset_m: float) -> None:
     "baseline_drift",
     stage=Stage.CAMERA,
     family="camera geometry",
+    finding="The baseline is another one than calibrated",
     source="scale errors of f x baseline of 0.6 % (D435) and 1.2 % (D415) found in public data",
     parameters=[Parameter("offset_m", "m", neutral=0.0, low=-0.005, high=0.005, typical=0.0003)],
     engine=_engine,

@@ -19,6 +19,7 @@ def _engine(inputs: EngineInputs, offset_dn: float, per_k_dn: float) -> None:
     "black_level",
     stage=Stage.DIGITAL,
     family="dark",
+    finding="The black level is another one than the model's",
     source="pedestals of 5 (D415) and 20 DN (D435) seen on public frames; drift with temperature and gain",
     parameters=[
         Parameter(

@@ -21,6 +21,7 @@ def _engine(inputs: EngineInputs, transmission_per_k: float, sigma_px_per_k: flo
     "chromatic_drift",
     stage=Stage.SURFACE,
     family="projector power",
+    finding="The laser's colour drifts out of the filter's band with temperature",
     source="850 nm lasers drift 0.06-0.3 nm/K against a fixed band-pass filter and lens",
     parameters=[
         Parameter("transmission_per_k", "1/K", neutral=0.0, low=-0.03, high=0.01, typical=0.003),

@@ -19,6 +19,7 @@ def _engine(inputs: EngineInputs, rate_dn_per_s: float, doubling_k: float) -> No
     "dark_signal",
     stage=Stage.CHARGE,
     family="dark",
+    finding="Charge gathers without light",
     source="EMVA 1288; dark current of silicon doubles every 6-8 K",
     parameters=[
         Parameter(

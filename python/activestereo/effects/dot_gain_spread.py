@@ -29,6 +29,7 @@ def _engine(inputs: EngineInputs, spread: float, dot_px: float) -> None:
     "dot_gain_spread",
     stage=Stage.PROJECTOR,
     family="pattern strength",
+    finding="The projector's dots differ in brightness",
     source="coefficient of variation 0.4-0.5 over visible dots of D4xx, falloff included",
     randomness=Randomness.STATIC,
     judged=(RandomTerm("spread", Lever.PROJECTOR, SharedBy.DOT),),

@@ -12,6 +12,7 @@ from activestereo.effects.core.view import View
     "edge_fattening",
     stage=Stage.DISPARITY,
     family="matcher",
+    finding="Near things grow at their edges in the device's depth",
     source="Scharstein and Szeliski 2002, A taxonomy: foreground fattening by half a window",
     parameters=[Parameter("radius_px", "px", neutral=0.0, low=0.0, high=8.0, typical=1.0)],
     image_only="the matcher's window fattens edges itself; simsense has no field for a device's additional fattening",

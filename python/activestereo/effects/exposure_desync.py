@@ -17,6 +17,7 @@ def _engine(inputs: EngineInputs, delay_s: float) -> None:
     "exposure_desync",
     stage=Stage.CAMERA,
     family="motion",
+    finding="The right camera exposes at another time than the left one",
     source="stereo pairs without hardware synchronisation: shift = f v dt / z",
     parameters=[Parameter("delay_s", "s", neutral=0.0, low=-0.02, high=0.02, typical=0.001)],
     engine=_engine,

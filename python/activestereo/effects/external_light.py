@@ -34,6 +34,7 @@ def _engine(
     "external_light",
     stage=Stage.SURFACE,
     family="ambient light",
+    finding="A lamp shines on the scene that the scene file lacks",
     source="lamps and sunlight hold near infrared; librealsense issues on sunlight and halogen lamps",
     parameters=[
         Parameter(

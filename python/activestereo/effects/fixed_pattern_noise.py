@@ -25,6 +25,7 @@ def _engine(inputs: EngineInputs, column_dn: float, row_dn: float, pixel_dn: flo
     "fixed_pattern_noise",
     stage=Stage.READOUT,
     family="fixed pattern",
+    finding="Columns, rows or pixels have offsets of their own",
     source="EMVA 1288 dark signal non-uniformity, split by column and row readout",
     randomness=Randomness.STATIC,
     variance=_variance,

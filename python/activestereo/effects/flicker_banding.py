@@ -15,6 +15,7 @@ from activestereo.effects.core.view import View
     "flicker_banding",
     stage=Stage.SURFACE,
     family="ambient light",
+    finding="The ambient light flickers",
     source="IEEE 1789: lamps vary at twice the mains frequency",
     starts=flicker_starts,
     parameters=[

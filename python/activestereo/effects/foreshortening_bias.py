@@ -12,6 +12,7 @@ from activestereo.effects.core.view import View
     "foreshortening_bias",
     stage=Stage.DISPARITY,
     family="matcher",
+    finding="The device's matches belong to points beside their pixels",
     source="Xiong and Matthies 1997, Error analysis of a real-time stereo system: up to 0.3 px on slants",
     judged=(EngineFault(displaces=True),),
     parameters=[

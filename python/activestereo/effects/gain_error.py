@@ -19,6 +19,7 @@ def _engine(inputs: EngineInputs, exposure_offset_s: float, log_gain: float) -> 
     "gain_error",
     stage=Stage.CHARGE,
     family="tone",
+    finding="Exposures or gains are others than recorded",
     source="EMVA 1288 linearity: exposure offsets of microseconds, gain steps off by per cents",
     parameters=[
         Parameter(

@@ -19,6 +19,7 @@ def _engine(inputs: EngineInputs, gain: float, offset_dn: float) -> None:
     "gain_mismatch",
     stage=Stage.READOUT,
     family="tone",
+    finding="The two cameras differ in gain or offset",
     source="real pairs: slope 1.062 and -3.8 DN (D435), 0.946 and +3.9 DN (D415)",
     parameters=[
         Parameter("gain", "1", neutral=0.0, low=-0.5, high=0.5, typical=0.05, source="right over left, minus 1"),

@@ -42,6 +42,7 @@ def _engine(inputs: EngineInputs, extinction_per_m: float, backscatter: float, h
     "haze",
     stage=Stage.MEDIUM,
     family="medium",
+    finding="The air in front of the camera is hazy",
     source="Koschmieder 1924; single scattering of uniform ambient light and of the projector's own beam",
     parameters=[
         Parameter("extinction_per_m", "1/m", neutral=0.0, low=0.0, high=3.0, typical=0.1),

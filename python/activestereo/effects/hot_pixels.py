@@ -22,6 +22,7 @@ def _engine(inputs: EngineInputs, share: float, rate_dn_per_s: float) -> None:
     "hot_pixels",
     stage=Stage.CHARGE,
     family="dark",
+    finding="Some pixels are hot",
     source="EMVA 1288 defect pixels, 1e-5 to 1e-3 of all; exponential tail of dark current",
     randomness=Randomness.STATIC,
     judged=(RandomTerm("rate_dn_per_s", Lever.EXPOSURE, sparse_share="share"),),

@@ -12,6 +12,7 @@ from activestereo.effects.core.view import View
     "interreflection",
     stage=Stage.SURFACE,
     family="surface",
+    finding="Surfaces light each other by another amount than the scene file says",
     source="radiosity: bounced light goes with the product of two albedos (Goral et al. 1984)",
     parameters=[
         Parameter(

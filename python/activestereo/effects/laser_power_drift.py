@@ -24,6 +24,7 @@ def _engine(inputs: EngineInputs, per_k: float, per_s: float) -> None:
     "laser_power_drift",
     stage=Stage.PROJECTOR,
     family="projector power",
+    finding="The projector's power drifts",
     source="laser diodes lose 0.2-1 % of power per kelvin at constant current; firmware derates when hot (librealsense "
            "issue 10476)",
     parameters=[

@@ -20,6 +20,7 @@ def _engine(inputs: EngineInputs, sigma_px: float, corner_sigma_px: float) -> No
     "lens_psf",
     stage=Stage.CAMERA,
     family="camera blur",
+    finding="The camera's lens blurs the images",
     source="Gaussian line spread; visible dot sigma 0.8-1.2 px on D4xx frames",
     parameters=[
         Parameter("sigma_px", "px", neutral=0.0, low=0.0, high=3.0, typical=0.5),

@@ -22,6 +22,7 @@ def _engine(inputs: EngineInputs, exposure_fraction: float) -> None:
     "motion_blur",
     stage=Stage.CAMERA,
     family="motion",
+    finding="Motion blurs the images",
     source="exposure is an integral over time",
     parameters=[
         Parameter(

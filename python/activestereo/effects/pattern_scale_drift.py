@@ -25,6 +25,7 @@ def _engine(inputs: EngineInputs, scale: float, per_k: float) -> None:
     "pattern_scale_drift",
     stage=Stage.PROJECTOR,
     family="pattern geometry",
+    finding="The projector's pattern has changed its size",
     source="grating equation: sine of the angle in proportion to wavelength; 0.06-0.3 nm/K at 850 nm",
     parameters=[
         Parameter("scale", "1", neutral=0.0, low=-0.02, high=0.02, typical=0.002),

@@ -12,6 +12,7 @@ from activestereo.effects.core.view import View
     "pixel_locking",
     stage=Stage.DISPARITY,
     family="matcher",
+    finding="The device's disparities prefer some fractions of a pixel",
     source="Shimizu and Okutomi 2001, Precise sub-pixel estimation on area-based matching; 0.03-0.15 px on real pairs",
     judged=(EngineFault(is_matcher_choice=True),),
     parameters=[

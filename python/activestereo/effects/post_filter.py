@@ -16,6 +16,7 @@ _EDGE_PX = 1.0
     "post_filter",
     stage=Stage.DISPARITY,
     family="matcher",
+    finding="The device smooths and rounds its disparities",
     source="librealsense post-processing filters: edge-preserving smoothing; disparities in 1/32 px",
     judged=(EngineFault(is_matcher_choice=True),),
     parameters=[

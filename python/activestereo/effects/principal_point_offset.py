@@ -16,6 +16,7 @@ def _engine(inputs: EngineInputs, cx_px: float, cy_px: float) -> None:
     "principal_point_offset",
     stage=Stage.CAMERA,
     family="camera geometry",
+    finding="The right image is shifted against its calibration",
     source="device reports of 0.05-1 px after thermal or mechanical stress (librealsense issues 8230, 9561)",
     parameters=[
         Parameter("cx_px", "px", neutral=0.0, low=-5.0, high=5.0, typical=0.2),

@@ -23,6 +23,7 @@ def _engine(inputs: EngineInputs, sigma: float) -> None:
     "prnu",
     stage=Stage.CHARGE,
     family="fixed pattern",
+    finding="Every pixel has a gain of its own",
     source="EMVA 1288 photo response non-uniformity, 0.5-2 %",
     randomness=Randomness.STATIC,
     variance=_variance,

@@ -23,6 +23,7 @@ def _engine(inputs: EngineInputs, aperture_px_m: float, focus_m: float) -> None:
     "projector_defocus",
     stage=Stage.PROJECTOR,
     family="projector blur",
+    finding="The projector is out of focus",
     source="thin lens: the blur circle's angular radius = aperture radius x |1/z - 1/z_focus|",
     parameters=[
         Parameter(

@@ -29,6 +29,7 @@ def _engine(inputs: EngineInputs, exponent: float) -> None:
     "projector_vignetting",
     stage=Stage.PROJECTOR,
     family="projector shading",
+    finding="The projector is darker towards its edges",
     source="radiant intensity of a collimated diffractive projector falls with a power of cos",
     parameters=[Parameter("exponent", "1", neutral=0.0, low=0.0, high=12.0, typical=1.5)],
     engine=_engine,

@@ -12,6 +12,7 @@ from activestereo.effects.core.view import View
     "quantisation",
     stage=Stage.DIGITAL,
     family="quantisation",
+    finding="Values are rounded to coarse steps",
     source="an ideal quantiser of step q adds a variance of q^2 / 12 (Bennett 1948)",
     judged=(CodeSteps("step_dn"),),
     parameters=[

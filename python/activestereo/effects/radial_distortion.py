@@ -18,6 +18,7 @@ def _engine(inputs: EngineInputs, k1: float, k2: float) -> None:
     "radial_distortion",
     stage=Stage.CAMERA,
     family="camera geometry",
+    finding="The lenses distort more or less than calibrated",
     source="Brown 1966, Decentering distortion of lenses; OpenCV's k1, k2",
     parameters=[
         Parameter("k1", "1", neutral=0.0, low=-0.3, high=0.3, typical=0.01),

@@ -23,6 +23,7 @@ def _engine(inputs: EngineInputs, sigma_dn: float) -> None:
     "read_noise",
     stage=Stage.READOUT,
     family="temporal noise",
+    finding="There is more noise of the amplifier than the model has",
     source="EMVA 1288; 0.2-1 DN on D4xx",
     randomness=Randomness.TEMPORAL,
     variance=_variance,

@@ -20,6 +20,7 @@ def _engine(inputs: EngineInputs, phase_u_px: float, phase_v_px: float) -> None:
     "rectification_resampling",
     stage=Stage.CAMERA,
     family="camera blur",
+    finding="Rectification blurs the images",
     source="bilinear interpolation: neighbouring noise correlates by 0.28 in D4xx frames",
     parameters=[
         Parameter("phase_u_px", "px", neutral=0.0, low=0.0, high=1.0, typical=0.4),

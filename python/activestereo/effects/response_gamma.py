@@ -18,6 +18,7 @@ def _engine(inputs: EngineInputs, log_exponent: float) -> None:
     "response_gamma",
     stage=Stage.READOUT,
     family="tone",
+    finding="The camera's response to light is not linear",
     source="power-law camera response (Mitsunaga and Nayar 1999 treat the general case)",
     parameters=[
         Parameter(

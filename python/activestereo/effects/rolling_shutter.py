@@ -22,6 +22,7 @@ def _engine(inputs: EngineInputs, line_time_s: float) -> None:
     "rolling_shutter",
     stage=Stage.CAMERA,
     family="motion",
+    finding="Rows are exposed one after the other",
     source="Meingast, Geyer and Sastry 2005, Geometric models of rolling-shutter cameras",
     parameters=[
         Parameter(

@@ -34,6 +34,7 @@ def _engine(
     "room_projector",
     stage=Stage.SURFACE,
     family="second projector",
+    finding="A second projector stands in the room",
     source="overlapping units: holes where two patterns meet (librealsense issue 516)",
     starts=room_unit_starts,
     parameters=[

@@ -23,6 +23,7 @@ def _engine(inputs: EngineInputs, sigma_dn: float) -> None:
     "row_noise",
     stage=Stage.READOUT,
     family="temporal noise",
+    finding="Every row of every frame has an offset of its own",
     source="row-wise reference sampling of CMOS imagers; <= 0.03 DN on D4xx",
     randomness=Randomness.TEMPORAL,
     variance=_variance,

@@ -22,6 +22,7 @@ def _engine(inputs: EngineInputs, lost_range: float, spill: float) -> None:
     "saturation_blooming",
     stage=Stage.CHARGE,
     family="saturation",
+    finding="Bright pixels saturate early and spill into their neighbours",
     source="Janesick, Photon Transfer, full well and blooming",
     parameters=[
         Parameter(

@@ -31,6 +31,7 @@ def _engine(inputs: EngineInputs, intensity_m2: float, offset_x_m: float, offset
     "second_projector",
     stage=Stage.SURFACE,
     family="second projector",
+    finding="A second projector on the rig is on",
     source="overlapping units: holes where two patterns meet (librealsense issue 516)",
     starts=unit_starts,
     parameters=[

@@ -24,6 +24,7 @@ def _engine(inputs: EngineInputs, dn_per_electron: float) -> None:
     "shot_noise",
     stage=Stage.CHARGE,
     family="temporal noise",
+    finding="There is more shot noise than the model has",
     source="EMVA 1288 photon transfer; 0.005 DN on resampled D4xx frames at 640x480",
     randomness=Randomness.TEMPORAL,
     variance=_variance,

@@ -18,6 +18,7 @@ def _engine(inputs: EngineInputs, contrast: float) -> None:
     "speckle_static",
     stage=Stage.SURFACE,
     family="speckle",
+    finding="The laser's light is grainy, with grains that stay (speckle)",
     source="Goodman, Speckle Phenomena in Optics, 3.4; does not average out over frames (librealsense issue 1375)",
     randomness=Randomness.STATIC,
     judged=(RandomTerm("contrast", Lever.PROJECTOR, SharedBy.VIEW),),

@@ -33,6 +33,7 @@ def _engine(inputs: EngineInputs, factor: float, roughness: float, surfaces: flo
     "specular",
     stage=Stage.SURFACE,
     family="surface",
+    finding="Surfaces are glossier than the scene file says",
     source="glTF 2.0 material model with KHR_materials_specular; GGX of Walter et al. 2007, Microfacet models for "
     "refraction",
     parameters=[

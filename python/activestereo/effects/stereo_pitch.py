@@ -17,6 +17,7 @@ def _engine(inputs: EngineInputs, angle_rad: float) -> None:
     "stereo_pitch",
     stage=Stage.CAMERA,
     family="camera geometry",
+    finding="The right camera is pitched against its calibration",
     source="vertical disparity 0.02-0.3 px on real D4xx pairs",
     parameters=[Parameter("angle_rad", "rad", neutral=0.0, low=-0.02, high=0.02, typical=0.0005)],
     engine=_engine,

@@ -17,6 +17,7 @@ def _engine(inputs: EngineInputs, angle_rad: float) -> None:
     "stereo_roll",
     stage=Stage.CAMERA,
     family="camera geometry",
+    finding="The right camera is rolled against its calibration",
     source="vertical disparity that changes over the image width on real D4xx pairs",
     parameters=[Parameter("angle_rad", "rad", neutral=0.0, low=-0.05, high=0.05, typical=0.001)],
     engine=_engine,

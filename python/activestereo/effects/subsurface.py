@@ -49,6 +49,7 @@ def _engine(inputs: EngineInputs, fraction: float, length_m: float, core: float,
     "subsurface",
     stage=Stage.SURFACE,
     family="surface",
+    finding="Light spreads below surfaces",
     source="Jensen et al. 2001, A practical model for subsurface light transport: millimetres in skin, wax, marble, "
            "foam",
     parameters=[

@@ -18,6 +18,7 @@ def _engine(inputs: EngineInputs, cx_px_per_k: float, focal_per_k: float) -> Non
     "thermal_drift",
     stage=Stage.CAMERA,
     family="camera geometry",
+    finding="The cameras' geometry drifts with temperature",
     source="D415/D455 at 1.7 m: 5 mm between 28 and 35 C (librealsense issue 8434)",
     parameters=[
         Parameter("cx_px_per_k", "px/K", neutral=0.0, low=-0.1, high=0.1, typical=0.005),

@@ -21,6 +21,7 @@ def _engine(inputs: EngineInputs, fraction: float, behind: float, surfaces: floa
     "transmission",
     stage=Stage.SURFACE,
     family="surface",
+    finding="Surfaces let light through",
     source="KHR_materials_transmission: a share of the diffuse light goes through instead",
     parameters=[
         Parameter("fraction", "1", neutral=0.0, low=0.0, high=1.0, typical=0.2),

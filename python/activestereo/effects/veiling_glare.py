@@ -18,6 +18,7 @@ def _engine(inputs: EngineInputs, fraction: float) -> None:
     "veiling_glare",
     stage=Stage.OPTICS,
     family="glare",
+    finding="Stray light veils the images",
     source="ISO 9358 veiling glare index",
     parameters=[Parameter("fraction", "1", neutral=0.0, low=0.0, high=0.5, typical=0.04)],
     engine=_engine,

@@ -18,6 +18,7 @@ def _engine(inputs: EngineInputs, exponent: float) -> None:
     "vignetting",
     stage=Stage.OPTICS,
     family="lens shading",
+    finding="The images are darker towards their corners",
     source="cos^4 law of a thin lens: Born and Wolf, Principles of Optics, 4.8.1",
     parameters=[
         Parameter(

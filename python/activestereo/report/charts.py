@@ -150,7 +150,7 @@ def _draw_bins(axes: Axes, bins: Sequence[Any]) -> None:
 def effects_chart(steps: Sequence[Mapping[str, Any]], floor: float | None) -> Figure:
     """Held-out error against effects added, with the floor line. steps: [{effects, heldout_ir_rmse}] from none on;
     floor: DN or None."""
-    figure = Figure(figsize=(7.2, 3.4), layout="constrained")
+    figure = Figure(figsize=(4.9, 2.5), layout="constrained")
     axes = _axes(figure, 1, 1, 1, y="held-out infrared RMSE, DN", title="Error against effects added", grid="y")
     error = [step["heldout_ir_rmse"] for step in steps]
     axes.plot(range(len(error)), error, "o-", color=BLUE, lw=2, ms=8)

@@ -6,10 +6,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from activestereo.report.charts import effects_chart
-from activestereo.report.diagnosis_text import error_text, parameter_text
+from activestereo.report.diagnosis_text import parameter_text
 from activestereo.report.models import ROWS
-from activestereo.report.page import chart, section, share_bar, table, text
+from activestereo.report.page import section, share_bar, table, text
+from activestereo.report.verdict_words import alike, error_text
 
 _VERDICT = {
     "effect": "A known effect is missing",
@@ -31,7 +31,7 @@ def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> 
     page holds."""
     parts = [_verdict(diagnosis)]
     if diagnosis["ranking"]:
-        parts.append(_ranking(diagnosis["ranking"], shown))
+        parts.append(_ranking(diagnosis, shown))
     if diagnosis.get("depth", {}).get("ranking"):
         parts.append(_depth_engine(diagnosis["depth"]))
     if diagnosis["next_measurement"]:
@@ -50,11 +50,6 @@ def _verdict(diagnosis: dict[str, Any]) -> str:
         parts.append(f"<p>Held-out infrared error {errors}{noise}.</p>")
     if diagnosis.get("reason"):
         parts.append(f"<p>{text(diagnosis['reason'])}</p>")
-    steps = [step for step in diagnosis.get("curve", []) if step["heldout_ir_rmse"] is not None]
-    if steps:
-        parts.append(
-            f'<div style="max-width:760px">{chart(effects_chart(steps, floor), "error against effects added")}</div>'
-        )
     if diagnosis.get("law"):
         parts.append(f"<h3>Law of what is left</h3>{_law(diagnosis['law'])}")
     return section("Which effect is missing", *parts)
@@ -64,14 +59,18 @@ def _added(diagnosis: dict[str, Any]) -> str:
     return ": " + ", ".join(text(name) for name in diagnosis["added"]) if diagnosis["added"] else ""
 
 
-def _ranking(ranking: Sequence[dict[str, Any]], shown: Iterable[str]) -> str:
-    rows = []
-    for place, entry in enumerate(ranking[:ROWS], 1):
+def _ranking(diagnosis: dict[str, Any], shown: Iterable[str]) -> str:
+    rows, ranking, own = [], diagnosis["ranking"], diagnosis.get("own", {})
+    for place, entry in enumerate(ranking, 1):
+        if place > ROWS and entry["effect"] not in own:
+            continue
         values = "<br>".join(text(parameter_text(name, p)) for name, p in entry["parameters"].items())
         twins = (
-            "".join(f'<span class="tag">{text(e)}</span>' for e in entry["equivalent"] if e != entry["effect"]) or "—"
+            "".join(f'<span class="tag">{text(e)}</span>' for e in alike(diagnosis, entry)) or "—"
         )
         name = f"<b>{text(entry['effect'])}</b><br><span class='muted'>{text(entry['family'])}</span>"
+        if entry["effect"] in own:
+            name += f"<br><span class='small'>yours: {text(own[entry['effect']])}</span>"
         sure = share_bar(entry["confidence"]) + f"{100 * entry['confidence']:.0f} %"
         rows.append([f"{place}", name, f"{entry['score_nats']:.1f}", sure, values, twins,
                      _residual(entry["effect"], shown)])  # fmt: skip
@@ -84,7 +83,10 @@ def _ranking(ranking: Sequence[dict[str, Any]], shown: Iterable[str]) -> str:
         "cannot be told from",
         "what it leaves",
     ]
-    rest = f'<p class="muted small">{len(ranking) - ROWS} more in diagnose.json.</p>' if len(ranking) > ROWS else ""
+    placed = {entry["effect"] for entry in ranking}
+    left_out = "".join(f"<p>{text(n)}, yours: {text(why)}</p>" for n, why in own.items() if n not in placed)
+    more = len(ranking) - len(rows)
+    rest = left_out + (f'<p class="muted small">{more} more in diagnose.json.</p>' if more else "")
     note = (
         '<p class="muted small">What it leaves: the residual of the frame and eye chosen above when this effect alone '
         "is added; projector, ambient and black level are fitted anew, focal lengths and albedos are not. A click "

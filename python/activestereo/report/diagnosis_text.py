@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A diagnosis for reading."""
+"""A diagnosis for reading in a terminal: the verdict in ten lines, then the table."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
+from activestereo.report.verdict_words import alike, error_text, headline, next_steps, rivals
+
 _SHOWN = 8
+_BAR = 40
+_LARGEST_SUMMARY = 10
 
 
 def parameter_text(name: str, found: Mapping[str, Any]) -> str:
@@ -15,45 +19,78 @@ def parameter_text(name: str, found: Mapping[str, Any]) -> str:
     return f"{name} {found['value']:.4g}{interval}" + ("" if found["unit"] in ("", "1") else f" {found['unit']}")
 
 
-def error_text(rmse_dn: float, floor_dn: float | None, decimals: int) -> str:
-    """An error for reading. Nothing is below the noise floor but by chance: no digit of that is told."""
-    return f"{rmse_dn:.{decimals}f} DN" if floor_dn is None or rmse_dn > floor_dn else "at the noise floor"
-
-
 def diagnosis_text(result: Mapping[str, Any]) -> str:
-    """The summary that the command prints."""
-    lines = [f"verdict: {result['verdict']}" + (f" ({', '.join(result['added'])})" if result["added"] else "")]
-    if result.get("reason"):
-        lines.append(result["reason"])
-    lines += _table(result["ranking"])
-    first = result["ranking"][0] if result["ranking"] else None
-    if first and first["equivalent"] and result["verdict"] in ("effect", "undetermined"):
-        lines.append(f"this data cannot tell {first['effect']} from {', '.join(first['equivalent'])}")
-    if result["heldout_ir_rmse_before"] is not None:
-        floor = result["heldout_noise_floor"]
-        before, after = (error_text(result[f"heldout_ir_rmse_{when}"], floor, 3) for when in ("before", "after"))
-        noise = "unknown" if floor is None else f"{floor:.3f} DN"
-        lines.append(f"held-out infrared RMSE: {before} before, {after} after, noise floor {noise}")
+    """The text that the command prints: verdict_text(), then the table with all that may be asked of it."""
+    lines = [verdict_text(result), ""]
+    lines += _table(result)
     lines += _depth_lines(result.get("depth"))
-    lines += [f"next measurement: {advice['text']}" for advice in result["next_measurement"]]
+    lines += [f"next measurement: {advice['text']}" for advice in result["next_measurement"][1:]]
     if result.get("law"):
         lines.append(f"law of the residual ({result['law']['stage']}): {result['law']['text']}")
     return "\n".join(lines)
 
 
-def _table(ranking: Sequence[Mapping[str, Any]]) -> list[str]:
+def verdict_text(result: Mapping[str, Any]) -> str:
+    """The verdict in ten lines at most: the sentence, the errors as bars, what was found, what to do next."""
+    added = f" ({', '.join(result['added'])})" if result["added"] else ""
+    lines = [headline(result), f"verdict: {result['verdict']}{added}"]
+    if result.get("reason") and result["verdict"] != "undetermined":
+        lines.append(result["reason"])
+    lines += _errors(result)
+    found = {entry["effect"]: entry for entry in result["ranking"]}
+    lines += [f"{name}: {_values(found[name])}" for name in result["added"] if found.get(name, {}).get("parameters")]
+    if others := rivals(result):
+        lines.append(f"this data cannot tell {result['ranking'][0]['effect']} from {', '.join(others)}")
+    if (result.get("depth") or {}).get("added"):
+        lines.append(f"depth engine: {', '.join(result['depth']['added'])}")
+    steps = [f"next: {step}" for step in next_steps(result)]
+    return "\n".join([*lines[: _LARGEST_SUMMARY - min(len(steps), 2)], *steps[:2]])
+
+
+def _errors(result: Mapping[str, Any]) -> list[str]:
+    """Held-out errors before and after beside the noise, as numbers and bars."""
+    before, after, floor = (
+        result[key] for key in ("heldout_ir_rmse_before", "heldout_ir_rmse_after", "heldout_noise_floor")
+    )
+    if before is None or after is None:
+        return []
+    after_name = "with what was found" if result["added"] else "with its own scales"
+    rows = [("held-out error before", before), (after_name, after)]
+    rows += [] if floor is None else [("noise alone", floor)]
+    most = max(value for _, value in rows) or 1.0
+    lines = []
+    for name, value in rows:
+        said = f"{value:.3f} DN" if name == "noise alone" else error_text(value, floor, 3)
+        lines.append(f"  {name:22}{said:>20}  {'█' * max(1, round(_BAR * value / most))}")
+    return lines
+
+
+def _table(result: Mapping[str, Any]) -> list[str]:
+    """The ranking's first rows and those of the user's own effects, each with what it cannot be told from."""
+    ranking, own = result["ranking"], result.get("own", {})
     lines = (
-        [f"{'effect':26}{'family':20}{'nats':>12}{'explains':>10}{'confidence':>12}  parameters (90 %)"]
+        [f"{'':4}{'effect':26}{'family':20}{'nats':>12}{'explains':>10}{'confidence':>12}  parameters (90 %)"]
         if ranking
         else []
     )
-    for entry in ranking[:_SHOWN]:
+    for place, entry in enumerate(ranking, 1):
+        if place > _SHOWN and entry["effect"] not in own:
+            continue
         values = _values(entry)
         share, confidence = f"{100 * entry['explained_share']:.0f} %", f"{entry['confidence']:.2f}"
         lines.append(
-            f"{entry['effect']:26}{entry['family']:20}{entry['score_nats']:>12.1f}{share:>10}{confidence:>12}  {values}"
+            f"{place:>2}  {entry['effect']:26}{entry['family']:20}{entry['score_nats']:>12.1f}{share:>10}"
+            f"{confidence:>12}  {values}"
         )
-    return lines
+        lines += [f"{'':6}{words}" for words in _notes(result, entry)]
+    placed = {entry["effect"] for entry in ranking}
+    return lines + [f" -  {name:26}yours: {why}" for name, why in own.items() if name not in placed]
+
+
+def _notes(result: Mapping[str, Any], entry: Mapping[str, Any]) -> list[str]:
+    others, own = alike(result, entry), result.get("own", {})
+    notes = [f"cannot be told from {', '.join(others)}"] if others else []
+    return notes + ([f"yours: {own[entry['effect']]}"] if entry["effect"] in own else [])
 
 
 def _values(entry: Mapping[str, Any]) -> str:

@@ -35,7 +35,7 @@ def encoded_image(image: np.ndarray, step: float, valid: np.ndarray | None = Non
     planes = [(code >> 8).astype(np.uint8)] if code.max(initial=0) > 255 else []
     planes.append((code & 255).astype(np.uint8))
     return {
-        "src": _data_address(np.concatenate(planes)),
+        "src": data_address(np.repeat(np.concatenate(planes)[..., None], 3, axis=2)),
         "low": low - first * step,
         "step": step,
         "planes": len(planes),
@@ -43,9 +43,8 @@ def encoded_image(image: np.ndarray, step: float, valid: np.ndarray | None = Non
     }
 
 
-def _data_address(gray: np.ndarray) -> str:
-    """Lossless WebP takes about three quarters of PNG's bytes."""
+def data_address(pixels: np.ndarray) -> str:
+    """uint8 [height][width][3] as a data URI. Lossless WebP takes about three quarters of PNG's bytes."""
     file = io.BytesIO()
-    pixels = np.repeat(gray[..., None], 3, axis=2)
     Image.fromarray(pixels).save(file, format="webp", lossless=True, quality=60, method=4)
     return f"data:image/webp;base64,{base64.b64encode(file.getvalue()).decode()}"

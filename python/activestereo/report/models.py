@@ -29,6 +29,7 @@ def model_images(
     diagnosis: dict[str, Any] | None = None,
     effects: Mapping[str, Effect] | None = None,
     progress: Callable[[float], object] | None = None,
+    found_images: Mapping[tuple[int, str], np.ndarray] | None = None,
 ) -> ModelImages:
     """{name: {(frame id, eye): expected DN, float32 [height][width]}} under BASE, FOUND and the ids of ranked effects.
 
@@ -37,34 +38,40 @@ def model_images(
     where it has no expected image of its own: random effects, faults of the depth engine, effects that are not in
     `effects`. Projector scale, ambient scale and black level are fitted to the train frames under each. diagnosis:
     diagnose.json's contents; effects: {id: Effect}, None for the built-in ones. progress: called as progress(fraction
-    done).
+    done). found_images: what the diagnosis itself expects under FOUND; the comparison is then of the model that it
+    started from, which stands in the place of the model without effects.
     """
     effects = library() if effects is None else effects
-    models = {BASE: Model()}
-    found = comparison.model if comparison.model.effects else _found(diagnosis, effects)
-    if found.effects:
-        models[FOUND] = found
+    start = Model() if found_images is None else comparison.model
+    models = {BASE: start}
+    given = {}
+    if found_images is not None and diagnosis and diagnosis["added"]:
+        models[FOUND], given[FOUND] = start, dict(found_images)
+    elif found_images is None:
+        found = comparison.model if comparison.model.effects else _found(diagnosis, effects)
+        if found.effects:
+            models[FOUND] = found
     for entry in (diagnosis or {}).get("ranking", [])[:ROWS]:
         model = _with(
-            Model(),
+            start,
             effects,
             entry["effect"],
             {name: parameter["value"] for name, parameter in entry["parameters"].items()},
         )
-        if any(_moves_images(effect) for effect, _ in model.effects):
+        if any(_moves_images(effect) for effect, _ in model.effects if effect.id == entry["effect"]):
             models[entry["effect"]] = model
-    known = [(comparison.model, comparison.predictions)]
-    return _predicted(comparison, models, known, progress)
+    return _predicted(comparison, models, given, progress)
 
 
-def _predicted(comparison: Comparison, models: Any, images_of: Any, progress: Callable[[float], object] | None) -> Any:
+def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callable[[float], object] | None) -> Any:
+    """given: {name: images} of models whose images are there."""
     capture = comparison.capture
     keys = [(frame, eye) for frame in capture.frames for eye in EYES]
     views = {(f.id, eye): View.of(capture, f, eye, comparison.layers[f.id][eye]) for f, eye in keys}
-    measured = {(f.id, eye): capture.ir(f, eye) for f, eye in keys}
+    measured = comparison.measured
     out = {}
     for done, (name, model) in enumerate(models.items()):
-        same = next((images for other, images in images_of if other == model), None)
+        same = given.get(name) or (comparison.predictions if model == comparison.model else None)
         if same is None:
             expected = predict_under_model(capture, model, (comparison.layers,), views, measured)[1]
             same = {key: images[0].astype(np.float32) for key, images in expected.items()}

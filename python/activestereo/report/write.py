@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes a comparison: compare.json, its picture compare.png, and report.html, one self-contained page to explore,
-which shows a diagnosis too where there is one.
+which shows a diagnosis too where there is one; and the page of a diagnosis alone.
 
 Files appear whole or not at all: written aside, then renamed.
 """
@@ -13,16 +13,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from activestereo.common.input_files import read_json
-from activestereo.common.output_files import replace_file
+from activestereo.common.output_files import replace_file, write_text
+from activestereo.compare.compare import comparison_of
 from activestereo.report.comparison import cards, comparison_sections, settings_section, summary_line
 from activestereo.report.diagnosis import diagnosis_sections
 from activestereo.report.explorer import explorer_section
+from activestereo.report.first_screen import first_screen
 from activestereo.report.models import model_images
 from activestereo.report.page import page, text
 from activestereo.report.sheet import comparison_figure
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from activestereo.capture.capture import ImageKey
     from activestereo.compare.compare import Comparison
+    from activestereo.diagnose import Diagnosis
     from activestereo.effects import Effect
 
 
@@ -61,18 +67,45 @@ def report_page(
     diagnosis: dict[str, Any] | None = None,
     effects: Mapping[str, Effect] | None = None,
     progress: Callable[[float], object] | None = None,
+    found_images: Mapping[ImageKey, NDArray] | None = None,
 ) -> str:
-    """The page's text."""
+    """The page's text. found_images: as of model_images()."""
     scores = comparison.scores
-    images = model_images(comparison, diagnosis, effects, progress)
+    images = model_images(comparison, diagnosis, effects, progress, found_images)
     head = (
         f'<h1>{text(scores["capture"])}: the model against the measurement</h1>'
         f'<p class="muted">{text(summary_line(scores))}</p>'
     )
     explorer = explorer_section(comparison, images)
-    found = diagnosis_sections(diagnosis, images) if diagnosis else []
-    body = [head, cards(scores), explorer, *found, *comparison_sections(comparison), settings_section(scores)]
+    body = [head, cards(scores), explorer]
+    if diagnosis:
+        verdict = first_screen(diagnosis, comparison, images)
+        body = [verdict, explorer, *diagnosis_sections(diagnosis, images), head.replace("h1>", "h2>"), cards(scores)]
+    body += [*comparison_sections(comparison), settings_section(scores)]
     return page(f"{scores['capture']}: comparison", body, _SCRIPTS)
+
+
+def write_diagnosis_report(
+    diagnosis: Diagnosis,
+    folder: str | Path,
+    effects: Mapping[str, Effect] | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Path:
+    """Writes report.html of a diagnosis into `folder` (made where absent) and returns its path; renders nothing.
+
+    effects: {id: Effect} that it chose from, None for the built-in ones. progress: called as progress(fraction done).
+    """
+    result, before, after = diagnosis.result, diagnosis.before, diagnosis.after
+    if before is None or after is None or diagnosis.made is None:
+        title = f"{result.get('capture', 'capture')}: diagnosis"
+        html_text = page(title, [first_screen(result), *diagnosis_sections(result)])
+    else:
+        comparison = comparison_of(before, diagnosis.made)
+        html_text = report_page(comparison, result, effects, progress, after.predictions)
+    path = Path(folder) / "report.html"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, html_text)
+    return path
 
 
 def _stored_diagnosis(folder: Path, capture: str) -> dict[str, Any] | None:

@@ -212,7 +212,7 @@ def test_text_is_escaped():
 @pytest.mark.parametrize("after, said", [(2.51, "2.51 DN"), (2.43, "at the noise floor")])
 def test_no_error_below_the_noise_floor_is_told(after, said):
     result = DIAGNOSIS | {"heldout_ir_rmse_after": after, "ranking": [], "next_measurement": [], "depth": {}}
-    [line] = [line for line in diagnosis_text(result).splitlines() if "held-out" in line]
+    [line] = [line for line in diagnosis_text(result).splitlines() if "with what was found" in line]
     page = "".join(diagnosis_sections(result))
     assert said.split()[0] in line and f"6.21 DN → {said}" in page
     assert (f"{after:.2f}" in line) == (after > result["heldout_noise_floor"])

@@ -55,8 +55,9 @@ class ErrorsOfModels:
 
 def held_out_figures(
     errors: ErrorsOfModels, given: Model | SensorModel | None, between: Sequence[Step], written: Step
-) -> dict[str, Any]:
-    """Figures pooled over images, DN, without the renderer's own noise (render_noise.py); None without test frames.
+) -> tuple[dict[str, Any], ImageErrors, ImageErrors]:
+    """(figures pooled over images, DN, without the renderer's own noise (render_noise.py), None without test frames;
+    the errors of the given model; those of the written one).
 
     between: models on the way from the given one to the written one, which model.json holds.
     """
@@ -64,7 +65,7 @@ def held_out_figures(
     before, after = errors.given(given), errors.found(model)
     way = [((), before), *((names, errors.found(m)) for names, m in between), *([(added, after)] if added else [])]
     floors = {split: e["noise_floor_dn"] for split, e in after.by_split().items()}
-    return {
+    figures = {
         "heldout_ir_rmse_before": _rmse(before, "test"),
         "heldout_ir_rmse_after": _rmse(after, "test"),
         "heldout_noise_floor": floors.get("test"),
@@ -74,6 +75,7 @@ def held_out_figures(
             for names, e in way
         ],
     }
+    return figures, before, after
 
 
 def _rmse(errors: ImageErrors, split: str) -> float | None:

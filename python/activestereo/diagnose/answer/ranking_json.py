@@ -7,7 +7,8 @@ from activestereo.diagnose.findings import Finding, NotRanked, Ranking
 from activestereo.diagnose.score.intervals import Interval
 from activestereo.diagnose.verdict.confidence import confidences, equivalents
 from activestereo.diagnose.verdict.depth import depth_verdict
-from activestereo.effects import Parameter
+from activestereo.diagnose.verdict.reasons import reason_of
+from activestereo.effects import Effect, Model, Parameter
 from activestereo.effects.core.judging import Channel
 from activestereo.effects.core.surfaces import material_numbers
 
@@ -39,6 +40,14 @@ def depth_json(depth: Ranking, faults: Sequence[Finding], name_of: Callable[[int
     return {"verdict": verdict, "reason": reason, "ranking": entries, "added": [f.id for f in faults]}
 
 
+def own_json(own: Iterable[Effect], rankings: Sequence[Ranking], given: Model) -> dict[str, str]:
+    """{id: why it stands where it does} of a user's own effects, ranked or not. given: the model to start from."""
+    said = {e.id: "it is part of the model that the diagnosis started from" for e, _ in given.effects}
+    said |= {n.effect.id: n.reason for ranking in rankings for n in ranking.not_ranked}
+    said |= {f.id: reason_of(ranking, f) for ranking in rankings for f in ranking.findings}
+    return {e.id: said.get(e.id, "it was not tried on this capture") for e in own}
+
+
 def not_ranked_json(skipped: Iterable[NotRanked]) -> list[Json]:
     """The effects that could not be ranked, with the reason."""
     return [{"effect": s.effect.id, "family": s.effect.family, "reason": s.reason} for s in skipped]
@@ -48,6 +57,7 @@ def _finding_json(ranking: Ranking, f: Finding, confidence: float, name_of: Call
     return {
         "effect": f.id,
         "family": f.effect.family,
+        "finding": f.effect.finding,
         "channel": _CHANNEL[f.channel],
         "score_nats": f.score.nats,
         "confidence": confidence,

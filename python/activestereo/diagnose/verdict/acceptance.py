@@ -13,17 +13,27 @@ def is_significant(ranking: Ranking, finding: Finding) -> bool:
     """Whether a finding's gain is beyond chance among all that were tried, an improvement in most images, and the
     same everywhere.
     """
-    thresholds, score = ranking.thresholds, finding.score
-    threshold = thresholds.margin_nats + np.log(max(len(ranking.findings), 1)) + score.choice_nats
-    varies_little = finding.checks.varying_floors <= thresholds.largest_variation * score.gain_floors
-    return score.nats > threshold and score.consistency >= thresholds.consistent_share and varies_little
+    score = finding.score
+    is_steady = score.consistency >= ranking.thresholds.consistent_share
+    return score.nats > least_nats(ranking, finding) and is_steady and varies_little(ranking, finding)
+
+
+def least_nats(ranking: Ranking, finding: Finding) -> float:
+    """The nats that are chance among all that were tried."""
+    tried = np.log(max(len(ranking.findings), 1))
+    return float(ranking.thresholds.margin_nats + tried + finding.score.choice_nats)
+
+
+def varies_little(ranking: Ranking, finding: Finding) -> bool:
+    """Whether a finding's amplitude is the same everywhere."""
+    return finding.checks.varying_floors <= ranking.thresholds.largest_variation * finding.score.gain_floors
 
 
 def passes(ranking: Ranking, finding: Finding) -> bool:
     """Whether a finding may be named: significant, and of practical size."""
     if finding.channel is Channel.DEPTH_ENGINE and not ranking.at_floor:
         return False  # first what the images show: the engine matched those
-    return _is_large(ranking, finding) and is_significant(ranking, finding)
+    return is_large(ranking, finding) and is_significant(ranking, finding)
 
 
 def varies_too_much(ranking: Ranking, finding: Finding) -> bool:
@@ -34,17 +44,23 @@ def varies_too_much(ranking: Ranking, finding: Finding) -> bool:
 
 def comes_near(ranking: Ranking, finding: Finding) -> bool:
     """Whether a finding has so much of the size that a name needs that better images may give the rest."""
-    return _is_large(ranking, finding, ranking.thresholds.near_size_share)
+    return is_large(ranking, finding, ranking.thresholds.near_size_share)
 
 
-def _is_large(ranking: Ranking, finding: Finding, part: float = 1.0) -> bool:
-    """part: of the size that is asked for."""
+def smallest_share(ranking: Ranking, finding: Finding) -> float:
+    """The share of the error on its channel that a finding has to explain to be named."""
+    thresholds = ranking.thresholds
+    of_channel = {
+        Channel.EXPECTED_IMAGE: thresholds.smallest_share,
+        Channel.DEPTH_ENGINE: thresholds.smallest_depth_share,
+    }
+    return of_channel.get(finding.channel, thresholds.smallest_field_share)
+
+
+def is_large(ranking: Ranking, finding: Finding, part: float = 1.0) -> bool:
+    """Whether a finding is of practical size. part: of the size that is asked for."""
     thresholds, score, checks = ranking.thresholds, finding.score, finding.checks
-    share = thresholds.smallest_field_share
-    if finding.channel is Channel.EXPECTED_IMAGE:
-        share = thresholds.smallest_share
-    elif finding.channel is Channel.DEPTH_ENGINE:
-        share = thresholds.smallest_depth_share
+    share = smallest_share(ranking, finding)
     large = score.explained_share >= part * share and score.gain_floors >= part * thresholds.smallest_gain_floors
     if checks.plain_share is None:
         return large

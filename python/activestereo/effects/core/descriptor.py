@@ -93,7 +93,8 @@ class Effect:
     variance(signal, view, **parameters): DN^2 that a random effect adds to its stage's value. engine(inputs,
     **parameters): changes EngineInputs, see engine.py; None where no engine field expresses the effect: image_only says
     why. judged: how the lab finds it, where its expected image is not what changes. starts: proposes where fits begin,
-    where a coarse scan of the parameters would miss. prepare: makes what apply needs for these views; whoever lets
+    where a coarse scan of the parameters would miss. finding: what a verdict says where it is found, a sentence without
+    its full stop. prepare: makes what apply needs for these views; whoever lets
     threads apply an effect calls it before they start, for it may render.
     """
 
@@ -110,6 +111,7 @@ class Effect:
     image_only: str = ""
     judged: tuple[Judgement, ...] = ()
     starts: Starts | None = None
+    finding: str = ""
     prepare: Callable[[Iterable[Any]], None] | None = None
 
     @property
@@ -176,7 +178,7 @@ def effect(
     id: str, *, stage: Stage, family: str, parameters: list[Parameter], source: str,
     randomness: Randomness = Randomness.NONE,
     variance: Callable | None = None, engine: Callable[..., None] | None = None, image_only: str = "",
-    judged: tuple[Judgement, ...] = (), starts: Starts | None = None,
+    judged: tuple[Judgement, ...] = (), starts: Starts | None = None, finding: str = "",
 ) -> Callable[[Callable], Effect]:  # fmt: skip
     """Makes an Effect of a function; its docstring is the effect's summary. See Effect."""
 
@@ -206,6 +208,7 @@ def effect(
             image_only,
             tuple(judged),
             starts,
+            finding,
         )
 
     return make

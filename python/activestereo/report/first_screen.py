@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The first screen of a diagnosis: the verdict in a sentence, measured, model, model with the effect found, the error
+falling, and what to do next. It fits a window of 1280 x 720 pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib import colormaps
+from numpy.typing import NDArray
+
+from activestereo.capture.capture import EYES, Frame
+from activestereo.report.charts import effects_chart
+from activestereo.report.encode import data_address
+from activestereo.report.models import BASE, FOUND, ModelImages
+from activestereo.report.page import chart, text
+from activestereo.report.verdict_words import error_text, headline, next_steps, rivals
+from activestereo.report.worst import RESIDUAL_FLOORS
+
+if TYPE_CHECKING:
+    from activestereo.compare.compare import Comparison
+
+# The details show so much of the image's width and height.
+_DETAIL = 1.0 / 3.0
+
+
+def first_screen(
+    diagnosis: Mapping[str, Any], comparison: Comparison | None = None, images: ModelImages | None = None
+) -> str:
+    """HTML. images: expected DN of the models BASE and, where something was found, FOUND; without a comparison there
+    are no pictures."""
+    parts = [f"<h1>{text(headline(diagnosis))}</h1>", f'<p class="muted">{_errors(diagnosis)}</p>']
+    cells = [] if comparison is None or images is None else _pictures(comparison, images)
+    floor = diagnosis["heldout_noise_floor"]
+    steps = [step for step in diagnosis.get("curve", []) if step["heldout_ir_rmse"] is not None]
+    if steps:
+        curve = chart(effects_chart(steps, floor), "error against effects added")
+        cells.insert(min(3, len(cells)), f'<div class="curve">{curve}</div>')
+    parts.append(f'<div class="evidence">{"".join(cells)}</div>')
+    advice = "".join(f"<li>{text(step)}</li>" for step in next_steps(diagnosis))
+    parts.append(f"<h2>What to do next</h2><ul>{advice}</ul>" if advice else "")
+    return f'<section id="verdict" aria-label="Verdict">{"".join(parts)}</section>'
+
+
+def _errors(diagnosis: Mapping[str, Any]) -> str:
+    """The errors, and the effects that cannot be told apart."""
+    before, after, floor = (
+        diagnosis[key] for key in ("heldout_ir_rmse_before", "heldout_ir_rmse_after", "heldout_noise_floor")
+    )
+    said = [text(diagnosis["capture"]) + ". "] if diagnosis.get("capture") else []
+    if before is not None and after is not None:
+        noise = "" if floor is None else f", noise alone gives {floor:.2f} DN"
+        errors = f"{error_text(before, floor, 2)} before, {error_text(after, floor, 2)} after"
+        said.append(f"Held-out error {errors}{noise}. ")
+    if others := rivals(diagnosis):
+        tags = "".join(f'<span class="tag">{text(name)}</span>' for name in others)
+        said.append(f"This data cannot tell {text(diagnosis['ranking'][0]['effect'])} from {tags}")
+    return "".join(said)
+
+
+@dataclass(frozen=True)
+class _Detail:
+    """A part of one image: where most of the error goes."""
+
+    frame: Frame
+    eye: str
+    rows: slice
+    columns: slice
+
+
+def _pictures(comparison: Comparison, images: ModelImages) -> list[str]:
+    """Details of measured, model and model with what was found; then whole residuals of the models."""
+    detail = _where_most_goes(comparison, images)
+    key, part = (detail.frame.id, detail.eye), (detail.rows, detail.columns)
+    measured = comparison.measured[key]
+    high = max(float(np.quantile(measured, 0.998)), 1.0)
+    place = f"frame {detail.frame.id}, {detail.eye} eye, a third of it"
+    models = [(BASE, "model")] + ([(FOUND, "model with what was found")] if FOUND in images else [])
+    titles = {"model": "measured − model", "model with what was found": "what is left"}
+    floor = _floor(comparison, key)
+    cells = [_cell(_gray(measured[part], high), "measured", place)]
+    cells += [_cell(_gray(images[name][key][part], high), words, "") for name, words in models]
+    residuals = {words: measured.astype(np.float64) - images[name][key] for name, words in models}
+    if FOUND not in images:
+        rest = residuals["model"]
+        cells.append(_cell(_signed(rest[part], floor), "measured − model, there", ""))
+    for words, rest in residuals.items():
+        note = f"RMSE {np.sqrt(np.mean(rest**2)):.2f} DN, colours ±{RESIDUAL_FLOORS * floor:.2g} DN"
+        cells.append(_cell(_signed(rest, floor), titles[words], note))
+    return cells
+
+
+def _where_most_goes(comparison: Comparison, images: ModelImages) -> _Detail:
+    """The detail whose squared error falls most with what was found, of held-out frames where there are some; is
+    largest, where nothing was found."""
+    frames = comparison.capture.split("test") or comparison.capture.split("train")
+    best, found = -np.inf, None
+    for frame in frames:
+        for eye in EYES:
+            measured = comparison.measured[frame.id, eye].astype(np.float64)
+            fall = (measured - images[BASE][frame.id, eye]) ** 2
+            if FOUND in images:
+                fall -= (measured - images[FOUND][frame.id, eye]) ** 2
+            amount, rows, columns = _largest_window(fall)
+            if amount > best:
+                best, found = amount, _Detail(frame, eye, rows, columns)
+    assert found is not None, "a comparison has frames"
+    return found
+
+
+def _largest_window(values: NDArray[np.float64]) -> tuple[float, slice, slice]:
+    """(sum, rows, columns) of the window of _DETAIL of the image's size that holds most."""
+    height, width = (max(1, round(_DETAIL * size)) for size in values.shape)
+    sums = np.zeros((values.shape[0] + 1, values.shape[1] + 1))
+    sums[1:, 1:] = values.cumsum(0).cumsum(1)
+    inside = sums[height:, width:] - sums[:-height, width:] - sums[height:, :-width] + sums[:-height, :-width]
+    top, left = np.unravel_index(int(np.argmax(inside)), inside.shape)
+    return float(inside[top, left]), slice(int(top), int(top) + height), slice(int(left), int(left) + width)
+
+
+def _floor(comparison: Comparison, key: tuple[int, str]) -> float:
+    """The deviation of noise in an image, else its error, DN: residuals are drawn by it."""
+    entry = next(e for e in comparison.scores["frames"] if e["id"] == key[0])["eyes"][key[1]]
+    return float(entry["noise_floor_dn"] or entry["rmse_dn"] or 1.0)
+
+
+def _gray(image: NDArray, high: float) -> NDArray[np.uint8]:
+    """Square-root scale, as of the explored pictures."""
+    level = np.rint(255.0 * np.sqrt(np.clip(image / high, 0.0, 1.0))).astype(np.uint8)
+    return np.repeat(level[..., None], 3, axis=2)
+
+
+def _signed(residual: NDArray[np.float64], floor_dn: float) -> NDArray[np.uint8]:
+    shade = colormaps["RdBu_r"](np.clip(0.5 + 0.5 * residual / (RESIDUAL_FLOORS * floor_dn), 0.0, 1.0))
+    return np.rint(255.0 * np.asarray(shade)[..., :3]).astype(np.uint8)
+
+
+def _cell(pixels: NDArray[np.uint8], title: str, note: str) -> str:
+    said = f'<span class="muted">{text(note)}</span>' if note else ""
+    return (
+        f'<figure><img alt="{text(title)}" src="{data_address(pixels)}">'
+        f"<figcaption><b>{text(title)}</b>{said}</figcaption></figure>"
+    )

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An effect of the user's own is always in the answer, with why it ranks where it does; and the report is written from
+what the diagnosis has rendered."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import activestereo.report
+from activestereo.diagnose import diagnose
+from activestereo.effects import Parameter, Stage, builtin, effect
+from activestereo.report.diagnosis_text import diagnosis_text
+from activestereo.report.write import write_diagnosis_report
+from lab_worlds import BLACK_DN, WorldRenderer, altered
+from schema_check import violations
+
+
+mine_shading = replace(builtin()["vignetting"], id="mine_shading", family="mine", finding="My lens is dark")
+
+
+@effect("mine_idle", stage=Stage.READOUT, family="mine", source="a test",
+        parameters=[Parameter("amount", "1", neutral=0.0, low=-1.0, high=1.0, typical=0.1)])  # fmt: skip
+def mine_idle(signal, view, amount):
+    """Columns differ in gain from left to right in waves of four pixels."""
+    return signal * (1.0 + amount * np.cos(np.pi * np.arange(signal.shape[-1]) / 2.0))
+
+
+def shaded(dn, eye):
+    height, width = dn.shape
+    v, u = np.mgrid[0:height, 0:width]
+    r2 = ((u - (width - 1) / 2) ** 2 + (v - (height - 1) / 2) ** 2) / (0.5 * width) ** 2
+    return BLACK_DN + (dn - BLACK_DN) / (1.0 + r2)
+
+
+@pytest.fixture(scope="module")
+def renderer(lab_world):
+    return WorldRenderer(lab_world, grid=6)
+
+
+@pytest.fixture(scope="module")
+def diagnosis(lab_world, renderer, lab_cache, tmp_path_factory):
+    folder = altered(lab_world, tmp_path_factory.mktemp("own") / "capture", shaded)
+    own = {e.id: e for e in (mine_shading, mine_idle)}
+    effects = {"gain_mismatch": builtin()["gain_mismatch"]} | own
+    return diagnose(folder, effects=effects, renderer=renderer, cache=lab_cache)
+
+
+def test_own_effects_say_why_they_rank_where_they_do(diagnosis):
+    own, result = diagnosis.result["own"], diagnosis.result
+    assert list(own) == ["mine_shading", "mine_idle"] and result["added"] == ["mine_shading"]
+    assert own["mine_shading"] == "it explains the data best"
+    ranked = {entry["effect"]: entry for entry in result["ranking"]}
+    if "mine_idle" in ranked:
+        assert own["mine_idle"].startswith("it may not be named: it gains")
+        assert f"it gains {ranked['mine_idle']['score_nats']:.1f} nats" in own["mine_idle"]
+    else:
+        assert own["mine_idle"] == "it explains next to nothing of the images"
+    text = diagnosis_text(result)
+    assert text.startswith("My lens is dark: ") and all(f"yours: {why}" in text for why in own.values())
+
+
+def test_the_report_of_a_diagnosis_needs_no_render(diagnosis, renderer, tmp_path, monkeypatch):
+    def refused(*_):
+        raise AssertionError("the report renders")
+
+    monkeypatch.setattr(WorldRenderer, "__call__", refused)
+    path = write_diagnosis_report(diagnosis, tmp_path / "new", {"mine_shading": mine_shading})
+    page = path.read_text()
+    assert "<h1>My lens is dark: " in page and page.index('id="verdict"') < page.index('id="explorer"')
+    data = json.loads(page.split('id="explorer-data">')[1].split("</script>")[0])
+    assert list(data["models"]) == ["base", "found", "mine_shading"]
+    view = next(v for v in data["views"] if v["eye"] == "left" and v["split"] == "test")
+    key = view["frame"], "left"
+    for name, errors in (("base", diagnosis.before), ("found", diagnosis.after)):
+        rest = errors.measured[key].astype(np.float64) - errors.predictions[key]
+        assert view["rmse"][name] == pytest.approx(np.sqrt(np.mean(rest**2)), rel=1e-6)
+    assert view["rmse"]["found"] < 0.8 * view["rmse"]["base"]
+
+
+def test_the_answer_obeys_its_schema(diagnosis):
+    schema = Path(activestereo.report.__file__).parent / "schema/diagnose.schema.json"
+    assert violations(diagnosis.result, json.loads(schema.read_text())) == []

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The first screen of a diagnosis: the sentence says what the figures say, the pictures are the images, and all of it
+fits a window of 1280 x 720."""
+
+import base64
+import io
+import re
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from activestereo.report.first_screen import first_screen
+from activestereo.report.models import model_images
+from activestereo.report.write import write_report
+from chromium import Page, is_installed
+from report_worlds import DIAGNOSIS, WITH_MODEL
+
+SAYS = "The lenses distort more or less than calibrated"
+FOUND = WITH_MODEL | {
+    "capture": "world",
+    "ranking": [DIAGNOSIS["ranking"][0] | {"finding": SAYS}, DIAGNOSIS["ranking"][1]],
+}
+
+
+@pytest.fixture(scope="module")
+def screen(ball_comparison):
+    return first_screen(FOUND, ball_comparison, model_images(ball_comparison, FOUND))
+
+
+def _pictures(html):
+    """{alt: pixels} of the pictures that are no charts."""
+    found = re.findall(r'<img alt="([^"]*)" src="data:image/webp;base64,([^"]*)"', html)
+    return {alt: np.asarray(Image.open(io.BytesIO(base64.b64decode(data)))) for alt, data in found}
+
+
+def test_the_sentence_the_rivals_and_the_advice_are_there(screen):
+    gone = 1.0 - (2.51**2 - 2.44**2) / (6.21**2 - 2.44**2)
+    assert f"<h1>{SAYS}: {100 * gone:.0f} % of the error beyond noise goes.</h1>" in screen
+    assert "cannot tell radial_distortion from" in screen and ">principal_point_offset</span>" in screen
+    assert "Measure: a second distance." in screen and "6.21 DN before, 2.51 DN after" in screen
+    assert screen.count("data:image/svg+xml") == 1  # the curve
+
+
+def test_the_pictures_are_the_images(screen, ball_comparison):
+    """The detail has a third of the image's sides, and the same place in measurement and models: where the squared
+    error falls most."""
+    pictures, images = _pictures(screen), model_images(ball_comparison, FOUND)
+    assert list(pictures) == ["measured", "model", "model with what was found", "measured − model", "what is left"]
+    tests = [(f.id, eye) for f in ball_comparison.capture.split("test") for eye in ("left", "right")]
+    falls = {}
+    for key in tests:
+        measured = ball_comparison.capture.ir(next(f for f in ball_comparison.capture.frames if f.id == key[0]), key[1])
+        fall = (measured - images["base"][key]) ** 2 - (measured - images["found"][key]) ** 2
+        for top in range(0, 90 - 30 + 1, 6):
+            for left in range(0, 160 - 53 + 1, 6):
+                falls[key, top, left] = fall[top : top + 30, left : left + 53].sum()
+    key, top, left = max(falls, key=falls.get)
+    shown = pictures["measured"][..., 0]
+    assert shown.shape == (30, 53)
+    measured = ball_comparison.measured[key].astype(np.float64)
+    level = np.rint(255.0 * np.sqrt(np.clip(measured / np.quantile(measured, 0.998), 0.0, 1.0)))
+    places = [
+        (v, u)
+        for v in range(max(0, top - 6), min(60, top + 6) + 1)
+        for u in range(max(0, left - 6), min(107, left + 6) + 1)
+        if np.abs(level[v : v + 30, u : u + 53] - shown).max() <= 1.0
+    ]
+    assert len(places) == 1
+
+
+def test_without_anything_found_the_residual_takes_the_third_place(ball_comparison):
+    nothing = DIAGNOSIS | {"verdict": "unknown", "added": []}
+    nothing["curve"] = nothing["curve"][:1]
+    html = first_screen(nothing, ball_comparison, model_images(ball_comparison))
+    assert list(_pictures(html)) == ["measured", "model", "measured − model, there", "measured − model"]
+    assert "no known effect explains" in html and "effect_stub.py" in html
+
+
+def test_without_images_the_sentence_stands_alone():
+    blank = DIAGNOSIS | {"verdict": "undetermined", "reason": "the images are <blank>", "ranking": [], "added": []}
+    blank |= {"heldout_ir_rmse_before": None, "heldout_ir_rmse_after": None, "heldout_noise_floor": None, "curve": []}
+    html = first_screen(blank)
+    assert "cannot tell what is missing: the images are &lt;blank&gt;." in html and "<img" not in html
+
+
+@pytest.mark.skipif(not is_installed(), reason="no chromium: install Debian's package chromium")
+def test_it_fits_a_window_of_1280_by_720(ball_comparison, tmp_path):
+    file = write_report(ball_comparison, tmp_path, FOUND)[1]
+    with Page(file, size=(1280, 720)) as page:
+        page.wait("[...document.querySelectorAll('#verdict img')].every((i) => i.complete && i.naturalWidth > 0)")
+        box = "document.getElementById('verdict').getBoundingClientRect()"
+        assert page.value(f"{box}.top") >= 0 and page.value(f"{box}.bottom") <= 720
+        assert page.value("document.documentElement.scrollWidth") <= 1280
+        heights = page.value("[...document.querySelectorAll('#verdict img')].map((i) => i.clientHeight)")
+        assert len(heights) == 6 and min(heights) >= 180

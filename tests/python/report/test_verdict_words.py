@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verdict in a terminal: a sentence, ten lines at most, and a table that says of every row what it cannot be told
+from."""
+
+import pytest
+
+from activestereo.report.diagnosis_text import diagnosis_text, verdict_text
+from activestereo.report.verdict_words import alike, headline, share_gone
+from report_worlds import DIAGNOSIS
+
+
+def _row(name, equivalent=(), nats=10.0):
+    return {
+        "effect": name, "family": "family", "finding": "", "score_nats": nats, "confidence": 0.1,
+        "explained_share": 0.2, "parameters": {}, "equivalent": list(equivalent),
+    }  # fmt: skip
+
+
+def _result(**changed):
+    base = {"ranking": [_row("a", ["b"]), _row("b", ["a"]), _row("c", ["a", "b", "d"]), _row("d", ["a", "b", "c"])]}
+    return DIAGNOSIS | base | {"added": ["a"], "depth": None} | changed
+
+
+@pytest.mark.parametrize(
+    "before, after, floor, gone",
+    [(5.0, 3.0, 3.0, 1.0), (5.0, 2.9, 3.0, 1.0), (5.0, 5.0, 3.0, 0.0), (5.0, 4.0, 3.0, 9 / 16), (3.0, 3.0, 3.0, None),
+     (5.0, 4.0, None, None), (None, None, None, None)],
+)  # fmt: skip
+def test_the_share_that_goes_is_of_the_square_beyond_noise(before, after, floor, gone):
+    result = _result(heldout_ir_rmse_before=before, heldout_ir_rmse_after=after, heldout_noise_floor=floor)
+    assert share_gone(result) == (None if gone is None else pytest.approx(gone))
+
+
+def test_a_sentence_for_each_verdict():
+    said = [_row("a") | {"finding": "The air is hazy"}, _row("b") | {"finding": "A lamp flickers"}]
+    both = _result(ranking=said, added=["a", "b"])
+    assert headline(both).startswith("The air is hazy and a lamp flickers: 99 % of the error")
+    assert headline(_result()).startswith("The model lacks a: ")
+    assert headline(_result(verdict="unknown", added=[])) == (
+        "Something is missing that no known effect explains (2.51 DN, noise alone gives 2.44 DN)."
+    )
+    assert "at the noise floor (at the noise floor, noise" not in headline(_result(verdict="none", added=[]))
+    fault = {"verdict": "effect", "reason": None, "added": ["e"], "ranking": [_row("e") | {"nuisance": False}]}
+    assert headline(_result(verdict="none", added=[], depth=fault)) == (
+        "The images lack nothing; in the depth: the model lacks e."
+    )
+    assert headline(_result(verdict="undetermined", reason="it is dark")).endswith("missing: it is dark.")
+
+
+def test_ten_lines_then_the_table():
+    many = _result(next_measurement=[{"text": f"measure {i}"} for i in range(5)], reason="a reason")
+    many["added"] = ["a", "b", "c", "d"]
+    many["ranking"] = [row | {"parameters": {"k": {"value": 1.0, "low": 0.9, "high": 1.1, "unit": "m"}}}
+                       for row in many["ranking"]]  # fmt: skip
+    lines = verdict_text(many).splitlines()
+    assert len(lines) == 10 and lines[0] == headline(many)
+    assert lines[-2] == "next: Measure: measure 0."
+    whole = diagnosis_text(many).splitlines()
+    assert whole[:10] == lines and whole[10] == "" and whole[11].split()[:2] == ["effect", "family"]
+
+
+def test_every_row_says_what_it_cannot_be_told_from():
+    """An effect that explains more than a row is no equal of it where it does not say so of the row."""
+    result = _result()
+    assert [alike(result, row) for row in result["ranking"]] == [["b"], ["a"], ["d"], ["c"]]
+    lines = diagnosis_text(result).splitlines()
+    notes = [line.strip() for line in lines if line.strip().startswith("cannot be told from")]
+    assert notes == [f"cannot be told from {name}" for name in "badc"]
+
+
+def test_own_effects_are_in_the_table_wherever_they_rank():
+    rows = [_row(f"e{i}") for i in range(20)] + [_row("mine")]
+    result = _result(ranking=rows, added=["e0"], own={"mine": "it gains 1 nat", "other": "it explains next to nothing"})
+    lines = diagnosis_text(result).splitlines()
+    place = next(i for i, line in enumerate(lines) if line.split()[:2] == ["21", "mine"])
+    assert lines[place + 1].strip() == "yours: it gains 1 nat"
+    assert any(line.split()[:2] == ["-", "other"] and "next to nothing" in line for line in lines)
+    assert not any(" e12 " in line for line in lines)
