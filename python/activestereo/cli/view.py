@@ -44,6 +44,8 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--sensor", default="d435", metavar="NAME", help=text)
     text = "of the infrared images in scene files (default: the sensor's own; smaller ones are quicker)"
     parser.add_argument("--resolution", type=size, metavar="WxH", help=text)
+    text = "what 'save as model.json' writes, with a number behind the name where it is there (default: model.json)"
+    parser.add_argument("-o", "--out", type=Path, default=Path("model.json"), metavar="FILE", help=text)
     parser.add_argument("--port", type=whole, default=0, metavar="N", help="of the address (default: a free one)")
     parser.add_argument("--no-browser", action="store_true", help="print the address only")
     add_device(parser)
@@ -70,6 +72,8 @@ def make_server(args: argparse.Namespace) -> Any:
 
     if not 0 <= args.port < 65536:
         raise CommandError(f"--port {args.port}: a port is 0 to 65535")
+    if not args.out.absolute().parent.is_dir():
+        raise CommandError(f"--out {args.out}: the folder {args.out.parent} does not exist: make it first")
     effects = library(*args.effects)
     model = None if args.model is None else read_model(args.model, effects)
     device = kuafu.Device(args.device)
@@ -83,7 +87,7 @@ def make_server(args: argparse.Namespace) -> Any:
             return CaptureSource(read_capture(path), device, model)
         return SceneSource(path, device, _config(args, model), model)
 
-    return ViewServer(Routes(Library(args.path, make), effects).calls(), args.port)
+    return ViewServer(Routes(Library(args.path, make), effects, args.out).calls(), args.port)
 
 
 def _config(args: argparse.Namespace, model: Any) -> Any:

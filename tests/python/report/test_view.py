@@ -2,49 +2,17 @@
 """The page of `activestereo view` in a browser: a headless chromium clicks, drags and points, and the page answers."""
 
 import re
-import threading
 
 import numpy as np
 import pytest
 
 from activestereo.capture.capture import read_capture
-from activestereo.cli import make_parser
-from activestereo.cli.view import make_server
-from chromium import Page, is_installed
+from chromium import is_installed
+from view_page import View
 
 pytestmark = pytest.mark.skipif(
     not is_installed(), reason="no chromium: install Debian's package chromium to test the page of activestereo view"
 )
-
-
-class View:
-    """A served path and a browser's page on it."""
-
-    def __init__(self, *arguments):
-        self.server = make_server(make_parser().parse_args(["view", "--device", "cpu", *map(str, arguments)]))
-        threading.Thread(target=self.server.serve_forever, daemon=True).start()
-        self.page = Page(self.server.address, (1280, 900))
-        self.wait()
-
-    def wait(self, shown="refined"):
-        self.page.wait(f"document.getElementById('view').dataset.shown === '{shown}'")
-
-    def point(self, u, v):
-        """The pointer on the middle of a pixel of the measured picture, which is shown whole."""
-        width, height = self.page.value("[facts.width, facts.height]")
-        self.page.point("#measured", (u + 0.5) / width, (v + 0.5) / height)
-
-    def numbers(self):
-        """Those of the readout, in its order: u, v, and of each quantity measured and simulated."""
-        return [float(n) for n in re.findall(r"-?\d+(?:\.\d+)?", self.page.text("#readout").replace("none", "0"))]
-
-    def key(self, key, **more):
-        self.page.call("Input.dispatchKeyEvent", type="keyDown", key=key, **more)
-
-    def close(self):
-        self.page.__exit__()
-        self.server.shutdown()
-        self.server.server_close()
 
 
 @pytest.fixture(scope="module")

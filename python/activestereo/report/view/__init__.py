@@ -13,5 +13,7 @@ view`.
 | scene_source.py | a scene file: its cameras, and a preset's sensor |
 | fit.py | projector's light, room's light and black level of a capture, and its noise |
 | settings.py | what the sliders change |
+| sliders.py | where the sliders begin and end |
+| save.py | the sensor under these settings as model.json |
 | simulation.py | one exposure under these settings |
 """

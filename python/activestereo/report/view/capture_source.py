@@ -9,6 +9,7 @@ import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import Capture, Frame
 from activestereo.common.computed_once import computed_once
+from activestereo.common.input_files import read_json_object
 from activestereo.common.pose import Pose
 from activestereo.compare.depth_model import DepthModel
 from activestereo.compare.kuafu_renderer import KuafuRenderer
@@ -67,11 +68,12 @@ class CaptureSource:
     @computed_once
     def simulation(self) -> Simulation | None:
         """The capture's scene, loaded; None where there is nothing in it."""
-        scene = kuafu.Scene(self._device)
-        load_scene_file(scene, self._capture.scene_path)
-        if not scene.summary.triangle_count:
+        path = self._capture.scene_path
+        if path.suffix.lower() == ".gltf" and not read_json_object(path).get("meshes"):  # as `import` writes it
             return None
-        split_surfaces(scene, self._capture.scene_path)
+        scene = kuafu.Scene(self._device)
+        load_scene_file(scene, path)
+        split_surfaces(scene, path)
         return Simulation(scene)
 
     def shot(self, frame_id: int) -> Shot:

@@ -4,26 +4,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from activestereo.effects import Effect
+from activestereo.model import write_model
 from activestereo.report.explorer import colour_stops
 from activestereo.report.view.library import Library
 from activestereo.report.view.packing import packed
-from activestereo.report.view.settings import settings_of
+from activestereo.report.view.save import free_name, saved_model
+from activestereo.report.view.settings import Settings, settings_of
 from activestereo.report.view.simulation import Pictures, Simulation, Superseded
+from activestereo.report.view.sliders import camera_sliders, catalogue, present_effects, surface_sliders
 
 _MAPS = ("gray", "RdBu_r", "viridis")
 
 
 class Routes:
-    """The calls on a library of sources. effects: {id: Effect} that may be added."""
+    """The calls on a library of sources. effects: {id: Effect} that may be added. save_as: where models are saved,
+    under another number where a file is there."""
 
-    def __init__(self, library: Library, effects: Mapping[str, Effect]) -> None:
-        self._library, self._effects = library, effects
+    def __init__(self, library: Library, effects: Mapping[str, Effect], save_as: Path) -> None:
+        self._library, self._effects, self._save_as = library, effects, save_as
 
     def calls(self) -> dict[str, Callable[[dict[str, Any]], bytes]]:
-        return {"list": self.list, "open": self.open, "measured": self.measured, "simulate": self.simulate}
+        return {
+            "list": self.list, "open": self.open, "measured": self.measured, "sliders": self.sliders,
+            "surface": self.surface, "simulate": self.simulate, "save": self.save,
+        }  # fmt: skip
 
     def list(self, given: dict[str, Any]) -> bytes:
         """The names of all that may be opened."""
@@ -34,24 +42,53 @@ class Routes:
         """One entry: its frames, and what the page needs to draw it."""
         source = self._library.source(given.get("entry"))
         facts = {"title": source.title, "frames": source.frames(), **source.facts()}
-        return packed(facts | {"is_simulated": source.simulation() is not None})
+        return packed(facts | {"is_simulated": source.simulation() is not None, "catalogue": catalogue(self._effects)})
 
     def measured(self, given: dict[str, Any]) -> bytes:
         """One frame as it was measured."""
         source = self._library.source(given.get("entry"))
         return _answer(source.measured(_frame(given)), 0)
 
+    def sliders(self, given: dict[str, Any]) -> bytes:
+        """The camera's sliders for one frame, and the effects of the model."""
+        source = self._library.source(given.get("entry"))
+        _simulation(source)
+        shot = source.shot(_frame(given))
+        camera = [slider.as_json() for slider in camera_sliders(shot)]
+        return packed({"camera": camera, "effects": present_effects(shot.model)})
+
+    def surface(self, given: dict[str, Any]) -> bytes:
+        """The name and the sliders of the material at pixel u, v of the left image; no name where nothing is."""
+        source = self._library.source(given.get("entry"))
+        simulation = _simulation(source)
+        found = simulation.surface(source.shot(_frame(given)), self._settings(given, simulation), *_pixel(given))
+        name, values = (None, None) if found is None else found
+        return packed({"name": name, "sliders": [s.as_json() for s in surface_sliders(values)] if values else []})
+
+    def save(self, given: dict[str, Any]) -> bytes:
+        """Writes the sensor under the settings as a model; tells where, and what simulates it."""
+        source = self._library.source(given.get("entry"))
+        simulation = _simulation(source)
+        model, remark = saved_model(source.shot(_frame(given)), self._settings(given, simulation))
+        path = free_name(self._save_as)
+        write_model(path, model)
+        return packed({"path": str(path), "remark": remark})
+
     def simulate(self, given: dict[str, Any]) -> bytes:
         """One frame under the settings, as a draft or refined. An answer with "superseded" has no images: another one
         was asked for meanwhile."""
         source = self._library.source(given.get("entry"))
         simulation = _simulation(source)
-        settings = settings_of(given.get("settings", {}), self._effects, simulation.material_names())
+        settings = self._settings(given, simulation)
         try:
             taken = simulation.picture(source.shot(_frame(given)), settings, bool(given.get("is_draft")))
         except Superseded:
             return packed({"superseded": True})
         return _answer(taken, given.get("ticket"))
+
+
+    def _settings(self, given: dict[str, Any], simulation: Simulation) -> Settings:
+        return settings_of(given.get("settings", {}), self._effects, simulation.material_names())
 
 
 def _simulation(source: Any) -> Simulation:
@@ -66,6 +103,13 @@ def _frame(given: Mapping[str, Any]) -> int:
     if isinstance(frame, bool) or not isinstance(frame, int):
         raise ValueError(f"frame is {frame!r}, expected a whole number")
     return frame
+
+
+def _pixel(given: Mapping[str, Any]) -> tuple[int, int]:
+    place = given.get("u"), given.get("v")
+    if not all(isinstance(x, int) and not isinstance(x, bool) for x in place):
+        raise ValueError(f"u and v are {place[0]!r} and {place[1]!r}, expected whole numbers")
+    return place  # type: ignore[return-value]
 
 
 def _answer(pictures: Pictures, ticket: Any) -> bytes:

@@ -17,28 +17,28 @@ from activestereo.effects import Effect
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.effects.engines.imager import NOISE
 from activestereo.model import Quantity, SensorModel
-from activestereo.model.model import MATERIAL_FIELDS
+from activestereo.model.model import MATERIAL_FIELDS, ModelEffect
 
 # Properties of a surface that have a slider, in its order.
 SURFACE_FIELDS = ("roughness", "ir_albedo", "specular", "metallic", "transmission")
 _CAMERA = {"exposure_s": EXPOSURE, "gain": GAIN, "laser_power_mw": Limits(0.0, 1e9, "mW")}
 _KEYS = (*_CAMERA, "has_noise", "materials", "effects")
 _FAMILY_OF_MOTION = "motion"
-_SOURCE = "set by hand in activestereo view"
+BY_HAND = "set by hand in activestereo view"
 
 
 @dataclass(frozen=True)
 class Settings:
-    """exposure_s, gain, laser_power_mw: None = the sensor's own. materials: {material: {name of SURFACE_FIELDS:
-    value}}. effects: {id: {parameter: value}}; surfaces: {id of an effect: the materials that show it}, all where it is
-    not there."""
+    """exposure_s, gain, laser_power_mw: None = the sensor's own. materials: {name: {one of SURFACE_FIELDS: value}}.
+    effects: {id: {parameter: value}}, all that there are, None = those of the model; surfaces: {id of an effect: the
+    materials that show it}, all where it is not there."""
 
     exposure_s: float | None = None
     gain: float | None = None
     laser_power_mw: float | None = None
     has_noise: bool = True
     materials: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    effects: Mapping[str, Mapping[str, float]] | None = None
     surfaces: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     library: Mapping[str, Effect] = field(default_factory=dict, repr=False)
 
@@ -63,21 +63,26 @@ class Settings:
 
     def in_model(self, model: SensorModel) -> SensorModel:
         """The model with these surfaces and effects."""
-        for name, values in self.effects.items():
-            effect = self.library[name]
+        known = {entry.effect.id: entry for entry in model.effects}
+        if self.effects is not None:
+            model = replace(model, effects=())
+        for name, values in (self.effects or {}).items():
+            effect, on = self.library[name], self.surfaces.get(name, ())
+            if name in known and _says(known[name], values, on):  # its intervals and sources stay
+                model = replace(model, effects=(*model.effects, known[name]))
+                continue
             units = {p.name: p.unit for p in effect.parameters}
-            quantities = {n: Quantity(v, unit=units[n], source=_SOURCE) for n, v in values.items()}
-            model = model.with_effect(effect, quantities, self.surfaces.get(name, ()))
+            quantities = {n: Quantity(v, unit=units[n], source=BY_HAND) for n, v in values.items()}
+            model = model.with_effect(effect, quantities, on)
         materials = {name: dict(fields) for name, fields in model.materials.items()}
         for name, values in self.materials.items():
             own = materials.setdefault(name, {})
-            own |= {f: Quantity(v, unit=MATERIAL_FIELDS[f][0], source=_SOURCE) for f, v in values.items()}
+            own |= {f: Quantity(v, unit=MATERIAL_FIELDS[f][0], source=BY_HAND) for f, v in values.items()}
         return replace(model, materials=materials)
 
     def has_motion(self, model: SensorModel) -> bool:
         """Whether an effect lets what moves be seen: without one every camera stands still, as in the lab."""
-        present = [*(entry.effect for entry in model.effects), *(self.library[name] for name in self.effects)]
-        return any(effect.family == _FAMILY_OF_MOTION for effect in present)
+        return any(entry.effect.family == _FAMILY_OF_MOTION for entry in self.in_model(model).effects)
 
 
 def settings_of(given: Any, library: Mapping[str, Effect], material_names: list[str]) -> Settings:
@@ -95,7 +100,8 @@ def settings_of(given: Any, library: Mapping[str, Effect], material_names: list[
         name: _surface(name, values, material_names)
         for name, values in _object(given.get("materials", {}), "materials").items()
     }
-    effects, surfaces = {}, {}
+    effects: dict[str, dict[str, float]] = {}
+    surfaces = {}
     for name, values in _object(given.get("effects", {}), "effects").items():
         if name not in library:
             raise ValueError(unknown("effect", name, library))
@@ -109,8 +115,18 @@ def settings_of(given: Any, library: Mapping[str, Effect], material_names: list[
     if not isinstance(has_noise, bool):
         raise ValueError(f"has_noise is {has_noise!r}, expected true or false")
     return Settings(
-        **camera, has_noise=has_noise, materials=materials, effects=effects, surfaces=surfaces, library=library
+        **camera,
+        has_noise=has_noise,
+        materials=materials,
+        effects=effects if "effects" in given else None,
+        surfaces=surfaces,
+        library=library,
     )
+
+
+def _says(entry: ModelEffect, values: Mapping[str, float], surfaces: tuple[str, ...]) -> bool:
+    own = entry.effect.values({name: q.value for name, q in entry.parameters.items()})
+    return entry.surfaces == surfaces and all(own[name] == value for name, value in values.items())
 
 
 def _signal(given: str | dict[str, float]) -> dict[str, float]:

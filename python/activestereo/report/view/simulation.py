@@ -17,7 +17,7 @@ import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import Pose, body_pose
 from activestereo.model import SensorModel
-from activestereo.report.view.settings import Settings
+from activestereo.report.view.settings import SURFACE_FIELDS, Settings
 from activestereo.sensor.image_effects import ModelCostWarning
 from activestereo.sensor.sensor import StereoDepthSensor
 
@@ -89,16 +89,22 @@ class Simulation:
             except kuafu.CancelledError as error:
                 raise Superseded from error
 
-    def surface(self, shot: Shot, settings: Settings, u: int, v: int) -> str | None:
-        """The name of the material at a pixel of the left image, None where there is nothing."""
+    def surface(self, shot: Shot, settings: Settings, u: int, v: int) -> tuple[str, dict[str, float]] | None:
+        """The material at a pixel of the left image and its SURFACE_FIELDS, None where there is nothing."""
         with self._one_at_a_time, self._sensor(shot, settings, is_draft=True) as sensor:
             numbers = sensor.get_picture("material_id", "left")[..., 0]
+            materials = [self._scene.get_material(n) for n in range(self._scene.summary.material_count)]
         names = self.material_names()
         height, width = numbers.shape
         if not (0 <= u < width and 0 <= v < height):
             raise ValueError(f"there is no pixel u {u}, v {v} in an image of {width}x{height}")
         number = int(numbers[v, u])
-        return names[number] if number < len(names) else None
+        if number >= len(names):
+            return None
+        values = {name: getattr(materials[number], name) for name in SURFACE_FIELDS}
+        if values["ir_albedo"] is None:
+            values["ir_albedo"] = materials[number].base_color[0]
+        return names[number], values
 
     def _sensor(self, shot: Shot, settings: Settings, is_draft: bool) -> StereoDepthSensor:
         config, model = settings.applied(deepcopy(shot.config), shot.model)

@@ -8,8 +8,8 @@ let maps = null;  // colour maps by name
 let facts = null;  // of the opened entry
 let kind = "left";
 let pictures = {};  // measured, simulated: answers with their images
+const panel = new Panel(() => told(simulate));
 let asked = 0;  // counts what was asked for, so that a slow answer does not replace a later one
-const settings = {};  // as settings.py reads them
 
 const frameNumber = () => Number(part("frame").value);
 const wanted = () => ({ entry: part("entry").value, frame: frameNumber() });
@@ -27,6 +27,7 @@ async function told(work) {
 async function openEntry() {
   const entry = part("entry").value;
   part("view").dataset.shown = "";
+  panel.hide();
   facts = await called("open", { entry });
   part("title").textContent = facts.title;
   document.title = `${facts.title} - activestereo view`;
@@ -46,6 +47,11 @@ async function openFrame() {
     pictures.measured = measured;
     draw();
   }
+  if (facts.is_simulated) {
+    const sliders = await called("sliders", wanted());
+    if (serial !== asked) return;
+    panel.open(facts.catalogue, sliders);
+  }
   await simulate();
 }
 
@@ -58,10 +64,11 @@ async function simulate() {
   const serial = ++asked;
   for (const is_draft of [true, false]) {
     const begin = performance.now();
-    const answer = await called("simulate", { ...wanted(), settings, is_draft });
+    const answer = await called("simulate", { ...wanted(), settings: panel.settings(), is_draft });
     if (serial !== asked || answer.superseded) return;
     pictures.simulated = answer;
-    if (!facts.has_measured && !Object.keys(settings).length) pictures.measured = answer;
+    if (!facts.has_measured && !panel.isMoved()) pictures.measured = answer;
+    panel.taken(answer);
     const seconds = ((performance.now() - begin) / 1000).toFixed(2);
     part("quality").textContent = `(${is_draft ? "draft" : "refined"}, ${seconds} s)`;
     draw();
@@ -145,6 +152,18 @@ function step(by) {
   told(openFrame);
 }
 
+// The surface at the pointer, whose properties get sliders. The right image's pixels are not asked: the call is of the left.
+async function touch() {
+  if (!zoom.pointer || !facts.is_simulated || kind === "right") return;
+  const [u, v] = zoom.pointer;
+  panel.touched(await called("surface", { ...wanted(), settings: panel.settings(), u, v }));
+}
+
+async function save() {
+  const answer = await called("save", { ...wanted(), settings: panel.settings() });
+  part("saved").textContent = `saved: ${answer.path}${answer.remark ? `; what a model has no words for: ${answer.remark}` : ""}`;
+}
+
 function movePointer(du, dv) {
   const [u, v] = zoom.pointer || [facts.width >> 1, facts.height >> 1];
   zoom.pointer = [Math.min(Math.max(u + du, 0), facts.width - 1), Math.min(Math.max(v + dv, 0), facts.height - 1)];
@@ -152,10 +171,11 @@ function movePointer(du, dv) {
   showReadout();
 }
 
+const typed = (element) => element.tagName === "SELECT" || (element.tagName === "INPUT" && element.type === "number");
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
-const KEYS = { n: () => step(1), p: () => step(-1), ...Object.fromEntries(KINDS.map((name, i) => [String(i + 1), () => showKind(name)])) };
+const KEYS = { n: () => step(1), p: () => step(-1), t: () => told(touch), r: () => panel.reset(), s: () => told(save), ...Object.fromEntries(KINDS.map((name, i) => [String(i + 1), () => showKind(name)])) };
 document.addEventListener("keydown", (event) => {
-  if (!facts || event.ctrlKey || event.metaKey || event.altKey || /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName)) return;
+  if (!facts || event.ctrlKey || event.metaKey || event.altKey || typed(event.target)) return;
   if (event.shiftKey && event.key in ARROWS) movePointer(...ARROWS[event.key]);
   else if (event.key in KEYS) KEYS[event.key]();
   else return;
@@ -171,6 +191,14 @@ for (const button of part("kinds").children) button.onclick = () => showKind(but
 part("zoom-in").onclick = () => zoom.zoomBy(2);
 part("zoom-out").onclick = () => zoom.zoomBy(0.5);
 part("zoom-reset").onclick = () => zoom.reset();
+for (const name of ["measured", "simulated", "difference"]) {
+  let pressed = null;
+  part(name).addEventListener("pointerdown", (event) => { pressed = [event.clientX, event.clientY]; });
+  part(name).addEventListener("click", (event) => {
+    if (pressed && Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) < 3) told(touch);
+  });
+}
+part("save").onclick = () => told(save);
 window.addEventListener("resize", draw);
 told(async () => {
   const listed = await called("list", {});

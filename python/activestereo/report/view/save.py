@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The sensor under the page's settings as a model: what `activestereo simulate --model` simulates."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from dataclasses import replace
+from pathlib import Path
+
+from activestereo.model import Quantity, SensorModel
+from activestereo.model.model import NUISANCES
+from activestereo.report.view.settings import BY_HAND, Settings
+from activestereo.report.view.simulation import Shot
+
+_MOST_NUMBERS = 10_000
+_POWER = "projector_scale"
+
+
+def saved_model(shot: Shot, settings: Settings) -> tuple[SensorModel, str]:
+    """The model, and the settings that a model without a rig or a fitted projector has no words for, as options of
+    simulate: empty where it says all."""
+    config, model = settings.applied(deepcopy(shot.config), shot.model)
+    remarks = []
+    if model.rig is not None:
+        rig = replace(model.rig, exposure_s=config.ir_camera_exposure, gain=config.ir_camera_gain)
+        model = replace(model, rig=rig)
+    else:
+        remarks += [] if settings.exposure_s is None else [f"--ir-exposure {settings.exposure_s:g}"]
+        remarks += [] if settings.gain is None else [f"in Python config.ir_camera_gain = {settings.gain:g}"]
+    if settings.laser_power_mw is not None:
+        known = model.nuisances.get(_POWER)
+        if known is None:
+            remarks.insert(0, f"--laser-power {settings.laser_power_mw:g}")
+        else:
+            share = settings.laser_power_mw / config.laser_power_nominal_mw
+            scaled = Quantity(share * known.value, unit=NUISANCES[_POWER][0], source=BY_HAND)
+            model = replace(model, nuisances={**model.nuisances, _POWER: scaled})
+    return model, ", ".join(remarks)
+
+
+def free_name(path: Path) -> Path:
+    """The path, or where it is there already the same with a number: model.json, model-2.json."""
+    for number in range(1, _MOST_NUMBERS):
+        name = path if number == 1 else path.with_name(f"{path.stem}-{number}{path.suffix}")
+        if not name.exists():
+            return name
+    raise ValueError(f"{path}: there are {_MOST_NUMBERS} files of this name: give another one with --out")

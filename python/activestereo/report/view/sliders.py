@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page's sliders as data: where each begins and ends, and where it stands before it is moved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from activestereo.effects import Effect
+from activestereo.effects.core.descriptor import Parameter
+from activestereo.effects.core.surfaces import SURFACES
+from activestereo.model import SensorModel
+from activestereo.model.model import MATERIAL_FIELDS
+from activestereo.report.view.settings import SURFACE_FIELDS
+from activestereo.report.view.simulation import Shot
+
+# A camera's slider reaches so many times below and above where it stands.
+_REACH = 16.0
+# An effect's slider reaches so many prior deviations from neutral; its field takes all that is possible.
+_DEVIATIONS = 5.0
+
+
+@dataclass(frozen=True)
+class Slider:
+    """One number. least, most: what may be typed; low, high: the slider's own ends. is_log: equal steps are equal
+    ratios."""
+
+    name: str
+    label: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    least: float
+    most: float
+    is_log: bool = False
+
+    def as_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def camera_sliders(shot: Shot) -> list[Slider]:
+    """Exposure, gain and laser power of one exposure. Where the sensor chooses exposure and gain by itself, the picture
+    tells what they are."""
+    config = shot.config
+    exposure, gain = config.ir_camera_exposure, config.ir_camera_gain
+    power, (_, strongest, _) = config.laser_power_mw, config.laser_power_limits_mw
+    return [
+        _ratio("exposure_s", "exposure", "s", exposure),
+        _ratio("gain", "gain", "", gain),
+        Slider("laser_power_mw", "laser power", "mW", power, 0.0, strongest, 0.0, strongest),
+    ]
+
+
+def surface_sliders(values: Mapping[str, float]) -> list[Slider]:
+    """The properties of one surface, which all go from 0 to 1."""
+    out = []
+    for name in SURFACE_FIELDS:
+        unit, low, high = MATERIAL_FIELDS[name]
+        label = name.replace("ir_", "infrared ")
+        out.append(Slider(name, label, "" if unit == "1" else unit, values[name], low, high, low, high))
+    return out
+
+
+def effect_sliders(effect: Effect) -> list[Slider]:
+    """An effect's parameters, at their typical values."""
+    return [_parameter(p) for p in effect.parameters if p.name != SURFACES.name]
+
+
+def catalogue(effects: Mapping[str, Effect]) -> list[dict[str, Any]]:
+    """Every effect that may be added, in words and with its sliders."""
+    return [
+        {
+            "id": effect.id, "family": effect.family, "summary": effect.summary.splitlines()[0],
+            "on_surfaces": SURFACES in effect.parameters,
+            "sliders": [slider.as_json() for slider in effect_sliders(effect)],
+        }
+        for effect in effects.values()
+    ]  # fmt: skip
+
+
+def present_effects(model: SensorModel) -> dict[str, dict[str, Any]]:
+    """The effects of a model as settings have them."""
+    out: dict[str, dict[str, Any]] = {}
+    for entry in model.effects:
+        out[entry.effect.id] = {name: q.value for name, q in entry.parameters.items()}
+        if entry.surfaces:
+            out[entry.effect.id][SURFACES.name] = list(entry.surfaces)
+    return out
+
+
+def _ratio(name: str, label: str, unit: str, value: float) -> Slider:
+    low, high = value / _REACH, value * _REACH
+    return Slider(name, label, unit, value, low, high, low, high, is_log=True)
+
+
+def _parameter(p: Parameter) -> Slider:
+    reach = _DEVIATIONS * p.typical
+    low, high = max(p.low, p.neutral - reach), min(p.high, p.neutral + reach)
+    unit = "" if p.unit == "1" else p.unit
+    return Slider(p.name, p.name.replace("_", " "), unit, p.typical_value, low, high, p.low, p.high)
