@@ -66,29 +66,35 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
+    from activestereo.common.phases import Phases
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.compare.cache import LayerCache
-    from activestereo.compare.compare import compare
+    from activestereo.compare.compare import PHASES_S, compare
     from activestereo.compare.kuafu_renderer import KuafuRenderer
     from activestereo.compare.model_file import library
+    from activestereo.compare.phase_times import PhaseTimes
     from activestereo.report.summary import summary_table
-    from activestereo.report.write import write_report
+    from activestereo.report.write import WRITING, write_report
 
     make_folder(args.out)
     effects = library(*args.effects)
     under_model = {} if args.model is None else _under_model(args, effects)
+    times = PhaseTimes("compare" if args.model is None else "compare --model")
     with ProgressBar(f"comparing {args.capture.name}") as bar:
+        phases = Phases(bar, times.usual_s(PHASES_S | {WRITING: 5.0}))
         comparison = compare(
             args.capture,
             renderer=KuafuRenderer(args.device),
             samples_per_pixel=args.spp,
             max_bounces=args.max_bounces,
             seed=args.seed,
-            progress=bar,
+            progress=phases,
             **under_model,
         )
-    with ProgressBar("writing the report") as bar:
-        write_report(comparison, args.out, effects=effects, progress=bar)
+        phases.begin(WRITING)
+        write_report(comparison, args.out, effects=effects, progress=phases)
+        phases.end()
+    times.keep(phases.taken_s, phases.work)
     if args.json:
         print_json(comparison.scores)
         return

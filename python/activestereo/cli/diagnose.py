@@ -100,23 +100,28 @@ def add_parser(commands: Commands) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
+    from activestereo.common.phases import Phases
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.compare.cache import LayerCache
     from activestereo.compare.engine_prediction import EngineImages
     from activestereo.compare.kuafu_renderer import KuafuRenderer
     from activestereo.compare.model_file import library
+    from activestereo.compare.phase_times import PhaseTimes
     from activestereo.diagnose import diagnose
+    from activestereo.diagnose.diagnosis import PHASES_S
     from activestereo.effects.engines import CaptureRenderer
     from activestereo.model import read_model
     from activestereo.report.diagnosis_text import diagnosis_text
-    from activestereo.report.write import write_diagnosis_report
+    from activestereo.report.write import WRITING, write_diagnosis_report
     from activestereo.report.write_diagnosis import write_diagnosis
 
     make_folder(args.out)
     effects = library(*args.effects)
     model = None if args.model is None else read_model(args.model, effects)
     sampled = args.device, args.spp, args.max_bounces, args.seed
+    times = PhaseTimes("diagnose")
     with ProgressBar(f"diagnosing {args.capture.name}") as bar:
+        phases = Phases(bar, times.usual_s(PHASES_S | {WRITING: 8.0}))
         diagnosis = diagnose(
             args.capture,
             model=model,
@@ -127,12 +132,14 @@ def run(args: argparse.Namespace) -> None:
             max_bounces=args.max_bounces,
             seed=args.seed,
             workers=args.workers,
-            progress=bar,
+            progress=phases,
             rendering=(lambda capture: EngineImages(capture, *sampled)) if args.refine else None,
             engines=lambda capture: CaptureRenderer(capture, *sampled),
         )
-    with ProgressBar("writing the report") as bar:
-        paths = [write_diagnosis_report(diagnosis, args.out, effects, bar), *write_diagnosis(diagnosis, args.out)]
+        phases.begin(WRITING)
+        paths = [write_diagnosis_report(diagnosis, args.out, effects, phases), *write_diagnosis(diagnosis, args.out)]
+        phases.end()
+    times.keep(phases.taken_s, phases.work)
     if args.json:
         print_json(diagnosis.result)
         return

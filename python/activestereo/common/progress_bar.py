@@ -33,7 +33,10 @@ def part_of(progress: Progress | None, start: float, end: float) -> Progress | N
 
 
 class ProgressBar:
-    """Called with fractions 0..1; a context manager that ends the line. Never cancels by itself; Ctrl-C does."""
+    """Called with fractions 0..1; a context manager that ends the line. Never cancels by itself; Ctrl-C does.
+
+    phase: which part of the work runs, in words.
+    """
 
     def __init__(self, label: str, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic) -> None:
         self._label = label
@@ -41,6 +44,7 @@ class ProgressBar:
         self._clock = clock
         self._terminal = self._stream.isatty()
         self._start = self._drawn = clock()
+        self.phase = ""
 
     def __enter__(self) -> ProgressBar:
         self._start = self._drawn = self._clock()
@@ -50,27 +54,32 @@ class ProgressBar:
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
         if kind is None:
+            self.phase = ""
             self._say(1.0, f"done in {duration(self._clock() - self._start)}")
         if self._terminal:
             self._stream.write("\n")
             self._stream.flush()
 
     def __call__(self, fraction: float) -> None:
+        elapsed = self._clock() - self._start
+        self.show(fraction, elapsed * (1.0 - fraction) / fraction if fraction > 0.01 else None)
+
+    def show(self, fraction: float, left_s: float | None, at_once: bool = False) -> None:
+        """Draws what is done and the seconds that are left, where the last drawing is long ago or `at_once`."""
         now = self._clock()
-        if now - self._drawn < (_REDRAW_S if self._terminal else _LINE_S):
+        if not at_once and now - self._drawn < (_REDRAW_S if self._terminal else _LINE_S):
             return
         self._drawn = now
-        elapsed = now - self._start
-        left = f"{duration(elapsed * (1.0 - fraction) / fraction)} left" if fraction > 0.01 else "..."
-        self._say(fraction, left)
+        self._say(fraction, "..." if left_s is None else f"{duration(left_s)} left")
 
     def _say(self, fraction: float, note: str) -> None:
+        phase = f"{self.phase}, " if self.phase else ""
         if self._terminal:
             full = round(_WIDTH * fraction)
             bar = "█" * full + "░" * (_WIDTH - full)
-            self._stream.write(f"\r\x1b[2K{self._label}  {bar} {100.0 * fraction:3.0f} %  {note}")
+            self._stream.write(f"\r\x1b[2K{self._label}  {bar} {100.0 * fraction:3.0f} %  {phase}{note}")
         else:
-            self._stream.write(f"{self._label}: {100.0 * fraction:.0f} %, {note}\n")
+            self._stream.write(f"{self._label}: {phase}{100.0 * fraction:.0f} %, {note}\n")
         self._stream.flush()
 
 

@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from activestereo.capture.capture import Capture, read_capture
-from activestereo.common.progress_bar import part_of
+from activestereo.common.phases import Phases
 from activestereo.compare.depth_compare import DepthFrame, depth_scores, model_depths
 from activestereo.compare.image_errors import ImageErrors, image_errors
 from activestereo.compare.mismatch import match_of, warnings_of
 from activestereo.compare.noise import transfer_points
+from activestereo.compare.phase_times import megapixels
 from activestereo.compare.render import WARP_SCALE, LayersOfFrames, render_halves
 from activestereo.compare.where_channels import where_it_fails
 from activestereo.effects.core.model import Model
@@ -31,8 +32,9 @@ if TYPE_CHECKING:
     from activestereo.effects.engines.capture_renderer import CaptureRenderer
 
 
-# Of the progress; what follows takes seconds.
-_RENDER_SHARE = 0.9
+# The phases, each with seconds per megapixel of infrared images on two cores: a guess for a machine's first run.
+RENDERING, PREDICTING, LOOKING = "rendering the views", "expecting the images", "looking where it fails"
+PHASES_S = {RENDERING: 15.0, PREDICTING: 2.0, LOOKING: 5.0}
 
 
 @dataclass(frozen=True)
@@ -72,9 +74,9 @@ def compare(
 
     model: effects on top of the base renderer, a Model; expected images are compared, so random effects show in the
     noise floor alone. renderer: see render.py; None for kuafu on the best device. progress: called as
-    progress(fraction done). engines: makes a CaptureRenderer of the capture, in which
-    the model's effects act; None: their image functions do. survey: an engines.SceneMeasurement, what is known of focal
-    lengths and albedos. calibrate: replaces the capture's nominal rig and pattern by measured ones.
+    progress(fraction done); Phases that begin with PHASES_S are told of each. engines: makes a CaptureRenderer of the
+    capture, in which the model's effects act; None: their image functions do. survey: an engines.SceneMeasurement, what
+    is known of focal lengths and albedos. calibrate: replaces the capture's nominal rig and pattern by measured ones.
     """
     capture = read_capture(capture_path)
     if calibrate is not None:
@@ -83,10 +85,14 @@ def compare(
         from activestereo.compare.kuafu_renderer import KuafuRenderer
 
         renderer = KuafuRenderer()
-    share = part_of(progress, 0.0, _RENDER_SHARE)
+    phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES_S)
+    phases.work = megapixels(capture)
+    phases.begin(RENDERING)
     model = model or Model()
-    halves = render_halves(capture, renderer, samples_per_pixel, max_bounces, seed, cache, share, WARP_SCALE)
-    errors = image_errors(capture, model, halves, seed, engines, survey)
+    halves = render_halves(capture, renderer, samples_per_pixel, max_bounces, seed, cache, phases, WARP_SCALE)
+    phases.begin(PREDICTING)
+    errors = image_errors(capture, model, halves, seed, engines, survey, phases)
+    phases.begin(LOOKING)
     return comparison_of(errors, RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed))
 
 

@@ -16,11 +16,13 @@ import numpy as np
 
 from activestereo.capture.capture import Capture, read_capture
 from activestereo.common.input_files import read_json
+from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import RenderedWith
 from activestereo.compare.image_errors import ImageErrors
 from activestereo.compare.model_file import library, model_json, scene_of
+from activestereo.compare.phase_times import megapixels
 from activestereo.compare.render import WARP_SCALE, Renderer, render_frames, render_halves
 from activestereo.compare.where_channels import surface_text
 from activestereo.diagnose.answer.figures import ErrorsOfModels, held_out_figures
@@ -55,8 +57,16 @@ from activestereo.model import SensorModel
 if TYPE_CHECKING:
     from activestereo.effects.engines import CaptureRenderer
 
-# Of the progress: what renders for the search, and where it gives way to the figures.
-_RENDER_SHARE, _SEARCH_ENDS = 0.35, 0.85
+# The phases, each with seconds per megapixel of infrared images on two cores: a guess for a machine's first run.
+RENDERING, FITTING, ADDING, DEPTH, BOTH = (
+    "rendering the views",
+    "fitting effects",
+    "checking what was found",
+    "judging the depth engine",
+    "rendering what was found",
+)
+_BASE_SHARE = 0.4  # of the last phase
+PHASES_S = {RENDERING: 8.0, FITTING: 15.0, ADDING: 1.0, DEPTH: 2.0, BOTH: 15.0}
 
 
 @dataclass(frozen=True)
@@ -99,8 +109,9 @@ def diagnose(
     model: to start from; the search takes a SensorModel's effects alone. effects: {id: Effect} to choose from, None for
     the built-in ones. steps: "one" adds the best effect at most, "greedy" goes on until nothing may be named.
     samples_per_pixel: of the held-out figures' images, as compare() has them; the search looks at half as many.
-    progress: called with the fraction done. rendering: makes a capture's engine, by whose images effects of light
-    transport are refined (diagnose/refine/by_rendering.py). engines: as of compare(), for the same held-out figures.
+    progress: called with the fraction done; Phases that begin with PHASES_S are told of each. rendering: makes a
+    capture's engine, by whose images effects of light transport are refined (diagnose/refine/by_rendering.py).
+    engines: as of compare(), for the same held-out figures.
     """
     effects = library() if effects is None else effects
     reason = no_infrared(capture_path)
@@ -112,17 +123,19 @@ def diagnose(
 
         renderer = KuafuRenderer()
     cache = cache or LayerCache()
-    sampled = half_samples(samples_per_pixel), max_bounces, seed, cache, part_of(progress, 0.0, _RENDER_SHARE)
+    phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES_S)
+    phases.work = megapixels(capture)
+    phases.begin(RENDERING)
+    sampled = half_samples(samples_per_pixel), max_bounces, seed, cache, phases
     evidence = gather(capture, render_frames(capture, renderer, *sampled, WARP_SCALE), seed)
-    share, rest = part_of(progress, _RENDER_SHARE, _SEARCH_ENDS), part_of(progress, _SEARCH_ENDS, 1.0)
     whole: dict[str, Any] = {"samples_per_pixel": samples_per_pixel, "max_bounces": max_bounces, "seed": seed}
-    base = partial(render_halves, renderer=renderer, cache=cache, progress=rest, scale=WARP_SCALE, **whole)
-    errors = ErrorsOfModels(capture, base, seed, engines)
+    base = partial(render_halves, renderer=renderer, cache=cache, progress=part_of(phases, 0.0, _BASE_SHARE), scale=WARP_SCALE, **whole)
+    errors = ErrorsOfModels(capture, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0))
     engine = None if rendering is None else rendering(capture)
     memory = FitCache(cache, evidence.train)
     try:
         diagnosis = examine(
-            evidence, model, list(effects.values()), steps, workers, share, thresholds, engine, memory, errors
+            evidence, model, list(effects.values()), steps, workers, phases, thresholds, engine, memory, errors
         )
         return replace(diagnosis, made=RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed))
     finally:
@@ -176,14 +189,15 @@ def examine(
     candidates: Sequence[Effect],
     steps: str = "one",
     workers: int = 2,
-    progress: Progress | None = None,
+    phases: Phases | None = None,
     thresholds: Thresholds = THRESHOLDS,
     rendering: Rendering | None = None,
     memory: FitCache | None = None,
     errors: ErrorsOfModels | None = None,
 ) -> Diagnosis:
     """diagnose() on gathered evidence. memory: where its fits are kept, or None. errors: None leaves the held-out
-    figures out."""
+    figures out. phases: told of each of PHASES_S but the first."""
+    phases = phases or Phases(None, PHASES_S)
     model = _effects_of(given, evidence.capture.scene_path)
     if all(np.ptp(o.measured) == 0 for o in evidence.train):
         return _undetermined("the infrared images are blank", model)
@@ -192,15 +206,18 @@ def examine(
         evidence, fitters, thresholds, workers, frozenset(e.id for e, _ in model.effects), rendering
     )
     bases = BaseFits(evidence, fitters, thresholds)
-    first = rank(context, bases(model), candidates, progress)
+    phases.begin(FITTING)
+    first = rank(context, bases(model), candidates, phases)
+    phases.begin(ADDING)
     if is_named(first):
         first = settled_first(context, first)
-    way = _way(context, bases, first, candidates, steps, progress)
+    way = _way(context, bases, first, candidates, steps, phases)
     last = way[-1].ranking
     verdict = verdict_of(first, last, evidence.has_floor)
     law = residual_law(last.base, evidence.capture.name, evidence.seed) if verdict == UNKNOWN else None
     way, on_top = _accepted(verdict, first, way, steps)
     accepted = _model_of(way[-1].ranking.base.solution.model, on_top)
+    phases.begin(DEPTH)
     depth = rank_depth(context, bases(accepted), candidates)
     faults = engine_faults(depth)[:1]
     found, name_of = _model_of(accepted, faults), surface_text(evidence.capture.scene_path)
@@ -223,6 +240,7 @@ def examine(
     complete = found_model(evidence, found, solution, [*first.findings, *faults])
     before = after = None
     if errors is not None:
+        phases.begin(BOTH)
         between = [step for step in way[1:] if list(step.added) != result["added"]]
         models = [(step.added, _found_at(step, evidence, candidates)) for step in between]
         figures, before, after = held_out_figures(errors, given, models, (result["added"], complete))

@@ -39,6 +39,8 @@ from activestereo.effects.core.judging import Channel
 
 # Part of the time that fields of draws take, for the progress.
 _FIELDS_TIME = 0.05
+# Parts of a ranking's time that have gone after fits, after renders of the likeliest, after checks.
+_FITS_TIME, _RENDERED_TIME, _CHECKED_TIME = 0.7, 0.85, 0.95
 
 
 @dataclass(frozen=True)
@@ -73,11 +75,14 @@ def rank(
     for e in candidates:
         if e.id not in known:
             of_kind.setdefault(e.channel, []).append(e)
-    explained, skipped = _on_images(context, base, of_kind, progress, earlier)
+    tell = progress or (lambda fraction: None)
+    explained, skipped = _on_images(context, base, of_kind, part_of(progress, 0.0, _FITS_TIME), earlier)
     ranking = _rendered(context, _scored(context, base, explained))
+    tell(_RENDERED_TIME)
     ranking = _with_findings(ranking, _sized(context, ranking))
     ranking = _simplified(context, ranking)
     ranking = _with_findings(ranking, _looked_at(context, ranking))
+    tell(_CHECKED_TIME)
     noise, also_skipped = _on_repeats(context, base, of_kind.get(Channel.NOISE_LAW, []))
     ranking = replace(
         ranking, findings=ranking.findings + noise, not_ranked=(*skipped, *also_skipped, *_unjudged(of_kind))

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from activestereo.effects import Effect
 
 
+WRITING = "writing the report"  # the phase of a command
 _SCRIPTS = ("picture.js", "zoom.js", "explorer.js")
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from activestereo.capture.capture import Capture
 from activestereo.common.computed_once import computed_once
+from activestereo.common.progress_bar import Progress
 from activestereo.compare.image_errors import ImageErrors, image_errors
 from activestereo.compare.render import Halves
 from activestereo.effects import Model
@@ -25,12 +26,13 @@ Step: TypeAlias = tuple[Sequence[str], SensorModel]  # effects added, and the mo
 @dataclass(frozen=True)
 class ErrorsOfModels:
     """The ImageErrors of models on a capture. base: renders the base model's light on all frames of a capture; seed and
-    engines as of compare()."""
+    engines as of compare(). progress: called with the fraction of a model that engines have rendered."""
 
     capture: Capture
     base: Callable[[Capture], Halves]
     seed: int = 0
     engines: Callable[[Capture], CaptureRenderer] | None = None
+    progress: Progress | None = None
 
     def given(self, model: Model | SensorModel | None) -> ImageErrors:
         """Errors of the model that a diagnosis starts from. None: there is none; the base model's light is taken."""
@@ -38,7 +40,8 @@ class ErrorsOfModels:
             capture = calibrated(self.capture, model)
             return self._under(model, capture, self.base(capture))
         engines = None if model is None else self.engines
-        return image_errors(self.capture, model or Model(), self._own_base(), self.seed, engines)
+        base, given = self._own_base(), model or Model()
+        return image_errors(self.capture, given, base, self.seed, engines, progress=self.progress)
 
     def found(self, model: SensorModel) -> ImageErrors:
         """Errors of a model with the capture's own calibration and pattern."""
@@ -46,7 +49,8 @@ class ErrorsOfModels:
 
     def _under(self, model: SensorModel, capture: Capture, base: Halves) -> ImageErrors:
         names = surface_names(capture.scene_path)
-        return image_errors(capture, model.bound(names), base, self.seed, self.engines, model.survey(names))
+        bound, survey = model.bound(names), model.survey(names)
+        return image_errors(capture, bound, base, self.seed, self.engines, survey, self.progress)
 
     @computed_once
     def _own_base(self) -> Halves:

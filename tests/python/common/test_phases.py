@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Phases of long work: each is named with its number, what is left follows what earlier runs took, and nothing is told
+to be done before it is."""
+
+import io
+import json
+
+import pytest
+
+from activestereo.common.phases import Phases
+from activestereo.common.progress_bar import ProgressBar
+from activestereo.compare.phase_times import PhaseTimes
+
+USUAL_S = {"render": 10.0, "fit": 30.0, "write": 20.0}
+
+
+class Clock:
+    def __init__(self):
+        self.now = 0.0
+
+    def __call__(self):
+        return self.now
+
+
+def _told(phase_lengths, reports=10):
+    """[(true fraction of the time, fraction told)] of a run whose phases last so long."""
+    clock, out = Clock(), []
+    total = sum(phase_lengths.values())
+    phases = Phases(lambda fraction: out.append((clock.now / total, fraction)), USUAL_S, clock=clock)
+    for name, seconds in phase_lengths.items():
+        phases.begin(name)
+        for i in range(1, reports + 1):
+            clock.now += seconds / reports
+            phases(i / reports)
+    phases.end()
+    assert phases.taken_s == pytest.approx(phase_lengths)
+    return out
+
+
+def test_a_run_like_those_before_is_told_exactly():
+    for true, told in _told(USUAL_S):
+        assert told == pytest.approx(true, abs=1e-9)
+
+
+@pytest.mark.parametrize("changed", [{"render": 0.1}, {"fit": 90.0}, {"write": 60.0}])
+def test_a_run_unlike_those_before_never_seems_done_too_early(changed):
+    told = _told(USUAL_S | changed)
+    assert [b for _, b in told] == sorted(b for _, b in told)
+    early = [true for true, fraction in told if fraction >= 0.99 and true < 0.9]
+    assert not early and told[-1][1] == pytest.approx(1.0)
+
+
+def test_a_silent_phase_that_takes_longer_has_time_left():
+    """The last phase takes five times as long as it used to and says nothing of its share."""
+    clock, told = Clock(), []
+    phases = Phases(told.append, USUAL_S, clock=clock)
+    for name in USUAL_S:
+        phases.begin(name)
+        clock.now += USUAL_S[name]
+    clock.now += 80.0
+    phases(0.0)
+    assert told[-1] == pytest.approx(140.0 / 150.0)
+
+
+def test_the_bar_names_the_phase_and_its_number():
+    stream, clock = io.StringIO(), Clock()
+    with ProgressBar("work", stream, clock=clock) as bar:
+        phases = Phases(bar, USUAL_S, work=2.0, clock=clock)
+        phases.begin("render")
+        clock.now += 20.0
+        phases.begin("fit")
+        clock.now += 30.0
+        phases(0.5)
+        phases.end()
+    assert stream.getvalue().splitlines() == [
+        "work: render 1/3, 0 %, 2 min 00 s left",
+        "work: fit 2/3, 17 %, 1 min 40 s left",
+        "work: fit 2/3, 42 %, 1 min 10 s left",
+        "work: 100 %, done in 50 s",
+    ]
+
+
+def test_times_are_medians_of_the_last_runs_per_megapixel(tmp_path):
+    times = PhaseTimes("diagnose", tmp_path / "cache")
+    assert times.usual_s(USUAL_S) == USUAL_S
+    for seconds in (100.0, 1.0, 2.0, 3.0, 4.0, 5.0):
+        times.keep({"fit": 2.0 * seconds}, 2.0)
+    assert times.usual_s(USUAL_S) == USUAL_S | {"fit": 3.0}
+    assert PhaseTimes("compare", tmp_path / "cache").usual_s(USUAL_S) == USUAL_S
+
+
+@pytest.mark.parametrize("content", ["{", "[]", '{"diagnose": 3}', '{"diagnose": {"fit": "soon"}}',
+                                     '{"diagnose": {"fit": [-1, null, 1e300]}}'])  # fmt: skip
+def test_a_damaged_file_of_times_is_none(tmp_path, content):
+    (tmp_path / "phase_times.json").write_text(content)
+    times = PhaseTimes("diagnose", tmp_path)
+    assert times.usual_s(USUAL_S) == USUAL_S
+    times.keep({"fit": 1.0}, 1.0)
+    assert json.loads((tmp_path / "phase_times.json").read_text())["diagnose"]["fit"][-1] == 1.0
+
+
+def test_a_folder_that_cannot_be_written_stops_nothing(tmp_path):
+    (tmp_path / "file").write_text("")
+    PhaseTimes("diagnose", tmp_path / "file" / "cache").keep({"fit": 1.0}, 1.0)
