@@ -20,15 +20,13 @@ RESULTS = FOLDER / "results"
 CHAPTERS = {
     "Rendering": ("first_image", "render", "cpu", "mitsuba", "denoise", "noise", "scenes", "cancel", "load"),
     "Matching": ("matcher", "matcher_vulkan", "memory", "depth", "accuracy", "pairs"),
-    "Sensor": ("sensor", "split", "model_sensor", "camera"),
+    "Sensor": ("sensor", "split", "model_sensor", "gbuffer", "camera"),
     "Calibration": ("calibrate", "pose", "materials"),
 }
 HEAD = """# Benchmarks
 
-`python3 tests/bench/make_page.py` writes this page from [results](results). After a run, enter its figures there
-with the command, machine, date and number of repetitions (n). Compare figures of one table only: tables come from
-different days. `cmake -DACTIVESTEREO_BENCH=ON` builds the C++ programs into `build/bin`; Python's need
-`PYTHONPATH=build/python`.
+`make_page.py` writes this page from [results](results), where a run's figures are entered. Compare within one table
+only. `cmake -DACTIVESTEREO_BENCH=ON` builds the C++ programs; Python's need `PYTHONPATH=build/python`.
 """
 PICTURES = {
     "accuracy": "![Rendered](accuracy_rendered.png) ![Real](accuracy_real.png) ![Pixel locking](pixel_locking.png)",

@@ -1,0 +1,153 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""GBufferStereo beside the path tracer, on random tables of matt, glossy and metal things, one for each seed.
+
+    PYTHONPATH=build/python /usr/bin/python3 tests/bench/bench_gbuffer.py --seeds 1:41
+
+Differences of disparity are medians over what both measure. Each is divided by what two traced pictures of the same
+light with other noise have, and of these ratios the median over all worlds is printed, with the tenth and the ninetieth
+percentile. holes: intersection over union; truth: the error to the true disparity, over the traced picture's own.
+systematic: px on matt things, the imagers' noise switched off. seen: 'left' has the left camera's images alone, 'all'
+also the right camera's and the projector's. Afterwards both take --environments pictures of 128x128 in turns, the
+tracer with 4 samples; the least of the rounds counts for each.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from gbuffer_worlds import KINDS, World
+from numpy.typing import NDArray
+
+from activestereo import GBufferStereo, Mounts, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
+
+from activestereo.common.pose import as_matrix
+
+Image = NDArray[Any]
+_OTHER_NOISE = 1_000_003
+_NO_NOISE = {"shot_noise": 0.0, "adc_noise_dn": 0.0, "prnu": 0.0, "speckle_shape": 0.0, "speckle_scale": 0.0}
+_LEAST_PX = 50  # of a kind, for a median
+
+
+def compared(seed: int, scale: float, samples: int) -> dict[str, dict[str, float]]:
+    """{seen: {measure: ratio}} of one world."""
+    config = StereoDepthSensorConfig("D435").scaled(scale)
+    config.samples_per_pixel = samples
+    world = World.draw(seed)
+    with StereoDepthSensor(config, world.scene, pose=world.pose) as sensor:
+        sensor.take_picture(infrared_only=True)
+        sensor.compute_depth()
+        traced = sensor.get_disparity().copy()
+        light = [image.copy() for image in sensor._link.images()]
+        lasers = [image.copy() for image in sensor._link.laser().images()]
+        again = sensor.compute_depth_from(*light, *lasers, frame_index=_OTHER_NOISE)["disparity"]
+        quiet = _without_noise(sensor, light, lasers)
+        left, right = (world.gbuffers(sensor, eye) for eye in ("left", "right"))
+        projector = _seen_by_projector(world, sensor)
+    kind, pixels = world.kind_of(left), left["depth"] > 0
+    truth = np.divide(config.focal_baseline_px_m, left["depth"], where=pixels, out=np.zeros_like(left["depth"]))
+    silent = StereoDepthSensorConfig("D435").scaled(scale)
+    silent.ir_signal = dict(silent.ir_signal) | _NO_NOISE
+    found: dict[str, dict[str, float]] = {}
+    for seen, more in (("left", {}), ("all", {"right": right, "projector": projector})):
+        own = {"ambient": config.ir_ambient_radiance + world.room_w_per_sr_m2, **left, **more}
+        taken, still = (
+            GBufferStereo(c, materials=world.materials(), device="cpu")(**own)["disparity"][0] for c in (config, silent)
+        )
+        found[seen] = _ratios(taken, traced, again, truth, kind)
+        both = (still > 0) & (quiet > 0) & (kind == 0)
+        found[seen]["systematic, px"] = float(np.median(np.abs(still - quiet)[both]))
+    return found
+
+
+def _without_noise(sensor: StereoDepthSensor, light: list[Image], lasers: list[Image]) -> Image:
+    signals = [dict(eye.signal) | _NO_NOISE for eye in sensor.engine_inputs().eyes]
+    engine = sensor.make_engine()
+    engine.set_signal(*signals)
+    return engine.compute(*light, ("disparity",), left_laser=lasers[0], right_laser=lasers[1])["disparity"]
+
+
+def _seen_by_projector(world: World, sensor: StereoDepthSensor) -> Image:
+    """Depth of a camera like the left one in the projector's place."""
+    config = sensor.get_config()
+    config.trans_pose_l = config.pose_rgb_irproj
+    with StereoDepthSensor(config, world.scene, pose=world.pose) as beside:
+        return beside.get_picture("depth", "left")[..., 0]
+
+
+def _ratios(taken: Image, traced: Image, again: Image, truth: Image, kind: Image) -> dict[str, float]:
+    here = kind >= 0
+    holes = [(image <= 0) & here for image in (taken, traced, again)]
+    out = {"holes": _iou(holes[0], holes[1]) / _iou(holes[2], holes[1])}
+    for number, name in enumerate(KINDS):
+        both = (kind == number) & (taken > 0) & (traced > 0) & (again > 0)
+        if both.sum() >= _LEAST_PX:
+            out[name] = float(np.median(np.abs(taken - traced)[both]) / np.median(np.abs(again - traced)[both]))
+    both = here & (taken > 0) & (traced > 0)
+    out["truth"] = float(np.median(np.abs(taken - truth)[both]) / np.median(np.abs(traced - truth)[both]))
+    return out
+
+
+def _iou(a: Image, b: Image) -> float:
+    return float((a & b).sum() / max((a | b).sum(), 1))
+
+
+def timed(environments: int, rounds: int, seed: int) -> dict[str, float]:
+    """Milliseconds per pair to depth, of 128x128."""
+    config = StereoDepthSensorConfig("D435").resized(128, 128)
+    config.samples_per_pixel = 4
+    world = World.draw(seed)
+    with StereoDepthSensor(config, world.scene, pose=world.pose) as sensor:
+        given = world.gbuffers(sensor)
+    batch = StereoDepthSensorBatch(config, Mounts(world.scene, np.stack([as_matrix(world.pose)] * environments)))
+    ours = GBufferStereo(config, environments, device="cpu", materials=world.materials())
+    many = {name: np.ascontiguousarray(np.broadcast_to(i, (environments, *i.shape))) for name, i in given.items()}
+
+    def traced() -> None:
+        batch.take_picture(infrared_only=True)
+        batch.compute_depth()
+
+    turns: dict[str, Callable[[], Any]] = {
+        "traced, 4 samples": traced,
+        "GBufferStereo": lambda: ours(**many, ambient=0.1),
+        "of that, matching": lambda: ours.compute_depth_from(*batch.get_ir_radiance()),
+    }
+    least = dict.fromkeys(turns, float("inf"))
+    for turn in range(rounds + 1):
+        for name, work in turns.items():
+            start = time.perf_counter()
+            work()
+            seconds = time.perf_counter() - start
+            least[name] = min(least[name], seconds) if turn else least[name]
+    return {name: 1e3 * seconds / environments for name, seconds in least.items()}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", default="1:6", help="FIRST:END, the end not among them (default 1:6)")
+    parser.add_argument("--scale", type=float, default=0.4, help="of a D435's images (default 0.4)")
+    parser.add_argument("--samples", type=int, default=64, help="of the traced pictures (default 64)")
+    parser.add_argument("--environments", type=int, default=32, help="of the timed batch (default 32)")
+    parser.add_argument("--rounds", type=int, default=5, help="of the timing, 0 = none (default 5)")
+    args = parser.parse_args()
+    first, end = (int(number) for number in args.seeds.split(":"))
+    worlds = [compared(seed, args.scale, args.samples) for seed in range(first, end)]
+    for seen in worlds[0]:
+        names = dict.fromkeys(name for world in worlds for name in world[seen])
+        print(f"seen: {seen}, {len(worlds)} worlds")
+        for name in names:
+            low, middle, high = np.percentile([w[seen][name] for w in worlds if name in w[seen]], (10, 50, 90))
+            print(f"  {name:16} {middle:7.3f}  ({low:.3f} to {high:.3f})")
+    if args.rounds:
+        times = timed(args.environments, args.rounds, first)
+        for name, milliseconds in times.items():
+            print(f"{name:18} {milliseconds:8.2f} ms per pair")
+        print(f"ratio {times['traced, 4 samples'] / times['GBufferStereo']:.2f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Random tables of matt, glossy and metal things, drawn by a seed, that a path-traced sensor and one on G-buffers see
+alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kuafu
+from activestereo import Mounts, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
+from activestereo.common.pose import Pose, as_matrix, body_pose, look_at
+from activestereo.scene_io import solids
+from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
+from activestereo.sensor.random_worlds import RandomWorlds, WorldRanges, drawn_bodies
+
+KINDS = ("matt", "gloss", "metal")
+THINGS = 9  # that there are; each world has some
+RANGES = WorldRanges(bodies=(5, 9), lamps=(0, 0), albedo_factor=(0.4, 1.3), roughness_factor=(0.6, 1.4))
+_SIZE_M, _PLACE_M, _ROOM = (0.04, 0.09), 0.3, (0.0, 0.1)  # half lengths; W/(sr m^2) from all sides
+_NOTHING = 0xFFFFFFFF
+_MATT = {"specular": 0.0, "roughness": 1.0}
+
+
+@dataclass(frozen=True)
+class World:
+    """A table, a wall and things upon it, seen from pose. kinds: of each material's number, an index into KINDS."""
+
+    scene: kuafu.Scene
+    pose: Pose
+    kinds: dict[int, int]
+    room_w_per_sr_m2: float
+
+    @classmethod
+    def draw(cls, seed: int) -> World:
+        random = np.random.default_rng([seed, 7])
+        scene, kinds = kuafu.Scene(kuafu.Device("cpu")), {}
+        room = float(random.uniform(*_ROOM))
+        scene.set_environment((room, room, room))
+        bodies, meshes = Bodies(scene, 1), [add_mesh(scene, s()) for s in (solids.box, solids.sphere, solids.cylinder)]
+
+        def put(name: str, mesh: int, half_m: Any, place: Any, looks: dict[str, Any], gray: float) -> None:
+            material = scene.add_material(kuafu.Material(base_color=(gray, gray, gray, 1.0), **looks))
+            bodies.add(name, [Shape(mesh, [material], np.diag([*half_m, 1.0]))], pose=place)
+
+        put("table", meshes[0], (1, 1, 0.02), (0, 0, -0.02, 1, 0, 0, 0), _MATT, random.uniform(0.2, 0.6))
+        put("wall", meshes[0], (0.02, 1.5, 1), (0.7, 0, 0.5, 1, 0, 0, 0), _MATT, random.uniform(0.3, 0.7))
+        has = drawn_bodies(RANGES, 1, THINGS, seed)[0]
+        for n in np.flatnonzero(has):
+            kind, half = KINDS[n % len(KINDS)], random.uniform(*_SIZE_M, 3)
+            mesh, turn = int(random.integers(3)), random.uniform(0.0, np.pi)
+            place = (*random.uniform(-_PLACE_M, _PLACE_M, 2), half[2], np.cos(turn / 2), 0, 0, np.sin(turn / 2))
+            looks = {
+                "matt": _MATT,
+                "gloss": {"roughness": random.uniform(0.15, 0.5)},
+                "metal": {"metallic": 1.0, "roughness": random.uniform(0.2, 0.5)},
+            }[kind]
+            put(f"{kind} {n}", meshes[mesh], half, place, looks, random.uniform(0.15, 0.75))
+        eye = (-random.uniform(0.5, 0.9), random.uniform(-0.3, 0.3), random.uniform(0.35, 0.8))
+        pose = body_pose(look_at(eye, (0.0, 0.0, 0.05), (0, 0, 1)))
+        config = StereoDepthSensorConfig("D435").scaled(0.1)
+        with StereoDepthSensorBatch(config, Mounts(scene, as_matrix(pose)[None])) as batch:
+            RandomWorlds(bodies, batch, RANGES, seed).draw()
+        for number in range(scene.summary.material_count):
+            kinds[number] = _kind(scene.get_material(number))
+        return cls(scene, pose, kinds, room)
+
+    def materials(self) -> dict[int, kuafu.Material]:
+        return {number: self.scene.get_material(number) for number in self.kinds}
+
+    def gbuffers(self, sensor: StereoDepthSensor, eye: str = "left") -> dict[str, NDArray[Any]]:
+        """Depth, normals and materials, as a renderer of one's own gives them of this infrared camera."""
+        images = {name: sensor.get_picture(name, eye) for name in ("depth", "normal", "material_id")}
+        to_camera = np.linalg.inv(np.array(sensor.ir_cameras()[eye == "right"].camera_to_world))[:3, :3]
+        number = images["material_id"][..., 0].astype(np.int64)
+        is_nothing = number == _NOTHING
+        return {
+            "depth": np.where(is_nothing, np.float32(0.0), images["depth"][..., 0]),
+            "normal": images["normal"] @ to_camera.T.astype(np.float32),
+            "material": np.where(is_nothing, 0, number),
+        }
+
+    def kind_of(self, given: dict[str, NDArray[Any]]) -> NDArray[np.intp]:
+        """[height, width]: an index into KINDS, -1 where nothing is."""
+        table = np.array([self.kinds[number] for number in sorted(self.kinds)])
+        return np.where(given["depth"] > 0, table[given["material"]], -1)
+
+
+def _kind(material: kuafu.Material) -> int:
+    if material.metallic > 0.5:
+        return KINDS.index("metal")
+    return KINDS.index("gloss" if material.specular > 0.0 else "matt")
