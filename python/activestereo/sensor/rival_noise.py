@@ -10,17 +10,26 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, map_coordinates, uniform_filter
 
 from activestereo.common.window_statistics import mean_and_deviation
 from activestereo.sensor.gbuffer.rig import inverse_depth
 from activestereo.sensor.gbuffer.warp import in_front, warped
 
 Depth = NDArray[np.float32]
-# Kinect's disparities come in eighths of a pixel.
+# simkinect (github.com/ankurhanda/simkinect, add_noise.py, commit 1106ad0b): each pixel's value comes from beside it; a
+# window of 9 x 9 accepts it where 1 / 1.2 of its neighbours lie within 0.1 px of the window's mean, each distance over
+# 1.44 times the square of how far it lies, and gives it to what lies up to 3 px away; then steps of 1/8 px with noise
+# of 1/6 step (35130 cm of its Kinect are about 8 focal lengths times baselines), rounded half a step too near:
+# round(x + 0.5). Its picture of a Kinect's dots is data and is left out: here each pixel is a dot.
 _KINECT_STEPS = 8.0
-_KINECT_SHIFT_PX, _KINECT_SIGMA_STEPS = 0.5, 1.0 / 6.0
-# Redwood's simulator of depth noise; its lens table is a file of one device and is left out.
-_REDWOOD_SHIFT_PX, _REDWOOD_SIGMA_PX, _REDWOOD_FARTHEST_M = 0.25, 0.027778, 10.0
+_KINECT_SHIFT_PX, _KINECT_SIGMA_STEPS, _KINECT_BIAS_STEPS = 0.5, 1.0 / 6.0, 0.5
+_KINECT_WINDOW, _KINECT_INLIER_PX, _KINECT_PER_SQUARE_PX, _KINECT_LEAST_SHARE = 9, 0.1, 1.2**2, 1.0 / 1.2
+_KINECT_FILL_PX = 3.0
+# Redwood (redwood-data.org/indoor/data/simdepth.py), by Habitat (habitat-sim, redwood_depth_noise_model.py, commit
+# 0586bec6, which has the farthest depth) and Open3D (t::io::DepthNoiseSimulator): 35.130 px m of its PrimSense is here
+# the sensor's own focal length times baseline; the lens table, measured on one device, is left out.
+_REDWOOD_SHIFT_PX, _REDWOOD_SIGMA_PX, _REDWOOD_FARTHEST_M, _REDWOOD_STEPS = 0.25, 0.027778, 10.0, 8.0
 # Intel, "Best-known methods for tuning RealSense D400": RMS of subpixels of a passive, well textured plane.
 _DATASHEET_SUBPIXEL = 0.08
 # What a texture varies by within the window, of 255 grey levels.
@@ -39,20 +48,31 @@ def datasheet(depth: Depth, focal_baseline_px_m: float, random: np.random.Genera
 
 
 def simkinect(depth: Depth, focal_baseline_px_m: float, random: np.random.Generator) -> Depth:
-    """Barron and Malik 2013, as Handa et al. 2014 have it: pixels shift, disparity is jittered and rounded."""
-    shifted = _shifted(depth, _KINECT_SHIFT_PX, random)
-    jitter = _KINECT_SIGMA_STEPS * random.standard_normal(depth.shape)
-    return _rounded(shifted, focal_baseline_px_m, jitter / _KINECT_STEPS, 1.0 / _KINECT_STEPS)
+    """Handa et al. 2014, with the noise of Barron and Malik 2013 and the window of Bohg et al. 2014."""
+    row, column = _places(depth.shape, _KINECT_SHIFT_PX, random)
+    stack = [map_coordinates(image, at, order=1, mode="nearest") for image, *at in zip(depth, row, column, strict=True)]
+    with np.errstate(divide="ignore"):
+        disparity = np.rint(focal_baseline_px_m / np.stack(stack) * _KINECT_STEPS) / _KINECT_STEPS
+    is_accepted = _agreeing(disparity)
+    for image, is_own in zip(disparity, is_accepted, strict=True):
+        if is_own.any():
+            distance_px, (rows, columns) = distance_transform_edt(~is_own, return_indices=True)
+            image[:] = np.where(distance_px <= _KINECT_FILL_PX, image[rows, columns], 0.0)
+        else:
+            image[:] = 0.0
+    accepted = np.divide(focal_baseline_px_m, disparity, out=np.zeros(depth.shape), where=disparity > 0.0)
+    jitter = _KINECT_SIGMA_STEPS * random.standard_normal(depth.shape) + _KINECT_BIAS_STEPS
+    return _rounded(accepted.astype(np.float32), focal_baseline_px_m, jitter / _KINECT_STEPS, 1.0 / _KINECT_STEPS)
 
 
 def redwood(depth: Depth, focal_baseline_px_m: float, random: np.random.Generator) -> Depth:
-    """Choi et al. 2015, as Habitat and Open3D have it: every other pixel, shifted, its disparity jittered and
-    rounded; nothing from 10 m on."""
-    rows, columns = (np.arange(size) // 2 * 2 for size in depth.shape[1:])
-    coarse = _shifted(depth, _REDWOOD_SHIFT_PX, random, rows, columns)
+    """Choi et al. 2015: from a place beside each pixel every other pixel's depth, its disparity jittered and rounded;
+    nothing from 10 m on."""
+    row, column = (np.rint(at).astype(np.intp) // 2 * 2 for at in _places(depth.shape, _REDWOOD_SHIFT_PX, random))
+    coarse = depth[np.arange(len(depth))[:, None, None], row, column]
     jitter = _REDWOOD_SIGMA_PX * random.standard_normal(depth.shape)
     near = np.where(coarse < _REDWOOD_FARTHEST_M, coarse, np.float32(0.0))
-    return _rounded(near, focal_baseline_px_m, jitter, 1.0 / _KINECT_STEPS)
+    return _rounded(near, focal_baseline_px_m, jitter, 1.0 / _REDWOOD_STEPS)
 
 
 @dataclass(frozen=True)
@@ -89,18 +109,32 @@ def isaac(
     return _rounded(np.where(is_kept, depth, np.float32(0.0)), focal_px * baseline_m, jitter, settings.step_px)
 
 
-def _shifted(
-    depth: Depth, sigma_px: float, random: np.random.Generator, rows: NDArray[np.intp] | None = None,
-    columns: NDArray[np.intp] | None = None,
-) -> Depth:  # fmt: skip
-    """Each pixel's value from a place beside it."""
-    _, height, width = depth.shape
-    v = np.arange(height) if rows is None else rows
-    u = np.arange(width) if columns is None else columns
-    at = [random.normal(0.0, sigma_px, depth.shape) for _ in range(2)]
-    row = np.clip(np.rint(v[:, None] + at[0]), 0, height - 1).astype(np.intp)
-    column = np.clip(np.rint(u + at[1]), 0, width - 1).astype(np.intp)
-    return np.asarray(depth[np.arange(len(depth))[:, None, None], row, column])
+def _places(
+    shape: tuple[int, ...], sigma_px: float, random: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(rows, columns) of places beside each pixel, inside of the image."""
+    count, height, width = shape
+    row, column = (random.normal(0.0, sigma_px, shape) for _ in range(2))
+    row += np.arange(height)[:, None]
+    column += np.arange(width)
+    return np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)
+
+
+def _agreeing(disparity: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Where simkinect's window accepts a disparity; those at the border and those that are infinite never."""
+    is_known = np.isfinite(disparity)
+    known = np.where(is_known, disparity, 0.0)
+    window, reach = (1, _KINECT_WINDOW, _KINECT_WINDOW), _KINECT_WINDOW // 2
+    count = uniform_filter(is_known.astype(np.float64), window, mode="constant")
+    mean = uniform_filter(known, window, mode="constant") / np.maximum(count, 1e-9)
+    agree = np.zeros(disparity.shape)
+    padded, is_there = (np.pad(image, ((0, 0), (reach, reach), (reach, reach))) for image in (known, is_known))
+    height, width = disparity.shape[1:]
+    for v, u in np.ndindex(_KINECT_WINDOW, _KINECT_WINDOW):
+        farther = max(_KINECT_PER_SQUARE_PX * ((v - reach) ** 2 + (u - reach) ** 2), 1.0)
+        part = (slice(None), slice(v, v + height), slice(u, u + width))
+        agree += is_there[part] & (np.abs(padded[part] - mean) < _KINECT_INLIER_PX * farther)
+    return np.asarray(is_known & (agree > _KINECT_LEAST_SHARE * _KINECT_WINDOW**2))
 
 
 def _rounded(depth: Depth, focal_baseline_px_m: float, jitter_px: NDArray[np.float64], step_px: float) -> Depth:
