@@ -127,6 +127,19 @@ def add_out(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--out", required=True, type=_folder, metavar="DIR", help=text)
 
 
+def add_paper(parser: argparse.ArgumentParser, rows: str) -> None:
+    text = "also figures with axes, units and colour bars, for a paper"
+    parser.add_argument("--pdf", type=Path, metavar="FILE", help=text)
+    parser.add_argument("--csv", type=Path, metavar="FILE", help=f"also a table: {rows}")
+
+
+def check_paper(args: argparse.Namespace) -> None:
+    """Fails before the long work, not after it."""
+    for path in (args.pdf, args.csv):
+        if path is not None:
+            check_out_file(path)
+
+
 def add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print JSON in place of words and tables")
 

@@ -10,7 +10,9 @@ from activestereo.cli.arguments import (
     add_json,
     add_max_bounces,
     add_out,
+    add_paper,
     add_seed,
+    check_paper,
     integer_from,
     make_folder,
     print_json,
@@ -61,6 +63,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     add_max_bounces(parser)
     add_seed(parser, "same seed, same pictures")
     add_device(parser)
+    add_paper(parser, "the errors of each frame and eye")
     add_json(parser)
     parser.set_defaults(run=run)
 
@@ -73,10 +76,12 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.compare.kuafu_renderer import KuafuRenderer
     from activestereo.compare.model_file import library
     from activestereo.compare.phase_times import PhaseTimes
+    from activestereo.report.paper import write_comparison_csv, write_comparison_pdf
     from activestereo.report.summary import summary_table
     from activestereo.report.write import WRITING, write_report
 
     make_folder(args.out)
+    check_paper(args)
     effects = library(*args.effects)
     under_model = {} if args.model is None else _under_model(args, effects)
     times = PhaseTimes("compare" if args.model is None else "compare --model")
@@ -93,6 +98,10 @@ def run(args: argparse.Namespace) -> None:
         )
         phases.begin(WRITING)
         write_report(comparison, args.out, effects=effects, progress=phases)
+        if args.csv:
+            write_comparison_csv(args.csv, comparison.scores)
+        if args.pdf:
+            write_comparison_pdf(args.pdf, comparison)
         phases.end()
     times.keep(phases.taken_s, phases.work)
     if args.json:
@@ -101,6 +110,9 @@ def run(args: argparse.Namespace) -> None:
     print(summary_table(comparison.scores))
     print(f"{LayerCache().usage_text()} (activestereo cache list)")
     print(f"written: compare.json, compare.png, report.html in {args.out}")
+    for extra in (args.pdf, args.csv):
+        if extra:
+            print(f"written: {extra}")
 
 
 def _under_model(args: argparse.Namespace, effects: "dict[str, Effect]") -> dict[str, Any]:

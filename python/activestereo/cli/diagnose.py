@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from activestereo.cli.arguments import (
     Commands,
@@ -13,11 +14,16 @@ from activestereo.cli.arguments import (
     add_json,
     add_max_bounces,
     add_out,
+    add_paper,
     add_seed,
+    check_paper,
     integer_from,
     make_folder,
     print_json,
 )
+
+if TYPE_CHECKING:
+    from activestereo.diagnose import Diagnosis
 
 _TEXT = """\
 Ranks which physical effect the model of a capture lacks. Every effect of the
@@ -95,6 +101,7 @@ def add_parser(commands: Commands) -> None:
     text = "processes that fit (default: one per core)"
     parser.add_argument("--workers", type=integer_from(1), default=os.cpu_count() or 1, metavar="N", help=text)
     add_device(parser)
+    add_paper(parser, "the ranking, a row for each parameter")
     add_json(parser)
     parser.set_defaults(run=run)
 
@@ -116,6 +123,7 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.report.write_diagnosis import write_diagnosis
 
     make_folder(args.out)
+    check_paper(args)
     effects = library(*args.effects)
     model = None if args.model is None else read_model(args.model, effects)
     sampled = args.device, args.spp, args.max_bounces, args.seed
@@ -138,6 +146,7 @@ def run(args: argparse.Namespace) -> None:
         )
         phases.begin(WRITING)
         paths = [write_diagnosis_report(diagnosis, args.out, effects, phases), *write_diagnosis(diagnosis, args.out)]
+        written = _paper(args, diagnosis)
         phases.end()
     times.keep(phases.taken_s, phases.work)
     if args.json:
@@ -146,3 +155,21 @@ def run(args: argparse.Namespace) -> None:
     print(diagnosis_text(diagnosis.result))
     print(f"{LayerCache().usage_text()} (activestereo cache list)")
     print(f"written: {', '.join(path.name for path in paths)} in {args.out}")
+    for line in written:
+        print(line)
+
+
+def _paper(args: argparse.Namespace, diagnosis: Diagnosis) -> list[str]:
+    """Writes what --pdf and --csv ask for; lines that say so."""
+    from activestereo.report.paper import write_diagnosis_csv, write_diagnosis_pdf
+
+    lines, comparison = [], diagnosis.comparison()
+    if args.csv:
+        write_diagnosis_csv(args.csv, diagnosis.result)
+        lines.append(f"written: {args.csv}")
+    if args.pdf and comparison is None:
+        lines.append(f"not written: {args.pdf}, for there are no images that could be judged")
+    elif args.pdf and comparison is not None:
+        write_diagnosis_pdf(args.pdf, comparison, diagnosis.result, diagnosis.predictions())
+        lines.append(f"written: {args.pdf}")
+    return lines

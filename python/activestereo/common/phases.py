@@ -62,7 +62,8 @@ class Phases:
         done_s = self._clock() - self._start
         self._told = max(self._told, done_s / max(done_s + left_s, 1e-9))
         if isinstance(self._progress, ProgressBar):
-            return self._progress.show(self._told, left_s, begins)
+            self._progress.show(self._told, left_s, begins)
+            return None
         return self._progress(self._told)
 
     def _left_s(self, fraction: float) -> float:

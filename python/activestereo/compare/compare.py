@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from activestereo.capture.capture import Capture, read_capture
+from activestereo.common.html_table import table, text
 from activestereo.common.phases import Phases
 from activestereo.compare.depth_compare import DepthFrame, depth_scores, model_depths
-from activestereo.compare.image_errors import ImageErrors, image_errors
+from activestereo.compare.image_errors import ImageErrors, image_errors, residuals_of
 from activestereo.compare.mismatch import match_of, warnings_of
 from activestereo.compare.noise import transfer_points
 from activestereo.compare.phase_times import megapixels
@@ -51,6 +52,21 @@ class Comparison:
     depths: list[DepthFrame]
     layers: LayersOfFrames
     model: Model
+
+    def residuals(self) -> dict[tuple[int, str], np.ndarray]:
+        """{(frame id, eye): measured minus expected DN, float32 [height][width]}."""
+        return residuals_of(self.measured, self.predictions)
+
+    def _repr_html_(self) -> str:
+        """The errors of train and test frames, for a notebook."""
+        floors = {s: v["noise_floor_dn"] for s, v in self.scores["ir"].items()}
+        rows = [
+            [split, f"{v['rmse_dn']:.3f}", *("unknown" if x is None else f"{x:.3f}" for x in (floors[split],
+             v["explainable_rmse_dn"]))]
+            for split, v in self.scores["ir"].items()
+        ]  # fmt: skip
+        head = ["frames", "infrared RMSE, DN", "noise floor, DN", "explainable, DN"]
+        return f"<p><b>{text(self.scores['capture'])}</b></p>{table(head, rows, numbers=(1, 2, 3))}"
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -46,6 +46,10 @@ class ImageErrors:
     law: NoiseLaw | None
     _sums: dict[ImageKey, dict[str, Any]]
 
+    def residuals(self) -> dict[ImageKey, NDArray[np.float32]]:
+        """{(frame id, eye): measured minus expected DN [height][width]}."""
+        return residuals_of(self.measured, self.predictions)
+
     def by_split(self) -> dict[str, dict[str, Any]]:
         """{"train" or "test": errors pooled over its images, and of each eye}; a split without frames is left out."""
         return {split: self._of_split(frames) for split in SPLITS if (frames := self.capture.split(split))}
@@ -69,6 +73,13 @@ class ImageErrors:
         pooled = _pool([self._sums[frame.id, eye] for eye in EYES])
         source = self._sums[frame.id, "left"]["floor_source"]
         return {"id": frame.id, "split": frame.split} | pooled | {"noise_floor_from": source, "eyes": eyes}
+
+
+def residuals_of(
+    measured: Mapping[ImageKey, NDArray], predictions: Mapping[ImageKey, NDArray[np.float32]]
+) -> dict[ImageKey, NDArray[np.float32]]:
+    """{(frame id, eye): measured minus expected DN}."""
+    return {key: measured[key].astype(np.float32) - expected for key, expected in predictions.items()}
 
 
 def image_errors(

@@ -13,13 +13,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from activestereo.capture.capture import Capture, read_capture
+from activestereo.capture.capture import Capture, ImageKey, read_capture
+from activestereo.common.computed_once import computed_once
 from activestereo.common.input_files import read_json
 from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache
-from activestereo.compare.compare import RenderedWith
+from activestereo.compare.compare import Comparison, RenderedWith, comparison_of
 from activestereo.compare.image_errors import ImageErrors
 from activestereo.compare.model_file import library, model_json, scene_of
 from activestereo.compare.phase_times import megapixels
@@ -27,7 +29,9 @@ from activestereo.compare.render import WARP_SCALE, Renderer, render_frames, ren
 from activestereo.compare.where_channels import surface_text
 from activestereo.diagnose.answer.figures import ErrorsOfModels, held_out_figures
 from activestereo.diagnose.answer.found_model import found_model
+from activestereo.diagnose.answer.in_notebook import html_of
 from activestereo.diagnose.answer.judging import judging_json
+from activestereo.diagnose.answer.posterior import EffectPosterior, posterior_of
 from activestereo.diagnose.answer.ranking_json import depth_json, not_ranked_json, own_json, ranking_json
 from activestereo.diagnose.answer.residual_model import residual_law
 from activestereo.diagnose.base_fit import BaseFits
@@ -87,6 +91,28 @@ class Diagnosis:
     after: ImageErrors | None = None
     made: RenderedWith | None = None
 
+    def predictions(self) -> dict[ImageKey, NDArray[np.float32]]:
+        """{(frame id, eye): DN [height][width]} that model.json expects; empty where no images were judged."""
+        return {} if self.after is None else self.after.predictions
+
+    def residuals(self) -> dict[ImageKey, NDArray[np.float32]]:
+        """{(frame id, eye): measured minus expected DN [height][width]} under model.json."""
+        return {} if self.after is None else self.after.residuals()
+
+    @computed_once
+    def comparison(self) -> Comparison | None:
+        """The Comparison of the model that the diagnosis started from; None where no images were judged. It renders
+        nothing, but matches the model's pairs."""
+        return None if self.before is None or self.made is None else comparison_of(self.before, self.made)
+
+    def posterior(self) -> dict[str, EffectPosterior]:
+        """{effect: how likely it is what is missing, and its parameters}, in the ranking's order."""
+        return posterior_of(self.result)
+
+    def _repr_html_(self) -> str:
+        """The verdict and the first rows of the ranking, for a notebook."""
+        return html_of(self.result)
+
 
 def diagnose(
     capture_path: str | Path,
@@ -129,7 +155,8 @@ def diagnose(
     sampled = half_samples(samples_per_pixel), max_bounces, seed, cache, phases
     evidence = gather(capture, render_frames(capture, renderer, *sampled, WARP_SCALE), seed)
     whole: dict[str, Any] = {"samples_per_pixel": samples_per_pixel, "max_bounces": max_bounces, "seed": seed}
-    base = partial(render_halves, renderer=renderer, cache=cache, progress=part_of(phases, 0.0, _BASE_SHARE), scale=WARP_SCALE, **whole)
+    whole |= {"progress": part_of(phases, 0.0, _BASE_SHARE), "scale": WARP_SCALE}
+    base = partial(render_halves, renderer=renderer, cache=cache, **whole)
     errors = ErrorsOfModels(capture, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0))
     engine = None if rendering is None else rendering(capture)
     memory = FitCache(cache, evidence.train)

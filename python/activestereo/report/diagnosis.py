@@ -6,10 +6,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from activestereo.common.html_table import table, text
+from activestereo.diagnose.answer.verdict_words import alike, error_text
 from activestereo.report.diagnosis_text import parameter_text
 from activestereo.report.models import ROWS
-from activestereo.report.page import section, share_bar, table, text
-from activestereo.report.verdict_words import alike, error_text
+from activestereo.report.page import section, share_bar
 
 _VERDICT = {
     "effect": "A known effect is missing",

@@ -4,7 +4,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from activestereo.report.verdict_words import alike, error_text, headline, next_steps, rivals
+from activestereo.diagnose.answer.verdict_words import alike, error_text, headline, next_steps, rivals
 
 _SHOWN = 8
 _BAR = 40

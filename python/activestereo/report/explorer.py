@@ -11,9 +11,10 @@ import numpy as np
 from matplotlib import colormaps
 
 from activestereo.capture.capture import EYES, SPLITS
+from activestereo.common.html_table import text
 from activestereo.report.encode import encoded_image
 from activestereo.report.models import BASE, FOUND, ModelImages
-from activestereo.report.page import text, web_file
+from activestereo.report.page import web_file
 from activestereo.report.worst import RESIDUAL_FLOORS, worst_frame
 
 if TYPE_CHECKING:

@@ -13,11 +13,12 @@ from matplotlib import colormaps
 from numpy.typing import NDArray
 
 from activestereo.capture.capture import EYES, Frame
+from activestereo.common.html_table import text
+from activestereo.diagnose.answer.verdict_words import error_text, headline, next_steps, rivals
 from activestereo.report.charts import effects_chart
 from activestereo.report.encode import data_address
 from activestereo.report.models import BASE, FOUND, ModelImages
-from activestereo.report.page import chart, text
-from activestereo.report.verdict_words import error_text, headline, next_steps, rivals
+from activestereo.report.page import chart
 from activestereo.report.worst import RESIDUAL_FLOORS
 
 if TYPE_CHECKING:

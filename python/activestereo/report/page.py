@@ -5,13 +5,14 @@ content security policy forbids the browser to load anything."""
 from __future__ import annotations
 
 import base64
-import html
 import io
 from collections.abc import Sequence
 from functools import cache
 from importlib import resources
 from string import Template
 from typing import TYPE_CHECKING
+
+from activestereo.common.html_table import text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,26 +31,12 @@ def web_file(name: str) -> str:
     return resources.files("activestereo.report").joinpath(f"web/{name}").read_text(encoding="utf-8")
 
 
-def text(value: object) -> str:
-    return html.escape(str(value))
-
-
 def section(title: str, *parts: str) -> str:
     return f"<section><h2>{text(title)}</h2>\n" + "\n".join(parts) + "</section>"
 
 
 def card(title: str, value: str, note: str) -> str:
     return f'<div class="card"><span>{text(title)}</span><b>{text(value)}</b><span>{text(note)}</span></div>'
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = (), wide: bool = False) -> str:
-    """head: texts; rows: cells of trusted HTML; numbers: indices of right-aligned columns."""
-    cls = [' class="n"' if i in numbers else "" for i in range(len(head))]
-    lines = ["<tr>" + "".join(f"<th{c}>{text(h)}</th>" for c, h in zip(cls, head, strict=True)) + "</tr>"]
-    lines += [
-        "<tr>" + "".join(f"<td{c}>{cell}</td>" for c, cell in zip(cls, row, strict=True)) + "</tr>" for row in rows
-    ]
-    return f"<table{' class=wide' if wide else ''}>" + "\n".join(lines) + "</table>"
 
 
 def share_bar(share: float, interval: Sequence[float] | None = None, mark: float | None = None) -> str:

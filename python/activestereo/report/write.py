@@ -12,15 +12,15 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from activestereo.common.html_table import text
 from activestereo.common.input_files import read_json
 from activestereo.common.output_files import replace_file, write_text
-from activestereo.compare.compare import comparison_of
 from activestereo.report.comparison import cards, comparison_sections, settings_section, summary_line
 from activestereo.report.diagnosis import diagnosis_sections
 from activestereo.report.explorer import explorer_section
 from activestereo.report.first_screen import first_screen
 from activestereo.report.models import model_images
-from activestereo.report.page import page, text
+from activestereo.report.page import page
 from activestereo.report.sheet import comparison_figure
 
 if TYPE_CHECKING:
@@ -96,13 +96,12 @@ def write_diagnosis_report(
 
     effects: {id: Effect} that it chose from, None for the built-in ones. progress: called as progress(fraction done).
     """
-    result, before, after = diagnosis.result, diagnosis.before, diagnosis.after
-    if before is None or after is None or diagnosis.made is None:
+    result, comparison = diagnosis.result, diagnosis.comparison()
+    if comparison is None:
         title = f"{result.get('capture', 'capture')}: diagnosis"
         html_text = page(title, [first_screen(result), *diagnosis_sections(result)])
     else:
-        comparison = comparison_of(before, diagnosis.made)
-        html_text = report_page(comparison, result, effects, progress, after.predictions)
+        html_text = report_page(comparison, result, effects, progress, diagnosis.predictions())
     path = Path(folder) / "report.html"
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, html_text)

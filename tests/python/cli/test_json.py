@@ -2,7 +2,6 @@
 """Every command that prints a table prints JSON in its place where --json is given, and nothing else on that stream."""
 
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -66,9 +65,11 @@ def test_simulate(said, table_top, tmp_path):
 
 
 def test_diagnose(said, tmp_path, monkeypatch):
-    monkeypatch.setattr("activestereo.diagnose.diagnose", lambda *_, **__: SimpleNamespace(result={"verdict": "none"}))
-    monkeypatch.setattr("activestereo.report.write_diagnosis.write_diagnosis", lambda *_: [])
-    assert said("diagnose", tmp_path, "--out", tmp_path) == {"verdict": "none"}
+    """A capture without infrared images has an answer, too, and a report."""
+    (tmp_path / "capture.json").write_text(json.dumps({"frames": [{"left": None, "right": None}]}))
+    answer = said("diagnose", tmp_path, "--out", tmp_path / "out")
+    assert answer["verdict"] == "undetermined" and answer == json.loads((tmp_path / "out/diagnose.json").read_text())
+    assert "This data cannot tell what is missing" in (tmp_path / "out/report.html").read_text()
 
 
 def test_numbers_that_json_cannot_write_are_null(capsys):

@@ -17,7 +17,7 @@ from activestereo.report.diagnosis_text import diagnosis_text
 from activestereo.report.encode import encoded_image
 from activestereo.report.explorer import explorer_data
 from activestereo.report.models import model_images
-from activestereo.report.page import table
+from activestereo.common.html_table import table
 from activestereo.report.write import report_page, write_report
 from activestereo.report.summary import summary_table
 from report_worlds import DIAGNOSIS, WITH_MODEL, decoded

@@ -5,7 +5,7 @@ from."""
 import pytest
 
 from activestereo.report.diagnosis_text import diagnosis_text, verdict_text
-from activestereo.report.verdict_words import alike, headline, share_gone
+from activestereo.diagnose.answer.verdict_words import alike, headline, share_gone
 from report_worlds import DIAGNOSIS
 
 
