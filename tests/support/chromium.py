@@ -34,7 +34,7 @@ class Page:
         self._read, to_us = os.pipe()
         command = [
             _PROGRAM, "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run",
-            "--hide-scrollbars",
+            "--hide-scrollbars", "--enable-unsafe-swiftshader",
             "--disable-extensions", "--disable-background-networking", "--disable-component-update",
             "--remote-debugging-pipe",
             f"--user-data-dir={self._profile.name}", f"--window-size={size[0]},{size[1]}", "about:blank",
@@ -165,5 +165,5 @@ class Page:
         thrown = [
             e["params"]["exceptionDetails"]["text"] for e in self.events if e.get("method") == "Runtime.exceptionThrown"
         ]
-        logged = [e["params"]["entry"]["text"] for e in self.events if e.get("method") == "Log.entryAdded"]
-        return thrown + logged
+        entries = [e["params"]["entry"] for e in self.events if e.get("method") == "Log.entryAdded"]
+        return thrown + [entry["text"] for entry in entries if entry["level"] == "error"]

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import argparse
 import webbrowser
+from contextlib import ExitStack
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from activestereo.cli.arguments import CommandError, Commands, add_device, size, whole
@@ -13,10 +15,14 @@ from activestereo.cli.arguments import CommandError, Commands, add_device, size,
 _TEXT = """\
 Serves a page on this machine alone and opens it in the browser: what was measured,
 what the simulator gives in its place, and their difference; values, dots and
-disparity under the pointer. PATH is
+disparity under the pointer; the point cloud; sliders that render anew, a draft at
+once and then refined; "save as model.json". PATH is
 
   a capture's folder   its frames beside the simulator in the capture's scene
   a scene file         a preset's sensor at the scene's cameras, against its own first picture
+  a recording          pairs of infrared PNG files, or a bag; with the preset's nominal figures where
+                       nothing tells others, and without a scene: measured alone
+  a data set           of 'activestereo generate', or what 'simulate' wrote: the same
   a folder of those    a list to choose from
 
 The page is at the printed address, whose token nobody can guess; other machines and
@@ -35,12 +41,12 @@ def add_parser(commands: Commands) -> None:
         description=_TEXT,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("path", type=Path, metavar="PATH", help="capture, scene file, or a folder of them")
+    parser.add_argument("path", type=Path, metavar="PATH", help="capture, scene file, recording, or a folder of them")
     text = "a sensor model to begin with: its calibration, noise and effects"
     parser.add_argument("--model", type=Path, metavar="FILE", help=text)
     text = "your own effects, to be added on the page"
     parser.add_argument("--effects", type=Path, action="append", default=[], metavar="FILE", help=text)
-    text = "the sensor in scene files, as simulate's (default: d435)"
+    text = "the sensor in scene files and of recordings, as simulate's (default: d435)"
     parser.add_argument("--sensor", default="d435", metavar="NAME", help=text)
     text = "of the infrared images in scene files (default: the sensor's own; smaller ones are quicker)"
     parser.add_argument("--resolution", type=size, metavar="WxH", help=text)
@@ -53,20 +59,40 @@ def add_parser(commands: Commands) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    server = make_server(args)
-    print(f"activestereo view of {args.path}: {server.address}  (Ctrl-C ends it)", flush=True)
-    if not args.no_browser:
-        webbrowser.open_new_tab(server.address)
-    with server:
+    with ExitStack() as stack:
+        shown = _imported(args, stack) if _is_bag(args.path) else args.path
+        server = stack.enter_context(make_server(args, shown))
+        print(f"activestereo view of {args.path}: {server.address}  (Ctrl-C ends it)", flush=True)
+        if not args.no_browser:
+            webbrowser.open_new_tab(server.address)
         server.serve_forever()
 
 
-def make_server(args: argparse.Namespace) -> Any:
-    """The server of the options, at its address but not yet serving."""
+def _is_bag(path: Path) -> bool:
+    from activestereo.capture.importers.bag import is_bag
+
+    return is_bag(path)
+
+
+def _imported(args: argparse.Namespace, stack: ExitStack) -> Path:
+    """The bag as a capture, in a folder that goes with the stack."""
+    from activestereo.cli import import_capture
+    from activestereo.cli.parser import Parser
+
+    out = Path(stack.enter_context(TemporaryDirectory(prefix="activestereo-view-"))) / args.path.stem
+    parser: argparse.ArgumentParser = Parser()
+    import_capture.add_parser(parser.add_subparsers())
+    options = parser.parse_args(["import", str(args.path), "--out", str(out), "--sensor", args.sensor])
+    options.run(options)
+    return out
+
+
+def make_server(args: argparse.Namespace, path: Path) -> Any:
+    """The server of a path under the options, at its address but not yet serving."""
     import kuafu
     from activestereo.compare.model_file import library
     from activestereo.model import read_model
-    from activestereo.report.view.library import Library, is_capture
+    from activestereo.report.view.library import Library, is_capture, is_scene
     from activestereo.report.view.routes import Routes
     from activestereo.report.view.server import ViewServer
 
@@ -79,15 +105,19 @@ def make_server(args: argparse.Namespace) -> Any:
     device = kuafu.Device(args.device)
 
     def make(path: Path) -> Any:
+        from activestereo.camera.presets import StereoDepthSensorConfig
         from activestereo.capture.capture import read_capture
         from activestereo.report.view.capture_source import CaptureSource
+        from activestereo.report.view.pictures import pictures_capture
         from activestereo.report.view.scene_source import SceneSource
 
         if is_capture(path):
             return CaptureSource(read_capture(path), device, model)
-        return SceneSource(path, device, _config(args, model), model)
+        if is_scene(path):
+            return SceneSource(path, device, _config(args, model), model)
+        return CaptureSource(pictures_capture(path, StereoDepthSensorConfig(args.sensor)), device)
 
-    return ViewServer(Routes(Library(args.path, make), effects, args.out).calls(), args.port)
+    return ViewServer(Routes(Library(path, make), effects, args.out).calls(), args.port)
 
 
 def _config(args: argparse.Namespace, model: Any) -> Any:

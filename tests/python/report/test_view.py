@@ -2,6 +2,7 @@
 """The page of `activestereo view` in a browser: a headless chromium clicks, drags and points, and the page answers."""
 
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -149,8 +150,6 @@ def test_a_scene_is_compared_with_its_own_first_picture(table_top):
 
 
 def test_a_folder_is_a_list_to_choose_from(lab_world, tmp_path):
-    import shutil
-
     for name in ("first", "second"):
         shutil.copytree(read_capture(lab_world.capture_path).path, tmp_path / name)
     (tmp_path / "second" / "capture.json").write_text("{}")
@@ -163,3 +162,29 @@ def test_a_folder_is_a_list_to_choose_from(lab_world, tmp_path):
         assert "capture.json" in view.page.text("#told")
     finally:
         view.close()
+
+
+def test_a_recording_and_a_data_set_are_shown_as_they_were_measured(lab_world, tmp_path):
+    """Pairs by their files' names: a recording's folder, a data set's and one of simulate."""
+    capture = read_capture(lab_world.capture_path)
+    frame = capture.frames[0]
+    places = {
+        "recording": ("left_7.png", "right_7.png"),
+        "set": ("000000/ir_left/000000.png", "000000/ir_right/000000.png"),
+        "simulated": ("ir_left.png", "ir_right.png"),
+    }
+    for folder, names in places.items():
+        for name, source in zip(names, (frame.left_path, frame.right_path)):
+            path = tmp_path / folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(source, path)
+    for folder in places:
+        view = View(tmp_path / folder, shown="measured")
+        try:
+            assert view.page.value("document.getElementById('panel').hidden") is True
+            view.point(30, 20)
+            assert view.numbers()[:3] == [30, 20, capture.ir(frame, "left")[20, 30]]
+            assert "nominal figures of the D435" in view.page.text("#title")
+            assert view.page.value("pictures.measured.images.disparity.filter((d) => d > 0).length") > 500
+        finally:
+            view.close()

@@ -13,13 +13,16 @@ class View:
     """A served path and a browser's page on it."""
 
     def __init__(self, *arguments, shown="refined"):
-        self.server = make_server(make_parser().parse_args(["view", "--device", "cpu", *map(str, arguments)]))
+        args = make_parser().parse_args(["view", "--device", "cpu", *map(str, arguments)])
+        self.server = make_server(args, args.path)
         threading.Thread(target=self.server.serve_forever, daemon=True).start()
         self.page = Page(self.server.address, (1280, 900))
         self.wait(shown)
 
     def wait(self, shown="refined"):
-        self.page.wait(f"document.getElementById('view').dataset.shown === '{shown}'")
+        state = "document.getElementById('view').dataset.shown"
+        self.page.wait(f"['{shown}', 'nothing'].includes({state})")
+        assert self.page.value(state) == shown, self.page.text("#told")
 
     def point(self, u, v):
         """The pointer on the middle of a pixel of the measured picture, which is shown whole."""

@@ -10,6 +10,7 @@ view`.
 | packing.py | images and numbers as one answer |
 | library.py | what a folder holds, and what may be opened of it |
 | capture_source.py | a capture: its frames, and the sensor that took them |
+| pictures.py | pairs of a recording or a data set as a capture without a scene |
 | scene_source.py | a scene file: its cameras, and a preset's sensor |
 | fit.py | projector's light, room's light and black level of a capture, and its noise |
 | settings.py | what the sliders change |

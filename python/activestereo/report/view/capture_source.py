@@ -69,6 +69,8 @@ class CaptureSource:
     def simulation(self) -> Simulation | None:
         """The capture's scene, loaded; None where there is nothing in it."""
         path = self._capture.scene_path
+        if not path.is_file():
+            return None
         if path.suffix.lower() == ".gltf" and not read_json_object(path).get("meshes"):  # as `import` writes it
             return None
         scene = kuafu.Scene(self._device)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The entries that may be opened: one file or capture, or all captures and scenes below a folder. Nothing outside of it
-is looked at."""
+"""The entries that may be opened: one file or folder, or all captures, scenes and pictures below a folder. Nothing
+outside of it is looked at."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+
+from activestereo.report.view.pictures import is_pictures
 
 SCENE_ENDINGS = (".gltf", ".glb", ".obj", ".dae", ".stl", ".ply", ".usd", ".usda", ".usdc", ".usdz")
 CAPTURE_FILE = "capture.json"
@@ -49,24 +51,25 @@ def is_scene(path: Path) -> bool:
 
 
 def _entries(root: Path) -> list[Path]:
-    if is_capture(root) or is_scene(root):
+    if is_capture(root) or is_scene(root) or is_pictures(root):
         return [root]
-    found = []
+    found: list[Path] = []
     for path in _below(root, _DEEPEST):
         found.append(path)
         if len(found) == _MOST:
             break
-    return found
+    # Else it is a recording's folder, or its error says what it lacks.
+    return found if found or not root.is_dir() else [root]
 
 
 def _below(folder: Path, depth: int) -> Iterator[Path]:
-    """Captures and scenes, in the order of their names; links are not followed, and a capture's own files are its."""
+    """Captures, scenes and pictures in the order of their names; neither links nor captures are looked into."""
     if depth == 0 or not folder.is_dir():
         return
     for path in sorted(folder.iterdir()):
         if path.is_symlink() or path.name.startswith("."):
             continue
-        if is_capture(path) or is_scene(path):
+        if is_capture(path) or is_scene(path) or is_pictures(path):
             yield path
         elif path.is_dir():
             yield from _below(path, depth - 1)

@@ -25,7 +25,10 @@ _FILES = {
     "view.css": ("view/view.css", "text/css"),
     "page.css": ("page.css", "text/css"),
     **{name: (name, "text/javascript") for name in ("picture.js", "zoom.js")},
-    **{name: (f"view/{name}", "text/javascript") for name in ("server.js", "dots.js", "sliders.js", "view.js")},
+    **{
+        name: (f"view/{name}", "text/javascript")
+        for name in ("server.js", "dots.js", "sliders.js", "cloud.js", "view.js")
+    },
 }
 _SAFETY = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src data:; "

@@ -8,6 +8,8 @@ let maps = null;  // colour maps by name
 let facts = null;  // of the opened entry
 let kind = "left";
 let pictures = {};  // measured, simulated: answers with their images
+const cloud = new Cloud(part("cloud"));
+let clouds = "both";  // whose points are shown
 const panel = new Panel(() => told(simulate));
 let asked = 0;  // counts what was asked for, so that a slow answer does not replace a later one
 
@@ -28,6 +30,7 @@ async function openEntry() {
   const entry = part("entry").value;
   part("view").dataset.shown = "";
   panel.hide();
+  cloud.isAimed = false;
   facts = await called("open", { entry });
   part("title").textContent = facts.title;
   document.title = `${facts.title} - activestereo view`;
@@ -106,8 +109,36 @@ function draw() {
     const mean = squares.reduce((sum, value) => sum + value, 0) / Math.max(squares.length, 1);
     part("rmse").textContent = `RMS ${Math.sqrt(mean).toFixed(2)} ${unit}`;
   }
-  for (const button of part("kinds").children) button.setAttribute("aria-checked", String(button.dataset.kind === kind));
+  for (const button of part("clouds").children) button.onclick = () => { clouds = button.dataset.cloud; drawCloud(); };
+for (const button of part("kinds").children) button.setAttribute("aria-checked", String(button.dataset.kind === kind));
+  drawCloud();
   showReadout();
+}
+
+// The points of the pictures that are there. The first ones of a frame decide where one looks.
+function drawCloud() {
+  for (const name of ["measured", "simulated"]) {
+    const picture = pictures[name];
+    const is_shown = picture && picture.images.disparity && [name, "both"].includes(clouds);
+    if (is_shown && !picture.points) {
+      picture.points = Cloud.points(picture.images.left, picture.images.disparity, facts, sortedHigh(picture));
+      if (!cloud.isAimed) cloud.aimAt(picture.points);
+      cloud.isAimed = true;
+    }
+    cloud.put(name, is_shown ? picture.points : new Float32Array());
+  }
+  if (!cloud.gl) part("cloud-text").textContent = "this browser has no WebGL: there is no point cloud";
+  for (const button of part("clouds").children) button.setAttribute("aria-checked", String(button.dataset.cloud === clouds));
+  cloud.draw();
+}
+
+// The point under the pointer, in the cloud that is shown.
+function markPoint(u, v) {
+  const picture = pictures[clouds === "simulated" ? "simulated" : "measured"] || pictures.simulated;
+  const disparity = picture.images.disparity[v * facts.width + u];
+  const place = Number.isNaN(disparity) ? [] : [...Cloud.place(v * facts.width + u, disparity, facts), 1];
+  cloud.put("pointer", Float32Array.from(place));
+  cloud.draw();
 }
 
 function difference() {
@@ -132,6 +163,7 @@ function showReadout() {
   texts.push(`depth ${list((images) => facts.focal_baseline_px_m / images.disparity[at], 3)} m`);
   part("readout").textContent = `u ${u}, v ${v}:  ${texts.join("  ·  ")}`;
   const high = Math.max(...names.map((name) => sortedHigh(pictures[name])), 1);
+  markPoint(u, v);
   showDots(pictures, facts.width, facts.height, [u, v], maps.gray, high);
 }
 
@@ -187,6 +219,7 @@ part("entry").onchange = () => told(openEntry);
 part("frame").onchange = () => told(openFrame);
 part("previous-frame").onclick = () => step(-1);
 part("next-frame").onclick = () => step(1);
+for (const button of part("clouds").children) button.onclick = () => { clouds = button.dataset.cloud; drawCloud(); };
 for (const button of part("kinds").children) button.onclick = () => showKind(button.dataset.kind);
 part("zoom-in").onclick = () => zoom.zoomBy(2);
 part("zoom-out").onclick = () => zoom.zoomBy(0.5);
