@@ -72,7 +72,7 @@ def catalogue(effects: Mapping[str, Effect]) -> list[dict[str, Any]]:
     """Every effect that may be added, in words and with its sliders."""
     return [
         {
-            "id": effect.id, "family": effect.family, "summary": effect.summary.splitlines()[0],
+            "id": effect.id, "family": effect.family, "summary": _first_sentence(effect.summary),
             "on_surfaces": SURFACES in effect.parameters,
             "sliders": [slider.as_json() for slider in effect_sliders(effect)],
         }
@@ -88,6 +88,10 @@ def present_effects(model: SensorModel) -> dict[str, dict[str, Any]]:
         if entry.surfaces:
             out[entry.effect.id][SURFACES.name] = list(entry.surfaces)
     return out
+
+
+def _first_sentence(text: str) -> str:
+    return " ".join(text.split()).partition(". ")[0].removesuffix(".") + "."
 
 
 def _ratio(name: str, label: str, unit: str, value: float) -> Slider:
