@@ -8,12 +8,15 @@ import socket
 import threading
 import time
 
+import numpy as np
 import pytest
 
 from activestereo.common.own_files import outside_allowed, own_file
 from activestereo.report.view.library import Library
 from activestereo.report.view.packing import packed, unpacked
+from activestereo.report.view.routes import Routes
 from activestereo.report.view.server import ViewServer
+from activestereo.report.view.simulation import Pictures, Superseded
 
 
 def _wrong(given):
@@ -220,3 +223,53 @@ def test_a_library_opens_what_it_lists_and_nothing_else(tmp_path):
         Library(folder / "deeper" / "two" / "capture.json", lambda path: path)
     with pytest.raises(ValueError, match="no such file"):
         Library(folder / "nothing", lambda path: path)
+
+
+class _Slow:
+    """A source and its simulation, whose pictures wait until they are let go or nobody wants them."""
+
+    title = "slow"
+
+    def __init__(self):
+        self.began, self.go = threading.Semaphore(0), threading.Event()
+
+    def simulation(self):
+        return self
+
+    def material_names(self):
+        return []
+
+    def shot(self, frame):
+        return frame
+
+    def picture(self, shot, settings, is_draft, is_wanted):
+        self.began.release()
+        while not self.go.is_set():
+            if not is_wanted():
+                raise Superseded
+            time.sleep(0.002)
+        image = np.full((2, 3), settings.gain, np.float32)
+        return Pictures(image, image, None, 1.0)
+
+
+def test_a_later_setting_of_the_same_page_ends_an_earlier_one(tmp_path):
+    (tmp_path / "scene.gltf").write_text("{}")
+    source = _Slow()
+    routes = Routes(Library(tmp_path / "scene.gltf", lambda path: source), {}, tmp_path / "model.json")
+    answers = {}
+
+    def ask(page, serial):
+        given = {"entry": ".", "frame": 0, "settings": {"gain": serial}, "page": page, "serial": serial}
+        answers[page, serial] = unpacked(routes.simulate(given))
+
+    asked = [threading.Thread(target=ask, args=one) for one in ((1, 5), (2, 1), (1, 7), (1, 6))]
+    for thread in asked:  # number 6 comes after 7: it is late, and not the newest
+        thread.start()
+        assert source.began.acquire(timeout=10)
+    asked[0].join(timeout=10)
+    asked[3].join(timeout=10)
+    source.go.set()
+    for thread in asked:
+        thread.join(timeout=10)
+    assert {key for key, (content, _) in answers.items() if content.get("superseded")} == {(1, 5), (1, 6)}
+    assert answers[1, 7][1]["left"][0, 0] == 7.0 and answers[2, 1][1]["left"][0, 0] == 1.0

@@ -203,7 +203,8 @@ def test_what_is_saved_is_what_was_shown(view, lab_world, saved_as):
 
 
 def test_wrong_settings_are_told_in_a_line(view):
-    told = """(async () => { try { await called('simulate', { ...wanted(), settings: %s }); return ''; }
+    told = """(async () => {
+        try { await called('simulate', { ...wanted(), settings: %s, page: 1, serial: 1 }); return ''; }
         catch (error) { return error.message; } })()"""
     for wrong, text in (
         ({"gian": 1.0}, "gain"), ({"gain": -1}, "gain is -1"), ({"gain": "1"}, "expected a finite number"),

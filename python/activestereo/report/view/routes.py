@@ -17,6 +17,8 @@ from activestereo.report.view.settings import Settings, settings_of
 from activestereo.report.view.simulation import Pictures, Simulation, Superseded
 from activestereo.report.view.sliders import camera_sliders, catalogue, present_effects, surface_sliders
 
+# So many pages are told apart.
+_MOST_PAGES = 64
 _MAPS = ("gray", "RdBu_r", "viridis")
 
 
@@ -26,6 +28,7 @@ class Routes:
 
     def __init__(self, library: Library, effects: Mapping[str, Effect], save_as: Path) -> None:
         self._library, self._effects, self._save_as = library, effects, save_as
+        self._newest: dict[int, int] = {}  # the last serial number that each page has asked for
 
     def calls(self) -> dict[str, Callable[[dict[str, Any]], bytes]]:
         return {
@@ -47,7 +50,7 @@ class Routes:
     def measured(self, given: dict[str, Any]) -> bytes:
         """One frame as it was measured."""
         source = self._library.source(given.get("entry"))
-        return _answer(source.measured(_frame(given)), 0)
+        return _answer(source.measured(_frame(given)))
 
     def sliders(self, given: dict[str, Any]) -> bytes:
         """The camera's sliders for one frame, and the effects of the model."""
@@ -75,16 +78,21 @@ class Routes:
         return packed({"path": str(path), "remark": remark})
 
     def simulate(self, given: dict[str, Any]) -> bytes:
-        """One frame under the settings, as a draft or refined. An answer with "superseded" has no images: another one
-        was asked for meanwhile."""
+        """One frame under the settings, as a draft or refined. page: a number of the page's own; serial: counts what it
+        asks for. An answer with "superseded" has no images: the page has asked for another one meanwhile."""
         source = self._library.source(given.get("entry"))
         simulation = _simulation(source)
         settings = self._settings(given, simulation)
+        page, serial = (_whole(given, name) for name in ("page", "serial"))
+        self._newest[page] = max(serial, self._newest.pop(page, serial))
+        while len(self._newest) > _MOST_PAGES:
+            self._newest.pop(next(iter(self._newest)))
+        is_wanted = lambda: self._newest.get(page, serial) <= serial  # noqa: E731
         try:
-            taken = simulation.picture(source.shot(_frame(given)), settings, bool(given.get("is_draft")))
+            taken = simulation.picture(source.shot(_frame(given)), settings, bool(given.get("is_draft")), is_wanted)
         except Superseded:
             return packed({"superseded": True})
-        return _answer(taken, given.get("ticket"))
+        return _answer(taken)
 
 
     def _settings(self, given: dict[str, Any], simulation: Simulation) -> Settings:
@@ -99,24 +107,24 @@ def _simulation(source: Any) -> Simulation:
 
 
 def _frame(given: Mapping[str, Any]) -> int:
-    frame = given.get("frame")
-    if isinstance(frame, bool) or not isinstance(frame, int):
-        raise ValueError(f"frame is {frame!r}, expected a whole number")
-    return frame
+    return _whole(given, "frame")
 
 
 def _pixel(given: Mapping[str, Any]) -> tuple[int, int]:
-    place = given.get("u"), given.get("v")
-    if not all(isinstance(x, int) and not isinstance(x, bool) for x in place):
-        raise ValueError(f"u and v are {place[0]!r} and {place[1]!r}, expected whole numbers")
-    return place  # type: ignore[return-value]
+    return _whole(given, "u"), _whole(given, "v")
 
 
-def _answer(pictures: Pictures, ticket: Any) -> bytes:
+def _whole(given: Mapping[str, Any], name: str) -> int:
+    value = given.get(name)
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise ValueError(f"{name} is {value!r}, expected a whole number")
+    return value
+
+
+def _answer(pictures: Pictures) -> bytes:
     facts = {
         "exposure_s": pictures.exposure_s,
         "gain": pictures.gain,
         "render_s": pictures.render_s,
-        "ticket": ticket if isinstance(ticket, int) else None,
     }
     return packed(facts, pictures.images())

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import threading
 import warnings
+from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, field
 from time import perf_counter
@@ -65,26 +66,26 @@ class Superseded(Exception):
 
 
 class Simulation:
-    """A loaded scene. A later picture() ends an earlier one that is still under way."""
+    """A loaded scene, in which one exposure is made at a time."""
 
     def __init__(self, scene: kuafu.Scene) -> None:
         self._scene = scene
         self._one_at_a_time = threading.Lock()
-        self._newest = 0
 
     def material_names(self) -> list[str]:
         return [self._scene.material_name(number) for number in range(self._scene.summary.material_count)]
 
-    def picture(self, shot: Shot, settings: Settings, is_draft: bool) -> Pictures:
-        """The exposure under these settings. Superseded where another one is asked for meanwhile."""
-        self._newest += 1
-        ticket, begin = self._newest, perf_counter()
+    def picture(
+        self, shot: Shot, settings: Settings, is_draft: bool, is_wanted: Callable[[], bool] = lambda: True
+    ) -> Pictures:
+        """The exposure under these settings. Superseded where is_wanted() ceases to be true before it is rendered."""
+        begin = perf_counter()
         with self._one_at_a_time:
-            if ticket != self._newest:
+            if not is_wanted():
                 raise Superseded
             try:
                 with self._sensor(shot, settings, is_draft) as sensor:
-                    sensor.take_picture(infrared_only=True, progress=lambda _: ticket != self._newest)
+                    sensor.take_picture(infrared_only=True, progress=lambda _: not is_wanted())
                     return _pictures(sensor, begin)
             except kuafu.CancelledError as error:
                 raise Superseded from error

@@ -2,6 +2,7 @@
 // Measured, simulated and their difference: what is shown, of which frame, and the values under the pointer.
 
 const part = (id) => document.getElementById(id);
+const PAGE = Math.floor(Math.random() * Number.MAX_SAFE_INTEGER);  // tells this page from others at the same server
 const KINDS = ["left", "right", "disparity"];
 const zoom = new SharedZoom(showReadout);
 let maps = null;  // colour maps by name
@@ -67,7 +68,7 @@ async function simulate() {
   const serial = ++asked;
   for (const is_draft of [true, false]) {
     const begin = performance.now();
-    const answer = await called("simulate", { ...wanted(), settings: panel.settings(), is_draft });
+    const answer = await called("simulate", { ...wanted(), settings: panel.settings(), is_draft, page: PAGE, serial });
     if (serial !== asked || answer.superseded) return;
     pictures.simulated = answer;
     if (!facts.has_measured && !panel.isMoved()) pictures.measured = answer;
