@@ -1,21 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
 """activestereo effect list | check: the catalogue of physical effects, and the laws tried on a user's own."""
 
+from __future__ import annotations
+
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from activestereo.cli.arguments import add_device, add_json, print_json
+import numpy as np
+
+from activestereo.cli.arguments import add_device, add_json, check_out_file, print_json
+
+if TYPE_CHECKING:
+    from activestereo.effects import Effect
 
 _TEXT = """\
 Physical effects that the lab can add to its model.
 
   list     the built-in effects: id, stage in the pipeline, family, whether the
            engines have it, parameters
+  show     draws what an effect does to a picture: without, at typical values, difference
   check    loads effects of your own from a Python file or a shared library and tries
            the laws that every effect obeys
 
 example:
   activestereo effect check my_effects.py
+  activestereo effect show projector_defocus -o defocus.png
+"""
+_SHOW = """\
+Draws a strip of each effect: one picture of a small world without it, with it at typical
+values, and the difference. Random effects are drawn once. EFFECT is an id of 'effect
+list', or a file with effects of your own, which are all drawn.
 """
 _CHECK = """\
 Loads the effects of FILE, a Python file with the decorator activestereo.effects.effect
@@ -49,6 +64,11 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     )
     check.add_argument("file", type=Path, metavar="FILE", help="Python file or shared library")
     check.set_defaults(run=run_check)
+    show = actions.add_parser("show", help="draw what an effect does", description=_SHOW, formatter_class=raw)
+    show.add_argument("effects", nargs="+", metavar="EFFECT|FILE", help="ids, or files of your own effects")
+    show.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="the picture to write, PNG")
+    add_device(show)
+    show.set_defaults(run=run_show)
     measure = actions.add_parser(
         "measure", help="image functions against the engines", description=_MEASURE, formatter_class=raw
     )
@@ -100,6 +120,28 @@ def run_measure(args: argparse.Namespace) -> None:
     if args.out:
         text = json.dumps(found, indent=1) + "\n"
         replace_file(args.out, lambda file: file.write(text.encode()))
+
+
+def run_show(args: argparse.Namespace) -> None:
+    from activestereo.compare.effect_strip import StripWorld
+    from activestereo.compare.kuafu_renderer import KuafuRenderer
+    from activestereo.compare.model_file import find, library
+    from activestereo.effects import load_effects
+    from activestereo.report.overview import write_figure
+    from activestereo.report.strip_figure import strip_figure
+
+    check_out_file(args.out)
+    known = library()
+    chosen: list[Effect] = []
+    for name in args.effects:
+        chosen += load_effects(Path(name)).values() if Path(name).suffix else [find(known, name)]
+    world = StripWorld(KuafuRenderer(args.device))
+    strips = [world.strip(effect) for effect in chosen]
+    write_figure(args.out, strip_figure(strips))
+    for strip in strips:
+        change = float(np.sqrt(np.mean(strip.difference**2)))
+        print(f"{strip.effect.id}: changes the picture by {change:.3g} {strip.unit} (root mean square)")
+    print(f"written: {args.out}")
 
 
 def run_check(args: argparse.Namespace) -> None:

@@ -173,6 +173,9 @@ def test_each_row_shows_its_own_residual(page, ball_comparison, images):
         )
         assert caption == f"RMSE {rmse:.2f} DN"
         page.click(f"canvas[data-model={name}]")
+        assert page.text("#fade-names button:last-child") == f"base model with {name} alone"
+        slide(page, 2)
+        assert page.text("#picture-name") == f"base model with {name} alone"
         assert page.value("document.getElementById('residual-other').dataset.model") == name
         assert page.value("document.getElementById('other').selectedOptions[0].textContent").endswith(
             f"base model with {name} alone"

@@ -8,15 +8,16 @@ const rows = [...document.querySelectorAll("canvas[data-model]")];
 const frames = [...new Set(data.views.map((view) => view.frame))];
 let view = null;  // the one that is shown
 let layers = null;  // its values by layer
+let picked = "found";  // the model of the third picture, where a view has it
 let asked = 0;  // counts requests, so that a slow one does not replace a later one
 
 function eyesOf(frame) {
   return data.views.filter((one) => one.frame === frame).map((one) => one.eye);
 }
 
-// The models that the slider passes, in its order.
+// The models that the slider passes, in its order: it ends at the one of the third picture.
 function stations() {
-  return ["measured", "base", "found"].filter((name) => name in view.layers);
+  return [...new Set(["measured", "base", part("other").value])].filter((name) => name in view.layers);
 }
 
 function words(name) {
@@ -33,8 +34,8 @@ async function showView(frame, eye) {
   [view, layers] = [chosen, values];
   part("frame").value = String(frame);
   part("eyes").replaceChildren(...eyes.map(eyeButton));
-  showStations();
   showOtherModels();
+  showStations();
   drawFaded();
   drawResiduals();
   showReadout();
@@ -68,9 +69,8 @@ function showStations() {
 
 function showOtherModels() {
   const names = Object.keys(view.layers).filter((name) => name !== "measured");
-  const before = part("other").value;
   part("other").replaceChildren(...names.map((name) => new Option(`${words("measured")} − ${words(name)}`, name)));
-  part("other").value = names.includes(before) ? before : names.includes("found") ? "found" : names[names.length - 1];
+  part("other").value = names.includes(picked) ? picked : names.includes("found") ? "found" : names[names.length - 1];
   part("residual-other").parentElement.hidden = names.length < 2;
 }
 
@@ -152,7 +152,15 @@ part("frame").onchange = () => showView(Number(part("frame").value), view.eye);
 part("previous-frame").onclick = () => step(-1);
 part("next-frame").onclick = () => step(1);
 part("fade").oninput = drawFaded;
-part("other").onchange = () => { drawOther(); showReadout(); };
+function showOther() {
+  picked = part("other").value;
+  drawOther();
+  showStations();
+  drawFaded();
+  showReadout();
+}
+
+part("other").onchange = showOther;
 part("zoom-in").onclick = () => zoom.zoomBy(2);
 part("zoom-out").onclick = () => zoom.zoomBy(0.5);
 part("zoom-reset").onclick = () => zoom.reset();
@@ -160,8 +168,7 @@ for (const canvas of rows) {
   canvas.addEventListener("click", () => {
     if (!(canvas.dataset.model in view.layers)) return;
     part("other").value = canvas.dataset.model;
-    drawOther();
-    showReadout();
+    showOther();
   });
 }
 window.addEventListener("resize", () => { drawFaded(); drawResiduals(); });

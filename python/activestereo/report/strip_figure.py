@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Effects as strips: a picture without the effect, with it at typical values, and the difference."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from activestereo.common.palette import INK, MUTED
+from activestereo.effects.core.surfaces import SURFACES
+
+if TYPE_CHECKING:
+    from activestereo.compare.effect_strip import EffectStrip
+
+_PANEL_IN = 4.2
+_SHOWN_QUANTILE = 0.998
+
+
+def strip_figure(strips: Sequence[EffectStrip]) -> Figure:
+    """A row for each strip."""
+    aspect = strips[0].without.shape[0] / strips[0].without.shape[1]
+    figure = Figure(figsize=(3.35 * _PANEL_IN, len(strips) * (_PANEL_IN * aspect + 0.75)), layout="constrained")
+    rows = np.atleast_1d(np.asarray(figure.subfigures(len(strips), 1), dtype=object))
+    for row, strip in zip(rows, strips, strict=True):
+        row.suptitle(_title(strip), size=11, color=INK, x=0.01, ha="left")
+        _panels(row, strip)
+    return figure
+
+
+def _title(strip: EffectStrip) -> str:
+    units = {p.name: "" if p.unit == "1" else f" {p.unit}" for p in strip.effect.parameters}
+    said = {name: value for name, value in strip.parameters.items() if name != SURFACES.name}
+    values = ", ".join(f"{name} {value:.4g}{units[name]}" for name, value in said.items())
+    return f"{strip.effect.id}: {values}" if values else strip.effect.id
+
+
+def _panels(row: Figure, strip: EffectStrip) -> None:
+    axes = row.subplots(1, 3)
+    is_light = strip.unit == "DN"
+    high = max(float(np.quantile(strip.without, _SHOWN_QUANTILE)), 1e-6)
+    change = strip.difference
+    limit = max(float(np.quantile(np.abs(change), _SHOWN_QUANTILE)), 1e-6)
+    span = {"cmap": "gray" if is_light else "viridis", "vmin": 0.0, "vmax": high}
+    signed = {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit}
+    panels = (("without", strip.without, span), ("with it", strip.with_it, span), ("difference", change, signed))
+    for place, (name, image, style) in zip(axes, panels, strict=True):
+        shown = place.imshow(image, interpolation="nearest", **style)
+        place.set_title(name, size=10, color=MUTED, loc="left")
+        place.set_xticks([])
+        place.set_yticks([])
+        bar = row.colorbar(shown, ax=place, shrink=0.85, extend="both" if name == "difference" else "max")
+        bar.set_label(strip.unit, size=9, color=MUTED)
+        bar.ax.tick_params(labelsize=8, colors=MUTED)

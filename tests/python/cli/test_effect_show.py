@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""activestereo effect show: the strip's pictures follow the effect's law, for every effect of the library."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from activestereo.cli import main
+from activestereo.compare.effect_strip import StripWorld
+from activestereo.compare.kuafu_renderer import KuafuRenderer
+from activestereo.effects import Stage, builtin
+
+BLACK_DN = 5.0
+
+
+@pytest.fixture(scope="module")
+def world(lab_cache):
+    return StripWorld(KuafuRenderer("cpu"), lab_cache)
+
+
+@pytest.mark.parametrize("name", builtin())
+def test_every_effect_changes_the_picture(world, name):
+    strip = world.strip(builtin()[name])
+    assert strip.unit == ("DN" if builtin()[name].stage <= Stage.DIGITAL else "px")
+    assert np.isfinite(strip.with_it).all() and np.abs(strip.difference).max() > 0.0
+
+
+def test_the_picture_with_an_effect_follows_its_law(world):
+    shaded = world.strip(builtin()["vignetting"], {"exponent": 3.0})
+    height, width = shaded.without.shape
+    v, u = np.mgrid[0:height, 0:width]
+    cosine = 1.0 / np.sqrt(1.0 + ((u - (width - 1) / 2) ** 2 + (v - (height - 1) / 2) ** 2) / 160.0**2)
+    expected = BLACK_DN + (shaded.without - BLACK_DN) * cosine**3
+    free = shaded.without < 250.0
+    assert np.allclose(shaded.with_it[free], expected[free], rtol=1e-4, atol=1e-3)
+
+
+def test_the_command_draws_a_row_for_each_effect(tmp_path, capsys):
+    own = tmp_path / "mine.py"
+    own.write_text(
+        "from activestereo.effects import Parameter, Stage, effect\n"
+        "@effect('mine', stage=Stage.DIGITAL, family='f', source='s',\n"
+        "        parameters=[Parameter('dn', 'DN', 0.0, 0.0, 9.0, 3.0)])\n"
+        "def mine(dn_of_image, view, dn):\n    'Mine.'\n    return dn_of_image + dn\n"
+    )
+    sizes = []
+    for names in (["vignetting"], ["vignetting", str(own)]):
+        assert main(["effect", "show", *names, "-o", str(tmp_path / "strip.png"), "--device", "cpu"]) == 0
+        sizes.append(Image.open(tmp_path / "strip.png").size)
+    said = capsys.readouterr().out
+    assert "mine: changes the picture by 3 DN" in said
+    assert sizes[1][0] == sizes[0][0] and sizes[1][1] == pytest.approx(2 * sizes[0][1], abs=2)
+
+
+def test_a_misspelt_effect_is_answered_before_the_render(tmp_path, capsys):
+    assert main(["effect", "show", "vignetng", "-o", str(tmp_path / "strip.png")]) == 2
+    assert "vignetting" in capsys.readouterr().err
