@@ -60,25 +60,21 @@ def add_parser(commands: Commands) -> None:
 
 def run(args: argparse.Namespace) -> None:
     with ExitStack() as stack:
-        shown = _imported(args, stack) if _is_bag(args.path) else args.path
-        server = stack.enter_context(make_server(args, shown))
+        server = stack.enter_context(make_server(args, shown_path(args, stack)))
         print(f"activestereo view of {args.path}: {server.address}  (Ctrl-C ends it)", flush=True)
         if not args.no_browser:
             webbrowser.open_new_tab(server.address)
         server.serve_forever()
 
 
-def _is_bag(path: Path) -> bool:
+def shown_path(args: argparse.Namespace, stack: ExitStack) -> Path:
+    """The path itself, or a bag as a capture in a folder that goes with the stack."""
     from activestereo.capture.importers.bag import is_bag
-
-    return is_bag(path)
-
-
-def _imported(args: argparse.Namespace, stack: ExitStack) -> Path:
-    """The bag as a capture, in a folder that goes with the stack."""
     from activestereo.cli import import_capture
     from activestereo.cli.parser import Parser
 
+    if not is_bag(args.path):
+        return args.path
     out = Path(stack.enter_context(TemporaryDirectory(prefix="activestereo-view-"))) / args.path.stem
     parser: argparse.ArgumentParser = Parser()
     import_capture.add_parser(parser.add_subparsers())

@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags of librealsense and of ROS 2, written here by the package rosbags, become captures."""
 
+from contextlib import ExitStack
+
 import numpy as np
 import pytest
 
 from activestereo.capture.capture import read_capture
 from activestereo.capture.importers.bag import _intrinsic
-from activestereo.cli import main
+from activestereo.cli import main, make_parser
+from activestereo.cli.view import shown_path
+from activestereo.report.view.library import Library
 
 pytest.importorskip("rosbags", reason="the package rosbags is not installed (pip install rosbags)")
 from rosbags.rosbag1 import Writer as Writer1  # noqa: E402
@@ -113,6 +117,18 @@ def test_librealsenses_own_bag(tmp_path):
     assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture")]) == 0
     check(tmp_path / "capture", 2, 0.0005, images(0))
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.bag", "capture"], "nothing else stays"
+
+
+def test_a_bag_is_shown_as_the_capture_that_it_becomes(tmp_path):
+    write_librealsense(tmp_path / "a.bag")
+    args = make_parser().parse_args(["view", str(tmp_path / "a.bag")])
+    with ExitStack() as stack:
+        shown = shown_path(args, stack)
+        check(shown, 2, 0.0005, images(0))
+        assert Library(shown, lambda path: path).names == ["."]
+    assert not shown.exists()
+    args.path = tmp_path
+    assert shown_path(args, ExitStack()) == tmp_path
 
 
 def test_a_bag_of_ros_2(tmp_path):
