@@ -148,7 +148,8 @@ def run(args: argparse.Namespace) -> None:
         paths = [write_diagnosis_report(diagnosis, args.out, effects, phases), *write_diagnosis(diagnosis, args.out)]
         written = _paper(args, diagnosis)
         phases.end()
-    times.keep(phases.taken_s, phases.work)
+    if diagnosis.before is not None:
+        times.keep(phases.taken_s, phases.work)
     if args.json:
         print_json(diagnosis.result)
         return

@@ -11,8 +11,6 @@ from activestereo.common.progress_bar import Progress, ProgressBar
 
 # A phase that takes longer than it used to is told to need this share of its time so far.
 _OVERTIME = 0.1
-# Before this share of a phase is done, its usual time says more than the share.
-_TRUSTED = 0.2
 
 
 class Phases:
@@ -67,11 +65,12 @@ class Phases:
         return self._progress(self._told)
 
     def _left_s(self, fraction: float) -> float:
-        """Seconds that are left of the phase that runs and of those behind it."""
+        """Seconds that are left of the phase that runs and of those behind it. The more of the phase is done, the more
+        its share says, and the less its usual time: what was kept on disk passes at once."""
         assert self._phase is not None
         here, usual = self._clock() - self._begun, self.work * self._usual_s[self._phase]
         by_share = here * (1.0 - fraction) / fraction if fraction > 0.0 else usual
-        left = by_share if fraction >= _TRUSTED else max(usual - here, _OVERTIME * here)
+        left = fraction * by_share + (1.0 - fraction) * max(usual - here, _OVERTIME * here)
         names = list(self._usual_s)
         behind = names[names.index(self._phase) + 1 :]
         return left + self.work * sum(self._usual_s[name] for name in behind)

@@ -62,6 +62,17 @@ def test_a_silent_phase_that_takes_longer_has_time_left():
     assert told[-1] == pytest.approx(140.0 / 150.0)
 
 
+def test_a_part_that_was_kept_on_disk_does_not_stand_for_the_rest():
+    """Half of the last phase passes at once: its other half may take its time."""
+    clock, told = Clock(), []
+    phases = Phases(told.append, USUAL_S, clock=clock)
+    for name in USUAL_S:
+        phases.begin(name)
+        clock.now += 0.0 if name == "write" else USUAL_S[name]
+    phases(0.5)
+    assert told[-1] == pytest.approx(40.0 / 50.0)
+
+
 def test_the_bar_names_the_phase_and_its_number():
     stream, clock = io.StringIO(), Clock()
     with ProgressBar("work", stream, clock=clock) as bar:
