@@ -3,8 +3,10 @@
 came from."""
 
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
+import activestereo
 import kuafu
 import numpy as np
 import simsense
@@ -40,5 +42,7 @@ print(
     f"NumPy {np.__version__}: {100 * valid.mean():.0f} % measured, median error {error_mm:.1f} mm, {len(ours)} "
     f"of our libraries loaded"
 )
+if activestereo.__version__ != version("activestereo"):
+    sys.exit(f"the libraries are {activestereo.__version__}, the wheel is {version('activestereo')}")
 if outside or len(ours) < 3 or not valid.mean() > 0.5 or not error_mm < 20:
     sys.exit(f"wrong: {outside} from outside the environment, {sorted(ours)}")

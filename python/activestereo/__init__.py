@@ -42,10 +42,12 @@ __all__ = sorted(_HOMES)
 
 def __getattr__(name: str) -> Any:
     # On first use, so that what needs no renderer (captures, presets, --help) does not load one.
+    if name == "__version__":  # of the libraries that do the work: they and these packages are built as one
+        return import_module("kuafu").__version__
     if name not in _HOMES:
         raise AttributeError(f"module 'activestereo' has no attribute '{name}'")
     return getattr(import_module(f"activestereo.{_HOMES[name]}"), name)
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOMES})
+    return sorted({*globals(), *_HOMES, "__version__"})

@@ -18,3 +18,5 @@ from activestereo.sensor.mounts import Mounts as Mounts
 from activestereo.sensor.pipelined import PipelinedStereoDepthSensor as PipelinedStereoDepthSensor
 from activestereo.sensor.sensor import StereoDepthSensor as StereoDepthSensor
 from activestereo.sensor.split_batch import SplitStereoDepthSensorBatch as SplitStereoDepthSensorBatch
+
+__version__: str

@@ -32,7 +32,7 @@ PARSED = "from activestereo.cli import make_parser; import sys; make_parser().pa
 
 # Beginning of a command: what is run instead of it, given its words, and why.
 SPECIAL: dict[str, tuple[str, str]] = {
-    r"bash (tests|examples|capi)/": ("bash -n {1}", "it builds or tests the whole project; its syntax is checked"),
+    r"bash (tests|examples|capi|python)/": ("bash -n {1}", "it builds or tests it all; its syntax is checked"),
     r"ninja |ctest |cmake --build|cpack": ("true", "it builds or tests the whole project"),
     r"cmake -S|pip wheel": ("true", "it builds the whole project; tests/static_embree.sh does the same from a build"),
     r"build/bin/fuzz_\w+": ("test -n {0}", "ctest runs the fuzzing programs"),
@@ -41,6 +41,7 @@ SPECIAL: dict[str, tuple[str, str]] = {
     r"bench_\w+": ("test -x build/bin/{0}", "benchmarks are run by hand; the program is there"),
     r"/usr/bin/python3 \S+/(bench_\w+|run_\w+|noisy_planes).py": ("test -f {1}", "it is run by hand; it is there"),
     r"pip install|pre-commit|sudo|apt-get": ("true", "it installs packages; tests/wheel.sh tries the wheel"),
+    r"python3 -m venv|out/clean/bin/": ("true", "it needs a wheel; python/wheels.sh runs the same lines"),
     r"python3 examples/(mani_skill_depth|mujoco_wrist|sapien_sensor|train_depth_policy)/":
         ("test -f {1}", "it needs a package that Debian lacks; tests/guide/test_examples.py runs it where it is"),
     r"rs-enumerate-devices": ("true", "it needs a RealSense camera"),

@@ -11,6 +11,7 @@ import traceback
 from collections.abc import Sequence
 from contextlib import nullcontext
 
+import activestereo
 from activestereo.cli import (
     add,
     benchmark,
@@ -74,6 +75,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     text = "files that captures, models and lists of recordings name may lie outside of their folders"
     parser.add_argument("--allow-outside", action="store_true", help=text)
+    parser.add_argument("--version", action="version", version=f"activestereo {activestereo.__version__}")
     parser.set_defaults(parser=parser)  # for completion, which tells all of it
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for command in _COMMANDS:
