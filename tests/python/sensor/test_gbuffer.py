@@ -176,6 +176,32 @@ def test_what_removes_a_cause_restores_the_pixel(config):
     assert sensor(**given)["valid"][:, 60, 100].all()
 
 
+def test_the_band_that_the_other_camera_does_not_see_whole_is_outside(config):
+    """A wall's point lies f B / z further left in the right image; half a census window beside it has to be there."""
+    depth_m = 0.7
+    cause = GBufferStereo(config)(**wall(config, depth_m))["cause"][0]
+    border = config.focal_baseline_px_m / depth_m + config.census_width // 2
+    holes = cause != CAUSES.index("measured")
+    band = holes & (np.arange(cause.shape[1]) < border)
+    assert band.sum() > 0.4 * border * len(cause)
+    assert (cause[band] == CAUSES.index("outside")).all()
+    assert not (cause[:, int(np.ceil(border)) :] == CAUSES.index("outside")).any()
+
+
+def test_holes_about_a_thing_are_named_by_it_and_go_with_it(config):
+    """A plate at 0.45 m before a wall at 0.9 m: what is missing of the wall is hidden, shaded or beside the plate."""
+    given = wall(config, 0.9)
+    alone = GBufferStereo(config)(**given)["valid"][0]
+    given["depth"] = given["depth"].copy()
+    given["depth"][:, 45:75, 70:110] = 0.45
+    out = GBufferStereo(config)(**given)
+    cause, is_wall = out["cause"][0], given["depth"][0] == np.float32(0.9)
+    named = is_wall & np.isin(cause, [CAUSES.index(name) for name in ("occluded", "shadow", "edge")])
+    caused = is_wall & alone & ~out["valid"][0]
+    assert caused.sum() > 100 and named[caused].mean() > 0.9
+    assert alone[named].mean() > 0.9
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
