@@ -122,9 +122,9 @@ def _folder(text: str) -> Path:
     return Path(text)
 
 
-def add_out(parser: argparse.ArgumentParser) -> None:
+def add_out(parser: argparse.ArgumentParser, is_required: bool = True) -> None:
     text = "folder for the results; made if it is not there, files of the same names are replaced"
-    parser.add_argument("-o", "--out", required=True, type=_folder, metavar="DIR", help=text)
+    parser.add_argument("-o", "--out", required=is_required, type=_folder, metavar="DIR", help=text)
 
 
 def add_paper(parser: argparse.ArgumentParser, rows: str) -> None:

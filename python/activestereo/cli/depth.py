@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from activestereo.cli import depth_recording
 from activestereo.cli.arguments import (
     CommandError,
     Commands,
@@ -58,9 +59,15 @@ Writes into DIR:
   cloud.ply      points, metres (x right, y down, z forward)
   overview.png   all on one page
 
-example, a RealSense D435's pair:
+A recording, a bag or a folder as for 'activestereo import', is matched pair by pair
+as its camera would under a D400's advanced-mode settings: 16-bit PNG files in the
+settings' units, and depth.json. A run that was interrupted goes on where it ended.
+
+example, a RealSense D435's pair; a D415's recording under other settings:
   activestereo depth left.png right.png --k 427.12,0,426.93,0,427.12,234.78,0,0,1 \\
       --baseline 0.05 --out out/depth
+  activestereo depth 20260101_120000.bag --settings high_accuracy.json --out out/depth
+  activestereo depth 20260101_120000.bag --search noise quiet.json
 """
 
 
@@ -71,14 +78,16 @@ def add_parser(commands: Commands) -> None:
         description=_TEXT,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("left", type=Path, metavar="LEFT.png", help="left image, 8-bit or 16-bit gray; or .npy")
-    parser.add_argument("right", type=Path, metavar="RIGHT.png", help="right image of the same size; rows are aligned")
-    text = "camera matrix of both images in pixels; or short: fx,fy,cx,cy"
-    parser.add_argument("--k", required=True, type=camera_matrix, metavar="fx,0,cx,0,fy,cy,0,0,1", help=text)
-    parser.add_argument(
-        "--baseline", required=True, type=positive, metavar="M", help="distance between the cameras, metres"
-    )
-    add_out(parser)
+    text = "left image, 8-bit or 16-bit gray; or .npy; or, alone, a recording: a folder of PNG files or a bag"
+    parser.add_argument("left", type=Path, metavar="LEFT.png|RECORDING", help=text)
+    text = "right image of the same size; rows are aligned"
+    parser.add_argument("right", type=Path, nargs="?", metavar="RIGHT.png", help=text)
+    text = "camera matrix of both images in pixels; or short: fx,fy,cx,cy; needed for a pair"
+    parser.add_argument("--k", type=camera_matrix, metavar="fx,0,cx,0,fy,cy,0,0,1", help=text)
+    text = "distance between the cameras, metres; needed for a pair"
+    parser.add_argument("--baseline", type=positive, metavar="M", help=text)
+    add_out(parser, is_required=False)
+    depth_recording.add_options(parser)
     add_json(parser)
     text = (
         "values of the options below that are not given: active for pictures of dots, passive for plain pictures of "
@@ -95,8 +104,16 @@ def add_parser(commands: Commands) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    if args.baseline <= 0:
+    if args.baseline is not None and args.baseline <= 0:
         raise CommandError("--baseline must be larger than 0 metres")
+    if args.right is None:
+        depth_recording.run(args)
+        return
+    missing = [option for option in ("k", "baseline", "out") if getattr(args, option) is None]
+    if missing:
+        raise CommandError(f"a pair of images needs {', '.join(f'--{option}' for option in missing)}")
+    if args.settings or args.search or args.truth or args.calibration:
+        raise CommandError("--settings, --search, --truth and --calibration are for recordings, not for a pair")
     left, right = (_read(path) for path in (args.left, args.right))
     if left.shape != right.shape:
         sizes = " and ".join(f"{image.shape[1]}x{image.shape[0]}" for image in (left, right))

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from activestereo.capture.capture import read_capture
-from activestereo.capture.importers.bag import _intrinsic
+from activestereo.capture.importers.bag import _intrinsic, count_pairs, read_calibration
+from activestereo.capture.importers.pairs import recorded_pairs
 from activestereo.cli import main, make_parser
 from activestereo.cli.view import shown_path
 from activestereo.report.view.library import Library
@@ -179,3 +180,28 @@ def test_a_lens_of_another_law_is_refused(model, d):
 def test_a_rational_lens_has_eight_numbers_where_it_has_a_denominator(d, read):
     message = camera_info(get_typestore(Stores.ROS1_NOETIC), 0.05, "rational_polynomial", d)
     assert _intrinsic("a.bag", "topic", message).distortion.tolist() == read
+
+
+@pytest.mark.parametrize("write, name", [(write_librealsense, "a.bag"), (write_ros2, "a")])
+def test_pairs_come_one_by_one_and_those_that_are_not_wanted_are_not_decoded(tmp_path, write, name):
+    write(tmp_path / name)
+    pairs = list(recorded_pairs(tmp_path / name))
+    assert len(pairs) == count_pairs(tmp_path / name) == (2 if name == "a.bag" else 1)
+    for number, pair in enumerate(pairs):
+        expected = images(number if name == "a.bag" else 1)
+        np.testing.assert_array_equal(pair.left, expected[1])
+        np.testing.assert_array_equal(pair.right, expected[2])
+    left_out = pairs[0].name
+    assert [pair.name for pair in recorded_pairs(tmp_path / name, lambda n: n != left_out)] == [
+        pair.name for pair in pairs[1:]
+    ]
+    device = read_calibration(tmp_path / name)
+    assert device.extrinsic("Infrared 1", "Infrared 2")[0, 3] == pytest.approx(-_BASELINE_M)
+
+
+def test_a_bag_that_was_cut_is_told_in_one_line(tmp_path, capsys):
+    write_librealsense(tmp_path / "a.bag")
+    whole = (tmp_path / "a.bag").read_bytes()
+    (tmp_path / "a.bag").write_bytes(whole[: len(whole) // 2])
+    assert main(["depth", str(tmp_path / "a.bag"), "--out", str(tmp_path / "out")]) == 2
+    assert (error := capsys.readouterr().err).count("\n") == 1 and "cannot be read as a bag" in error

@@ -10,7 +10,8 @@ librealsense's transform of the stream; Infrared 1 is the left eye on every D4xx
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.capture.images import write_gray
+from activestereo.capture.importers.realsense_folder import SAME_FRAME_MS
 from activestereo.capture.importers.realsense_text import DeviceText, Intrinsic
 
 _STREAMS = {
@@ -27,6 +29,7 @@ _STREAMS = {
     "Depth": re.compile(r"(?<!aligned_)depth", re.I),
 }
 _TYPES = {"mono8": np.uint8, "8UC1": np.uint8, "mono16": np.uint16, "16UC1": np.uint16}
+_EYES = ("Infrared 1", "Infrared 2")
 _ROS2_DEPTH_SCALE_M = 0.001  # realsense-ros publishes 16UC1 in millimetres (REP 118)
 
 
@@ -55,29 +58,83 @@ def extract_bag(
     """
     found = _Found()
     for topic, message, time_ms, share in _messages(path):
-        stream = next((name for name, words in _STREAMS.items() if words.search(topic)), None)
+        stream = _stream(topic)
         kind = type(message).__name__
         if kind.endswith("sensor_msgs__msg__Image") and stream is not None:
             write_gray(folder / f"{stream} {time_ms:.3f}.png", _pixels(path, topic, message))
             found.counts[stream] = found.counts.get(stream, 0) + 1
             if stream == "Depth" and found.depth_units_m is None and not topic.startswith("/device_"):
                 found.depth_units_m = _ROS2_DEPTH_SCALE_M
-        elif kind.endswith("CameraInfo") and stream is not None and stream not in found.intrinsics:
-            found.intrinsics[stream] = _intrinsic(path, topic, message)
-            projection = np.asarray(_either(message, "p"), float)
-            if projection[0] > 0 and projection[3] != 0:
-                found.baselines_m[stream] = float(-projection[3] / projection[0])
-        elif kind.endswith("Transform") and stream == "Infrared 2":
-            found.baselines_m.setdefault(stream, abs(float(message.translation.x)))
         elif "depth_units" in topic.lower() and hasattr(message, "data"):
             found.depth_units_m = float(message.data)
+        else:
+            _note_calibration(path, found, topic, message)
         if progress is not None:
             progress(share)
     return _device(path, found), found.depth_units_m
 
 
-def _messages(path: Path) -> Iterator[tuple[str, Any, float, float]]:
-    """(topic, message, time in ms, share of the bag that is read)."""
+def _note_calibration(path: Path, found: _Found, topic: str, message: Any) -> None:
+    """Keeps what a message says of a stream's intrinsics, or of the baseline."""
+    stream, kind = _stream(topic), type(message).__name__
+    if kind.endswith("CameraInfo") and stream is not None and stream not in found.intrinsics:
+        found.intrinsics[stream] = _intrinsic(path, topic, message)
+        projection = np.asarray(_either(message, "p"), float)
+        if projection[0] > 0 and projection[3] != 0:
+            found.baselines_m[stream] = float(-projection[3] / projection[0])
+    elif kind.endswith("Transform") and stream == "Infrared 2":
+        found.baselines_m.setdefault(stream, abs(float(message.translation.x)))
+
+
+def read_calibration(path: Path) -> DeviceText:
+    """The calibration alone, without an image read. Raises as extract_bag()."""
+    found = _Found()
+    for topic, kind in _topics(path):
+        if kind == "Image" and (stream := _stream(topic)) is not None:
+            found.counts[stream] = 1
+    for topic, message, _, _ in _messages(path, ("CameraInfo", "Transform"), is_first_enough=True):
+        _note_calibration(path, found, topic, message)
+    return _device(path, found)
+
+
+def read_pairs(
+    path: Path, is_wanted: Callable[[str], bool] = lambda name: True
+) -> Iterator[tuple[str, NDArray[np.generic], NDArray[np.generic]]]:
+    """(name, left, right) of each infrared pair, in order of time, one at a time in memory; the name is the left
+    image's time in milliseconds. is_wanted: of a name; others are not decoded. Raises as extract_bag()."""
+    waiting: dict[str, tuple[float, str, Any]] = {}
+    for topic, message, time_ms, _ in _messages(path, ("Image",), _EYES):
+        stream = _stream(topic) or ""
+        waiting[stream] = time_ms, topic, message
+        if len(waiting) < 2 or abs(waiting[_EYES[0]][0] - waiting[_EYES[1]][0]) > SAME_FRAME_MS:
+            continue
+        name = f"{waiting[_EYES[0]][0]:.3f}"
+        if is_wanted(name):
+            left, right = (_pixels(path, *waiting[eye][1:]) for eye in _EYES)
+            yield name, left, right
+        waiting.clear()
+
+
+def count_pairs(path: Path) -> int:
+    """How many pairs there are at most. Raises as extract_bag()."""
+    with _opened(path) as reader:
+        counts = {_stream(c.topic): c.msgcount for c in reader.connections if c.msgtype.endswith("/Image")}
+    return min(counts.get(eye, 0) for eye in _EYES)
+
+
+def _topics(path: Path) -> list[tuple[str, str]]:
+    """(topic, kind of message) of all that is wanted."""
+    with _opened(path) as reader:
+        return [(c.topic, c.msgtype.split("/")[-1]) for c in reader.connections if _is_wanted(c.topic, c.msgtype)]
+
+
+def _stream(topic: str) -> str | None:
+    return next((name for name, words in _STREAMS.items() if words.search(topic)), None)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """A reader of the bag. ValueError where it cannot be read, there or inside of the block."""
     try:
         from rosbags.highlevel import AnyReader, AnyReaderError
         from rosbags.typesys import Stores, get_typestore
@@ -88,15 +145,33 @@ def _messages(path: Path) -> Iterator[tuple[str, Any, float, float]]:
     source = path.parent if path.suffix in (".db3", ".mcap") else path
     try:
         with AnyReader([source], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            wanted = [c for c in reader.connections if _is_wanted(c.topic, c.msgtype)]
-            total = max(1, sum(c.msgcount for c in wanted))
-            for number, (connection, time_ns, raw) in enumerate(reader.messages(wanted)):
-                message = reader.deserialize(raw, connection.msgtype)
-                yield connection.topic, message, 1e-6 * time_ns, (number + 1) / total
+            yield reader
     except (AnyReaderError, OSError, KeyError, AssertionError) as error:
         raise ValueError(
             f"{path}: cannot be read as a bag: {' '.join(str(error).split()) or 'it is damaged'}"
         ) from error
+
+
+def _messages(
+    path: Path, kinds: Sequence[str] = (), streams: Sequence[str] = (), is_first_enough: bool = False
+) -> Iterator[tuple[str, Any, float, float]]:
+    """(topic, message, time in ms, share of the bag that is read). kinds, streams: of these alone, () = of all that is
+    wanted. is_first_enough: one message of each topic."""
+    with _opened(path) as reader:
+        wanted = [
+            c
+            for c in reader.connections
+            if _is_wanted(c.topic, c.msgtype)
+            and (not kinds or c.msgtype.split("/")[-1] in kinds)
+            and (not streams or _stream(c.topic) in streams)
+        ]
+        total, seen = max(1, sum(c.msgcount for c in wanted)), set()
+        for number, (connection, time_ns, raw) in enumerate(reader.messages(wanted)):
+            message = reader.deserialize(raw, connection.msgtype)
+            yield connection.topic, message, 1e-6 * time_ns, (number + 1) / total
+            seen.add(connection.topic)
+            if is_first_enough and len(seen) == len({c.topic for c in wanted}):
+                return
 
 
 # How many numbers of k1, k2, p1, p2, k3, k4, k5, k6 a lens model has at most: ROS's names and librealsense's.

@@ -35,7 +35,7 @@ _NAMES = {"left": "Infrared 1", "right": "Infrared 2"}
 _OFF = re.compile(r"(?:^|[ _-])off(?:$|[ _-])", re.I)
 _LAST_NUMBER = re.compile(r"(\d+(?:\.\d+)?)(?!.*\d)")
 # Streams of one frame differ by less than this, milliseconds.
-_SAME_FRAME_MS = 8.0
+SAME_FRAME_MS = 8.0
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def _by_number(folder: Path, by_stream: dict[str, list[Path]]) -> list[FrameFile
             nearest = min(numbered[stream], key=lambda item: abs(item[0] - time_ms), default=None)
             if (
                 nearest is not None
-                and abs(nearest[0] - time_ms) < _SAME_FRAME_MS
+                and abs(nearest[0] - time_ms) < SAME_FRAME_MS
                 and (time_ms > 1e6 or nearest[0] == time_ms)
             ):
                 files[stream] = nearest[1]

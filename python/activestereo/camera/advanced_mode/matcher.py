@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rectified infrared pairs matched under advanced-mode settings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import simsense
+from activestereo.camera.advanced_mode.parameters import DepthTable, depth_table, matcher_parameters
+from activestereo.camera.advanced_mode.settings import AdvancedSettings
+
+_DISPARITY_STEPS = 32  # of a pixel, where images hold disparities
+_IN_COUNTS_OF_8_BITS = ("p2_full_gradient_dn", "min_texture_dn", "low_texture_dn", "census_noise_dn")
+
+
+class PairMatcher:
+    """Matches pairs of one size. K: 3x3 of both rectified images, px. base: simsense's parameters at the camera's
+    default settings, for images of 8 bits. overrides: parameters of simsense's rig and matcher that go before the
+    settings'."""
+
+    def __init__(
+        self,
+        K: NDArray[np.float64],
+        baseline_m: float,
+        first: NDArray[np.generic],
+        settings: AdvancedSettings,
+        base: Mapping[str, Any],
+        overrides: Mapping[str, Any],
+        device: simsense.Device,
+    ) -> None:
+        height, width = first.shape
+        self._bits = 8 * first.itemsize
+        self._base, self._overrides = dict(base), dict(overrides)
+        self.table: DepthTable = depth_table(settings)
+        camera, left_to_right = simsense.Camera(width, height, K), np.eye(4)
+        left_to_right[0, 3] = -baseline_m
+        self._engine = simsense.Engine(
+            device, camera, camera, left_to_right, rectified=True, bit_depth=self._bits, **self._parameters(settings)
+        )
+
+    def _parameters(self, settings: AdvancedSettings) -> dict[str, Any]:
+        out = matcher_parameters(settings, self._base)
+        out["min_depth_m"], out["max_depth_m"] = self.table.min_depth_m, self.table.max_depth_m
+        for name in _IN_COUNTS_OF_8_BITS:
+            out[name] <<= self._bits - 8
+        return out | self._overrides
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The engine's, all of them."""
+        return dict(self._engine.parameters)
+
+    def set_settings(self, settings: AdvancedSettings) -> None:
+        """Other settings of the matcher from the next pair on; the depth table stays."""
+        matcher = self._parameters(settings)
+        self._engine.set_parameters(**{name: matcher[name] for name in self._engine.parameters if name in matcher})
+
+    def disparity(self, left: NDArray[np.generic], right: NDArray[np.generic]) -> NDArray[np.float32]:
+        """Pixels, -1 where nothing was measured."""
+        return np.array(self._engine.compute(left, right, ("disparity",))["disparity"], np.float32)
+
+    def image(self, left: NDArray[np.generic], right: NDArray[np.generic]) -> NDArray[np.uint16]:
+        """The depth image as the camera would send it: units of the depth table, or disparities; 0 = no measurement."""
+        if self.table.is_disparity:
+            values = _DISPARITY_STEPS * np.maximum(self.disparity(left, right), 0.0).astype(np.float64)
+        else:
+            depth = self._engine.compute(left, right, ("depth",))["depth"]
+            values = np.asarray(depth, np.float64) / self.table.unit_m
+        return np.clip(np.rint(values), 0, np.iinfo(np.uint16).max).astype(np.uint16)

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page of all keys: python3 -m activestereo.camera.advanced_mode.page > README.md (of this folder)."""
+
+from activestereo.camera.advanced_mode.settings import Key, keys
+
+_TEXT = """\
+# Advanced-mode keys
+`activestereo depth RECORDING --settings FILE.json` matches a recording's infrared pairs as its camera would under a D400's advanced-mode JSON, and
+`--search fill|noise|truth FILE.json` writes one for the camera. This page is written by `page.py` from `keys.toml`.
+
+{mapped} of {count} settings set something here, {names} names with those of older files. Nobody outside of Intel knows the D400's matcher: a key
+that has the camera's default leaves the matcher as the camera's preset has it, another moves it by the same share, and no key is the device's own in
+its number. What a key does not set is told. Names and defaults are librealsense's; a range is the field's width as published presets fill it.
+
+| key | default | range | sets | what it is on the camera |
+|---|---|---|---|---|
+{rows}
+
+Settings without an effect here, whose values are checked all the same: {rest}.
+"""
+
+
+def _row(key: Key) -> str:
+    name = f"`{key.name}`" + (f", `{key.alias}`" if key.alias else "")
+    low, high = key.range
+    possible = f"{low:g} to {high:g}" if key.words is None else ", ".join(key.words)
+    return f"| {name} | {key.default} | {possible} | {', '.join(f'`{one}`' for one in key.to)} | {key.meaning} |"
+
+
+def page() -> str:
+    """The page's text."""
+    mapped = [key for key in keys().values() if key.to]
+    return _TEXT.format(
+        mapped=len(mapped),
+        count=len(keys()),
+        names=len(mapped) + sum(bool(key.alias) for key in mapped),
+        rows="\n".join(_row(key) for key in mapped),
+        rest=", ".join(f"`{key.name}`" for key in keys().values() if not key.to),
+    )
+
+
+if __name__ == "__main__":
+    print(page(), end="")

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Looks for advanced-mode settings on a few pairs of a recording, one key after another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
+
+from activestereo.camera.advanced_mode.settings import AdvancedSettings
+
+Goal = Literal["fill", "noise", "truth"]
+# What each key is tried at, coarse to fine in effect.
+_CHOICES: dict[str, tuple[float, ...]] = {
+    "param-secondpeakdelta": (0, 110, 222, 325, 480, 647),
+    "param-leftrightthreshold": (10, 24, 64),
+    "param-scanlinep2": (170, 240, 342, 480, 680),
+    "param-scanlinep1": (30, 60, 90, 120),
+    "param-regionshrinku": (1, 2, 3, 4),
+    "param-regionshrinkv": (0, 1, 2),
+    "param-censususize": (5, 7, 9),
+    "param-censusvsize": (5, 7, 9),
+    "param-rsmremovethreshold": (0.1, 0.375, 0.8),
+}
+ROUNDS = 2
+# Fill is not bought with noise, nor less noise with holes: these times the start's are allowed.
+_MOST_NOISE, _LEAST_FILL = 1.1, 0.98
+_WINDOW_PX = 11
+_FLAT_PX = 1.0  # a window whose disparities leave its plane by more holds an edge
+_WRONG_PX = 2.0
+
+
+@dataclass(frozen=True)
+class Score:
+    """Means over the pairs. fill: share of pixels; noise_px: RMS about the plane of flat windows, median over them;
+    wrong: share of the pixels with truth that are unmeasured or off by more than 2 px, NaN without truth."""
+
+    fill: float
+    noise_px: float
+    wrong: float
+
+
+def score(disparities: Sequence[NDArray[np.float32]], truths: Sequence[NDArray[np.float32]] = ()) -> Score:
+    """Of disparity images, -1 = no measurement; truths: likewise, NaN where it is not known."""
+    fill = float(np.mean([np.mean(disparity > 0) for disparity in disparities]))
+    noise = float(np.median(np.concatenate([_plane_residuals(disparity) for disparity in disparities])))
+    wrong = [
+        np.mean(~(np.abs(disparity - truth) <= _WRONG_PX)[np.isfinite(truth)])
+        for disparity, truth in zip(disparities, truths, strict=bool(truths))
+    ]
+    return Score(fill, noise, float(np.mean(wrong)) if wrong else float("nan"))
+
+
+def _plane_residuals(disparity: NDArray[np.float32]) -> NDArray[np.float64]:
+    """RMS about the fitted plane in each window that is measured throughout and holds no edge; [NaN] without one."""
+    d = np.asarray(disparity, np.float64)
+    x = np.arange(d.shape[1]) - 0.5 * d.shape[1]
+    y = (np.arange(d.shape[0]) - 0.5 * d.shape[0])[:, None]
+
+    def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(uniform_filter(values, _WINDOW_PX)[::3, ::3])
+
+    middle, spread = mean(d), (_WINDOW_PX**2 - 1) / 12.0
+    slope_x = mean(d * x) - middle * x[::3]
+    slope_y = mean(d * y) - middle * y[::3]
+    variance = mean(d * d) - middle**2 - (slope_x**2 + slope_y**2) / spread
+    is_whole = mean((d > 0).astype(np.float64)) > 1.0 - 0.5 / _WINDOW_PX**2
+    rms = np.sqrt(np.maximum(variance, 0.0))[is_whole]
+    flat = rms[rms < _FLAT_PX]
+    return flat if flat.size else np.array([np.nan])
+
+
+def search(
+    goal: Goal,
+    start: AdvancedSettings,
+    evaluate: Callable[[AdvancedSettings], Score],
+    progress: Callable[[float], object] = lambda fraction: None,
+) -> tuple[AdvancedSettings, Score, Score]:
+    """(best settings, the start's score, theirs). evaluate: scores of settings."""
+    first = best_score = evaluate(start)
+    best, done = start, 0
+    total = ROUNDS * sum(len(choices) for choices in _CHOICES.values())
+    for _ in range(ROUNDS):
+        for name, choices in _CHOICES.items():
+            for choice in choices:
+                done += 1
+                progress(done / total)
+                if choice == best.number(name):
+                    continue
+                tried = AdvancedSettings({**best.values, name: choice})
+                found = evaluate(tried)
+                if _is_better(goal, found, best_score, first):
+                    best, best_score = tried, found
+    return best, first, best_score
+
+
+def _is_better(goal: Goal, found: Score, best: Score, first: Score) -> bool:
+    if goal == "truth":
+        return found.wrong < best.wrong
+    if goal == "fill":
+        return found.fill > best.fill and found.noise_px <= _MOST_NOISE * first.noise_px
+    return found.noise_px < best.noise_px and found.fill >= _LEAST_FILL * first.fill

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Advanced-mode JSON as Intel's Viewer and rs400_advanced_mode write it: one object of keys, or one with the keys under
+"parameters"; numbers may be text."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from activestereo.common.input_files import read_json_object, read_toml
+from activestereo.common.nearest import did_you_mean
+from activestereo.common.output_files import write_text
+
+Value = float | str
+_TABLE = Path(__file__).with_name("keys.toml")
+_IGNORED = ("result", "result:")
+
+
+@dataclass(frozen=True)
+class Key:
+    """A row of keys.toml. words: what it may be where it is no number. to: the names that it sets here."""
+
+    name: str
+    default: Value
+    to: tuple[str, ...]
+    meaning: str
+    range: tuple[float, float] = (-math.inf, math.inf)
+    words: tuple[str, ...] | None = None
+    alias: str = ""
+
+
+@cache
+def keys() -> dict[str, Key]:
+    """All keys by name."""
+    rows: dict[str, dict[str, Any]] = read_toml(_TABLE)
+    lists = ("to", "range", "words")
+    return {
+        name: Key(name, **{field: tuple(value) if field in lists else value for field, value in row.items()})
+        for name, row in rows.items()
+    }
+
+
+@dataclass(frozen=True)
+class AdvancedSettings:
+    """values: of the keys that were given, by the table's names (an alias under the name that it stands for)."""
+
+    values: Mapping[str, Value]
+
+    def number(self, name: str) -> float:
+        """A key's number: the given one, or the camera's default."""
+        return float(self.values.get(name, keys()[name].default))
+
+    def word(self, name: str) -> str:
+        return str(self.values.get(name, keys()[name].default))
+
+    def is_changed(self, *names: str) -> bool:
+        """Whether one of these keys was given and differs from the camera's default."""
+        return any(name in self.values and self.values[name] != keys()[name].default for name in names)
+
+    @property
+    def unmapped(self) -> list[str]:
+        """Given keys that differ from the camera's default and set nothing here."""
+        return [name for name in self.values if not keys()[name].to and self.is_changed(name)]
+
+
+def read_settings(path: str | Path) -> AdvancedSettings:
+    """The settings of a file. ValueError names the file and each key that is unknown or out of range."""
+    return parse_settings(read_json_object(path), str(path))
+
+
+def parse_settings(content: Mapping[str, Any], source: str) -> AdvancedSettings:
+    """read_settings() of a JSON object; `source` stands before an error."""
+    inside = content.get("parameters", content)
+    if not isinstance(inside, Mapping) or not inside:
+        raise ValueError(f"{source}: has no keys of the advanced mode, such as param-secondpeakdelta")
+    names = {key.alias: key for key in keys().values() if key.alias} | keys()
+    values: dict[str, Value] = {}
+    faults = []
+    for name, raw in inside.items():
+        if name in _IGNORED:
+            continue
+        if name not in names:
+            faults.append(f"{name} is unknown{did_you_mean(name, names)}")
+            continue
+        key = names[name]
+        try:
+            value = _value(key, raw)
+        except ValueError as error:
+            faults.append(f"{name} {error}")
+            continue
+        # The Viewer writes both names with one value; a file edited by hand may differ.
+        if values.setdefault(key.name, value) != value:
+            faults.append(f"{key.name} and {key.alias} are one setting and differ: {values[key.name]} and {value}")
+    if faults:
+        raise ValueError(f"{source}: {'; '.join(faults)}")
+    return AdvancedSettings(values)
+
+
+def _value(key: Key, raw: Any) -> Value:
+    if key.words is not None:
+        if key.words and str(raw) not in key.words:
+            raise ValueError(f"is {raw!r}, expected {' or '.join(key.words)}")
+        return str(raw)
+    try:
+        value = float(raw) if not isinstance(raw, bool) else math.nan
+    except (TypeError, ValueError):
+        value = math.nan
+    low, high = key.range
+    if not low <= value <= high:
+        raise ValueError(f"is {raw!r}, expected {low:g} to {high:g}")
+    return value
+
+
+def write_settings(path: str | Path, settings: AdvancedSettings) -> None:
+    """The file for the camera: all given keys, as text, as librealsense writes them."""
+    values = {name: _text(value) for name, value in sorted(settings.values.items())}
+    write_text(path, json.dumps(values, indent=4) + "\n")
+
+
+def _text(value: Value) -> str:
+    return value if isinstance(value, str) else f"{value:.6g}"

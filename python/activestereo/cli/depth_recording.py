@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: Apache-2.0
+"""activestereo depth RECORDING: every infrared pair of a recording matched again."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from activestereo.cli.arguments import CommandError, check_out_file, make_folder, print_json
+from activestereo.cli.engine_options import given_matching, given_rig
+from activestereo.cli.import_calibration import folder_device, given_device
+
+if TYPE_CHECKING:
+    from activestereo.camera.advanced_mode import AdvancedSettings
+    from activestereo.camera.advanced_mode.matcher import PairMatcher
+    from activestereo.capture.importers.pairs import Pair
+
+_RUN = "depth.json"
+_SEARCHED_PAIRS = 4
+_GOALS = ("fill", "noise", "truth")
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """The options that are of recordings alone."""
+    add = parser.add_argument_group("recordings", "One argument in place of LEFT and RIGHT: a folder or a bag.").add_argument
+    text = "advanced-mode settings of a D400, as Intel's Viewer writes them (default: the camera's own)"
+    add("--settings", type=Path, metavar="FILE.json", help=text)
+    text = "look for settings: most fill at the same noise, least noise at the same fill, or least error beside --truth; "
+    text += "writes them for the camera"
+    add("--search", nargs=2, metavar=("fill|noise|truth", "FILE.json"), help=text)
+    text = "16-bit depth of the same pairs, by name in order of the pairs: a folder of PNG files"
+    add("--truth", type=Path, metavar="DIR", help=text)
+    add("--truth-scale", type=float, default=0.001, metavar="M", help="metres per unit of it (default: 0.001)")
+    text = "the camera whose matcher and nominal figures are taken (default: d415)"
+    add("--sensor", default="d415", metavar="NAME", help=text)
+    text = "of a folder: as for 'activestereo import'; a bag has its own"
+    add("--calibration", type=Path, action="append", default=[], metavar="FILE", help=text)
+    add("--rectified", action="store_true", help="the images are ROS' image_rect, not image_raw (with ROS' YAML)")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Matches, or searches, and says what came of it."""
+    from activestereo.camera.advanced_mode import AdvancedSettings, read_settings
+
+    settings = AdvancedSettings({}) if args.settings is None else read_settings(args.settings)
+    if args.search is not None:
+        _search(args, settings)
+        return
+    if args.out is None:
+        raise CommandError("the following arguments are required: -o/--out")
+    _check_out(args.left, args.out)
+    _match(args, settings)
+
+
+def _check_out(recording: Path, out: Path) -> None:
+    """A recording is never written into."""
+    folder = recording.resolve() if recording.is_dir() else recording.resolve().parent
+    is_inside = recording.is_dir() and folder in (out.resolve(), *out.resolve().parents)
+    if is_inside or out.resolve() == folder:
+        raise CommandError(f"--out {out} lies in the recording, which is never written: choose a folder outside of it")
+
+
+def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
+    from activestereo.capture.importers.pairs import recorded_pairs
+    from activestereo.common.output_files import write_png
+    from activestereo.common.progress_bar import ProgressBar
+
+    K, baseline_m, assumed = _geometry(args)
+    make_folder(args.out)
+    first = _chosen_pairs(args.left, [0])[0]
+    matcher = _matcher(args, settings, K, baseline_m, first)
+    done = {path.stem for path in args.out.glob("*.png")}
+    _same_run(args.out / _RUN, bool(done), _facts(args, settings, matcher, K, baseline_m, first))
+    number, fill, count = 0, 0.0, max(1, _count(args.left))
+    with ProgressBar(f"matching {args.left.name}") as bar:
+        for pair in recorded_pairs(args.left, lambda name: name not in done):
+            image = matcher.image(pair.left, pair.right)
+            write_png(args.out / f"{pair.name}.png", image)
+            number, fill = number + 1, fill + float(np.mean(image > 0))
+            bar(min(1.0, (len(done) + number) / count))
+    result = {
+        "pairs": number,
+        "done_before": len(done),
+        "measured_share": fill / number if number else None,
+        "unmapped": settings.unmapped,
+        "assumed": assumed,
+        "out": str(args.out),
+    }
+    if args.json:
+        print_json(result)
+        return
+    for line in assumed:
+        print(f"assumed: {line}")
+    print(_unmapped_text(settings), end="")
+    before = f", {len(done)} were there already" if done else ""
+    measured = f", measured {100 * fill / number:.1f} %" if number else ""
+    print(f"{number} pairs matched{before}{measured}")
+    print(f"written: {_RUN} and 16-bit depth, one PNG a pair, in {args.out}")
+
+
+def _unmapped_text(settings: AdvancedSettings) -> str:
+    names = settings.unmapped
+    return f"without effect here: {', '.join(names)}\n" if names else ""
+
+
+def _geometry(args: argparse.Namespace) -> tuple[np.ndarray, float, list[str]]:
+    """(K, baseline in metres, what was assumed) of the rectified pairs."""
+    from activestereo.capture.images import image_size
+    from activestereo.capture.importers.bag import is_bag, read_calibration
+    from activestereo.capture.importers.realsense_folder import frame_files
+
+    assumed: list[str] = []
+    if is_bag(args.left):
+        device = given_device(args) or read_calibration(args.left)
+        width, height = next((w, h) for stream, w, h in device.intrinsics if stream == "Infrared 1")
+    elif args.left.is_dir():
+        files = frame_files(args.left)
+        device, assumed = folder_device(args, files)
+        width, height = image_size(files[0].files["left"], "Infrared 1")
+    else:
+        raise CommandError(f"{args.left}: is neither a folder nor a bag; of a pair of images give both")
+    lens = device.intrinsic("Infrared 1", width, height)
+    left_to_right = device.extrinsic("Infrared 1", "Infrared 2")
+    if np.any(lens.distortion) or not np.allclose(left_to_right[:3, :3], np.eye(3), atol=1e-3):
+        raise CommandError(f"{device.path}: the pairs are not rectified: record the rectified infrared streams")
+    return lens.K, -float(left_to_right[0, 3]), assumed
+
+
+def _count(recording: Path) -> int:
+    """Pairs of a folder; of a bag, nobody knows before it is read."""
+    from activestereo.capture.importers.bag import count_pairs, is_bag
+    from activestereo.capture.importers.realsense_folder import frame_files
+
+    return count_pairs(recording) if is_bag(recording) else len(frame_files(recording))
+
+
+def _matcher(
+    args: argparse.Namespace, settings: AdvancedSettings, K: np.ndarray, baseline_m: float, pair: Pair
+) -> PairMatcher:
+    import simsense
+    from activestereo.camera.advanced_mode.matcher import PairMatcher
+    from activestereo.camera.matching import matcher_parameters
+    from activestereo.camera.presets import StereoDepthSensorConfig
+
+    base = matcher_parameters(StereoDepthSensorConfig(args.sensor))
+    overrides = given_matching(args) | given_rig(args)
+    device = args.device or ("auto" if overrides.get("back_end") == "vulkan" else "host")
+    return PairMatcher(K, baseline_m, pair.left, settings, base, overrides, simsense.Device(device))
+
+
+def _facts(
+    args: argparse.Namespace,
+    settings: AdvancedSettings,
+    matcher: PairMatcher,
+    K: np.ndarray,
+    baseline_m: float,
+    pair: Pair,
+) -> dict[str, Any]:
+    """What all depth images of a folder have in common."""
+    return {
+        "recording": args.left.name,
+        "size": [pair.left.shape[1], pair.left.shape[0]],
+        "K": K.ravel().tolist(),
+        "baseline_m": baseline_m,
+        "table": asdict(matcher.table),
+        "settings": dict(settings.values),
+        "matcher": {name: value for name, value in matcher.parameters.items() if name != "frame_index"},
+    }
+
+
+def _same_run(path: Path, has_images: bool, facts: Mapping[str, Any]) -> None:
+    """Writes what the run is, or checks that a run which goes on is the same."""
+    from activestereo.common.input_files import read_json_object
+    from activestereo.common.output_files import write_text
+
+    text = json.dumps(facts, indent=1, default=str)
+    if path.is_file():
+        before = read_json_object(path)
+        differing = [name for name, value in json.loads(text).items() if before.get(name) != value]
+        if differing:
+            raise CommandError(
+                f"{path.parent}: holds depth of another run ({', '.join(differing)} differ): choose another folder"
+            )
+        return
+    if has_images:
+        raise CommandError(f"{path.parent}: holds PNG files and no {_RUN}: choose another folder")
+    write_text(path, text + "\n")
+
+
+def _search(args: argparse.Namespace, settings: AdvancedSettings) -> None:
+    from activestereo.camera.advanced_mode import write_settings
+    from activestereo.camera.advanced_mode.search import score, search
+    from activestereo.common.progress_bar import ProgressBar
+
+    goal, out = args.search[0], Path(args.search[1])
+    if goal not in _GOALS:
+        raise CommandError(f"--search {goal}: expected one of {', '.join(_GOALS)}")
+    if (goal == "truth") != (args.truth is not None):
+        raise CommandError("--search truth needs --truth DIR, and --truth nothing else")
+    check_out_file(out)
+    K, baseline_m, assumed = _geometry(args)
+    chosen = _spread(_count(args.left))
+    pairs = _chosen_pairs(args.left, chosen)
+    truths = [] if args.truth is None else _truths(args, chosen, float(K[0, 0]) * baseline_m, pairs[0].left.shape)
+    matcher = _matcher(args, settings, K, baseline_m, pairs[0])
+
+    def evaluate(tried: AdvancedSettings) -> Any:
+        matcher.set_settings(tried)
+        return score([matcher.disparity(pair.left, pair.right) for pair in pairs], truths)
+
+    with ProgressBar(f"searching on {len(pairs)} pairs") as bar:
+        best, before, after = search(goal, settings, evaluate, bar)
+    write_settings(out, best)
+    if args.json:
+        changed = {name: value for name, value in best.values.items() if settings.values.get(name) != value}
+        print_json({"before": asdict(before), "after": asdict(after), "changed": changed, "assumed": assumed})
+        return
+    for line in assumed:
+        print(f"assumed: {line}")
+    for name, found in (("before", before), ("after", after)):
+        wrong = "" if args.truth is None else f", wrong or unmeasured {100 * found.wrong:.2f} %"
+        print(f"{name:7s} measured {100 * found.fill:.2f} %, noise {found.noise_px:.3f} px{wrong}")
+    print(f"written: {out}")
+
+
+def _spread(count: int) -> list[int]:
+    """Places of the pairs that are searched on, over the whole recording."""
+    return sorted({round(share * (count - 1)) for share in np.linspace(0.0, 1.0, _SEARCHED_PAIRS)})
+
+
+def _chosen_pairs(recording: Path, chosen: list[int]) -> list[Pair]:
+    from activestereo.capture.importers.pairs import recorded_pairs
+
+    places = iter(range(chosen[-1] + 1))
+    pairs = list(islice(recorded_pairs(recording, lambda name: next(places, -1) in chosen), len(chosen)))
+    if not pairs:
+        raise CommandError(f"{recording}: no infrared pair: its two streams have no images of one time")
+    return pairs
+
+
+def _truths(
+    args: argparse.Namespace, chosen: list[int], focal_baseline_px_m: float, shape: tuple[int, ...]
+) -> list[np.ndarray]:
+    """Disparities, NaN where the truth is not known."""
+    from activestereo.capture.images import read_gray
+
+    files = sorted(args.truth.glob("*.png"))
+    if len(files) <= chosen[-1]:
+        raise CommandError(f"--truth {args.truth}: has {len(files)} PNG files, the recording {chosen[-1] + 1} pairs")
+    out = []
+    for place in chosen:
+        depth_m = args.truth_scale * read_gray(files[place], (shape[1], shape[0]), "truth").astype(np.float64)
+        with np.errstate(divide="ignore"):
+            out.append(np.where(depth_m > 0, focal_baseline_px_m / depth_m, np.nan).astype(np.float32))
+    return out
