@@ -29,11 +29,12 @@ _GOALS = ("fill", "noise", "truth")
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """The options that are of recordings alone."""
-    add = parser.add_argument_group("recordings", "One argument in place of LEFT and RIGHT: a folder or a bag.").add_argument
+    group = parser.add_argument_group("recordings", "One argument in place of LEFT and RIGHT: a folder or a bag.")
+    add = group.add_argument
     text = "advanced-mode settings of a D400, as Intel's Viewer writes them (default: the camera's own)"
     add("--settings", type=Path, metavar="FILE.json", help=text)
-    text = "look for settings: most fill at the same noise, least noise at the same fill, or least error beside --truth; "
-    text += "writes them for the camera"
+    text = "look for settings: most fill at the same noise, least noise at the same fill, or least error beside "
+    text += "--truth; writes them for the camera"
     add("--search", nargs=2, metavar=("fill|noise|truth", "FILE.json"), help=text)
     text = "16-bit depth of the same pairs, by name in order of the pairs: a folder of PNG files"
     add("--truth", type=Path, metavar="DIR", help=text)
@@ -163,7 +164,7 @@ def _facts(
     baseline_m: float,
     pair: Pair,
 ) -> dict[str, Any]:
-    """What all depth images of a folder have in common."""
+    """The run that all depth images of a folder are of."""
     return {
         "recording": args.left.name,
         "size": [pair.left.shape[1], pair.left.shape[0]],

@@ -73,7 +73,8 @@ def test_at_least_twenty_settings_are_mapped_and_the_page_is_what_the_table_says
 
 
 def test_what_is_written_reads_back_and_old_names_are_the_same_setting(tmp_path):
-    given = {"param-zunits": "100", "param-depthunits": 100, "controls-laserstate": "off", "param-rsmdiffthreshold": "1.2"}
+    given = {"param-zunits": "100", "param-depthunits": 100, "controls-laserstate": "off"}
+    given |= {"param-rsmdiffthreshold": "1.2"}
     settings = parse_settings(given, "x")
     write_settings(tmp_path / "a.json", settings)
     text = json.loads((tmp_path / "a.json").read_text())
