@@ -45,7 +45,7 @@ class Score:
 
 
 def score(disparities: Sequence[NDArray[np.float32]], truths: Sequence[NDArray[np.float32]] = ()) -> Score:
-    """Of disparity images, -1 = no measurement; truths: likewise, NaN where it is not known."""
+    """The score of disparity images, -1 = no measurement; truths: likewise, NaN where it is not known."""
     fill = float(np.mean([np.mean(disparity > 0) for disparity in disparities]))
     noise = float(np.median(np.concatenate([_plane_residuals(disparity) for disparity in disparities])))
     wrong = [
