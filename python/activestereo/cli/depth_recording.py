@@ -90,7 +90,7 @@ def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
         "pairs": number,
         "done_before": len(done),
         "measured_share": fill / number if number else None,
-        "unmapped": settings.unmapped,
+        "unmapped": settings.unmapped(),
         "assumed": assumed,
         "out": str(args.out),
     }
@@ -107,7 +107,7 @@ def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
 
 
 def _unmapped_text(settings: AdvancedSettings) -> str:
-    names = settings.unmapped
+    names = settings.unmapped()
     return f"without effect here: {', '.join(names)}\n" if names else ""
 
 

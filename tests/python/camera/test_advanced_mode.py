@@ -47,7 +47,7 @@ def others(key):
 def test_the_camera_s_defaults_leave_the_preset_s_matcher_as_it_is():
     settings = parse_settings({name: key.default for name, key in keys().items() if key.default != ""}, "defaults")
     assert matcher_parameters(settings, BASE) == BASE
-    assert settings.unmapped == []
+    assert settings.unmapped() == []
 
 
 @pytest.mark.parametrize("name", [name for name, key in keys().items() if key.to])

@@ -62,7 +62,6 @@ class AdvancedSettings:
         """Whether one of these keys was given and differs from the camera's default."""
         return any(name in self.values and self.values[name] != keys()[name].default for name in names)
 
-    @property
     def unmapped(self) -> list[str]:
         """Given keys that differ from the camera's default and set nothing here."""
         return [name for name in self.values if not keys()[name].to and self.is_changed(name)]
