@@ -6,13 +6,13 @@ is then from Mitsuba's, and how much of it the depth engine fills.
     PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_materials_mitsuba.py [--only ball-plastic ...]
 
 Two poses are recorded (material_worlds.py); the view between them is unseen. Its residual, of the infrared image with
-the projector on and with it off, is that of a recorded frame over the object's pixels, in floors of the frame's own
+the projector on and with it off, is that of a recorded frame over the object's pixels, in deviations of the frame's own
 noise; both renderers render twice, and the product of the two differences has no part of their noise. In brackets:
 the model's squared error alone and its standard error, DN^2, which tells whether --unseen-spp is enough. With the
 projector on a second figure has a D4xx's speckle in the floor, which no model of a sensor can foretell. Both
 renderers end the unseen view's paths at the second surface (--bounces): a path that comes back to the thing's gloss
-meets the projector's dots so rarely and so brightly that no number of samples tells their mean. Asked: 1.3 floors, and
-fill within 3 points.
+meets the projector's dots so rarely and so brightly that no number of samples tells their mean. Asked: 1.3 deviations,
+and fill within 3 points.
 """
 
 from __future__ import annotations
@@ -142,10 +142,10 @@ def measured(name: str, spp: int, unseen_spp: int, bounces: int) -> str:
         errors = (image - gray)[where] * (other - BLACK_DN - DN * again)[where]
         error2, unsure = float(errors.mean()), float(errors.std() / np.sqrt(errors.size))
         # A frame errs by the model's error and its own noise together.
-        floors = [np.sqrt(1.0 + max(error2, 0.0) / floor2)]
+        deviations = [np.sqrt(1.0 + max(error2, 0.0) / floor2)]
         if lit:
-            floors.append(np.sqrt(1.0 + max(error2, 0.0) / (floor2 + (SPECKLE * gray[where].std()) ** 2)))
-        residuals.append(f"{', '.join(f'{f:.2f}' for f in floors)} ({error2:.2f} ± {unsure:.2f} DN²)")
+            deviations.append(np.sqrt(1.0 + max(error2, 0.0) / (floor2 + (SPECKLE * gray[where].std()) ** 2)))
+        residuals.append(f"{', '.join(f'{f:.2f}' for f in deviations)} ({error2:.2f} ± {unsure:.2f} DN²)")
     rng = np.random.default_rng(1)
     places = left_pose, right_pose
     where = ours.see(left_pose, True, left_pose)[1]
@@ -173,7 +173,7 @@ def main() -> None:
         mitsuba()
     except ValueError as error:
         raise SystemExit(f"skipped: {error}") from None
-    print("| object | found | on, floors, with speckle | off, floors | fill, Mitsuba / ours | CPU s |\n|" + "--|" * 6)
+    print("| object | found | on, sigma, with speckle | off, sigma | fill, Mitsuba / ours | CPU s |\n|" + "--|" * 6)
     for name in args.only:
         print(measured(name, args.spp, args.unseen_spp, args.bounces), flush=True)
 

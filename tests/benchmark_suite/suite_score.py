@@ -9,7 +9,8 @@ from scipy.stats import binomtest
 
 # Names of the library that describe what a world calls otherwise: its ambient infrared light is a lamp in the room.
 SAME_PHYSICS = {"external_light": "ambient_ir"}
-# An effect counts as detectable where it leaves this much error on test frames above the noise floor, in floors.
+# An effect counts as detectable where it leaves this much error on test frames above the noise floor, in noise
+# variances.
 DETECTABLE = 0.5
 
 

@@ -132,5 +132,5 @@ def comparison_of(errors: ImageErrors, made: RenderedWith) -> Comparison:
         "depth": depth_scores(depths),
         "frames": errors.by_frame(),
     }
-    scores |= where_it_fails(capture, layers, views, measured, predictions, errors.floors, law, depths, seed)
+    scores |= where_it_fails(capture, layers, views, measured, predictions, errors.noise_variances, law, depths, seed)
     return Comparison(capture, scores, measured, predictions, depths, layers, model)

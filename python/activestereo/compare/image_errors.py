@@ -14,7 +14,7 @@ from activestereo.capture.capture import EYES, SPLITS, Capture, Frame, ImageKey
 from activestereo.compare.engine_prediction import predict_in_engines
 from activestereo.compare.fit_model import predict_under_model
 from activestereo.compare.noise import NoiseLaw
-from activestereo.compare.noise_floors import floors_of
+from activestereo.compare.noise_variances import noise_variances_of
 from activestereo.compare.nuisances import Fit
 from activestereo.compare.render import Halves, LayersOfFrames
 from activestereo.compare.render_noise import mean_of_halves, noise_square, rmse_without_noise
@@ -32,8 +32,8 @@ class ImageErrors:
     """A model's expected images beside the measured ones, {(frame id, eye): [height][width]}, DN.
 
     layers: the base model's light, {frame id: {eye: Layers}}, the mean of two halves of the samples. fit: the nuisances
-    under the model, fitted to the train frames. floors: {(frame id, eye): (variance in DN^2, where it is from)}; law:
-    the noise law or None."""
+    under the model, fitted to the train frames. noise_variances: {(frame id, eye): (variance in DN^2, where it is
+    from)}; law: the noise law or None."""
 
     capture: Capture
     model: Model
@@ -42,7 +42,7 @@ class ImageErrors:
     measured: dict[ImageKey, NDArray]
     fit: Fit
     predictions: dict[ImageKey, NDArray[np.float32]]
-    floors: dict[ImageKey, tuple[float, str]]
+    noise_variances: dict[ImageKey, tuple[float, str]]
     law: NoiseLaw | None
     _sums: dict[ImageKey, dict[str, Any]]
 
@@ -112,9 +112,11 @@ def image_errors(
         )
     predictions = {key: (0.5 * (a + b)).astype(np.float32) for key, (a, b) in expected.items()}
     seen = {(f, e): (views[f, e].frame, layers[f][e], image) for (f, e), image in measured.items()}
-    floors, law = floors_of(capture, views, measured, predictions, fit.nuisances.black_dn, unsteady_light(seen))
-    sums = {key: _sums_of(measured[key], expected[key], floors.get(key)) for key in measured}
-    return ImageErrors(capture, model, layers, views, measured, fit, predictions, floors, law, sums)
+    noise_variances, law = noise_variances_of(
+        capture, views, measured, predictions, fit.nuisances.black_dn, unsteady_light(seen)
+    )
+    sums = {key: _sums_of(measured[key], expected[key], noise_variances.get(key)) for key in measured}
+    return ImageErrors(capture, model, layers, views, measured, fit, predictions, noise_variances, law, sums)
 
 
 def _sums_of(measured: np.ndarray, halves: Sequence[np.ndarray], floor: Any) -> dict[str, Any]:

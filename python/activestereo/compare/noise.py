@@ -155,7 +155,7 @@ def _with_weights(rows: list[Any], count: Any) -> list[Any]:
     return list(zip(gain, mean, square, variance, 1.0 / error, strict=True))
 
 
-def frame_floors(
+def frame_noise_variances(
     capture: Capture, black_dn: float, no_noise: Mapping[tuple[int, str], np.ndarray] | None = None
 ) -> tuple[dict[tuple[int, str], tuple[float, str]], NoiseLaw | None]:
     """({(frame id, eye): (variance in DN^2, "repeats" or "law")}, law). Without any repeats: ({}, None).
@@ -169,13 +169,13 @@ def frame_floors(
     law = fit_noise_law(train or statistics, black_dn, capture.rig.max_dn)
     if law is None:
         return {}, None
-    floors: dict[tuple[int, str], tuple[float, str]] = {}
+    noise_variances: dict[tuple[int, str], tuple[float, str]] = {}
     for frames, eye, _, variance in statistics:
         for frame in frames:
-            floors[frame.id, eye] = (float(variance.mean()), "repeats")
+            noise_variances[frame.id, eye] = (float(variance.mean()), "repeats")
     for frame in capture.frames:
         for eye in EYES:
-            if (frame.id, eye) not in floors:
+            if (frame.id, eye) not in noise_variances:
                 lit = capture.ir(frame, eye) - known.get((frame.id, eye), 0.0)
-                floors[frame.id, eye] = (law.mean_variance(lit, frame.gain), "law")
-    return floors, law
+                noise_variances[frame.id, eye] = (law.mean_variance(lit, frame.gain), "law")
+    return noise_variances, law

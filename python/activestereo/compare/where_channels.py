@@ -36,7 +36,7 @@ def where_it_fails(
     views: Mapping[ImageKey, View],
     measured: Mapping[ImageKey, np.ndarray],
     predictions: Mapping[ImageKey, np.ndarray],
-    floors: Mapping[ImageKey, tuple[float, str]],
+    noise_variances: Mapping[ImageKey, tuple[float, str]],
     law: NoiseLaw | None,
     depths: Sequence[DepthFrame],
     seed: int = 0,
@@ -47,9 +47,8 @@ def where_it_fails(
         for eye in EYES:
             key, expected = (frame.id, eye), predictions[frame.id, eye]
             maps[key] = covariate_maps(views[key], layers[frame.id][eye].material, expected, capture.rig.baseline_m)
-            infrared.append(
-                (key, measured[key] - expected, _floor(expected, frame, floors.get(key), law), _pose(frame, eye))
-            )
+            floor = _floor(expected, frame, noise_variances.get(key), law)
+            infrared.append((key, measured[key] - expected, floor, _pose(frame, eye)))
     channels = residual_channels(infrared, [d for d in depths if d.frame.split == "train"], maps, seed)
     name_of = surface_text(capture.scene_path)
     return {

@@ -22,8 +22,8 @@ from activestereo.effects.core.judging import Channel
 class BaseFit:
     """A model with its nuisances fitted and nothing added: what every candidate has to improve on.
 
-    chi2: cross-validated; tile_chi2: as fitted, by tile. white_floors: what stays between repeats and is white over
-    the image, as a renderer's own noise is.
+    chi2: cross-validated; tile_chi2: as fitted, by tile. white_reduced_chi2: what stays between repeats and is white
+    over the image, as a renderer's own noise is.
     """
 
     model: Model
@@ -32,7 +32,7 @@ class BaseFit:
     tile_chi2: np.ndarray
     train: tuple[ImageResidual, ...]
     test: tuple[ImageResidual, ...]
-    white_floors: float
+    white_reduced_chi2: float
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,8 @@ class Explanation:
     """An effect's fitted explanation of the data on its channel.
 
     chi2, tile_chi2: of the train images with it; the base's where the channel looks at something else. solution: the
-    fit of an expected image. fields: of random draws. own: the evidence of other channels. repeats_floors: what the
-    effect leaves in every frame of a view alike (rounding to coarse steps), which is no other effect's.
+    fit of an expected image. fields: of random draws. own: the evidence of other channels. repeats_reduced_chi2: what
+    the effect leaves in every frame of a view alike (rounding to coarse steps), which is no other effect's.
     """
 
     effect: Effect
@@ -80,7 +80,7 @@ class Explanation:
     solution: Solution | None = None
     fields: FieldFit | None = None
     own: OwnEvidence | None = None
-    repeats_floors: float = 0.0
+    repeats_reduced_chi2: float = 0.0
 
     @property
     def fitted(self) -> Solution:
@@ -101,14 +101,14 @@ class NotRanked:
 class Score:
     """The score of an explanation.
 
-    nats: gain of log-likelihood. explained_share: of the error above the floor. gain_floors: fall of the mean square.
-    consistency: share of the touched images that get better. choice_nats: of choices that it took, or that surveys
-    may explain. occam_nats: what its freedom costs, <= 0.
+    nats: gain of log-likelihood. explained_share: of the error above the floor. gain_reduced_chi2: fall of the mean
+    square. consistency: share of the touched images that get better. choice_nats: of choices that it took, or that
+    surveys may explain. occam_nats: what its freedom costs, <= 0.
     """
 
     nats: float
     explained_share: float
-    gain_floors: float
+    gain_reduced_chi2: float
     consistency: float
     choice_nats: float = 0.0
     occam_nats: float = 0.0
@@ -118,18 +118,18 @@ class Score:
 class Checks:
     """Checks of the explanations that matter.
 
-    plain_share, plain_floors: explained_share and gain_floors of the error in DN as it is, not weighed by its
-    expected variance. varying_floors: what a varying amplitude of the effect's trace explains beyond one.
-    structure_floors: structure that it leaves (score/structure.py). variation: {effect: varying_floors} of every
-    effect that was added to the given model. at_range_end: whether a shape parameter was driven to an end of its range.
-    held_sigmas: how far the fit takes a focal length or an albedo, the farthest, from what calibration and survey
-    say, in deviations of these. None and absent: not looked at.
+    plain_share, plain_reduced_chi2: explained_share and gain_reduced_chi2 of the error in DN as it is, not weighed by
+    its expected variance. varying_reduced_chi2: what a varying amplitude of the effect's trace explains beyond one.
+    structure_reduced_chi2: structure that it leaves (score/structure.py). variation: {effect: varying_reduced_chi2} of
+    every effect that was added to the given model. at_range_end: whether a shape parameter was driven to an end of its
+    range. held_sigmas: how far the fit takes a focal length or an albedo, the farthest, from what calibration and
+    survey say, in deviations of these. None and absent: not looked at.
     """
 
     plain_share: float | None = None
-    plain_floors: float = 0.0
-    varying_floors: float = 0.0
-    structure_floors: float | None = None
+    plain_reduced_chi2: float = 0.0
+    varying_reduced_chi2: float = 0.0
+    structure_reduced_chi2: float | None = None
     variation: Mapping[str, float] = field(default_factory=dict)
     at_range_end: bool = False
     held_sigmas: float = 0.0
@@ -139,13 +139,13 @@ class Checks:
 class BaseChecks(Checks):
     """Further checks of the base.
 
-    plain_excess_floors: mean square above the floor of the error in DN as it is. unsteady_floors,
-    uneven_structure_floors: see score/steadiness.py.
+    plain_excess_reduced_chi2: mean square above the floor of the error in DN as it is. unsteady_reduced_chi2,
+    uneven_structure_reduced_chi2: see score/steadiness.py.
     """
 
-    plain_excess_floors: float = 0.0
-    unsteady_floors: float = 0.0
-    uneven_structure_floors: float = 0.0
+    plain_excess_reduced_chi2: float = 0.0
+    unsteady_reduced_chi2: float = 0.0
+    uneven_structure_reduced_chi2: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -154,8 +154,8 @@ class Remainder:
     and Checks."""
 
     chi2: float
-    repeats_floors: float
-    structure_floors: float | None
+    repeats_reduced_chi2: float
+    structure_reduced_chi2: float | None
     variation: Mapping[str, float]
     held_sigmas: float = 0.0
 
@@ -202,7 +202,7 @@ class Finding:
         e = self.explanation
         checks = self.checks
         return Remainder(
-            e.chi2, e.repeats_floors, checks.structure_floors, checks.variation, checks.held_sigmas
+            e.chi2, e.repeats_reduced_chi2, checks.structure_reduced_chi2, checks.variation, checks.held_sigmas
         )
 
 
@@ -210,7 +210,7 @@ class Finding:
 class Ranking:
     """Findings on top of a base, those that may be named first, each part by its gain.
 
-    pixels: of the train images. design_effect: by how much the residuals of neighbours vary together. floor_chi2:
+    pixels: of the train images. design_effect: by how much the residuals of neighbours vary together. noise_chi2:
     chi2 of the best model, or of the noise alone where that is less: what counts as the floor.
     """
 
@@ -220,7 +220,7 @@ class Ranking:
     not_ranked: tuple[NotRanked, ...]
     pixels: int
     design_effect: float
-    floor_chi2: float
+    noise_chi2: float
     thresholds: Thresholds
 
     @property
@@ -230,21 +230,21 @@ class Ranking:
     @property
     def base_remainder(self) -> Remainder:
         checks = self.base_checks
-        return Remainder(self.base.chi2, 0.0, checks.structure_floors, checks.variation, checks.held_sigmas)
+        return Remainder(self.base.chi2, 0.0, checks.structure_reduced_chi2, checks.variation, checks.held_sigmas)
 
     @property
-    def excess_floors(self) -> float:
+    def excess_reduced_chi2(self) -> float:
         """The base's residual above the noise and the renderer's own noise, in noise variances."""
-        return self.base.chi2 / self.pixels - 1.0 - self.base.white_floors
+        return self.base.chi2 / self.pixels - 1.0 - self.base.white_reduced_chi2
 
     @property
     def at_floor(self) -> bool:
         """Whether the expected images lack nothing."""
-        return self.excess_floors < self.thresholds.images_at_floor
+        return self.excess_reduced_chi2 < self.thresholds.images_at_floor
 
     def excess_after(self, chi2: float) -> float:
         """The residual of an explanation with this chi2 above the noise, in noise variances."""
-        return max(chi2 / self.pixels - self.floor_chi2 / self.pixels, 0.0)
+        return max(chi2 / self.pixels - self.noise_chi2 / self.pixels, 0.0)
 
     def difference_error(self, first: Finding, second: Finding) -> float:
         """Standard error of the difference of two findings' nats."""

@@ -92,7 +92,9 @@ def _exceeds_formulas(context: DiagnosisContext, start: Ranking, ranking: Rankin
             for chi2 in (start.base.tile_chi2, ranking.base.tile_chi2, finding.explanation.tile_chi2)
         )
         beyond.append(before - after - thresholds.formulas_share * max(first - before, 0.0))
-    return sum(beyond) > 0.0 or sum(max(x, 0.0) for x in beyond) >= thresholds.smallest_gain_floors * ranking.pixels
+    return (
+        sum(beyond) > 0.0 or sum(max(x, 0.0) for x in beyond) >= thresholds.smallest_gain_reduced_chi2 * ranking.pixels
+    )
 
 
 def _without_drift(context: DiagnosisContext, bases: BaseFits, base: BaseFit) -> tuple[DiagnosisContext, BaseFits]:
@@ -113,7 +115,7 @@ def _fitted_at_first(first: Ranking, rivals: set[str]) -> dict[str, np.ndarray]:
 
 
 def _loss(context: DiagnosisContext, smaller: BaseFit, full: BaseFit) -> tuple[float, float]:
-    """(nats, floors) that a base is behind a better one."""
+    """(nats, reduced chi-square) that a base is behind a better one."""
     ranking = bare_ranking(context, smaller)
     nats = 0.5 * ranking.pixels * float(np.log(smaller.chi2 / full.chi2)) / ranking.design_effect
     return nats, (smaller.chi2 - full.chi2) / ranking.pixels
@@ -129,8 +131,8 @@ def _pruned(context: DiagnosisContext, bases: BaseFits, model: Model, given: int
     full = bases(model, phi)
     for e, _ in model.effects[given:-1]:
         smaller = model.without_effect(e.id)
-        nats, floors = _loss(context, bases(smaller, phi), full)
-        if nats < context.thresholds.needless_nats or floors < context.thresholds.needless_floors:
+        nats, reduced_chi2 = _loss(context, bases(smaller, phi), full)
+        if nats < context.thresholds.needless_nats or reduced_chi2 < context.thresholds.needless_reduced_chi2:
             return _pruned(context, bases, smaller, given, phi)
     return model
 
@@ -158,6 +160,6 @@ def _with_likeliest(
     others = rank(context, bases(model.without_effect(effect.id), phi), [c for c in rivals if c.id not in taken])
     best = next((f for f in others.findings if f.solution is not None), None)
     own = next((f for f in others.findings if f.id == effect.id), None)
-    if best is None or own is None or best.chi2 > own.chi2 + context.thresholds.needless_floors * others.pixels:
+    if best is None or own is None or best.chi2 > own.chi2 + context.thresholds.needless_reduced_chi2 * others.pixels:
         return model
     return best.fitted.model if best.id != effect.id else model

@@ -25,10 +25,10 @@ from activestereo.diagnose.refine import Fitters, ImageResidual, Solution
 from activestereo.diagnose.refine.by_rendering import Rendering, refined_by_rendering
 from activestereo.diagnose.refine.parsimony import simplified
 from activestereo.diagnose.refine.settle import settled
-from activestereo.diagnose.score.constancy import varying_floors
+from activestereo.diagnose.score.constancy import varying_reduced_chi2
 from activestereo.diagnose.score.likelihood import design_effect, frame_consistency, nats_of
 from activestereo.diagnose.score.occam import choice_nats, is_at_end, occam_nats
-from activestereo.diagnose.score.steadiness import uneven_structure, unsteady_floors
+from activestereo.diagnose.score.steadiness import uneven_structure, unsteady_reduced_chi2
 from activestereo.diagnose.score.structure import local_structure
 from activestereo.diagnose.thresholds import Thresholds
 from activestereo.diagnose.verdict.acceptance import comes_near, is_significant, passes
@@ -155,7 +155,7 @@ def settled_first(context: DiagnosisContext, ranking: Ranking) -> Ranking:
     found = replace(first, explanation=explanation)
     structure = local_structure(_rows_after(context, ranking.base, found))
     variation, held = _variation(context, found.fitted), _held_sigmas(context, found.fitted)
-    checks = replace(first.checks, structure_floors=structure, variation=variation, held_sigmas=held)
+    checks = replace(first.checks, structure_reduced_chi2=structure, variation=variation, held_sigmas=held)
     return _with_findings(ranking, (replace(found, checks=checks), *ranking.findings[1:]))
 
 
@@ -170,12 +170,12 @@ def _scored(context: DiagnosisContext, base: BaseFit, explained: Sequence[Explan
     best = min(fits, key=lambda e: e.chi2)
     pixels = context.evidence.pixels
     design = design_effect(best.tile_chi2, context.evidence.tile_pixels)
-    floor_chi2 = min(float(pixels), best.chi2)
-    findings = tuple(Finding(e, _score(context, base, e, design, floor_chi2)) for e in explained)
-    return Ranking(base, BaseChecks(), findings, (), pixels, design, floor_chi2, context.thresholds)
+    noise_chi2 = min(float(pixels), best.chi2)
+    findings = tuple(Finding(e, _score(context, base, e, design, noise_chi2)) for e in explained)
+    return Ranking(base, BaseChecks(), findings, (), pixels, design, noise_chi2, context.thresholds)
 
 
-def _score(context: DiagnosisContext, base: BaseFit, e: Explanation, design: float, floor_chi2: float) -> Score:
+def _score(context: DiagnosisContext, base: BaseFit, e: Explanation, design: float, noise_chi2: float) -> Score:
     evidence, fitter = context.evidence, context.fitters.train
     fall = base.chi2 - e.chi2
     choice = occam = 0.0
@@ -184,8 +184,8 @@ def _score(context: DiagnosisContext, base: BaseFit, e: Explanation, design: flo
         occam = occam_nats(fitter, e.solution, e.effect, design) - choice
     return Score(
         nats=nats_of(base.chi2, e.chi2, evidence.pixels, design),
-        explained_share=fall / max(base.chi2 - floor_chi2, 1e-9),
-        gain_floors=fall / evidence.pixels,
+        explained_share=fall / max(base.chi2 - noise_chi2, 1e-9),
+        gain_reduced_chi2=fall / evidence.pixels,
         consistency=frame_consistency(evidence.train, base.tile_chi2, e.tile_chi2),
         choice_nats=choice,
         occam_nats=occam,
@@ -244,7 +244,7 @@ def _with_size(context: DiagnosisContext, ranking: Ranking, finding: Finding) ->
     floor, before = _floor_square(context), _square(ranking.base.train)
     fall = before - _square(context.fitters.train.residuals(finding.fitted))
     share = fall / max(before - floor, 1e-9 * floor)
-    return replace(finding, checks=replace(finding.checks, plain_share=share, plain_floors=fall / floor))
+    return replace(finding, checks=replace(finding.checks, plain_share=share, plain_reduced_chi2=fall / floor))
 
 
 def _simplified(context: DiagnosisContext, ranking: Ranking) -> Ranking:
@@ -277,15 +277,15 @@ def _looked_at(context: DiagnosisContext, ranking: Ranking) -> list[Finding]:
 
     def checked(f: Finding) -> Finding:
         at_end = any(is_at_end(p, f.explanation.parameters[p.name].value) for p in f.effect.parameters)
-        varying = _varying(context, f.fitted, f.effect) if f.id in chosen else f.checks.varying_floors
-        return replace(f, checks=replace(f.checks, at_range_end=at_end, varying_floors=varying))
+        varying = _varying(context, f.fitted, f.effect) if f.id in chosen else f.checks.varying_reduced_chi2
+        return replace(f, checks=replace(f.checks, at_range_end=at_end, varying_reduced_chi2=varying))
 
     return list(map(checked, ranking.findings))
 
 
 def _varying(context: DiagnosisContext, solution: Solution, effect: Effect) -> float:
     fitter = context.fitters.train
-    return varying_floors(fitter, fitter.residuals(solution), solution, effect)
+    return varying_reduced_chi2(fitter, fitter.residuals(solution), solution, effect)
 
 
 def _in_order(ranking: Ranking) -> list[Finding]:
@@ -318,23 +318,26 @@ def _with_remainders(context: DiagnosisContext, ranking: Ranking) -> Ranking:
     def checked(f: Finding) -> Finding:
         if f.id not in matter or not (f.on_images and passes(ranking, f)):
             return f
-        structure = local_structure(_rows_after(context, ranking.base, f))
         solution = f.solution or ranking.base.solution
-        held = _held_sigmas(context, solution)
-        variation = base_checks.variation if f.solution is None else _variation(context, solution)
-        return replace(f, checks=replace(f.checks, structure_floors=structure, variation=variation, held_sigmas=held))
+        checks = replace(
+            f.checks,
+            structure_reduced_chi2=local_structure(_rows_after(context, ranking.base, f)),
+            variation=base_checks.variation if f.solution is None else _variation(context, solution),
+            held_sigmas=_held_sigmas(context, solution),
+        )
+        return replace(f, checks=checks)
 
     return replace(ranking, base_checks=base_checks, findings=tuple(map(checked, ranking.findings)))
 
 
 def _base_checks(context: DiagnosisContext, base: BaseFit) -> BaseChecks:
     return BaseChecks(
-        structure_floors=local_structure(base.train),
+        structure_reduced_chi2=local_structure(base.train),
         variation=_variation(context, base.solution),
         held_sigmas=_held_sigmas(context, base.solution),
-        plain_excess_floors=_square(base.train) / _floor_square(context) - 1.0,
-        unsteady_floors=unsteady_floors(base.train),
-        uneven_structure_floors=uneven_structure(base.train),
+        plain_excess_reduced_chi2=_square(base.train) / _floor_square(context) - 1.0,
+        unsteady_reduced_chi2=unsteady_reduced_chi2(base.train),
+        uneven_structure_reduced_chi2=uneven_structure(base.train),
     )
 
 
@@ -349,11 +352,12 @@ def _held_sigmas(context: DiagnosisContext, solution: Solution) -> float:
 
 def _floor_square(context: DiagnosisContext) -> float:
     """The sum of squares that noise alone leaves of the train images, DN^2."""
-    return sum(context.evidence.floors[o.key] * o.measured.size for o in context.evidence.train)
+    return sum(context.evidence.noise_variances[o.key] * o.measured.size for o in context.evidence.train)
 
 
 def _variation(context: DiagnosisContext, solution: Solution) -> dict[str, float]:
-    """{effect: varying_floors} of the effects in a solution that the model did not have when the diagnosis started."""
+    """{effect: varying_reduced_chi2} of the effects in a solution that the model did not have when the diagnosis
+    started."""
     return {e.id: _varying(context, solution, e) for e in solution.effects if e.id not in context.given}
 
 

@@ -57,14 +57,14 @@ class Thresholds:
         "the same for the mean square of the disparity error, since any two depth engines differ",
         _GENERATION_1,
     )
-    smallest_gain_floors: float = _threshold(
+    smallest_gain_reduced_chi2: float = _threshold(
         0.01,
         "noise variances",
         "least decrease of the mean squared error",
         _GENERATION_1,
         moves="halved: false alarms +0.010; doubled: false alarms -0.010",
     )
-    smallest_plain_floors: float = _threshold(
+    smallest_plain_reduced_chi2: float = _threshold(
         0.05,
         "noise variances",
         "least decrease of the unweighted error, where that decrease alone makes an effect large",
@@ -98,21 +98,21 @@ class Thresholds:
         _GENERATION_1,
         moves="doubled: named +0.013",
     )
-    other_law_floors: float = _threshold(
+    other_law_reduced_chi2: float = _threshold(
         0.012,
         "noise variances",
         "least size of that variation that counts at all",
         _GENERATION_1,
         moves="doubled: named +0.013",
     )
-    unexplained_floors: float = _threshold(
+    unexplained_reduced_chi2: float = _threshold(
         0.12,
         "noise variances",
         "structure and excess above which something is missing, where no effect is named",
         _GENERATION_1,
         moves="halved: named -0.027; doubled: outside -0.107",
     )
-    structure_of_named_floors: float = _threshold(
+    structure_of_named_reduced_chi2: float = _threshold(
         0.075,
         "noise variances",
         "structure above which something is missing beside a named effect",
@@ -133,20 +133,20 @@ class Thresholds:
         "deviations",
         "theory: one normal error in 16 000 is larger",
     )
-    largest_of_surveys_floors: float = _threshold(
+    largest_of_surveys_reduced_chi2: float = _threshold(
         0.5,
         "noise variances",
         "largest excess of any shape that errors of the survey leave, where no effect is named",
         _GENERATION_1,
         moves="doubled: outside -0.036",
     )
-    unsteady_floors: float = _threshold(
+    unsteady_reduced_chi2: float = _threshold(
         0.06,
         "noise variances",
         "largest difference between the frames of one view that noise makes, where no effect is named",
         _GENERATION_1,
     )
-    uneven_structure_floors: float = _threshold(
+    uneven_structure_reduced_chi2: float = _threshold(
         0.12,
         "noise variances",
         "largest structure of one image beyond the median image's, where no effect is named",
@@ -169,7 +169,7 @@ class Thresholds:
     same_excess_ratio: float = _threshold(
         1.2, "1", "ratio of excess errors within which two explanations count as equal", _GENERATION_1
     )
-    same_excess_floors: float = _threshold(
+    same_excess_reduced_chi2: float = _threshold(
         0.002, "noise variances", "absolute difference that is allowed in addition to that ratio", _GENERATION_1
     )
     same_gain_share: float = _threshold(
@@ -194,7 +194,7 @@ class Thresholds:
         "temperature of the softmax, over the logarithm of the remaining error, that gives the confidences",
         _GENERATION_1,
     )
-    floor_known_to: float = _threshold(0.01, "noise variances", "uncertainty of the noise floor itself", _GENERATION_1)
+    noise_known_to: float = _threshold(0.01, "noise variances", "uncertainty of the noise floor itself", _GENERATION_1)
     nats_per_unit: float = _threshold(
         20.0, "nats", "nats of an approximate likelihood that raise the logarithm of a confidence by one", _GENERATION_1
     )
@@ -209,7 +209,7 @@ class Thresholds:
         "loss of likelihood below which an effect is removed again",
         "as margin_nats",
     )
-    needless_floors: float = _earlier(
+    needless_reduced_chi2: float = _earlier(
         0.005, "noise variances", "the same limit in units of the noise floor", _GENERATION_1
     )
     formulas_share: float = _earlier(
@@ -229,7 +229,7 @@ class Thresholds:
     needless_parameter_share: float = _earlier(
         0.03, "1", "least share of its effect's gain that a free parameter must contribute", _GENERATION_1
     )
-    needless_parameter_floors: float = _earlier(
+    needless_parameter_reduced_chi2: float = _earlier(
         0.005, "noise variances", "the same limit in units of the noise floor", _GENERATION_1
     )
     # Random fields.
@@ -239,7 +239,7 @@ class Thresholds:
         "ratio of the covariance of neighbours to the variance, below which a residual is white noise",
         _GENERATION_1,
     )
-    largest_white_floors: float = _earlier(
+    largest_white_reduced_chi2: float = _earlier(
         0.06,
         "noise variances",
         "largest error that the renderer's own noise causes",

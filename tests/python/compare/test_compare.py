@@ -17,7 +17,7 @@ from activestereo.compare.cache import LayerCache, request_key
 from activestereo.compare.compare import compare
 from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
 from activestereo.compare.layers import rig_request
-from activestereo.compare.noise import frame_floors
+from activestereo.compare.noise import frame_noise_variances
 from activestereo.compare.render import WARP_SCALE, render_frames
 from activestereo.report.summary import summary_table
 from activestereo.report.write import write_report
@@ -154,7 +154,7 @@ def test_without_repeats_the_floor_is_the_pairs_not_zero(lab_world, tmp_path):
     for frame in values["frames"]:
         frame["repeat_group"] = None
     (copy / "capture.json").write_text(json.dumps(values))
-    assert frame_floors(read_capture(copy), 4.0) == ({}, None)
+    assert frame_noise_variances(read_capture(copy), 4.0) == ({}, None)
     scores = compare(copy, renderer=WorldRenderer(lab_world, grid=1), cache=LayerCache(tmp_path / "cache")).scores
     assert scores["ir"]["test"]["noise_floor_from"] == ["pair"]
     assert scores["ir"]["test"]["noise_floor_dn"] > 1.0  # the world's read noise

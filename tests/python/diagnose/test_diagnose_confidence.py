@@ -25,17 +25,17 @@ def entry(name, chi2, channel=Channel.EXPECTED_IMAGE, occam=0.0, nats=0.0):
     return Finding(explanation, Score(nats, 0.0, 0.0, 1.0, occam_nats=occam))
 
 
-def sized(name, nats, chi2, plain_floors, at_end=False):
-    """A finding of 0.1 floors by its weights, and of others in DN."""
+def sized(name, nats, chi2, plain_reduced_chi2, at_end=False):
+    """A finding of 0.1 noise variances by its weights, and of others in DN."""
     explanation = Explanation(SimpleNamespace(id=name), Channel.EXPECTED_IMAGE, {}, chi2, np.zeros(1))
-    checks = Checks(plain_share=plain_floors, plain_floors=plain_floors, at_range_end=at_end)
+    checks = Checks(plain_share=plain_reduced_chi2, plain_reduced_chi2=plain_reduced_chi2, at_range_end=at_end)
     return Finding(explanation, Score(nats, 0.5, 0.1, 1.0), checks)
 
 
 def ranking_of(findings, base_chi2=900.0, pixels=100, base_structure=None):
-    base = SimpleNamespace(chi2=base_chi2, white_floors=0.0)
+    base = SimpleNamespace(chi2=base_chi2, white_reduced_chi2=0.0)
     return Ranking(
-        base, BaseChecks(structure_floors=base_structure), tuple(findings), (), pixels, 1.0, 100.0, THRESHOLDS
+        base, BaseChecks(structure_reduced_chi2=base_structure), tuple(findings), (), pixels, 1.0, 100.0, THRESHOLDS
     )
 
 
@@ -121,12 +121,12 @@ def test_formulas_excuse_nothing_that_ends_at_its_range():
     assert equivalents(ranking_of([level, replace(dark, checks=replace(dark.checks, at_range_end=True))]), level) == []
 
 
-@pytest.mark.parametrize(("floors", "structure", "unknown"), [(0.3, 0.05, False), (0.3, 0.2, True), (1.2, 0.05, True)])
-def test_unknown_is_what_has_structure_or_is_more_than_surveys_leave(floors, structure, unknown):
-    left = Remainder(100.0 * (1.0 + floors), 0.0, structure, {})
+@pytest.mark.parametrize(("excess", "structure", "unknown"), [(0.3, 0.05, False), (0.3, 0.2, True), (1.2, 0.05, True)])
+def test_unknown_is_what_has_structure_or_is_more_than_surveys_leave(excess, structure, unknown):
+    left = Remainder(100.0 * (1.0 + excess), 0.0, structure, {})
     assert is_unexplained(ranking_of([]), left) is unknown
     first = ranking_of([], base_structure=0.05)
-    named = Remainder(100.0 * (1.0 + floors), 0.0, 0.05, {})
+    named = Remainder(100.0 * (1.0 + excess), 0.0, 0.05, {})
     assert not is_unexplained(first, named, first)  # what a named effect leaves is judged by its structure
 
 

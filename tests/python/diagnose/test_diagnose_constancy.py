@@ -11,7 +11,7 @@ from activestereo.effects.core.judging import Channel
 from activestereo.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Score
 from activestereo.diagnose.thresholds import THRESHOLDS
 from activestereo.diagnose.score import constancy
-from activestereo.diagnose.score.constancy import varying_floors
+from activestereo.diagnose.score.constancy import varying_reduced_chi2
 from activestereo.diagnose.verdict.acceptance import passes
 from activestereo.diagnose.verdict.completeness import is_unexplained
 
@@ -22,8 +22,8 @@ EFFECT = SimpleNamespace(id="blur")
 
 
 def found(monkeypatch, amplitude_of):
-    """(floors that varying_floors finds, floors that are hidden) where the effect's trace is amplitude_of(frame, eye)
-    too small."""
+    """(noise variances that varying_reduced_chi2 finds, those that are hidden) where the effect's trace is
+    amplitude_of(frame, eye) too small."""
     rng, rows, plains, hidden = np.random.default_rng(9), [], [], []
     for frame in range(4):
         for eye in ("left", "right"):
@@ -38,13 +38,13 @@ def found(monkeypatch, amplitude_of):
     space = SimpleNamespace(pairs=[(EFFECT, None)], neutral=np.zeros(1), model=lambda theta: None)
     fitter = SimpleNamespace(observations=[o for o, *_ in rows], lights=lambda space, theta: plains)
     solution = SimpleNamespace(space=space, theta=np.ones(1), phi=None)
-    return varying_floors(fitter, rows, solution, EFFECT), float(np.mean(hidden))
+    return varying_reduced_chi2(fitter, rows, solution, EFFECT), float(np.mean(hidden))
 
 
 @pytest.mark.parametrize("amplitude", [0.0, 0.3])
 def test_one_amplitude_everywhere_leaves_nothing_that_varies(monkeypatch, amplitude):
-    floors, _ = found(monkeypatch, lambda frame, eye: amplitude)
-    assert 0.0 <= floors < 1e-3
+    excess, _ = found(monkeypatch, lambda frame, eye: amplitude)
+    assert 0.0 <= excess < 1e-3
 
 
 @pytest.mark.parametrize(
@@ -57,8 +57,8 @@ def test_one_amplitude_everywhere_leaves_nothing_that_varies(monkeypatch, amplit
     ],
 )
 def test_what_varies_over_the_picture_frames_or_eyes_is_found(monkeypatch, amplitude_of):
-    floors, hidden = found(monkeypatch, amplitude_of)
-    assert floors == pytest.approx(hidden, rel=0.03, abs=1e-3)
+    excess, hidden = found(monkeypatch, amplitude_of)
+    assert excess == pytest.approx(hidden, rel=0.03, abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -67,10 +67,10 @@ def test_what_varies_over_the_picture_frames_or_eyes_is_found(monkeypatch, ampli
 )
 def test_what_varies_much_is_not_named_and_what_varies_somewhat_is_unknown(varying, is_named, unknown):
     gain = 0.2
-    base = SimpleNamespace(chi2=125.0, white_floors=0.0)
+    base = SimpleNamespace(chi2=125.0, white_reduced_chi2=0.0)
     explanation = Explanation(EFFECT, Channel.EXPECTED_IMAGE, {}, 125.0 - 100.0 * gain, np.zeros(1))
-    checks = Checks(varying_floors=varying, structure_floors=0.0, variation={"blur": varying})
+    checks = Checks(varying_reduced_chi2=varying, structure_reduced_chi2=0.0, variation={"blur": varying})
     finding = Finding(explanation, Score(500.0, 0.95, gain, 1.0), checks)
-    ranking = Ranking(base, BaseChecks(structure_floors=0.0), (finding,), (), 100, 1.0, 100.0, THRESHOLDS)
+    ranking = Ranking(base, BaseChecks(structure_reduced_chi2=0.0), (finding,), (), 100, 1.0, 100.0, THRESHOLDS)
     assert passes(ranking, finding) is is_named
     assert is_unexplained(ranking, finding.remainder, ranking) is unknown

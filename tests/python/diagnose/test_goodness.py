@@ -10,7 +10,7 @@ from activestereo.effects import builtin
 from activestereo.diagnose.channels.fields_together import components, pixel_term
 from activestereo.diagnose.thresholds import THRESHOLDS
 from activestereo.diagnose.refine import ImageResidual
-from activestereo.diagnose.score.steadiness import uneven_structure, unsteady_floors
+from activestereo.diagnose.score.steadiness import uneven_structure, unsteady_reduced_chi2
 from activestereo.diagnose.score.structure import local_structure
 
 SHAPE = (96, 160)
@@ -86,7 +86,9 @@ def test_gains_of_pixels_and_grains_are_told_apart_where_both_are_there(gain_sig
         deviation = abs(found[name].variance - truth**2)
         assert deviation <= max(4.0 * found[name].error, 0.01 * max(gain_sigma, contrast) ** 2), name
         assert (
-            (found[name].variance > 3.0 * found[name].error) == (truth > 0) or truth == 0 and found[name].floors < 0.02
+            (found[name].variance > 3.0 * found[name].error) == (truth > 0)
+            or truth == 0
+            and found[name].reduced_chi2 < 0.02
         )
 
 
@@ -110,11 +112,11 @@ def test_an_error_that_one_frame_of_a_view_shows_is_told_from_one_that_all_show(
     surveys = 0.5 * np.gradient(image)[1]
     noise = [surveys + NOISE_DN * rng.standard_normal(SHAPE) for _ in range(3)]
     calm = [row(image, residual, **view) for residual in noise]
-    assert unsteady_floors(calm) < 0.06
-    assert unsteady_floors(calm[:2]) == 0.0  # two frames cannot tell which of them is the other one
+    assert unsteady_reduced_chi2(calm) < 0.06
+    assert unsteady_reduced_chi2(calm[:2]) == 0.0  # two frames cannot tell which of them is the other one
     moved = [*calm[:2], row(image, noise[2] + 0.3 * np.gradient(image)[1], **view)]
     size = np.mean((0.3 * np.gradient(image)[1]) ** 2) / NOISE_DN**2
-    assert 0.4 * size < unsteady_floors(moved) < size
+    assert 0.4 * size < unsteady_reduced_chi2(moved) < size
     assert abs(uneven_structure(calm)) < 0.02 * size < uneven_structure(moved)
 
 

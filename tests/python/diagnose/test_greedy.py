@@ -24,7 +24,9 @@ def finding(effect, model, gain, at_end=False):
 
 
 def base_of(model, chi2):
-    return SimpleNamespace(model=model, chi2=chi2, white_floors=0.0, tile_chi2=np.array([chi2]), train=(), test=())
+    return SimpleNamespace(
+        model=model, chi2=chi2, white_reduced_chi2=0.0, tile_chi2=np.array([chi2]), train=(), test=()
+    )
 
 
 @pytest.mark.parametrize(("at_end", "added"), [(False, 2), (True, 1)])

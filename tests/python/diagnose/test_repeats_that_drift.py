@@ -68,8 +68,8 @@ def warming(tmp_path_factory: pytest.TempPathFactory) -> tuple[Evidence, Images,
 def test_the_floor_is_that_of_the_noise_alone(warming: tuple[Evidence, Images, Images]) -> None:
     evidence, true, _ = warming
     found = without_drift(evidence, WARMING, SCALES.black_dn, true, THRESHOLDS.drift_share)
-    assert evidence.floors[0, "left"] > 4.0 * READ_DN**2
-    assert found.floors[0, "left"] == pytest.approx(READ_DN**2 + 1 / 12, rel=0.1)
+    assert evidence.noise_variances[0, "left"] > 4.0 * READ_DN**2
+    assert found.noise_variances[0, "left"] == pytest.approx(READ_DN**2 + 1 / 12, rel=0.1)
     for before, after in zip(evidence.train, found.train, strict=True):
         assert after.weight.mean() > 2.0 * before.weight.mean()
 

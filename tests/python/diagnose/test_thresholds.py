@@ -18,13 +18,13 @@ from activestereo.diagnose.verdict.completeness import lacks_nothing
 from activestereo.diagnose.verdict.verdict import verdict_of
 
 
-def ranking(explained_share: float, structure_floors: float = 0.0) -> Ranking:
-    """One effect that gains 0.4 floors and leaves a tenth of a floor."""
+def ranking(explained_share: float, structure_reduced_chi2: float = 0.0) -> Ranking:
+    """One effect that gains 0.4 noise variances and leaves a tenth of one."""
     explanation = Explanation(SimpleNamespace(id="blur"), Channel.EXPECTED_IMAGE, {}, 110.0, np.zeros(1))
-    checks = Checks(structure_floors=structure_floors, variation={"blur": 0.0})
+    checks = Checks(structure_reduced_chi2=structure_reduced_chi2, variation={"blur": 0.0})
     finding = Finding(explanation, Score(80.0, explained_share, 0.4, 1.0), checks)
-    base = SimpleNamespace(chi2=150.0, white_floors=0.0)
-    return Ranking(base, BaseChecks(structure_floors=0.3), (finding,), (), 100, 1.0, 100.0, THRESHOLDS)
+    base = SimpleNamespace(chi2=150.0, white_reduced_chi2=0.0)
+    return Ranking(base, BaseChecks(structure_reduced_chi2=0.3), (finding,), (), 100, 1.0, 100.0, THRESHOLDS)
 
 
 def kept(first: Ranking) -> dict:
@@ -44,11 +44,13 @@ def test_another_gate_gives_another_verdict():
     assert verdict_under(kept(ranking(0.3)), stricter)[0] == "unknown"
 
 
-@pytest.mark.parametrize("check", ["plain_excess_floors", "unsteady_floors", "uneven_structure_floors"])
+@pytest.mark.parametrize(
+    "check", ["plain_excess_reduced_chi2", "unsteady_reduced_chi2", "uneven_structure_reduced_chi2"]
+)
 def test_what_no_survey_leaves_is_unknown_where_nothing_is_named(check):
     bare = ranking(0.1)
-    base = SimpleNamespace(chi2=105.0, white_floors=0.0)
-    calm = replace(bare, base=base, base_checks=BaseChecks(structure_floors=0.05))
+    base = SimpleNamespace(chi2=105.0, white_reduced_chi2=0.0)
+    calm = replace(bare, base=base, base_checks=BaseChecks(structure_reduced_chi2=0.05))
     assert verdict_of(calm, calm, True) == "none"
     shown = replace(calm, base_checks=replace(calm.base_checks, **{check: 0.6}))
     assert verdict_of(shown, shown, True) == "unknown"
@@ -56,7 +58,7 @@ def test_what_no_survey_leaves_is_unknown_where_nothing_is_named(check):
 
 
 def test_what_ends_at_its_range_and_leaves_structure_is_a_stand_in():
-    calm = replace(ranking(0.9), base=SimpleNamespace(chi2=100.0, white_floors=0.0), findings=())
+    calm = replace(ranking(0.9), base=SimpleNamespace(chi2=100.0, white_reduced_chi2=0.0), findings=())
     for at_end, left, verdict in ((True, 0.2, "unknown"), (True, 0.0, "effect"), (False, 0.2, "effect")):
         best = ranking(0.9, left).best
         explanation = replace(best.explanation, chi2=130.0)
@@ -70,7 +72,7 @@ def test_a_name_beside_a_calibration_that_nobody_would_have_made_is_a_stand_in(s
     first = ranking(0.9)
     best = replace(first.best, checks=replace(first.best.checks, held_sigmas=sigmas))
     first = replace(first, findings=(best,))
-    last = replace(first, base=SimpleNamespace(chi2=100.0, white_floors=0.0), findings=())
+    last = replace(first, base=SimpleNamespace(chi2=100.0, white_reduced_chi2=0.0), findings=())
     strained = replace(last, base_checks=replace(last.base_checks, held_sigmas=sigmas))
     assert verdict_of(first, strained, True) == verdict
     assert verdict_of(first, last, True) == "effect"  # a further effect mended it
@@ -84,7 +86,9 @@ def test_a_random_field_stands_in_for_a_law_that_gains_more_but_is_not_the_same_
     first = ranking(0.9)
     field = replace(first.best, explanation=replace(first.best.explanation, channel=Channel.STATIC_FIELD))
     shift = replace(first.best.explanation, effect=SimpleNamespace(id="shift"))
-    law = Finding(shift, Score(law_nats, 0.9, 0.4, 1.0), Checks(varying_floors=varying, structure_floors=0.0))
+    law = Finding(
+        shift, Score(law_nats, 0.9, 0.4, 1.0), Checks(varying_reduced_chi2=varying, structure_reduced_chi2=0.0)
+    )
     both = replace(first, findings=(field, law))
     assert verdict_of(both, both, True) == verdict
     assert verdict_under(kept(both), THRESHOLDS)[0] == verdict
@@ -98,10 +102,10 @@ def test_only_shapes_end_at_their_range():
 
 
 def test_nothing_is_added_to_noise_where_the_images_are_at_its_floor():
-    noise = replace(ranking(0.9).best.explanation, channel=Channel.NOISE_LAW, repeats_floors=0.3)
+    noise = replace(ranking(0.9).best.explanation, channel=Channel.NOISE_LAW, repeats_reduced_chi2=0.3)
     finding = Finding(noise, Score(80.0, 0.9, 0.4, 1.0))
     for chi2, whole in ((120.0, True), (180.0, False)):
-        first = replace(ranking(0.9), base=SimpleNamespace(chi2=chi2, white_floors=0.0))
+        first = replace(ranking(0.9), base=SimpleNamespace(chi2=chi2, white_reduced_chi2=0.0))
         assert lacks_nothing(first, finding) is whole
         assert not lacks_nothing(first, first.best)
 

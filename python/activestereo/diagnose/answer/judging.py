@@ -14,25 +14,31 @@ from activestereo.effects.core.judging import Channel
 
 Json = dict[str, Any]
 # Of the base's checks, those that verdicts rest on.
-_OF_BASE = ("structure_floors", "held_sigmas", "plain_excess_floors", "unsteady_floors", "uneven_structure_floors")
+_OF_BASE = (
+    "structure_reduced_chi2",
+    "held_sigmas",
+    "plain_excess_reduced_chi2",
+    "unsteady_reduced_chi2",
+    "uneven_structure_reduced_chi2",
+)
 
 
 def judging_json(ranking: Ranking, has_floor: bool) -> Json:
     """The numbers of a ranking that its verdict rests on."""
     checks = {name: value for name, value in vars(ranking.base_checks).items() if name in _OF_BASE}
-    base = {"chi2": ranking.base.chi2, "white_floors": ranking.base.white_floors, **checks}
+    base = {"chi2": ranking.base.chi2, "white_reduced_chi2": ranking.base.white_reduced_chi2, **checks}
     findings = [
         {
             "effect": f.id,
             "channel": f.channel.value,
             "chi2": f.chi2,
-            "repeats_floors": f.explanation.repeats_floors,
+            "repeats_reduced_chi2": f.explanation.repeats_reduced_chi2,
             "score": vars(f.score),
             "checks": vars(f.checks),
         }
         for f in ranking.findings
     ]
-    sizes = {"pixels": ranking.pixels, "design_effect": ranking.design_effect, "floor_chi2": ranking.floor_chi2}
+    sizes = {"pixels": ranking.pixels, "design_effect": ranking.design_effect, "noise_chi2": ranking.noise_chi2}
     return sizes | {"has_floor": has_floor, "base": base, "findings": findings}
 
 
@@ -40,8 +46,8 @@ def ranking_under(judging: Mapping[str, Any], thresholds: Thresholds) -> Ranking
     """The ranking that the numbers stand for, under other thresholds; its order stays as it was. It knows no tiles."""
     base = judging["base"]
     checks = BaseChecks(**{name: base[name] for name in _OF_BASE if name in base})
-    stub: Any = SimpleNamespace(chi2=base["chi2"], white_floors=base["white_floors"])
-    sizes = judging["pixels"], judging["design_effect"], judging["floor_chi2"]
+    stub: Any = SimpleNamespace(chi2=base["chi2"], white_reduced_chi2=base["white_reduced_chi2"])
+    sizes = judging["pixels"], judging["design_effect"], judging["noise_chi2"]
     return Ranking(stub, checks, tuple(_findings(judging["findings"])), (), *sizes, thresholds)
 
 
@@ -51,7 +57,9 @@ def _findings(stored: Sequence[Mapping[str, Any]]) -> list[Finding]:
         effect: Any = SimpleNamespace(id=entry["effect"])
         channel = Channel(entry["channel"])
         # Whether there is an expected image decides which threshold of size holds; the fit itself is not kept.
-        e = Explanation(effect, channel, {}, entry["chi2"], np.zeros(1), repeats_floors=entry["repeats_floors"])
+        e = Explanation(
+            effect, channel, {}, entry["chi2"], np.zeros(1), repeats_reduced_chi2=entry["repeats_reduced_chi2"]
+        )
         out.append(Finding(e, Score(**entry["score"]), Checks(**entry["checks"])))
     return out
 

@@ -62,7 +62,7 @@ def _finding_json(ranking: Ranking, f: Finding, confidence: float, name_of: Call
         "score_nats": f.score.nats,
         "confidence": confidence,
         "explained_share": f.score.explained_share,
-        "gain_floors": f.score.gain_floors,
+        "gain_reduced_chi2": f.score.gain_reduced_chi2,
         "frame_consistency": f.score.consistency,
         "parameters": {
             p.name: _parameter_json(p, f.explanation.parameters[p.name], name_of) for p in f.effect.parameters

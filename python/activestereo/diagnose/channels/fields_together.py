@@ -30,13 +30,13 @@ _ROUNDS = 2
 
 @dataclass(frozen=True)
 class Component:
-    """variance and error: of a field's draws; floors: what it adds to the mean square of the train images, in
-    floors.
+    """variance and error: of a field's draws; reduced_chi2: what it adds to the mean square of the train images, in
+    noise variances.
     """
 
     variance: float
     error: float
-    floors: float
+    reduced_chi2: float
 
 
 def pixel_term(effect: Effect) -> RandomTerm | None:
@@ -110,11 +110,11 @@ def _dense_together(findings: Sequence[Finding], base: BaseFit, thresholds: Thre
     black_dn = base.solution.nuisances.black_dn
     largest = {f.id: _largest_sigma(f) for _, f in chosen}
     shown = components({f.id: term for term, f in chosen}, largest, train, black_dn, thresholds)
-    least = thresholds.component_share * sum(c.floors for c in shown.values())
+    least = thresholds.component_share * sum(c.reduced_chi2 for c in shown.values())
     fitted = []
     for _, f in chosen:
         part = shown[f.id]
-        if not (part.floors > least and part.variance > thresholds.component_sigmas * part.error):
+        if not (part.reduced_chi2 > least and part.variance > thresholds.component_sigmas * part.error):
             continue
         fit = fit_fields(f.effect, train, black_dn, thresholds)
         if fit is not None:

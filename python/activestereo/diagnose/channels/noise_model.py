@@ -80,7 +80,7 @@ class NoiseLawChannel(JudgingChannel):
             self._base.chi2,
             self._base.tile_chi2,
             own=OwnEvidence(fit.nats, share),
-            repeats_floors=repeats,
+            repeats_reduced_chi2=repeats,
         )
 
     def _fit(self, effect: Effect) -> _NoiseFit | str:

@@ -34,7 +34,7 @@ class StaticFieldChannel(JudgingChannel):
 
     def _explained(self, effect: Effect) -> Explanation | NotRanked:
         lasts_a_view = any(term.shared_by is SharedBy.VIEW for term in effect.random_terms)
-        if lasts_a_view and not self._base.white_floors:
+        if lasts_a_view and not self._base.white_reduced_chi2:
             return NotRanked(
                 effect, "what stays between repeats of a view is not white over the image, as its draws would be"
             )

@@ -10,7 +10,7 @@ import numpy as np
 from activestereo.capture.capture import EYES, Capture
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.gain_noise import law_at_other_gains
-from activestereo.compare.noise import NoiseLaw, frame_floors
+from activestereo.compare.noise import NoiseLaw, frame_noise_variances
 from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
 from activestereo.compare.render import LayersOfFrames
 from activestereo.compare.unsteady_light import unsteady_light
@@ -37,7 +37,7 @@ _SMALLEST_MATERIAL = 0.002
 # At most this share of an expected value is taken from the measurement itself.
 _MOST_MEASURED = 0.5
 
-Floors = dict[tuple[int, str], float]
+NoiseVariances = dict[tuple[int, str], float]
 
 
 def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0) -> Evidence:
@@ -49,11 +49,11 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0) -> Evidence:
     ]
     train, test = ([s for s in shots if s.frame.split == split] for split in ("train", "test"))
     nuisances = fit_nuisances([(s.frame, s.layers, s.measured) for s in train], capture.rig.max_dn).nuisances
-    floors, law, has_floor = _noise(capture, shots, nuisances)
-    expected = _expected(shots, floors, nuisances, capture.rig.max_dn)
+    noise_variances, law, has_floor = _noise(capture, shots, nuisances)
+    expected = _expected(shots, noise_variances, nuisances, capture.rig.max_dn)
     predicted = {s.key: predict(s.frame, s.layers, nuisances, capture.rig.max_dn) for s in train}
     if has_floor:
-        law, floors = noise_at_other_gains(law, floors, shots, train, predicted)
+        law, noise_variances = noise_at_other_gains(law, noise_variances, shots, train, predicted)
     place_error_m = place_error(train, predicted, law)
     tiles, count = _tiles(train)
     material_of = _material_of(capture)
@@ -74,7 +74,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0) -> Evidence:
         test=tuple(map(observation, test)),
         nuisances=nuisances,
         law=law,
-        floors=floors,
+        noise_variances=noise_variances,
         has_floor=has_floor,
         materials=len(materials),
         tiles=count,
@@ -83,36 +83,38 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0) -> Evidence:
     )
 
 
-def _noise(capture: Capture, shots: Sequence[MeasuredImage], nuisances: Nuisances) -> tuple[Floors, NoiseLaw, bool]:
-    """(floor of each image in DN^2, noise law, whether repeats gave them)."""
+def _noise(
+    capture: Capture, shots: Sequence[MeasuredImage], nuisances: Nuisances
+) -> tuple[NoiseVariances, NoiseLaw, bool]:
+    """(each image's noise variance, noise model, whether repeats gave them)."""
     no_noise = unsteady_light({s.key: (s.frame, s.layers, s.measured) for s in shots})
-    floors, law = frame_floors(capture, nuisances.black_dn, no_noise)
+    noise_variances, law = frame_noise_variances(capture, nuisances.black_dn, no_noise)
     if law is not None:
-        return {key: max(v[0], ROUNDING_VARIANCE) for key, v in floors.items()}, law, True
+        return {key: max(v[0], ROUNDING_VARIANCE) for key, v in noise_variances.items()}, law, True
     law = NoiseLaw(*_ASSUMED_NOISE, nuisances.black_dn)
     return {s.key: max(law.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in shots}, law, False
 
 
 def noise_at_other_gains(
     law: NoiseLaw,
-    floors: Floors,
+    noise_variances: NoiseVariances,
     shots: Sequence[MeasuredImage],
     train: Sequence[MeasuredImage],
     predicted: Mapping[tuple[int, str], np.ndarray],
-) -> tuple[NoiseLaw, Floors]:
-    """The law and floors with the noise that frames at gains without repeats show. predicted: expected DN of the train
-    images.
+) -> tuple[NoiseLaw, NoiseVariances]:
+    """The law and the noise variances with the noise that frames at gains without repeats show. predicted: expected DN
+    of the train images.
     """
     shown = {s.frame.gain for s in train if s.frame.repeat_group is not None}
     law = law_at_other_gains(law, train, dict(predicted), shown)
     others = [s for s in shots if s.frame.gain not in shown]
-    return law, floors | {
+    return law, noise_variances | {
         s.key: max(law.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in others
     }
 
 
 def _expected(
-    shots: Sequence[MeasuredImage], floors: Floors, nuisances: Nuisances, max_dn: float
+    shots: Sequence[MeasuredImage], noise_variances: NoiseVariances, nuisances: Nuisances, max_dn: float
 ) -> dict[tuple[int, str], np.ndarray]:
     """Expected values: the model's prediction, and of the measurement (the mean of repeats) as much as the
     prediction lacks.
@@ -129,7 +131,7 @@ def _expected(
     for group in groups.values():
         images = [predict(s.frame, s.layers, nuisances, max_dn) for s in group]
         mean = np.mean([s.measured for s in group], axis=0)
-        noise = np.mean([floors[s.key] for s in group])
+        noise = np.mean([noise_variances[s.key] for s in group])
         square = np.mean([(s.measured - image) ** 2 for s, image in zip(group, images, strict=True)])
         share = _MOST_MEASURED * max(0.0, 1.0 - noise / max(square, 1e-12))
         expected |= {s.key: image + share * (mean - image) for s, image in zip(group, images, strict=True)}

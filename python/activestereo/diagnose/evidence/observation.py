@@ -3,8 +3,8 @@
 their noise.
 
 The *noise floor* of an image is its mean temporal variance in DN^2: what a perfect model would leave of the squared
-error. It comes from repeated frames of a static view (activestereo.compare.noise). Every figure "in floors" is a mean
-square in units of that variance.
+error. It comes from repeated frames of a static view (activestereo.compare.noise). Every figure named `reduced_chi2`
+is a mean square in units of that variance.
 """
 
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ class Evidence:
     """All observations of a capture.
 
     nuisances: a first fit of projector scale, ambient scale and black level. law: the photon-transfer law of the
-    noise; has_floor: whether repeats gave it. floors: {(frame id, eye): noise floor, DN^2}. materials: how many
+    noise; has_floor: whether repeats gave it. noise_variances: {(frame id, eye): DN^2}. materials: how many
     albedo nuisances there are. tiles: how many tiles. seed: rules every random choice. place_error_m: deviation by
     which a survey misplaces the scene's edges.
     """
@@ -61,7 +61,7 @@ class Evidence:
     test: tuple[Observation, ...]
     nuisances: Nuisances
     law: NoiseLaw
-    floors: dict[tuple[int, str], float]
+    noise_variances: dict[tuple[int, str], float]
     has_floor: bool
     materials: int
     tiles: int
@@ -87,7 +87,7 @@ class Evidence:
 
     def floor_variance(self, observations: tuple[Observation, ...]) -> float:
         """The observations' mean noise floor, DN^2."""
-        return float(np.mean([self.floors[o.key] for o in observations]))
+        return float(np.mean([self.noise_variances[o.key] for o in observations]))
 
     def weight(self, observation: Observation, expected_dn: np.ndarray) -> np.ndarray:
         """1 / variance of an observation's pixels, float32, from their expected values."""

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.compare.noise import by_repeats, frame_floors
+from activestereo.compare.noise import by_repeats, frame_noise_variances
 from activestereo.diagnose.evidence.gather import noise_at_other_gains
 from activestereo.diagnose.evidence.model_discrepancy import place_error
 from activestereo.diagnose.evidence.observation import Evidence, Observation, weight_of
@@ -34,16 +34,16 @@ def without_drift(
     shots = (*evidence.train, *evidence.test)
     dark = {o.key: model.digital(np.zeros(o.view.shape), o.view, black_dn) - black_dn for o in shots}
     no_noise = dark | _drift(shots, expected)
-    floors, law = frame_floors(evidence.capture, evidence.nuisances.black_dn, no_noise)
+    noise_variances, law = frame_noise_variances(evidence.capture, evidence.nuisances.black_dn, no_noise)
     if law is None:
         return evidence
-    found = {key: max(variance, ROUNDING_VARIANCE) for key, (variance, _) in floors.items()}
+    found = {key: max(variance, ROUNDING_VARIANCE) for key, (variance, _) in noise_variances.items()}
     lit_shots = {o.key: replace(o, measured=o.measured - dark[o.key]) for o in shots}
     lit_train = [lit_shots[o.key] for o in evidence.train]
     lit = {key: image - dark[key] for key, image in expected.items()}
     lit_law, found = noise_at_other_gains(law, found, list(lit_shots.values()), lit_train, lit)
     shown = [o.key for o in evidence.train]
-    if sum(found[k] for k in shown) > (1.0 - least_fall) * sum(evidence.floors[k] for k in shown):
+    if sum(found[k] for k in shown) > (1.0 - least_fall) * sum(evidence.noise_variances[k] for k in shown):
         return evidence
     place_error_m = place_error(lit_train, lit, lit_law)
 
@@ -55,7 +55,7 @@ def without_drift(
         train=weighed(evidence.train),
         test=weighed(evidence.test),
         law=lit_law,
-        floors=found,
+        noise_variances=found,
         place_error_m=place_error_m,
     )
 

@@ -20,9 +20,9 @@ from activestereo.effects import Effect
 _ALIKE, _SHARED = 3, 9
 
 
-def varying_floors(fitter: Fitter, rows: Sequence[ImageResidual], solution: Solution, effect: Effect) -> float:
-    """Mean square per pixel, in floors, that an effect's trace explains with a varying amplitude beyond what it
-    explains with one.
+def varying_reduced_chi2(fitter: Fitter, rows: Sequence[ImageResidual], solution: Solution, effect: Effect) -> float:
+    """Mean square per pixel, in noise variances, that an effect's trace explains with a varying amplitude beyond what
+    it explains with one.
 
     The amplitude is a second-order polynomial of the place, and of its own in every frame and eye. rows: of the
     Fitter's observations.

@@ -14,9 +14,9 @@ from activestereo.diagnose.refine.fitter import ImageResidual
 from activestereo.diagnose.score.structure import image_structure
 
 
-def unsteady_floors(rows: Sequence[ImageResidual]) -> float:
-    """By how much more one frame of a view differs from the others of that view than another frame does, in floors;
-    0 where no view has three frames.
+def unsteady_reduced_chi2(rows: Sequence[ImageResidual]) -> float:
+    """By how much more one frame of a view differs from the others of that view than another frame does, in noise
+    variances; 0 where no view has three frames.
 
     The error that all frames of a view share cancels in the differences, whatever its size.
     """
@@ -39,6 +39,6 @@ def _apart(row: ImageResidual, view: Sequence[ImageResidual]) -> float:
 
 
 def uneven_structure(rows: Sequence[ImageResidual]) -> float:
-    """The largest structure of one image beyond the median image's, in floors."""
+    """The largest structure of one image beyond the median image's, in noise variances."""
     structures = [image_structure(row) for row in rows]
     return float(max(structures) - np.median(structures))

@@ -25,7 +25,7 @@ _RIDGE = 0.05
 
 
 def local_structure(rows: Sequence[ImageResidual]) -> float:
-    """Mean square per pixel, in floors, that both halves of the tiles agree on.
+    """Mean square per pixel, in noise variances, that both halves of the tiles agree on.
 
     It is unbiased up to the ridge, which holds it down: near 0, of either sign, where the residual is noise.
     """

@@ -19,8 +19,8 @@ def pose_key(o: Observation) -> tuple[bytes, bool]:
 
 
 def white_rest(rows: Sequence[ImageResidual], thresholds: Thresholds) -> float:
-    """Variance in floors that stays between repeats of a view and is white over the image, edges left out; 0 where
-    it is not white.
+    """Variance, in noise variances, that stays between repeats of a view and is white over the image, edges left out; 0
+    where it is not white.
 
     Grains are white, and so is the renderer's own Monte Carlo noise; shifted, dimmed or blurred dots are not.
     """
@@ -34,4 +34,4 @@ def white_rest(rows: Sequence[ImageResidual], thresholds: Thresholds) -> float:
         beside += [np.nanmean(first[:, 1:] * second[:, :-1]), np.nanmean(first[1:] * second[:-1])]
         count += 1
     white = count > 0 and same > 0 and np.abs(beside).max() < thresholds.white_share * same
-    return min(float(same / count), thresholds.largest_white_floors) if white else 0.0
+    return min(float(same / count), thresholds.largest_white_reduced_chi2) if white else 0.0

@@ -26,7 +26,7 @@ def least_nats(ranking: Ranking, finding: Finding) -> float:
 
 def varies_little(ranking: Ranking, finding: Finding) -> bool:
     """Whether a finding's amplitude is the same everywhere."""
-    return finding.checks.varying_floors <= ranking.thresholds.largest_variation * finding.score.gain_floors
+    return finding.checks.varying_reduced_chi2 <= ranking.thresholds.largest_variation * finding.score.gain_reduced_chi2
 
 
 def passes(ranking: Ranking, finding: Finding) -> bool:
@@ -38,7 +38,7 @@ def passes(ranking: Ranking, finding: Finding) -> bool:
 
 def varies_too_much(ranking: Ranking, finding: Finding) -> bool:
     """Whether a finding may not be named for the sole reason that its amplitude is not the same everywhere."""
-    constant = replace(finding, checks=replace(finding.checks, varying_floors=0.0))
+    constant = replace(finding, checks=replace(finding.checks, varying_reduced_chi2=0.0))
     return not passes(ranking, finding) and passes(ranking, constant)
 
 
@@ -61,11 +61,14 @@ def is_large(ranking: Ranking, finding: Finding, part: float = 1.0) -> bool:
     """Whether a finding is of practical size. part: of the size that is asked for."""
     thresholds, score, checks = ranking.thresholds, finding.score, finding.checks
     share = smallest_share(ranking, finding)
-    large = score.explained_share >= part * share and score.gain_floors >= part * thresholds.smallest_gain_floors
+    large = (
+        score.explained_share >= part * share
+        and score.gain_reduced_chi2 >= part * thresholds.smallest_gain_reduced_chi2
+    )
     if checks.plain_share is None:
         return large
     large_in_dn = (
         checks.plain_share >= part * thresholds.smallest_share
-        and checks.plain_floors >= part * thresholds.smallest_plain_floors
+        and checks.plain_reduced_chi2 >= part * thresholds.smallest_plain_reduced_chi2
     )
     return (large and checks.plain_share >= part * thresholds.patch_share) or large_in_dn

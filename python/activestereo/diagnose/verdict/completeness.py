@@ -15,7 +15,8 @@ def follows_other_law(ranking: Ranking, remainder: Remainder, first: Ranking) ->
     """
     thresholds = ranking.thresholds
     limit = max(
-        thresholds.other_law_share * (first.base.chi2 - remainder.chi2) / ranking.pixels, thresholds.other_law_floors
+        thresholds.other_law_share * (first.base.chi2 - remainder.chi2) / ranking.pixels,
+        thresholds.other_law_reduced_chi2,
     )
     return any(varying > limit for varying in remainder.variation.values())
 
@@ -32,14 +33,16 @@ def has_field_for_law(ranking: Ranking) -> bool:
 
 def lacks_nothing(ranking: Ranking, noise: Finding) -> bool:
     """Whether a finding of the noise alone leaves nothing of the base above the floor for others to explain."""
-    rest = replace(ranking.base_remainder, repeats_floors=noise.explanation.repeats_floors)
+    rest = replace(ranking.base_remainder, repeats_reduced_chi2=noise.explanation.repeats_reduced_chi2)
     return noise.channel is Channel.NOISE_LAW and _excess_beside(ranking, rest) <= 0.0
 
 
 def _excess_beside(ranking: Ranking, remainder: Remainder) -> float:
     """The excess above the noise and above what coarse steps leave in every frame alike, in noise variances."""
     return (
-        remainder.chi2 / ranking.pixels - 1.0 - (1.0 + ranking.thresholds.rounding_known_to) * remainder.repeats_floors
+        remainder.chi2 / ranking.pixels
+        - 1.0
+        - (1.0 + ranking.thresholds.rounding_known_to) * remainder.repeats_reduced_chi2
     )
 
 
@@ -47,11 +50,11 @@ def exceeds_surveys(ranking: Ranking) -> bool:
     """Whether the base leaves what errors of a survey never do: more of the error in DN than they make, or an error
     that comes and goes between the frames of a view, or that one image shows and the others do not.
     """
-    thresholds, checks, white = ranking.thresholds, ranking.base_checks, ranking.base.white_floors
+    thresholds, checks, white = ranking.thresholds, ranking.base_checks, ranking.base.white_reduced_chi2
     return (
-        checks.plain_excess_floors - white > thresholds.largest_of_surveys_floors
-        or checks.unsteady_floors > thresholds.unsteady_floors
-        or checks.uneven_structure_floors > thresholds.uneven_structure_floors
+        checks.plain_excess_reduced_chi2 - white > thresholds.largest_of_surveys_reduced_chi2
+        or checks.unsteady_reduced_chi2 > thresholds.unsteady_reduced_chi2
+        or checks.uneven_structure_reduced_chi2 > thresholds.uneven_structure_reduced_chi2
     )
 
 
@@ -66,15 +69,17 @@ def is_unexplained(ranking: Ranking, remainder: Remainder, first: Ranking | None
     """
     thresholds = ranking.thresholds
     excess = _excess_beside(ranking, remainder)
-    if first is None and excess - ranking.base.white_floors > thresholds.largest_of_surveys_floors:
+    if first is None and excess - ranking.base.white_reduced_chi2 > thresholds.largest_of_surveys_reduced_chi2:
         return True
     if first is not None and remainder.held_sigmas > thresholds.largest_held_sigmas:
         return True
     if first is not None and excess > 0.0 and follows_other_law(ranking, remainder, first):
         return True
-    structure = remainder.structure_floors or 0.0
-    if excess <= thresholds.unexplained_floors:
+    structure = remainder.structure_reduced_chi2 or 0.0
+    if excess <= thresholds.unexplained_reduced_chi2:
         return False
-    if structure <= (thresholds.unexplained_floors if first is None else thresholds.structure_of_named_floors):
+    if structure <= (
+        thresholds.unexplained_reduced_chi2 if first is None else thresholds.structure_of_named_reduced_chi2
+    ):
         return False
-    return first is None or structure > thresholds.unexplained_share * (first.base_checks.structure_floors or 0.0)
+    return first is None or structure > thresholds.unexplained_share * (first.base_checks.structure_reduced_chi2 or 0.0)

@@ -21,8 +21,8 @@ def equivalents(ranking: Ranking, finding: Finding) -> list[str]:
     if finding.score.nats <= 0 or not finding.on_images:
         return []
     excess = ranking.excess_after(finding.chi2)
-    discrepancy = (thresholds.same_excess_ratio - 1.0) * excess + thresholds.same_excess_floors
-    limit = excess + min(discrepancy, thresholds.formulas_share * finding.score.gain_floors)
+    discrepancy = (thresholds.same_excess_ratio - 1.0) * excess + thresholds.same_excess_reduced_chi2
+    limit = excess + min(discrepancy, thresholds.formulas_share * finding.score.gain_reduced_chi2)
     chosen = []
     for other in ranking.findings:
         if other is finding or not other.on_images or other.score.nats <= 0:
@@ -40,11 +40,11 @@ def _is_as_large(finding: Finding, other: Finding, least_share: float) -> bool:
     """Whether another finding gains a share of what a finding gains, and of what it gains in DN where both were
     looked at.
     """
-    if other.score.gain_floors < least_share * finding.score.gain_floors:
+    if other.score.gain_reduced_chi2 < least_share * finding.score.gain_reduced_chi2:
         return False
     if finding.checks.plain_share is None or other.checks.plain_share is None:
         return True
-    return other.checks.plain_floors >= least_share * finding.checks.plain_floors
+    return other.checks.plain_reduced_chi2 >= least_share * finding.checks.plain_reduced_chi2
 
 
 def confidences(ranking: Ranking) -> dict[str, float]:
@@ -81,5 +81,5 @@ def _logits(ranking: Ranking, rivals: Sequence[Finding], base: BaseFit, named: n
     thresholds = ranking.thresholds
     excess = np.array([ranking.excess_after(f.chi2) for f in rivals] + [ranking.excess_after(base.chi2)])
     gains, costs = (np.array([getattr(f.score, name) for f in rivals] + [0.0]) for name in ("nats", "occam_nats"))
-    likeness = -np.log(excess + thresholds.floor_known_to) / thresholds.temperature
+    likeness = -np.log(excess + thresholds.noise_known_to) / thresholds.temperature
     return likeness + np.where(named, gains, 0.0) / thresholds.nats_per_unit + costs / thresholds.occam_nats_per_unit

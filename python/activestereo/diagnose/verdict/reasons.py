@@ -26,8 +26,8 @@ def _faults(ranking: Ranking, finding: Finding) -> list[str]:
     if not is_large(ranking, finding):
         needed = smallest_share(ranking, finding)
         faults.append(
-            f"it explains {100 * score.explained_share:.1f} % of the error ({score.gain_floors:.3f} noise variances), "
-            f"a name needs {share_words(needed)} and {thresholds.smallest_gain_floors:g}"
+            f"it explains {100 * score.explained_share:.1f} % of the error ({score.gain_reduced_chi2:.3f} noise "
+            f"variances), a name needs {share_words(needed)} and {thresholds.smallest_gain_reduced_chi2:g}"
         )
     if score.consistency < thresholds.consistent_share:
         faults.append(

@@ -28,7 +28,7 @@ def verdict_of(first: Ranking, last: Ranking, has_floor: bool) -> str:
         return UNKNOWN if is_missing else NONE
     if not best.on_images:
         # Its own channel tells it, where the images lack nothing else.
-        rest = replace(last.base_remainder, repeats_floors=best.explanation.repeats_floors)
+        rest = replace(last.base_remainder, repeats_reduced_chi2=best.explanation.repeats_reduced_chi2)
         return UNKNOWN if is_unexplained(last, rest) else EFFECT
     if best.checks.at_range_end and is_unexplained(last, best.remainder, first):
         return UNKNOWN  # a stand-in: what mends it is another stand-in

@@ -10,7 +10,7 @@ import numpy as np
 from activestereo.capture.capture import EYES, Capture, Frame, ImageKey
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.gain_noise import law_at_other_gains
-from activestereo.compare.noise import NoiseLaw, frame_floors
+from activestereo.compare.noise import NoiseLaw, frame_noise_variances
 from activestereo.compare.pair_noise import pair_law
 from activestereo.effects.core.view import View
 
@@ -23,7 +23,7 @@ class _Shot:
     key: ImageKey
 
 
-def floors_of(
+def noise_variances_of(
     capture: Capture,
     views: Mapping[ImageKey, View],
     measured: Mapping[ImageKey, np.ndarray],
@@ -33,7 +33,7 @@ def floors_of(
 ) -> tuple[dict[ImageKey, tuple[float, str]], NoiseLaw | None]:
     """({(frame id, eye): (variance in DN^2, 'repeats', 'law' or 'pair')}, law). Empty and None where not even the pairs
     tell: nothing in them is smooth. predicted: expected DN; no_noise: what is known to differ between repeats, DN."""
-    floors, law = frame_floors(capture, black_dn, no_noise)
+    noise_variances, law = frame_noise_variances(capture, black_dn, no_noise)
     if law is None:
         frames = capture.split("train") or capture.frames
         pairs = [
@@ -49,7 +49,7 @@ def floors_of(
     law = law_at_other_gains(law, train, dict(predicted), shown)
     others = {key: view.frame.gain for key, view in views.items() if view.frame.gain not in shown}
     at_others = {key: (_variance(law, measured[key], gain), "law") for key, gain in others.items()}
-    return {key: (max(v, ROUNDING_VARIANCE), source) for key, (v, source) in floors.items()} | at_others, law
+    return {key: (max(v, ROUNDING_VARIANCE), source) for key, (v, source) in noise_variances.items()} | at_others, law
 
 
 def _variance(law: NoiseLaw, image: np.ndarray, gain: float) -> float:
