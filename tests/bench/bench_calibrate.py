@@ -25,7 +25,7 @@ from wall_worlds import WallWorld
 import kuafu
 from activestereo.calibrate.frames import Repeats
 from activestereo.calibrate.noise import calibrate_noise
-from activestereo.calibrate.noise_models import GammaLaw, ShotLaw
+from activestereo.calibrate.noise_models import GammaModel, ShotModel
 from activestereo.calibrate.pattern import calibrate_pattern
 from activestereo.capture.capture import Capture, read_capture
 from activestereo.report.overlay import Overlay
@@ -36,7 +36,9 @@ SIZE = (40, 64)
 WALLS = ((1.0, 0.0), (1.7, 0.1))  # metres, yaw
 
 
-def drawn(law: GammaLaw | ShotLaw, repeats: int, rng: np.random.Generator, is_dark: bool = False) -> NDArray[np.uint8]:
+def drawn(
+    law: GammaModel | ShotModel, repeats: int, rng: np.random.Generator, is_dark: bool = False
+) -> NDArray[np.uint8]:
     """Repeats of blocks of all levels of an 8-bit camera, or of none."""
     clean = np.zeros(SIZE) if is_dark else np.exp(rng.uniform(np.log(0.4), np.log(110.0), SIZE))
     shape = (repeats, *SIZE)
@@ -56,9 +58,9 @@ def laws(draws: int, with_dark: bool) -> None:
         # Deviations of 0.5 to 3 DN at half of the range, by either law.
         at_middle = np.exp(rng.uniform(np.log(0.5), np.log(3.0)))
         if number % 2:
-            law: GammaLaw | ShotLaw = GammaLaw((55.0 / at_middle) ** 2, sigma, black)
+            law: GammaModel | ShotModel = GammaModel((55.0 / at_middle) ** 2, sigma, black)
         else:
-            law = ShotLaw(at_middle**2 / 55.0, sigma, black)
+            law = ShotModel(at_middle**2 / 55.0, sigma, black)
         dark = [Repeats("dark", drawn(law, 12, rng, is_dark=True))] if with_dark else []
         found = calibrate_noise([Repeats("view", drawn(law, 20, rng))], dark, seed=number)
         right += found.chosen == law.name

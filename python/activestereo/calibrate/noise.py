@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The imager's temporal noise from repeats of static views: which law, and its parameters.
+"""The imager's temporal noise from repeats of static views: which noise model, and its parameters.
 
 Repeats show what changes from frame to frame. Static speckle, fixed patterns and a pixel's own gain are the same in
 every repeat: they never show here.
@@ -12,7 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from activestereo.calibrate.frames import Repeats, check_still, read_repeats
-from activestereo.calibrate.noise_fit import LAWS, Counts, LawFit, dark_log_density, fit_law, fit_literally, log_density
+from activestereo.calibrate.noise_fit import (
+    NOISE_MODELS,
+    Counts,
+    NoiseFit,
+    dark_log_density,
+    fit_literally,
+    fit_noise_model,
+    log_density,
+)
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.model import Imager, Quantity, SensorModel
 
@@ -37,10 +45,10 @@ class TransferPoint:
 
 @dataclass(frozen=True)
 class Noise:
-    """fit: of the law that gives pixels it was not fitted to the higher density; margin_nats: by how much, per held-out
-    pixel, with its standard error. clipped_share: of all counts, censored. black_from: its source."""
+    """fit: of the noise model that gives pixels it was not fitted to the higher density; margin_nats: by how much, per
+    held-out pixel, with its standard error. clipped_share: of all counts, censored. black_from: its source."""
 
-    fit: LawFit
+    fit: NoiseFit
     margin_nats: tuple[float, float]
     pixels: int
     repeats: int
@@ -52,36 +60,40 @@ class Noise:
 
     @property
     def chosen(self) -> str:
-        """The law's name."""
-        return self.fit.law.name
+        """The noise model's name."""
+        return self.fit.noise_model.name
 
     def model(self) -> SensorModel:
         """model.json's `imager`, and the black level among its nuisances. Rounding's variance is part of the offset."""
-        law, fit = self.fit.law, self.fit
+        noise_model, fit = self.fit.noise_model, self.fit
         source = (
-            f"calibrate noise: {self.chosen} law, {self.pixels} pixels, {self.repeats} repeats; static speckle does "
-            "not show in repeats"
+            f"calibrate noise: {self.chosen} noise model, {self.pixels} pixels, {self.repeats} repeats; static speckle "
+            "does not show in repeats"
         )
         sigma, zero = fit.interval("sigma_dn"), Quantity(0.0, unit="1")
-        value, low, high = (v**2 + ROUNDING_VARIANCE for v in (law.sigma_dn, *sigma))
+        value, low, high = (v**2 + ROUNDING_VARIANCE for v in (noise_model.sigma_dn, *sigma))
         offset = Quantity(value, low, high, unit="DN^2", source=source)
         if self.chosen == "gamma":
             high, low = fit.interval("shape")
             imager = Imager(
-                offset, replace(zero, unit="DN"), Quantity(1.0 / law.shape, 1.0 / low, 1.0 / high, "1", source)
+                offset, replace(zero, unit="DN"), Quantity(1.0 / noise_model.shape, 1.0 / low, 1.0 / high, "1", source)
             )
         else:
-            imager = Imager(offset, Quantity(law.shape, *fit.interval("shape"), "DN", source), zero)
-        black = Quantity(law.black_dn, *fit.interval("black_dn"), "DN", f"calibrate noise: from {self.black_from}")
+            imager = Imager(offset, Quantity(noise_model.shape, *fit.interval("shape"), "DN", source), zero)
+        black = Quantity(
+            noise_model.black_dn, *fit.interval("black_dn"), "DN", f"calibrate noise: from {self.black_from}"
+        )
         return SensorModel(imager=imager, nuisances={"black_dn": black})
 
     def text(self) -> str:
         """The summary that the command prints."""
-        law, fit = self.fit.law, self.fit
+        noise_model, fit = self.fit.noise_model, self.fit
         margin, error = self.margin_nats
-        other = next(kind.name for kind in LAWS if kind.name != self.chosen)
+        other = next(kind.name for kind in NOISE_MODELS if kind.name != self.chosen)
         sure = "" if margin > 2.0 * error else "; the two are alike on this data: record brighter and darker views"
-        lines = [f"law: {self.chosen}, by {margin:.3g} ± {error:.2g} nats per held-out pixel over {other}{sure}"]
+        lines = [
+            f"noise model: {self.chosen}, by {margin:.3g} ± {error:.2g} nats per held-out pixel over {other}{sure}"
+        ]
         rows = [
             ("k" if self.chosen == "gamma" else "K", "shape", "" if self.chosen == "gamma" else " DN/e-"),
             ("sigma", "sigma_dn", " DN"),
@@ -89,9 +101,11 @@ class Noise:
         ]
         for word, name, unit in rows:
             low, high = fit.interval(name)
-            lines.append(f"{word:6} {getattr(law, name):.4g} ({low:.4g} to {high:.4g}){unit}")
+            lines.append(f"{word:6} {getattr(noise_model, name):.4g} ({low:.4g} to {high:.4g}){unit}")
         if self.chosen == "gamma":
-            lines.append(f"theta  {1.0 / law.shape:.4g} = 1/k: a gauge, for the clean image is the frames' mean")
+            lines.append(
+                f"theta  {1.0 / noise_model.shape:.4g} = 1/k: a gauge, for the clean image is the frames' mean"
+            )
         if self.literal:
             lines.append(
                 "the paper's literal fit (clean image = average): "
@@ -133,14 +147,14 @@ def calibrate_noise(
     black = None if dark_counts is not None else _black_of_exposures(views, max_dn)
     held = rng.random(len(counts.means)) < 0.5
     halves, density = {}, {}
-    for place, kind in enumerate(LAWS):
-        halves[kind.name] = fit_law(kind, counts.part(np.flatnonzero(~held)), None, black, with_error=False)
-        density[kind.name] = log_density(counts.part(np.flatnonzero(held)), halves[kind.name].law)
-        density[kind.name] += dark_log_density(counts, halves[kind.name].law) / held.sum()
+    for place, kind in enumerate(NOISE_MODELS):
+        halves[kind.name] = fit_noise_model(kind, counts.part(np.flatnonzero(~held)), None, black, with_error=False)
+        density[kind.name] = log_density(counts.part(np.flatnonzero(held)), halves[kind.name].noise_model)
+        density[kind.name] += dark_log_density(counts, halves[kind.name].noise_model) / held.sum()
         tell(0.05 + 0.25 * (place + 1))
     chosen = max(density, key=lambda name: float(density[name].sum()))
-    law = halves[chosen].law
-    fit = fit_law(type(law), counts, law, black)
+    noise_model = halves[chosen].noise_model
+    fit = fit_noise_model(type(noise_model), counts, noise_model, black)
     difference = density[chosen] - density[next(name for name in density if name != chosen)]
     margin = float(difference.mean()), float(difference.std(ddof=1) / np.sqrt(len(difference)))
     every = [view.counts for view in views]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fits a noise law to repeats by maximum a posteriori: each pixel's mean is integrated out, so that few repeats do not
-bias the law.
+"""Fits a noise model to repeats by maximum a posteriori: each pixel's mean is integrated out, so that few repeats do
+not bias the noise model.
 
-A pixel's counts y_1..y_n share an unknown mean s above black: p(pixel | law) = integral of p(y_1 | s) ... p(y_n | s)
-ds, over a grid as fine as the mean's own error. Dark frames have s = 0 and stand beside, without the integral.
+A pixel's counts y_1..y_n share an unknown mean s above black: p(pixel | noise model) = integral of p(y_1 | s) ... p(y_n
+| s) ds, over a grid as fine as the mean's own error. Dark frames have s = 0 and stand beside, without the integral.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.sparse import csr_matrix
 
-from activestereo.calibrate.noise_models import GammaLaw, Law, ShotLaw
+from activestereo.calibrate.noise_models import GammaModel, NoiseModel, ShotModel
 
 # Counts are grouped so that a table has at most so many columns.
 _LARGEST_BINS = 512
@@ -58,74 +58,77 @@ class Counts:
 
 
 @dataclass(frozen=True)
-class LawFit:
-    """law: the most probable one. error: standard deviations of log shape, log sigma and black."""
+class NoiseFit:
+    """noise_model: the most probable one. error: standard deviations of log shape, log sigma and black."""
 
-    law: Law
+    noise_model: NoiseModel
     error: np.ndarray
 
     def interval(self, name: str) -> tuple[float, float]:
         """The 90 % interval of shape, sigma_dn or black_dn."""
-        value, error = getattr(self.law, name), _INTERVAL_90 * self.error[("shape", "sigma_dn", "black_dn").index(name)]
+        value, error = (
+            getattr(self.noise_model, name),
+            _INTERVAL_90 * self.error[("shape", "sigma_dn", "black_dn").index(name)],
+        )
         if name == "black_dn":
             return value - error, value + error
         return value * np.exp(-error), value * np.exp(error)
 
 
-def log_density(counts: Counts, law: Law) -> np.ndarray:
-    """Nats of each pixel under a law, its mean integrated out."""
-    grid, width = _signal_grid(counts, law)
-    table = law.log_probabilities(grid, counts.max_dn, counts.bin_dn)
+def log_density(counts: Counts, noise_model: NoiseModel) -> np.ndarray:
+    """Nats of each pixel under a noise model, its mean integrated out."""
+    grid, width = _signal_grid(counts, noise_model)
+    table = noise_model.log_probabilities(grid, counts.max_dn, counts.bin_dn)
     joint = counts.histograms @ table.T + np.log(width)
     top = joint.max(axis=1)
     return top + np.log(np.exp(joint - top[:, None]).sum(axis=1))
 
 
-def dark_log_density(counts: Counts, law: Law) -> float:
+def dark_log_density(counts: Counts, noise_model: NoiseModel) -> float:
     """Nats of the dark frames; 0 without."""
     if counts.dark is None:
         return 0.0
-    return float(law.log_probabilities(np.array([1e-3]), counts.max_dn, counts.bin_dn)[0] @ counts.dark)
+    return float(noise_model.log_probabilities(np.array([1e-3]), counts.max_dn, counts.bin_dn)[0] @ counts.dark)
 
 
-def _signal_grid(counts: Counts, law: Law) -> tuple[np.ndarray, np.ndarray]:
+def _signal_grid(counts: Counts, noise_model: NoiseModel) -> tuple[np.ndarray, np.ndarray]:
     """Means above black as finely spaced as a pixel's mean is known, and the width of each."""
     repeats = counts.histograms[0].sum()
-    top = 1.1 * max(float(counts.means.max()) - law.black_dn, 1.0) + 6.0 * np.sqrt(
-        law.variance(np.array([counts.means.max()]))[0] / repeats
+    top = 1.1 * max(float(counts.means.max()) - noise_model.black_dn, 1.0) + 6.0 * np.sqrt(
+        noise_model.variance(np.array([counts.means.max()]))[0] / repeats
     )
     middles: list[float] = []
     at = 0.0
     while at < top:
-        step = np.sqrt((law.variance(np.array([at]))[0] + counts.bin_dn**2 / 12.0) / repeats)
+        step = np.sqrt((noise_model.variance(np.array([at]))[0] + counts.bin_dn**2 / 12.0) / repeats)
         middles.append(at + 0.5 * step)
         at += step
     grid = np.array(middles)
     return grid, np.gradient(grid) if len(grid) > 1 else np.ones(1)
 
 
-def fit_law(
-    kind: type[Law],
+def fit_noise_model(
+    kind: type[NoiseModel],
     counts: Counts,
-    start: Law | None = None,
+    start: NoiseModel | None = None,
     fixed_black_dn: float | None = None,
     with_error: bool = True,
-) -> LawFit:
-    """The most probable law of a kind. fixed_black_dn: black is known from elsewhere. with_error=False: errors are 0,
-    in half the time."""
+) -> NoiseFit:
+    """The most probable noise model of a kind. fixed_black_dn: black is known from elsewhere. with_error=False: errors
+    are 0, in half the time."""
     start = start or _start(kind, counts, fixed_black_dn)
     free = 2 if fixed_black_dn is not None else 3
 
-    def law_of(x: np.ndarray) -> Law:
+    def model_of(x: np.ndarray) -> NoiseModel:
         black = float(x[2]) if fixed_black_dn is None else fixed_black_dn
         return kind(float(np.exp(np.clip(x[0], -9.0, 12.0))), float(np.exp(np.clip(x[1], -4.0, 6.0))), black)
 
     def cost(x: np.ndarray) -> float:
-        law = law_of(x)
-        nats = float(log_density(counts, law).sum()) + dark_log_density(counts, law)
+        noise_model = model_of(x)
+        nats = float(log_density(counts, noise_model).sum()) + dark_log_density(counts, noise_model)
         centre, spread = _PRIOR[kind.name]
         prior = ((x[0] - centre) / spread) ** 2 + ((x[1] - _SIGMA_PRIOR[0]) / _SIGMA_PRIOR[1]) ** 2
-        return -nats + 0.5 * (prior + (law.black_dn / _BLACK_PRIOR_DN) ** 2)
+        return -nats + 0.5 * (prior + (noise_model.black_dn / _BLACK_PRIOR_DN) ** 2)
 
     first = np.array([np.log(start.shape), np.log(start.sigma_dn), start.black_dn])[:free]
     scale = 1.0 / float(counts.histograms.sum())
@@ -136,14 +139,14 @@ def fit_law(
         options={"eps": 1e-3, "ftol": 1e-10, "gtol": 1e-6, "maxiter": 40},
     )
     if not with_error:
-        return LawFit(law_of(found.x), np.zeros(3))
+        return NoiseFit(model_of(found.x), np.zeros(3))
     hessian = _hessian(cost, found.x, _STEPS[:free])
     covariance = np.linalg.pinv(hessian, hermitian=True)
     error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    return LawFit(law_of(found.x), np.concatenate([error, np.zeros(3 - free)]))
+    return NoiseFit(model_of(found.x), np.concatenate([error, np.zeros(3 - free)]))
 
 
-def _start(kind: type[Law], counts: Counts, black_dn: float | None) -> Law:
+def _start(kind: type[NoiseModel], counts: Counts, black_dn: float | None) -> NoiseModel:
     """From variances of pixels against their means, a quadratic: its terms are sigma, shot and gamma noise."""
     values = (np.arange(counts.histograms.shape[1]) + 0.5) * counts.bin_dn - 0.5
     repeats = np.asarray(counts.histograms.sum(axis=1)).ravel()
@@ -159,7 +162,7 @@ def _start(kind: type[Law], counts: Counts, black_dn: float | None) -> Law:
         )
     )
     signal = np.maximum(mean - black, 0.0)[clear]
-    column = signal**2 if kind is GammaLaw else signal
+    column = signal**2 if kind is GammaModel else signal
     weight = 1.0 / (variance[clear].mean() * 0.05 + column + 0.05)
     slope = float(np.sum(weight**2 * column * variance[clear]) / max(np.sum(weight**2 * column**2), 1e-12))
     dark = counts.dark if counts.dark is not None else None
@@ -170,7 +173,7 @@ def _start(kind: type[Law], counts: Counts, black_dn: float | None) -> Law:
             float(np.sqrt(max(dark @ values**2 / dark.sum() - (dark @ values / dark.sum()) ** 2 - 1 / 12, 0.01))), 0.1
         )
     )
-    shape = 1.0 / max(slope, 1e-5) if kind is GammaLaw else max(slope, 1e-3)
+    shape = 1.0 / max(slope, 1e-5) if kind is GammaModel else max(slope, 1e-3)
     return kind(shape, sigma, black)
 
 
@@ -198,8 +201,8 @@ def fit_literally(pixels: list[np.ndarray], max_dn: int) -> dict[str, float]:
     clean = np.array([level[g].mean() for g in groups])
 
     def cost(x: np.ndarray) -> float:
-        law = GammaLaw(float(np.exp(x[0])), float(np.exp(x[3])), float(x[2]))
-        table = law.log_probabilities(clean * np.exp(x[0] + x[1]), max_dn, counts.bin_dn)
+        noise_model = GammaModel(float(np.exp(x[0])), float(np.exp(x[3])), float(x[2]))
+        table = noise_model.log_probabilities(clean * np.exp(x[0] + x[1]), max_dn, counts.bin_dn)
         return -float((table * tallies).sum()) / tallies.sum()
 
     start = [np.log(4.0), np.log(0.25), 0.0, np.log(0.8)]
@@ -218,4 +221,4 @@ def fit_literally(pixels: list[np.ndarray], max_dn: int) -> dict[str, float]:
     return {"k": float(np.exp(k)), "theta": float(np.exp(theta)), "mu_dn": float(mu), "sigma_dn": float(np.exp(sigma))}
 
 
-LAWS: tuple[type[Law], ...] = (GammaLaw, ShotLaw)
+NOISE_MODELS: tuple[type[NoiseModel], ...] = (GammaModel, ShotModel)

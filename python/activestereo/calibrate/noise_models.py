@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two laws of a pixel's temporal noise, as tables of log probabilities. s is the mean count above black, DN.
+"""Two models of a pixel's temporal noise, as tables of log probabilities. s is the mean count above black, DN.
 
     gamma   y = black + s G + N(0, sigma), G ~ Gamma(k, 1 / k)     Zhang et al. 2023: speckle's factor and a Gaussian
     shot    y = black + K Poisson(s / K) + N(0, sigma)             photons and read noise, EMVA 1288's linear model
@@ -28,8 +28,8 @@ _REACH = 8.0
 
 
 @dataclass(frozen=True)
-class Law:
-    """shape: k of the gamma law, K in DN per electron of the shot law."""
+class NoiseModel:
+    """shape: k of the gamma model, K in DN per electron of the shot noise model."""
 
     shape: float
     sigma_dn: float
@@ -61,7 +61,7 @@ class Law:
 
 
 @dataclass(frozen=True)
-class GammaLaw(Law):
+class GammaModel(NoiseModel):
     """The paper's speckle factor and Gaussian noise."""
 
     name: ClassVar[str] = "gamma"
@@ -102,7 +102,7 @@ class GammaLaw(Law):
 
 
 @dataclass(frozen=True)
-class ShotLaw(Law):
+class ShotModel(NoiseModel):
     """Photons and read noise."""
 
     name: ClassVar[str] = "shot"

@@ -67,11 +67,12 @@ def _run(args: argparse.Namespace) -> None:
     with ProgressBar(f"{args.effect} into {len(injection.capture.frames)} frames") as bar:
         answer = write_injected(injection, args.out, bar)
     changed = ", ".join(f"{value:.2f} DN in {split} frames" for split, value in answer["changed_rms_dn"].items())
-    law = injection.law
+    noise = injection.noise_model
     print(f"{args.effect}: {', '.join(f'{name} = {value:.4g}' for name, value in answer['parameters'].items())}")
     print(f"in the {' and '.join(injection.eyes)} images; they change by {changed} (root mean square)")
     print(
-        f"noise: {law.floor_dn2**0.5:.2f} DN without light, by {law.measured}; black level {injection.black_dn:g} DN"
+        f"noise: {noise.floor_dn2**0.5:.2f} DN without light, by {noise.measured}; black level "
+        f"{injection.black_dn:g} DN"
         + (" (assumed: the darkest pixels)" if args.black_level is None else "")
     )
     print(f"written: {args.out}, with the answer in {ANSWER}")

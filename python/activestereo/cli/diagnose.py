@@ -40,7 +40,7 @@ The verdict is one of
   effect        what was added explains most of the error above the noise floor
   none          the model is at the noise floor
   unknown       something is missing that no effect of the library explains: the
-                law of the residual is printed, and effect_stub.py is for you to edit
+                model of the residual is printed, and effect_stub.py is for you to edit
   undetermined  the data cannot tell; what to measure next is printed
 
 Writes into DIR:

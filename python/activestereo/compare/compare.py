@@ -116,9 +116,9 @@ def comparison_of(errors: ImageErrors, made: RenderedWith) -> Comparison:
     """The Comparison of a model whose images are there. It renders nothing."""
     capture, model, seed = errors.capture, errors.model, made.seed
     layers, views, measured, predictions = errors.layers, errors.views, errors.measured, errors.predictions
-    law = errors.law
-    match = match_of(capture, views, {key: layers[key[0]][key[1]].projector for key in views}, measured, law)
-    depths = model_depths(capture, measured, predictions, views, law, model, seed)
+    noise_model = errors.noise_model
+    match = match_of(capture, views, {key: layers[key[0]][key[1]].projector for key in views}, measured, noise_model)
+    depths = model_depths(capture, measured, predictions, views, noise_model, model, seed)
     scores = {
         "capture": capture.name,
         **vars(made),
@@ -126,11 +126,13 @@ def comparison_of(errors: ImageErrors, made: RenderedWith) -> Comparison:
         "match": match.as_json(),
         "fit": errors.fit.as_json(),
         "effects": [effect.id for effect, _ in model.effects],
-        "noise_law": None if law is None else vars(law),
+        "noise_model": None if noise_model is None else vars(noise_model),
         "photon_transfer": transfer_points(capture),
         "ir": errors.by_split(),
         "depth": depth_scores(depths),
         "frames": errors.by_frame(),
     }
-    scores |= where_it_fails(capture, layers, views, measured, predictions, errors.noise_variances, law, depths, seed)
+    scores |= where_it_fails(
+        capture, layers, views, measured, predictions, errors.noise_variances, noise_model, depths, seed
+    )
     return Comparison(capture, scores, measured, predictions, depths, layers, model)

@@ -16,7 +16,7 @@ import numpy as np
 
 from activestereo.capture.capture import EYES, SPLITS, Frame
 from activestereo.compare.depth_model import DepthModel, expose, residual_variance
-from activestereo.compare.noise import NoiseLaw
+from activestereo.compare.noise import NoiseModel
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Capture
@@ -47,7 +47,7 @@ def model_depths(
     measured: Mapping[tuple[int, str], np.ndarray],
     predictions: Mapping[tuple[int, str], np.ndarray],
     views: Mapping[tuple[int, str], View],
-    law: NoiseLaw | None,
+    noise_model: NoiseModel | None,
     model: Model,
     seed: int = 0,
     split: str | None = None,
@@ -71,7 +71,7 @@ def model_depths(
             pair = []
             for index, eye in enumerate(EYES):
                 expected = predictions[frame.id, eye].astype(np.float64)
-                noise = law or NoiseLaw(residual_variance(measured[frame.id, eye], expected), 0.0, 0.0, 0.0)
+                noise = noise_model or NoiseModel(residual_variance(measured[frame.id, eye], expected), 0.0, 0.0, 0.0)
                 rng = np.random.Generator(np.random.Philox(key=[seed, 4 * frame.id + 2 * draw + index]))
                 pair.append(expose(expected, frame.gain, noise, capture.rig.max_dn, rng))
             draws.append(model.depth(engine.depth(*pair), view))

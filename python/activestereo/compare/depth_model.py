@@ -14,7 +14,7 @@ from activestereo.capture.capture import Capture, CaptureWarning, Rig
 from activestereo.capture.capture_json import CaptureError
 from activestereo.common.matcher_table import MATCHER
 from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.compare.noise import NoiseLaw
+from activestereo.compare.noise import NoiseModel
 
 # Farther than the engine's own default: a device's depth reaches as far as its 16 bits.
 _DEFAULT_MAX_DEPTH_M = 65.0
@@ -27,15 +27,15 @@ _MAD_TO_SIGMA = 1.4826
 
 
 def expose(
-    expected_dn: np.ndarray, gain: float, law: NoiseLaw, max_dn: float, rng: np.random.Generator
+    expected_dn: np.ndarray, gain: float, noise_model: NoiseModel, max_dn: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """One noisy exposure of an expected image, whole DN in float32: gamma speckle for the law's quadratic term, the
-    rest normal."""
-    signal = np.maximum(expected_dn - law.black_dn, 0.0)
-    variance = np.maximum(law.offset - ROUNDING_VARIANCE + law.shot * gain * signal, 0.0)
+    """One noisy exposure of an expected image, whole DN in float32: gamma speckle for the noise model's quadratic term,
+    the rest normal."""
+    signal = np.maximum(expected_dn - noise_model.black_dn, 0.0)
+    variance = np.maximum(noise_model.offset - ROUNDING_VARIANCE + noise_model.shot * gain * signal, 0.0)
     noise = np.sqrt(variance) * rng.standard_normal(signal.shape)
-    if law.relative > 0:
-        noise += signal * (rng.gamma(1.0 / law.relative, law.relative, signal.shape) - 1.0)
+    if noise_model.relative > 0:
+        noise += signal * (rng.gamma(1.0 / noise_model.relative, noise_model.relative, signal.shape) - 1.0)
     return np.clip(np.rint(expected_dn + noise), 0, max_dn).astype(np.float32)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from activestereo.capture.capture import EYES, SPLITS, Capture, Frame, ImageKey
 from activestereo.compare.engine_prediction import predict_in_engines
 from activestereo.compare.fit_model import predict_under_model
-from activestereo.compare.noise import NoiseLaw
+from activestereo.compare.noise import NoiseModel
 from activestereo.compare.noise_variances import noise_variances_of
 from activestereo.compare.nuisances import Fit
 from activestereo.compare.render import Halves, LayersOfFrames
@@ -33,7 +33,7 @@ class ImageErrors:
 
     layers: the base model's light, {frame id: {eye: Layers}}, the mean of two halves of the samples. fit: the nuisances
     under the model, fitted to the train frames. noise_variances: {(frame id, eye): (variance in DN^2, where it is
-    from)}; law: the noise law or None."""
+    from)}; noise_model: the noise model or None."""
 
     capture: Capture
     model: Model
@@ -43,7 +43,7 @@ class ImageErrors:
     fit: Fit
     predictions: dict[ImageKey, NDArray[np.float32]]
     noise_variances: dict[ImageKey, tuple[float, str]]
-    law: NoiseLaw | None
+    noise_model: NoiseModel | None
     _sums: dict[ImageKey, dict[str, Any]]
 
     def residuals(self) -> dict[ImageKey, NDArray[np.float32]]:
@@ -112,11 +112,11 @@ def image_errors(
         )
     predictions = {key: (0.5 * (a + b)).astype(np.float32) for key, (a, b) in expected.items()}
     seen = {(f, e): (views[f, e].frame, layers[f][e], image) for (f, e), image in measured.items()}
-    noise_variances, law = noise_variances_of(
+    noise_variances, noise_model = noise_variances_of(
         capture, views, measured, predictions, fit.nuisances.black_dn, unsteady_light(seen)
     )
     sums = {key: _sums_of(measured[key], expected[key], noise_variances.get(key)) for key in measured}
-    return ImageErrors(capture, model, layers, views, measured, fit, predictions, noise_variances, law, sums)
+    return ImageErrors(capture, model, layers, views, measured, fit, predictions, noise_variances, noise_model, sums)
 
 
 def _sums_of(measured: np.ndarray, halves: Sequence[np.ndarray], floor: Any) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from scipy.ndimage import gaussian_filter
 from activestereo.capture.capture import Capture, Frame, ImageKey
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.camera_warp import Warp, warp_between
-from activestereo.compare.noise import NoiseLaw
+from activestereo.compare.noise import NoiseModel
 from activestereo.effects.core.view import View
 
 _FRAMES = 3  # this many frames are looked at
@@ -79,12 +79,12 @@ def match_of(
     views: Mapping[ImageKey, View],
     projector: Mapping[ImageKey, Image],
     measured: Mapping[ImageKey, Image],
-    law: NoiseLaw | None,
+    noise_model: NoiseModel | None,
 ) -> Match:
     """The Match of a capture's train frames. projector: rendered light of the projector; measured: DN."""
     frames = [f for f in capture.split("train") if f.projector_power > 0 and not f.is_moving]
     frames = frames[:: max(1, len(frames) // _FRAMES)][:_FRAMES]
-    rows = [row for f in frames if (row := _one(f, views, projector, measured, law)) is not None]
+    rows = [row for f in frames if (row := _one(f, views, projector, measured, noise_model)) is not None]
     if not rows:
         return Match(None, None, None, None, ())
     pattern, geometry, swapped, possible = (float(x) for x in np.mean([row[1:] for row in rows], axis=0))
@@ -96,7 +96,7 @@ def _one(
     views: Mapping[ImageKey, View],
     projector: Mapping[ImageKey, Image],
     measured: Mapping[ImageKey, Image],
-    law: NoiseLaw | None,
+    noise_model: NoiseModel | None,
 ) -> tuple[float, ...] | None:
     """(frame id, pattern, geometry, swapped, possible), None where dots are not seen."""
     keys = (frame.id, "left"), (frame.id, "right")
@@ -105,7 +105,7 @@ def _one(
     inside = warp.seen & (np.asarray(measured[keys[0]], dtype=np.float64) < views[keys[0]].max_dn - 1)
     if inside.sum() < 1000:
         return None
-    noise = 0.0 if law is None else law.mean_variance(np.asarray(measured[keys[0]]), frame.gain)
+    noise = 0.0 if noise_model is None else noise_model.mean_variance(np.asarray(measured[keys[0]]), frame.gain)
     dots = left[inside].var() - noise
     if dots < _LEAST_DOTS * max(noise, ROUNDING_VARIANCE):
         return None

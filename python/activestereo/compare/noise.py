@@ -2,11 +2,12 @@
 """The noise floor of a capture: how far a perfect model would still be from the measurement, in DN.
 
 Repeats of one static view differ by temporal noise alone, so their pixelwise unbiased variance is the floor of their
-frames. Frames without repeats get it from a photon-transfer law (EMVA 1288 with a quadratic term for speckle)
+frames. Frames without repeats get it from a photon-transfer noise model (EMVA 1288 with a quadratic term for speckle)
     variance = q0 + q1 * gain * signal + q2 * signal^2
-fitted to the repeats; signal is DN above black. Applied to measured pixels the law needs no model of the scene: the
-square of a noisy signal exceeds the squared mean by the variance itself, so mean(variance) = mean(q0 + q1 g s + q2 s^2)
-/ (1 + q2). What is static and random (fixed pattern, static speckle) is not in the floor: it is for effects to explain.
+fitted to the repeats; signal is DN above black. Applied to measured pixels the noise model needs no model of the scene:
+the square of a noisy signal exceeds the squared mean by the variance itself, so mean(variance) = mean(q0 + q1 g s + q2
+s^2) / (1 + q2). What is static and random (fixed pattern, static speckle) is not in the floor: it is for effects to
+explain.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ def by_repeats(items: Iterable[tuple[Frame, str, _Item]]) -> list[list[_Item]]:
 
 
 @dataclass(frozen=True)
-class NoiseLaw:
+class NoiseModel:
     """variance_dn2 = offset + shot * gain * signal + relative * signal^2, signal in DN above black_dn."""
 
     offset: float
@@ -85,8 +86,8 @@ def repeat_statistics(
     return statistics
 
 
-def fit_noise_law(statistics: Sequence[Repeats], black_dn: float, max_dn: float) -> NoiseLaw | None:
-    """The photon-transfer law of repeats, or None without repeats. Clipped pixels are left out.
+def fit_noise_model(statistics: Sequence[Repeats], black_dn: float, max_dn: float) -> NoiseModel | None:
+    """The photon-transfer noise model of repeats, or None without repeats. Clipped pixels are left out.
 
     black_dn is an upper bound: a quadratic cannot tell shot noise above a high black level from speckle above a low
     one, and a fitted black level is biased while an effect is missing. Of the levels that fit, the lowest is taken: it
@@ -96,15 +97,15 @@ def fit_noise_law(statistics: Sequence[Repeats], black_dn: float, max_dn: float)
     if not bins:
         return None
     gain, mean, square, variance, weight = np.array(bins).T
-    laws = []
+    noise_models = []
     for black in np.linspace(0.0, max(black_dn, 0.0), _BLACK_LEVELS):
         signal, signal_square = mean - black, square - 2 * black * mean + black**2
         design = np.stack([np.ones_like(mean), gain * signal, signal_square], axis=1)
         coefficients, misfit = nnls(np.maximum(design, 0.0) * weight[:, None], variance * weight)
         offset, shot, relative = map(float, coefficients)
-        laws.append((misfit**2, NoiseLaw(offset, shot, relative, float(black))))
-    limit = 1.05 * min(chi2 for chi2, _ in laws) + _CHI2_MARGIN
-    return next(law for chi2, law in laws if chi2 <= limit)
+        noise_models.append((misfit**2, NoiseModel(offset, shot, relative, float(black))))
+    limit = 1.05 * min(chi2 for chi2, _ in noise_models) + _CHI2_MARGIN
+    return next(noise_model for chi2, noise_model in noise_models if chi2 <= limit)
 
 
 def transfer_points(capture: Capture) -> list[dict[str, float]]:
@@ -157,17 +158,18 @@ def _with_weights(rows: list[Any], count: Any) -> list[Any]:
 
 def frame_noise_variances(
     capture: Capture, black_dn: float, no_noise: Mapping[tuple[int, str], np.ndarray] | None = None
-) -> tuple[dict[tuple[int, str], tuple[float, str]], NoiseLaw | None]:
-    """({(frame id, eye): (variance in DN^2, "repeats" or "law")}, law). Without any repeats: ({}, None).
+) -> tuple[dict[tuple[int, str], tuple[float, str]], NoiseModel | None]:
+    """({(frame id, eye): (variance in DN^2, "repeats" or "noise model")}, noise model). Without any repeats: ({},
+    None).
 
-    The law is fitted on the train repeats where there are any, else on all. no_noise: DN [height][width] that are
-    taken out of images: of repeats what is known to differ between them, of others what is no light.
+    The noise model is fitted on the train repeats where there are any, else on all. no_noise: DN [height][width] that
+    are taken out of images: of repeats what is known to differ between them, of others what is no light.
     """
     known = no_noise or {}
     statistics = repeat_statistics(capture, drift=known)
     train = [entry for entry in statistics if entry[0][0].split == "train"]
-    law = fit_noise_law(train or statistics, black_dn, capture.rig.max_dn)
-    if law is None:
+    noise_model = fit_noise_model(train or statistics, black_dn, capture.rig.max_dn)
+    if noise_model is None:
         return {}, None
     noise_variances: dict[tuple[int, str], tuple[float, str]] = {}
     for frames, eye, _, variance in statistics:
@@ -177,5 +179,5 @@ def frame_noise_variances(
         for eye in EYES:
             if (frame.id, eye) not in noise_variances:
                 lit = capture.ir(frame, eye) - known.get((frame.id, eye), 0.0)
-                noise_variances[frame.id, eye] = (law.mean_variance(lit, frame.gain), "law")
-    return noise_variances, law
+                noise_variances[frame.id, eye] = (noise_model.mean_variance(lit, frame.gain), "noise model")
+    return noise_variances, noise_model

@@ -15,7 +15,7 @@ from scipy.optimize import nnls
 
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.camera_warp import warp_between
-from activestereo.compare.noise import NoiseLaw
+from activestereo.compare.noise import NoiseModel
 from activestereo.effects.core.view import View
 
 _BINS = 24
@@ -27,15 +27,15 @@ _TRIM = 4.0  # deviations
 Pair = tuple[View, View, NDArray[np.generic], NDArray[np.generic]]
 
 
-def pair_law(pairs: Iterable[Pair], black_dn: float) -> NoiseLaw | None:
-    """A NoiseLaw from (left view, right view, left DN, right DN) of frames; None where too little is smooth."""
+def pair_noise_model(pairs: Iterable[Pair], black_dn: float) -> NoiseModel | None:
+    """A NoiseModel from (left view, right view, left DN, right DN) of frames; None where too little is smooth."""
     rows = [row for pair in pairs for row in _rows(*pair)]
     if not rows:
         return None
     gain, mean, variance, weight = np.array(rows).T
     design = np.stack([np.ones_like(mean), gain * np.maximum(mean - black_dn, 0.0)], axis=1)
     (offset, shot), _ = nnls(design * weight[:, None], variance * weight)
-    return NoiseLaw(max(float(offset), ROUNDING_VARIANCE), float(shot), 0.0, float(black_dn))
+    return NoiseModel(max(float(offset), ROUNDING_VARIANCE), float(shot), 0.0, float(black_dn))
 
 
 def _rows(left: View, right: View, left_dn: NDArray, right_dn: NDArray) -> list[tuple[float, float, float, float]]:

@@ -19,7 +19,7 @@ from activestereo.effects.core.scene_surfaces import surface_names
 if TYPE_CHECKING:
     from activestereo.capture.capture import Frame
     from activestereo.compare.depth_compare import DepthFrame
-    from activestereo.compare.noise import NoiseLaw
+    from activestereo.compare.noise import NoiseModel
     from activestereo.compare.render import LayersOfFrames
     from activestereo.compare.where_samples import Samples
     from activestereo.effects import View
@@ -37,7 +37,7 @@ def where_it_fails(
     measured: Mapping[ImageKey, np.ndarray],
     predictions: Mapping[ImageKey, np.ndarray],
     noise_variances: Mapping[ImageKey, tuple[float, str]],
-    law: NoiseLaw | None,
+    noise_model: NoiseModel | None,
     depths: Sequence[DepthFrame],
     seed: int = 0,
 ) -> dict[str, Any]:
@@ -47,7 +47,7 @@ def where_it_fails(
         for eye in EYES:
             key, expected = (frame.id, eye), predictions[frame.id, eye]
             maps[key] = covariate_maps(views[key], layers[frame.id][eye].material, expected, capture.rig.baseline_m)
-            floor = _floor(expected, frame, noise_variances.get(key), law)
+            floor = _floor(expected, frame, noise_variances.get(key), noise_model)
             infrared.append((key, measured[key] - expected, floor, _pose(frame, eye)))
     channels = residual_channels(infrared, [d for d in depths if d.frame.split == "train"], maps, seed)
     name_of = surface_text(capture.scene_path)
@@ -101,12 +101,13 @@ def surface_text(scene_path: Path) -> Callable[[int], str]:
 
 
 def _floor(
-    expected: np.ndarray, frame: Frame, image_floor: tuple[float, str] | None, law: NoiseLaw | None
+    expected: np.ndarray, frame: Frame, image_floor: tuple[float, str] | None, noise_model: NoiseModel | None
 ) -> np.ndarray:
-    """Variance per pixel [height][width] by the law, scaled to the image's own floor; 0 where nothing tells it."""
-    if image_floor is None or law is None:
+    """Variance per pixel [height][width] by the noise model, scaled to the image's own floor; 0 where nothing tells
+    it."""
+    if image_floor is None or noise_model is None:
         return np.zeros(expected.shape)
-    variance = law.variance(expected, frame.gain)
+    variance = noise_model.variance(expected, frame.gain)
     mean = variance.mean()
     return variance * (image_floor[0] / mean) if mean > 0 else np.full(expected.shape, image_floor[0])
 

@@ -33,7 +33,7 @@ from activestereo.diagnose.answer.in_notebook import html_of
 from activestereo.diagnose.answer.judging import judging_json
 from activestereo.diagnose.answer.posterior import EffectPosterior, posterior_of
 from activestereo.diagnose.answer.ranking_json import depth_json, not_ranked_json, own_json, ranking_json
-from activestereo.diagnose.answer.residual_model import residual_law
+from activestereo.diagnose.answer.residual_model import residual_model
 from activestereo.diagnose.base_fit import BaseFits
 from activestereo.diagnose.channels import Progress
 from activestereo.diagnose.channels.fields_together import shown_together
@@ -203,7 +203,7 @@ def _undetermined(reason: str, model: Model) -> Diagnosis:
         "added": [],
         **_NO_FIGURES,
         "next_measurement": [{"text": text, "separates": [], "change": None}],
-        "law": None,
+        "residual_model": None,
         "depth": {"verdict": UNDETERMINED, "reason": reason, "ranking": [], "added": []},
         "model": model_json(model),
     }
@@ -241,7 +241,7 @@ def examine(
     way = _way(context, bases, first, candidates, steps, phases)
     last = way[-1].ranking
     verdict = verdict_of(first, last, evidence.has_floor)
-    law = residual_law(last.base, evidence.capture.name, evidence.seed) if verdict == UNKNOWN else None
+    residual = residual_model(last.base, evidence.capture.name, evidence.seed) if verdict == UNKNOWN else None
     way, on_top = _accepted(verdict, first, way, steps)
     accepted = _model_of(way[-1].ranking.base.solution.model, on_top)
     phases.begin(DEPTH)
@@ -260,7 +260,7 @@ def examine(
         **_NO_FIGURES,
         "next_measurement": next_measurements(first, evidence),
         "judging": judging_json(first, evidence.has_floor),
-        "law": law and law.as_json(),
+        "residual_model": residual and residual.as_json(),
         "model": model_json(found, solution.nuisances),
     }
     found = _with_own_functions(found, candidates)
@@ -272,7 +272,7 @@ def examine(
         models = [(step.added, _found_at(step, evidence, candidates)) for step in between]
         figures, before, after = held_out_figures(errors, given, models, (result["added"], complete))
         result |= figures
-    return Diagnosis(result, found, None if law is None else law.stub(), complete, before, after)
+    return Diagnosis(result, found, None if residual is None else residual.stub(), complete, before, after)
 
 
 def _effects_of(given: Model | SensorModel | None, scene_path: Path | None) -> Model:
@@ -326,7 +326,7 @@ def _without_images_of_their_own(ranking: Ranking) -> list[Finding]:
     random fields that stay (the best, or those that are shown together).
     """
     passing = [f for f in ranking.findings if f.solution is None and passes(ranking, f)]
-    fields, noise = ([f for f in passing if f.channel is c] for c in (Channel.STATIC_FIELD, Channel.NOISE_LAW))
+    fields, noise = ([f for f in passing if f.channel is c] for c in (Channel.STATIC_FIELD, Channel.NOISE_MODEL))
     if any(lacks_nothing(ranking, f) for f in noise):
         return noise
     together = shown_together(fields, ranking.base, ranking.thresholds) if len(fields) > 1 else []

@@ -140,7 +140,7 @@ def left_between(
     foretold = []
     for o in changed:
         image = signal(truth.model, o, truth.model.light(o.layers, o.view, fine=False), truth.phi)
-        weight = 1.0 / np.maximum(evidence.law.variance(image, o.frame.gain), ROUNDING_VARIANCE)
+        weight = 1.0 / np.maximum(evidence.noise_model.variance(image, o.frame.gain), ROUNDING_VARIANCE)
         foretold.append(replace(o, measured=image, weight=weight))
     fitter = Fitter(foretold, evidence.held_sigma, evidence.tiles, fine=False)
     space, theta, phi = rival.space, rival.theta, rival.phi

@@ -14,7 +14,7 @@ from activestereo.common.progress_bar import part_of
 from activestereo.diagnose.channels import (
     DepthEngineChannel,
     ExpectedImageChannel,
-    NoiseLawChannel,
+    NoiseModelChannel,
     Progress,
     StaticFieldChannel,
 )
@@ -83,7 +83,7 @@ def rank(
     ranking = _simplified(context, ranking)
     ranking = _with_findings(ranking, _looked_at(context, ranking))
     tell(_CHECKED_TIME)
-    noise, also_skipped = _on_repeats(context, base, of_kind.get(Channel.NOISE_LAW, []))
+    noise, also_skipped = _on_repeats(context, base, of_kind.get(Channel.NOISE_MODEL, []))
     ranking = replace(
         ranking, findings=ranking.findings + noise, not_ranked=(*skipped, *also_skipped, *_unjudged(of_kind))
     )
@@ -133,7 +133,7 @@ def _on_repeats(
     context: DiagnosisContext, base: BaseFit, effects: Sequence[Effect]
 ) -> tuple[tuple[Finding, ...], list[NotRanked]]:
     """Findings of what expected images cannot show: noise from repeats."""
-    explained, skipped = _split(NoiseLawChannel(context.evidence, base, context.thresholds).explain(effects), [])
+    explained, skipped = _split(NoiseModelChannel(context.evidence, base, context.thresholds).explain(effects), [])
     return tuple(Finding(e, _own_score(e)) for e in explained), skipped
 
 

@@ -91,14 +91,14 @@ class Thresholds:
         moves="doubled: outside -0.071",
     )
     # Is it the whole truth?
-    other_law_share: float = _threshold(
+    other_signature_share: float = _threshold(
         0.1,
         "1",
         "the same ratio, above which another law than the named one is at work",
         _GENERATION_1,
         moves="doubled: named +0.013",
     )
-    other_law_reduced_chi2: float = _threshold(
+    other_signature_reduced_chi2: float = _threshold(
         0.012,
         "noise variances",
         "least size of that variation that counts at all",

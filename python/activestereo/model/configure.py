@@ -89,7 +89,7 @@ def _pattern(design: PatternDesign, pattern: Pattern) -> dict[str, Any]:
 
 
 def _signal(model: SensorModel) -> dict[str, float]:
-    """simsense's imager in counts (an electron is a count at gain 1): the noise law's terms as read noise, shot noise
+    """simsense's imager in counts (an electron is a count at gain 1): the noise model's terms as read noise, shot noise
     and speckle."""
     signal: dict[str, float] = {}
     if model.rig is not None:

@@ -40,14 +40,14 @@ def diagnosed_model(
     capture: Capture,
     effects: Model,
     nuisances: Mapping[str, float] | None = None,
-    noise_law: NoiseTerms | None = None,
+    noise_model: NoiseTerms | None = None,
     albedo: Mapping[str, float] | None = None,
     intervals: Mapping[tuple[str, str], Interval] | None = None,
     material_names: Sequence[str] = (),
 ) -> SensorModel:
     """The SensorModel of a diagnosis.
 
-    effects: what was found. nuisances: values by names of model.model.NUISANCES. noise_law: None where no repeat
+    effects: what was found. nuisances: values by names of model.model.NUISANCES. noise_model: None where no repeat
     gives it. albedo: {material name: factor on its nominal infrared
     albedo}. intervals: {(effect id or 'nuisances' or material name, parameter): 90 % interval}. material_names: of the
     capture's scene, by id.
@@ -62,7 +62,7 @@ def diagnosed_model(
         pattern=Pattern(
             capture.rig.projector.K, file=capture.rig.projector.pattern_path, source=f"nominal, of {capture.name}"
         ),
-        imager=None if noise_law is None else _imager(noise_law, source),
+        imager=None if noise_model is None else _imager(noise_model, source),
         materials={
             name: {"ir_albedo_factor": quantity(name, "ir_albedo_factor", factor, "1")}
             for name, factor in (albedo or {}).items()

@@ -29,7 +29,7 @@ NUISANCES: dict[str, tuple[str, float, float]] = {
     "focal_left": ("1", -0.2, 0.2),
     "focal_right": ("1", -0.2, 0.2),
 }
-# Terms of the imager's noise law, with units.
+# Terms of the imager's noise model, with units.
 NOISE_TERMS: dict[str, str] = {"offset": "DN^2", "shot": "DN", "relative": "1"}
 # What is known of a material by its glTF name: {field: (unit, low, high)}. All but the factor are fields of
 # kuafu.Material.

@@ -141,7 +141,7 @@ def _depth_table(depth: dict[str, Any]) -> str:
 def _noise(scores: dict[str, Any]) -> str:
     if not scores["photon_transfer"]:
         return "<p>No frames are repeated: the noise floor and the photon transfer are unknown.</p>"
-    law = scores["noise_law"]
+    law = scores["noise_model"]
     words = (
         f"variance = {law['offset']:.3g} + {law['shot']:.3g} · gain · s + {law['relative']:.3g} · s², s in DN above "
         f"{law['black_dn']:.3g}: read noise, shot noise and speckle, from frames repeated at one pose."

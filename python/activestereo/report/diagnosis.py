@@ -51,8 +51,8 @@ def _verdict(diagnosis: dict[str, Any]) -> str:
         parts.append(f"<p>Held-out infrared error {errors}{noise}.</p>")
     if diagnosis.get("reason"):
         parts.append(f"<p>{text(diagnosis['reason'])}</p>")
-    if diagnosis.get("law"):
-        parts.append(f"<h3>Law of what is left</h3>{_law(diagnosis['law'])}")
+    if diagnosis.get("residual_model"):
+        parts.append(f"<h3>Model of what is left</h3>{_residual_model(diagnosis['residual_model'])}")
     return section("Which effect is missing", *parts)
 
 
@@ -129,11 +129,11 @@ def _advice(item: Any) -> str:
     return text(item["text"]) + (f"<br><span class='muted'>tells apart</span> {between}" if between else "")
 
 
-def _law(law: dict[str, Any] | None) -> str:
-    if law is None:
+def _residual_model(model: dict[str, Any] | None) -> str:
+    if model is None:
         return ""
     rows = [
-        [text(t["term"]), f"{t['value']:+.4g}", f"{t['low']:+.3g} … {t['high']:+.3g}"] for t in law.get("terms", [])
+        [text(t["term"]), f"{t['value']:+.4g}", f"{t['low']:+.3g} … {t['high']:+.3g}"] for t in model.get("terms", [])
     ]
     terms = table(["term", "value", "interval"], rows, numbers=(1, 2)) if rows else ""
-    return f"<p>{text(law['text'])}</p><p class='muted small'>Stage: {text(law['stage'].lower())}</p>{terms}"
+    return f"<p>{text(model['text'])}</p><p class='muted small'>Stage: {text(model['stage'].lower())}</p>{terms}"

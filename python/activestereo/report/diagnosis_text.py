@@ -25,8 +25,8 @@ def diagnosis_text(result: Mapping[str, Any]) -> str:
     lines += _table(result)
     lines += _depth_lines(result.get("depth"))
     lines += [f"next measurement: {advice['text']}" for advice in result["next_measurement"][1:]]
-    if result.get("law"):
-        lines.append(f"law of the residual ({result['law']['stage']}): {result['law']['text']}")
+    if result.get("residual_model"):
+        lines.append(f"model of the residual ({result['residual_model']['stage']}): {result['residual_model']['text']}")
     return "\n".join(lines)
 
 

@@ -100,8 +100,8 @@ def _write_pdf(path: str | Path, figures: Sequence[Figure]) -> None:
 def _charts(scores: Mapping[str, Any]) -> list[Figure]:
     """Errors of the frames, photon transfer, and the residuals against what they depend on."""
     figures = [frames_chart(scores)]
-    if scores["photon_transfer"] and scores["noise_law"]:
-        figures.append(photon_transfer_chart(scores["photon_transfer"], scores["noise_law"]))
+    if scores["photon_transfer"] and scores["noise_model"]:
+        figures.append(photon_transfer_chart(scores["photon_transfer"], scores["noise_model"]))
     for channel in scores["regions"]:
         findings = [t for t in scores["where"] if t["channel"] == channel and t["is_finding"]]
         if findings:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo benchmark inject: each effect changes measured images by its law, noise stays the sensor's, and the
+"""activestereo benchmark inject: each effect changes measured images by its formula, noise stays the sensor's, and the
 answer says what was done."""
 
 import ast
@@ -14,7 +14,7 @@ from activestereo.benchmarks.inject import dots, electronics, optics
 from activestereo.benchmarks.inject.inject import plan, write_injected
 from activestereo.benchmarks.inject.kinds import KINDS, STRENGTHS
 from activestereo.benchmarks.inject.light import Light, View
-from activestereo.benchmarks.inject.noise import measured_law
+from activestereo.benchmarks.inject.noise import measured_noise_model
 from activestereo.benchmarks.inject.resample import resampled
 from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig, read_capture
 from activestereo.capture.write import write_capture
@@ -32,7 +32,7 @@ def translation(x):
 
 
 def write_wall(folder, level, repeats=6, groups=True, seed=3):
-    """A wall that both eyes see as `level` DN above black ([height][width]), with noise of a known law."""
+    """A wall that both eyes see as `level` DN above black ([height][width]), with noise of a known model."""
     (folder / "source").mkdir(parents=True)
     (folder / "source/scene.gltf").write_text("{}")
     camera, rng = Camera(WIDTH, HEIGHT, K), np.random.default_rng(seed)
@@ -213,17 +213,17 @@ def test_depth_of_the_other_camera_lies_at_its_own_pixels():
 
 
 def test_the_noise_law_of_repeats_is_found(ramp):
-    law = measured_law(read_capture(ramp), BLACK)
-    assert law.measured == "repeats"
-    assert law.slope_dn == pytest.approx(SLOPE, rel=0.1)
-    assert law.floor_dn2 == pytest.approx(FLOOR + 1 / 12, rel=0.3)
+    noise_model = measured_noise_model(read_capture(ramp), BLACK)
+    assert noise_model.measured == "repeats"
+    assert noise_model.slope_dn == pytest.approx(SLOPE, rel=0.1)
+    assert noise_model.floor_dn2 == pytest.approx(FLOOR + 1 / 12, rel=0.3)
 
 
 def test_without_repeats_quiet_places_tell_the_noise(tmp_path):
     level = np.broadcast_to(np.linspace(20, 160, WIDTH), (HEIGHT, WIDTH))
-    law = measured_law(read_capture(write_wall(tmp_path, level, repeats=12, groups=False)), BLACK)
-    assert law.measured == "quietest places"
-    assert law.variance(np.array(90.0)) == pytest.approx(FLOOR + 1 / 12 + SLOPE * 90.0, rel=0.2)
+    noise_model = measured_noise_model(read_capture(write_wall(tmp_path, level, repeats=12, groups=False)), BLACK)
+    assert noise_model.measured == "quietest places"
+    assert noise_model.variance(np.array(90.0)) == pytest.approx(FLOOR + 1 / 12 + SLOPE * 90.0, rel=0.2)
 
 
 @pytest.mark.parametrize("name", ["blur", "veiling_glare", "vignetting", "radial_distortion"])

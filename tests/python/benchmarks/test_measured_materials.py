@@ -13,7 +13,7 @@ from activestereo.benchmarks.sim_to_real.files import RunFolder
 from activestereo.benchmarks.sim_to_real.objects import objects
 from activestereo.benchmarks.sim_to_real.settings import BenchmarkSettings
 from activestereo import StereoDepthSensorConfig
-from activestereo.benchmarks.sim_to_real.stage import CameraSettings, NoiseLaw, Stage, set_noise
+from activestereo.benchmarks.sim_to_real.stage import CameraSettings, NoiseModel, Stage, set_noise
 from activestereo.benchmarks.sim_to_real.views import round_of_views
 from activestereo.benchmarks.sim_to_real.worlds import WORLDS
 from activestereo.model import Imager, Quantity, SensorModel
@@ -65,9 +65,9 @@ def test_a_world_of_acquired_materials_is_not_rendered_without_them(tmp_path: Pa
 def test_the_sensor_has_the_noise_that_was_acquired(tmp_path: Path) -> None:
     terms = [Quantity(value, value, value) for value in (0.3, 0.05, 0.0)]
     write_model(tmp_path / "model.json", SensorModel(imager=Imager(*terms)))
-    law = read_imager(tmp_path / "model.json")
-    assert law == NoiseLaw(0.3, 0.05, 0.0)
-    camera = CameraSettings("d435", scale=0.3, size_px=(64, 48), samples=1, imager=law)
+    noise_model = read_imager(tmp_path / "model.json")
+    assert noise_model == NoiseModel(0.3, 0.05, 0.0)
+    camera = CameraSettings("d435", scale=0.3, size_px=(64, 48), samples=1, imager=noise_model)
     stage = Stage(objects()[:1], WORLDS["full"], camera)
     views = round_of_views(objects(), 0, "test", 0)[:1]
     counts = []
@@ -87,9 +87,9 @@ def test_the_sensor_has_the_noise_that_was_acquired(tmp_path: Path) -> None:
 
 
 def test_a_run_keeps_to_its_noise(tmp_path: Path) -> None:
-    folder, law = RunFolder(tmp_path), NoiseLaw(0.3, 0.05)
-    folder.keep_settings(BenchmarkSettings(camera=CameraSettings(imager=law)).described())
-    assert BenchmarkSettings.of(folder).camera.imager == law
+    folder, noise_model = RunFolder(tmp_path), NoiseModel(0.3, 0.05)
+    folder.keep_settings(BenchmarkSettings(camera=CameraSettings(imager=noise_model)).described())
+    assert BenchmarkSettings.of(folder).camera.imager == noise_model
     with pytest.raises(ValueError, match="other settings: camera"):
         folder.keep_settings(BenchmarkSettings().described())
     assert "imager" not in BenchmarkSettings().described()["camera"]  # as runs before had it
@@ -99,7 +99,7 @@ def test_acquired_noise_takes_the_place_of_what_reads_the_pixels_and_keeps_their
     config = StereoDepthSensorConfig("D435")
     config.ir_signal = dict(config.ir_signal) | {"read_noise_e": 5.0, "full_well_e": 9000.0, "gain": 2.0}
     full_dn = 9000.0 * config.ir_signal["conversion_gain_dn_per_e"]
-    set_noise(config, NoiseLaw(0.3, 0.05))
+    set_noise(config, NoiseModel(0.3, 0.05))
     assert config.ir_signal["read_noise_e"] == 0.0
     assert config.ir_signal["conversion_gain_dn_per_e"] * 2.0 * config.ir_camera_gain == pytest.approx(0.05)
     assert config.ir_signal["full_well_e"] * config.ir_signal["conversion_gain_dn_per_e"] == pytest.approx(full_dn)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise from repeats: drawn by NumPy and by simsense from laws that are known, and read back."""
+"""Noise from repeats: drawn by NumPy and by simsense from noise models that are known, and read back."""
 
 import json
 
@@ -10,7 +10,7 @@ from activestereo import StereoDepthSensorConfig
 from activestereo.calibrate.frames import Repeats
 from activestereo.calibrate.model_section import replace_sections
 from activestereo.calibrate.noise import calibrate_noise
-from activestereo.calibrate.noise_models import GammaLaw, ShotLaw
+from activestereo.calibrate.noise_models import GammaModel, ShotModel
 from activestereo.cli import main
 from activestereo.capture.images import write_gray
 from activestereo.model import read_model
@@ -24,36 +24,39 @@ def clean_image(seed: int, low: float = 0.4, high: float = 110.0) -> np.ndarray:
     return np.exp(rng.uniform(np.log(low), np.log(high), _SIZE))
 
 
-def drawn(law: GammaLaw | ShotLaw, clean: np.ndarray, repeats: int, seed: int, max_dn: int = 255) -> np.ndarray:
+def drawn(
+    noise_model: GammaModel | ShotModel, clean: np.ndarray, repeats: int, seed: int, max_dn: int = 255
+) -> np.ndarray:
     """Repeats by NumPy's own generators."""
     rng = np.random.default_rng(seed)
     shape = (repeats, *clean.shape)
     light = (
-        clean * rng.gamma(law.shape, 1.0 / law.shape, shape)
-        if law.name == "gamma"
-        else law.shape * rng.poisson(clean / law.shape, shape)
+        clean * rng.gamma(noise_model.shape, 1.0 / noise_model.shape, shape)
+        if noise_model.name == "gamma"
+        else noise_model.shape * rng.poisson(clean / noise_model.shape, shape)
     )
-    counts = np.rint(light + law.black_dn + rng.normal(0.0, law.sigma_dn, shape))
+    counts = np.rint(light + noise_model.black_dn + rng.normal(0.0, noise_model.sigma_dn, shape))
     return counts.clip(0, max_dn).astype(np.uint8 if max_dn == 255 else np.uint16)
 
 
-def views(law: GammaLaw | ShotLaw, repeats: int, seed: int = 0, **more: float) -> list[Repeats]:
-    return [Repeats("view", drawn(law, clean_image(seed, **more), repeats, seed + 1))]
+def views(noise_model: GammaModel | ShotModel, repeats: int, seed: int = 0, **more: float) -> list[Repeats]:
+    return [Repeats("view", drawn(noise_model, clean_image(seed, **more), repeats, seed + 1))]
 
 
-def dark(law: GammaLaw | ShotLaw, seed: int = 7) -> list[Repeats]:
-    return [Repeats("dark", drawn(law, np.full(_SIZE, 1e-9), 12, seed))]
+def dark(noise_model: GammaModel | ShotModel, seed: int = 7) -> list[Repeats]:
+    return [Repeats("dark", drawn(noise_model, np.full(_SIZE, 1e-9), 12, seed))]
 
 
 @pytest.mark.parametrize(
-    "law", [GammaLaw(4.0, 0.8, 5.0), GammaLaw(40.0, 0.5, -0.4), ShotLaw(0.3, 0.6, 5.0), ShotLaw(2.0, 0.4, 3.0)]
+    "noise_model",
+    [GammaModel(4.0, 0.8, 5.0), GammaModel(40.0, 0.5, -0.4), ShotModel(0.3, 0.6, 5.0), ShotModel(2.0, 0.4, 3.0)],
 )
-def test_a_table_is_the_histogram_of_draws(law):
+def test_a_table_is_the_histogram_of_draws(noise_model):
     """10^5 draws of NumPy's generators at two levels: chi-square of the counts with enough expected."""
     for level in (1.5, 60.0):
-        counts = drawn(law, np.full((100, 100), level), 10, 3)
+        counts = drawn(noise_model, np.full((100, 100), level), 10, 3)
         seen = np.bincount(counts.ravel(), minlength=256)
-        expected = counts.size * np.exp(law.log_probabilities(np.array([level]), 255)[0])
+        expected = counts.size * np.exp(noise_model.log_probabilities(np.array([level]), 255)[0])
         enough = expected > 20
         chi2 = float(((seen - expected)[enough] ** 2 / expected[enough]).sum())
         assert chi2 < enough.sum() + 4.5 * np.sqrt(2.0 * enough.sum())
@@ -87,44 +90,46 @@ def test_the_paper_law_of_simsense_is_read_back():
         frames.append([Repeats("simsense", engine.compute(stack, stack, ("ir_left",))["ir_left"].copy())])
     noise = calibrate_noise(frames[0])
     assert noise.chosen == "gamma" and noise.margin_nats[0] > 5.0 * noise.margin_nats[1]
-    law = noise.fit.law
-    assert law.shape == pytest.approx(3.98, rel=0.03)
-    assert law.sigma_dn == pytest.approx(
+    noise_model = noise.fit.noise_model
+    assert noise_model.shape == pytest.approx(3.98, rel=0.03)
+    assert noise_model.sigma_dn == pytest.approx(
         0.83, rel=0.03 + 1.6 * noise.fit.error[1]
     )  # without dark frames its own error is 1.4 %
-    assert law.black_dn == pytest.approx(-0.231, abs=0.05 + 1.6 * noise.fit.error[2])
-    assert noise.model().imager.relative.value == pytest.approx(1.0 / law.shape)
+    assert noise_model.black_dn == pytest.approx(-0.231, abs=0.05 + 1.6 * noise.fit.error[2])
+    assert noise.model().imager.relative.value == pytest.approx(1.0 / noise_model.shape)
 
 
-@pytest.mark.parametrize("law", [ShotLaw(0.4, 0.7, 5.0), GammaLaw(30.0, 0.7, 5.0)])
-def test_with_dark_frames_the_asked_figures_hold(law):
-    noise = calibrate_noise(views(law, 40), dark(law), seed=1)
-    assert noise.chosen == law.name
+@pytest.mark.parametrize("noise_model", [ShotModel(0.4, 0.7, 5.0), GammaModel(30.0, 0.7, 5.0)])
+def test_with_dark_frames_the_asked_figures_hold(noise_model):
+    noise = calibrate_noise(views(noise_model, 40), dark(noise_model), seed=1)
+    assert noise.chosen == noise_model.name
     fit = noise.fit
-    assert fit.law.shape == pytest.approx(law.shape, rel=0.03)
-    assert fit.law.sigma_dn == pytest.approx(law.sigma_dn, rel=0.03)
-    assert fit.law.black_dn == pytest.approx(law.black_dn, abs=0.05)
+    assert fit.noise_model.shape == pytest.approx(noise_model.shape, rel=0.03)
+    assert fit.noise_model.sigma_dn == pytest.approx(noise_model.sigma_dn, rel=0.03)
+    assert fit.noise_model.black_dn == pytest.approx(noise_model.black_dn, abs=0.05)
     for name in ("shape", "sigma_dn", "black_dn"):
         low, high = fit.interval(name)
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        assert abs(getattr(law, name) - middle) < 2.5 * half  # a 90 % interval, 4 standard errors
+        assert abs(getattr(noise_model, name) - middle) < 2.5 * half  # a 90 % interval, 4 standard errors
 
 
 def test_clipped_counts_are_censored():
     """A quarter of the pixels lie where many counts clip at 255."""
-    law = GammaLaw(10.0, 0.8, 5.0)
-    noise = calibrate_noise(views(law, 30, low=40.0, high=260.0), dark(law))
+    noise_model = GammaModel(10.0, 0.8, 5.0)
+    noise = calibrate_noise(views(noise_model, 30, low=40.0, high=260.0), dark(noise_model))
     assert noise.clipped_share > 0.05
-    assert noise.fit.law.shape == pytest.approx(10.0, rel=0.03)
+    assert noise.fit.noise_model.shape == pytest.approx(10.0, rel=0.03)
 
 
 def test_exposures_tell_black_and_photon_transfer():
-    law, clean = ShotLaw(0.4, 0.7, 6.0), clean_image(2, 4.0, 50.0)
-    frames = [Repeats(f"exposure {t}", drawn(law, t * clean, 30, 10 + t), 0.001 * t, "one view") for t in (1, 2, 4)]
+    noise_model, clean = ShotModel(0.4, 0.7, 6.0), clean_image(2, 4.0, 50.0)
+    frames = [
+        Repeats(f"exposure {t}", drawn(noise_model, t * clean, 30, 10 + t), 0.001 * t, "one view") for t in (1, 2, 4)
+    ]
     noise = calibrate_noise(frames)
     assert noise.black_from == "the exposures' intercept"
-    assert noise.fit.law.black_dn == pytest.approx(6.0, abs=0.05)
-    assert noise.chosen == "shot" and noise.fit.law.shape == pytest.approx(0.4, rel=0.03)
+    assert noise.fit.noise_model.black_dn == pytest.approx(6.0, abs=0.05)
+    assert noise.chosen == "shot" and noise.fit.noise_model.shape == pytest.approx(0.4, rel=0.03)
     assert [p.exposure_gain for p in noise.transfer] == [0.001, 0.002, 0.004]
     slope = (noise.transfer[2].variance_dn2 - noise.transfer[0].variance_dn2) / (
         noise.transfer[2].mean_dn - noise.transfer[0].mean_dn
@@ -137,7 +142,7 @@ def folder(tmp_path):
     """12 frames of a view as PNG files."""
     path = tmp_path / "view"
     path.mkdir()
-    for i, image in enumerate(drawn(GammaLaw(5.0, 0.8, 5.0), clean_image(3), 12, 4)):
+    for i, image in enumerate(drawn(GammaModel(5.0, 0.8, 5.0), clean_image(3), 12, 4)):
         write_gray(path / f"{i:03d}.png", image)
     return path
 
@@ -151,17 +156,23 @@ def test_the_command_replaces_one_section_only(folder, tmp_path, capsys):
     )
     assert main(["calibrate", "noise", str(folder), "--paper", "-o", str(out)]) == 0
     text = capsys.readouterr().out
-    assert "law: gamma" in text and "1/k: a gauge" in text and "literal fit" in text and "never show in repeats" in text
+    assert (
+        "noise model: gamma" in text
+        and "1/k: a gauge" in text
+        and "literal fit" in text
+        and "never show in repeats" in text
+    )
     model = json.loads(out.read_text())
     assert model["kept"] == {"as": 1} and model["nuisances"]["focal_left"] == 0.001
     assert sorted(p.name for p in tmp_path.iterdir()) == ["model.json", "view"]
 
 
 def test_the_sensor_takes_what_was_measured(tmp_path):
-    """Through the file into the sensor's configuration: the law that was drawn from, read noise without rounding's."""
-    law = GammaLaw(4.0, 0.8, 5.0)
+    """Through the file into the sensor's configuration: the noise model that was drawn from, read noise without
+    rounding's."""
+    noise_model = GammaModel(4.0, 0.8, 5.0)
     out = tmp_path / "model.json"
-    replace_sections(out, calibrate_noise(views(law, 20), dark(law)).model())
+    replace_sections(out, calibrate_noise(views(noise_model, 20), dark(noise_model)).model())
     config = StereoDepthSensorConfig.from_model(read_model(out))
     assert config.ir_signal["speckle_shape"] == pytest.approx(4.0, rel=0.03)
     assert config.ir_signal["adc_noise_dn"] == pytest.approx(0.8, rel=0.03)
@@ -185,14 +196,17 @@ def test_bad_repeats_are_refused_in_one_line(folder, tmp_path, capsys):
     assert "9 repeats, at least 10" in _refused(ask, capsys)
     for i in range(12):  # the view shifts by a pixel half way
         write_gray(
-            folder / f"{i:03d}.png", np.roll(drawn(GammaLaw(400.0, 0.5, 5.0), clean_image(3), 1, i)[0], i // 6, axis=1)
+            folder / f"{i:03d}.png",
+            np.roll(drawn(GammaModel(400.0, 0.5, 5.0), clean_image(3), 1, i)[0], i // 6, axis=1),
         )
     assert "the repeats move" in _refused(ask, capsys)
     for i in range(12):
-        write_gray(folder / f"{i:03d}.png", drawn(GammaLaw(400.0, 0.5, 5.0), clean_image(3) * (1 + 0.01 * i), 1, i)[0])
+        write_gray(
+            folder / f"{i:03d}.png", drawn(GammaModel(400.0, 0.5, 5.0), clean_image(3) * (1 + 0.01 * i), 1, i)[0]
+        )
     assert "brightness drifts" in _refused(ask, capsys)
     for i in range(12):
-        write_gray(folder / f"{i:03d}.png", drawn(GammaLaw(400.0, 0.5, 5.0), 40 * clean_image(3, 6.0), 1, i)[0])
+        write_gray(folder / f"{i:03d}.png", drawn(GammaModel(400.0, 0.5, 5.0), 40 * clean_image(3, 6.0), 1, i)[0])
     assert "pixels clip" in _refused(ask, capsys)
     write_gray(folder / "005.png", np.zeros((4, 4), np.uint8))
     assert "005.png: is 4x4" in _refused(ask, capsys)
@@ -203,7 +217,7 @@ def test_bad_repeats_are_refused_in_one_line(folder, tmp_path, capsys):
     out.write_text("{}")
     folder2 = tmp_path / "again"
     folder2.mkdir()
-    for i, image in enumerate(drawn(GammaLaw(5.0, 0.8, 5.0), clean_image(3), 10, 4)):
+    for i, image in enumerate(drawn(GammaModel(5.0, 0.8, 5.0), clean_image(3), 10, 4)):
         write_gray(folder2 / f"{i}.png", image)
     assert "give another file to -o" in _refused(["calibrate", "noise", folder2, "-o", out], capsys)
     assert out.read_text() == "{}"

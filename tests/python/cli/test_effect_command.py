@@ -236,7 +236,7 @@ const ks_effect* ks_effect_plugin(uint32_t* count) {
 def test_a_random_effect_in_c_says_how_it_is_judged(compiled):
     [effect] = load_effects(compiled("#include <stddef.h>\n" + NOISY, "noisy")).values()
     assert effect.random_terms == (RandomTerm("sigma_dn", Lever.ONE, SharedBy.ROW),)
-    assert effect.channel is Channel.NOISE_LAW
+    assert effect.channel is Channel.NOISE_MODEL
 
 
 def test_the_python_mirror_of_the_c_descriptor_has_its_layout(tmp_path):

@@ -16,7 +16,7 @@ from activestereo.capture.images import write_gray
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
 from activestereo.compare.nuisances import solve_bounded
-from activestereo.compare.pair_noise import pair_law
+from activestereo.compare.pair_noise import pair_noise_model
 from activestereo.compare.render import render_frames
 from activestereo.report.summary import summary_table
 from lab_worlds import WorldRenderer
@@ -130,4 +130,4 @@ def test_a_pair_without_a_smooth_place_tells_nothing(world):
     frame = capture.frames[0]
     views = [View.of(capture, frame, eye, layers[frame.id][eye]) for eye in ("left", "right")]
     black = np.zeros((90, 160), np.uint8)
-    assert pair_law([(*views, black, black)], 5.0) is None
+    assert pair_noise_model([(*views, black, black)], 5.0) is None

@@ -13,7 +13,7 @@ from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
 from activestereo.compare.depth_compare import DepthFrame, depth_scores
 from activestereo.compare.depth_model import DepthModel, expose
-from activestereo.compare.noise import NoiseLaw
+from activestereo.compare.noise import NoiseModel
 from worlds.world import make_world
 
 @pytest.fixture(scope="module")
@@ -115,10 +115,10 @@ def test_hints_are_followed_where_they_can_be(world):
 
 
 @pytest.mark.parametrize(
-    "law", [NoiseLaw(4.0, 0.0, 0.0, 5.0), NoiseLaw(1.0, 0.3, 0.0, 5.0), NoiseLaw(1.0, 0.0, 0.02, 5.0)]
+    "noise_model", [NoiseModel(4.0, 0.0, 0.0, 5.0), NoiseModel(1.0, 0.3, 0.0, 5.0), NoiseModel(1.0, 0.0, 0.02, 5.0)]
 )
-def test_exposures_have_the_laws_mean_and_variance(law):
+def test_exposures_have_the_laws_mean_and_variance(noise_model):
     expected = np.full((400, 500), 60.0)
-    image = expose(expected, 2.0, law, 255, np.random.default_rng(2)).astype(np.float64)
+    image = expose(expected, 2.0, noise_model, 255, np.random.default_rng(2)).astype(np.float64)
     assert image.mean() == pytest.approx(60.0, abs=0.05)
-    assert image.var() == pytest.approx(law.variance(60.0, 2.0), rel=0.02)
+    assert image.var() == pytest.approx(noise_model.variance(60.0, 2.0), rel=0.02)

@@ -80,16 +80,18 @@ def test_a_name_beside_a_calibration_that_nobody_would_have_made_is_a_stand_in(s
 
 
 @pytest.mark.parametrize(
-    ("law_nats", "varying", "verdict"), [(90.0, 0.3, "unknown"), (70.0, 0.3, "effect"), (90.0, 0.1, "effect")]
+    ("formula_nats", "varying", "verdict"), [(90.0, 0.3, "unknown"), (70.0, 0.3, "effect"), (90.0, 0.1, "effect")]
 )
-def test_a_random_field_stands_in_for_a_law_that_gains_more_but_is_not_the_same_everywhere(law_nats, varying, verdict):
+def test_a_random_field_stands_in_for_a_formula_that_gains_more_but_is_not_the_same_everywhere(
+    formula_nats, varying, verdict
+):
     first = ranking(0.9)
     field = replace(first.best, explanation=replace(first.best.explanation, channel=Channel.STATIC_FIELD))
     shift = replace(first.best.explanation, effect=SimpleNamespace(id="shift"))
-    law = Finding(
-        shift, Score(law_nats, 0.9, 0.4, 1.0), Checks(varying_reduced_chi2=varying, structure_reduced_chi2=0.0)
+    varying_effect = Finding(
+        shift, Score(formula_nats, 0.9, 0.4, 1.0), Checks(varying_reduced_chi2=varying, structure_reduced_chi2=0.0)
     )
-    both = replace(first, findings=(field, law))
+    both = replace(first, findings=(field, varying_effect))
     assert verdict_of(both, both, True) == verdict
     assert verdict_under(kept(both), THRESHOLDS)[0] == verdict
 
@@ -102,7 +104,7 @@ def test_only_shapes_end_at_their_range():
 
 
 def test_nothing_is_added_to_noise_where_the_images_are_at_its_floor():
-    noise = replace(ranking(0.9).best.explanation, channel=Channel.NOISE_LAW, repeats_reduced_chi2=0.3)
+    noise = replace(ranking(0.9).best.explanation, channel=Channel.NOISE_MODEL, repeats_reduced_chi2=0.3)
     finding = Finding(noise, Score(80.0, 0.9, 0.4, 1.0))
     for chi2, whole in ((120.0, True), (180.0, False)):
         first = replace(ranking(0.9), base=SimpleNamespace(chi2=chi2, white_reduced_chi2=0.0))

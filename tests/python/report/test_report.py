@@ -186,15 +186,15 @@ def test_an_empty_diagnosis_has_a_page_too(comparison):
     assert "Nothing is missing" in report_page(comparison, empty)
 
 
-def test_an_unknown_effect_shows_its_law(comparison):
+def test_an_unknown_effect_shows_the_model_of_its_residual(comparison):
     term = {"term": "r^2", "value": -0.31, "low": -0.35, "high": -0.27}
-    law = {
+    model = {
         "stage": "PROJECTOR",
         "text": "residual / the projector's light = -0.31 r^2",
         "terms": [term],
         "explained_share": 0.8,
     }
-    unknown = DIAGNOSIS | {"verdict": "unknown", "added": [], "law": law}
+    unknown = DIAGNOSIS | {"verdict": "unknown", "added": [], "residual_model": model}
     assert violations(unknown, _schema("diagnose")) == []
     page = report_page(comparison, unknown)
     assert "no known effect explains" in page and "-0.35 … -0.27" in page

@@ -36,7 +36,7 @@ DIAGNOSIS = {
         "a second distance",
         {"text": "tilt by 30 degrees (expected 14.2 nats)", "separates": ["a", "b"]},
     ],
-    "law": None,
+    "residual_model": None,
     "curve": [
         {"effects": [], "heldout_ir_rmse": 6.21, "train_ir_rmse": 5.9},
         {"effects": ["radial_distortion"], "heldout_ir_rmse": 2.51, "train_ir_rmse": 2.3},

@@ -15,7 +15,7 @@ import numpy as np
 from activestereo.benchmarks.inject.dots import moved_depth
 from activestereo.benchmarks.inject.kinds import KINDS, Kind
 from activestereo.benchmarks.inject.light import Light, View
-from activestereo.benchmarks.inject.noise import NoiseLaw, measured_law, with_noise
+from activestereo.benchmarks.inject.noise import NoiseModel, measured_noise_model, with_noise
 from activestereo.capture.capture import EYES, SPLITS, Capture, Frame
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.common.input_files import read_bytes, read_json
@@ -39,7 +39,7 @@ class Injection:
     drawn: Mapping[str, float]
     seed: int
     black_dn: float
-    law: NoiseLaw
+    noise_model: NoiseModel
 
     @property
     def kind(self) -> Kind:
@@ -51,14 +51,14 @@ class Injection:
         measured = self.capture.ir(frame, eye).astype(np.float64)
         if eye not in self.eyes or (self.name == "dead_dots" and frame.projector_power == 0.0):
             return measured
-        light = Light(measured - self.black_dn, self.law.variance(measured - self.black_dn))
+        light = Light(measured - self.black_dn, self.noise_model.variance(measured - self.black_dn))
         view = self._view(number, eye)
         try:
             light = self.kind.apply(light, view, **{self.kind.parameter: self._scaled_value(), **self.drawn})
         except ValueError as error:
             raise ValueError(f"{self.capture.path}: frames[id={frame.id}] {error}") from error
         if not self.kind.behind_noise:
-            light = with_noise(light, self.law, view.temporal)
+            light = with_noise(light, self.noise_model, view.temporal)
         return np.clip(np.rint(light.value + self.black_dn), 0, rig.max_dn)
 
     def _scaled_value(self) -> float:
@@ -115,8 +115,8 @@ def plan(capture: Capture, name: str, strength: str, seed: int, black_dn: float 
     black = darkest(capture) if black_dn is None else black_dn
     if not 0.0 <= black < capture.rig.max_dn:
         raise ValueError(f"the black level is {black:g}, expected 0 to below {capture.rig.max_dn} DN")
-    law = measured_law(capture, black)
-    return Injection(capture, name, strength, value, eyes, kind.drawn(choice), seed, black, law)
+    noise_model = measured_noise_model(capture, black)
+    return Injection(capture, name, strength, value, eyes, kind.drawn(choice), seed, black, noise_model)
 
 
 def darkest(capture: Capture) -> float:
@@ -156,7 +156,7 @@ def write_injected(injection: Injection, out: Path, bar: ProgressBar | None = No
 
 
 def _answer(injection: Injection, differences: Mapping[str, list[float]]) -> dict[str, Any]:
-    kind, law, before = injection.kind, injection.law, injection.capture.path / ANSWER
+    kind, noise_model, before = injection.kind, injection.noise_model, injection.capture.path / ANSWER
     answer: dict[str, Any] = {
         "format": "active-stereo-injected-effect",
         "version": 1,
@@ -167,7 +167,11 @@ def _answer(injection: Injection, differences: Mapping[str, list[float]]) -> dic
         "parameters": {kind.parameter: injection._scaled_value(), **injection.drawn},
         "seed": injection.seed,
         "black_level_dn": injection.black_dn,
-        "noise": {"floor_dn2": law.floor_dn2, "slope_dn": law.slope_dn, "measured": law.measured},
+        "noise": {
+            "floor_dn2": noise_model.floor_dn2,
+            "slope_dn": noise_model.slope_dn,
+            "measured": noise_model.measured,
+        },
         "changed_rms_dn": {split: float(np.sqrt(np.mean(all_))) for split, all_ in differences.items() if all_},
     }
     if before.is_file():

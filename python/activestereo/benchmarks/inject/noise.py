@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The noise of measured images, by its law variance = floor + slope x light (EMVA 1288), and noise that is added where
+"""The noise of measured images, modelled as variance = floor + slope x light (EMVA 1288), and noise that is added where
 an effect has taken some away: a blurred lens does not quieten an imager."""
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _QUIET = 0.1
 
 
 @dataclass(frozen=True)
-class NoiseLaw:
+class NoiseModel:
     """variance = floor_dn2 + slope_dn x light, DN above black; measured: by what."""
 
     floor_dn2: float
@@ -31,8 +31,9 @@ class NoiseLaw:
         return self.floor_dn2 + self.slope_dn * np.maximum(light, 0.0)
 
 
-def measured_law(capture: Capture, black_dn: float) -> NoiseLaw:
-    """The law by differences of repeats; without repeats by the quietest places, where texture makes it too high."""
+def measured_noise_model(capture: Capture, black_dn: float) -> NoiseModel:
+    """The noise model by differences of repeats; without repeats by the quietest places, where texture makes it too
+    high."""
     pairs = [
         (capture.ir(first, eye), capture.ir(second, eye))
         for frames in capture.repeats().values()
@@ -48,7 +49,7 @@ def measured_law(capture: Capture, black_dn: float) -> NoiseLaw:
         level, variance = (np.concatenate(part) for part in zip(*each, strict=True))
         how = "quietest places"
     floor, slope = _line(level - black_dn, variance, capture.rig.max_dn - black_dn, None if pairs else _QUIET)
-    return NoiseLaw(floor, slope, how)
+    return NoiseModel(floor, slope, how)
 
 
 def _quiet_blocks(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -82,8 +83,9 @@ def _line(level: np.ndarray, variance: np.ndarray, full: float, quiet: float | N
     return max(float(floor), ROUNDING), float(slope)
 
 
-def with_noise(light: Light, law: NoiseLaw, generator: np.random.Generator) -> Light:
-    """The light with as much noise as the law asks for at its level, less what the rounding to come will add."""
-    lacking = np.maximum(law.variance(light.value) - light.variance - ROUNDING, 0.0)
+def with_noise(light: Light, noise_model: NoiseModel, generator: np.random.Generator) -> Light:
+    """The light with as much noise as the noise model asks for at its level, less what the rounding to come will
+    add."""
+    lacking = np.maximum(noise_model.variance(light.value) - light.variance - ROUNDING, 0.0)
     added = np.sqrt(lacking) * generator.standard_normal(light.value.shape)
     return Light(light.value + added, light.variance + lacking)

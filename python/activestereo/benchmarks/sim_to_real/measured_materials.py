@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from activestereo.benchmarks.sim_to_real.objects import BenchmarkObject
-from activestereo.benchmarks.sim_to_real.stage import NoiseLaw
+from activestereo.benchmarks.sim_to_real.stage import NoiseModel
 from activestereo.effects.engines.world import copy_record
 from activestereo.model import read_model
 
@@ -25,12 +25,12 @@ def read_measured(path: Path, objects: tuple[BenchmarkObject, ...]) -> Measured:
     return {names[number]: dict(fields) for number, fields in sorted(known.items())}
 
 
-def read_imager(path: Path) -> NoiseLaw:
+def read_imager(path: Path) -> NoiseModel:
     """Reads the imager of a model.json. ValueError where it has none."""
     imager = read_model(path).imager
     if imager is None:
         raise ValueError(f"{path}: has no imager: 'activestereo calibrate noise' makes one")
-    return NoiseLaw(imager.offset.value, imager.shot.value, imager.relative.value)
+    return NoiseModel(imager.offset.value, imager.shot.value, imager.relative.value)
 
 
 def with_measured(objects: tuple[BenchmarkObject, ...], measured: Measured) -> tuple[BenchmarkObject, ...]:

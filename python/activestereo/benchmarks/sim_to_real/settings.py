@@ -8,7 +8,7 @@ from typing import Any
 
 from activestereo.benchmarks.sim_to_real.files import RunFolder
 from activestereo.benchmarks.sim_to_real.objects import objects
-from activestereo.benchmarks.sim_to_real.stage import CameraSettings, NoiseLaw
+from activestereo.benchmarks.sim_to_real.stage import CameraSettings, NoiseModel
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class BenchmarkSettings:
         return -(-(self.views if split == "test" else self.tuning_views) // len(objects()))
 
     def described(self) -> dict[str, Any]:
-        """Without the number of test views, which may grow, and without a noise law where there is none."""
+        """Without the number of test views, which may grow, and without a noise model where there is none."""
         out = asdict(self)
         del out["views"]
         if self.camera.imager is None:
@@ -41,7 +41,7 @@ class BenchmarkSettings:
             camera = dict(told["camera"])
             camera["size_px"] = tuple(camera["size_px"])
             if "imager" in camera:
-                camera["imager"] = NoiseLaw(**camera["imager"])
+                camera["imager"] = NoiseModel(**camera["imager"])
             own = {name: told[name] for name in ("tuning_views", "seed", "foreign", "foreign_samples")}
             return BenchmarkSettings(camera=CameraSettings(**camera), **own)
         except (KeyError, TypeError, ValueError) as error:

@@ -27,7 +27,7 @@ _TABLE_HALF_M = 1.0
 
 
 @dataclass(frozen=True)
-class NoiseLaw:
+class NoiseModel:
     """The noise model of an imager, as model.json has it: variance in DN^2 = offset + shot signal + relative
     signal^2."""
 
@@ -46,7 +46,7 @@ class CameraSettings:
     scale: float = 0.6
     size_px: tuple[int, int] = (160, 120)
     samples: int = 16
-    imager: NoiseLaw | None = None
+    imager: NoiseModel | None = None
 
 
 @dataclass(frozen=True)
@@ -126,24 +126,28 @@ def crop(settings: CameraSettings) -> StereoDepthSensorConfig:
     return config
 
 
-def set_noise(config: StereoDepthSensorConfig, law: NoiseLaw) -> None:
+def set_noise(config: StereoDepthSensorConfig, noise_model: NoiseModel) -> None:
     """Sets the noise that changes from frame to frame, as the model has it; static speckle and pixels' own gains stay.
     ValueError for a sensor with SAPIEN's noise."""
     if not isinstance(config.ir_signal, dict):
         raise ValueError(f"{config.model} cannot be given another noise: it has no imager of its own")
     signal = dict(config.ir_signal) | {"read_noise_e": 0.0}
-    signal["adc_noise_dn"] = float(np.sqrt(max(law.offset - ROUNDING_VARIANCE, 0.0)))
-    if law.shot > 0.0:  # a count of fewer electrons, and as many counts
+    signal["adc_noise_dn"] = float(np.sqrt(max(noise_model.offset - ROUNDING_VARIANCE, 0.0)))
+    if noise_model.shot > 0.0:  # a count of fewer electrons, and as many counts
         gain = signal.get("gain", 1.0) * config.ir_camera_gain
-        fewer = law.shot / (signal["conversion_gain_dn_per_e"] * gain)
+        fewer = noise_model.shot / (signal["conversion_gain_dn_per_e"] * gain)
         signal["responsivity_e"] /= fewer
         signal["conversion_gain_dn_per_e"] *= fewer
         if "full_well_e" in signal:
             signal["full_well_e"] /= fewer
     else:
         signal["shot_noise"] = 0.0
-    if law.relative > 0.0:
-        signal |= {"speckle_shape": 1.0 / law.relative, "speckle_scale": law.relative, "speckle_correlation": 0.0}
+    if noise_model.relative > 0.0:
+        signal |= {
+            "speckle_shape": 1.0 / noise_model.relative,
+            "speckle_scale": noise_model.relative,
+            "speckle_correlation": 0.0,
+        }
     config.ir_signal = signal
 
 

@@ -18,7 +18,7 @@ _NAMES = ("projector_scale", "ambient_scale", "black_dn", "focal_left", "focal_r
 
 def found_model(evidence: Evidence, model: Model, solution: Solution, findings: Sequence[Finding]) -> SensorModel:
     """The capture's calibration and pattern with the effects of `model`, the nuisances and albedos of a fit under
-    them, and the noise law where repeats gave it. findings: give the effects' intervals.
+    them, and the noise model where repeats gave it. findings: give the effects' intervals.
     """
     surfaces = scene_surfaces(evidence.capture.scene_path)
     albedo = {
@@ -35,7 +35,7 @@ def found_model(evidence: Evidence, model: Model, solution: Solution, findings: 
         evidence.capture,
         model,
         nuisances=dict(zip(_NAMES, map(float, solution.phi[: SCALES + 2]), strict=True)),
-        noise_law=evidence.law if evidence.has_floor else None,
+        noise_model=evidence.noise_model if evidence.has_floor else None,
         albedo=albedo,
         intervals=intervals,
         material_names=[surface.name for surface in surfaces],

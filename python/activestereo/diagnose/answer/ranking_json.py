@@ -15,7 +15,7 @@ from activestereo.effects.core.surfaces import material_numbers
 _CHANNEL = {
     Channel.EXPECTED_IMAGE: "infrared",
     Channel.STATIC_FIELD: "infrared",
-    Channel.NOISE_LAW: "noise",
+    Channel.NOISE_MODEL: "noise",
     Channel.DEPTH_ENGINE: "depth",
 }
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When no effect of the library explains the data: where in the pipeline the rest arises, and a sparse law of it.
+"""When no effect of the library explains the data: where in the pipeline the rest arises, and a sparse linear model of
+it.
 
-The law is a forward selection (Bayesian information criterion) over few physical terms, fitted to tile means of the
-residual relative to the light it would act on, with intervals by a bootstrap over tiles.
+The model comes from a forward selection (Bayesian information criterion) over few physical terms, fitted to tile means
+of the residual relative to the light it would act on, with intervals by a bootstrap over tiles.
 """
 
 from collections.abc import Sequence
@@ -19,7 +20,8 @@ _TERMS = 4
 _BOOTSTRAPS = 200
 _SEED = 5
 
-_STUB = '''"""An effect that the library lacks: edit law, name and source, then diagnose with --effects THIS_FILE."""
+_STUB = '''"""An effect that the library lacks: edit formula, name and source, then diagnose with --effects
+THIS_FILE."""
 
 from activestereo.effects import Parameter, Stage, effect
 
@@ -29,14 +31,15 @@ from activestereo.effects import Parameter, Stage, effect
     stage=Stage.{stage},
     family="unknown",
     source="found by activestereo diagnose in {capture}",
-    parameters=[Parameter("amount", "1", neutral=0.0, low=-5.0, high=5.0, typical=1.0, source="1 = the law as found")],
+    parameters=[Parameter("amount", "1", neutral=0.0, low=-5.0, high=5.0, typical=1.0, source="1 = the formula as
+    found")],
 )
 def my_effect({value}, view, amount):
     """{text}"""
     x, y = view.field()
     z = view.depth_m.clip(0.1)
     time_s, warming_k, exposure_s = view.frame.timestamp_s, view.warming_k, view.frame.exposure_s
-    law = {code}
+    formula = {code}
     return {result}
 '''
 
@@ -52,8 +55,8 @@ class Term(TypedDict):
 
 
 @dataclass(frozen=True)
-class Law:
-    """stage: where it acts; share: of the residual's tile variance that the law
+class ResidualModel:
+    """stage: where it acts; share: of the residual's tile variance that the model
     explains.
     """
 
@@ -72,8 +75,8 @@ class Law:
             if self.stage == "READOUT"
             else "1 DN"
         )
-        law = " ".join(parts) or "0"
-        return f"residual / {of} = {law} (explains {100 * self.share:.0f} % of its variation over tiles)"
+        formula = " ".join(parts) or "0"
+        return f"residual / {of} = {formula} (explains {100 * self.share:.0f} % of its variation over tiles)"
 
     def as_json(self) -> dict[str, Any]:
         return {"stage": self.stage, "terms": list(self.terms), "explained_share": self.share, "text": self.text}
@@ -82,9 +85,9 @@ class Law:
         code = " + ".join(f"{t['value']:.6g} * {t['code']}" for t in self.terms) or "0.0"
         light = self.stage == "PROJECTOR"
         result = {
-            "PROJECTOR": "light.scale_projector((1.0 + amount * law + 0.0 * z).clip(0.0))",
-            "READOUT": "signal * (1.0 + amount * law)",
-            "DIGITAL": "dn + amount * law",
+            "PROJECTOR": "light.scale_projector((1.0 + amount * formula + 0.0 * z).clip(0.0))",
+            "READOUT": "signal * (1.0 + amount * formula)",
+            "DIGITAL": "dn + amount * formula",
         }[self.stage]
         value = "light" if light else "signal" if self.stage == "READOUT" else "dn"
         return _STUB.format(
@@ -107,8 +110,8 @@ _LIBRARY = (
 )
 
 
-def residual_law(base: BaseFit, capture: str, seed: int = 0) -> Law:
-    """The Law of what a base model leaves. capture: its name."""
+def residual_model(base: BaseFit, capture: str, seed: int = 0) -> ResidualModel:
+    """The model of what a base model leaves. capture: its name."""
     rows = base.train
     stage = _stage(rows)
     tiles = [_tiles(row, stage, base.solution.nuisances.black_dn) for row in rows]
@@ -129,7 +132,7 @@ def residual_law(base: BaseFit, capture: str, seed: int = 0) -> Law:
         Term(term=_LIBRARY[i][0], code=_LIBRARY[i][1], value=float(v), low=float(a), high=float(b))
         for i, v, a, b in zip(chosen, value, low, high, strict=True)
     )
-    return Law(capture, stage, terms, float(share))
+    return ResidualModel(capture, stage, terms, float(share))
 
 
 def _stage(rows: Sequence[ImageResidual]) -> str:

@@ -92,7 +92,7 @@ def next_steps(result: Mapping[str, Any]) -> list[str]:
             steps.append("More is left: add --greedy to look for further effects.")
         steps.append("Mend the sensor and record again, or simulate with it: activestereo simulate --model model.json.")
     elif result["verdict"] == "unknown":
-        steps.insert(0, "Edit effect_stub.py, which holds the law of what is left, and add --effects effect_stub.py.")
+        steps.insert(0, "Edit effect_stub.py, which holds a formula of what is left, and add --effects effect_stub.py.")
     elif result["verdict"] == "none":
         steps.insert(0, "Simulate with model.json, which holds scales and noise: activestereo simulate --model FILE.")
     return steps

@@ -5,14 +5,14 @@ and explains them."""
 from activestereo.diagnose.channels.channel import JudgingChannel, Progress
 from activestereo.diagnose.channels.depth_engine import DepthEngineChannel
 from activestereo.diagnose.channels.expected_image import ExpectedImageChannel
-from activestereo.diagnose.channels.noise_model import NoiseLawChannel
+from activestereo.diagnose.channels.noise_model import NoiseModelChannel
 from activestereo.diagnose.channels.static_field import StaticFieldChannel
 
 __all__ = [
     "DepthEngineChannel",
     "ExpectedImageChannel",
     "JudgingChannel",
-    "NoiseLawChannel",
+    "NoiseModelChannel",
     "Progress",
     "StaticFieldChannel",
 ]

@@ -143,7 +143,7 @@ def _frames(evidence: Evidence, base: BaseFit) -> Iterator[_DepthFrame]:
     measured, views = {o.key: o.measured for o in evidence.train}, {o.key: o.view for o in evidence.train}
     predictions = {row.observation.key: row.expected for row in base.train}
     for d in model_depths(
-        evidence.capture, measured, predictions, views, evidence.law, base.model, evidence.seed, "train"
+        evidence.capture, measured, predictions, views, evidence.noise_model, base.model, evidence.seed, "train"
     ):
         device, valid = d.disparity_error(d.measured, d.truth)
         engine = []

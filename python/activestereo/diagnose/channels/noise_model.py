@@ -56,10 +56,10 @@ class _NoiseFit:
     repeats: bool = False
 
 
-class NoiseLawChannel(JudgingChannel):
-    """Judges terms of the noise law on repeats, and coarse steps on the histogram of digital numbers."""
+class NoiseModelChannel(JudgingChannel):
+    """Judges terms of the noise model on repeats, and coarse steps on the histogram of digital numbers."""
 
-    kind: ClassVar[Channel] = Channel.NOISE_LAW
+    kind: ClassVar[Channel] = Channel.NOISE_MODEL
 
     def __init__(self, evidence: Evidence, base: BaseFit, thresholds: Thresholds) -> None:
         self._evidence, self._base, self._thresholds = evidence, base, thresholds
@@ -90,13 +90,13 @@ class NoiseLawChannel(JudgingChannel):
             return _comb(self._evidence, steps.parameter, self._thresholds.comb_share)
         term, *more = effect.random_terms
         if more:
-            return "the noise law is judged one term at a time, and its descriptor names several"
+            return "the noise model is judged one term at a time, and its descriptor names several"
         if not self._evidence.has_floor:
             return _NO_REPEATS
         if term.shared_by is SharedBy.ROW:
             return _rows(self._evidence.train, term.parameter, self._thresholds.row_correlation)
         if term.shared_by is not SharedBy.PIXEL or term.lever not in _TRANSFER:
-            return f"the noise law has no term of draws per {term.shared_by.value} with the lever {term.lever.value}"
+            return f"the noise model has no term of draws per {term.shared_by.value} with the lever {term.lever.value}"
         return _transfer(term, self._evidence, self._base.model)
 
 
@@ -180,7 +180,7 @@ def _transfer(term: RandomTerm, evidence: Evidence, model: Model) -> _NoiseFit |
 
 def _transfer_levers(effect: Effect) -> list[Lever]:
     """Levers by which an effect states independent temporal noise."""
-    if effect.channel is not Channel.NOISE_LAW:
+    if effect.channel is not Channel.NOISE_MODEL:
         return []
     return [t.lever for t in effect.random_terms if t.shared_by is SharedBy.PIXEL and t.lever in _TRANSFER]
 

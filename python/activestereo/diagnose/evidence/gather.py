@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gathers the evidence of a capture: everything random is judged against the repeats' noise law, everything
+"""Gathers the evidence of a capture: everything random is judged against the repeats' noise model, everything
 correlated by tiles.
 """
 
@@ -9,8 +9,8 @@ import numpy as np
 
 from activestereo.capture.capture import EYES, Capture
 from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.compare.gain_noise import law_at_other_gains
-from activestereo.compare.noise import NoiseLaw, frame_noise_variances
+from activestereo.compare.gain_noise import noise_model_at_other_gains
+from activestereo.compare.noise import NoiseModel, frame_noise_variances
 from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
 from activestereo.compare.render import LayersOfFrames
 from activestereo.compare.unsteady_light import unsteady_light
@@ -49,18 +49,18 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0) -> Evidence:
     ]
     train, test = ([s for s in shots if s.frame.split == split] for split in ("train", "test"))
     nuisances = fit_nuisances([(s.frame, s.layers, s.measured) for s in train], capture.rig.max_dn).nuisances
-    noise_variances, law, has_floor = _noise(capture, shots, nuisances)
+    noise_variances, noise_model, has_floor = _noise(capture, shots, nuisances)
     expected = _expected(shots, noise_variances, nuisances, capture.rig.max_dn)
     predicted = {s.key: predict(s.frame, s.layers, nuisances, capture.rig.max_dn) for s in train}
     if has_floor:
-        law, noise_variances = noise_at_other_gains(law, noise_variances, shots, train, predicted)
-    place_error_m = place_error(train, predicted, law)
+        noise_model, noise_variances = noise_at_other_gains(noise_model, noise_variances, shots, train, predicted)
+    place_error_m = place_error(train, predicted, noise_model)
     tiles, count = _tiles(train)
     material_of = _material_of(capture)
     materials = _albedo_materials(train, material_of)
 
     def observation(shot: MeasuredImage) -> Observation:
-        weight = weight_of(law, place_error_m, shot, expected[shot.key])
+        weight = weight_of(noise_model, place_error_m, shot, expected[shot.key])
         outside = np.full(shot.measured.shape, -1)
         tile, fold = tiles.get(shot.key, (outside, outside))
         material, slope = _material_index(shot, materials, material_of), focal_slope(shot, nuisances)
@@ -73,7 +73,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0) -> Evidence:
         train=tuple(map(observation, train)),
         test=tuple(map(observation, test)),
         nuisances=nuisances,
-        law=law,
+        noise_model=noise_model,
         noise_variances=noise_variances,
         has_floor=has_floor,
         materials=len(materials),
@@ -85,31 +85,35 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0) -> Evidence:
 
 def _noise(
     capture: Capture, shots: Sequence[MeasuredImage], nuisances: Nuisances
-) -> tuple[NoiseVariances, NoiseLaw, bool]:
+) -> tuple[NoiseVariances, NoiseModel, bool]:
     """(each image's noise variance, noise model, whether repeats gave them)."""
     no_noise = unsteady_light({s.key: (s.frame, s.layers, s.measured) for s in shots})
-    noise_variances, law = frame_noise_variances(capture, nuisances.black_dn, no_noise)
-    if law is not None:
-        return {key: max(v[0], ROUNDING_VARIANCE) for key, v in noise_variances.items()}, law, True
-    law = NoiseLaw(*_ASSUMED_NOISE, nuisances.black_dn)
-    return {s.key: max(law.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in shots}, law, False
+    noise_variances, noise_model = frame_noise_variances(capture, nuisances.black_dn, no_noise)
+    if noise_model is not None:
+        return {key: max(v[0], ROUNDING_VARIANCE) for key, v in noise_variances.items()}, noise_model, True
+    noise_model = NoiseModel(*_ASSUMED_NOISE, nuisances.black_dn)
+    return (
+        {s.key: max(noise_model.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in shots},
+        noise_model,
+        False,
+    )
 
 
 def noise_at_other_gains(
-    law: NoiseLaw,
+    noise_model: NoiseModel,
     noise_variances: NoiseVariances,
     shots: Sequence[MeasuredImage],
     train: Sequence[MeasuredImage],
     predicted: Mapping[tuple[int, str], np.ndarray],
-) -> tuple[NoiseLaw, NoiseVariances]:
-    """The law and the noise variances with the noise that frames at gains without repeats show. predicted: expected DN
-    of the train images.
+) -> tuple[NoiseModel, NoiseVariances]:
+    """The noise model and the noise variances with the noise that frames at gains without repeats show. predicted:
+    expected DN of the train images.
     """
     shown = {s.frame.gain for s in train if s.frame.repeat_group is not None}
-    law = law_at_other_gains(law, train, dict(predicted), shown)
+    noise_model = noise_model_at_other_gains(noise_model, train, dict(predicted), shown)
     others = [s for s in shots if s.frame.gain not in shown]
-    return law, noise_variances | {
-        s.key: max(law.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in others
+    return noise_model, noise_variances | {
+        s.key: max(noise_model.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in others
     }
 
 

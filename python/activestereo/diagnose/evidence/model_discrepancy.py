@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from activestereo.compare.noise import NoiseLaw
+from activestereo.compare.noise import NoiseModel
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
 
 # Largest survey error of a place that is believed, metres; beyond it something else is missing.
@@ -40,7 +40,7 @@ def edge_slopes(o: MeasuredImage, image: np.ndarray) -> np.ndarray:
 
 
 def place_error(
-    observations: Sequence[MeasuredImage], images: dict[tuple[int, str], np.ndarray], law: NoiseLaw
+    observations: Sequence[MeasuredImage], images: dict[tuple[int, str], np.ndarray], noise_model: NoiseModel
 ) -> float:
     """Deviation of the edges' places in metres, from the static frames' excess at edges; 0 where there is none."""
     excess = slopes = 0.0
@@ -48,7 +48,7 @@ def place_error(
         if not o.frame.is_moving and o.frame.projector_power > 0:
             slope = edge_slopes(o, images[o.key])
             edge = slope > 0
-            variance = law.variance(images[o.key], o.frame.gain)
+            variance = noise_model.variance(images[o.key], o.frame.gain)
             excess += ((o.measured - images[o.key]) ** 2 - variance)[edge].sum()
             slopes += (slope[edge].astype(np.float64) ** 2).sum()
     return float(np.sqrt(np.clip(excess / slopes, 0.0, _LARGEST_PLACE_ERROR_M**2))) if slopes > 0 else 0.0

@@ -13,7 +13,7 @@ import numpy as np
 
 from activestereo.capture.capture import EYES, Capture
 from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.compare.noise import NoiseLaw
+from activestereo.compare.noise import NoiseModel
 from activestereo.compare.nuisances import Nuisances
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.diagnose.evidence.model_discrepancy import edge_slopes
@@ -50,9 +50,9 @@ class Observation(MeasuredImage):
 class Evidence:
     """All observations of a capture.
 
-    nuisances: a first fit of projector scale, ambient scale and black level. law: the photon-transfer law of the
-    noise; has_floor: whether repeats gave it. noise_variances: {(frame id, eye): DN^2}. materials: how many
-    albedo nuisances there are. tiles: how many tiles. seed: rules every random choice. place_error_m: deviation by
+    nuisances: a first fit of projector scale, ambient scale and black level. noise_model: the photon-transfer noise
+    model of the noise; has_floor: whether repeats gave it. noise_variances: {(frame id, eye): DN^2}. materials: how
+    many albedo nuisances there are. tiles: how many tiles. seed: rules every random choice. place_error_m: deviation by
     which a survey misplaces the scene's edges.
     """
 
@@ -60,7 +60,7 @@ class Evidence:
     train: tuple[Observation, ...]
     test: tuple[Observation, ...]
     nuisances: Nuisances
-    law: NoiseLaw
+    noise_model: NoiseModel
     noise_variances: dict[tuple[int, str], float]
     has_floor: bool
     materials: int
@@ -91,12 +91,14 @@ class Evidence:
 
     def weight(self, observation: Observation, expected_dn: np.ndarray) -> np.ndarray:
         """1 / variance of an observation's pixels, float32, from their expected values."""
-        return weight_of(self.law, self.place_error_m, observation, expected_dn)
+        return weight_of(self.noise_model, self.place_error_m, observation, expected_dn)
 
 
-def weight_of(law: NoiseLaw, place_error_m: float, observation: MeasuredImage, expected_dn: np.ndarray) -> np.ndarray:
-    """1 / variance of pixels: the noise law's variance, and at edges what their misplacement adds."""
-    variance = np.maximum(law.variance(expected_dn, observation.frame.gain), ROUNDING_VARIANCE)
+def weight_of(
+    noise_model: NoiseModel, place_error_m: float, observation: MeasuredImage, expected_dn: np.ndarray
+) -> np.ndarray:
+    """1 / variance of pixels: the noise model's variance, and at edges what their misplacement adds."""
+    variance = np.maximum(noise_model.variance(expected_dn, observation.frame.gain), ROUNDING_VARIANCE)
     if place_error_m > 0:
         variance = variance + (place_error_m * edge_slopes(observation, expected_dn)) ** 2
     return (1.0 / variance).astype(np.float32)

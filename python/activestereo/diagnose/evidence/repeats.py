@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The evidence anew, once it is known what raises an image without light, or makes repeats differ.
 
-A dark signal or a black level that grows with warmth is no light, but a photon-transfer law takes it for some; and
-where it grows from one repeat to the next, it is no noise, but the variance of repeats contains it. The floor is too
-high then, and what else is missing hides below it. A model that has the drift takes it out.
+A dark signal or a black level that grows with warmth is no light, but a photon-transfer noise model takes it for some;
+and where it grows from one repeat to the next, it is no noise, but the variance of repeats contains it. The floor is
+too high then, and what else is missing hides below it. A model that has the drift takes it out.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,27 +34,27 @@ def without_drift(
     shots = (*evidence.train, *evidence.test)
     dark = {o.key: model.digital(np.zeros(o.view.shape), o.view, black_dn) - black_dn for o in shots}
     no_noise = dark | _drift(shots, expected)
-    noise_variances, law = frame_noise_variances(evidence.capture, evidence.nuisances.black_dn, no_noise)
-    if law is None:
+    noise_variances, noise_model = frame_noise_variances(evidence.capture, evidence.nuisances.black_dn, no_noise)
+    if noise_model is None:
         return evidence
     found = {key: max(variance, ROUNDING_VARIANCE) for key, (variance, _) in noise_variances.items()}
     lit_shots = {o.key: replace(o, measured=o.measured - dark[o.key]) for o in shots}
     lit_train = [lit_shots[o.key] for o in evidence.train]
     lit = {key: image - dark[key] for key, image in expected.items()}
-    lit_law, found = noise_at_other_gains(law, found, list(lit_shots.values()), lit_train, lit)
+    lit_noise_model, found = noise_at_other_gains(noise_model, found, list(lit_shots.values()), lit_train, lit)
     shown = [o.key for o in evidence.train]
     if sum(found[k] for k in shown) > (1.0 - least_fall) * sum(evidence.noise_variances[k] for k in shown):
         return evidence
-    place_error_m = place_error(lit_train, lit, lit_law)
+    place_error_m = place_error(lit_train, lit, lit_noise_model)
 
     def weighed(observations: Sequence[Observation]) -> tuple[Observation, ...]:
-        return tuple(replace(o, weight=weight_of(lit_law, place_error_m, o, lit[o.key])) for o in observations)
+        return tuple(replace(o, weight=weight_of(lit_noise_model, place_error_m, o, lit[o.key])) for o in observations)
 
     return replace(
         evidence,
         train=weighed(evidence.train),
         test=weighed(evidence.test),
-        law=lit_law,
+        noise_model=lit_noise_model,
         noise_variances=found,
         place_error_m=place_error_m,
     )

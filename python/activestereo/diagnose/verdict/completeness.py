@@ -8,15 +8,15 @@ from activestereo.diagnose.verdict.acceptance import passes, varies_too_much
 from activestereo.effects.core.judging import Channel
 
 
-def follows_other_law(ranking: Ranking, remainder: Remainder, first: Ranking) -> bool:
+def has_other_signature(ranking: Ranking, remainder: Remainder, first: Ranking) -> bool:
     """Whether the trace of an added effect is there, but not as large everywhere as its law says.
 
     first: the ranking without effects.
     """
     thresholds = ranking.thresholds
     limit = max(
-        thresholds.other_law_share * (first.base.chi2 - remainder.chi2) / ranking.pixels,
-        thresholds.other_law_reduced_chi2,
+        thresholds.other_signature_share * (first.base.chi2 - remainder.chi2) / ranking.pixels,
+        thresholds.other_signature_reduced_chi2,
     )
     return any(varying > limit for varying in remainder.variation.values())
 
@@ -34,7 +34,7 @@ def has_field_for_law(ranking: Ranking) -> bool:
 def lacks_nothing(ranking: Ranking, noise: Finding) -> bool:
     """Whether a finding of the noise alone leaves nothing of the base above the floor for others to explain."""
     rest = replace(ranking.base_remainder, repeats_reduced_chi2=noise.explanation.repeats_reduced_chi2)
-    return noise.channel is Channel.NOISE_LAW and _excess_beside(ranking, rest) <= 0.0
+    return noise.channel is Channel.NOISE_MODEL and _excess_beside(ranking, rest) <= 0.0
 
 
 def _excess_beside(ranking: Ranking, remainder: Remainder) -> float:
@@ -73,7 +73,7 @@ def is_unexplained(ranking: Ranking, remainder: Remainder, first: Ranking | None
         return True
     if first is not None and remainder.held_sigmas > thresholds.largest_held_sigmas:
         return True
-    if first is not None and excess > 0.0 and follows_other_law(ranking, remainder, first):
+    if first is not None and excess > 0.0 and has_other_signature(ranking, remainder, first):
         return True
     structure = remainder.structure_reduced_chi2 or 0.0
     if excess <= thresholds.unexplained_reduced_chi2:

@@ -132,12 +132,12 @@ class Effect:
         if self.stage > Stage.DIGITAL:
             return Channel.DEPTH_ENGINE if self.randomness is Randomness.NONE else None
         if any(isinstance(j, CodeSteps) for j in self.judged):
-            return Channel.NOISE_LAW
+            return Channel.NOISE_MODEL
         if self.randomness is Randomness.NONE:
             return Channel.EXPECTED_IMAGE
         if not self.random_terms:
             return None
-        return Channel.STATIC_FIELD if self.randomness is Randomness.STATIC else Channel.NOISE_LAW
+        return Channel.STATIC_FIELD if self.randomness is Randomness.STATIC else Channel.NOISE_MODEL
 
     @property
     def random_terms(self) -> tuple[RandomTerm, ...]:

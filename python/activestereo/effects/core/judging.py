@@ -6,7 +6,7 @@ A deterministic effect up to the digital numbers changes the *expected image*, w
 say more:
 
     STATIC randomness     RandomTerms: fields of draws that stay, found by predicting one frame from others
-    TEMPORAL randomness   RandomTerms: terms of the noise law, found in the differences of repeats
+    TEMPORAL randomness   RandomTerms: terms of the noise model, found in the differences of repeats
     CodeSteps             digital numbers come in steps, found in their histogram
     EngineFault           what a fault of the depth engine resembles; other effects on disparity and depth need no word
 """
@@ -31,7 +31,7 @@ class Channel(Enum):
 
     EXPECTED_IMAGE = "expected image"
     STATIC_FIELD = "static field"
-    NOISE_LAW = "noise law"
+    NOISE_MODEL = "noise model"
     DEPTH_ENGINE = "depth engine"
 
 
@@ -67,7 +67,7 @@ class SharedBy(Enum):
 
 @dataclass(frozen=True)
 class RandomTerm:
-    """One random field or one term of the noise law: parameter x lever x a draw of deviation 1.
+    """One random field or one term of the noise model: parameter x lever x a draw of deviation 1.
 
     parameter: the name of the parameter that scales it. sparse_share: the name of the parameter that says which share
     of the places has a draw at all; "" = all of them.

@@ -7,7 +7,7 @@ from __future__ import annotations
 from activestereo.capture.capture import EYES, Capture, Frame
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.kuafu_renderer import KuafuRenderer
-from activestereo.compare.noise import fit_noise_law, repeat_statistics
+from activestereo.compare.noise import fit_noise_model, repeat_statistics
 from activestereo.compare.nuisances import fit_nuisances
 from activestereo.compare.render import render_frames
 from activestereo.model import Imager, Quantity
@@ -30,11 +30,13 @@ def fitted_nuisances(capture: Capture, renderer: KuafuRenderer) -> dict[str, Qua
 
 
 def fitted_noise(capture: Capture, black_dn: float) -> Imager | None:
-    """The noise law of the capture's repeats, None where it has none."""
-    law = fit_noise_law(repeat_statistics(capture), black_dn, capture.rig.max_dn)
-    if law is None:
+    """The noise model of the capture's repeats, None where it has none."""
+    noise_model = fit_noise_model(repeat_statistics(capture), black_dn, capture.rig.max_dn)
+    if noise_model is None:
         return None
-    return Imager(**{n: Quantity(getattr(law, n), unit=unit, source=_SOURCE) for n, unit in NOISE_TERMS.items()})
+    return Imager(
+        **{n: Quantity(getattr(noise_model, n), unit=unit, source=_SOURCE) for n, unit in NOISE_TERMS.items()}
+    )
 
 
 def _chosen(capture: Capture) -> list[Frame]:
