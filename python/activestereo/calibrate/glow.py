@@ -39,21 +39,21 @@ class ProjectorView:
     """Where the projector stands: its origin in the left camera's frame, the rotation into its own, its K, and the
     pattern's width and height in pixels."""
 
-    place_m: NDArray[np.float64]
+    position_m: NDArray[np.float64]
     rotation: NDArray[np.float64]
     K: NDArray[np.float64]
     size: tuple[int, int]
 
     def pixels(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        return projected(points, self.place_m, self.rotation, self.K)
+        return projected(points, self.position_m, self.rotation, self.K)
 
 
 def projected(
-    points: NDArray[np.float64], place_m: NDArray[np.float64], rotation: NDArray[np.float64], K: NDArray[np.float64]
+    points: NDArray[np.float64], position_m: NDArray[np.float64], rotation: NDArray[np.float64], K: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(u, v [n][2] in the pattern, the beams [n][3] in the projector's axes) of points [n][3] in the left camera's
     frame."""
-    beam = (points - place_m) @ rotation.T
+    beam = (points - position_m) @ rotation.T
     u = K[0, 0] * beam[:, 0] / beam[:, 2] + K[0, 2]
     v = K[1, 1] * beam[:, 1] / beam[:, 2] + K[1, 2]
     return np.column_stack([u, v]), beam

@@ -60,16 +60,16 @@ class WallView:
 @dataclass(frozen=True)
 class Pattern:
     """dots [n][3]: u, v in pixels of an image of `size` under K, and power in pixels squared, their mean that of the
-    nominal pattern (or 1). place_m: the projector's origin in the left camera's frame; place_error_m: its standard
-    deviations, None where it is nominal. background: light between the dots, in the powers' unit per square pixel, and
-    half of what the eyes differ by; None where it was not measured. seen_twice: dots that two distances show. rig: what
-    was believed."""
+    nominal pattern (or 1). position_m: the projector's origin in the left camera's frame; position_error_m: its
+    standard deviations, None where it is nominal. background: light between the dots, in the powers' unit per square
+    pixel, and half of what the eyes differ by; None where it was not measured. seen_twice: dots that two distances
+    show. rig: what was believed."""
 
     dots: np.ndarray
     size: tuple[int, int]
     K: np.ndarray
-    place_m: np.ndarray
-    place_error_m: np.ndarray | None
+    position_m: np.ndarray
+    position_error_m: np.ndarray | None
     left_to_projector: np.ndarray
     dot_sigma_px: float
     background: tuple[float, float] | None
@@ -83,7 +83,7 @@ class Pattern:
             f"{view.wall.distance_m:.3f} m" for view in self.views
         )
         where = (
-            "the projector's place is nominal" if self.place_error_m is None else "the projector's place is measured"
+            "the projector's place is nominal" if self.position_error_m is None else "the projector's place is measured"
         )
         pattern = SensorPattern(
             self.K,
@@ -119,14 +119,14 @@ class Pattern:
                 f"{view.name}: wall at {wall.distance_m:.4f} m, {len(view.spots['left'])} and "
                 f"{len(view.spots['right'])} dots, {share:.0f} % matched, flat to {wall.flatness_px:.3f} px"
             )
-        x, y, z = 1e3 * self.place_m
-        if self.place_error_m is None:
+        x, y, z = 1e3 * self.position_m
+        if self.position_error_m is None:
             lines.append(
                 f"projector at {x:.2f}, {y:.2f}, {z:.2f} mm of the left camera: NOMINAL; a wall at a second distance, "
                 "1.5 times as far, would tell it"
             )
         else:
-            ex, ey, ez = 1e3 * _INTERVAL_90 * self.place_error_m
+            ex, ey, ez = 1e3 * _INTERVAL_90 * self.position_error_m
             lines.append(
                 f"projector at {x:.3f} ± {ex:.3f}, {y:.3f} ± {ey:.3f}, {z:.3f} ± {ez:.3f} mm of the left camera (90 %)"
             )

@@ -116,7 +116,8 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _under_model(args: argparse.Namespace, effects: "dict[str, Effect]") -> dict[str, Any]:
-    """A model's parts that compare() takes: its effects and survey in this scene, and engines in which they act."""
+    """A model's parts that compare() takes: its effects and the scene measurement in this scene, and engines in which
+    they act."""
     from activestereo.compare.model_file import scene_of
     from activestereo.effects.core.scene_surfaces import surface_names
     from activestereo.effects.engines import CaptureRenderer
@@ -126,7 +127,7 @@ def _under_model(args: argparse.Namespace, effects: "dict[str, Effect]") -> dict
     model, names = read_model(args.model, effects), surface_names(scene_of(args.capture))
     return {
         "model": model.bound(names),
-        "survey": model.survey(names),
+        "scene_measurement": model.scene_measurement(names),
         "calibrate": lambda capture: calibrated(capture, model),
         "engines": lambda capture: CaptureRenderer(capture, args.device, args.spp, args.max_bounces, args.seed),
     }

@@ -83,7 +83,7 @@ def compare(
     capture_path: str | Path, model: Model | None = None, renderer: Renderer | None = None, samples_per_pixel: int = 64,
     max_bounces: int = 8, seed: int = 0, cache: LayerCache | None = None,
     progress: Callable[[float], object] | None = None,
-    engines: Callable[[Capture], CaptureRenderer] | None = None, survey: SceneMeasurement | None = None,
+    engines: Callable[[Capture], CaptureRenderer] | None = None, scene_measurement: SceneMeasurement | None = None,
     calibrate: Callable[[Capture], Capture] | None = None,
 ) -> Comparison:  # fmt: skip
     """A Comparison of the capture folder. CaptureError where the capture cannot be used.
@@ -91,8 +91,9 @@ def compare(
     model: effects on top of the base renderer, a Model; expected images are compared, so random effects show in the
     noise floor alone. renderer: see render.py; None for kuafu on the best device. progress: called as
     progress(fraction done); Phases that begin with PHASES_S are told of each. engines: makes a CaptureRenderer of the
-    capture, in which the model's effects act; None: their image functions do. survey: an engines.SceneMeasurement, what
-    is known of focal lengths and albedos. calibrate: replaces the capture's nominal rig and pattern by measured ones.
+    capture, in which the model's effects act; None: their image functions do. scene_measurement: an
+    engines.SceneMeasurement, what is known of focal lengths and albedos. calibrate: replaces the capture's nominal rig
+    and pattern by measured ones.
     """
     capture = read_capture(capture_path)
     if calibrate is not None:
@@ -107,7 +108,7 @@ def compare(
     model = model or Model()
     halves = render_halves(capture, renderer, samples_per_pixel, max_bounces, seed, cache, phases, WARP_SCALE)
     phases.begin(PREDICTING)
-    errors = image_errors(capture, model, halves, seed, engines, survey, phases)
+    errors = image_errors(capture, model, halves, seed, engines, scene_measurement, phases)
     phases.begin(LOOKING)
     return comparison_of(errors, RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed))
 

@@ -123,7 +123,7 @@ def _images_key(renderer: CaptureRenderer, model: Model, split: str, half: int |
 def predict_in_engines(
     capture: Capture,
     model: Model,
-    survey: SceneMeasurement,
+    scene_measurement: SceneMeasurement,
     renderer: CaptureRenderer,
     layers: Mapping[int, Mapping[str, Layers]],
     views: Mapping[ImageKey, View],
@@ -139,7 +139,7 @@ def predict_in_engines(
     engine, halves = EngineModel(model, renderer), []
     for half in HALVES:
         share = part_of(progress, half / 2, (half + 1) / 2)
-        seen = renderer.lights(model, survey=survey, progress=share, half=half)
+        seen = renderer.lights(model, scene_measurement=scene_measurement, progress=share, half=half)
         halves.append({k: engine.light(seen[k], layers[k[0]][k[1]].flat, view) for k, view in views.items()})
     train = [
         (views[f.id, eye], mean_light(*(lights[f.id, eye] for lights in halves)), measured[f.id, eye])

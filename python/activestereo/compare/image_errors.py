@@ -88,14 +88,14 @@ def image_errors(
     halves: Halves,
     seed: int = 0,
     engines: Callable[[Capture], CaptureRenderer] | None = None,
-    survey: SceneMeasurement | None = None,
+    scene_measurement: SceneMeasurement | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> ImageErrors:
     """The ImageErrors of a model with the nuisances that fit the train frames. ValueError: there is nothing to fit.
 
     halves: the base model's light on all frames, by render_halves(). engines: makes a CaptureRenderer of the capture,
-    in which the model's effects act; None: their image functions do. survey: what is known of focal lengths and
-    albedos, which engines alone show. progress: called as progress(fraction done) while engines render.
+    in which the model's effects act; None: their image functions do. scene_measurement: what is known of focal lengths
+    and albedos, which engines alone show. progress: called as progress(fraction done) while engines render.
     """
     layers = mean_of_halves(halves)
     measured = {(frame.id, eye): capture.ir(frame, eye) for frame in capture.frames for eye in EYES}
@@ -108,7 +108,7 @@ def image_errors(
         fit, expected = predict_under_model(capture, model, (layers, *halves), views, measured)
     else:
         fit, expected = predict_in_engines(
-            capture, model, survey or SceneMeasurement(), engines(capture), layers, views, measured, progress
+            capture, model, scene_measurement or SceneMeasurement(), engines(capture), layers, views, measured, progress
         )
     predictions = {key: (0.5 * (a + b)).astype(np.float32) for key, (a, b) in expected.items()}
     seen = {(f, e): (views[f, e].frame, layers[f][e], image) for (f, e), image in measured.items()}

@@ -54,13 +54,13 @@ class OwnEvidence:
     """The evidence of a channel that does not look at expected images.
 
     nats: gain of log-likelihood. share: of the variance or squared error there that the effect explains. consistency:
-    share of the frames that get better. surveyed_nats: what errors of the surveyed poses may explain of the gain.
+    share of the frames that get better. pose_error_nats: what errors of the measured poses may explain of the gain.
     """
 
     nats: float
     share: float
     consistency: float = 1.0
-    surveyed_nats: float = 0.0
+    pose_error_nats: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,8 @@ class Score:
 
     nats: gain of log-likelihood. explained_share: of the error above the floor. gain_reduced_chi2: fall of the mean
     square. consistency: share of the touched images that get better. choice_nats: of choices that it took, or that
-    surveys may explain. occam_nats: what its freedom costs, <= 0.
+    errors of the
+    scene measurement may explain. occam_nats: what its freedom costs, <= 0.
     """
 
     nats: float
@@ -122,8 +123,8 @@ class Checks:
     its expected variance. varying_reduced_chi2: what a varying amplitude of the effect's trace explains beyond one.
     structure_reduced_chi2: structure that it leaves (score/structure.py). variation: {effect: varying_reduced_chi2} of
     every effect that was added to the given model. at_range_end: whether a shape parameter was driven to an end of its
-    range. held_sigmas: how far the fit takes a focal length or an albedo, the farthest, from what calibration and
-    survey say, in deviations of these. None and absent: not looked at.
+    range. prior_sigmas: how far the fit takes a focal length or an albedo, the farthest, from what calibration and
+    scene measurement say, in deviations of these. None and absent: not looked at.
     """
 
     plain_share: float | None = None
@@ -132,7 +133,7 @@ class Checks:
     structure_reduced_chi2: float | None = None
     variation: Mapping[str, float] = field(default_factory=dict)
     at_range_end: bool = False
-    held_sigmas: float = 0.0
+    prior_sigmas: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -157,7 +158,7 @@ class Remainder:
     repeats_reduced_chi2: float
     structure_reduced_chi2: float | None
     variation: Mapping[str, float]
-    held_sigmas: float = 0.0
+    prior_sigmas: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -202,7 +203,7 @@ class Finding:
         e = self.explanation
         checks = self.checks
         return Remainder(
-            e.chi2, e.repeats_reduced_chi2, checks.structure_reduced_chi2, checks.variation, checks.held_sigmas
+            e.chi2, e.repeats_reduced_chi2, checks.structure_reduced_chi2, checks.variation, checks.prior_sigmas
         )
 
 
@@ -230,7 +231,7 @@ class Ranking:
     @property
     def base_remainder(self) -> Remainder:
         checks = self.base_checks
-        return Remainder(self.base.chi2, 0.0, checks.structure_reduced_chi2, checks.variation, checks.held_sigmas)
+        return Remainder(self.base.chi2, 0.0, checks.structure_reduced_chi2, checks.variation, checks.prior_sigmas)
 
     @property
     def excess_reduced_chi2(self) -> float:

@@ -95,8 +95,8 @@ def next_measurements(ranking: Ranking, evidence: Evidence) -> list[Advice]:
         {"text": f"{text} (expected {nats:.0f} nats)", "nats": nats, "separates": list(pair), "change": _MENU[text]}
         for nats, text, pair in useful
     ]
-    # What brings little more than the same frames again is no lever: errors of a survey, which no light lessens, hide
-    # the difference where these views have not shown it.
+    # What brings little more than the same frames again is no lever: errors of the scene measurement, which no light
+    # lessens, hide the difference where these views have not shown it.
     again = _worst_pair(ranking, evidence, foretold, observations, {})[0] if useful else np.inf
     if not useful or useful[0][0] < ranking.thresholds.lever_ratio * again:
         text, change = _OTHER_VIEWS
@@ -142,11 +142,11 @@ def left_between(
         image = signal(truth.model, o, truth.model.light(o.layers, o.view, fine=False), truth.phi)
         weight = 1.0 / np.maximum(evidence.noise_model.variance(image, o.frame.gain), ROUNDING_VARIANCE)
         foretold.append(replace(o, measured=image, weight=weight))
-    fitter = Fitter(foretold, evidence.held_sigma, evidence.tiles, fine=False)
+    fitter = Fitter(foretold, evidence.prior_sigma, evidence.tiles, fine=False)
     space, theta, phi = rival.space, rival.theta, rival.phi
     new = fitter.linearise(space, theta, phi, fitter.lights(space, theta))
-    held = rival.sums.gram.sum(0) + np.diag(fitter.prior(len(theta), space))
-    gram, moment = copies * new.gram.sum(0) + held, copies * new.moment.sum(0)
+    known = rival.sums.gram.sum(0) + np.diag(fitter.prior(len(theta), space))
+    gram, moment = copies * new.gram.sum(0) + known, copies * new.moment.sum(0)
     norm = np.sqrt(np.maximum(np.diag(gram), 1e-30))
     step = np.linalg.lstsq(gram / np.outer(norm, norm), moment / norm, rcond=1e-10)[0]
     return 0.5 * max(copies * new.total - step @ (moment / norm), 0.0)

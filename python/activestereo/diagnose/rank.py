@@ -154,8 +154,8 @@ def settled_first(context: DiagnosisContext, ranking: Ranking) -> Ranking:
     explanation = settled(context.evidence, context.fitters.train, first.explanation)
     found = replace(first, explanation=explanation)
     structure = local_structure(_rows_after(context, ranking.base, found))
-    variation, held = _variation(context, found.fitted), _held_sigmas(context, found.fitted)
-    checks = replace(first.checks, structure_reduced_chi2=structure, variation=variation, held_sigmas=held)
+    variation, held = _variation(context, found.fitted), _prior_sigmas(context, found.fitted)
+    checks = replace(first.checks, structure_reduced_chi2=structure, variation=variation, prior_sigmas=held)
     return _with_findings(ranking, (replace(found, checks=checks), *ranking.findings[1:]))
 
 
@@ -196,7 +196,7 @@ def _own_score(e: Explanation) -> Score:
     """The score on a channel with evidence of its own, whose shares take the place of noise variances."""
     own = e.own
     assert own is not None, e.effect.id
-    return Score(own.nats, own.share, own.share, own.consistency, choice_nats=own.surveyed_nats)
+    return Score(own.nats, own.share, own.share, own.consistency, choice_nats=own.pose_error_nats)
 
 
 def _rendered(context: DiagnosisContext, ranking: Ranking) -> Ranking:
@@ -323,7 +323,7 @@ def _with_remainders(context: DiagnosisContext, ranking: Ranking) -> Ranking:
             f.checks,
             structure_reduced_chi2=local_structure(_rows_after(context, ranking.base, f)),
             variation=base_checks.variation if f.solution is None else _variation(context, solution),
-            held_sigmas=_held_sigmas(context, solution),
+            prior_sigmas=_prior_sigmas(context, solution),
         )
         return replace(f, checks=checks)
 
@@ -334,20 +334,20 @@ def _base_checks(context: DiagnosisContext, base: BaseFit) -> BaseChecks:
     return BaseChecks(
         structure_reduced_chi2=local_structure(base.train),
         variation=_variation(context, base.solution),
-        held_sigmas=_held_sigmas(context, base.solution),
+        prior_sigmas=_prior_sigmas(context, base.solution),
         plain_excess_reduced_chi2=_square(base.train) / _floor_square(context) - 1.0,
         unsteady_reduced_chi2=unsteady_reduced_chi2(base.train),
         uneven_structure_reduced_chi2=uneven_structure(base.train),
     )
 
 
-def _held_sigmas(context: DiagnosisContext, solution: Solution) -> float:
+def _prior_sigmas(context: DiagnosisContext, solution: Solution) -> float:
     """How far a solution takes a focal length or an albedo, in deviations. What is named of a surface makes of its
-    albedo another quantity than the survey's: beside it nothing is held.
+    albedo another quantity than the measured one: beside it no prior counts.
     """
     if any(e.stage is Stage.SURFACE and e.id not in context.given for e in solution.effects):
         return 0.0
-    return context.fitters.train.held_sigmas(solution)
+    return context.fitters.train.prior_sigmas(solution)
 
 
 def _floor_square(context: DiagnosisContext) -> float:

@@ -126,17 +126,17 @@ class Thresholds:
         _GENERATION_1,
         moves="halved: named -0.013; doubled: outside -0.036",
     )
-    largest_held_sigmas: float = _threshold(
+    largest_prior_sigmas: float = _threshold(
         4.0,
         "1",
-        "farthest that a named effect's fit may take a focal length or an albedo from calibration and survey, in their "
-        "deviations",
+        "farthest that a named effect's fit may take a focal length or an albedo from calibration and scene "
+        "measurement, in their deviations",
         "theory: one normal error in 16 000 is larger",
     )
-    largest_of_surveys_reduced_chi2: float = _threshold(
+    largest_scene_error_reduced_chi2: float = _threshold(
         0.5,
         "noise variances",
-        "largest excess of any shape that errors of the survey leave, where no effect is named",
+        "largest excess of any shape that errors of the scene measurement leave, where no effect is named",
         _GENERATION_1,
         moves="doubled: outside -0.036",
     )
@@ -284,7 +284,7 @@ class Thresholds:
         _GENERATION_1,
     )
     poses_known_to_rad: float = _earlier(
-        0.0025, "rad", "uncertainty of surveyed orientations", "convention: an eighth of a degree"
+        0.0025, "rad", "uncertainty of measured orientations", "convention: an eighth of a degree"
     )
     # What to measure next.
     worth_nats: float = _earlier(

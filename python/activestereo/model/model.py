@@ -154,7 +154,7 @@ class SensorModel:
         """Names of all surfaces that effects are on."""
         return {name for entry in self.effects for name in entry.surfaces}
 
-    def survey(self, material_names: Sequence[str]) -> SceneMeasurement:
+    def scene_measurement(self, material_names: Sequence[str]) -> SceneMeasurement:
         """Focal lengths, albedo factors and measured materials in a scene; nothing is said of those that it lacks."""
         left, right = (
             self.nuisances[name].value if name in self.nuisances else 0.0 for name in ("focal_left", "focal_right")

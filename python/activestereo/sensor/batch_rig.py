@@ -103,7 +103,7 @@ def _inputs_of(
     if model is None:
         return inputs
     names = [scene.material_name(number) for number in range(scene.summary.material_count)]
-    model.survey(names).apply(inputs)
+    model.scene_measurement(names).apply(inputs)
     left_over = [effect.id for effect, _ in apply_engine(inputs, model.bound(names).effects)]
     left_over += ["exposure_desync"] if any(eye.delay_s for eye in inputs.eyes) else []
     if left_over:

@@ -66,11 +66,11 @@ def sensor_inputs(
 
 
 def exposed_anew(
-    inputs: EngineInputs | None, config: StereoDepthSensorConfig, effects: Model, survey: SceneMeasurement
+    inputs: EngineInputs | None, config: StereoDepthSensorConfig, effects: Model, scene_measurement: SceneMeasurement
 ) -> EngineInputs | None:
     """The inputs under the configuration's present exposure and gain; None where they have to be found anew: where
-    there are none yet, or effects or a survey, which may depend on the exposure, have touched them."""
-    if inputs is None or effects.effects or survey != SceneMeasurement():
+    there are none yet, or effects or a scene measurement, which may depend on the exposure, have touched them."""
+    if inputs is None or effects.effects or scene_measurement != SceneMeasurement():
         return None
     inputs.frame = replace(inputs.frame, exposure_s=config.ir_camera_exposure)
     for eye in inputs.eyes:
@@ -185,8 +185,9 @@ def fitted_to(
     model: SensorModel | str | PathLike[str] | None,
     config: StereoDepthSensorConfig,
 ) -> tuple[Model, SceneMeasurement, float]:
-    """(effects, survey, infrared radiance of the model's room) in this scene. source: what the scene is from; where the
-    model tells two objects of one material apart and it is a file's path, each gets a material of its own."""
+    """(effects, scene measurement, infrared radiance of the model's room) in this scene. source: what the scene is
+    from; where the model tells two objects of one material apart and it is a file's path, each gets a material of its
+    own."""
     if model is None:
         return Model(), SceneMeasurement(), config.ir_ambient_radiance
     model = model if isinstance(model, SensorModel) else read_model(Path(model))
@@ -196,7 +197,7 @@ def fitted_to(
         names = _material_names(scene)
     ambient = model.nuisances.get("ambient_scale")
     radiance = config.ir_ambient_radiance if ambient is None else ambient.value / config.ir_responsivity_dn
-    return model.bound(names), model.survey(names), radiance
+    return model.bound(names), model.scene_measurement(names), radiance
 
 
 def _material_names(scene: kuafu.Scene) -> list[str]:

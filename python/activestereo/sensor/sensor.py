@@ -78,7 +78,7 @@ class StereoDepthSensor:
         self._scene = self._mount.scene
         self._device = self._scene.device
         found = fitted_to(self._scene, scene_or_mount, model, self._config)
-        self._effects, self._survey, self._ambient_radiance = found
+        self._effects, self._scene_measurement, self._ambient_radiance = found
         self._conditions: tuple[float | None, float] = (None, 0.0)
         self._place, self._speckle_draw = None, -1
         self._exposure, self._next_setting = AutoExposure(self._config), None
@@ -402,7 +402,7 @@ class StereoDepthSensor:
             emitter, pattern = c.emitter_power(max(self._lit_frame, 0)), self._world.pattern
             inputs = sensor_inputs(c, self._scene, Pose(), twist, frame, pattern, self._ambient_radiance, emitter)
             inputs.scene_materials = self._world.material
-            self._survey.apply(inputs)
+            self._scene_measurement.apply(inputs)
             self._left_over = apply_engine(inputs, self._effects.effects)
             cameras = [(eye.camera, eye.delay_s) for eye in inputs.eyes]
             self._eye_poses = [
@@ -443,7 +443,7 @@ class StereoDepthSensor:
     def _set_exposure(self, setting: Any) -> None:
         if (setting.exposure_s, setting.gain) != (self._config.ir_camera_exposure, self._config.ir_camera_gain):
             self._config.ir_camera_exposure, self._config.ir_camera_gain = setting.exposure_s, setting.gain
-            self._inputs = exposed_anew(self._inputs, self._config, self._effects, self._survey)
+            self._inputs = exposed_anew(self._inputs, self._config, self._effects, self._scene_measurement)
             if self._inputs is not None:
                 self._engine.set_signal(*(eye.signal for eye in self._inputs.eyes))
         self._next_setting = None

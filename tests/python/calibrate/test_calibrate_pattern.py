@@ -20,7 +20,7 @@ from activestereo.capture.capture import read_capture
 from activestereo.cli import main
 from activestereo.capture.images import write_gray
 from activestereo.model import SensorModel, read_model
-from wall_worlds import NOMINAL_PLACE_M, PLACE_M, WallWorld, seen_dots
+from wall_worlds import NOMINAL_POSITION_M, POSITION_M, WallWorld, seen_dots
 
 _WALLS = ((1.0, 0.0), (1.7, 0.1))
 
@@ -108,9 +108,10 @@ def test_the_light_between_dots_is_measured(pattern):
 
 
 def test_two_distances_tell_the_projectors_place(pattern):
-    assert pattern.place_m == pytest.approx(PLACE_M, abs=1e-4)
-    assert np.all(np.abs(pattern.place_m - PLACE_M) < 5.0 * pattern.place_error_m + 2e-5)
-    assert np.linalg.norm(PLACE_M - NOMINAL_PLACE_M) > 1e-3  # the rig's nominal one is wrong by more than a millimetre
+    assert pattern.position_m == pytest.approx(POSITION_M, abs=1e-4)
+    error_m = np.abs(pattern.position_m - POSITION_M)
+    assert np.all(error_m < 5.0 * pattern.position_error_m + 2e-5)
+    assert np.linalg.norm(POSITION_M - NOMINAL_POSITION_M) > 1e-3  # the nominal one is more than a millimetre off
 
 
 def test_the_sensor_takes_what_was_measured(pattern, tmp_path):
@@ -125,7 +126,7 @@ def test_the_sensor_takes_what_was_measured(pattern, tmp_path):
         @ config.pose_rgb_irproj.to_transformation_matrix()
     )
     x, y, z = body[:3, 3]  # body axes: x forward, y left, z up
-    assert (-y, -z, x) == pytest.approx(tuple(pattern.place_m), abs=1e-6)
+    assert (-y, -z, x) == pytest.approx(tuple(pattern.position_m), abs=1e-6)
     model = json.loads(out.read_text())
     model["rig"] |= {"gain": 2.0, "left_to_projector": np.eye(4).ravel().tolist()}
     out.write_text(json.dumps(model))
@@ -133,7 +134,7 @@ def test_the_sensor_takes_what_was_measured(pattern, tmp_path):
         out, pattern.model(), keep_rig=True
     )  # of a rig that is there, the projector's place alone is replaced
     again = read_model(out).rig
-    assert again.gain == 2.0 and np.allclose(again.left_to_projector[:3, 3], -pattern.place_m)
+    assert again.gain == 2.0 and np.allclose(again.left_to_projector[:3, 3], -pattern.position_m)
 
 
 def test_one_distance_leaves_it_nominal_and_says_so(capture_path, tmp_path):
@@ -143,7 +144,7 @@ def test_one_distance_leaves_it_nominal_and_says_so(capture_path, tmp_path):
         root["frames"] = [frame for frame in root["frames"] if frame["repeat_group"] == 0]
 
     pattern = calibrate_pattern(_copied(capture.path, tmp_path / "one", first_pose))
-    assert pattern.place_m == pytest.approx(NOMINAL_PLACE_M) and pattern.place_error_m is None
+    assert pattern.position_m == pytest.approx(NOMINAL_POSITION_M) and pattern.position_error_m is None
     assert pattern.background is None and "NOT MEASURED" in pattern.text()
     assert "NOMINAL" in pattern.text() and "is nominal" in pattern.model().pattern.source
 
@@ -243,7 +244,7 @@ def test_intervals_of_dim_walls_hold_the_truth():
             points = place + (distance_m - place[2]) * ray
             seen = [_spots_of(points - [shift, 0, 0], peak_dn * power, left_K, rng) for shift in (0.0, baseline_m)]
             walls.append(find_wall(*seen, left_K, left_K, baseline_m, "wall"))
-        found, error, pairs = _meeting_point(*walls, NOMINAL_PLACE_M, np.eye(3), dots_K)
+        found, error, pairs = _meeting_point(*walls, NOMINAL_POSITION_M, np.eye(3), dots_K)
         assert len(pairs) > 200
         scores.append((found - place) / error)
     scores = np.array(scores)

@@ -28,7 +28,7 @@ HIDDEN = {
     "response_gamma": {"log_exponent": 0.15},
     "principal_point_offset": {"cx_px": 1.0, "cy_px": 0.0},
 }
-SURVEY = SceneMeasurement((0.002, 0.002), {1: 1.1})
+SCENE_MEASUREMENT = SceneMeasurement((0.002, 0.002), {1: 1.1})
 
 
 def model_of(**effects: dict[str, float]) -> Model:
@@ -54,7 +54,7 @@ def renderer(nominal) -> CaptureRenderer:
 @pytest.fixture(scope="module")
 def hidden(nominal, renderer, tmp_path_factory) -> Path:
     """The measurement of a sensor with the hidden effects."""
-    expected = renderer.expected(model_of(**HIDDEN), NUISANCES, survey=SURVEY)
+    expected = renderer.expected(model_of(**HIDDEN), NUISANCES, scene_measurement=SCENE_MEASUREMENT)
     rng = np.random.default_rng(1)
     images = {
         key: np.clip(np.rint(dn + NOISE_DN * rng.standard_normal(dn.shape)), 0, 255).astype(np.uint8)
@@ -65,9 +65,16 @@ def hidden(nominal, renderer, tmp_path_factory) -> Path:
     return folder
 
 
-def rmse_of(hidden: Path, model: Model, survey: SceneMeasurement | None = None) -> float:
+def rmse_of(hidden: Path, model: Model, scene_measurement: SceneMeasurement | None = None) -> float:
     engines = lambda capture: CaptureRenderer(capture, samples_per_pixel=SAMPLES, max_bounces=BOUNCES)  # noqa: E731
-    comparison = compare(hidden, model, samples_per_pixel=SAMPLES, max_bounces=BOUNCES, engines=engines, survey=survey)
+    comparison = compare(
+        hidden,
+        model,
+        samples_per_pixel=SAMPLES,
+        max_bounces=BOUNCES,
+        engines=engines,
+        scene_measurement=scene_measurement,
+    )
     return comparison.scores["ir"]["test"]["rmse_dn"]
 
 
@@ -75,7 +82,7 @@ def test_the_true_model_leaves_the_noise(hidden):
     floor = np.hypot(NOISE_DN, np.sqrt(1 / 12))
     assert rmse_of(hidden, Model()) > 4 * floor
     # The renderer's own noise differs between the seeds.
-    assert rmse_of(hidden, model_of(**HIDDEN), SURVEY) < 1.5 * floor
+    assert rmse_of(hidden, model_of(**HIDDEN), SCENE_MEASUREMENT) < 1.5 * floor
 
 
 def test_figures_do_not_depend_on_what_lies_in_the_folder(hidden, tmp_path):

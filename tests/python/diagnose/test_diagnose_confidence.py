@@ -9,7 +9,7 @@ import pytest
 
 from activestereo.effects import Parameter
 from activestereo.effects.core.judging import Channel
-from activestereo.diagnose.channels.depth_engine import surveyed_nats
+from activestereo.diagnose.channels.depth_engine import pose_error_nats
 from activestereo.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Remainder, Score
 from activestereo.diagnose.thresholds import THRESHOLDS
 from activestereo.diagnose.refine import Fitter
@@ -99,15 +99,16 @@ def test_what_formulas_lack_widens_a_shapes_interval_by_its_value_and_a_choices_
 
 @pytest.mark.parametrize(("nats", "offset_px"), [(19.5, 0.6), (150.0, 1.8), (0.5, 3.0)])
 def test_what_misplaced_cameras_explain_is_no_fault_of_the_depth_engine(nats, offset_px):
-    survey_px = 0.27
+    pose_error_px = 0.27
     tried = np.linspace(0.0, offset_px, 20001)
     likelihood = nats * (1.0 - (1.0 - tried / offset_px) ** 2)
-    misplaced = (likelihood - 0.5 * (tried / survey_px) ** 2).max()
-    assert surveyed_nats(nats, np.array([0.6, 0.8]) * offset_px, survey_px) == pytest.approx(misplaced, abs=1e-4)
+    misplaced = (likelihood - 0.5 * (tried / pose_error_px) ** 2).max()
+    assert pose_error_nats(nats, np.array([0.6, 0.8]) * offset_px, pose_error_px) == pytest.approx(misplaced, abs=1e-4)
 
 
 def test_what_explains_little_of_the_error_in_dn_is_no_other_explanation():
-    """Full wells show in the brightest pixels, whose weights are small: a survey's errors gain as much elsewhere."""
+    """Full wells show in the brightest pixels, whose weights are small: errors of the scene measurement gain as much
+    elsewhere."""
     well, pattern = sized("well", 100.0, 120.0, 0.1), sized("pattern", 150.0, 119.0, 0.005)
     gamma = sized("gamma", 99.0, 120.0, 0.09)
     assert equivalents(ranking_of([well, pattern, gamma]), well) == ["gamma"]
@@ -122,7 +123,7 @@ def test_formulas_excuse_nothing_that_ends_at_its_range():
 
 
 @pytest.mark.parametrize(("excess", "structure", "unknown"), [(0.3, 0.05, False), (0.3, 0.2, True), (1.2, 0.05, True)])
-def test_unknown_is_what_has_structure_or_is_more_than_surveys_leave(excess, structure, unknown):
+def test_unknown_is_what_has_structure_or_is_more_than_scene_errors_leave(excess, structure, unknown):
     left = Remainder(100.0 * (1.0 + excess), 0.0, structure, {})
     assert is_unexplained(ranking_of([]), left) is unknown
     first = ranking_of([], base_structure=0.05)
@@ -130,22 +131,23 @@ def test_unknown_is_what_has_structure_or_is_more_than_surveys_leave(excess, str
     assert not is_unexplained(first, named, first)  # what a named effect leaves is judged by its structure
 
 
-def test_how_far_a_fit_takes_calibration_and_survey_counts_the_farthest_in_its_own_deviations():
+def test_how_far_a_fit_takes_calibration_and_measurement_counts_the_farthest_in_its_own_deviations():
     fitter = Fitter([], np.array([6e-4, 6e-4, 0.03]), 1)
     phi = np.array([5.0, 9.0, 20.0, 6e-4, -1.8e-3, 0.06])  # scales and black level have no prior
-    assert fitter.held_sigmas(SimpleNamespace(phi=phi)) == pytest.approx(3.0)
-    assert Fitter([], np.array([]), 1).held_sigmas(SimpleNamespace(phi=phi[:SCALES])) == 0.0
+    assert fitter.prior_sigmas(SimpleNamespace(phi=phi)) == pytest.approx(3.0)
+    assert Fitter([], np.array([]), 1).prior_sigmas(SimpleNamespace(phi=phi[:SCALES])) == 0.0
 
 
-def test_what_a_survey_may_have_wrong_widens_an_interval():
-    """An effect and a focal length that move the images alike: the data tell their sum, the survey one of them."""
+def test_what_a_scene_measurement_may_have_wrong_widens_an_interval():
+    """An effect and a focal length that move the images alike: the data tell their sum, the scene measurement one of
+    them."""
     sigma, weight = 6e-4, 1e10
     fitter = Fitter([], np.array([sigma, sigma]), 1)
     size = 1 + SCALES + 2
     alike = np.zeros(size)
     alike[[0, 1 + SCALES]] = 1.0, 1.0  # of the effect's parameter and the left eye's focal length
     gram = weight * np.outer(alike, alike) + np.diag([0.0, *[weight] * SCALES, 0.0, weight])
-    space = SimpleNamespace(held=np.array([False]), low=np.array([-1.0]), high=np.array([1.0]))
+    space = SimpleNamespace(fixed=np.array([False]), low=np.array([-1.0]), high=np.array([1.0]))
     sums = SimpleNamespace(gram=gram[None], block_moment={"left": np.zeros((size, 1))})
     deviation = np.sqrt(fitter.covariance(SimpleNamespace(theta=np.zeros(1), space=space, sums=sums))[0, 0])
     assert deviation == pytest.approx(sigma, rel=0.01)

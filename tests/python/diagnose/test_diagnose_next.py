@@ -39,9 +39,9 @@ def test_a_rival_that_can_be_refitted_is_no_rival(fitted):
     frames = scan_observations(evidence.train)
     truth = replace(rival, theta=rival.theta + 0.2)
     nothing = replace(rival.sums, gram=np.zeros_like(rival.sums.gram))
-    held = replace(rival.sums, gram=1e9 * rival.sums.gram)
+    far = replace(rival.sums, gram=1e9 * rival.sums.gram)
     left = [
-        left_between(evidence, frames, truth, replace(rival, sums=sums), 1.0) for sums in (nothing, rival.sums, held)
+        left_between(evidence, frames, truth, replace(rival, sums=sums), 1.0) for sums in (nothing, rival.sums, far)
     ]
     assert left[0] < 0.05 * left[2]
     assert left[0] < left[1] < left[2]

@@ -99,7 +99,7 @@ def explanation(name, values, information):
     parameters = EFFECTS[name].parameters
     neutral, nothing = np.array([p.neutral for p in parameters]), np.zeros(len(parameters), bool)
     space = SimpleNamespace(
-        held=nothing, given=nothing, neutral=neutral, pairs=[(EFFECTS[name], p) for p in parameters]
+        fixed=nothing, given=nothing, neutral=neutral, pairs=[(EFFECTS[name], p) for p in parameters]
     )
     sums = SimpleNamespace(gram=np.diag(information)[None])
     fitter = SimpleNamespace(prior=lambda n, space: np.zeros(n))

@@ -34,8 +34,11 @@ def recorded(folder: Path, hidden: Model) -> Path:
     frames = *(replace(first, id=n, repeat_group=0) for n in (0, 1)), replace(second, id=2, split="test")
     nominal = replace(nominal, frames=frames)
     light = CaptureRenderer(nominal, "auto", *SAMPLING)
-    survey = SceneMeasurement((0.002, 0.002), {1: 1.1})
-    images, rng = light.expected(hidden, Nuisances(120000.0, 9000.0, 5.0), survey=survey), np.random.default_rng(1)
+    scene_measurement = SceneMeasurement((0.002, 0.002), {1: 1.1})
+    images, rng = (
+        light.expected(hidden, Nuisances(120000.0, 9000.0, 5.0), scene_measurement=scene_measurement),
+        np.random.default_rng(1),
+    )
     noisy = {
         key: np.clip(np.rint(dn + NOISE_DN * rng.standard_normal(dn.shape)), 0, 255).astype(np.uint8)
         for key, dn in images.items()

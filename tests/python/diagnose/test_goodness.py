@@ -109,8 +109,8 @@ def test_an_error_that_one_frame_of_a_view_shows_is_told_from_one_that_all_show(
     rng = np.random.Generator(np.random.PCG64(5))
     image, view = dots(rng), {"is_moving": False, "camera_to_world": np.eye(4)}
     view |= {"exposure_gain": 1.0, "projector_power": 1.0, "ambient": None}
-    surveys = 0.5 * np.gradient(image)[1]
-    noise = [surveys + NOISE_DN * rng.standard_normal(SHAPE) for _ in range(3)]
+    edges = 0.5 * np.gradient(image)[1]
+    noise = [edges + NOISE_DN * rng.standard_normal(SHAPE) for _ in range(3)]
     calm = [row(image, residual, **view) for residual in noise]
     assert unsteady_reduced_chi2(calm) < 0.06
     assert unsteady_reduced_chi2(calm[:2]) == 0.0  # two frames cannot tell which of them is the other one

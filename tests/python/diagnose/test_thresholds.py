@@ -47,7 +47,7 @@ def test_another_gate_gives_another_verdict():
 @pytest.mark.parametrize(
     "check", ["plain_excess_reduced_chi2", "unsteady_reduced_chi2", "uneven_structure_reduced_chi2"]
 )
-def test_what_no_survey_leaves_is_unknown_where_nothing_is_named(check):
+def test_what_no_scene_error_leaves_is_unknown_where_nothing_is_named(check):
     bare = ranking(0.1)
     base = SimpleNamespace(chi2=105.0, white_reduced_chi2=0.0)
     calm = replace(bare, base=base, base_checks=BaseChecks(structure_reduced_chi2=0.05))
@@ -70,10 +70,10 @@ def test_what_ends_at_its_range_and_leaves_structure_is_a_stand_in():
 def test_a_name_beside_a_calibration_that_nobody_would_have_made_is_a_stand_in(sigmas, verdict):
     """It leaves no structure, and nothing above the noise: the focal length paid for that."""
     first = ranking(0.9)
-    best = replace(first.best, checks=replace(first.best.checks, held_sigmas=sigmas))
+    best = replace(first.best, checks=replace(first.best.checks, prior_sigmas=sigmas))
     first = replace(first, findings=(best,))
     last = replace(first, base=SimpleNamespace(chi2=100.0, white_reduced_chi2=0.0), findings=())
-    strained = replace(last, base_checks=replace(last.base_checks, held_sigmas=sigmas))
+    strained = replace(last, base_checks=replace(last.base_checks, prior_sigmas=sigmas))
     assert verdict_of(first, strained, True) == verdict
     assert verdict_of(first, last, True) == "effect"  # a further effect mended it
     assert verdict_under(kept(first), THRESHOLDS)[0] == verdict

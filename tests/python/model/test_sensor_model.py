@@ -110,8 +110,8 @@ def test_version_1_loads(tmp_path):
 
 def test_surfaces_are_bound_by_name(whole):
     assert whole.bound(["plate", "cup", "wall"]).effects[1][1]["surfaces"] == 2.0
-    assert whole.survey(["plate", "cup"]).albedo == {1: 1.03}
-    assert whole.survey(["plate"]).albedo == {}
+    assert whole.scene_measurement(["plate", "cup"]).albedo == {1: 1.03}
+    assert whole.scene_measurement(["plate"]).albedo == {}
     with pytest.raises(ValueError, match="specular: the scene has no material 'cup'"):
         whole.bound(["plate", "wall"])
 

@@ -19,7 +19,7 @@ Measured = Mapping[str, Mapping[str, float]]  # {object: {field of its material:
 def read_measured(path: Path, objects: tuple[BenchmarkObject, ...]) -> Measured:
     """Reads the materials of a model.json that are named after objects. ValueError where it has none of these."""
     names = [thing.name for thing in objects]
-    known = read_model(path).survey(names).surfaces
+    known = read_model(path).scene_measurement(names).surfaces
     if not known:
         raise ValueError(f"{path}: has a material of none of the objects ({', '.join(names)})")
     return {names[number]: dict(fields) for number, fields in sorted(known.items())}

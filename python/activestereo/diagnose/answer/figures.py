@@ -49,8 +49,8 @@ class ErrorsOfModels:
 
     def _under(self, model: SensorModel, capture: Capture, base: Halves) -> ImageErrors:
         names = surface_names(capture.scene_path)
-        bound, survey = model.bound(names), model.survey(names)
-        return image_errors(capture, bound, base, self.seed, self.engines, survey, self.progress)
+        bound, scene_measurement = model.bound(names), model.scene_measurement(names)
+        return image_errors(capture, bound, base, self.seed, self.engines, scene_measurement, self.progress)
 
     @computed_once
     def _own_base(self) -> Halves:

@@ -16,7 +16,7 @@ Json = dict[str, Any]
 # Of the base's checks, those that verdicts rest on.
 _OF_BASE = (
     "structure_reduced_chi2",
-    "held_sigmas",
+    "prior_sigmas",
     "plain_excess_reduced_chi2",
     "unsteady_reduced_chi2",
     "uneven_structure_reduced_chi2",

@@ -222,7 +222,7 @@ class _Judge:
         pixels, design = counts.sum(), design_effect(tiles, counts)
         nats = 0.5 * pixels / design * np.log(before / after) if after > 0 else 0.0
         better = np.mean([n.sum() < b.sum() for n, b in zip(now, base, strict=True)])
-        survey_px = (
+        pose_error_px = (
             self._thresholds.poses_known_to_rad * self._frames[0].view.K[0, 0] if effect.engine_fault.displaces else 0.0
         )
         limits = {}
@@ -232,12 +232,14 @@ class _Judge:
             moved = [np.where(here, np.clip(found[i] + side * step, p.low, p.high), found) for side in (-1, 1)]
             curve = sum(s.sum() for m in moved for s in self._squares(effect, m)) - 2 * after
             error = step * np.sqrt(2 * design * (after / pixels) / curve) if curve > 0 else p.high - p.low
-            error = np.hypot(error, survey_px)
+            error = np.hypot(error, pose_error_px)
             ends = found[i], found[i] - Z90 * error, found[i] + Z90 * error
             value, low, high = (float(np.clip(v, p.low, p.high)) for v in ends)
             limits[p.name] = value, low, high
-        surveyed = surveyed_nats(nats, found - neutral, survey_px)
-        return _DepthFit(OwnEvidence(float(nats), float(1.0 - after / before), float(better), surveyed), found, limits)
+        from_poses = pose_error_nats(nats, found - neutral, pose_error_px)
+        return _DepthFit(
+            OwnEvidence(float(nats), float(1.0 - after / before), float(better), from_poses), found, limits
+        )
 
     def _fit_smoothness(self, effect: Effect) -> _DepthFit | None:
         """For effects with one leading amplitude: the engine's errors under the effect, their differences against
@@ -277,11 +279,11 @@ def _leading(effect: Effect, value: float) -> np.ndarray:
     return np.array([value, *(p.neutral for p in effect.parameters[1:])])
 
 
-def surveyed_nats(nats: float, offset_px: np.ndarray, survey_px: float) -> float:
+def pose_error_nats(nats: float, offset_px: np.ndarray, pose_error_px: float) -> float:
     """Log-likelihood, quadratic, that the best displacement gains which the poses' errors, normal with this deviation,
     explain.
     """
-    gained = 2.0 * max(nats, 0.0) * survey_px**2
+    gained = 2.0 * max(nats, 0.0) * pose_error_px**2
     return float(nats * gained / (gained + (offset_px**2).sum())) if gained > 0 else 0.0
 
 

@@ -16,7 +16,7 @@ from activestereo.compare.render import LayersOfFrames
 from activestereo.compare.unsteady_light import unsteady_light
 from activestereo.diagnose.evidence.focal_slope import focal_slope
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
-from activestereo.diagnose.evidence.model_discrepancy import place_error
+from activestereo.diagnose.evidence.model_discrepancy import edge_discrepancy
 from activestereo.diagnose.evidence.observation import (
     BLOCK_PX,
     FOLDS,
@@ -54,13 +54,13 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0) -> Evidence:
     predicted = {s.key: predict(s.frame, s.layers, nuisances, capture.rig.max_dn) for s in train}
     if has_floor:
         noise_model, noise_variances = noise_at_other_gains(noise_model, noise_variances, shots, train, predicted)
-    place_error_m = place_error(train, predicted, noise_model)
+    edge_discrepancy_m = edge_discrepancy(train, predicted, noise_model)
     tiles, count = _tiles(train)
     material_of = _material_of(capture)
     materials = _albedo_materials(train, material_of)
 
     def observation(shot: MeasuredImage) -> Observation:
-        weight = weight_of(noise_model, place_error_m, shot, expected[shot.key])
+        weight = weight_of(noise_model, edge_discrepancy_m, shot, expected[shot.key])
         outside = np.full(shot.measured.shape, -1)
         tile, fold = tiles.get(shot.key, (outside, outside))
         material, slope = _material_index(shot, materials, material_of), focal_slope(shot, nuisances)
@@ -78,7 +78,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0) -> Evidence:
         has_floor=has_floor,
         materials=len(materials),
         tiles=count,
-        place_error_m=place_error_m,
+        edge_discrepancy_m=edge_discrepancy_m,
         seed=seed,
     )
 

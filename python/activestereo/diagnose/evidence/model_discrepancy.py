@@ -14,8 +14,9 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from activestereo.compare.noise import NoiseModel
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
 
-# Largest survey error of a place that is believed, metres; beyond it something else is missing.
-_LARGEST_PLACE_ERROR_M = 1.5e-3
+# Largest error of an edge's position that the scene measurement is trusted to make, metres; beyond it something
+# else is missing.
+_LARGEST_EDGE_DISCREPANCY_M = 1.5e-3
 _DEPTH_STEP = 0.03
 
 
@@ -39,7 +40,7 @@ def edge_slopes(o: MeasuredImage, image: np.ndarray) -> np.ndarray:
     return np.where(edge, np.hypot(down, right) * per_m, 0.0).astype(np.float32)
 
 
-def place_error(
+def edge_discrepancy(
     observations: Sequence[MeasuredImage], images: dict[tuple[int, str], np.ndarray], noise_model: NoiseModel
 ) -> float:
     """Deviation of the edges' places in metres, from the static frames' excess at edges; 0 where there is none."""
@@ -51,4 +52,4 @@ def place_error(
             variance = noise_model.variance(images[o.key], o.frame.gain)
             excess += ((o.measured - images[o.key]) ** 2 - variance)[edge].sum()
             slopes += (slope[edge].astype(np.float64) ** 2).sum()
-    return float(np.sqrt(np.clip(excess / slopes, 0.0, _LARGEST_PLACE_ERROR_M**2))) if slopes > 0 else 0.0
+    return float(np.sqrt(np.clip(excess / slopes, 0.0, _LARGEST_EDGE_DISCREPANCY_M**2))) if slopes > 0 else 0.0

@@ -52,8 +52,8 @@ class Evidence:
 
     nuisances: a first fit of projector scale, ambient scale and black level. noise_model: the photon-transfer noise
     model of the noise; has_floor: whether repeats gave it. noise_variances: {(frame id, eye): DN^2}. materials: how
-    many albedo nuisances there are. tiles: how many tiles. seed: rules every random choice. place_error_m: deviation by
-    which a survey misplaces the scene's edges.
+    many albedo nuisances there are. tiles: how many tiles. seed: rules every random choice. edge_discrepancy_m:
+    standard deviation of the positions of the scene's edges.
     """
 
     capture: Capture
@@ -65,12 +65,12 @@ class Evidence:
     has_floor: bool
     materials: int
     tiles: int
-    place_error_m: float
+    edge_discrepancy_m: float
     seed: int = 0
 
     @property
-    def held_sigma(self) -> np.ndarray:
-        """Prior deviations of the nuisances that a calibration or survey tells: both eyes' focal lengths, then
+    def prior_sigma(self) -> np.ndarray:
+        """Prior deviations of the nuisances that calibration and scene measurement tell: both eyes' focal lengths, then
         albedos.
         """
         return np.concatenate([np.full(len(EYES), FOCAL_SIGMA), np.full(self.materials, ALBEDO_SIGMA)])
@@ -91,14 +91,14 @@ class Evidence:
 
     def weight(self, observation: Observation, expected_dn: np.ndarray) -> np.ndarray:
         """1 / variance of an observation's pixels, float32, from their expected values."""
-        return weight_of(self.noise_model, self.place_error_m, observation, expected_dn)
+        return weight_of(self.noise_model, self.edge_discrepancy_m, observation, expected_dn)
 
 
 def weight_of(
-    noise_model: NoiseModel, place_error_m: float, observation: MeasuredImage, expected_dn: np.ndarray
+    noise_model: NoiseModel, edge_discrepancy_m: float, observation: MeasuredImage, expected_dn: np.ndarray
 ) -> np.ndarray:
     """1 / variance of pixels: the noise model's variance, and at edges what their misplacement adds."""
     variance = np.maximum(noise_model.variance(expected_dn, observation.frame.gain), ROUNDING_VARIANCE)
-    if place_error_m > 0:
-        variance = variance + (place_error_m * edge_slopes(observation, expected_dn)) ** 2
+    if edge_discrepancy_m > 0:
+        variance = variance + (edge_discrepancy_m * edge_slopes(observation, expected_dn)) ** 2
     return (1.0 / variance).astype(np.float32)

@@ -14,7 +14,7 @@ import numpy as np
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.noise import by_repeats, frame_noise_variances
 from activestereo.diagnose.evidence.gather import noise_at_other_gains
-from activestereo.diagnose.evidence.model_discrepancy import place_error
+from activestereo.diagnose.evidence.model_discrepancy import edge_discrepancy
 from activestereo.diagnose.evidence.observation import Evidence, Observation, weight_of
 from activestereo.effects import Model
 
@@ -45,10 +45,10 @@ def without_drift(
     shown = [o.key for o in evidence.train]
     if sum(found[k] for k in shown) > (1.0 - least_fall) * sum(evidence.noise_variances[k] for k in shown):
         return evidence
-    place_error_m = place_error(lit_train, lit, lit_noise_model)
+    edges_m = edge_discrepancy(lit_train, lit, lit_noise_model)
 
     def weighed(observations: Sequence[Observation]) -> tuple[Observation, ...]:
-        return tuple(replace(o, weight=weight_of(lit_noise_model, place_error_m, o, lit[o.key])) for o in observations)
+        return tuple(replace(o, weight=weight_of(lit_noise_model, edges_m, o, lit[o.key])) for o in observations)
 
     return replace(
         evidence,
@@ -56,7 +56,7 @@ def without_drift(
         test=weighed(evidence.test),
         noise_model=lit_noise_model,
         noise_variances=found,
-        place_error_m=place_error_m,
+        edge_discrepancy_m=edges_m,
     )
 
 

@@ -89,7 +89,7 @@ def fit_key(observations: str, space: ParameterSpace, *values: object) -> str | 
         return None
     base = [tuple(values.items()) for _, values in space.base.effects]
     names = [p.name for _, p in space.pairs]
-    return content_key(observations, effects, base, names, space.start, space.held, values)
+    return content_key(observations, effects, base, names, space.start, space.fixed, values)
 
 
 def effect_content(effect: Effect) -> str | None:

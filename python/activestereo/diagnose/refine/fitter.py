@@ -25,9 +25,10 @@ from activestereo.diagnose.refine.normal_equations import Pixels, Sums
 from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solution
 from activestereo.effects import Light, Model
 
-# Parameters have a prior this many ranges wide, which only breaks ties; those that are held, one this many ranges wide.
+# Parameters have a prior this many ranges wide, which only breaks ties; those that are fixed, one this many ranges
+# wide.
 _PRIOR_RANGES = 3.0
-_HELD_RANGES = 1e-7
+_FIXED_RANGES = 1e-7
 # Levenberg's damping: its start, its growth and fall, and where a fit gives up.
 _DAMPING, _DAMPING_STEP, _LEAST_RAISED, _MOST_DAMPING = 1e-3, 10.0, 1e-2, 10.0
 # chi2 per pixel that no model is expected to go below: the noise is known to a few percent.
@@ -53,7 +54,7 @@ class ImageResidual(NamedTuple):
 class Fitter:
     """Fits over given observations.
 
-    held_sigma: prior deviations of the nuisances that have one. fine=False, for scans: warps look up pixels alone, and
+    prior_sigma: prior deviations of the nuisances that have one. fine=False, for scans: warps look up pixels alone, and
     sums are of no folds. memory: where fits are kept, or None. threads: that work on images at a time; a process that
     was made for fits (parallel_prefit.py) has one.
     """
@@ -61,7 +62,7 @@ class Fitter:
     def __init__(
         self,
         observations: Sequence[Observation],
-        held_sigma: np.ndarray,
+        prior_sigma: np.ndarray,
         tiles: int,
         fine: bool = True,
         memory: FitCache | None = None,
@@ -69,7 +70,7 @@ class Fitter:
     ) -> None:
         self.observations, self.memory, self.threads = observations, memory, min(threads, MOST_THREADS)
         self._fine = fine
-        self._held_sigma = held_sigma
+        self._prior_sigma = prior_sigma
         self._tiles = tiles
         self._lights = LightMemory(observations)
         self._residuals: OrderedDict[int, tuple[Solution, list[ImageResidual]]] = OrderedDict()
@@ -77,7 +78,7 @@ class Fitter:
     @property
     def materials(self) -> int:
         """How many materials have an albedo nuisance."""
-        return len(self._held_sigma) - (DENSE - SCALES)
+        return len(self._prior_sigma) - (DENSE - SCALES)
 
     @computed_once
     def _pixels(self) -> list[Pixels]:
@@ -85,7 +86,7 @@ class Fitter:
 
     @computed_once
     def _content(self) -> str:
-        return content_key(self.observations, self._held_sigma, self._tiles, self._fine)
+        return content_key(self.observations, self._prior_sigma, self._tiles, self._fine)
 
     def remembered(
         self, make: Callable[[], Mapping[str, np.ndarray]], space: ParameterSpace, *values: object
@@ -96,7 +97,7 @@ class Fitter:
         return self.memory.once(fit_key(self._content(), space, *values), make)
 
     def phi0(self, nuisances: Nuisances) -> np.ndarray:
-        return np.concatenate([nuisances.vector(), np.zeros(len(self._held_sigma))])
+        return np.concatenate([nuisances.vector(), np.zeros(len(self._prior_sigma))])
 
     def _side_by_side(self, work: Callable[[_In], _Out], items: Sequence[_In]) -> list[_Out]:
         """work(item) of each, by the threads."""
@@ -159,7 +160,7 @@ class Fitter:
 
     def _chi2(self, rests: Sequence[np.ndarray], phi: np.ndarray) -> float:
         squares = sum(float(((r * p.root_weight) ** 2).sum()) for p, r in zip(self._pixels(), rests, strict=True))
-        return squares + float(((phi[SCALES:] / self._held_sigma) ** 2).sum())
+        return squares + float(((phi[SCALES:] / self._prior_sigma) ** 2).sum())
 
     def linearise(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> Sums:
         """Sums at (theta, phi). Columns: theta, then phi."""
@@ -228,8 +229,8 @@ class Fitter:
 
     def covariance(self, solution: Solution) -> np.ndarray:
         """The covariance of theta, [n][n]: the sandwich over clusters that share errors (Liang and Zeger 1986): blocks
-        of an eye's image, repeats and settings of one pose together; and what a survey's errors add, whose prior holds
-        the nuisances near wrong values.
+        of an eye's image, repeats and settings of one pose together; and what errors of the scene measurement add,
+        whose prior holds the nuisances near wrong values.
 
         None of it asks for independent pixels.
         """
@@ -238,9 +239,9 @@ class Fitter:
         pulls = [rows @ moment for moment in solution.sums.block_moment.values()]
         return sum(pull @ pull.T for pull in pulls) + (rows * prior) @ rows.T
 
-    def held_sigmas(self, solution: Solution) -> float:
+    def prior_sigmas(self, solution: Solution) -> float:
         """How far a solution takes a nuisance that has a prior, the farthest, in the prior's deviations."""
-        return float(np.abs(solution.phi[SCALES:] / self._held_sigma).max(initial=0.0))
+        return float(np.abs(solution.phi[SCALES:] / self._prior_sigma).max(initial=0.0))
 
     def inverse(self, solution: Solution) -> np.ndarray:
         """The inverse of the normal matrix with its priors, at a solution: (theta, phi) in rows and columns."""
@@ -262,8 +263,8 @@ class Fitter:
 
     def prior(self, n_theta: int, space: ParameterSpace) -> np.ndarray:
         """Precisions of the priors: wide for effects, none for scales and black level, the albedo's own."""
-        width = np.where(space.held, _HELD_RANGES, _PRIOR_RANGES)[:n_theta] * (space.high - space.low)[:n_theta]
-        return np.concatenate([1.0 / width**2, np.zeros(SCALES), 1.0 / self._held_sigma**2])
+        width = np.where(space.fixed, _FIXED_RANGES, _PRIOR_RANGES)[:n_theta] * (space.high - space.low)[:n_theta]
+        return np.concatenate([1.0 / width**2, np.zeros(SCALES), 1.0 / self._prior_sigma**2])
 
     def nuisance_fit(
         self,
@@ -338,7 +339,7 @@ class Fitter:
         for _ in range(iterations):
             step = self.solve(sums, phi, n, space, theta, damping)
             moved = np.where(space.given, theta, np.clip(theta + step[:n], space.low, space.high))
-            trial = np.where(space.held, space.neutral, moved)
+            trial = np.where(space.fixed, space.neutral, moved)
             trial_phi = phi + step[n:]
             trial_lights = self.lights(space, trial) if space.in_light.any() else lights
             value = self.chi2(space, trial, trial_phi, trial_lights)
@@ -369,7 +370,7 @@ class Fitters:
         cls, evidence: Evidence, scanned: Sequence[Observation], memory: FitCache | None = None, threads: int = 1
     ) -> "Fitters":
         """scanned: the observations of a scan, see propose/scan.py."""
-        sized = evidence.held_sigma, evidence.tiles
+        sized = evidence.prior_sigma, evidence.tiles
         train, test = (Fitter(o, *sized, memory=memory, threads=threads) for o in (evidence.train, evidence.test))
         return cls(train, test, Fitter(scanned, *sized, fine=False, memory=memory))
 

@@ -19,13 +19,13 @@ _DISTANCE_SHARE = 0.25
 class ParameterSpace:
     """The parameters of a model's deterministic effects and of one candidate after them, as one vector theta.
 
-    pairs: (Effect, Parameter) of each entry of theta. start: where fits begin. held: entries that stay neutral.
+    pairs: (Effect, Parameter) of each entry of theta. start: where fits begin. fixed: entries that stay neutral.
     """
 
     base: Model
     pairs: tuple[tuple[Effect, Parameter], ...]
     start: np.ndarray
-    held: np.ndarray = field(repr=False)
+    fixed: np.ndarray = field(repr=False)
 
     @classmethod
     def of(cls, model: Model, candidate: Effect | None = None) -> "ParameterSpace":
@@ -38,11 +38,11 @@ class ParameterSpace:
             start += [p.neutral for p in candidate.parameters]
         return cls(model, tuple(pairs), np.array(start, dtype=np.float64), np.zeros(len(pairs), dtype=bool))
 
-    def holding(self, indices: list[int]) -> "ParameterSpace":
-        """The same space with some entries held at neutral."""
-        held = self.held.copy()
-        held[indices] = True
-        return replace(self, held=held)
+    def fixing(self, indices: list[int]) -> "ParameterSpace":
+        """The same space with some entries fixed at neutral."""
+        fixed = self.fixed.copy()
+        fixed[indices] = True
+        return replace(self, fixed=fixed)
 
     def starting_at(self, theta: np.ndarray) -> "ParameterSpace":
         """The same space with the first entries of its start replaced."""

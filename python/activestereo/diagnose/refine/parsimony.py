@@ -3,7 +3,7 @@
 anew.
 
 Two parameters that the data can hardly tell apart otherwise share what belongs to one, and foretell other frames
-badly. Only amplitudes can be absent: a focus at its usual place is no simpler than one elsewhere, and holding it
+badly. Only amplitudes can be absent: a focus at its usual place is no simpler than one elsewhere, and fixing it
 there would shift the rest.
 """
 
@@ -32,19 +32,19 @@ def simplified(
     solution, effect = explanation.fitted, explanation.effect
     first = len(solution.theta) - len(effect.parameters)
     amplitudes = [first + i for i, p in enumerate(effect.parameters) if not is_shape(p) and not p.choice]
-    held = _needless(fitter, solution, amplitudes, limit)
-    if not held:
+    fixed = _needless(fitter, solution, amplitudes, limit)
+    if not fixed:
         return explanation
-    space = solution.space.holding(held)
-    step, n = _step_to(fitter, solution, held)[1], len(solution.theta)
+    space = solution.space.fixing(fixed)
+    step, n = _step_to(fitter, solution, fixed)[1], len(solution.theta)
     theta = np.clip(solution.theta + step[:n], space.low, space.high)
-    theta[held] = space.neutral[held]
+    theta[fixed] = space.neutral[fixed]
     found = fitter.refine(space, theta, solution.phi + step[n:], _STEPS)
     if found.sums.total > solution.sums.total + limit:
         return explanation
     parameters = intervals(fitter, found, effect)
     for i, p in enumerate(effect.parameters):
-        if first + i in held:
+        if first + i in fixed:
             wide = explanation.parameters[p.name]
             ends = {"low": min(wide.low, p.neutral), "high": max(wide.high, p.neutral)}
             parameters[p.name] = replace(parameters[p.name], value=p.neutral, **ends)
@@ -54,21 +54,21 @@ def simplified(
 
 def _needless(fitter: Fitter, solution: Solution, own: Sequence[int], limit: float) -> list[int]:
     """Indices of parameters that may go, cheapest first, at least one stays."""
-    held: list[int] = []
-    while len(held) < len(own) - 1:
-        costs = {j: _step_to(fitter, solution, [*held, j])[0] for j in own if j not in held}
+    fixed: list[int] = []
+    while len(fixed) < len(own) - 1:
+        costs = {j: _step_to(fitter, solution, [*fixed, j])[0] for j in own if j not in fixed}
         cheapest = min(costs, key=lambda j: costs[j])
         if not costs[cheapest] < limit:
             break
-        held.append(cheapest)
-    return held
+        fixed.append(cheapest)
+    return fixed
 
 
-def _step_to(fitter: Fitter, solution: Solution, held: list[int]) -> tuple[float, np.ndarray]:
+def _step_to(fitter: Fitter, solution: Solution, fixed: list[int]) -> tuple[float, np.ndarray]:
     """(rise of chi2, step of theta and phi) of the best fit with some parameters neutral, by the linearisation at
     the solution.
     """
     inverse = fitter.inverse(solution)
-    away = solution.space.neutral[held] - solution.theta[held]
-    force = np.linalg.pinv(inverse[np.ix_(held, held)]) @ away
-    return float(away @ force), inverse[:, held] @ force
+    away = solution.space.neutral[fixed] - solution.theta[fixed]
+    force = np.linalg.pinv(inverse[np.ix_(fixed, fixed)]) @ away
+    return float(away @ force), inverse[:, fixed] @ force

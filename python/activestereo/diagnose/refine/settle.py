@@ -22,12 +22,12 @@ def settled(evidence: Evidence, fitter: Fitter, explanation: Explanation) -> Exp
     """
     effect, start = explanation.effect, explanation.fitted
     observations = [replace(o, weight=evidence.weight(o, expected)) for o, expected, *_ in fitter.residuals(start)]
-    sized = evidence.held_sigma, evidence.tiles
+    sized = evidence.prior_sigma, evidence.tiles
     own_weights = Fitter(observations, *sized, memory=fitter.memory, threads=fitter.threads)
     solution = own_weights.refine(start.space, start.theta, start.phi, _ROUNDS)
     found = intervals(own_weights, solution, effect)
-    held = start.space.held[len(start.theta) - len(effect.parameters) :]
+    fixed = start.space.fixed[len(start.theta) - len(effect.parameters) :]
     kept = {
-        p.name: explanation.parameters[p.name] for p, is_held in zip(effect.parameters, held, strict=True) if is_held
+        p.name: explanation.parameters[p.name] for p, is_fixed in zip(effect.parameters, fixed, strict=True) if is_fixed
     }
     return replace(explanation, solution=solution, parameters=found | kept)

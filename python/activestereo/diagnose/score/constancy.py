@@ -4,7 +4,7 @@ has to vary.
 
 A varying-coefficient model (Hastie and Tibshirani 1993): the trace, what the effect changes in the expected images,
 may grow and fade over the picture, from frame to frame and from eye to eye. What that explains more is another law's,
-or the survey's errors'.
+or errors of the scene measurement.
 """
 
 from collections.abc import Sequence

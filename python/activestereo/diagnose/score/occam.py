@@ -41,7 +41,7 @@ def occam_nats(fitter: Fitter, solution: Solution, effect: Effect, design: float
     counts. The result is <= 0 but for chance. design: the residuals' design effect.
     """
     first = len(solution.theta) - len(effect.parameters)
-    free = first + np.flatnonzero(~(solution.space.held | solution.space.given)[first:])
+    free = first + np.flatnonzero(~(solution.space.fixed | solution.space.given)[first:])
     if not free.size:
         return 0.0
     parameters = [solution.space.pairs[i][1] for i in free]

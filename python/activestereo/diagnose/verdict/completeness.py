@@ -46,13 +46,13 @@ def _excess_beside(ranking: Ranking, remainder: Remainder) -> float:
     )
 
 
-def exceeds_surveys(ranking: Ranking) -> bool:
-    """Whether the base leaves what errors of a survey never do: more of the error in DN than they make, or an error
-    that comes and goes between the frames of a view, or that one image shows and the others do not.
+def exceeds_scene_errors(ranking: Ranking) -> bool:
+    """Whether the base leaves what errors of the scene measurement never do: more of the error in DN than they make, or
+    an error that comes and goes between the frames of a view, or that one image shows and the others do not.
     """
     thresholds, checks, white = ranking.thresholds, ranking.base_checks, ranking.base.white_reduced_chi2
     return (
-        checks.plain_excess_reduced_chi2 - white > thresholds.largest_of_surveys_reduced_chi2
+        checks.plain_excess_reduced_chi2 - white > thresholds.largest_scene_error_reduced_chi2
         or checks.unsteady_reduced_chi2 > thresholds.unsteady_reduced_chi2
         or checks.uneven_structure_reduced_chi2 > thresholds.uneven_structure_reduced_chi2
     )
@@ -69,9 +69,9 @@ def is_unexplained(ranking: Ranking, remainder: Remainder, first: Ranking | None
     """
     thresholds = ranking.thresholds
     excess = _excess_beside(ranking, remainder)
-    if first is None and excess - ranking.base.white_reduced_chi2 > thresholds.largest_of_surveys_reduced_chi2:
+    if first is None and excess - ranking.base.white_reduced_chi2 > thresholds.largest_scene_error_reduced_chi2:
         return True
-    if first is not None and remainder.held_sigmas > thresholds.largest_held_sigmas:
+    if first is not None and remainder.prior_sigmas > thresholds.largest_prior_sigmas:
         return True
     if first is not None and excess > 0.0 and has_other_signature(ranking, remainder, first):
         return True

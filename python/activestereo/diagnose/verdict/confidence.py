@@ -12,10 +12,11 @@ from activestereo.diagnose.verdict.acceptance import passes
 def equivalents(ranking: Ranking, finding: Finding) -> list[str]:
     """Ids of other findings that explain the images as well, within their paired error or the models' own
     discrepancy, which is a share of what a model leaves, and no more than formulas miss of what it explains: what
-    errors of a survey leave says nothing of either.
+    errors of the scene measurement leave says nothing of either.
 
     A finding that explains little beside the other, by its weights or in DN, is no other explanation: what it gains
-    may be the survey's. Where a shape was driven to an end of its range, its formula is not what the fit lacked.
+    may be an error of the scene measurement. Where a shape was driven to an end of its range, its formula is not what
+    the fit lacked.
     """
     thresholds = ranking.thresholds
     if finding.score.nats <= 0 or not finding.on_images:
@@ -76,7 +77,7 @@ def confidences(ranking: Ranking) -> dict[str, float]:
 def _logits(ranking: Ranking, rivals: Sequence[Finding], base: BaseFit, named: np.ndarray) -> np.ndarray:
     """The logits of the confidence; the last one is 'none'.
 
-    The gain of what may not be named is not believed: survey errors gain, too.
+    The gain of what may not be named is not believed: errors of the scene measurement gain, too.
     """
     thresholds = ranking.thresholds
     excess = np.array([ranking.excess_after(f.chi2) for f in rivals] + [ranking.excess_after(base.chi2)])

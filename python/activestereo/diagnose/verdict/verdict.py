@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from activestereo.diagnose.findings import Ranking
 from activestereo.diagnose.verdict.acceptance import passes
-from activestereo.diagnose.verdict.completeness import exceeds_surveys, has_field_for_law, is_unexplained
+from activestereo.diagnose.verdict.completeness import exceeds_scene_errors, has_field_for_law, is_unexplained
 
 EFFECT, NONE, UNKNOWN, UNDETERMINED = "effect", "none", "unknown", "undetermined"
 
@@ -24,7 +24,7 @@ def verdict_of(first: Ranking, last: Ranking, has_floor: bool) -> str:
     if best is None or not is_named(first):
         if not has_floor:
             return UNDETERMINED
-        is_missing = is_unexplained(first, first.base_remainder) or exceeds_surveys(first)
+        is_missing = is_unexplained(first, first.base_remainder) or exceeds_scene_errors(first)
         return UNKNOWN if is_missing else NONE
     if not best.on_images:
         # Its own channel tells it, where the images lack nothing else.

@@ -92,7 +92,7 @@ class EngineFault:
 
     is_matcher_choice: any other matcher would differ so (a sub-pixel formula, a rounding, the size of a median): it
     is fitted and reported, and never a fault of the sensor. displaces: it moves what is measured in the picture by
-    parameters in pixels, as errors of the surveyed poses do.
+    parameters in pixels, as errors of the measured poses do.
     """
 
     is_matcher_choice: bool = False

@@ -111,13 +111,14 @@ class CaptureRenderer:
         return self._device
 
     def inputs(
-        self, frame: Frame, model: Model, survey: SceneMeasurement | None = None, random: bool = False
+        self, frame: Frame, model: Model, scene_measurement: SceneMeasurement | None = None, random: bool = False
     ) -> EngineInputs:
-        """The engines' inputs for a frame: calibration and settings, the survey's corrections, then the model's
-        effects. random=False: those that draw numbers are left out, for they have no part in an expected image."""
+        """The engines' inputs for a frame: calibration and settings, the scene measurement's corrections, then the
+        model's effects. random=False: those that draw numbers are left out, for they have no part in an expected
+        image."""
         inputs = capture_inputs(self.capture, frame, self._scene, self._pattern, self.seed)
-        if survey is not None:
-            survey.apply(inputs)
+        if scene_measurement is not None:
+            scene_measurement.apply(inputs)
         apply_engine(inputs, tuple((e, p) for e, p in model.effects if random or e.randomness is Randomness.NONE))
         return inputs
 
@@ -125,7 +126,7 @@ class CaptureRenderer:
         self,
         model: Model,
         frames: Iterable[Frame] | None = None,
-        survey: SceneMeasurement | None = None,
+        scene_measurement: SceneMeasurement | None = None,
         random: bool = False,
         progress: Callable[[float], object] | None = None,
         half: int | None = None,
@@ -135,7 +136,7 @@ class CaptureRenderer:
         the samples (halves.py)."""
         jobs: dict[tuple, _Job] = {}
         for frame in self.capture.frames if frames is None else frames:
-            inputs = self.inputs(frame, model, survey, random)
+            inputs = self.inputs(frame, model, scene_measurement, random)
             jobs.setdefault(_job_key(inputs), _Job(inputs, [])).frames.append((frame, inputs))
         worlds: dict[tuple, list[_Job]] = {}
         for job in jobs.values():
@@ -156,14 +157,14 @@ class CaptureRenderer:
         model: Model,
         nuisances: Scales,
         frames: Iterable[Frame] | None = None,
-        survey: SceneMeasurement | None = None,
+        scene_measurement: SceneMeasurement | None = None,
         random: bool = False,
         progress: Callable[[float], object] | None = None,
     ) -> dict[ImageKey, NDArray[np.float32]]:
         """{(frame id, eye): expected DN [height][width]} of the frames, all by default; random: one exposure instead,
         not rounded."""
         frames = list(self.capture.frames if frames is None else frames)
-        lights = self.lights(model, frames, survey, random, progress)
+        lights = self.lights(model, frames, scene_measurement, random, progress)
         return {key: dn for frame in frames for key, dn in self.counts(frame, lights, model, nuisances, random).items()}
 
     def counts(
