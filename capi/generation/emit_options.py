@@ -159,4 +159,5 @@ def matcher_table(tables: Tables) -> str:
 def render_table(tables: Tables) -> str:
     """python/activestereo/common/render_table.py"""
     structs = {"RENDERER": tables.structs["kuafu_renderer_desc"], "RENDER": tables.structs["kuafu_render_desc"]}
-    return _option_table("The renderer's options", structs, "RenderFields", {"FILM": tables.structs["kuafu_film_desc"]})
+    optics = {"OPTICS": tables.structs["kuafu_optics_desc"]}
+    return _option_table("The renderer's options", structs, "RenderFields", optics)

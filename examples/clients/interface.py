@@ -74,7 +74,7 @@ KUAFU_BSDF_PAPER = 1
 KUAFU_ALPHA_OPAQUE = 0
 KUAFU_ALPHA_MASK = 1
 KUAFU_ALPHA_BLEND = 2
-KUAFU_TYPE_FILM_DESC = 0x100d
+KUAFU_TYPE_OPTICS_DESC = 0x100d
 KUAFU_TYPE_MEDIUM_DESC = 0x1010
 KUAFU_TYPE_CAMERA_DESC = 0x1006
 KUAFU_SHUTTER_GLOBAL = 0
@@ -374,8 +374,8 @@ class kuafu_material_desc(c.Structure):
     ]
 
 
-class kuafu_film_desc(c.Structure):
-    type_id = KUAFU_TYPE_FILM_DESC
+class kuafu_optics_desc(c.Structure):
+    type_id = KUAFU_TYPE_OPTICS_DESC
     _fields_ = [
         ("header", ks_header),
         ("vignetting_exponent", c.c_double),
@@ -743,7 +743,7 @@ class kuafu_view_desc(c.Structure):
         ("camera", kuafu_camera_desc),
         ("band", c.c_uint32),
         ("environment", c.c_uint32),
-        ("film", c.c_void_p),
+        ("optics", c.c_void_p),
         ("previous_camera_to_world", c.c_double * 16),
     ]
 

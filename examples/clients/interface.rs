@@ -185,7 +185,7 @@ pub struct kuafu_material_desc {
 
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct kuafu_film_desc {
+pub struct kuafu_optics_desc {
     pub header: ks_header,
     pub vignetting_exponent: f64,
     pub vignetting_polynomial: [f64; 3],
@@ -531,7 +531,7 @@ pub struct kuafu_view_desc {
     pub camera: kuafu_camera_desc,
     pub band: u32,
     pub environment: u32,
-    pub film: *const c_void,
+    pub optics: *const c_void,
     pub previous_camera_to_world: [f64; 16],
 }
 
@@ -604,7 +604,7 @@ pub const KUAFU_BSDF_PAPER: u32 = 1;
 pub const KUAFU_ALPHA_OPAQUE: u32 = 0;
 pub const KUAFU_ALPHA_MASK: u32 = 1;
 pub const KUAFU_ALPHA_BLEND: u32 = 2;
-pub const KUAFU_TYPE_FILM_DESC: u32 = 0x100d;
+pub const KUAFU_TYPE_OPTICS_DESC: u32 = 0x100d;
 pub const KUAFU_TYPE_MEDIUM_DESC: u32 = 0x1010;
 pub const KUAFU_TYPE_CAMERA_DESC: u32 = 0x1006;
 pub const KUAFU_SHUTTER_GLOBAL: u32 = 0;

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import camera  # noqa: F401  each module adds its tiles, in the order of the page
 import denoising  # noqa: F401
-import film  # noqa: F401
+import optics  # noqa: F401
 import kuafu
 import lights  # noqa: F401
 import materials  # noqa: F401
@@ -22,7 +22,7 @@ from tiles import TILES
 
 HERE = Path(__file__).resolve().parent
 COLUMNS = 4
-ORDER = ("Materials", "Lights", "Projector", "Camera", "Film", "Denoising", "Outputs")
+ORDER = ("Materials", "Lights", "Projector", "Camera", "Optics", "Denoising", "Outputs")
 HEAD = """# Gallery
 
 What kuafu renders, one small picture each, made by

@@ -438,7 +438,7 @@ class Camera:
         **fields: Any,
     ) -> None: ...
 
-class Film:
+class Optics:
     """What a camera's optics do to the light before it reaches the imager. The steps act on linear images: the limit of fireflies first, then in the order of the fields vignetting, defocus, point spread and veiling glare. They apply to every image of light (radiance and the light groups, whose sum stays equal to the image, but for the limit of fireflies) and not to AOVs. A newly initialised struct changes no bit of an image. (fx, fy) is the position in the image, from -1 at the first pixel to 1 at the last, so that r^2 = (fx^2 + fy^2) / 2 is 1 in the corners. Beyond its border the image is continued with the nearest pixel."""
 
     vignetting_exponent: float
@@ -696,7 +696,7 @@ class Renderer:
         *,
         band: Literal["infrared", "visible"] = "infrared",
         environments: Sequence[int] | None = None,
-        film: Film | Mapping[str, Any] | Sequence[Film | Mapping[str, Any]] | None = None,
+        optics: Optics | Mapping[str, Any] | Sequence[Optics | Mapping[str, Any]] | None = None,
         previous_poses: ArrayLike | None = None,
         scales: Mapping[str, float] = {},
         progress: Callable[[float], object] | None = None,
@@ -727,7 +727,7 @@ class Renderer:
           None: the default), or {name: Image or Buffer} to fill those. What they hold: kuafu/output.h.
         band: 'infrared' (one channel) or 'visible' (three).
         environments: what each camera looks into; None: all into 0.
-        film: optics of the cameras: a Film, a dict of its fields, or one for each camera; None is perfect.
+        optics: optics of the cameras: an Optics, a dict of its fields, or one for each camera; None is perfect.
         previous_poses: camera_to_world one frame before, (4, 4) or one for each camera, for motion; None: as now.
         scales: {name: factor} before rounding, as 1000 for depth in uint16 millimetres; by default 1.0 is an
           integer's full range; of srgb the exposure, by default the one that puts the median lit pixel's green at a
@@ -788,7 +788,7 @@ class Renderer:
         *,
         band: Literal["infrared", "visible"] = "infrared",
         environments: Sequence[int] | None = None,
-        film: Film | Mapping[str, Any] | Sequence[Film | Mapping[str, Any]] | None = None,
+        optics: Optics | Mapping[str, Any] | Sequence[Optics | Mapping[str, Any]] | None = None,
         previous_poses: ArrayLike | None = None,
         scales: Mapping[str, float] = {},
         progress: Callable[[float], object] | None = None,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Material, Light, Camera, Film, Medium: built from keyword arguments, every field a property under its C name. None stands for "no
+// Material, Light, Camera, Optics, Medium: built from keyword arguments, every field a property under its C name. None stands for "no
 // texture" and "not said".
 #include "fields.h"
 
@@ -74,10 +74,11 @@ void bind_camera(py::module_& module) {
   bind_fields(type);
 }
 
-void bind_film(py::module_& module) {
-  py::class_<Film> type(
-      module, "Film", "A camera's optics on linear light, neutral by default. Every field is a keyword argument; applied in their order.");
-  type.def(py::init(&from_fields<Film>));
+void bind_optics(py::module_& module) {
+  py::class_<Optics> type(
+      module, "Optics",
+      "A camera's optics on linear light, neutral by default. Every field is a keyword argument; applied in their order.");
+  type.def(py::init(&from_fields<Optics>));
   bind_fields(type);
 }
 
@@ -93,7 +94,7 @@ void bind_records(py::module_& module) {
   bind_material(module);
   bind_light(module);
   bind_camera(module);
-  bind_film(module);
+  bind_optics(module);
   bind_medium(module);
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Material, Light, Camera, Film and Medium as Python sees them: the C descriptor and the memory it points to.
+// Material, Light, Camera, Optics and Medium as Python sees them: the C descriptor and the memory it points to.
 #pragma once
 
 #include <vector>
@@ -35,8 +35,8 @@ struct Camera {
   kuafu_camera_desc c = kuafu_camera_desc_init();
 };
 
-struct Film {
-  kuafu_film_desc c = kuafu_film_desc_init();
+struct Optics {
+  kuafu_optics_desc c = kuafu_optics_desc_init();
 };
 
 struct Medium {

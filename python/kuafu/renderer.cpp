@@ -57,7 +57,7 @@ struct Call {
   py::object cameras, outputs;
   std::string band;
   std::optional<std::vector<uint32_t>> environments;
-  py::object film, previous_poses;
+  py::object optics, previous_poses;
   std::map<std::string, float> scales;
   py::object progress;
 };
@@ -140,9 +140,9 @@ class Renderer {
   /// What the descriptor of a call points to.
   struct Arguments {
     Arguments(const Renderer& renderer, const Call& call, kuafu_render_desc& desc)
-        : views(read_views(call.cameras, call.band, call.environments)), films(read_films(call.film, views.size())) {
+        : views(read_views(call.cameras, call.band, call.environments)), optics(read_optics(call.optics, views.size())) {
       read_previous_poses(call.previous_poses, views);
-      for (size_t i = 0; i < films.size(); ++i) views[i].film = &films[i].c;
+      for (size_t i = 0; i < optics.size(); ++i) views[i].optics = &optics[i].c;
       renderer.read_outputs(call, views, outputs, arrays);
       desc.views = views.data();
       desc.view_count = static_cast<uint32_t>(views.size());
@@ -152,7 +152,7 @@ class Renderer {
     Arguments(const Arguments&) = delete;
     Arguments& operator=(const Arguments&) = delete;
     std::vector<kuafu_view_desc> views;
-    std::vector<Film> films;
+    std::vector<Optics> optics;
     std::vector<kuafu_output_desc> outputs;
     py::dict arrays;
   };
@@ -176,18 +176,18 @@ class Renderer {
     return views;
   }
 
-  /// None, one Film for all views, or one for each; a dict of its fields stands for a Film.
-  static std::vector<Film> read_films(const py::object& film, size_t view_count) {
-    if (film.is_none()) return {};
+  /// None, one Optics for all views, or one for each; a dict of its fields stands for an Optics.
+  static std::vector<Optics> read_optics(const py::object& given, size_t view_count) {
+    if (given.is_none()) return {};
     const auto one = [](const py::object& value) {
-      return py::isinstance<py::dict>(value) ? py::cast<Film>(py::type::of<Film>()(**value)) : py::cast<Film>(value);
+      return py::isinstance<py::dict>(value) ? py::cast<Optics>(py::type::of<Optics>()(**value)) : py::cast<Optics>(value);
     };
-    if (py::isinstance<Film>(film) || py::isinstance<py::dict>(film)) return std::vector<Film>(view_count, one(film));
-    std::vector<Film> films;
-    for (const py::handle item : film) films.push_back(one(py::reinterpret_borrow<py::object>(item)));
-    if (films.size() != view_count)
-      raise_argument<Kuafu>(std::to_string(films.size()) + " films for " + std::to_string(view_count) + " cameras");
-    return films;
+    if (py::isinstance<Optics>(given) || py::isinstance<py::dict>(given)) return std::vector<Optics>(view_count, one(given));
+    std::vector<Optics> optics;
+    for (const py::handle item : given) optics.push_back(one(py::reinterpret_borrow<py::object>(item)));
+    if (optics.size() != view_count)
+      raise_argument<Kuafu>(std::to_string(optics.size()) + " optics for " + std::to_string(view_count) + " cameras");
+    return optics;
   }
 
   /// One pose for all views, or one for each.
@@ -268,14 +268,14 @@ void def_render(py::class_<Renderer>& renderer, const char* name, F call, const 
   renderer.def(
       name,
       [call, name](const py::object& self, Scene& scene, const py::object& cameras, const py::object& outputs, const std::string& band,
-                   const std::optional<std::vector<uint32_t>>& environments, const py::object& film, const py::object& previous_poses,
+                   const std::optional<std::vector<uint32_t>>& environments, const py::object& optics, const py::object& previous_poses,
                    const std::map<std::string, float>& scales, const py::object& progress, const py::kwargs& options) {
         kuafu_render_desc desc = kuafu_render_desc_init();
         set_options(desc, render_fields, options, name);
-        return call(self, scene, Call{cameras, outputs, band, environments, film, previous_poses, scales, progress}, desc);
+        return call(self, scene, Call{cameras, outputs, band, environments, optics, previous_poses, scales, progress}, desc);
       },
       py::arg("scene"), py::arg("cameras"), py::arg("outputs") = py::make_tuple("radiance"), py::kw_only(), py::arg("band") = "infrared",
-      py::arg("environments") = py::none(), py::arg("film") = py::none(), py::arg("previous_poses") = py::none(),
+      py::arg("environments") = py::none(), py::arg("optics") = py::none(), py::arg("previous_poses") = py::none(),
       py::arg("scales") = std::map<std::string, float>(), py::arg("progress") = py::none(), doc);
 }
 
@@ -292,7 +292,7 @@ constexpr const char* render_arguments =
     "  hold: kuafu/output.h.\n"
     "band: 'infrared' (one channel) or 'visible' (three).\n"
     "environments: what each camera looks into; None: all into 0.\n"
-    "film: optics of the cameras: a Film, a dict of its fields, or one for each camera; None is perfect.\n"
+    "optics: optics of the cameras: an Optics, a dict of its fields, or one for each camera; None is perfect.\n"
     "previous_poses: camera_to_world one frame before, (4, 4) or one for each camera, for motion; None: as now.\n"
     "scales: {name: factor} before rounding, as 1000 for depth in uint16 millimetres; by default 1.0 is an integer's full range;\n"
     "  of srgb the exposure, by default the one that puts the median lit pixel's green at a quarter of white.\n"

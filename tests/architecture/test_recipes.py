@@ -27,8 +27,8 @@ doc = "The emission is multiplied by 1 + emission_boost."
         "kuafu/shaders/lib/material.glsl": [
             ("band_of(m.emission);", "band_of(m.emission) * (1.0f + m.emission_boost);")],
     }),
-    "a film effect": ("neutral_density", {
-        f"{TABLES}/kuafu_film_desc.toml": [
+    "an optics step": ("neutral_density", {
+        f"{TABLES}/kuafu_optics_desc.toml": [
             ("# What shaders read beside", """[fields.neutral_density]
 type = "double"
 shader = true
@@ -37,20 +37,20 @@ doc = "The light is multiplied by 10^-neutral_density."
 
 # What shaders read beside"""),
             ("[steps]", "[steps]\nneutral_density = \"Per pixel, in place.\"")],
-        "kuafu/src/film/film.cpp": [
+        "kuafu/src/optics/optics.cpp": [
             ("  return (vignettes ?",
-             "  return (film.neutral_density > 0.0 ? 1u << film_neutral_density : 0) |\n         (vignettes ?"),
-            ("  if (takes(film_vignetting))",
-             "  if (takes(film_neutral_density)) in_place(film_neutral_density, pixels);\n"
-             "  if (takes(film_vignetting))")],
-        "kuafu/shaders/stage/film.glsl": [
-            ("void film(uint i) {", """void neutral_density(uint pixel) {
-  float factor = pow(10.0f, -film_of(pixel).neutral_density);
+             "  return (optics.neutral_density > 0.0 ? 1u << optics_neutral_density : 0) |\n         (vignettes ?"),
+            ("  if (takes(optics_vignetting))",
+             "  if (takes(optics_neutral_density)) in_place(optics_neutral_density, pixels);\n"
+             "  if (takes(optics_vignetting))")],
+        "kuafu/shaders/stage/optics.glsl": [
+            ("void optics(uint i) {", """void neutral_density(uint pixel) {
+  float factor = pow(10.0f, -optics_of(pixel).neutral_density);
   for (uint c = 0u; c < push.channels; ++c) push.to.at[pixel * push.channels + c] *= factor;
 }
 
-void film(uint i) {
-  if (push.step == film_neutral_density) neutral_density(i);""")],
+void optics(uint i) {
+  if (push.step == optics_neutral_density) neutral_density(i);""")],
     }),
     "an effect": ("grey_filter", {"python/activestereo/effects/grey_filter.py": [("", '''"""A grey filter."""
 
@@ -76,18 +76,18 @@ from activestereo.effects.core.laws import example_view
 
 device = kuafu.Device()
 
-def radiance(film=None, **material):
+def radiance(optics=None, **material):
     scene = kuafu.Scene(device)
     wall = scene.add_material(kuafu.Material(base_color=(0, 0, 0, 1), specular=0.0, emission=(1, 1, 1), **material))
     corners = np.array([[-9, -9, 2], [9, -9, 2], [9, 9, 2], [-9, 9, 2]], np.float32)
     scene.add_instance(scene.add_mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.uint32)), [wall])
     camera = kuafu.Camera(16, 12, np.array([[12.0, 0, 8], [0, 12, 6], [0, 0, 1]]))
-    return kuafu.Renderer(device).render(scene, camera, ["radiance"], band="visible", spp=1, max_bounces=0, film=film)[
-        "radiance"]
+    options = {"band": "visible", "spp": 1, "max_bounces": 0, "optics": optics}
+    return kuafu.Renderer(device).render(scene, camera, ["radiance"], **options)["radiance"]
 
 np.testing.assert_allclose(radiance(), 1.0, rtol=1e-5)
 np.testing.assert_allclose(radiance(emission_boost=2.0), 3.0, rtol=1e-5)
-np.testing.assert_allclose(radiance(film=kuafu.Film(neutral_density=1.0)), 0.1, rtol=1e-5)
+np.testing.assert_allclose(radiance(optics=kuafu.Optics(neutral_density=1.0)), 0.1, rtol=1e-5)
 np.testing.assert_allclose(builtin()["grey_filter"](np.ones((4, 4)), example_view(), loss=0.25), 0.75)
 """
 

@@ -144,15 +144,15 @@ AT(kuafu_material_desc, iridescence_texture, 316, 4);
 AT(kuafu_material_desc, iridescence_thickness_texture, 320, 4);
 AT(kuafu_material_desc, dispersion, 324, 4);
 
-SIZE(kuafu_film_desc, 96);
-AT(kuafu_film_desc, vignetting_exponent, 16, 8);
-AT(kuafu_film_desc, vignetting_polynomial, 24, 24);
-AT(kuafu_film_desc, defocus_lens_radius_m, 48, 8);
-AT(kuafu_film_desc, defocus_focus_m, 56, 8);
-AT(kuafu_film_desc, psf_sigma_px, 64, 8);
-AT(kuafu_film_desc, psf_corner_sigma_px, 72, 8);
-AT(kuafu_film_desc, veiling_glare_fraction, 80, 8);
-AT(kuafu_film_desc, firefly_factor, 88, 8);
+SIZE(kuafu_optics_desc, 96);
+AT(kuafu_optics_desc, vignetting_exponent, 16, 8);
+AT(kuafu_optics_desc, vignetting_polynomial, 24, 24);
+AT(kuafu_optics_desc, defocus_lens_radius_m, 48, 8);
+AT(kuafu_optics_desc, defocus_focus_m, 56, 8);
+AT(kuafu_optics_desc, psf_sigma_px, 64, 8);
+AT(kuafu_optics_desc, psf_corner_sigma_px, 72, 8);
+AT(kuafu_optics_desc, veiling_glare_fraction, 80, 8);
+AT(kuafu_optics_desc, firefly_factor, 88, 8);
 
 SIZE(kuafu_medium_desc, 104);
 AT(kuafu_medium_desc, extinction_per_m, 16, 12);
@@ -286,7 +286,7 @@ SIZE(kuafu_view_desc, 616);
 AT(kuafu_view_desc, camera, 16, 456);
 AT(kuafu_view_desc, band, 472, 4);
 AT(kuafu_view_desc, environment, 476, 4);
-AT(kuafu_view_desc, film, 480, 8);
+AT(kuafu_view_desc, optics, 480, 8);
 AT(kuafu_view_desc, previous_camera_to_world, 488, 128);
 
 SIZE(kuafu_render_desc, 136);

@@ -38,7 +38,7 @@ TEST(Structs, ExportedInitialisersAreTheInlineOnes) {
   expect_same(kuafu_struct_init, KUAFU_TYPE_INSTANCE_DESC, kuafu_instance_desc_init(0));
   expect_same(kuafu_struct_init, KUAFU_TYPE_CAMERA_DESC, kuafu_camera_desc_init());
   expect_same(kuafu_struct_init, KUAFU_TYPE_VIEW_DESC, kuafu_view_desc_init());
-  expect_same(kuafu_struct_init, KUAFU_TYPE_FILM_DESC, kuafu_film_desc_init());
+  expect_same(kuafu_struct_init, KUAFU_TYPE_OPTICS_DESC, kuafu_optics_desc_init());
   expect_same(kuafu_struct_init, KUAFU_TYPE_MEDIUM_DESC, kuafu_medium_desc_init());
   expect_same(kuafu_struct_init, KUAFU_TYPE_RENDERER_DESC, kuafu_renderer_desc_init());
   expect_same(kuafu_struct_init, KUAFU_TYPE_RENDER_DESC, kuafu_render_desc_init());

@@ -343,15 +343,15 @@ class Calls {
 
   /// Of a wait afterwards where a sync is given.
   void render(ks_sync* sync) {
-    kuafu_film_desc film = kuafu_film_desc_init();
-    bytes_.disturb(film);
+    kuafu_optics_desc optics = kuafu_optics_desc_init();
+    bytes_.disturb(optics);
     const uint32_t side = 1 + bytes_.below(most_side);
     kuafu_view_desc view = kuafu_view_desc_init();
     view.band = bytes_.below(2);
     view.camera.width = view.camera.height = side;
     view.camera.k[0] = view.camera.k[4] = side, view.camera.k[2] = view.camera.k[5] = side * 0.5;
     bytes_.disturb(view);
-    view.film = bytes_.below(3) == 0 ? &film : nullptr;
+    view.optics = bytes_.below(3) == 0 ? &optics : nullptr;
     const uint64_t shape[4] = {1, side, side, view.band == KUAFU_BAND_INFRARED ? 1u : 3u};
     kuafu_output_desc output = kuafu_output_desc_init(bytes_.below(4) > 0 ? KUAFU_OUTPUT_RADIANCE : bytes_.below(32), nullptr,
                                                       ks_image_desc_packed(KS_FORMAT_F32, 4, shape));

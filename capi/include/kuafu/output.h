@@ -23,7 +23,7 @@ typedef struct kuafu_buffer_t* kuafu_buffer;
 #define KUAFU_OUTPUT_PROJECTOR_INDIRECT 3u /* C: all other light of projectors */
 #define KUAFU_OUTPUT_AMBIENT 4u            /* C: the light of everything but projectors */
 #define KUAFU_OUTPUT_LIGHT_GROUP_0 5u      /* C: light of the lights, emissive surfaces and environment with light_group 0; + 1, + 2, + 3 for the others. AMBIENT is their sum */
-/* C: variance of the pixel's mean over all light groups, before the denoiser and the film optics; infinite for one sample. It is unbiased for multiples of
+/* C: variance of the pixel's mean over all light groups, before the denoiser and the optics; infinite for one sample. It is unbiased for multiples of
  * 8 samples. Where this output is asked for, the samples are divided into 8 independent sequences, so that the images have other noise than without it. */
 #define KUAFU_OUTPUT_VARIANCE 9u
 #define KUAFU_OUTPUT_SAMPLE_COUNT 10u /* 1, U32: number of samples in the pixel's mean */

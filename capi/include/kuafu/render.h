@@ -12,8 +12,8 @@
 #include "ks/log.h"
 #include "ks/sync.h"
 #include "kuafu/camera.h"
-#include "kuafu/film.h"
 #include "kuafu/material.h"
+#include "kuafu/optics.h"
 #include "kuafu/output.h"
 
 #ifdef __cplusplus
@@ -101,7 +101,7 @@ typedef struct kuafu_view_desc {
   /* Index of the environment of the batch that this view sees; 0 where there is one. */
   uint32_t environment;
   /* The camera's optics; NULL is a perfect camera. */
-  const kuafu_film_desc* film;
+  const kuafu_optics_desc* optics;
   /* Pose one frame earlier, for motion vectors; all zero means that the camera has not moved. */
   double previous_camera_to_world[16];
 } kuafu_view_desc;

@@ -3,7 +3,7 @@
 // A dielectric's layer reflects as Fresnel says of its index, times specular. Its base gets and gives what the layer lets through,
 // (1 - E(wo)) (1 - E(wi)) / (1 - mean of E) with the layer's directional albedo E: reciprocal, and a white base loses nothing (Kelemen and
 // Szirmay-Kalos, "A Microfacet Based Coupled Specular-Matte BRDF Model", 2001). Both sides of a surface wear the layer. A glass share
-// (transmission) is in lib/glass.glsl, a coat over all else in lib/clearcoat.glsl, fibres under it in lib/sheen.glsl, thin films in lib/film.glsl. What the base lets through (diffuse_transmission) passes the layers of both
+// (transmission) is in lib/glass.glsl, a coat over all else in lib/clearcoat.glsl, fibres under it in lib/sheen.glsl, thin films in lib/thin_film.glsl. What the base lets through (diffuse_transmission) passes the layers of both
 // sides, as what it gives back passes one twice. Light that meets several microfacets comes back as one more diffuse lobe (Kulla and Conty, "Revisiting
 // Physically Based Shading at Imageworks", 2017).
 #ifndef KUAFU_BSDF_GLSL
@@ -11,15 +11,15 @@
 #include "lib/albedo_table.glsl"
 #include "lib/clearcoat.glsl"
 #include "lib/dispersion.glsl"
-#include "lib/film.glsl"
+#include "lib/thin_film.glsl"
 #include "lib/glass.glsl"
 #include "lib/material.glsl"
 #include "lib/microfacet.glsl"
 #include "lib/sheen.glsl"
 
 /// A film, and what it does over the dielectric layer.
-struct LayerFilm {
-  Film film;
+struct LayerThinFilm {
+  ThinFilm film;
   float eta, base;  // of the layer: 1 / index, and what it reflects at normal incidence without the film
   vec4 at;          // what both reflect: the largest channel, at cosines of 1/4, 1/2, 3/4 and 1
   float mean;       // over the hemisphere
@@ -37,7 +37,7 @@ struct Bsdf {
   float base_scale;             // 1 / (1 - mean of the coat's albedo)
   float roughness, alpha;
   vec2 alphas;                  // along x and y; where they differ, roughness and alpha are those of a round lobe that gives about as much
-  LayerFilm film;
+  LayerThinFilm thin_film;
   Spectrum metal_base;          // what metal reflects at normal incidence without the film
   Spectrum multiple;            // of light that met several facets: share of 1 - E that comes back
   float multiple_scale;         // 1 / (1 - mean of E)
@@ -69,7 +69,7 @@ float lobe_cosine(vec2 alphas, float alpha, vec3 w) {
 }
 
 /// What the film makes of the layer's albedo: smooth facets reflect as it does at this cosine, rough ones as it does in the mean, and more at grazing angles.
-float film_over_layer(IN(LayerFilm) f, Vec2Array table, float roughness, float cosine, float albedo) {
+float thin_film_over_layer(IN(LayerThinFilm) f, Vec2Array table, float roughness, float cosine, float albedo) {
   float cos_t, bare = fresnel_dielectric(clamp(cosine, 1e-3f, 1.0f), f.eta, cos_t), p = clamp(cosine, 0.0f, 1.0f) * 4.0f;
   int c = min(int(p), 3);
   float smooth_one = albedo * mix(c == 0 ? 1.0f : f.at[c - 1], f.at[c], p - float(c)) / max(bare, 1e-4f);
@@ -82,7 +82,7 @@ float film_over_layer(IN(LayerFilm) f, Vec2Array table, float roughness, float c
 /// Share of light that the layer reflects, single and multiple scattering.
 float layer_albedo(IN(Bsdf) b, Vec2Array table, float cosine) {
   float albedo = albedo_of_layer(b.layer_rows, table, cosine);
-  return wears_film(b.film.film) ? film_over_layer(b.film, table, b.roughness, cosine, albedo) : albedo;
+  return wears_thin_film(b.thin_film.film) ? thin_film_over_layer(b.thin_film, table, b.roughness, cosine, albedo) : albedo;
 }
 
 /// The same towards w of a layer that is drawn out: facets that tilt in the plane of w and the normal say what is seen of it, and those that
@@ -93,13 +93,13 @@ float layer_albedo_towards(IN(Bsdf) b, Vec2Array table, vec3 w) {
   float in_plane = length(vec2(w.x * b.alphas.x, w.y * b.alphas.y)) * inversesqrt(s2);
   float out_of_it = length(vec2(w.y * b.alphas.x, w.x * b.alphas.y)) * inversesqrt(s2);
   float seen = albedo_of_layer(find_layer_rows(1.0f / b.coat_eta, sqrt(in_plane)), table, cosine);
-  if (wears_film(b.film.film)) seen = film_over_layer(b.film, table, b.roughness, cosine, seen);
+  if (wears_thin_film(b.thin_film.film)) seen = thin_film_over_layer(b.thin_film, table, b.roughness, cosine, seen);
   return mix(round_one, seen, 1.0f - 0.5f * out_of_it * out_of_it);
 }
 
 /// Its mean over the hemisphere; with a film by Gauss's rule of three points.
 float layer_albedo_mean(IN(Bsdf) b, Vec2Array table) {
-  if (!wears_film(b.film.film)) return mean_of_layer(b.layer_rows, table);
+  if (!wears_thin_film(b.thin_film.film)) return mean_of_layer(b.layer_rows, table);
   float sum = 0.0f;
   for (int i = 0; i < 3; ++i) sum += gauss_weight(i) * layer_albedo(b, table, gauss_cosine(i));
   return sum;
@@ -140,9 +140,9 @@ bool base_has_parts(IN(Bsdf) b) { return lets_through(b) || wears_sheen(b.sheen)
 void set_multiple(INOUT(Bsdf) b, IN(MaterialPoint) m, Vec2Array table) {
   float mean = lobe_mean(table, b.roughness), layer_mean = (m.ior - 1.0f) / (4.08567f + 1.00071f * m.ior);
   Spectrum metal_mean = m.base + (Spectrum(1.0f) - m.base) * (1.0f / 21.0f);
-  if (wears_film(b.film.film)) {
-    metal_mean += (film_mean(b.film.film, b.metal_base) - metal_mean) * b.film.film.weight;
-    layer_mean += (b.film.mean - layer_mean) * b.film.film.weight;
+  if (wears_thin_film(b.thin_film.film)) {
+    metal_mean += (thin_film_mean(b.thin_film.film, b.metal_base) - metal_mean) * b.thin_film.film.weight;
+    layer_mean += (b.thin_film.mean - layer_mean) * b.thin_film.film.weight;
   }
   b.multiple = multiple_share(metal_mean, mean) * b.metallic;
   b.multiple += Spectrum(b.layer * (layer_mean * layer_mean * mean / (1.0f - layer_mean * (1.0f - mean))));
@@ -165,7 +165,7 @@ vec3 lobe_weights(IN(Bsdf) b, OUT(float) below) {
     float under = wears_clearcoat(b.clearcoat) ? 1.0f - b.clearcoat.albedo : 1.0f;
     if (wears_sheen(b.sheen)) under *= left_by_sheen(b.sheen);
     w.y = dot(b.lobe_albedo, vec2(max_component(b.metal), b.metallic)) * under;
-    if (wears_film(b.film.film)) w.y += b.film.film.weight * b.metallic * (b.lobe_albedo.x + b.lobe_albedo.y) * under;
+    if (wears_thin_film(b.thin_film.film)) w.y += b.thin_film.film.weight * b.metallic * (b.lobe_albedo.x + b.lobe_albedo.y) * under;
     if (b.layer > 0.0f) w.y += b.layer / b.coat * (wears_clearcoat(b.clearcoat) ? b.coat_albedo - b.clearcoat.albedo : b.coat_albedo);
     w.x += max_component(b.multiple) * max(1.0f - b.lobe_albedo.x - b.lobe_albedo.y, 0.0f) * under;
   }
@@ -226,12 +226,12 @@ Bsdf make_bsdf(IN(MaterialPoint) m, Vec2Array table, vec3 wo, bool front) {
   b.alpha = m.roughness * m.roughness;
   b.alphas = vec2(b.alpha);
   if ((features & feature_anisotropy) != 0u && m.anisotropy > 0.0f) draw_out(b, m.anisotropy);
-  b.film = LayerFilm(film_of(m.iridescence, m.iridescence_ior, m.film_nm), b.coat_eta, 0.0f, vec4(0.0f), 0.0f);
+  b.thin_film = LayerThinFilm(thin_film_of(m.iridescence, m.iridescence_ior, m.thin_film_nm), b.coat_eta, 0.0f, vec4(0.0f), 0.0f);
   b.metal_base = m.base;
-  if (wears_film(b.film.film)) {
-    b.film.base = (m.ior - 1.0f) * (m.ior - 1.0f) / ((m.ior + 1.0f) * (m.ior + 1.0f));
-    for (int i = 0; i < 4; ++i) b.film.at[i] = max_component(film_over(film_waves(b.film.film, 0.25f * float(i + 1)), Spectrum(b.film.base)));
-    b.film.mean = (b.film.at.x + 2.0f * b.film.at.y + 3.0f * b.film.at.z + 2.0f * b.film.at.w) / 8.0f;
+  if (wears_thin_film(b.thin_film.film)) {
+    b.thin_film.base = (m.ior - 1.0f) * (m.ior - 1.0f) / ((m.ior + 1.0f) * (m.ior + 1.0f));
+    for (int i = 0; i < 4; ++i) b.thin_film.at[i] = max_component(thin_film_over(thin_film_waves(b.thin_film.film, 0.25f * float(i + 1)), Spectrum(b.thin_film.base)));
+    b.thin_film.mean = (b.thin_film.at.x + 2.0f * b.thin_film.at.y + 3.0f * b.thin_film.at.z + 2.0f * b.thin_film.at.w) / 8.0f;
   }
   b.multiple = Spectrum(0.0f);
   b.multiple_scale = 0.0f;
@@ -272,10 +272,10 @@ Spectrum lobe_fresnel(IN(Bsdf) b, float cosine) {
   Spectrum f = b.metal + (Spectrum(b.metallic) - b.metal) * schlick_weight(cosine);
   float cos_t;
   if (b.layer > 0.0f) f += Spectrum(b.layer * fresnel_dielectric(min(cosine, 1.0f), b.coat_eta, cos_t));
-  if (!wears_film(b.film.film)) return f;
-  FilmWaves waves = film_waves(b.film.film, cosine);
-  Spectrum filmed = film_over(waves, b.metal_base) * b.metallic + film_over(waves, Spectrum(b.film.base)) * b.layer;
-  return f + (filmed - f) * b.film.film.weight;
+  if (!wears_thin_film(b.thin_film.film)) return f;
+  ThinFilmWaves waves = thin_film_waves(b.thin_film.film, cosine);
+  Spectrum filmed = thin_film_over(waves, b.metal_base) * b.metallic + thin_film_over(waves, Spectrum(b.thin_film.base)) * b.layer;
+  return f + (filmed - f) * b.thin_film.film.weight;
 }
 
 /// Lambert's 1 / pi, or rough diffuse: Oren and Nayar 1994 in Fujii's form, which is reciprocal and creates no energy.
@@ -368,7 +368,7 @@ BsdfSample sample_unlike_channels(IN(Glass) g, vec3 wo, float choice) {
 
 // `choice` in [0,1) picks reflection or refraction. Radiance shrinks by eta squared as it leaves the denser side (Veach 1997, 5.2).
 BsdfSample sample_smooth_glass(IN(Glass) g, vec3 wo, float choice) {
-  if (!is_thin(g) && (wears_film(g.film) || parts_colors(g.dispersion, g.thin))) return sample_unlike_channels(g, wo, choice);
+  if (!is_thin(g) && (wears_thin_film(g.thin_film) || parts_colors(g.dispersion, g.thin))) return sample_unlike_channels(g, wo, choice);
   BsdfSample s;
   float cos_t;
   float reflectance = glass_reflectance(g, wo.z, cos_t);
@@ -378,7 +378,7 @@ BsdfSample sample_smooth_glass(IN(Glass) g, vec3 wo, float choice) {
   s.direction = s.transmitted ? vec3(-g.eta * xy(wo), -cos_t) : vec3(-xy(wo), wo.z);
   s.weight = s.transmitted ? g.tint * (g.eta * g.eta) : Spectrum(1.0f);
   if (!is_thin(g)) return s;
-  Faces faces = sheet(under_film(g.film, g.eta, g.specular, reflectance, wo.z), g.tint);
+  Faces faces = sheet(under_thin_film(g.thin_film, g.eta, g.specular, reflectance, wo.z), g.tint);
   s.transmitted = choice >= faces.chance;
   s.direction = vec3(-xy(wo), s.transmitted ? -wo.z : wo.z);
   s.weight = s.transmitted ? faces.through / (1.0f - faces.chance) : faces.reflected / faces.chance;

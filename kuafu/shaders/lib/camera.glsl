@@ -7,8 +7,8 @@
 #include "lib/pixels.glsl"
 
 /// What a sample draws; the middle of each is the pixel's centre, mid-exposure and the lens' centre.
-struct FilmSample {
-  vec2 film;     // pixels
+struct CameraSample {
+  vec2 image_point;     // pixels
   vec2 lens;     // point of the unit disk
   float moment;  // -0.5..0.5 of the exposure
 };
@@ -19,10 +19,10 @@ struct CameraRay {
   float time_s;
 };
 
-vec3 film_direction(IN(ViewRecord) view, IN(CameraRecord) camera, vec2 film) {
-  if ((camera.flags & camera_distorts) == 0u) return view.axis_0 + film.x * view.axis_u + film.y * view.axis_v;
-  float y = (film.y - camera.centre.y) / camera.focal.y;
-  vec2 p = undistort(camera.distortion, vec2((film.x - camera.centre.x - camera.skew * y) / camera.focal.x, y));
+vec3 image_point_direction(IN(ViewRecord) view, IN(CameraRecord) camera, vec2 image_point) {
+  if ((camera.flags & camera_distorts) == 0u) return view.axis_0 + image_point.x * view.axis_u + image_point.y * view.axis_v;
+  float y = (image_point.y - camera.centre.y) / camera.focal.y;
+  vec2 p = undistort(camera.distortion, vec2((image_point.x - camera.centre.x - camera.skew * y) / camera.focal.x, y));
   return camera.axis_x * p.x + camera.axis_y * p.y + camera.axis_z;
 }
 
@@ -32,9 +32,9 @@ float exposure_time(IN(CameraRecord) camera, Pixel pixel, IN(WaveRange) range, f
   return dot(from_middle, camera.seconds_per_pixel) + moment * camera.exposure_s;
 }
 
-CameraRay camera_ray(IN(ViewRecord) view, IN(CameraRecord) camera, Pixel pixel, IN(WaveRange) range, FilmSample s) {
-  CameraRay ray = CameraRay(vec3(0.0f), film_direction(view, camera, s.film), exposure_time(camera, pixel, range, s.moment));
-  if ((camera.flags & camera_has_lens) != 0u) {  // all rays of a film point meet at the focused distance
+CameraRay camera_ray(IN(ViewRecord) view, IN(CameraRecord) camera, Pixel pixel, IN(WaveRange) range, CameraSample s) {
+  CameraRay ray = CameraRay(vec3(0.0f), image_point_direction(view, camera, s.image_point), exposure_time(camera, pixel, range, s.moment));
+  if ((camera.flags & camera_has_lens) != 0u) {  // all rays of a image_point point meet at the focused distance
     ray.origin = camera.lens_radius_m * (s.lens.x * camera.axis_x + s.lens.y * camera.axis_y);
     ray.direction -= ray.origin * camera.inverse_focus;
   }

@@ -7,7 +7,7 @@
 #ifndef KUAFU_GLASS_GLSL
 #define KUAFU_GLASS_GLSL
 #include "lib/albedo_table.glsl"
-#include "lib/film.glsl"
+#include "lib/thin_film.glsl"
 #include "lib/material.glsl"
 #include "lib/microfacet.glsl"
 
@@ -34,7 +34,7 @@ struct Glass {
   vec2 rest_scale;   // 1 / mean of what several facets give, on the viewer's side and beyond
   float forward;     // how much that is turned forwards: 0 evenly, 1 all of it where both directions graze
   AlbedoRows rows;
-  Film film;
+  ThinFilm thin_film;
   float dispersion;  // of smooth glass that bounds a body, and
   Spectrum carries;  // MaterialPoint.carries
 };
@@ -64,20 +64,20 @@ float glass_reflectance(IN(Glass) g, float cosine, OUT(float) cos_t) {
   return cos_t > 0.0f ? reflectance * g.specular : reflectance;
 }
 
-Film film_of(float weight, float ior, float thickness_nm) { return Film(thickness_nm > 0.0f ? weight : 0.0f, ior, thickness_nm); }
+ThinFilm thin_film_of(float weight, float ior, float thickness_nm) { return ThinFilm(thickness_nm > 0.0f ? weight : 0.0f, ior, thickness_nm); }
 
 /// A reflectance, without a film, with what the film makes of it; `outside`: the cosine on the side of the smaller index.
-Spectrum under_film(IN(Film) f, float eta, float specular, float reflectance, float outside) {
-  if (!wears_film(f)) return Spectrum(reflectance);
+Spectrum under_thin_film(IN(ThinFilm) f, float eta, float specular, float reflectance, float outside) {
+  if (!wears_thin_film(f)) return Spectrum(reflectance);
   float root = (1.0f - eta) / (1.0f + eta);
-  return Spectrum(reflectance * (1.0f - f.weight)) + film_reflectance(f, Spectrum(root * root), outside) * (f.weight * specular);
+  return Spectrum(reflectance * (1.0f - f.weight)) + thin_film_reflectance(f, Spectrum(root * root), outside) * (f.weight * specular);
 }
 
 /// glass_reflectance with the film.
 Spectrum filmed_reflectance(IN(Glass) g, float cosine, OUT(float) cos_t) {
   float reflectance = glass_reflectance(g, cosine, cos_t);
   if (cos_t == 0.0f) return Spectrum(reflectance);
-  return under_film(g.film, g.eta, g.specular, reflectance, g.eta > 1.0f ? cos_t : cosine);
+  return under_thin_film(g.thin_film, g.eta, g.specular, reflectance, g.eta > 1.0f ? cos_t : cosine);
 }
 
 /// At a facet that light meets at this cosine. Energies: radiance that goes through changes by eta squared besides (Veach 1997, 5.2).
@@ -87,7 +87,7 @@ Faces faces_at(IN(Glass) g, float cosine, OUT(float) cos_t) {
   Faces f;
   f.reflected = r;
   f.through = g.tint * (Spectrum(1.0f) - r);
-  f.chance = wears_film(g.film) ? mean_component(r) : channel_of(r, 0u);
+  f.chance = wears_thin_film(g.thin_film) ? mean_component(r) : channel_of(r, 0u);
   return f;
 }
 
@@ -147,7 +147,7 @@ void set_several_of_body(INOUT(Glass) g, Vec2Array table) {
 Glass make_glass(IN(MaterialPoint) m, Vec2Array table, float cos_o, bool front) {
   Glass g = Glass((1.0f - m.metallic) * m.transmission, 0.0f, front ? 1.0f / m.ior : m.ior, m.specular, m.base, false, 0.0f, 0.0f,
                   Faces(Spectrum(0.0f), Spectrum(0.0f), 0.0f), vec2(0.0f), vec2(0.0f), vec2(0.0f), 0.0f, AlbedoRows(0, 0, 0.0f, 0.0f),
-                  film_of(m.iridescence, m.iridescence_ior, m.film_nm), m.dispersion, m.carries);
+                  thin_film_of(m.iridescence, m.iridescence_ior, m.thin_film_nm), m.dispersion, m.carries);
   if ((features & feature_materials) == 0u) return g;
   g.alpha = glass_alpha(m);
   g.thin = m.thin_walled;
@@ -259,9 +259,9 @@ Spectrum straight_transmittance(IN(MaterialPoint) m, float cosine) {
   if (glass_alpha(m) >= mirror_alpha) return Spectrum(0.0f);
   float cos_t;
   float reflectance = fresnel_dielectric(cosine, 1.0f / m.ior, cos_t) * m.specular, share = (1.0f - m.metallic) * m.transmission;
-  Film film = film_of(m.iridescence, m.iridescence_ior, m.film_nm);
-  if (!is_sheet(m) && !wears_film(film)) return m.base * (share * (1.0f - reflectance));
-  Spectrum filmed = under_film(film, 1.0f / m.ior, m.specular, reflectance, cosine);
+  ThinFilm film = thin_film_of(m.iridescence, m.iridescence_ior, m.thin_film_nm);
+  if (!is_sheet(m) && !wears_thin_film(film)) return m.base * (share * (1.0f - reflectance));
+  Spectrum filmed = under_thin_film(film, 1.0f / m.ior, m.specular, reflectance, cosine);
   return is_sheet(m) ? sheet(filmed, m.base).through * share : m.base * (Spectrum(1.0f) - filmed) * share;
 }
 #endif

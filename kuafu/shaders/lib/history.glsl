@@ -3,13 +3,13 @@
 // `push.last_local_to_world`, and include it where `push` is.
 
 /// In pixels; false behind the camera. A camera that moves sees a point at the time of the line that it falls on.
-bool seen_at(HistoryView view, vec3 position, OUT(vec2) film) {
-  film = 0.5f * vec2(float(push.range.width - 1u), float(push.range.height - 1u));
-  vec2 middle = film;
+bool seen_at(HistoryView view, vec3 position, OUT(vec2) image_point) {
+  image_point = 0.5f * vec2(float(push.range.width - 1u), float(push.range.height - 1u));
+  vec2 middle = image_point;
   for (uint step = 0u; step < 3u; ++step) {
-    float seconds = dot(film - middle, view.seconds_per_pixel);
+    float seconds = dot(image_point - middle, view.seconds_per_pixel);
     vec3 p = view.motion.moves != 0u ? unmoved_point(view.motion, seconds, position) : position;
-    if (!film_position(view.camera, view.camera.now, p, film)) return false;
+    if (!project_to_image(view.camera, view.camera.now, p, image_point)) return false;
     if (view.motion.moves == 0u) break;
   }
   return true;
@@ -28,7 +28,7 @@ PlaceRecord place_of_ray(uint i, uint view, GuideRecord g) {
   place.instance = miss;
   place.position = g.position;
   place.normal = g.normal;
-  place.film = vec2(-2.0f);
+  place.image_point = vec2(-2.0f);
   if (guide_word(i, hit_geometry) == miss) return place;
   uint slot = guide_word(i, hit_instance), primitive = guide_word(i, hit_primitive);
   InstanceRecord r = push.scene.at[0].instances.at[slot];
@@ -45,7 +45,7 @@ PlaceRecord place_of_ray(uint i, uint view, GuideRecord g) {
   }
   place.position = before + (g.position - now);
   place.normal = normal_before(r, 3u * slot, g.normal);
-  vec2 film;
-  if (seen_at(push.last_views.at[view], place.position, film)) place.film = film;
+  vec2 image_point;
+  if (seen_at(push.last_views.at[view], place.position, image_point)) place.image_point = image_point;
   return place;
 }

@@ -22,7 +22,7 @@ struct MaterialPoint {
   vec3 tangent;  // world: the direction of anisotropy, which stands on the shading normal
   Spectrum sheen;
   float sheen_roughness;
-  float iridescence, iridescence_ior, film_nm;
+  float iridescence, iridescence_ior, thin_film_nm;
   float dispersion;
   Spectrum carries;  // what of each channel the path still has, where dispersion takes one of them
   bool thin_walled;  // the glass is a sheet
@@ -92,7 +92,7 @@ void load_anisotropy(IN(SceneAddresses) scene, IN(MaterialRecord) m, IN(Surface)
 void load_lobes(IN(MaterialRecord) m, INOUT(MaterialPoint) p) {
   p.clearcoat = p.clearcoat_roughness = p.diffuse_transmission = 0.0f;
   p.beyond = Spectrum(0.0f);
-  p.anisotropy = p.sheen_roughness = p.iridescence = p.iridescence_ior = p.film_nm = p.dispersion = 0.0f;
+  p.anisotropy = p.sheen_roughness = p.iridescence = p.iridescence_ior = p.thin_film_nm = p.dispersion = 0.0f;
   p.tangent = vec3(1.0f, 0.0f, 0.0f);
   p.sheen = Spectrum(0.0f);
   p.carries = Spectrum(1.0f);
@@ -111,7 +111,7 @@ void load_lobes(IN(MaterialRecord) m, INOUT(MaterialPoint) p) {
   if ((features & feature_iridescence) != 0u) {
     p.iridescence = m.iridescence;
     p.iridescence_ior = m.iridescence_ior;
-    p.film_nm = m.iridescence_thickness_nm;
+    p.thin_film_nm = m.iridescence_thickness_nm;
   }
   if ((features & feature_anisotropy) != 0u) p.anisotropy = m.anisotropy;
   if ((features & feature_dispersion) != 0u) p.dispersion = m.dispersion;
@@ -142,7 +142,7 @@ void read_lobe_textures(IN(SceneAddresses) scene, IN(MaterialRecord) m, IN(Textu
     if (k == 4u) p.sheen *= band_of(xyz(map));
     if (k == 5u) p.sheen_roughness *= map.a;
     if (k == 6u) p.iridescence *= map.r;
-    if (k == 7u) p.film_nm = mix(m.iridescence_least_thickness_nm, p.film_nm, map.g);
+    if (k == 7u) p.thin_film_nm = mix(m.iridescence_least_thickness_nm, p.thin_film_nm, map.g);
     if (k == 8u) {
       p.tangent = vec3(map.r * 2.0f - 1.0f, map.g * 2.0f - 1.0f, 0.0f);
       p.anisotropy *= map.b;

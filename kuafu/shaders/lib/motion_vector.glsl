@@ -7,12 +7,12 @@
 #include "shared/aov_record.h"
 
 /// False behind the camera.
-bool film_position(MotionView view, CameraPose pose, vec3 position, OUT(vec2) film) {
+bool project_to_image(MotionView view, CameraPose pose, vec3 position, OUT(vec2) image_point) {
   vec3 way = position - pose.origin;
   vec3 d = vec3(dot(pose.axis_x, way), dot(pose.axis_y, way), dot(pose.axis_z, way));
   if (d.z <= 0.0f) return false;
   vec2 p = distort(view.distortion, xy(d) / d.z);
-  film = vec2(view.focal.x * p.x + view.skew * p.y + view.centre.x, view.focal.y * p.y + view.centre.y);
+  image_point = vec2(view.focal.x * p.x + view.skew * p.y + view.centre.x, view.focal.y * p.y + view.centre.y);
   return true;
 }
 

@@ -16,6 +16,6 @@ PixelSample pixel_sample(uint view_key, uint pixel, uint index, bool replicates)
   uint replicate = hash(key + (1u + index % replicate_count) * 0x9e3779b9u);
   key = replicates ? replicate : key;
   index = replicates ? index / replicate_count : index;
-  return PixelSample(key, index, sample_2d(key, index, pair_film) - 0.5f);
+  return PixelSample(key, index, sample_2d(key, index, pair_pixel) - 0.5f);
 }
 #endif

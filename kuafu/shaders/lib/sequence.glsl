@@ -43,7 +43,7 @@ vec2 sample_2d(uint pixel_key, uint index, uint pair) {
 }
 
 // Dimension pairs of a path.
-const uint pair_film = 0u;
+const uint pair_pixel = 0u;
 uint pair_direction(uint bounce) { return 1u + 3u * bounce; }
 uint pair_choice(uint bounce) { return 2u + 3u * bounce; }  // x: lobe, y: Russian roulette
 uint pair_light(uint bounce) { return 3u + 3u * bounce; }

@@ -38,7 +38,7 @@ KUAFU_ARRAY(HistoryViewArray, HistoryView, 4)
 /// Where the last launch saw what a pixel shows now, and how that stood then.
 struct PlaceRecord {
   vec3 position, normal;
-  vec2 film;  // pixels; x < -1: nowhere
+  vec2 image_point;  // pixels; x < -1: nowhere
   uint instance;
 };
 KUAFU_ARRAY(PlaceArray, PlaceRecord, 4)

@@ -133,7 +133,7 @@ KUAFU_CONST feature_clearcoat = 1u << 8u;             // a clear coat over the s
 KUAFU_CONST feature_diffuse_transmission = 1u << 9u;  // light that the diffuse base lets through
 KUAFU_CONST feature_anisotropy = 1u << 10u;           // lobes that are drawn out along a direction
 KUAFU_CONST feature_sheen = 1u << 11u;                // a lobe of fibres over the surface
-KUAFU_CONST feature_iridescence = 1u << 12u;          // thin films
+KUAFU_CONST feature_iridescence = 1u << 12u;          // thin optics
 KUAFU_CONST feature_dispersion = 1u << 13u;           // glass that parts colours
 KUAFU_CONST feature_cutouts = 1u << 7u;               // of tracers: surfaces that are not everywhere there (alpha_mask, alpha_blend)
 

@@ -26,9 +26,9 @@ void write_albedo(Pixel pixel, Spectrum albedo) {
 
 /// Length of the ray to z = 1 in the camera.
 float metres_per_z(IN(ViewRecord) view, Pixel pixel) {
-  vec2 film = vec2(float(pixel.column), float(pixel.row));
-  if ((features & feature_camera) == 0u || (push.flags & aov_camera) == 0u) return length(view.axis_0 + film.x * view.axis_u + film.y * view.axis_v);
-  return length(camera_ray(view, push.cameras.at[pixel.view], pixel, push.range, FilmSample(film, vec2(0.0f), 0.0f)).direction);
+  vec2 image_point = vec2(float(pixel.column), float(pixel.row));
+  if ((features & feature_camera) == 0u || (push.flags & aov_camera) == 0u) return length(view.axis_0 + image_point.x * view.axis_u + image_point.y * view.axis_v);
+  return length(camera_ray(view, push.cameras.at[pixel.view], pixel, push.range, CameraSample(image_point, vec2(0.0f), 0.0f)).direction);
 }
 
 uint hit_word(uint i, uint field) { return push.rays.at[closest_word(i, field, push.range.capacity)]; }
@@ -77,10 +77,10 @@ void write_motion(uint i, Pixel pixel, IN(InstanceRecord) instance, vec3 positio
                                aov.previous_local_to_world, 3u * hit_word(i, hit_instance));
   if ((features & feature_motion) != 0u && push.scene.at[0].moves != 0u)  // what it does while the shutter is open, it did then, too
     before += position - standing_position(instance, hit_word(i, hit_primitive), uintBitsToFloat(hit_word(i, hit_u)), uintBitsToFloat(hit_word(i, hit_v)));
-  vec2 film = vec2(0.0f), film_before = vec2(0.0f);
-  bool seen = film_position(view, view.now, position, film);
-  seen = film_position(view, view.previous, before, film_before) && seen;
-  write_vec2(output_motion, pixel, seen, film - film_before);
+  vec2 image_point = vec2(0.0f), image_point_before = vec2(0.0f);
+  bool seen = project_to_image(view, view.now, position, image_point);
+  seen = project_to_image(view, view.previous, before, image_point_before) && seen;
+  write_vec2(output_motion, pixel, seen, image_point - image_point_before);
 }
 
 void write_surface(uint i, Pixel pixel) {

@@ -165,13 +165,13 @@ void accumulate(uint pixel) {
   float sum[most_planes], weights = 0.0f, variance = 0.0f, launches = 0.0f;
   for (uint p = 0u; p < most_planes; ++p) sum[p] = 0.0f;
   if (images.has_last != 0u) {
-    vec2 corner = floor(place.film);
+    vec2 corner = floor(place.image_point);
     for (int k = 0; k < 4; ++k) {
       int x = int(corner.x) + k % 2, y = int(corner.y) + k / 2;
       if (x < 0 || y < 0 || x >= int(push.width) || y >= int(push.height)) continue;
       uint other = (view * push.height + uint(y)) * push.width + uint(x);
       if (images.last_places.at[other].instance != place.instance) continue;
-      float weight = max(0.0f, 1.0f - abs(place.film.x - float(x))) * max(0.0f, 1.0f - abs(place.film.y - float(y)));
+      float weight = max(0.0f, 1.0f - abs(place.image_point.x - float(x))) * max(0.0f, 1.0f - abs(place.image_point.y - float(y)));
       weight *= falling(surface_unlike(here, load_surface(images.last_guides, other), 1.0f, any_exponent));
       weights += weight;
       variance += weight * images.last_pixels.at[other * history_words + history_variance];

@@ -26,11 +26,11 @@ bool in_replicates() { return (push.flags & generate_replicates) != 0u; }
 void start_ray(uint slot, Pixel pixel, uint key, uint index, vec2 offset) {
   IN(ViewRecord) view = push.views.at[pixel.view];
   bool centre = through_centres();
-  vec2 film = vec2(float(pixel.column), float(pixel.row)) + offset;
+  vec2 image_point = vec2(float(pixel.column), float(pixel.row)) + offset;
   float time_s = 0.0f;
-  vec3 origin = view.origin, ray = view.axis_0 + film.x * view.axis_u + film.y * view.axis_v;
+  vec3 origin = view.origin, ray = view.axis_0 + image_point.x * view.axis_u + image_point.y * view.axis_v;
   if ((features & feature_camera) != 0u && (push.flags & generate_camera) != 0u) {
-    FilmSample s = FilmSample(film, vec2(0.0f), 0.0f);
+    CameraSample s = CameraSample(image_point, vec2(0.0f), 0.0f);
     if (!centre) {
       s.lens = unit_disk(sample_2d(key, index, pair_lens));
       s.moment = sample_2d(key, index, pair_time).x - 0.5f;

@@ -6,8 +6,8 @@ void store_place(uint index, PlaceRecord place) {
     push.places.at[word + uint(k)] = floatBitsToUint(place.position[k]);
     push.places.at[word + 3u + uint(k)] = floatBitsToUint(place.normal[k]);
   }
-  push.places.at[word + 6u] = floatBitsToUint(place.film.x);
-  push.places.at[word + 7u] = floatBitsToUint(place.film.y);
+  push.places.at[word + 6u] = floatBitsToUint(place.image_point.x);
+  push.places.at[word + 7u] = floatBitsToUint(place.image_point.y);
   push.places.at[word + 8u] = place.instance;
 }
 

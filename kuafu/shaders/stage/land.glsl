@@ -104,8 +104,8 @@ bool cross_boundary(INOUT(Pencil) p, uint index, IN(MetSurface) met, IN(Surface)
   if (cos_i <= 0.0f) return false;
   Spectrum reflectance = Spectrum(fresnel_dielectric(cos_i, eta, cos_t) * m.specular);
   bool total = cos_t <= 0.0f;
-  Film film = film_of(m.iridescence, m.iridescence_ior, m.film_nm);
-  if (wears_film(film) && !total) reflectance = under_film(film, eta, m.specular, channel_of(reflectance, 0u), front ? cos_i : cos_t);
+  ThinFilm film = thin_film_of(m.iridescence, m.iridescence_ior, m.thin_film_nm);
+  if (wears_thin_film(film) && !total) reflectance = under_thin_film(film, eta, m.specular, channel_of(reflectance, 0u), front ? cos_i : cos_t);
   float mean = max_component(reflectance), share = (1.0f - m.metallic) * m.transmission;
   bool turns = total;
   float weight = 1.0f;

@@ -5,7 +5,7 @@
 
 #include "api/descriptors.h"
 #include "api/fields.h"
-#include "api/film_desc.h"
+#include "api/optics_desc.h"
 #include "api/render_outputs.h"
 #include "api/struct_array.h"
 #include "device/error.h"
@@ -51,7 +51,7 @@ void check_size(const kuafu_camera_desc& first, const kuafu_camera_desc& camera,
 bool same_lens(const Camera& camera, const Launch& launch) {
   if (launch.views.empty()) return false;
   const View& before = launch.views.back();
-  return camera.optics.distortion == before.optics.distortion && camera.k == before.k;
+  return camera.lens.distortion == before.lens.distortion && camera.k == before.k;
 }
 
 /// All zeros say that the camera stood still.
@@ -74,8 +74,8 @@ View read_view(const kuafu_view_desc& desc, uint32_t index, const Launch& launch
           .near_m = camera.near_m,
           .far_m = camera.far_m,
           .environment = desc.environment,
-          .film = read_film(desc.film, camera.name),
-          .optics = camera.optics,
+          .optics = read_optics(desc.optics, camera.name),
+          .lens = camera.lens,
           .shutter = camera.shutter,
           .velocity = camera.velocity,
           .previous_camera_to_world = read_previous_pose(desc, camera)};

@@ -56,7 +56,7 @@ void Denoiser::fit(const Launch& launch, const Scene& scene, const Frame& frame)
   planes_ = uint32_t(kinds.size()) * channels_;
   blurs_ = std::ranges::any_of(launch.views, [&](const View& view) {
     const bool motion = view.velocity.moves() || scene.instances_move();
-    return view.optics.lens_radius_m > 0.0 || (motion && view.shutter.exposure_s > 0.0);
+    return view.lens.lens_radius_m > 0.0 || (motion && view.shutter.exposure_s > 0.0);
   });
   accumulates_ = launch.denoise == DenoiseKind::atrous && launch.temporal_weight > 0.0f;
   if (accumulates_)

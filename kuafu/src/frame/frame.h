@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The frame holds the images of one render call between its last path and the caller's buffers: words of 32 bits (float32, ids as uint32),
-// packed [view][row][column][channel]. It holds an output only when a later step needs it (film, denoiser, another format); the stages
+// packed [view][row][column][channel]. It holds an output only when a later step needs it (optics, denoiser, another format); the stages
 // write any other output straight into the caller's image. Thread rule: externally synchronised.
 #pragma once
 

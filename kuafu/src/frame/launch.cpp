@@ -63,9 +63,7 @@ ViewRecord view_record(const Launch& launch, const View& view) {
   return r;
 }
 
-bool View::special() const {
-  return distorts(optics.distortion) || optics.lens_radius_m > 0.0 || (velocity.moves() && shutter.takes_time());
-}
+bool View::special() const { return distorts(lens.distortion) || lens.lens_radius_m > 0.0 || (velocity.moves() && shutter.takes_time()); }
 
 TimeSpan open_span(const Launch& launch) {
   TimeSpan all;
@@ -85,12 +83,12 @@ CameraRecord camera_record(const View& view) {
   r.focal = {float(view.k[0][0]), float(view.k[1][1])};
   r.centre = glm::vec2(view.k[2]);
   r.skew = float(view.k[1][0]);
-  std::ranges::copy(view.optics.distortion, r.distortion);
-  r.lens_radius_m = float(view.optics.lens_radius_m);
-  r.inverse_focus = view.optics.lens_radius_m > 0.0 ? float(1.0 / view.optics.focus_m) : 0.0f;
+  std::ranges::copy(view.lens.distortion, r.distortion);
+  r.lens_radius_m = float(view.lens.lens_radius_m);
+  r.inverse_focus = view.lens.lens_radius_m > 0.0 ? float(1.0 / view.lens.focus_m) : 0.0f;
   r.seconds_per_pixel = seconds_per_pixel(view.shutter);
   r.exposure_s = float(view.shutter.exposure_s);
-  r.flags = (distorts(view.optics.distortion) ? camera_distorts : 0) | (view.optics.lens_radius_m > 0.0 ? camera_has_lens : 0) |
+  r.flags = (distorts(view.lens.distortion) ? camera_distorts : 0) | (view.lens.lens_radius_m > 0.0 ? camera_has_lens : 0) |
             (view.velocity.moves() ? camera_moves : 0);
   return r;
 }
@@ -102,7 +100,7 @@ MotionView motion_view(const View& view) {
   m.focal = {float(view.k[0][0]), float(view.k[1][1])};
   m.centre = glm::vec2(view.k[2]);
   m.skew = float(view.k[1][0]);
-  std::ranges::copy(view.optics.distortion, m.distortion);
+  std::ranges::copy(view.lens.distortion, m.distortion);
   return m;
 }
 

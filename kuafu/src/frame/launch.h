@@ -23,8 +23,8 @@ struct View {
   glm::dmat4 camera_to_world{1.0};
   double near_m = 0.0, far_m = 0.0;
   uint32_t environment = 0;
-  Film film;
   Optics optics;
+  Lens lens;
   Shutter shutter;
   Twist velocity;
   glm::dmat4 previous_camera_to_world{1.0};  // one frame before

@@ -44,7 +44,7 @@ constexpr uint32_t lane_count = 32;
 template <class T>
 using Lanes = T[lane_count];
 
-/// Film samples (lib/pixel_sample.glsl).
+/// Pixel samples (lib/pixel_sample.glsl).
 struct alignas(64) PixelSampleLanes {
   Lanes<uint32_t> view_key, pixel;
   Lanes<uint32_t> index;  // in: of the pixel's samples; out: in the path's sequence

@@ -146,7 +146,7 @@ PixelSums RenderRun::sums_of(uint32_t first_pixel, uint32_t pixel_count) const {
 // The steps on whole images follow the light: noise goes before the optics spread it, and the caller's format comes last.
 void RenderRun::develop() {
   if (denoises()) denoise();
-  parts_.film.run(commands_, launch_, parts_.frame);
+  parts_.optics.run(commands_, launch_, parts_.frame);
   parts_.frame.deliver(commands_, launch_);
 }
 

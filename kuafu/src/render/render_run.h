@@ -8,8 +8,8 @@
 #include <string>
 
 #include "denoise/denoiser.h"
-#include "film/film.h"
 #include "frame/frame.h"
+#include "optics/optics.h"
 #include "pathtrace/path_tracer.h"
 #include "render/accumulation.h"
 #include "render/budget.h"
@@ -30,14 +30,14 @@ struct RenderParts {
         frame(paths.memory()),
         accumulation(paths.memory()),
         denoiser(paths.memory(), paths.queue_layout(), std::move(oidn_library)),
-        film(paths.memory()) {}
+        optics(paths.memory()) {}
 
   PathTracer paths;
   Frame frame;
   Accumulation accumulation;
   std::shared_ptr<ks::Buffer> batch_sums;  // of passes over the same pixels, where no accumulation keeps them
   Denoiser denoiser;
-  FilmOptics film;
+  CameraOptics optics;
 };
 
 /// Takes one launch through its rounds of samples and the steps on whole images.

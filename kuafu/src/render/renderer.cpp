@@ -9,7 +9,7 @@ void hold_images(Launch& launch) {
   launch.held = launch.relative_error > 0.0 ? 1u << output_variance | 1u << output_radiance : 0;
   if (launch.outputs[output_projector].buffer) launch.held |= projector_parts;
   if (launch.outputs[output_srgb].buffer) launch.held |= 1u << output_radiance;
-  launch.held |= held_for_denoiser(launch) | held_for_film(launch);
+  launch.held |= held_for_denoiser(launch) | held_for_optics(launch);
 }
 
 Renderer::Renderer(const std::shared_ptr<ks::Device>& device, TracerKind tracer, std::string oidn_library)

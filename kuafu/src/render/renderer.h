@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The renderer takes launches, one after the other: paths into the frame, then the steps on whole images (denoiser, film optics), then the
+// The renderer takes launches, one after the other: paths into the frame, then the steps on whole images (denoiser, optics), then the
 // caller's formats.
 // Thread rule: externally synchronised.
 #pragma once
@@ -13,7 +13,7 @@
 
 namespace kuafu {
 
-/// Sets Launch::held for the steps after the paths: budget, denoiser and film.
+/// Sets Launch::held for the steps after the paths: budget, denoiser and optics.
 void hold_images(Launch& launch);
 
 class Renderer {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What makes a camera more than a pinhole at rest; fields mean what kuafu_camera_desc and kuafu_film_desc say. Thread rule: plain data.
+// What makes a camera more than a pinhole at rest; fields mean what kuafu_camera_desc and kuafu_optics_desc say. Thread rule: plain data.
 #pragma once
 
 #include "scene/distortion.h"
@@ -8,7 +8,7 @@
 
 namespace kuafu {
 
-struct Optics {
+struct Lens {
   Distortion distortion{};
   double lens_radius_m = 0.0, focus_m = 0.0;
 };
@@ -31,7 +31,7 @@ struct Shutter {
 };
 
 /// The optics between the light and the imager; neutral as made.
-struct Film : FilmFields {
+struct Optics : OpticsFields {
   [[nodiscard]] bool defocuses() const { return defocus_lens_radius_m > 0.0; }
 };
 

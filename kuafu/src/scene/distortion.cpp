@@ -68,13 +68,13 @@ glm::dvec2 distort(const Distortion& k, const glm::dvec2& ideal) { return map(k,
 
 std::optional<Fold> find_fold(const Distortion& k, const glm::dmat3& camera_k, uint32_t width, uint32_t height) {
   constexpr int per_side = 16;
-  const glm::dmat3 to_film = glm::inverse(camera_k);
+  const glm::dmat3 to_image = glm::inverse(camera_k);
   for (int i = 0; i < 4 * per_side; ++i) {
     const double along = double(i % per_side) / per_side;
     const int side = i / per_side;  // top, right, bottom, left
     const glm::dvec2 corner[5] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}, {0, 0}};
     const glm::dvec2 pixel = glm::mix(corner[side], corner[side + 1], along) * glm::dvec2(width, height) - 0.5;
-    const glm::dvec2 distorted(to_film * glm::dvec3(pixel, 1.0));
+    const glm::dvec2 distorted(to_image * glm::dvec3(pixel, 1.0));
     if (reachable(k, distorted)) continue;
     const double needed = glm::length(distorted);
     return Fold{pixel, reach(k, distorted / needed, needed), needed};

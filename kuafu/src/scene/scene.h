@@ -86,7 +86,7 @@ const Texture& pattern_of(const Scene& scene, const Light& light);
 
 struct Camera {
   std::string name;
-  Optics optics;
+  Lens lens;
   Shutter shutter;
   Twist velocity;
   uint32_t width = 0, height = 0;

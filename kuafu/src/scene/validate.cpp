@@ -146,9 +146,9 @@ void check_shape(const Light& light) {
 
 void check_optics(const Camera& camera) {
   const char* name = camera.name.c_str();
-  if (camera.optics.lens_radius_m > 0.0 && !(camera.optics.focus_m > 0.0))
+  if (camera.lens.lens_radius_m > 0.0 && !(camera.lens.focus_m > 0.0))
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "camera '%s': focus_m is %g, a lens of radius %g m needs a distance > 0 (INFINITY is one)", name,
-             camera.optics.focus_m, camera.optics.lens_radius_m);
+             camera.lens.focus_m, camera.lens.lens_radius_m);
 }
 
 void check_projector(const Light& light) {
@@ -209,8 +209,8 @@ void check(const Camera& camera) {
 }
 
 void check_undistortable(const Camera& camera) {
-  if (!distorts(camera.optics.distortion)) return;
-  const std::optional<Fold> fold = find_fold(camera.optics.distortion, camera.k, camera.width, camera.height);
+  if (!distorts(camera.lens.distortion)) return;
+  const std::optional<Fold> fold = find_fold(camera.lens.distortion, camera.k, camera.width, camera.height);
   if (!fold) return;
   ks::fail(
       KS_ERROR_INVALID_ARGUMENT,

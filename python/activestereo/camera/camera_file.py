@@ -21,7 +21,7 @@ from activestereo.common.input_files import read_toml
 from activestereo.common.matcher_table import MATCHER, SIGNAL
 from activestereo.common.nearest import did_you_mean
 from activestereo.common.parameter import Parameter
-from activestereo.common.render_table import FILM, RENDER
+from activestereo.common.render_table import OPTICS, RENDER
 
 FOLDER = Path(__file__).parent / "data"
 BASES = ("data sheet", "measured", "published", "derived", "estimated")
@@ -106,7 +106,7 @@ FIELDS: dict[str, dict[str, Field]] = {
         **_engine(SIGNAL, "conversion_gain_dn_per_e", least=1e-6, most=1e6),
         **_engine(SIGNAL, "prnu", most=1.0),
     },
-    "optics": _engine(FILM, "vignetting_exponent", "psf_sigma_px", "firefly_factor"),
+    "optics": _engine(OPTICS, "vignetting_exponent", "psf_sigma_px", "firefly_factor"),
     "room": {
         **_engine(RENDER, "ir_ambient_scale", most=100.0),
         **_engine(RENDER, "ir_ambient_radiance", most=1e6),

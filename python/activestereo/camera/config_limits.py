@@ -29,18 +29,18 @@ from activestereo.common.limits import (
 )
 from activestereo.common.matcher_table import MATCHER, RIG, SIGNAL
 from activestereo.common.parameter import Parameter
-from activestereo.common.render_table import FILM, RENDER, RENDERER
+from activestereo.common.render_table import OPTICS, RENDER, RENDERER
 
 # {camera: (resolution, its matrix, a copy of that)}: what belongs together.
 Calibrated: TypeAlias = "Mapping[str, tuple[tuple[int, int], NDArray[np.float64], NDArray[np.float64]]]"
 _TABLE = {p.name: p for p in (*MATCHER, *RIG, *RENDERER, *RENDER)}
-_NEUTRAL_OPTICS = kuafu.Film()
+_NEUTRAL_OPTICS = kuafu.Optics()
 # Fields that hold an engine's own parameters by name: those of one number, and how many numbers the others have.
 _IMAGER: tuple[dict[str, Parameter], dict[str, int]] = {p.name: p for p in SIGNAL}, {}
-_OPTICS = {p.name: p for p in FILM}, {
+_OPTICS = {p.name: p for p in OPTICS}, {
     name: len(value) for name in dir(_NEUTRAL_OPTICS) if isinstance(value := getattr(_NEUTRAL_OPTICS, name), tuple)
 }
-_RECORDS = {"ir_signal": _IMAGER, "ir_film": _OPTICS, "rgb_film": _OPTICS}
+_RECORDS = {"ir_signal": _IMAGER, "ir_optics": _OPTICS, "rgb_optics": _OPTICS}
 # Where infinity says that there is no limit.
 _ENDLESS = ("max_depth_m",)
 _SHARE = Limits(0.0, 1.0)

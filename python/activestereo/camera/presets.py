@@ -240,12 +240,12 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         # 'rectified_right'; get_depth_map() returns it.
         self.depth_maps: tuple[str, ...] = ()
 
-        # Optics of the cameras: a dict of kuafu.Film's fields (vignetting_exponent, psf_sigma_px, ...); None is
+        # Optics of the cameras: a dict of kuafu.Optics' fields (vignetting_exponent, psf_sigma_px, ...); None is
         # perfect.
-        self.ir_film: dict[str, Any] | None = {
+        self.ir_optics: dict[str, Any] | None = {
             name: figure.value for name, figure in camera.figures["optics"].items()
         } or None
-        self.rgb_film: dict[str, Any] | None = None
+        self.rgb_optics: dict[str, Any] | None = None
         self._keep_calibration()
 
     def _keep_calibration(self) -> None:
@@ -405,9 +405,9 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
             left, top, right, bottom = self.ir_exposure_region
             x, y = ratio
             out.ir_exposure_region = (round(left * x), round(top * y), round(right * x), round(bottom * y))
-        film = getattr(self, f"{camera}_film")
-        if film is not None:
-            setattr(out, f"{camera}_film", {n: v * focal[0] if n.endswith("_px") else v for n, v in film.items()})
+        optics = getattr(self, f"{camera}_optics")
+        if optics is not None:
+            setattr(out, f"{camera}_optics", {n: v * focal[0] if n.endswith("_px") else v for n, v in optics.items()})
         lines = 0 if "columns" in getattr(self, f"{camera}_readout") else 1
         setattr(out, f"{camera}_line_time_s", getattr(self, f"{camera}_line_time_s") / ratio[lines])
 

@@ -24,8 +24,8 @@ def add_records(group: argparse._ArgumentGroup) -> None:
         "--ir-signal", action="append", default=[], type=_field, metavar="PRESET|NAME=X", help=f"{text}; {_MORE}"
     )
     for camera, whose in (("ir", "infrared cameras'"), ("rgb", "RGB camera's")):
-        text = f"a field of the {whose} optics, as psf_sigma_px=0.7 (kuafu.Film); {_MORE}"
-        group.add_argument(f"--{camera}-film", action="append", default=[], type=_field, metavar="NAME=X", help=text)
+        text = f"a field of the {whose} optics, as psf_sigma_px=0.7 (kuafu.Optics); {_MORE}"
+        group.add_argument(f"--{camera}-optics", action="append", default=[], type=_field, metavar="NAME=X", help=text)
 
 
 def set_records(config: StereoDepthSensorConfig, args: argparse.Namespace) -> None:
@@ -34,7 +34,7 @@ def set_records(config: StereoDepthSensorConfig, args: argparse.Namespace) -> No
 
     if args.ir_signal:
         config.ir_signal = _imager(config.ir_signal, args.ir_signal, simsense.signal_preset("neutral"))
-    for name, fields in (("ir_film", args.ir_film), ("rgb_film", args.rgb_film)):
+    for name, fields in (("ir_optics", args.ir_optics), ("rgb_optics", args.rgb_optics)):
         for field, value in fields:
             setattr(config, name, (getattr(config, name) or {}) | {field: value})
 

@@ -9,11 +9,11 @@ from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View
 
 
-@moves("film.psf_sigma_px", "film.psf_corner_sigma_px")
+@moves("optics.psf_sigma_px", "optics.psf_corner_sigma_px")
 def _engine(inputs: EngineInputs, sigma_px: float, corner_sigma_px: float) -> None:
     for eye in inputs.eyes:
-        eye.film.psf_sigma_px = np.hypot(eye.film.psf_sigma_px, sigma_px)
-        eye.film.psf_corner_sigma_px = np.hypot(eye.film.psf_corner_sigma_px, corner_sigma_px)
+        eye.optics.psf_sigma_px = np.hypot(eye.optics.psf_sigma_px, sigma_px)
+        eye.optics.psf_corner_sigma_px = np.hypot(eye.optics.psf_corner_sigma_px, corner_sigma_px)
 
 
 @effect(

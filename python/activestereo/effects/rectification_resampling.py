@@ -9,11 +9,11 @@ from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View
 
 
-@moves("film.psf_sigma_px")
+@moves("optics.psf_sigma_px")
 def _engine(inputs: EngineInputs, phase_u_px: float, phase_v_px: float) -> None:
     variance = 0.5 * (phase_u_px * (1.0 - phase_u_px) + phase_v_px * (1.0 - phase_v_px))
     for eye in inputs.eyes:
-        eye.film.psf_sigma_px = np.sqrt(eye.film.psf_sigma_px**2 + variance)
+        eye.optics.psf_sigma_px = np.sqrt(eye.optics.psf_sigma_px**2 + variance)
 
 
 @effect(

@@ -8,10 +8,10 @@ from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.view import View
 
 
-@moves("film.veiling_glare_fraction")
+@moves("optics.veiling_glare_fraction")
 def _engine(inputs: EngineInputs, fraction: float) -> None:
     for eye in inputs.eyes:
-        eye.film.veiling_glare_fraction = 1.0 - (1.0 - eye.film.veiling_glare_fraction) * (1.0 - fraction)
+        eye.optics.veiling_glare_fraction = 1.0 - (1.0 - eye.optics.veiling_glare_fraction) * (1.0 - fraction)
 
 
 @effect(

@@ -8,10 +8,10 @@ from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.view import View
 
 
-@moves("film.vignetting_exponent")
+@moves("optics.vignetting_exponent")
 def _engine(inputs: EngineInputs, exponent: float) -> None:
     for eye in inputs.eyes:
-        eye.film.vignetting_exponent += exponent
+        eye.optics.vignetting_exponent += exponent
 
 
 @effect(

@@ -30,8 +30,8 @@ def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
     if model.nuisances:
         # Fitted to images: what its effects do not say of optics, beam and speckle is not there. Fireflies are the
         # renderer's, not the camera's: their limit stays.
-        limit = (given["ir_film"] or {}).get("firefly_factor")
-        changes |= {"ir_film": limit and {"firefly_factor": limit}, "ir_speckle_of_laser": False}
+        limit = (given["ir_optics"] or {}).get("firefly_factor")
+        changes |= {"ir_optics": limit and {"firefly_factor": limit}, "ir_speckle_of_laser": False}
         changes |= {"projector_beam_radius_m": 0.0, "projector_falloff": 0.0}
         if model.imager is None:
             signal = changes.get("ir_signal", given["ir_signal"]) or {}

@@ -408,13 +408,13 @@ class StereoDepthSensorBatch:
     def _render_rgb(self, taken: Taken) -> None:
         memory = self._next.rgb
         memory.forget()
-        film, scales = self._config.rgb_film, {"srgb": self._config.rgb_exposure or 0.0}
-        seen = {"band": "visible", "environments": self._environments, "film": film, "scales": scales}
+        optics, scales = self._config.rgb_optics, {"srgb": self._config.rgb_exposure or 0.0}
+        seen = {"band": "visible", "environments": self._environments, "optics": optics, "scales": scales}
         self._render("rgb", self._rgb_cameras, memory.targets, taken, **seen)
 
     def _render_infrared(self, taken: Taken) -> None:
         """The laser's part, where speckle is its alone, is kept beside it."""
-        seen = {"band": "infrared", "environments": self._environments * 2, "film": self._rig.films}
+        seen = {"band": "infrared", "environments": self._environments * 2, "optics": self._rig.optics}
         self._render("ir", self._rig.cameras, self._next.link.targets(taken.is_laser_apart), taken, **seen)
 
     def _finish(self) -> None:

@@ -35,7 +35,7 @@ class BatchRig:
         self.inputs = _inputs_of(config, scene, None if image is None else pattern_of(image), model)
         eyes = self.inputs.eyes
         self.cameras = [copy_camera(eye.camera, 0.0) for eye in eyes for _ in environments]
-        self.films = [eye.film for eye in eyes for _ in environments]
+        self.optics = [eye.optics for eye in eyes for _ in environments]
         self._eyes_on_rig = [eye.camera.camera_to_world for eye in eyes]
         # Of each sensor: the laser's power over the configuration's, and how its right eye is turned.
         self.laser_power = np.ones(len(environments))

@@ -2,7 +2,7 @@
 """A model's effects that no engine field expresses, on the images of a simulated sensor: each acts at its own stage, at
 the cost of copies.
 
-What acts on light comes after the film's optics, what acts on charge before the imager, what acts on counts after it.
+What acts on light comes after the camera's optics, what acts on charge before the imager, what acts on counts after it.
 """
 
 from __future__ import annotations

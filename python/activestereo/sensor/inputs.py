@@ -136,8 +136,8 @@ def _eye(
         exposure_s=config.ir_camera_exposure,
         **shutter(config.ir_line_time_s, config.ir_readout),
     )
-    film = kuafu.Film(**(config.ir_film or {}))
-    return EngineCamera(camera, film, signal, is_right)
+    optics = kuafu.Optics(**(config.ir_optics or {}))
+    return EngineCamera(camera, optics, signal, is_right)
 
 
 def _projector(

@@ -479,13 +479,13 @@ class StereoDepthSensor:
         self, cameras: Any, outputs: Any, band: Band, frame: int, progress: Any, eyes: Any = (False, True),
         run: Any = None,
     ) -> Any:
-        film: Any = self._config.rgb_film
+        optics: Any = self._config.rgb_optics
         environments = None
         if band == "infrared":
             seen_by = [self._tell_engines().eyes[is_right] for is_right in eyes]
-            film, environments = [eye.film for eye in seen_by], [LATER if eye.delay_s else 0 for eye in seen_by]
+            optics, environments = [eye.optics for eye in seen_by], [LATER if eye.delay_s else 0 for eye in seen_by]
         return (run or self._renderer.render)(
-            self._scene, cameras, outputs, band=band, **render_settings(self._config, frame), film=film,
+            self._scene, cameras, outputs, band=band, **render_settings(self._config, frame), optics=optics,
             environments=environments, projector=self._world.projector, progress=progress,
             scales={"srgb": self._config.rgb_exposure or 0.0} if "srgb" in outputs else {},
         )  # fmt: skip

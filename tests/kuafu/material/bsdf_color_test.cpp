@@ -44,13 +44,13 @@ Rgb seen(double ior, double thickness_um, double base) {
   return rgb;
 }
 
-TEST(Film, is_airys_sum_over_all_waves) {
+TEST(ThinFilm, is_airys_sum_over_all_waves) {
   for (const double ior : {1.3, 1.8})
     for (const double thickness_nm : {80.0, 250.0, 420.0, 1000.0})
       for (const double base : {1.5, 3.0}) {
         const Rgb airy = seen(ior, thickness_nm * 1e-3, base);
         const auto f0 = float(std::pow((base - 1) / (base + 1), 2));
-        const vec3 film = film_reflectance({1, float(ior), float(thickness_nm)}, vec3(f0), 1);
+        const vec3 film = thin_film_reflectance({1, float(ior), float(thickness_nm)}, vec3(f0), 1);
         for (int c = 0; c < 3; ++c) EXPECT_NEAR(film[c], airy[size_t(c)], 2e-3) << ior << " " << thickness_nm << " " << base << " " << c;
       }
 }

@@ -176,7 +176,7 @@ TEST(BsdfSampler, fibres) {
 MaterialPoint filmed(MaterialPoint m, float weight, float ior, float thickness_nm) {
   m.iridescence = weight;
   m.iridescence_ior = ior;
-  m.film_nm = thickness_nm;
+  m.thin_film_nm = thickness_nm;
   return m;
 }
 
@@ -412,7 +412,7 @@ TEST(Iridescence, in_infrared_is_airys_sum) {
         const double r12 = (1 - ior) / (1 + ior), r23 = (ior - base) / (ior + base);
         const std::complex<double> turn = std::polar(1.0, 4 * double(pi) * ior * thickness_nm / 850);
         const double airy = std::norm((r12 + r23 * turn) / (1.0 + r12 * r23 * turn)), f0 = std::pow((base - 1) / (base + 1), 2);
-        EXPECT_NEAR(film_reflectance({1, float(ior), float(thickness_nm)}, float(f0), 1), airy, 2e-5)
+        EXPECT_NEAR(thin_film_reflectance({1, float(ior), float(thickness_nm)}, float(f0), 1), airy, 2e-5)
             << ior << " " << thickness_nm << " " << base;
       }
 }

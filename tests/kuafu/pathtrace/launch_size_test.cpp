@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "capi/device/devices.h"
-#include "film/film.h"
+#include "optics/optics.h"
 #include "pathtrace/wave_size.h"
 #include "shared/ray_queue.h"
 
@@ -51,16 +51,16 @@ TEST(LaunchSize, an_image_may_have_more_pixels_than_a_line_of_groups) {
   launch.height = 2049;
   launch.band.infrared = true;
   launch.views.resize(1);
-  launch.views[0].film.vignetting_polynomial[0] = 1.0;
+  launch.views[0].optics.vignetting_polynomial[0] = 1.0;
   launch.held = 1u << output_radiance;
   launch.outputs[output_radiance].buffer = ks::Buffer::create(memory.device, 4, 0);
   Frame frame(memory);
   frame.fit(launch);
   auto* values = static_cast<float*>(frame.image(output_radiance).mapped());
   std::fill_n(values, launch.pixel_count(), 1.0f);
-  FilmOptics film(memory);
+  CameraOptics optics(memory);
   ks::Commands commands(memory.device);
-  film.run(commands, launch, frame);
+  optics.run(commands, launch, frame);
   commands.flush();
   EXPECT_NEAR(values[0], 2, 1e-5);
   EXPECT_NEAR(values[1024 * 4096 + 2048], 1, 1e-5);

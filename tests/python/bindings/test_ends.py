@@ -104,15 +104,15 @@ def test_indices_of_any_whole_type_are_taken(device):
     [
         ("distortion", {"distortion": (1e7, 0, 0, 0, 0, 0, 0, 0)}),
         ("distortion", {"distortion": (1e300, 0, 0, 0, 0, 0, 0, 0)}),
-        ("psf_corner_sigma_px", {"film": {"psf_corner_sigma_px": 1e-20}}),
-        ("psf_sigma_px", {"film": {"psf_sigma_px": 9e-7}}),
+        ("psf_corner_sigma_px", {"optics": {"psf_corner_sigma_px": 1e-20}}),
+        ("psf_sigma_px", {"optics": {"psf_sigma_px": 9e-7}}),
     ],
 )
 def test_values_that_made_images_of_nan_are_refused(device, what, change):
-    film = change.pop("film", None)
+    optics = change.pop("optics", None)
     camera = kuafu.Camera(64, 64, K, **change)
     with pytest.raises(ValueError, match=what):
-        kuafu.Renderer(device).render(lit_triangle(device), camera, spp=1, film=film)
+        kuafu.Renderer(device).render(lit_triangle(device), camera, spp=1, optics=optics)
 
 
 @pytest.mark.parametrize("bound", [1e12, 1e300])
@@ -125,8 +125,8 @@ def test_a_medium_beyond_all_measure_is_refused(device, bound):
 def test_the_least_and_largest_values_give_finite_images(device):
     scene = lit_triangle(device)
     scene.set_medium(kuafu.Medium(extinction_per_m=(1e-12,) * 3, bounds_min_m=(-1e9,) * 3, bounds_max_m=(1e9,) * 3))
-    film = {"psf_sigma_px": 1e-6, "psf_corner_sigma_px": 1e-6}
-    image = kuafu.Renderer(device).render(scene, kuafu.Camera(64, 64, K), spp=1, film=film)["radiance"]
+    optics = {"psf_sigma_px": 1e-6, "psf_corner_sigma_px": 1e-6}
+    image = kuafu.Renderer(device).render(scene, kuafu.Camera(64, 64, K), spp=1, optics=optics)["radiance"]
     assert np.isfinite(image).all()
     assert image.max() > 0
 

@@ -139,17 +139,17 @@ def test_speckle_stands_still_with_the_sensor_and_differs_between_the_eyes(confi
     assert abs(np.corrcoef(((images[0] - 20) / (clean[0] - 20))[:, right])[0, 1]) < 0.3
 
 
-def test_presets_limit_fireflies_in_the_film():
+def test_presets_limit_fireflies_in_the_optics():
     config = StereoDepthSensorConfig("d435").scaled(0.25)
     scene = wall()
-    assert config.ir_film["firefly_factor"] == 1.5 and StereoDepthSensorConfig("sapien-d435").ir_film is None
-    for film, expected in ((config.ir_film, 1.5), ({"firefly_factor": 3.0}, 3.0), (None, 0.0)):
-        config.ir_film = film
+    assert config.ir_optics["firefly_factor"] == 1.5 and StereoDepthSensorConfig("sapien-d435").ir_optics is None
+    for optics, expected in ((config.ir_optics, 1.5), ({"firefly_factor": 3.0}, 3.0), (None, 0.0)):
+        config.ir_optics = optics
         with StereoDepthSensor(config, scene) as sensor:
-            assert [eye.film.firefly_factor for eye in sensor.engine_inputs().eyes] == [expected, expected]
+            assert [eye.optics.firefly_factor for eye in sensor.engine_inputs().eyes] == [expected, expected]
     bright = []
-    for film in (None, {"firefly_factor": 1.5}):
-        config.ir_film, config.samples_per_pixel, config.denoise = film, 1, "none"
+    for optics in (None, {"firefly_factor": 1.5}):
+        config.ir_optics, config.samples_per_pixel, config.denoise = optics, 1, "none"
         with StereoDepthSensor(config, scene) as sensor:
             sensor.take_picture(infrared_only=True)
             image = sensor.get_ir()[0]

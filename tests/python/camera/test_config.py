@@ -95,8 +95,8 @@ def test_every_sensor_can_be_small(model):
     config = StereoDepthSensorConfig(model).scaled(0.125)
     if config.ir_signal:
         assert engine_parameters(config)["speckle_psf_sigma_px"] == 0.0
-        assert config.ir_film["psf_sigma_px"] == pytest.approx(
-            StereoDepthSensorConfig(model).ir_film["psf_sigma_px"] / 8
+        assert config.ir_optics["psf_sigma_px"] == pytest.approx(
+            StereoDepthSensorConfig(model).ir_optics["psf_sigma_px"] / 8
         )
 
 
@@ -183,8 +183,8 @@ def changed(**fields):
         ("ir_signal", {"read_noise": 1.0}, "ir_signal has no parameter 'read_noise': did you mean 'read_noise_e'"),
         ("ir_signal", {"read_noise_e": float("nan")}, r"ir_signal \['read_noise_e'\] is nan"),
         ("ir_signal", 3.0, "ir_signal is 3.0, expected"),
-        ("ir_film", {"vignetting_exponent": 65.0}, r"ir_film \['vignetting_exponent'\] is 65"),
-        ("rgb_film", {"vignette": 1.0}, "rgb_film has no parameter 'vignette'"),
+        ("ir_optics", {"vignetting_exponent": 65.0}, r"ir_optics \['vignetting_exponent'\] is 65"),
+        ("rgb_optics", {"vignette": 1.0}, "rgb_optics has no parameter 'vignette'"),
         ("light_dots", [[1.0, 2.0]], r"light_dots has the shape \[1, 2\]"),
         ("light_dots", [[1.0, 2.0, 1.0], [1.0, 2.0, float("nan")]], r"light_dots \[1\] is"),
         ("light_dots", [[1.0, 2.0, -1.0]], "a power of 0 or more"),

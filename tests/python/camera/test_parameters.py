@@ -138,11 +138,11 @@ def test_an_option_out_of_range_is_refused_before_any_work(
 
 def test_fields_of_optics_and_imagers_are_options() -> None:
     options = (
-        "--ir-film",
+        "--ir-optics",
         "psf_sigma_px=0.7",
-        "--ir-film",
+        "--ir-optics",
         "vignetting_polynomial=-0.3,0.1,0",
-        "--rgb-film",
+        "--rgb-optics",
         "vignetting_exponent=4",
     )
     config = make_config(
@@ -150,20 +150,20 @@ def test_fields_of_optics_and_imagers_are_options() -> None:
             "simulate", *options, "--ir-signal", "d435", "--ir-signal", "read_noise_e=2", "--ir-signal", "bit_depth=10"
         )
     )
-    assert config.ir_film == (StereoDepthSensorConfig().ir_film or {}) | {
+    assert config.ir_optics == (StereoDepthSensorConfig().ir_optics or {}) | {
         "psf_sigma_px": 0.7,
         "vignetting_polynomial": [-0.3, 0.1, 0],
     }
-    assert config.rgb_film == {"vignetting_exponent": 4}
+    assert config.rgb_optics == {"vignetting_exponent": 4}
     assert config.ir_signal == simsense.signal_preset("d435") | {"read_noise_e": 2, "bit_depth": 10}
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--ir-film", "psf=1"), "psf_sigma_px"),
-        (("--ir-film", "vignetting_polynomial=1"), "3 numbers"),
-        (("--rgb-film", "psf_sigma_px=1,2"), "expected a finite number"),
+        (("--ir-optics", "psf=1"), "psf_sigma_px"),
+        (("--ir-optics", "vignetting_polynomial=1"), "3 numbers"),
+        (("--rgb-optics", "psf_sigma_px=1,2"), "expected a finite number"),
         (("--ir-signal", "read_noise=2"), "read_noise_e"),
         (("--ir-signal", "d400"), "d435"),
     ],

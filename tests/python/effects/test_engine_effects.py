@@ -33,7 +33,7 @@ def engine_inputs() -> EngineInputs:
     )
     k = np.array([[200.0, 0, 79.5], [0, 200.0, 59.5], [0, 0, 1]])
     signal = simsense.signal_preset("neutral") | {"exposure_s": 0.004, "gain": 2.0, "temperature_c": 45.0}
-    eyes = [EngineCamera(kuafu.Camera(160, 120, k), kuafu.Film(), dict(signal), right) for right in (False, True)]
+    eyes = [EngineCamera(kuafu.Camera(160, 120, k), kuafu.Optics(), dict(signal), right) for right in (False, True)]
     return EngineInputs(
         *eyes,
         projector=kuafu.Light(kind="projector", k=k, ir_intensity=1.0),
@@ -59,7 +59,7 @@ def fields_of(inputs: EngineInputs) -> dict[str, object]:
     }
     out |= {f"projector.{name}": value for name, value in record_key(inputs.projector)}
     for side, eye in (("left", inputs.left), ("right", inputs.right)):
-        for part in ("camera", "film"):
+        for part in ("camera", "optics"):
             out |= {f"{side}.{part}.{name}": value for name, value in record_key(getattr(eye, part))}
         out |= {f"{side}.signal.{name}": value for name, value in eye.signal.items()}
         out[f"{side}.delay_s"] = eye.delay_s
@@ -104,10 +104,10 @@ def test_neutral_parameters_move_nothing(e):
 
 
 def test_a_users_effect_may_have_engine_fields_as_well():
-    @moves("film.veiling_glare_fraction")
+    @moves("optics.veiling_glare_fraction")
     def in_engine(inputs, fraction):
         for eye in inputs.eyes:
-            eye.film.veiling_glare_fraction = fraction
+            eye.optics.veiling_glare_fraction = fraction
 
     parameters = [Parameter("fraction", "1", neutral=0.0, low=0.0, high=0.3, typical=0.05)]
 
@@ -127,7 +127,7 @@ def test_a_users_effect_may_have_engine_fields_as_well():
     model = Model().with_effect(filter_haze, fraction=0.1).with_effect(stray, fraction=0.2)
     left = apply_engine(inputs, model.effects)
     assert [e.id for e, _ in left] == ["stray"]
-    assert inputs.right.film.veiling_glare_fraction == pytest.approx(0.1)
+    assert inputs.right.optics.veiling_glare_fraction == pytest.approx(0.1)
 
 
 def test_a_wrong_engine_function_is_refused():
@@ -140,9 +140,9 @@ def test_a_wrong_engine_function_is_refused():
 
 
 def test_a_field_that_kuafu_lacks_is_an_error():
-    @moves("film.sparkle")
+    @moves("optics.sparkle")
     def in_engine(inputs):
-        inputs.left.film.sparkle = 1.0
+        inputs.left.optics.sparkle = 1.0
 
     wrong = SimpleNamespace(engine=in_engine, stage=Stage.OPTICS, neutral_values=None)
     with pytest.raises(AttributeError, match="sparkle"):

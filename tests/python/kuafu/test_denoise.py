@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Denoising from Python, and the sensor's denoiser and films."""
+"""Denoising from Python, and the sensor's denoiser and optics."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def test_what_is_not_there_is_named(device, scene):
         kuafu.Renderer(device, oidn_library="/no/such/library.so").render(scene, CAMERA, denoise="oidn")
 
 
-def test_sensor_denoises_and_has_films(device, table_top, small_config):
+def test_sensor_denoises_and_has_optics(device, table_top, small_config):
     scene = kuafu.Scene(device)
     scene.load(table_top)
     pose = body_pose(scene.camera(0).camera_to_world)
@@ -56,7 +56,7 @@ def test_sensor_denoises_and_has_films(device, table_top, small_config):
         return image
 
     plain, clean = infrared(), infrared(denoise="atrous")
-    dim = infrared(ir_film={"vignetting_exponent": 4.0})
+    dim = infrared(ir_optics={"vignetting_exponent": 4.0})
     assert np.abs(np.diff(clean, 2)).mean() < np.abs(np.diff(plain, 2)).mean()
     assert clean.mean() == pytest.approx(plain.mean(), rel=0.02)
     assert dim[:20, :20].mean() < 0.8 * clean[:20, :20].mean()

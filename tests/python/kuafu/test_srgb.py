@@ -43,7 +43,7 @@ def test_bytes_are_the_curves(renderer, scene, exposure):
         band="visible",
         spp=2,
         scales={"srgb": exposure},
-        film={"psf_sigma_px": 0.6},
+        optics={"psf_sigma_px": 0.6},
     )
     lit = images["radiance"] > 0
     assert lit.any() and not lit.all()
@@ -66,10 +66,10 @@ def test_light_near_the_largest_float_is_exposed_alike(renderer, device, light):
     np.testing.assert_array_equal(images["srgb"][..., :3], found)
 
 
-@pytest.mark.parametrize("film", [None, {"firefly_factor": 1.5, "vignetting_exponent": 4.0}])
-def test_alone_it_is_the_same(renderer, scene, film):
+@pytest.mark.parametrize("optics", [None, {"firefly_factor": 1.5, "vignetting_exponent": 4.0}])
+def test_alone_it_is_the_same(renderer, scene, optics):
     """Where no radiance is asked for."""
-    options = {"band": "visible", "spp": 2, "film": film}
+    options = {"band": "visible", "spp": 2, "optics": optics}
     beside = renderer.render(scene, CAMERA, ["srgb", "radiance"], **options)["srgb"].copy()
     np.testing.assert_array_equal(renderer.render(scene, CAMERA, ["srgb"], **options)["srgb"], beside)
 

@@ -161,7 +161,7 @@ def test_show_and_diff_are_in_words(whole, tmp_path, capsys):
         "baseline 50.000 mm",
         "vignetting: exponent = 1.2 (1.1 to 1.3)",
         "specular on cup",
-        "engine: film.vignetting_exponent",
+        "engine: optics.vignetting_exponent",
     ):
         assert words in text
     assert main(["model", "diff", str(path), str(other)]) == 0

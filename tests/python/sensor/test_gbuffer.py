@@ -58,7 +58,7 @@ def test_what_a_near_thing_uncovers_is_continued_from_the_background():
 
 def test_a_matt_wall_shines_as_lambert_and_the_square_of_the_distance_say(config):
     config.light_pattern = np.full((64, 64), 255, np.uint8)
-    config.ir_film, config.projector_falloff, config.projector_beam_radius_m = None, 2.0, 0.0
+    config.ir_optics, config.projector_falloff, config.projector_beam_radius_m = None, 2.0, 0.0
     eye, light = eye_of(config, False), ProjectedLight(config)
     shape = (2, *config.ir_resolution[::-1])
     given = wall(config, [0.5, 1.5], 2)

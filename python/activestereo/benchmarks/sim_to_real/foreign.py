@@ -78,8 +78,8 @@ def foreign_config(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
     design = config.pattern_design
     config.pattern_design = replace(design, seed=design.seed + 77, dot_sigma_px=1.1 * design.dot_sigma_px)
     config.projector_intensity *= 0.85
-    film = dict(config.ir_film or {})
-    config.ir_film = film | {"psf_sigma_px": 1.5 * film.get("psf_sigma_px", 0.3)}
+    optics = dict(config.ir_optics or {})
+    config.ir_optics = optics | {"psf_sigma_px": 1.5 * optics.get("psf_sigma_px", 0.3)}
     config.denoise, config.max_bounces = "none", _BOUNCES
     return config
 

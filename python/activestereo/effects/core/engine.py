@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The inputs of the two engines for one exposure, and how an effect says which of it it moves.
 
-    @moves("film.vignetting_exponent")
+    @moves("optics.vignetting_exponent")
     def _engine(inputs: EngineInputs, exponent: float) -> None:
         for eye in inputs.eyes:
-            eye.film.vignetting_exponent += exponent
+            eye.optics.vignetting_exponent += exponent
 
 An effect's `engine` function changes EngineInputs in place; its keyword arguments are the effect's parameters. What the
 engines then compute is the effect itself: the image function beside it is its surrogate, for scans. Records are kuafu's
-own (kuafu.Camera, kuafu.Film, kuafu.Light, kuafu.Material, kuafu.Medium), a signal is a dict of simsense_signal's
+own (kuafu.Camera, kuafu.Optics, kuafu.Light, kuafu.Material, kuafu.Medium), a signal is a dict of simsense_signal's
 fields, so a wrong field name is an error. Nothing here imports an engine.
 """
 
@@ -50,7 +50,7 @@ class EngineCamera:
     name."""
 
     camera: kuafu.Camera
-    film: kuafu.Film
+    optics: kuafu.Optics
     signal: dict[str, float]
     is_right: bool
     delay_s: float = 0.0

@@ -64,7 +64,7 @@ def _eye(capture: Capture, frame: Frame, name: str, left_to_eye: NDArray[np.floa
             linear_velocity=linear,
             angular_velocity=angular,
         ),
-        film=kuafu.Film(),
+        optics=kuafu.Optics(),
         signal=frame_signal(frame),
         is_right=name == "right",
     )

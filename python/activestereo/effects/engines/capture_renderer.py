@@ -251,7 +251,7 @@ class CaptureRenderer:
                 (*outputs, group) if has_lamps else outputs,
                 band="infrared",
                 environments=[n for n, _ in eyes],
-                film=[eye.film for _, eye in eyes],
+                optics=[eye.optics for _, eye in eyes],
                 spp=self.samples_per_pixel if half is None else half_samples(self.samples_per_pixel),
                 max_bounces=self.max_bounces,
                 seed=self.seed if half is None else half_seeds(self.seed)[half],
@@ -299,7 +299,7 @@ def _unit(projector: kuafu.Light) -> kuafu.Light:
 
 def _job_key(inputs: EngineInputs) -> tuple:
     """The key of everything that decides the images of one pose; powers scale them and do not count."""
-    eyes = tuple((record_key(eye.camera), record_key(eye.film), eye.delay_s) for eye in inputs.eyes)
+    eyes = tuple((record_key(eye.camera), record_key(eye.optics), eye.delay_s) for eye in inputs.eyes)
     projector = () if inputs.projector is None else record_key(_unit(inputs.projector))
     pattern = b"" if inputs.pattern is None else inputs.pattern.tobytes()
     return (*eyes, projector, hash(pattern), tuple(map(record_key, inputs.added_lights)), world_key(inputs))

@@ -41,7 +41,7 @@ def eye_of(config: StereoDepthSensorConfig, is_right: bool) -> Eye:
     width, height = config.ir_resolution
     v, u = np.indices((height, width))
     rays = np.moveaxis(pixel_rays(u.ravel(), v.ravel(), k, (0.0,) * 5).reshape(3, height, width), 0, -1)
-    exponent = (config.ir_film or {}).get("vignetting_exponent", 0.0)
+    exponent = (config.ir_optics or {}).get("vignetting_exponent", 0.0)
     place = config.trans_pose_r if is_right else config.trans_pose_l
     vignetting = np.linalg.norm(rays, axis=-1) ** -exponent
     return Eye(rays, vignetting, camera_to_camera(place, config.pose_rgb_irproj), np.asarray(k))
@@ -51,13 +51,14 @@ class ProjectedLight:
     """Radiance at the imagers. ValueError for optics and projectors that have no law here."""
 
     def __init__(self, config: StereoDepthSensorConfig) -> None:
-        neutral, film = kuafu.Film(), config.ir_film or {}
-        for name, value in film.items():
+        neutral, optics = kuafu.Optics(), config.ir_optics or {}
+        for name, value in optics.items():
             if name not in _OPTICS and value != getattr(neutral, name):
-                raise ValueError(f"ir_film[{name!r}] is {value}: a sensor on G-buffers has {', '.join(_OPTICS)} alone")
+                known = ", ".join(_OPTICS)
+                raise ValueError(f"ir_optics[{name!r}] is {value}: a sensor on G-buffers has {known} alone")
         if config.light_dots is not None:
             raise ValueError("light_dots: a sensor on G-buffers has pattern images alone: set light_pattern")
-        self._psf_sigma_px = film.get("psf_sigma_px", 0.0)
+        self._psf_sigma_px = optics.get("psf_sigma_px", 0.0)
         self._falloff, self._beam_m = config.projector_falloff, config.projector_beam_radius_m
         self._pattern: Pattern | None = None
         found = config.pattern()

@@ -22,7 +22,7 @@
 #include "ks/status.h"
 #include "ks/sync.h"
 #include "kuafu/camera.h"
-#include "kuafu/film.h"
+#include "kuafu/optics.h"
 #include "kuafu/geometry.h"
 #include "kuafu/light.h"
 #include "kuafu/material.h"

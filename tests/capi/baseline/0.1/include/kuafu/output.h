@@ -22,7 +22,7 @@ typedef struct kuafu_buffer_t* kuafu_buffer;
 #define KUAFU_OUTPUT_PROJECTOR_INDIRECT 3u /* 1 / 3: the rest of the projectors' light */
 #define KUAFU_OUTPUT_AMBIENT 4u            /* 1 / 3: every other light */
 #define KUAFU_OUTPUT_LIGHT_GROUP_0 5u      /* C each: lights, emission and environment of one light_group; + 1, + 2, + 3 for the others. Together they are AMBIENT */
-/* C: variance of the pixel's mean, of all light groups, before denoising and film optics; infinite for one sample. Unbiased for whole multiples of 8 samples: where it is
+/* C: variance of the pixel's mean, of all light groups, before denoising and optics; infinite for one sample. Unbiased for whole multiples of 8 samples: where it is
  * asked for, samples are dealt out to 8 independent sequences, so the noise of the images is another than without it. */
 #define KUAFU_OUTPUT_VARIANCE 9u
 #define KUAFU_OUTPUT_SAMPLE_COUNT 10u /* 1, U32: samples in the pixel's mean */

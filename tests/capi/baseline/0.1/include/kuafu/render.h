@@ -10,7 +10,7 @@
 #include "ks/header.h"
 #include "ks/log.h"
 #include "kuafu/camera.h"
-#include "kuafu/film.h"
+#include "kuafu/optics.h"
 #include "kuafu/material.h"
 #include "kuafu/output.h"
 
@@ -91,7 +91,7 @@ typedef struct kuafu_view_desc {
   /* Which environment of the batch this view looks into; 0 for a single one. */
   uint32_t environment;
   /* Its optics; NULL is perfect. */
-  const kuafu_film_desc* film;
+  const kuafu_optics_desc* optics;
   /* Pose one frame before, for motion vectors; all 0: as now. */
   double previous_camera_to_world[16];
 } kuafu_view_desc;

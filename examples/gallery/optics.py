@@ -6,36 +6,36 @@ from stage import Stage
 from tiles import tile
 
 
-def developed(device, **film):
+def developed(device, **optics):
     stage = Stage(device)
     stage.daylight()
     stage.boxes()
     stage.ball(y=-0.2, radius=0.35, base_color=(1.0, 0.78, 0.34, 1), metallic=1.0, roughness=0.1)
-    if film:
-        stage.options["film"] = kuafu.Film(**film)
+    if optics:
+        stage.options["optics"] = kuafu.Optics(**optics)
     return stage.picture()
 
 
-@tile("Film", "Pinhole", "nothing in the way")
+@tile("Optics", "Pinhole", "nothing in the way")
 def pinhole(device):
     return developed(device)
 
 
-@tile("Film", "Vignetting", "cos^n and a polynomial of the radius")
+@tile("Optics", "Vignetting", "cos^n and a polynomial of the radius")
 def vignetting(device):
     return developed(device, vignetting_exponent=16.0)
 
 
-@tile("Film", "Point spread", "a Gaussian that grows towards the corners")
+@tile("Optics", "Point spread", "a Gaussian that grows towards the corners")
 def point_spread(device):
     return developed(device, psf_sigma_px=0.6, psf_corner_sigma_px=4.0)
 
 
-@tile("Film", "Defocus by depth", "a lens' circle of confusion, from the depth of each pixel")
+@tile("Optics", "Defocus by depth", "a lens' circle of confusion, from the depth of each pixel")
 def defocus(device):
     return developed(device, defocus_lens_radius_m=0.06, defocus_focus_m=3.0)
 
 
-@tile("Film", "Veiling glare", "a fraction of all light, spread evenly")
+@tile("Optics", "Veiling glare", "a fraction of all light, spread evenly")
 def veiling_glare(device):
     return developed(device, veiling_glare_fraction=0.35)

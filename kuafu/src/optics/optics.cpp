@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "film/film.h"
+#include "optics/optics.h"
 
 #include <algorithm>
 
-#include "film/gaussian.h"
+#include "optics/gaussian.h"
 #include "scene/scene.h"
-#include "spirv/film.h"
+#include "spirv/optics.h"
 
 namespace kuafu {
 namespace {
@@ -15,13 +15,13 @@ constexpr uint32_t varying_kernels = 32;  // between the middle's variance and t
 
 double square(double x) { return x * x; }
 
-bool spreads(const Film& film) { return film.psf_sigma_px > 0.0 || film.psf_corner_sigma_px > 0.0; }
-bool limits_fireflies(const Film& film) { return film.firefly_factor > 0.0; }
+bool spreads(const Optics& optics) { return optics.psf_sigma_px > 0.0 || optics.psf_corner_sigma_px > 0.0; }
+bool limits_fireflies(const Optics& optics) { return optics.firefly_factor > 0.0; }
 
 /// Puts the view's kernels behind `table` and says in `record` where they are.
-void add_kernels(const Film& film, FilmRecord& record, std::vector<float>& table) {
-  if (!spreads(film)) return;
-  const double middle = square(film.psf_sigma_px), corner = square(film.psf_corner_sigma_px);
+void add_kernels(const Optics& optics, OpticsRecord& record, std::vector<float>& table) {
+  if (!spreads(optics)) return;
+  const double middle = square(optics.psf_sigma_px), corner = square(optics.psf_corner_sigma_px);
   record.psf_radius = gaussian_radius(middle + corner);
   record.psf_kernels = uint32_t(table.size());
   record.psf_kernels_per_variance = corner > 0.0 ? float(varying_kernels / corner) : 0.0f;
@@ -32,39 +32,39 @@ void add_kernels(const Film& film, FilmRecord& record, std::vector<float>& table
   }
 }
 
-/// Bit film_*: the step changes the image of such a camera.
-uint32_t steps_of(const Film& film) {
-  const bool vignettes = film.vignetting_exponent != 0.0 || film.vignetting_polynomial != glm::dvec3(0.0);
-  const bool glares = film.veiling_glare_fraction > 0.0;
-  return (vignettes ? 1u << film_vignetting : 0) | (film.defocuses() ? 1u << film_defocus : 0) |
-         (spreads(film) ? 1u << film_psf_columns : 0) | (glares ? 1u << film_veiling_glare : 0) |
-         (limits_fireflies(film) ? 1u << film_fireflies : 0);
+/// Bit optics_*: the step changes the image of such a camera.
+uint32_t steps_of(const Optics& optics) {
+  const bool vignettes = optics.vignetting_exponent != 0.0 || optics.vignetting_polynomial != glm::dvec3(0.0);
+  const bool glares = optics.veiling_glare_fraction > 0.0;
+  return (vignettes ? 1u << optics_vignetting : 0) | (optics.defocuses() ? 1u << optics_defocus : 0) |
+         (spreads(optics) ? 1u << optics_psf_columns : 0) | (glares ? 1u << optics_veiling_glare : 0) |
+         (limits_fireflies(optics) ? 1u << optics_fireflies : 0);
 }
 
-FilmRecord film_record(const View& view) {
-  const Film& film = view.film;
-  FilmRecord r{};
-  copy_fields(film, r);
+OpticsRecord optics_record(const View& view) {
+  const Optics& optics = view.optics;
+  OpticsRecord r{};
+  copy_fields(optics, r);
   r.fx = float(view.k[0][0]);
   r.fy = float(view.k[1][1]);
   r.cx = float(view.k[2][0]);
   r.cy = float(view.k[2][1]);
   r.skew = float(view.k[1][0]);
-  r.distorts = distorts(view.optics.distortion) ? 1 : 0;
-  std::ranges::copy(view.optics.distortion, r.distortion);
-  r.defocus_px_m = float(film.defocus_lens_radius_m * 0.5 * (view.k[0][0] + view.k[1][1]));
-  r.defocus_inverse_focus = film.defocuses() ? float(1.0 / film.defocus_focus_m) : 0.0f;
+  r.distorts = distorts(view.lens.distortion) ? 1 : 0;
+  std::ranges::copy(view.lens.distortion, r.distortion);
+  r.defocus_px_m = float(optics.defocus_lens_radius_m * 0.5 * (view.k[0][0] + view.k[1][1]));
+  r.defocus_inverse_focus = optics.defocuses() ? float(1.0 / optics.defocus_focus_m) : 0.0f;
   return r;
 }
 
 }  // namespace
 
-uint32_t held_for_film(const Launch& launch) {
+uint32_t held_for_optics(const Launch& launch) {
   bool any = false, defocus = false, fireflies = false;
   for (const View& view : launch.views) {
-    any = any || !view.film.is_neutral();
-    defocus = defocus || view.film.defocuses();
-    fireflies = fireflies || limits_fireflies(view.film);
+    any = any || !view.optics.is_neutral();
+    defocus = defocus || view.optics.defocuses();
+    fireflies = fireflies || limits_fireflies(view.optics);
   }
   uint32_t held = 0;
   for (uint32_t kind = output_radiance; any && kind < light_kind_end; ++kind)
@@ -73,24 +73,24 @@ uint32_t held_for_film(const Launch& launch) {
   return held != 0 && defocus ? held | 1u << output_depth : held;
 }
 
-FilmOptics::FilmOptics(Memory memory) : memory_(std::move(memory)), step_(memory_, film_spirv, host::film) {}
+CameraOptics::CameraOptics(Memory memory) : memory_(std::move(memory)), step_(memory_, optics_spirv, host::optics) {}
 
-void FilmOptics::run(ks::Commands& commands, const Launch& launch, const Frame& frame) {
+void CameraOptics::run(ks::Commands& commands, const Launch& launch, const Frame& frame) {
   fit(launch);
   if (steps_ == 0) return;
   write_records(launch);
-  FilmPush push{};
+  OpticsPush push{};
   push.rows = memory_.address(*rows_);
-  push.films = records_.address();
+  push.optics = records_.address();
   push.kernels = kernels_.address();
   push.width = launch.width;
   push.height = launch.height;
   push.view_count = uint32_t(launch.views.size());
-  if (takes(film_defocus)) {
+  if (takes(optics_defocus)) {
     push.depth = frame.address(output_depth);
-    step(commands, push, film_circle_rows, push.view_count * push.height);
+    step(commands, push, optics_circle_rows, push.view_count * push.height);
   }
-  if (takes(film_fireflies) && launch.shows(output_radiance)) limit_fireflies(commands, push, launch, frame);
+  if (takes(optics_fireflies) && launch.shows(output_radiance)) limit_fireflies(commands, push, launch, frame);
   for (uint32_t kind = output_radiance; kind < light_kind_end; ++kind) {
     if (!launch.shows(kind)) continue;
     push.channels = launch.channels(kind);
@@ -99,38 +99,38 @@ void FilmOptics::run(ks::Commands& commands, const Launch& launch, const Frame& 
   }
 }
 
-void FilmOptics::fit(const Launch& launch) {
+void CameraOptics::fit(const Launch& launch) {
   steps_ = 0;
-  for (const View& view : launch.views) steps_ |= steps_of(view.film);
+  for (const View& view : launch.views) steps_ |= steps_of(view.optics);
   const uint32_t channels = launch.band.channels(), rows = uint32_t(launch.views.size()) * (launch.height + 1) * (channels + 1);
-  const bool moves = (steps_ & ~(1u << film_vignetting | 1u << film_veiling_glare)) != 0;
+  const bool moves = (steps_ & ~(1u << optics_vignetting | 1u << optics_veiling_glare)) != 0;
   grow(memory_, scratch_, moves ? uint64_t(launch.pixel_count()) * channels : 1);
   grow(memory_, rows_, rows);
 }
 
-void FilmOptics::write_records(const Launch& launch) {
+void CameraOptics::write_records(const Launch& launch) {
   const auto records = records_.resize(memory_, launch.views.size());
   std::vector<float> kernels = {1.0f};  // the kernel of views without blur
   for (size_t i = 0; i < launch.views.size(); ++i) {
-    FilmRecord record = film_record(launch.views[i]);
-    add_kernels(launch.views[i].film, record, kernels);
+    OpticsRecord record = optics_record(launch.views[i]);
+    add_kernels(launch.views[i].optics, record, kernels);
     records[i] = record;
   }
   std::copy(kernels.begin(), kernels.end(), kernels_.resize(memory_, kernels.size()).begin());
 }
 
 /// Before the other steps: optics spread what one pixel has too much.
-void FilmOptics::limit_fireflies(ks::Commands& commands, FilmPush push, const Launch& launch, const Frame& frame) {
+void CameraOptics::limit_fireflies(ks::Commands& commands, OpticsPush push, const Launch& launch, const Frame& frame) {
   push.channels = launch.channels(output_radiance);
   push.direct = frame.address(output_projector_direct);
   push.from = frame.address(output_radiance);
   push.to = memory_.address(*scratch_);
-  step(commands, push, film_fireflies, launch.pixel_count());
+  step(commands, push, optics_fireflies, launch.pixel_count());
   std::swap(push.from, push.to);
-  step(commands, push, film_firefly_pairs, launch.pixel_count());
+  step(commands, push, optics_firefly_pairs, launch.pixel_count());
 }
 
-void FilmOptics::develop(ks::Commands& commands, FilmPush push) {
+void CameraOptics::develop(ks::Commands& commands, OpticsPush push) {
   const uint32_t pixels = push.view_count * push.width * push.height, channels = push.channels;
   const FloatArray image = push.to;
   FloatArray spare = memory_.address(*scratch_);
@@ -144,21 +144,21 @@ void FilmOptics::develop(ks::Commands& commands, FilmPush push) {
     step(commands, push, which, pixels);
     spare = push.from;
   };
-  if (takes(film_vignetting)) in_place(film_vignetting, pixels);
-  if (takes(film_defocus)) moved(film_defocus);
-  if (takes(film_psf_columns)) moved(film_psf_columns), moved(film_psf_rows);
-  if (push.to.at != image.at) moved(film_copy);
-  if (!takes(film_veiling_glare)) return;
+  if (takes(optics_vignetting)) in_place(optics_vignetting, pixels);
+  if (takes(optics_defocus)) moved(optics_defocus);
+  if (takes(optics_psf_columns)) moved(optics_psf_columns), moved(optics_psf_rows);
+  if (push.to.at != image.at) moved(optics_copy);
+  if (!takes(optics_veiling_glare)) return;
   push.rows.at += push.view_count * push.height;  // behind the circles
-  in_place(film_row_sums, push.view_count * push.height * channels);
-  in_place(film_view_means, push.view_count * channels);
-  in_place(film_veiling_glare, pixels);
+  in_place(optics_row_sums, push.view_count * push.height * channels);
+  in_place(optics_view_means, push.view_count * channels);
+  in_place(optics_veiling_glare, pixels);
 }
 
-void FilmOptics::step(ks::Commands& commands, FilmPush push, uint32_t step, uint32_t count) {
+void CameraOptics::step(ks::Commands& commands, OpticsPush push, uint32_t step, uint32_t count) {
   push.step = step;
   push.count = count;
-  step_.run(commands, "film", push);
+  step_.run(commands, "optics", push);
 }
 
 }  // namespace kuafu

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""kuafu's film optics beside the effects of the same name: one definition, wherever it runs."""
+"""kuafu's optics beside the effects of the same name: one definition, wherever it runs."""
 
 from dataclasses import replace
 
@@ -25,8 +25,8 @@ def render(device):
     scene.add_instance(mesh, [scene.add_material(wall)])
     renderer, camera = kuafu.Renderer(device), kuafu.Camera(WIDTH, HEIGHT, K)
 
-    def image(film=None):
-        return renderer.render(scene, camera, ["radiance"], band="visible", spp=4, max_bounces=0, film=film)[
+    def image(optics=None):
+        return renderer.render(scene, camera, ["radiance"], band="visible", spp=4, max_bounces=0, optics=optics)[
             "radiance"
         ][0].astype(np.float64)
 
@@ -48,30 +48,30 @@ def test_vignetting_is_the_effect_s(render):
 
 
 def test_veiling_glare_is_the_effect_s(render):
-    seen = render(kuafu.Film(veiling_glare_fraction=0.3))
+    seen = render(kuafu.Optics(veiling_glare_fraction=0.3))
     np.testing.assert_allclose(seen, by_effect(render(), "veiling_glare", fraction=0.3), rtol=2e-5)
 
 
 @pytest.mark.parametrize("sigma, corner, tolerance", [(1.5, 0.0, 0.008), (1.2, 1.5, 0.025)])
 def test_lens_psf_is_the_effect_s(render, sigma, corner, tolerance):
     """But for the kernel on the pixels, and for who tells a varying blur's width."""
-    seen = render(kuafu.Film(psf_sigma_px=sigma, psf_corner_sigma_px=corner))
+    seen = render(kuafu.Optics(psf_sigma_px=sigma, psf_corner_sigma_px=corner))
     other = by_effect(render(), "lens_psf", sigma_px=sigma, corner_sigma_px=corner)
     assert np.abs(seen - other).max() < tolerance
     assert np.abs(seen - render()).max() > 5 * tolerance
 
 
-def test_one_film_for_each_camera_or_for_all(render, device):
+def test_one_optics_for_each_camera_or_for_all(render, device):
     scene = kuafu.Scene(device)
     scene.set_environment((1.0, 1.0, 1.0), 1.0)
     camera, renderer = kuafu.Camera(9, 9, [[9, 0, 4], [0, 9, 4], [0, 0, 1]]), kuafu.Renderer(device)
-    images = renderer.render(scene, [camera, camera], spp=1, film=[kuafu.Film(), {"vignetting_exponent": 4}])[
+    images = renderer.render(scene, [camera, camera], spp=1, optics=[kuafu.Optics(), {"vignetting_exponent": 4}])[
         "radiance"
     ]
     assert (images[0] == 1.0).all() and images[1, 0, 0, 0] < 0.8
-    with pytest.raises(ValueError, match="1 films for 2 cameras"):
-        renderer.render(scene, [camera, camera], film=[kuafu.Film()])
+    with pytest.raises(ValueError, match="1 optics for 2 cameras"):
+        renderer.render(scene, [camera, camera], optics=[kuafu.Optics()])
     with pytest.raises(TypeError, match="no field 'sigma'"):
-        renderer.render(scene, camera, film={"sigma": 1})
+        renderer.render(scene, camera, optics={"sigma": 1})
     with pytest.raises(kuafu.ArgumentError, match="psf_sigma_px is -1"):
-        renderer.render(scene, camera, film=kuafu.Film(psf_sigma_px=-1))
+        renderer.render(scene, camera, optics=kuafu.Optics(psf_sigma_px=-1))

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "film/gaussian.h"
+#include "optics/gaussian.h"
 
 #include <cmath>
 

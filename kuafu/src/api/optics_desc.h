@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads and checks a kuafu_film_desc. Thread rule: pure functions.
+// Reads and checks a kuafu_optics_desc. Thread rule: pure functions.
 #pragma once
 
 #include <string>
@@ -10,6 +10,6 @@
 namespace kuafu {
 
 /// NULL gives perfect optics. Errors name `view`, the field and the number.
-Film read_film(const kuafu_film_desc* desc, const std::string& view);
+Optics read_optics(const kuafu_optics_desc* desc, const std::string& view);
 
 }  // namespace kuafu

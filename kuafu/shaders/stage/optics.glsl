@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage `film`: what the camera's optics do to linear light, one step per launch, one element of it per invocation.
+// Stage `optics`: what the camera's optics do to linear light, one step per launch, one element of it per invocation.
 uint pixels_per_view() { return push.width * push.height; }
-FilmRecord film_of(uint pixel) { return push.films.at[pixel / pixels_per_view()]; }
+OpticsRecord optics_of(uint pixel) { return push.optics.at[pixel / pixels_per_view()]; }
 float field(uint position, uint length) { return length > 1u ? 2.0f * float(position) / float(length - 1u) - 1.0f : 0.0f; }
 
 /// (fx^2 + fy^2) / 2.
@@ -23,11 +23,11 @@ int mirrored(int position, int last) {
 /// Light of `from` that did not come straight from the projector; the second step finds it by itself.
 float indirect(uint word) {
   float light = push.from.at[word];
-  return push.step == film_fireflies ? max(light - push.direct.at[word], 0.0f) : light;
+  return push.step == optics_fireflies ? max(light - push.direct.at[word], 0.0f) : light;
 }
 
 void fireflies(uint pixel, int reach) {
-  float factor = film_of(pixel).firefly_factor;
+  float factor = optics_of(pixel).firefly_factor;
   if (factor == 0.0f) {
     copy_pixel(pixel);
     return;
@@ -44,12 +44,12 @@ void fireflies(uint pixel, int reach) {
     uint word = pixel * push.channels + c;
     float light = indirect(word);
     if (light > factor * brightest) light = brightest;
-    push.to.at[word] = push.step == film_fireflies ? light : light + push.direct.at[word];
+    push.to.at[word] = push.step == optics_fireflies ? light : light + push.direct.at[word];
   }
 }
 
 void vignetting(uint pixel) {
-  FilmRecord f = film_of(pixel);
+  OpticsRecord f = optics_of(pixel);
   uint column = pixel % push.width, row = pixel / push.width % push.height;
   float y = (float(row) - f.cy) / f.fy;
   vec2 p = vec2((float(column) - f.cx - f.skew * y) / f.fx, y);
@@ -67,12 +67,12 @@ float inverse_depth(uint pixel) {
 }
 
 /// Radius in pixels of the circle that a point at this depth becomes; half a pixel is a point.
-float circle_radius(FilmRecord f, float inverse_z) {
-  return clamp(f.defocus_px_m * abs(inverse_z - f.defocus_inverse_focus), 0.5f, float(film_most_radius_px));
+float circle_radius(OpticsRecord f, float inverse_z) {
+  return clamp(f.defocus_px_m * abs(inverse_z - f.defocus_inverse_focus), 0.5f, float(optics_most_radius_px));
 }
 
 void circle_row(uint row) {
-  FilmRecord f = push.films.at[row / push.height];
+  OpticsRecord f = push.optics.at[row / push.height];
   float most = 0.5f;
   for (uint column = 0u; column < push.width; ++column) most = max(most, circle_radius(f, inverse_depth(row * push.width + column)));
   push.rows.at[row] = most;
@@ -86,7 +86,7 @@ float circle_share(float radius, float distance) {
 // Light is spread from its own circle. What lies behind a pixel's surface spreads no farther over it than that surface blurs itself, so a sharp edge
 // stays sharp before a blurred background; what lies before it spreads over it. Dividing by the sum of shares fills in for what is hidden.
 void defocus(uint pixel) {
-  FilmRecord f = film_of(pixel);
+  OpticsRecord f = optics_of(pixel);
   if (f.defocus_px_m == 0.0f) {
     copy_pixel(pixel);
     return;
@@ -95,7 +95,7 @@ void defocus(uint pixel) {
   float here = inverse_depth(pixel), own = circle_radius(f, here);
   float sum[3], shares = 0.0f;
   for (uint c = 0u; c < 3u; ++c) sum[c] = 0.0f;
-  int reach = int(film_most_radius_px);
+  int reach = int(optics_most_radius_px);
   for (int y = max(row - reach, 0); y <= min(row + reach, int(push.height) - 1); ++y) {
     float rise = float(y - row), most = push.rows.at[first_row + y] + 0.5f;
     if (abs(rise) >= most) continue;
@@ -113,7 +113,7 @@ void defocus(uint pixel) {
 }
 
 /// Between two kernels of the table: their mixture has exactly the variance in between.
-float psf_weight(FilmRecord f, uint column, uint row, uint distance) {
+float psf_weight(OpticsRecord f, uint column, uint row, uint distance) {
   uint word = f.psf_kernels + distance, stride = f.psf_radius + 1u;
   if (f.psf_kernels_per_variance == 0.0f) return push.kernels.at[word];
   float corner = f.psf_corner_sigma_px * field_square(column, row);
@@ -125,7 +125,7 @@ float psf_weight(FilmRecord f, uint column, uint row, uint distance) {
 
 // Each source pixel spreads by its own kernel, whose sum is 1, so energy stays. Beyond the border the light is that of the border's pixel.
 void psf(uint pixel, bool along_row) {
-  FilmRecord f = film_of(pixel);
+  OpticsRecord f = optics_of(pixel);
   int column = int(pixel % push.width), row = int(pixel / push.width % push.height), first_row = int(pixel / push.width) - row;
   int last_column = int(push.width) - 1, last_row = int(push.height) - 1, radius = int(f.psf_radius);
   float sum[3];
@@ -154,7 +154,7 @@ void view_mean(uint i) {
 }
 
 void veiling_glare(uint pixel) {
-  float fraction = film_of(pixel).veiling_glare_fraction;
+  float fraction = optics_of(pixel).veiling_glare_fraction;
   uint mean = (push.view_count * push.height + pixel / pixels_per_view()) * push.channels;
   for (uint c = 0u; c < push.channels; ++c) {
     uint word = pixel * push.channels + c;
@@ -162,16 +162,16 @@ void veiling_glare(uint pixel) {
   }
 }
 
-void film(uint i) {
-  if (push.step == film_vignetting) vignetting(i);
-  if (push.step == film_circle_rows) circle_row(i);
-  if (push.step == film_defocus) defocus(i);
-  if (push.step == film_psf_columns) psf(i, true);
-  if (push.step == film_psf_rows) psf(i, false);
-  if (push.step == film_row_sums) row_sum(i);
-  if (push.step == film_view_means) view_mean(i);
-  if (push.step == film_veiling_glare) veiling_glare(i);
-  if (push.step == film_copy) copy_pixel(i);
-  if (push.step == film_fireflies) fireflies(i, 1);
-  if (push.step == film_firefly_pairs) fireflies(i, 2);
+void optics(uint i) {
+  if (push.step == optics_vignetting) vignetting(i);
+  if (push.step == optics_circle_rows) circle_row(i);
+  if (push.step == optics_defocus) defocus(i);
+  if (push.step == optics_psf_columns) psf(i, true);
+  if (push.step == optics_psf_rows) psf(i, false);
+  if (push.step == optics_row_sums) row_sum(i);
+  if (push.step == optics_view_means) view_mean(i);
+  if (push.step == optics_veiling_glare) veiling_glare(i);
+  if (push.step == optics_copy) copy_pixel(i);
+  if (push.step == optics_fireflies) fireflies(i, 1);
+  if (push.step == optics_firefly_pairs) fireflies(i, 2);
 }

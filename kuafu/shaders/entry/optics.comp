@@ -3,12 +3,12 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/invocation.glsl"
 #include "lib/distortion.glsl"
-#include "shared/film_record.h"
+#include "shared/optics_record.h"
 
-layout(push_constant, scalar) uniform Push { FilmPush push; };
-#include "stage/film.glsl"
+layout(push_constant, scalar) uniform Push { OpticsPush push; };
+#include "stage/optics.glsl"
 
 void main() {
   uint i = line_index();
-  if (i < push.count) film(i);
+  if (i < push.count) optics(i);
 }
