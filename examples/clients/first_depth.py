@@ -14,7 +14,7 @@ import interface as ks
 
 WIDTH, HEIGHT, BASELINE_M = 320, 240, 0.05
 CAMERA_K, PROJECTOR_K = (280, 0, 159.5, 0, 280, 119.5, 0, 0, 1), (500, 0, 319.5, 0, 500, 239.5, 0, 0, 1)
-Eye = c.c_float * WIDTH * HEIGHT
+Side = c.c_float * WIDTH * HEIGHT
 
 
 def add_projector(kuafu: ks.Library, scene: Any) -> None:
@@ -28,19 +28,19 @@ def add_projector(kuafu: ks.Library, scene: Any) -> None:
     kuafu.make("kuafu_scene_add_light", scene, projector, kind=c.c_uint32)
 
 
-def view_of_eye(kuafu: ks.Library, eye: int) -> Any:
+def view_of_side(kuafu: ks.Library, side: int) -> Any:
     camera = kuafu.struct(ks.kuafu_camera_desc, width=WIDTH, height=HEIGHT, k=CAMERA_K)
-    camera.camera_to_world[3] = eye * BASELINE_M
+    camera.camera_to_world[3] = side * BASELINE_M
     return kuafu.struct(ks.kuafu_view_desc, camera=camera, band=ks.KUAFU_BAND_INFRARED)
 
 
 def rendered_pair(kuafu: ks.Library, scene_file: str) -> Any:
-    """Two eyes of floats, in counts."""
+    """Two cameras of floats, in counts."""
     device = kuafu.make("kuafu_device_create", None)
     scene = kuafu.make("kuafu_scene_create", device)
     kuafu.call("kuafu_scene_load", scene, scene_file.encode(), None)
     add_projector(kuafu, scene)
-    pair, views = (Eye * 2)(), (ks.kuafu_view_desc * 2)(*(view_of_eye(kuafu, eye) for eye in range(2)))
+    pair, views = (Side * 2)(), (ks.kuafu_view_desc * 2)(*(view_of_side(kuafu, side) for side in range(2)))
     create = kuafu.struct(ks.ks_buffer_create, size_bytes=c.sizeof(pair), flags=ks.KS_BUFFER_HOST_VISIBLE)
     buffer = kuafu.make("kuafu_buffer_create", device, create)
     output = kuafu.struct(ks.kuafu_output_desc, output=ks.KUAFU_OUTPUT_RADIANCE, buffer=buffer, scale=200)
@@ -55,15 +55,15 @@ def rendered_pair(kuafu: ks.Library, scene_file: str) -> Any:
 
 
 def measured_depth_m(simsense: ks.Library, pair: Any) -> Any:
-    """Metres of each pixel of the left eye, 0 where nothing was measured."""
-    depth_m = Eye()
+    """Metres of each pixel of the left camera, 0 where nothing was measured."""
+    depth_m = Side()
     rig = simsense.struct(ks.simsense_rig_desc, rectified=1)
     rig.left = rig.right = ks.simsense_camera(width=WIDTH, height=HEIGHT, k=CAMERA_K)
     rig.left_to_right[3] = -BASELINE_M
     device = simsense.make("simsense_device_create", None)
     engine = simsense.make("simsense_engine_create", device, rig, simsense.struct(ks.simsense_parameters))
     image = simsense.packed_image(ks.KS_FORMAT_F32, 4, (HEIGHT, WIDTH))
-    left, right, depth = (ks.simsense_image(host=c.addressof(eye), image=image) for eye in (*pair, depth_m))
+    left, right, depth = (ks.simsense_image(host=c.addressof(side), image=image) for side in (*pair, depth_m))
     output = simsense.struct(ks.simsense_output_desc, output=ks.SIMSENSE_OUTPUT_DEPTH, image=depth)
     compute = simsense.struct(ks.simsense_compute_desc, left=left, right=right, output_count=1)
     compute.outputs = c.addressof(output)

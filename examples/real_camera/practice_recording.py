@@ -99,7 +99,7 @@ class Practice:
     def infrared(
         self, scene: kuafu.Scene, pose: NDArray[np.float64], on: bool, bounces: int, samples: int
     ) -> list[NDArray[np.float32]]:
-        """Light of both eyes, DN above black."""
+        """Light of both cameras, DN above black."""
         light = None
         if on:
             to_world = pose @ turned((0.0, 0.0, 0.0), PROJECTOR_PLACE_M)
@@ -147,8 +147,8 @@ class Practice:
             if any(image is None for image in images):
                 continue
             name = f"{number:03d}.png"
-            for eye, image in zip(("left", "right"), images, strict=True):
-                write_gray(_made(self.out / "boards" / eye) / name, self.counts(image))
+            for side, image in zip(("left", "right"), images, strict=True):
+                write_gray(_made(self.out / "boards" / side) / name, self.counts(image))
             rows.append(_csv_row(name, board_to_base @ np.linalg.inv(board_to_left) @ np.linalg.inv(CAMERA_TO_GRIPPER)))
             number += 1
         (self.out / "boards" / "poses.csv").write_text("\n".join(rows) + "\n")
@@ -186,9 +186,9 @@ class Practice:
             scene.set_environment((0.0, 0.0, 0.0), ir_radiance=0.0)
             light = self.infrared(scene, np.eye(4), True, 0, 32 * self.samples)
             for k in range(REPEATS):
-                for eye, image in zip(("left", "right"), light, strict=True):
+                for side, image in zip(("left", "right"), light, strict=True):
                     picture = self.counts(WALL_EXPOSURE * image)
-                    write_gray(_made(self.out / "walls" / name / eye) / f"{k:03d}.png", picture)
+                    write_gray(_made(self.out / "walls" / name / side) / f"{k:03d}.png", picture)
         for k in range(20):
             write_gray(_made(self.out / "covered") / f"{k:03d}.png", self.counts(np.zeros((HEIGHT, WIDTH))))
 
@@ -204,12 +204,12 @@ class Practice:
         scene.set_environment((0.3, 0.3, 0.3), ir_radiance=0.06)
         rows = ["name,x,y,z,qx,qy,qz,qw"]
         for k, angle in enumerate(np.deg2rad(np.linspace(-60.0, 60.0, poses))):
-            eye_at = (0.42 * np.sin(angle), 0.3, 0.42 * np.cos(angle))
-            pose = look_at(eye=eye_at, target=(0.02, 0.03, 0.01), up=(0, 1, 0))
+            eye_m = (0.42 * np.sin(angle), 0.3, 0.42 * np.cos(angle))
+            pose = look_at(eye=eye_m, target=(0.02, 0.03, 0.01), up=(0, 1, 0))
             name = f"{k:03d}.png"
             for mode, on in (("on", True), ("off", False)):
-                for eye, image in zip(("left", "right"), self.infrared(scene, pose, on, 3, self.samples), strict=True):
-                    write_gray(_made(self.out / "desk" / mode / eye) / name, self.counts(image))
+                for side, image in zip(("left", "right"), self.infrared(scene, pose, on, 3, self.samples), strict=True):
+                    write_gray(_made(self.out / "desk" / mode / side) / name, self.counts(image))
             camera = kuafu.Camera(WIDTH, HEIGHT, K, pose @ turned((0.0, 0.0, 0.0), (COLOR_PLACE_M, 0.0, 0.0)))
             seen = self.renderer.render(scene, [camera], band="visible", spp=self.samples, max_bounces=3)["radiance"][0]
             seen = np.clip(0.7 * seen + self.random.normal(0.0, 0.004, seen.shape), 0, 1)

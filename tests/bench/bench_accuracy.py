@@ -130,7 +130,7 @@ def rendered_table_top(folder):
 
 
 def seen_by_both(disparity):
-    """Pixels that the right eye sees too: nothing nearer lands where they do."""
+    """Pixels that the right camera sees too: nothing nearer lands where they do."""
     height, width = disparity.shape
     rows, columns = np.nonzero(np.isfinite(disparity))
     d = disparity[rows, columns]
@@ -146,7 +146,7 @@ def seen_by_both(disparity):
 
 
 def table_of(left, right, truth):
-    """Per matcher (a disparity of 0 is no measurement: it has no depth): fill of what both eyes see; share of the
+    """Per matcher (a disparity of 0 is no measurement: it has no depth): fill of what both cameras see; share of the
     measured that is off by more; RMS of those within a pixel; median error. Returns {matcher: disparity}."""
     seen = seen_by_both(truth)
     all_found = {}

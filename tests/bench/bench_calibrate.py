@@ -92,7 +92,9 @@ def walls(scale: float, spp: int, repeats: int, border_px: int) -> None:
         capture = read_capture(path)
         measured = calibrated(capture, calibrate_pattern(path).model())
         frames = [
-            np.array([[capture.ir(f, eye) for eye in ("left", "right")] for f in capture.frames if f.repeat_group == k])
+            np.array(
+                [[capture.ir(f, side) for side in ("left", "right")] for f in capture.frames if f.repeat_group == k]
+            )
             for k in range(len(WALLS))
         ]
     again = [seen_again(world, measured, wall, spp) for wall in WALLS]

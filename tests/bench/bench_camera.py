@@ -9,16 +9,16 @@ not say) is looked at from 0.5 to 4 m, and the example's table-top once. --textu
 wall's albedo in grains of 4 mm and more, 0 is a wall that shows the dots alone. Each figure's definition:
 
     plane noise     root mean square distance of disparities from their own plane on 96 x 96 px, the median patch, px;
-                    mean over four fractions of a pixel by which the right eye's light is moved, for it changes by half
-                    with the fraction, and a wall has one where a recording's surfaces have all
+                    mean over four fractions of a pixel by which the right camera's light is moved, for it changes by
+                    half with the fraction, and a wall has one where a recording's surfaces have all
     dot RMS         of the left image less its Gaussian blur (4 px), in the middle 40 %, DN
     residual        the same of left less right at the true disparity, over sqrt 2, as a share of the dot RMS
     temporal noise  standard deviation over 8 frames where the mean is 20 to 40 DN above zero, DN
     background      median count over the table-top, DN
-    lone pixels     brighter than all of the eight around it by 30 DN and by a half of its own count, worse eye
-    fill            of the table-top where both eyes see it, as of the recordings, without the glass and the velvet
+    lone pixels     brighter than all of the eight around it by 30 DN and by a half of its own count, worse camera
+    fill            of the table-top where both cameras see it, as of the recordings, without the glass and the velvet
                     that stand there to break stereo, %; beside it that of glass and velvet, and of the whole table-top
-                    without the left border that the right eye does not see
+                    without the left border that the right camera does not see
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ class Camera:
     def _light(self, sensor: StereoDepthSensor) -> tuple[list[Field], list[Field] | list[None]]:
         """(radiance, the laser's part of it), left and right."""
         light, direct, indirect = (
-            [np.ascontiguousarray(sensor.get_picture(name, eye)[..., 0]) for eye in ("left", "right")]
+            [np.ascontiguousarray(sensor.get_picture(name, side)[..., 0]) for side in ("left", "right")]
             for name in ("radiance", "projector_direct", "projector_indirect")
         )
         if not self.config.ir_speckle_of_laser:
@@ -141,7 +141,7 @@ class Camera:
         return light, [a + b for a, b in zip(direct, indirect, strict=True)]
 
     def _matched(self, sensor: StereoDepthSensor, part_px: float) -> Field:
-        """Disparity of what the eyes see, the right one's light moved to the left by part of a pixel."""
+        """Disparity of what the cameras see, the right one's light moved to the left by part of a pixel."""
         light, laser = self._light(sensor)
         light[1] = moved(light[1], part_px)
         found = sensor.engine.compute(
@@ -203,8 +203,8 @@ def material_names(scene: kuafu.Scene) -> list[str]:
 
 
 def seen_by_both(sensor: StereoDepthSensor, scene: kuafu.Scene) -> tuple[NDArray[np.uint32], NDArray[np.bool_]]:
-    """Two pictures of the left infrared image: materials' numbers, and where the right eye sees the same point, within
-    1 %."""
+    """Two pictures of the left infrared image: materials' numbers, and where the right camera sees the same point,
+    within 1 %."""
     seen = kuafu.Renderer(scene.device).render(
         scene, list(sensor.ir_cameras()), ["depth", "material_id"], band="infrared", spp=1
     )

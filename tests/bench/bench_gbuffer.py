@@ -46,7 +46,7 @@ def compared(seed: int, scale: float, samples: int) -> dict[str, dict[str, float
         lasers = [image.copy() for image in sensor._link.laser().images()]
         again = sensor.compute_depth_from(*light, *lasers, frame_index=_OTHER_NOISE)["disparity"]
         quiet = _without_noise(sensor, light, lasers)
-        left, right = (world.gbuffers(sensor, eye) for eye in ("left", "right"))
+        left, right = (world.gbuffers(sensor, side) for side in ("left", "right"))
         projector = _seen_by_projector(world, sensor)
     kind, pixels = world.kind_of(left), left["depth"] > 0
     truth = np.divide(config.focal_baseline_px_m, left["depth"], where=pixels, out=np.zeros_like(left["depth"]))
@@ -65,7 +65,7 @@ def compared(seed: int, scale: float, samples: int) -> dict[str, dict[str, float
 
 
 def _without_noise(sensor: StereoDepthSensor, light: list[Image], lasers: list[Image]) -> Image:
-    signals = [dict(eye.signal) | _NO_NOISE for eye in sensor.engine_inputs().eyes]
+    signals = [dict(side.signal) | _NO_NOISE for side in sensor.engine_inputs().sides]
     engine = sensor.make_engine()
     engine.set_signal(*signals)
     return engine.compute(*light, ("disparity",), left_laser=lasers[0], right_laser=lasers[1])["disparity"]

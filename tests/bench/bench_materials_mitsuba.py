@@ -25,8 +25,8 @@ from typing import Any
 
 import numpy as np
 from material_worlds import (
-    BASELINE_M, BLACK_DN, COLOR, DN, NOMINAL, READ_DN, SHOT_DN, counts, eye_pose, intrinsics, mesh_of, place_of, record,
-    seen_of,
+    BASELINE_M, BLACK_DN, COLOR, DN, NOMINAL, READ_DN, SHOT_DN, camera_pose, counts, intrinsics, mesh_of, place_of,
+    record, seen_of,
 )  # fmt: skip
 from material_worlds_mitsuba import MitsubaWorld
 from numpy.typing import NDArray
@@ -42,7 +42,7 @@ from activestereo.benchmarks.sim_to_real.mitsuba_scene import grey, mitsuba
 Image = NDArray[np.float64]
 IR_ALBEDO = 0.5
 METAL = "Cr"  # the indices of chromium
-# A D4xx's speckle in one eye, of the dots' RMS: its eyes differ by 16 % of that at 1 m.
+# A D4xx's speckle in one camera, of the dots' RMS: its cameras differ by 16 % of that at 1 m.
 SPECKLE = 0.16 / 2**0.5
 UNSEEN = 0.5  # pose between the recorded ones
 OBJECTS = {
@@ -125,7 +125,7 @@ def measured(name: str, spp: int, unseen_spp: int, bounces: int) -> str:
         found = calibrate_materials(path, shape)
         cpu = time.process_time() - begin
         ours = Rendered(path, shape, found, spp, bounces)
-    left_pose = eye_pose(UNSEEN)
+    left_pose = camera_pose(UNSEEN)
     right_pose = left_pose.copy()
     right_pose[:3, 3] += BASELINE_M * left_pose[:3, 0]
     residuals = []

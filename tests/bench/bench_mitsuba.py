@@ -33,11 +33,11 @@ BOUNCES = 8
 class Pair:
     """The same scene for both."""
 
-    def __init__(self, mi: Any, eye: Point, at: Point) -> None:
+    def __init__(self, mi: Any, side: Point, at: Point) -> None:
         self.mi = mi
         self.scene = kuafu.Scene(kuafu.Device("cpu"))
         self.scene.set_environment((0.0, 0.0, 0.0))
-        self.pose = look_at(eye, at, (0.0, 1.0, 0.0))
+        self.pose = look_at(side, at, (0.0, 1.0, 0.0))
         self.peer: dict[str, Any] = {"type": "scene"}
 
     def add(self, mesh: meshes.Mesh, own: dict[str, Any], peer: dict[str, Any], at: Point = (0.0, 0.0, 0.0)) -> None:

@@ -10,7 +10,7 @@ same way:
     NAME/left.png, right.png    the rectified pair, 8 or 16 bit; of colour images the mean of the channels is taken
     NAME/disparity.npy          truth in pixels of the left image: float, or .pfm, or a 16-bit .png in 1/256 px; what
                                 is not finite or not above 0 is unknown
-    NAME/mask.png               optional: only where it is not 0 pixels count, for example those that both eyes see
+    NAME/mask.png               optional: only where it is not 0 pixels count, for example those that both cameras see
     NAME/device.npy             optional: what the camera itself measured, in the same formats; it becomes a row of
                                 the table
     NAME/pair.json              optional: {"max_disparity": 128}; 128 without it

@@ -33,8 +33,8 @@ def main() -> None:
     stage, random = MitsubaStage(objects(), CameraSettings()), np.random.default_rng(1)
     views = []
     for view in round_of_views(objects(), 0, "tuning", 0)[: args.views]:
-        for eye, counts in zip(("left", "right"), stage.repeats(view, args.repeats, random), strict=True):
-            name = f"{objects()[view.object_index].name}, {eye}"
+        for side, counts in zip(("left", "right"), stage.repeats(view, args.repeats, random), strict=True):
+            name = f"{objects()[view.object_index].name}, {side}"
             views.append(Repeats(name, counts, None, name))
     found = calibrate_noise(views)
     args.out.mkdir(parents=True, exist_ok=True)

@@ -82,10 +82,10 @@ class World:
     def materials(self) -> dict[int, kuafu.Material]:
         return {number: self.scene.get_material(number) for number in self.kinds}
 
-    def gbuffers(self, sensor: StereoDepthSensor, eye: str = "left") -> dict[str, NDArray[Any]]:
+    def gbuffers(self, sensor: StereoDepthSensor, side: str = "left") -> dict[str, NDArray[Any]]:
         """Depth, normals and materials, as a renderer of one's own gives them of this infrared camera."""
-        images = {name: sensor.get_picture(name, eye) for name in ("depth", "normal", "material_id")}
-        to_camera = np.linalg.inv(np.array(sensor.ir_cameras()[eye == "right"].camera_to_world))[:3, :3]
+        images = {name: sensor.get_picture(name, side) for name in ("depth", "normal", "material_id")}
+        to_camera = np.linalg.inv(np.array(sensor.ir_cameras()[side == "right"].camera_to_world))[:3, :3]
         number = images["material_id"][..., 0].astype(np.int64)
         is_nothing = number == _NOTHING
         return {

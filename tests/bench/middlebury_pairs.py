@@ -4,7 +4,7 @@
     python3 tests/bench/middlebury_pairs.py FOLDER SCENE...
 
 A SCENE is a folder of the 2003 sets (im2.png, im6.png, disp2.pgm and disp6.pgm or .png in quarter pixels) or of the
-2014 ones (im0.png, im1.png, disp0.pfm). Pixels that the right eye does not see do not count: their match in the 2003
+2014 ones (im0.png, im1.png, disp0.pfm). Pixels that the right camera does not see do not count: their match in the 2003
 sets' right truth differs by more than a pixel; in the 2014 sets a nearer surface lands on the same right pixel.
 """
 

@@ -5,13 +5,13 @@ noise of real cameras.
     python3 tests/bench/noisy_planes.py FOLDER [--seed 1]
 
 The pairs are 848 x 480 with a focal length of 617 px and a baseline of 55 mm (a D415's at that size). Every dot is
-a Gaussian spot that each eye sees at its exact place, integrated over the pixels; nothing is resampled. What was
+a Gaussian spot that each camera sees at its exact place, integrated over the pixels; nothing is resampled. What was
 measured on recordings of D415s (24 frames with laser-scanner truth; walls at 1 and 2 m) and is taken over:
 
     dots per 1000 px            7
     dot RMS at 1 m, 2 m         4.4, 1.9 DN, falling as 1.2 powers of distance in between and beyond
-    left-right residual         16 % of the dot RMS at 1 m, 25 % at 2 m: speckle that differs between the eyes, a
-                                factor per dot and eye
+    left-right residual         16 % of the dot RMS at 1 m, 25 % at 2 m: speckle that differs between the cameras, a
+                                factor per dot and camera
     black level                 4 DN
     temporal noise              0.5 DN at 30 DN: variance 0.0075 DN per DN of signal, and 0.1 DN squared
 
@@ -101,7 +101,7 @@ def counts(light_dn: Field, rng: np.random.Generator) -> NDArray[np.uint8]:
 
 
 def room(disparity: Field, ambient_dn: float, rng: np.random.Generator) -> tuple[Field, Field]:
-    """The room's light in both eyes: smooth, with a faint texture that moves with the surface."""
+    """The room's light in both cameras: smooth, with a faint texture that moves with the surface."""
     texture = gaussian_filter(rng.normal(size=(HEIGHT, WIDTH + 400)), 6)
     texture = ambient_dn * (1 + 0.05 * texture / texture.std())
     y, x = np.mgrid[:HEIGHT, :WIDTH].astype(float)
@@ -119,7 +119,7 @@ def make_pair(
     x, y = rng.uniform(-100, WIDTH + 100, number), rng.uniform(-2, HEIGHT + 2, number)
     power = rng.lognormal(0, 0.35, number)
     right_x, seen = right_view(disparity, x, y)
-    # a factor per dot and eye, whose difference has the measured share of the dots' contrast
+    # a factor per dot and camera, whose difference has the measured share of the dots' contrast
     sigma = residual_share(distance_m) / np.sqrt(2)
     left = splat(x, y, power * rng.gamma(sigma**-2, sigma**2, number))
     right = splat(right_x[seen], y[seen], (power * rng.gamma(sigma**-2, sigma**2, number))[seen])
@@ -150,8 +150,8 @@ def main() -> None:
         folder.mkdir(parents=True, exist_ok=True)
         pair = make_pair(disparity, distance_m, ambient_dn, rng)
         np.save(folder / "disparity.npy", pair["disparity"])
-        for eye in ("left", "right"):
-            cv2.imwrite(str(folder / f"{eye}.png"), pair[eye])
+        for side in ("left", "right"):
+            cv2.imwrite(str(folder / f"{side}.png"), pair[side])
         (folder / "pair.json").write_text(json.dumps({"max_disparity": 96}))
         print(f"{folder}: dots {pair['left'].std():.1f} DN RMS")
 

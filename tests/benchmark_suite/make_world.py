@@ -52,5 +52,5 @@ def _leave_out_infrared(folder):
     for frame in document["frames"]:
         del frame["left"], frame["right"]
     (folder / "capture.json").write_text(json.dumps(document, indent=1))
-    for eye in ("left", "right"):
-        shutil.rmtree(folder / eye)
+    for side in ("left", "right"):
+        shutil.rmtree(folder / side)

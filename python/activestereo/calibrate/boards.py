@@ -29,13 +29,13 @@ _REFINED_UNTIL = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
 
 @dataclass(frozen=True)
 class Board:
-    """columns, rows: inner corners of a chessboard, squares of ChArUco, tags of AprilTag. side_m: of a square or a tag;
-    second_m: of a marker inside a square, or between tags."""
+    """columns, rows: inner corners of a chessboard, squares of ChArUco, tags of AprilTag. camera_m: of a square or a
+    tag; second_m: of a marker inside a square, or between tags."""
 
     kind: str
     columns: int
     rows: int
-    side_m: float
+    camera_m: float
     second_m: float = 0.0
 
     @classmethod
@@ -83,7 +83,7 @@ class Board:
     def chessboard_points(self) -> NDArray[np.float64]:
         """[corner][3], row by row, metres; the board lies in z = 0."""
         row, column = np.divmod(np.arange(self.columns * self.rows), self.columns)
-        return self.side_m * np.column_stack([column, row, 0.0 * row]).astype(np.float64)
+        return self.camera_m * np.column_stack([column, row, 0.0 * row]).astype(np.float64)
 
     def _find_markers(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         board, dictionary = self._aruco_board()
@@ -121,10 +121,10 @@ class Board:
         dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, _DICTIONARY[self.kind]))
         if self.kind == "apriltag":
             return cv2.aruco.GridBoard_create(
-                self.columns, self.rows, self.side_m, self.second_m, dictionary
+                self.columns, self.rows, self.camera_m, self.second_m, dictionary
             ), dictionary
         return cv2.aruco.CharucoBoard_create(
-            self.columns, self.rows, self.side_m, self.second_m, dictionary
+            self.columns, self.rows, self.camera_m, self.second_m, dictionary
         ), dictionary
 
     def drawn(self, pixels_per_m: float, margin_m: float) -> NDArray[np.uint8]:
@@ -132,10 +132,10 @@ class Board:
         top."""
         if self.kind != "chessboard":
             board, _ = self._aruco_board()
-            step = self.side_m if self.kind == "charuco" else self.side_m + self.second_m
+            step = self.camera_m if self.kind == "charuco" else self.camera_m + self.second_m
             gap = 0.0 if self.kind == "charuco" else self.second_m
             size = tuple(round(pixels_per_m * (n * step - gap + 2 * margin_m)) for n in (self.columns, self.rows))
             return board.draw(size, marginSize=round(pixels_per_m * margin_m), borderBits=1)
-        square, margin = round(pixels_per_m * self.side_m), round(pixels_per_m * margin_m)
+        square, margin = round(pixels_per_m * self.camera_m), round(pixels_per_m * margin_m)
         row, column = np.mgrid[: square * (self.rows + 1), : square * (self.columns + 1)] // square
         return np.pad(np.where((row + column) % 2 == 0, 0, 255).astype(np.uint8), margin, constant_values=255)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The coverage picture of a calibration: where corners were seen in each eye, and how far off each is."""
+"""The coverage picture of a calibration: where corners were seen in each camera, and how far off each is."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from activestereo.calibrate.rig import Calibration
-from activestereo.capture.capture import EYES
+from activestereo.capture.capture import SIDES
 from activestereo.common.output_files import replace_file
 from activestereo.common.palette import INK, MUTED
 
@@ -20,16 +20,16 @@ def write_coverage(path: Path, result: Calibration) -> None:
 
 
 def coverage_figure(result: Calibration) -> Figure:
-    """A matplotlib Figure: each eye's corners, coloured by what the calibration leaves of them, pixels."""
+    """A matplotlib Figure: each camera's corners, coloured by what the calibration leaves of them, pixels."""
     figure = Figure(figsize=(11.0, 4.1), facecolor="white", layout="constrained")
     width, height = result.size
     shown = None
-    for axes, eye in zip(figure.subplots(1, 2), EYES, strict=True):
-        places, lengths = corner_errors(result, eye)
+    for axes, side in zip(figure.subplots(1, 2), SIDES, strict=True):
+        places, lengths = corner_errors(result, side)
         shown = axes.scatter(*places.T, c=lengths, s=7, cmap="viridis", vmin=0.0, vmax=max(4.0 * result.rms_px, 1e-3))
         axes.set(xlim=(0, width), ylim=(height, 0), aspect="equal")
         axes.set_title(
-            f"{eye}: {len(places)} corners reach {100 * result.coverage[eye]:.0f} % of the picture",
+            f"{side}: {len(places)} corners reach {100 * result.coverage[side]:.0f} % of the picture",
             size=10,
             color=INK,
             loc="left",
@@ -39,19 +39,19 @@ def coverage_figure(result: Calibration) -> Figure:
     return figure
 
 
-def corner_errors(result: Calibration, eye: str) -> tuple[np.ndarray, np.ndarray]:
-    """(pixels [n][2] of all corners of an eye, how far off each is)."""
+def corner_errors(result: Calibration, side: str) -> tuple[np.ndarray, np.ndarray]:
+    """(pixels [n][2] of all corners of a camera, how far off each is)."""
     places, lengths = [], []
     for view in result.views:
-        if eye in view.corners:
-            points, pixels = view.corners[eye]
+        if side in view.corners:
+            points, pixels = view.corners[side]
             pose = (
                 result.board_to_left[view.name]
-                if eye == "left"
+                if side == "left"
                 else result.left_to_right @ result.board_to_left[view.name]
             )
             turn = cv2.Rodrigues(pose[:3, :3])[0]
-            drawn = cv2.projectPoints(points, turn, pose[:3, 3], result.K[eye], result.distortion[eye])[0].reshape(
+            drawn = cv2.projectPoints(points, turn, pose[:3, 3], result.K[side], result.distortion[side])[0].reshape(
                 -1, 2
             )
             places.append(pixels)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.capture.capture import EYES, read_capture
+from activestereo.capture.capture import SIDES, read_capture
 from activestereo.capture.images import read_gray
 from activestereo.common.input_files import checked_file
 from activestereo.common.rounding import ROUNDING_VARIANCE
@@ -79,19 +79,19 @@ def _of_capture(path: Path) -> list[Repeats]:
     capture = read_capture(path)
     views = []
     for group, frames in capture.repeats().items():
-        for eye in EYES:
-            name = f"{capture.path}: repeat group {group}, {eye}"
+        for side in SIDES:
+            name = f"{capture.path}: repeat group {group}, {side}"
             if len({frame.exposure_gain for frame in frames}) > 1:
                 raise ValueError(
                     f"{name}: exposure x gain differs between the repeats: give each exposure a group of its own"
                 )
-            counts = np.stack([read_gray(frame.path(eye), key=f"frames[id={frame.id}].{eye}") for frame in frames])
+            counts = np.stack([read_gray(frame.path(side), key=f"frames[id={frame.id}].{side}") for frame in frames])
             views.append(
                 Repeats(
                     name,
                     counts,
                     frames[0].exposure_gain,
-                    f"{eye} {frames[0].camera_to_world.tobytes()!r} {frames[0].projector_power}",
+                    f"{side} {frames[0].camera_to_world.tobytes()!r} {frames[0].projector_power}",
                 )
             )
     if not views:

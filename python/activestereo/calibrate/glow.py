@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Light that the projector throws between its dots, from walls at two distances.
 
-Between the dots an eye counts its black level and the room's light, which a wall at either distance has alike, and the
-projector's light, which falls with the distance's square:
+Between the dots a camera counts its black level and the room's light, which a wall at either distance has alike, and
+the projector's light, which falls with the distance's square:
 
-    counts = constant of the eye + background * (pattern pixels per camera pixel) / (flux to power, power_factor)
+    counts = constant of the camera + background * (pattern pixels per camera pixel) / (flux to power, power_factor)
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ _OUTLIER = 4.0  # in median absolute deviations
 
 @dataclass(frozen=True)
 class SeenWall:
-    """One wall by one eye. background [height][width], DN: the image without its dots. plane: [n, d] with n . X = d in
-    the left camera's frame, metres. eye_m: the eye's origin there. K: the eye's. to_common: what brings this wall's
-    powers to the first wall's."""
+    """One wall by one camera. background [height][width], DN: the image without its dots. plane: [n, d] with n . X = d
+    in the left camera's frame, metres. camera_m: the camera's origin there. K: the camera's. to_common: what brings
+    this wall's powers to the first wall's."""
 
     background: NDArray[np.float64]
     plane: NDArray[np.float64]
-    eye_m: NDArray[np.float64]
+    camera_m: NDArray[np.float64]
     K: NDArray[np.float64]
     to_common: float
 
@@ -76,15 +76,15 @@ def power_factor(
 
 
 def light_between_dots(
-    walls_by_eye: Sequence[Sequence[SeenWall]], projector: ProjectorView
+    walls_by_side: Sequence[Sequence[SeenWall]], projector: ProjectorView
 ) -> tuple[float, float]:
-    """(the pattern's value between its dots, in the unit of their powers per square pixel; half of what the eyes differ
-    by)."""
-    found = [_of_one_eye(walls, projector) for walls in walls_by_eye]
+    """(the pattern's value between its dots, in the unit of their powers per square pixel; half of what the cameras
+    differ by)."""
+    found = [_of_one_side(walls, projector) for walls in walls_by_side]
     return max(float(np.mean(found)), 0.0), float(0.5 * np.ptp(found))
 
 
-def _of_one_eye(walls: Sequence[SeenWall], projector: ProjectorView) -> float:
+def _of_one_side(walls: Sequence[SeenWall], projector: ProjectorView) -> float:
     parts = [_samples(wall, projector) for wall in walls]
     counts, shares = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
     columns = np.column_stack([np.ones(len(shares)), shares])
@@ -107,7 +107,7 @@ def _samples(wall: SeenWall, projector: ProjectorView) -> tuple[NDArray[np.float
     pattern_pixels = np.abs(along_u[:, 0] * along_v[:, 1] - along_u[:, 1] * along_v[:, 0])
     margin = _BORDER_PX * np.sqrt(pattern_pixels)[:, None]
     inside = np.all((place > margin) & (place < np.array(projector.size) - margin), axis=1)
-    shares = pattern_pixels / (power_factor(points - wall.eye_m, wall.plane[:3], beam) * wall.to_common)
+    shares = pattern_pixels / (power_factor(points - wall.camera_m, wall.plane[:3], beam) * wall.to_common)
     return wall.background[v, u][inside], shares[inside]
 
 
@@ -115,5 +115,5 @@ def _on_wall(wall: SeenWall, u: NDArray[np.int_], v: NDArray[np.int_]) -> NDArra
     """[n][3]: where the rays through these pixels meet the wall, in the left camera's frame."""
     ray = np.column_stack([(u - wall.K[0, 2]) / wall.K[0, 0], (v - wall.K[1, 2]) / wall.K[1, 1], np.ones(len(u))])
     normal, offset = wall.plane[:3], wall.plane[3]
-    reach = (offset - normal @ wall.eye_m) / (ray @ normal)
-    return np.asarray(wall.eye_m + reach[:, None] * ray)
+    reach = (offset - normal @ wall.camera_m) / (ray @ normal)
+    return np.asarray(wall.camera_m + reach[:, None] * ray)

@@ -82,7 +82,7 @@ class MaterialScene:
         self.group_count = 1 + min(lamps, _GROUPS - 1)
 
     def lights(self, picture: Picture, samples: int, seed: int) -> NDArray[np.float32]:
-        """[height][width][channel][light]: the projector first, 0 where it was off or the eye does not see it, then
+        """[height][width][channel][light]: the projector first, 0 where it was off or the camera does not see it, then
         every group of lamps and the room; last a constant, which is the black level."""
         to_projector = self._capture.rig.projector.left_to_projector
         self._projector.light_to_world = picture.pose @ np.linalg.inv(to_projector)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from activestereo.capture.capture import EYES, Camera, Capture, Frame
+from activestereo.capture.capture import SIDES, Camera, Capture, Frame
 
 MOST_POSES = 12
 
@@ -67,13 +67,13 @@ def _views(capture: Capture, frames: list[Frame]) -> list[View]:
         name = f"frames[id={with_color[0].id}].color"
         out.append(View(name, _pinhole(np.mean(images, axis=0), rig.color), rig.color.K, to_world, with_color[0]))
     dark = [frame for frame in frames if frame.projector_power == 0 and frame.has_infrared]
-    for eye in EYES if dark else ():
-        camera = rig.camera(eye)
-        image = np.mean([capture.ir(frame, eye) for frame in dark], axis=0) / rig.max_dn
-        left_to_eye = np.eye(4) if eye == "left" else rig.left_to_right
-        to_world = np.asarray(pose @ np.linalg.inv(left_to_eye), np.float64)
+    for side in SIDES if dark else ():
+        camera = rig.camera(side)
+        image = np.mean([capture.ir(frame, side) for frame in dark], axis=0) / rig.max_dn
+        left_to_side = np.eye(4) if side == "left" else rig.left_to_right
+        to_world = np.asarray(pose @ np.linalg.inv(left_to_side), np.float64)
         out.append(
-            View(f"frames[id={dark[0].id}].{eye}", _pinhole(image[..., None], camera), camera.K, to_world, dark[0])
+            View(f"frames[id={dark[0].id}].{side}", _pinhole(image[..., None], camera), camera.K, to_world, dark[0])
         )
     return out
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The projector's pattern from frames of a flat wall: each dot's direction and power, and where the projector stands.
 
-Dots are found in the averaged images of both eyes (spots.py) and lie on the wall's plane (wall.py). Two distances give
-each dot a line; where the lines meet stands the projector. One distance leaves its place nominal. A dot's power follows
-from what it looks like: the camera sees radiance, which falls with the projector's distance and angle and with the
-camera's (power_factor in glow.py, which also finds the light between the dots).
+Dots are found in the averaged images of both cameras (spots.py) and lie on the wall's plane (wall.py). Two distances
+give each dot a line; where the lines meet stands the projector. One distance leaves its place nominal. A dot's power
+follows from what it looks like: the camera sees radiance, which falls with the projector's distance and angle and with
+the camera's (power_factor in glow.py, which also finds the light between the dots).
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ from activestereo.calibrate.frames import LEAST_REPEATS, Repeats, check_still
 from activestereo.calibrate.glow import ProjectorView, SeenWall, light_between_dots, power_factor, projected
 from activestereo.calibrate.spots import Spots, find_spots
 from activestereo.calibrate.wall import Wall, find_wall
-from activestereo.capture.capture import EYES, Capture, Frame, read_capture
+from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
 from activestereo.capture.capture import Rig as CaptureRig
 from activestereo.capture.images import read_gray
 from activestereo.common.progress_bar import part_of
@@ -39,15 +39,15 @@ _ALIKE_POWERS = 0.3
 _INTERPOLATED_PX2 = 1.0 / 6.0  # a tent's variance
 _LEAST_LINES = 100
 _INTERVAL_90 = 1.6449
-# Of the right eye: what calibrations of rectified images err by, and more. Beside the row, in baselines: 0.25 mm of a
-# D435's move a dot by a tenth of a pixel at half a metre, and matched rows take half of that.
+# Of the right camera: what calibrations of rectified images err by, and more. Beside the row, in baselines: 0.25 mm of
+# a D435's move a dot by a tenth of a pixel at half a metre, and matched rows take half of that.
 _MOST_TURNED_DEG, _MOST_ASIDE = 0.3, 0.005
 
 
 @dataclass(frozen=True)
 class WallView:
-    """One distance: averaged images by eye, their spots, those that the images' borders cut, the wall they lie on, and
-    the exposure."""
+    """One distance: averaged images by camera, their spots, those that the images' borders cut, the wall they lie on,
+    and the exposure."""
 
     name: str
     images: dict[str, np.ndarray]
@@ -62,7 +62,7 @@ class Pattern:
     """dots [n][3]: u, v in pixels of an image of `size` under K, and power in pixels squared, their mean that of the
     nominal pattern (or 1). position_m: the projector's origin in the left camera's frame; position_error_m: its
     standard deviations, None where it is nominal. background: light between the dots, in the powers' unit per square
-    pixel, and half of what the eyes differ by; None where it was not measured. seen_twice: dots that two distances
+    pixel, and half of what the cameras differ by; None where it was not measured. seen_twice: dots that two distances
     show. rig: what was believed."""
 
     dots: np.ndarray
@@ -93,8 +93,8 @@ class Pattern:
             background=0.0 if self.background is None else self.background[0],
             source=f"{source}; {where}",
         )
-        eyes = (self.rig.left, self.rig.right)
-        left, right = (RigCamera(c.width, c.height, c.K, tuple(c.distortion)) for c in eyes)
+        sides = (self.rig.left, self.rig.right)
+        left, right = (RigCamera(c.width, c.height, c.K, tuple(c.distortion)) for c in sides)
         nominal = Rig(
             left,
             right,
@@ -138,7 +138,8 @@ class Pattern:
             peak = float(self.dots[:, 2].max()) / (2.0 * np.pi * self.dot_sigma_px**2)
             value, differ = 100.0 * self.background[0] / peak, 200.0 * self.background[1] / peak
             lines.append(
-                f"light between the dots: {value:.2f} % of the brightest dot's peak; the eyes differ by {differ:.2f} %"
+                f"light between the dots: {value:.2f} % of the brightest dot's peak; the cameras differ by "
+                f"{differ:.2f} %"
             )
         return "\n".join(lines)
 
@@ -150,7 +151,7 @@ def calibrate_pattern(
     projector on.
 
     The rig is believed, `model`'s where it has one and else the capture's nominal one: K, the baseline, the projector's
-    K and, for one distance, its place. Dots are directions from that rig's eyes, and right beside no other one.
+    K and, for one distance, its place. Dots are directions from that rig's cameras, and right beside no other one.
     ValueError with file, number and remedy: too few or moving repeats, a saturated wall, a distorted lens, what is not
     flat.
     """
@@ -192,7 +193,7 @@ def _check_rig(capture: Capture, source: str) -> None:
             f"{source}: rig.left_to_right: turns the right camera by {turned:.2f} degrees, at most "
             f"{_MOST_TURNED_DEG:g} are taken for rectified images: rectify them"
         )
-    x, y, z = _right_eye(rig)
+    x, y, z = _right_side(rig)
     if x <= 0:
         raise ValueError(f"{source}: rig.left_to_right: x is {-x:g}, expected below 0: left and right are swapped")
     if np.hypot(y, z) > _MOST_ASIDE * x:
@@ -202,7 +203,7 @@ def _check_rig(capture: Capture, source: str) -> None:
         )
 
 
-def _right_eye(rig: CaptureRig) -> np.ndarray:
+def _right_side(rig: CaptureRig) -> np.ndarray:
     """Its place in the left camera's frame, metres."""
     return np.asarray(-rig.left_to_right[:3, :3].T @ rig.left_to_right[:3, 3])
 
@@ -213,16 +214,16 @@ def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[
             f"{name}: {len(frames)} repeats, at least {LEAST_REPEATS} are needed: record more frames of the wall"
         )
     images, spots, cut = {}, {}, {}
-    for place, eye in enumerate(EYES):
-        counts = np.stack([read_gray(frame.path(eye), key=f"frames[id={frame.id}].{eye}") for frame in frames])
-        check_still(Repeats(f"{name}, {eye}", counts))
-        _check_saturation(f"{name}, {eye}", counts, capture.rig.max_dn)
-        images[eye] = counts.mean(axis=0)
-        found = find_spots(images[eye], _variance_of_mean(counts), part_of(tell, 0.5 * place, 0.5 * place + 0.5))
+    for place, side in enumerate(SIDES):
+        counts = np.stack([read_gray(frame.path(side), key=f"frames[id={frame.id}].{side}") for frame in frames])
+        check_still(Repeats(f"{name}, {side}", counts))
+        _check_saturation(f"{name}, {side}", counts, capture.rig.max_dn)
+        images[side] = counts.mean(axis=0)
+        found = find_spots(images[side], _variance_of_mean(counts), part_of(tell, 0.5 * place, 0.5 * place + 0.5))
         is_whole = found.is_whole
-        if eye == "right":
+        if side == "right":
             found = _as_if_not_turned(found, capture.rig)
-        spots[eye], cut[eye] = found.of(is_whole), found.of(~is_whole)
+        spots[side], cut[side] = found.of(is_whole), found.of(~is_whole)
     wall = find_wall(
         spots["left"], spots["right"], capture.rig.left.K, capture.rig.right.K, capture.rig.baseline_m, name
     )
@@ -230,7 +231,7 @@ def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[
 
 
 def _as_if_not_turned(right: Spots, rig: CaptureRig) -> Spots:
-    """Where the right eye's spots would lie, were its axes the left one's: a measured rig is a little turned."""
+    """Where the right camera's spots would lie, were its axes the left one's: a measured rig is a little turned."""
     H = rig.right.K @ rig.left_to_right[:3, :3].T @ np.linalg.inv(rig.right.K)
     u, v, w = H @ np.stack([right.u, right.v, np.ones(len(right))])
     return replace(right, u=u / w, v=v / w)
@@ -317,15 +318,15 @@ def _field(dots: np.ndarray) -> tuple[int, int, int, int]:
 def _background(
     rig: CaptureRig, views: tuple[tuple[WallView, float], ...], projector: ProjectorView
 ) -> tuple[float, float]:
-    """light_between_dots() of both eyes; views with what brings each one's powers to the first one's."""
-    places = {"left": np.zeros(3), "right": _right_eye(rig)}
+    """light_between_dots() of both cameras; views with what brings each one's powers to the first one's."""
+    places = {"left": np.zeros(3), "right": _right_side(rig)}
     cameras = {"left": rig.left.K, "right": rig.right.K}
     walls = [
         [
-            SeenWall(view.spots[eye].background, view.wall.plane, places[eye], cameras[eye], scale)
+            SeenWall(view.spots[side].background, view.wall.plane, places[side], cameras[side], scale)
             for view, scale in views
         ]
-        for eye in EYES
+        for side in SIDES
     ]
     return light_between_dots(walls, projector)
 
@@ -333,16 +334,16 @@ def _background(
 def _dots_of(
     view: WallView, rig: CaptureRig, projector_K: np.ndarray, place: np.ndarray, rotation: np.ndarray
 ) -> np.ndarray:
-    """[dot][3]: u, v in the pattern and power, in units that the views share but for exposure. First the left eye's
-    spots in their order, then those of the right eye that lie out of the left one's sight."""
-    right, eye = view.spots["right"], _right_eye(rig)
-    points = _on_wall(right, view.wall, rig.right.K, eye)
+    """[dot][3]: u, v in the pattern and power, in units that the views share but for exposure. First the left camera's
+    spots in their order, then those of the right camera that lie out of the left one's sight."""
+    right, side = view.spots["right"], _right_side(rig)
+    points = _on_wall(right, view.wall, rig.right.K, side)
     border = view.spots["left"].border_px
     outside = np.zeros(len(points), dtype=bool)
     for axis, size in enumerate((rig.left.width, rig.left.height)):
         pixel = rig.left.K[axis, axis] * points[:, axis] / points[:, 2] + rig.left.K[axis, 2]
         outside |= (pixel <= border) | (pixel >= size - 1 - border)
-    parts = [(view.wall.points, np.zeros(3), view.spots["left"].flux), (points[outside], eye, right.flux[outside])]
+    parts = [(view.wall.points, np.zeros(3), view.spots["left"].flux), (points[outside], side, right.flux[outside])]
     return np.vstack([_as_dots(*part, view.wall, projector_K, place, rotation) for part in parts])
 
 
@@ -351,30 +352,30 @@ def _cut_dots(
 ) -> np.ndarray:
     """[dot][3], as _dots_of() has them, of spots that an image's border cuts: less sure, for where nothing else is."""
     out = []
-    for eye, camera, origin in (("left", rig.left, np.zeros(3)), ("right", rig.right, _right_eye(rig))):
-        points = _on_wall(view.cut[eye], view.wall, camera.K, origin)
-        out.append(_as_dots(points, origin, view.cut[eye].flux, view.wall, projector_K, place, rotation))
+    for side, camera, origin in (("left", rig.left, np.zeros(3)), ("right", rig.right, _right_side(rig))):
+        points = _on_wall(view.cut[side], view.wall, camera.K, origin)
+        out.append(_as_dots(points, origin, view.cut[side].flux, view.wall, projector_K, place, rotation))
     return np.vstack(out)
 
 
-def _on_wall(spots: Spots, wall: Wall, K: np.ndarray, eye: np.ndarray) -> np.ndarray:
-    """[spot][3], in the left camera's frame, where an eye at `eye` sees them."""
+def _on_wall(spots: Spots, wall: Wall, K: np.ndarray, side: np.ndarray) -> np.ndarray:
+    """[spot][3], in the left camera's frame, where a camera at `side` sees them."""
     ray = np.column_stack([(spots.u - K[0, 2]) / K[0, 0], (spots.v - K[1, 2]) / K[1, 1], np.ones(len(spots))])
-    return np.asarray(eye + ray * ((wall.plane[3] - wall.plane[:3] @ eye) / (ray @ wall.plane[:3]))[:, None])
+    return np.asarray(side + ray * ((wall.plane[3] - wall.plane[:3] @ side) / (ray @ wall.plane[:3]))[:, None])
 
 
 def _as_dots(
     points: np.ndarray,
-    eye: np.ndarray,
+    side: np.ndarray,
     flux: np.ndarray,
     wall: Wall,
     projector_K: np.ndarray,
     place: np.ndarray,
     rotation: np.ndarray,
 ) -> np.ndarray:
-    """[dot][3]: u, v in the pattern and power of what an eye sees on the wall."""
+    """[dot][3]: u, v in the pattern and power of what a camera sees on the wall."""
     uv, beam = projected(points, place, rotation, projector_K)
-    return np.column_stack([uv, flux * power_factor(points - eye, wall.plane[:3], beam)])
+    return np.column_stack([uv, flux * power_factor(points - side, wall.plane[:3], beam)])
 
 
 def _meeting_point(

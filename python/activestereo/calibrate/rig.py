@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The calibration of both infrared cameras from frames of a board: K, lenses, the place of the right eye, and every
+"""The calibration of both infrared cameras from frames of a board: K, lenses, the place of the right camera, and every
 board's pose.
 
 OpenCV's calibrateCamera and stereoCalibrate (Zhang 2000) give the start; a bundle adjustment over everything gives the
@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 
 from activestereo.calibrate.boards import Board
-from activestereo.capture.capture import EYES
+from activestereo.capture.capture import SIDES
 from activestereo.capture.images import read_gray
 from activestereo.common.progress_bar import part_of
 from activestereo.model import Rig, RigCamera, SensorModel
@@ -33,7 +33,7 @@ _INFLATION = 1.1
 
 @dataclass(frozen=True)
 class BoardView:
-    """One frame pair: points [n][3] and pixels [n][2] by eye; an eye that does not see the board is absent."""
+    """One frame pair: points [n][3] and pixels [n][2] by camera; a camera that does not see the board is absent."""
 
     name: str
     corners: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
@@ -41,9 +41,9 @@ class BoardView:
 
 @dataclass(frozen=True)
 class Calibration:
-    """K, distortion: by eye. left_to_right: 4x4. board_to_left: {view's name: 4x4}. error: standard deviations of {eye:
-    fx, fy, cx, cy} and of left_to_right's translation. rms_px: of the residuals. coverage: share of the picture's
-    cells that corners reach, by eye."""
+    """K, distortion: by camera. left_to_right: 4x4. board_to_left: {view's name: 4x4}. error: standard deviations of
+    {side: fx, fy, cx, cy} and of left_to_right's translation. rms_px: of the residuals. coverage: share of the
+    picture's cells that corners reach, by camera."""
 
     size: tuple[int, int]
     K: dict[str, NDArray[np.float64]]
@@ -58,35 +58,35 @@ class Calibration:
 
     def model(self, left_to_projector: NDArray[np.float64] | None = None) -> SensorModel:
         """model.json's `rig`."""
-        left, right = (RigCamera(*self.size, self.K[eye], tuple(map(float, self.distortion[eye]))) for eye in EYES)
+        left, right = (RigCamera(*self.size, self.K[side], tuple(map(float, self.distortion[side]))) for side in SIDES)
         errors = "; ".join(
-            f"{eye} f ± {_INTERVAL_90 * self.error[eye][0]:.2g}, c ± {_INTERVAL_90 * self.error[eye][2]:.2g} px"
-            for eye in EYES
+            f"{side} f ± {_INTERVAL_90 * self.error[side][0]:.2g}, c ± {_INTERVAL_90 * self.error[side][2]:.2g} px"
+            for side in SIDES
         )
         source = f"calibrate rig: {len(self.views)} boards, {self.rms_px:.3f} px RMS, 90 %: {errors}"
         return SensorModel(rig=Rig(left, right, self.left_to_right, left_to_projector, self.bit_depth, source=source))
 
-    def interval(self, eye: str, number: int) -> tuple[float, float]:
-        """The 90 % interval of an eye's fx, fy, cx or cy (number 0..3)."""
-        K, half = self.K[eye], _INTERVAL_90 * self.error[eye][number]
+    def interval(self, side: str, number: int) -> tuple[float, float]:
+        """The 90 % interval of a camera's fx, fy, cx or cy (number 0..3)."""
+        K, half = self.K[side], _INTERVAL_90 * self.error[side][number]
         value = (K[0, 0], K[1, 1], K[0, 2], K[1, 2])[number]
         return float(value - half), float(value + half)
 
     def text(self) -> str:
         """The summary that the command prints."""
         lines = [f"{len(self.views)} boards, {self.rms_px:.3f} px RMS (values with 90 % intervals)"]
-        for eye in EYES:
-            K, half = self.K[eye], _INTERVAL_90 * self.error[eye]
+        for side in SIDES:
+            K, half = self.K[side], _INTERVAL_90 * self.error[side]
             numbers = zip(("fx", "fy", "cx", "cy"), (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), half, strict=True)
             words = ", ".join(f"{name} {value:.2f} ± {h:.2f}" for name, value, h in numbers)
-            lens = ", ".join(f"{d:.4f}" for d in self.distortion[eye])
+            lens = ", ".join(f"{d:.4f}" for d in self.distortion[side])
             lines.append(
-                f"{eye}: {words} px; lens {lens}; corners reach {100 * self.coverage[eye]:.0f} % of the picture"
+                f"{side}: {words} px; lens {lens}; corners reach {100 * self.coverage[side]:.0f} % of the picture"
             )
         t, e = 1e3 * self.left_to_right[:3, 3], 1e3 * _INTERVAL_90 * self.error["translation"]
         angle = np.rad2deg(np.linalg.norm(cv2.Rodrigues(self.left_to_right[:3, :3])[0]))
         lines.append(
-            f"right eye: x {t[0]:.3f} ± {e[0]:.3f}, y {t[1]:.3f} ± {e[1]:.3f}, z {t[2]:.3f} ± {e[2]:.3f} mm, turned "
+            f"right camera: x {t[0]:.3f} ± {e[0]:.3f}, y {t[1]:.3f} ± {e[1]:.3f}, z {t[2]:.3f} ± {e[2]:.3f} mm, turned "
             f"{angle:.3f} deg"
         )
         if len(self.views) < _FEW_BOARDS:
@@ -104,8 +104,8 @@ def calibrate_rig(
     """The Calibration from PATH/left/*.png and PATH/right/*.png, pairs by name.
 
     has_lens: fit five coefficients of distortion; else the images are rectified, and both lenses ideal. known_K: 3x3 of
-    both eyes, held (a device's own). ValueError with file, number and remedy: no pairs, sizes that differ, fewer than 3
-    boards found.
+    both cameras, held (a device's own). ValueError with file, number and remedy: no pairs, sizes that differ, fewer
+    than 3 boards found.
     """
     tell = progress or (lambda fraction: None)
     views, size, bit_depth = find_boards(path, board, part_of(tell, 0.0, 0.7))
@@ -118,34 +118,35 @@ def find_boards(
     path: Path, board: Board, tell: Callable[[float], object]
 ) -> tuple[list[BoardView], tuple[int, int], int]:
     """(views that show a board, (width, height), bit depth)."""
-    folders = {eye: Path(path) / eye for eye in EYES}
-    names = {eye: {file.name for file in folder.glob("*.png")} for eye, folder in folders.items()}
+    folders = {side: Path(path) / side for side in SIDES}
+    names = {side: {file.name for file in folder.glob("*.png")} for side, folder in folders.items()}
     both = sorted(names["left"] & names["right"])
     if not both:
         raise ValueError(
-            f"{path}: no PNG file is in both left/ and right/: give a folder with frames of both eyes under equal names"
+            f"{path}: no PNG file is in both left/ and right/: give a folder with frames of both cameras under equal "
+            "names"
         )
     views: list[BoardView] = []
     size: tuple[int, int] | None = None
     depth = 8
     for number, name in enumerate(both):
         corners = {}
-        for eye in EYES:
-            image = read_gray(folders[eye] / name, size, "board frame")
+        for side in SIDES:
+            image = read_gray(folders[side] / name, size, "board frame")
             size = (image.shape[1], image.shape[0])
             if image.dtype == np.uint16:
                 depth = max(depth, int(image.max()).bit_length())
                 image = (image.astype(np.float32) * (255.0 / max(int(image.max()), 1))).astype(np.uint8)
             found = board.find(image)
             if found is not None:
-                corners[eye] = found
+                corners[side] = found
         if corners:
             views.append(BoardView(name, corners))
         tell((number + 1) / len(both))
     seen = sum(len(view.corners) == 2 for view in views)
     if size is None or seen < LEAST_BOARDS:
         raise ValueError(
-            f"{path}: {seen} of {len(both)} frame pairs show the board to both eyes, at least {LEAST_BOARDS} are "
+            f"{path}: {seen} of {len(both)} frame pairs show the board to both cameras, at least {LEAST_BOARDS} are "
             "needed: check --board, light the board evenly with the projector off, and keep all of a chessboard in "
             "view"
         )
@@ -187,7 +188,7 @@ def _calibrate(
     deviation = _INFLATION * np.sqrt(variance * np.diag(inverse))
     K, distortion, left_to_right, poses = problem.unpacked(solution.x)
     error = problem.errors(deviation)
-    coverage = {eye: _coverage([v.corners[eye][1] for v in views if eye in v.corners], size) for eye in EYES}
+    coverage = {side: _coverage([v.corners[side][1] for v in views if side in v.corners], size) for side in SIDES}
     boards = {view.name: pose for view, pose in zip(views, poses, strict=True)}
     result = Calibration(
         size,
@@ -215,24 +216,24 @@ class _Start:
 def _start(
     views: list[BoardView], size: tuple[int, int], has_lens: bool, known_K: NDArray[np.float64] | None
 ) -> _Start:
-    """OpenCV's calibration of each eye, and board poses in the left camera."""
+    """OpenCV's calibration of each camera, and board poses in the left camera."""
     K, distortion = {}, {}
     poses: dict[str, dict[str, NDArray[np.float64]]] = {}
     flags = 0 if has_lens else cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
-    for eye in EYES:
-        seen = [view for view in views if eye in view.corners]
-        points = [view.corners[eye][0].astype(np.float32) for view in seen]
-        pixels = [view.corners[eye][1].astype(np.float32) for view in seen]
+    for side in SIDES:
+        seen = [view for view in views if side in view.corners]
+        points = [view.corners[side][0].astype(np.float32) for view in seen]
+        pixels = [view.corners[side][1].astype(np.float32) for view in seen]
         if known_K is None:
-            _, K[eye], lens, rotations, translations = cv2.calibrateCamera(
+            _, K[side], lens, rotations, translations = cv2.calibrateCamera(
                 points, pixels, size, None, None, flags=flags
             )
-            distortion[eye] = np.ravel(lens)[:5]
+            distortion[side] = np.ravel(lens)[:5]
         else:
-            K[eye], distortion[eye] = np.array(known_K, dtype=np.float64), np.zeros(5)
-            solved = [cv2.solvePnP(p, q, K[eye], distortion[eye]) for p, q in zip(points, pixels, strict=True)]
+            K[side], distortion[side] = np.array(known_K, dtype=np.float64), np.zeros(5)
+            solved = [cv2.solvePnP(p, q, K[side], distortion[side]) for p, q in zip(points, pixels, strict=True)]
             rotations, translations = [s[1] for s in solved], [s[2] for s in solved]
-        poses[eye] = {view.name: _pose(r, t) for view, r, t in zip(seen, rotations, translations, strict=True)}
+        poses[side] = {view.name: _pose(r, t) for view, r, t in zip(seen, rotations, translations, strict=True)}
     between = [
         poses["right"][name] @ np.linalg.inv(pose) for name, pose in poses["left"].items() if name in poses["right"]
     ]
@@ -245,17 +246,17 @@ def _start(
 
 
 class _Bundle:
-    """The vector of everything, and what it leaves in pixels: per eye fx, fy, cx, cy and the lens; left_to_right; a
+    """The vector of everything, and what it leaves in pixels: per camera fx, fy, cx, cy and the lens; left_to_right; a
     pose per board."""
 
     def __init__(self, views: list[BoardView], start: _Start, has_lens: bool, is_known: bool) -> None:
         self._views, self._has_lens, self._start, self._is_known = views, has_lens, start, is_known
         parts: list[NDArray[np.float64]] = []
-        for eye in EYES if not is_known else ():
-            K = start.K[eye]
+        for side in SIDES if not is_known else ():
+            K = start.K[side]
             parts.append(np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2]]))
-            parts += [start.distortion[eye]] if has_lens else []
-        self._eye = (0 if is_known else 4) + (5 if has_lens and not is_known else 0)
+            parts += [start.distortion[side]] if has_lens else []
+        self._side = (0 if is_known else 4) + (5 if has_lens and not is_known else 0)
         parts.append(_vector(start.left_to_right))
         parts += [_vector(start.boards[view.name]) for view in views]
         self.vector = np.concatenate(parts)
@@ -265,25 +266,25 @@ class _Bundle:
     ) -> tuple[
         dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]], NDArray[np.float64], list[NDArray[np.float64]]
     ]:
-        K, distortion = dict(self._start.K), {eye: np.zeros(5) for eye in EYES}
-        for number, eye in enumerate(EYES if self._eye else ()):
-            part = x[number * self._eye : (number + 1) * self._eye]
-            K[eye] = np.array([[part[0], 0.0, part[2]], [0.0, part[1], part[3]], [0.0, 0.0, 1.0]])
+        K, distortion = dict(self._start.K), {side: np.zeros(5) for side in SIDES}
+        for number, side in enumerate(SIDES if self._side else ()):
+            part = x[number * self._side : (number + 1) * self._side]
+            K[side] = np.array([[part[0], 0.0, part[2]], [0.0, part[1], part[3]], [0.0, 0.0, 1.0]])
             if self._has_lens:
-                distortion[eye] = part[4:9]
-        rest = x[2 * self._eye :].reshape(-1, 6)
+                distortion[side] = part[4:9]
+        rest = x[2 * self._side :].reshape(-1, 6)
         return K, distortion, _pose(rest[0, :3], rest[0, 3:]), [_pose(p[:3], p[3:]) for p in rest[1:]]
 
     def residuals(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         K, distortion, left_to_right, poses = self.unpacked(x)
         out = []
         for view, pose in zip(self._views, poses, strict=True):
-            for eye, (points, pixels) in view.corners.items():
-                camera = pose if eye == "left" else left_to_right @ pose
+            for side, (points, pixels) in view.corners.items():
+                camera = pose if side == "left" else left_to_right @ pose
                 turn = cv2.Rodrigues(camera[:3, :3])[0]
                 out.append(
                     (
-                        cv2.projectPoints(points, turn, camera[:3, 3], K[eye], distortion[eye])[0].reshape(-1, 2)
+                        cv2.projectPoints(points, turn, camera[:3, 3], K[side], distortion[side])[0].reshape(-1, 2)
                         - pixels
                     ).ravel()
                 )
@@ -294,23 +295,23 @@ class _Bundle:
         rows = sum(2 * len(pixels) for view in self._views for _, pixels in view.corners.values())
         pattern, row = lil_matrix((rows, len(self.vector)), dtype=int), 0
         for number, view in enumerate(self._views):
-            pose = 2 * self._eye + 6 * (number + 1)
-            for eye, (_, pixels) in view.corners.items():
+            pose = 2 * self._side + 6 * (number + 1)
+            for side, (_, pixels) in view.corners.items():
                 end = row + 2 * len(pixels)
-                first = EYES.index(eye) * self._eye
-                pattern[row:end, first : first + self._eye] = 1
+                first = SIDES.index(side) * self._side
+                pattern[row:end, first : first + self._side] = 1
                 pattern[row:end, pose : pose + 6] = 1
-                if eye == "right":
-                    pattern[row:end, 2 * self._eye : 2 * self._eye + 6] = 1
+                if side == "right":
+                    pattern[row:end, 2 * self._side : 2 * self._side + 6] = 1
                 row = end
         return pattern
 
     def errors(self, deviation: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        eyes = {
-            eye: deviation[n * self._eye : n * self._eye + 4] if self._eye else np.zeros(4)
-            for n, eye in enumerate(EYES)
+        sides = {
+            side: deviation[n * self._side : n * self._side + 4] if self._side else np.zeros(4)
+            for n, side in enumerate(SIDES)
         }
-        return eyes | {"translation": deviation[2 * self._eye + 3 : 2 * self._eye + 6]}
+        return sides | {"translation": deviation[2 * self._side + 3 : 2 * self._side + 6]}
 
     def rms_by_view(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
         out, row = [], 0

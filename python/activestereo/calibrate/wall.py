@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From spots of both eyes on a flat wall to points in space: the wall is a plane in disparity, and a spot's place the
-best of both eyes."""
+"""From spots of both cameras on a flat wall to points in space: the wall is a plane in disparity, and a spot's place
+the best of both cameras."""
 
 from dataclasses import dataclass
 
@@ -64,11 +64,11 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
         both[i[place]], match[i[place]] = True, j[place]
     if both.sum() < max(_LEAST_MATCHED, 0.3 * len(left.u)):
         raise ValueError(
-            f"{name}: only {both.sum()} of {len(left.u)} dots lie on one plane seen by both eyes: use a flat wall "
+            f"{name}: only {both.sum()} of {len(left.u)} dots lie on one plane seen by both cameras: use a flat wall "
             "without objects, check K and the baseline, and that left and right are not swapped"
         )
     flatness = float(np.sqrt(np.mean((left.u[both] - right.u[match[both]] - column[both] @ coefficients) ** 2)))
-    # The left ray, with the right eye's opinion of its column: half of the disparity's deviation belongs to each.
+    # The left ray, with the right camera's opinion of its column: half of the disparity's deviation belongs to each.
     v = left.v.copy()
     v[both] = 0.5 * (v[both] + (right.v[match[both]] - right_K[1, 2]) * K[1, 1] / right_K[1, 1] + K[1, 2])
 

@@ -88,7 +88,7 @@ def engine_parameters(config: StereoDepthSensorConfig) -> dict[str, Any]:
 def make_engine(config: StereoDepthSensorConfig, device: simsense.Device, batch_count: int = 1) -> simsense.Engine:
     """A depth engine of the configuration's rig and parameters, for batch_count pairs at a time."""
     (width, height), (rgb_width, rgb_height) = config.ir_resolution, config.rgb_resolution
-    (k_left, lens_left), (k_right, lens_right) = config.ir_eye(False), config.ir_eye(True)
+    (k_left, lens_left), (k_right, lens_right) = config.ir_intrinsics(False), config.ir_intrinsics(True)
     is_distorted = bool(np.any(lens_left) or np.any(lens_right))
     return simsense.Engine(
         device,

@@ -334,7 +334,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
             return 0.0
         return self.laser_power_mw / self.laser_power_nominal_mw
 
-    def ir_eye(self, is_right: bool) -> tuple[np.ndarray, Sequence[float]]:
+    def ir_intrinsics(self, is_right: bool) -> tuple[np.ndarray, Sequence[float]]:
         """(K, distortion) of an infrared camera."""
         if not is_right:
             return self.ir_intrinsic, self.ir_distortion

@@ -32,8 +32,8 @@ from activestereo.common.limits import (
 
 FORMAT = "active-stereo-capture"
 VERSION = 1
-EYES = ("left", "right")
-ImageKey = tuple[int, str]  # a frame's id and the camera, one of EYES
+SIDES = ("left", "right")
+ImageKey = tuple[int, str]  # a frame's id and the camera, one of SIDES
 SPLITS = ("train", "test")
 
 
@@ -100,8 +100,8 @@ class Rig:
     line_time_s: float | None = None
     color: ColorCamera | None = None
 
-    def camera(self, eye: str) -> Camera:
-        return {"left": self.left, "right": self.right}[eye]
+    def camera(self, side: str) -> Camera:
+        return {"left": self.left, "right": self.right}[side]
 
     @property
     def baseline_m(self) -> float:
@@ -136,12 +136,12 @@ class Frame:
     color_path: Path | None = None
     gripper_to_base: np.ndarray | None = None
 
-    def path(self, eye: str) -> Path:
+    def path(self, side: str) -> Path:
         """The path of one camera's image. CaptureError where the recording has none."""
-        path = {"left": self.left_path, "right": self.right_path}[eye]
+        path = {"left": self.left_path, "right": self.right_path}[side]
         if path is None:
             raise CaptureError(
-                f"frames[id={self.id}].{eye}: there are no infrared images, only colour and depth"
+                f"frames[id={self.id}].{side}: there are no infrared images, only colour and depth"
             )
         return path
 
@@ -174,10 +174,10 @@ class Capture:
     def split(self, name: str) -> list[Frame]:
         return [frame for frame in self.frames if frame.split == name]
 
-    def ir(self, frame: Frame, eye: str) -> np.ndarray:
+    def ir(self, frame: Frame, side: str) -> np.ndarray:
         """One IR image, float32 [height][width], DN."""
-        camera = self.rig.camera(eye)
-        image = read_gray(frame.path(eye), (camera.width, camera.height), f"frames[id={frame.id}].{eye}")
+        camera = self.rig.camera(side)
+        image = read_gray(frame.path(side), (camera.width, camera.height), f"frames[id={frame.id}].{side}")
         return image.astype(np.float32)
 
     def depth(self, frame: Frame) -> np.ndarray | None:
@@ -269,10 +269,10 @@ def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
     depth_path = entry.file("depth", optional=True)
     if depth_path is not None:
         _check_size(entry, "depth", (rig.left.width, rig.left.height))
-    has_infrared = depth_path is None or any(entry.has(eye) for eye in EYES)
-    for eye in EYES if has_infrared else ():
-        camera = rig.camera(eye)
-        _check_size(entry, eye, (camera.width, camera.height))
+    has_infrared = depth_path is None or any(entry.has(side) for side in SIDES)
+    for side in SIDES if has_infrared else ():
+        camera = rig.camera(side)
+        _check_size(entry, side, (camera.width, camera.height))
     color_path = entry.file("color", optional=True)
     if color_path is not None:
         if rig.color is None:

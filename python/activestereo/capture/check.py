@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from activestereo.capture.capture import EYES, Capture, capture_from
+from activestereo.capture.capture import SIDES, Capture, capture_from
 from activestereo.capture.capture_json import CaptureError, JsonObject
 from activestereo.common.limits import ANY, NUMBER, Limits
 
@@ -104,7 +104,7 @@ def _image_faults(capture: Capture) -> list[str]:
     reads: list[Callable[[], object]] = [capture.rig.projector.pattern]
     for frame in capture.frames:
         if frame.has_infrared:
-            reads += [lambda frame=frame, eye=eye: capture.ir(frame, eye) for eye in EYES]  # type: ignore[misc]
+            reads += [lambda frame=frame, side=side: capture.ir(frame, side) for side in SIDES]  # type: ignore[misc]
         reads += [lambda frame=frame: capture.depth(frame), lambda frame=frame: capture.color(frame)]  # type: ignore[misc]
     found = []
     for read in reads:

@@ -24,7 +24,7 @@ def write_capture(
 ) -> None:
     """Writes `capture` as a folder at `path` (made in a sibling folder, then renamed; `path` must not exist).
 
-    images: {(frame id, eye): uint8 or uint16 [height][width]}, none of recordings of colour and depth alone; pattern:
+    images: {(frame id, side): uint8 or uint16 [height][width]}, none of recordings of colour and depth alone; pattern:
     uint8 [height][width]; depths: {frame id: uint16 [height][width]} in units of the frame's depth_scale; colors:
     {frame id: sRGB uint8 [height][width][3]}. The scene and the files it names are the caller's:
     capture.scene_path is copied with every file beside it that has the same stem.
@@ -47,8 +47,8 @@ def _write(
         if source.is_file():
             write_bytes(partial / source.name, read_bytes(source))
     write_gray(partial / "pattern.png", pattern)
-    for (frame_id, eye), image in images.items():
-        write_gray(partial / eye / f"{frame_id:06d}.png", image)
+    for (frame_id, side), image in images.items():
+        write_gray(partial / side / f"{frame_id:06d}.png", image)
     for frame_id, image in (depths or {}).items():
         write_gray(partial / "depth" / f"{frame_id:06d}.png", image)
     for frame_id, image in (colors or {}).items():

@@ -69,7 +69,7 @@ def _run(args: argparse.Namespace) -> None:
     changed = ", ".join(f"{value:.2f} DN in {split} frames" for split, value in answer["changed_rms_dn"].items())
     noise = injection.noise_model
     print(f"{args.effect}: {', '.join(f'{name} = {value:.4g}' for name, value in answer['parameters'].items())}")
-    print(f"in the {' and '.join(injection.eyes)} images; they change by {changed} (root mean square)")
+    print(f"in the {' and '.join(injection.sides)} images; they change by {changed} (root mean square)")
     print(
         f"noise: {noise.floor_dn2**0.5:.2f} DN without light, by {noise.measured}; black level "
         f"{injection.black_dn:g} DN"

@@ -46,7 +46,7 @@ The projector's dots, each with direction and power, from frames of a flat, matt
 wall, and the projector's place.
 
 WALL_FRAMES is a capture: 10 or more repeats of the wall in one repeat group per
-distance, both eyes, rectified, projector on, no dot clipped. Two distances, the
+distance, both cameras, rectified, projector on, no dot clipped. Two distances, the
 second 1.5 times as far or more, tell where the projector stands; with one its
 nominal place is kept. The nearest wall stands as near as things will. K and the
 baseline are those of FILE's rig where it has one, which calibrate rig measures, else
@@ -58,7 +58,7 @@ example:
 
 _RIG = """\
 Both infrared cameras' calibration from pairs of frames of a board, projector off:
-K, lens, the place of the right eye, all with 90 % intervals, and a picture of
+K, lens, the place of the right camera, all with 90 % intervals, and a picture of
 where corners were seen (FILE's name with .coverage.png). 15 boards or more,
 tilted up to 40 degrees and into every corner of the picture.
 
@@ -108,7 +108,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     rig.add_argument("--robot", type=Path, metavar="FILE", help="CSV of gripper_to_base: name,x,y,z,qx,qy,qz,qw")
     rig.add_argument("--rectified", action="store_true", help="the images are rectified: no lens distortion is fitted")
     rig.add_argument(
-        "--k", type=camera_matrix, metavar="FX,FY,CX,CY", help="the device's own K of both rectified eyes, held"
+        "--k", type=camera_matrix, metavar="FX,FY,CX,CY", help="the device's own K of both rectified cameras, held"
     )
     rig.set_defaults(run=_run_rig)
     calibrate_pose.add_part(parts)

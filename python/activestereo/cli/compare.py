@@ -26,13 +26,13 @@ Compares the simulator with a capture: renders the scene from the capture's pose
 projector scale, ambient scale and black level on the train frames, and gives the root
 mean square error of the infrared images and of depth, train and test, beside the noise
 floor that repeated frames show, or else a frame's own pair. It looks on the train frames
-where the model fails. Where the pattern, the geometry or the order of the eyes is another
+where the model fails. Where the pattern, the geometry or the order of the cameras is another
 one than the files say, that is the first line: nothing below it means anything then.
 
 Writes into DIR:
   compare.json  all figures (documented in report/schema/compare.schema.json)
   compare.png   measured, simulated and residual images, error of each frame
-  report.html   the same on one page, to explore in a browser: every frame and eye,
+  report.html   the same on one page, to explore in a browser: every frame and camera,
                 measured and modelled; it needs no other file and no network. A
                 diagnose.json in DIR is shown too, with what each effect leaves
 
@@ -63,7 +63,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     add_max_bounces(parser)
     add_seed(parser, "same seed, same pictures")
     add_device(parser)
-    add_paper(parser, "the errors of each frame and eye")
+    add_paper(parser, "the errors of each frame and camera")
     add_json(parser)
     parser.set_defaults(run=run)
 

@@ -12,7 +12,8 @@ import numpy as np
 if TYPE_CHECKING:
     import simsense
 
-# Matched the other way round at least so many times as much, and more than half of the image: the eyes are exchanged.
+# Matched the other way round at least so many times as much, and more than half of the image: the cameras are
+# exchanged.
 _TIMES = 1.5
 _SUSPICIOUS_FILL = 0.6
 _LEAST_FILL = 0.5
@@ -59,6 +60,6 @@ def _exchanged(
     if other < max(_LEAST_FILL, _TIMES * fill):
         return None
     return (
-        f"hint: exchanged, the images give {100 * other:.1f} % instead of {100 * fill:.1f} %: is LEFT the right eye's "
-        "image?"
+        f"hint: exchanged, the images give {100 * other:.1f} % instead of {100 * fill:.1f} %: is LEFT the right "
+        "camera's image?"
     )

@@ -15,7 +15,7 @@ from activestereo.cli.arguments import CommandError
 if TYPE_CHECKING:
     from activestereo.capture.importers.realsense_folder import FrameFiles
     from activestereo.capture.importers.realsense_text import DeviceText
-    from activestereo.compare.eye_order import EyeOrder
+    from activestereo.compare.camera_order import CameraOrder
 
 # Rows of rectified images match to about 0.2 px on real devices; beyond this a matcher loses pixels.
 _MOST_ROWS_PX = 0.5
@@ -60,7 +60,7 @@ def folder_device(args: argparse.Namespace, files: Sequence[FrameFiles]) -> tupl
     lens, left_to_right = Intrinsic(width, height, K, np.zeros(5)), np.eye(4)
     left_to_right[0, 3] = -baseline_m
     modes = {(name, width, height): lens for name in ("Infrared 1", "Infrared 2")}
-    assumed.append("both eyes are rectified to this K")
+    assumed.append("both cameras are rectified to this K")
     return DeviceText(Path("--k"), modes, {("Infrared 1", "Infrared 2"): left_to_right}), assumed
 
 
@@ -76,19 +76,19 @@ def given_device(args: argparse.Namespace) -> DeviceText | None:
     if args.rectified:
         raise CommandError("--rectified is about ROS' YAML: give it with --calibration FILE.yaml")
     if len(paths) > 1:
-        raise CommandError("--calibration is given twice: only ROS' YAML has a file for each eye")
+        raise CommandError("--calibration is given twice: only ROS' YAML has a file for each camera")
     return read_device_text(paths[0]) if paths else None
 
 
-def checked_eyes(files: Sequence[FrameFiles], are_exchanged: bool) -> EyeOrder:
-    """The order of the eyes in up to three pairs. CommandError where they are swapped, by --swap (are_exchanged) or
+def checked_sides(files: Sequence[FrameFiles], are_exchanged: bool) -> CameraOrder:
+    """The order of the cameras in up to three pairs. CommandError where they are swapped, by --swap (are_exchanged) or
     without it."""
     from activestereo.capture.images import read_gray
-    from activestereo.compare.eye_order import eye_order
+    from activestereo.compare.camera_order import camera_order
 
     some = [files[i].files for i in sorted({0, len(files) // 2, len(files) - 1})]
     pairs = [(read_gray(own["left"], key="Infrared 1"), read_gray(own["right"], key="Infrared 2")) for own in some]
-    order = eye_order([(left, right) for left, right in pairs if left.shape == right.shape])
+    order = camera_order([(left, right) for left, right in pairs if left.shape == right.shape])
     if order.is_swapped:
         raise CommandError(
             f"left and right are swapped: {100 * order.nearer_right:.0f} % of {order.patches} patches lie further "
@@ -98,7 +98,8 @@ def checked_eyes(files: Sequence[FrameFiles], are_exchanged: bool) -> EyeOrder:
 
 
 def is_rectified(device: DeviceText, width: int, height: int) -> bool:
-    """Whether images of this calibration are rectified: no lens, one K, and eyes that differ by the baseline alone."""
+    """Whether images of this calibration are rectified: no lens, one K, and cameras that differ by the baseline
+    alone."""
     left, right = (device.intrinsic(name, width, height) for name in ("Infrared 1", "Infrared 2"))
     left_to_right = device.extrinsic("Infrared 1", "Infrared 2")
     turned = np.abs(left_to_right[:3, :3] - np.eye(3)).max() * left.K[0, 0]
@@ -108,12 +109,14 @@ def is_rectified(device: DeviceText, width: int, height: int) -> bool:
     return bool(max(turned, apart) < _MOST_ROWS_PX and across < 0.01 and lens == 0.0)
 
 
-def eyes_text(order: EyeOrder) -> str:
+def sides_text(order: CameraOrder) -> str:
     if not order.is_told:
-        return f"eyes: only {order.patches} patches are alike in both images, which tells neither order nor rows"
+        return f"cameras: only {order.patches} patches are alike in both images, which tells neither order nor rows"
     row = f"rows {order.row_offset_px:+.2f} px apart (spread {order.row_spread_px:.2f}) in {order.patches} patches"
     wrong = abs(order.row_offset_px) > _MOST_ROWS_PX or order.row_spread_px > 1.0
-    return f"eyes: {row}" + (": they do not match, so the pair is not rectified by this calibration" if wrong else "")
+    return f"cameras: {row}" + (
+        ": they do not match, so the pair is not rectified by this calibration" if wrong else ""
+    )
 
 
 def missing_text(files: Sequence[FrameFiles], has_poses: bool) -> list[str]:

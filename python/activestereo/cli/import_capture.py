@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from activestereo.cli.arguments import CommandError, Commands, camera_matrix, integer_from, positive, size
 from activestereo.cli.import_calibration import (
-    checked_eyes,
-    eyes_text,
+    checked_sides,
     folder_device,
     given_device,
     is_rectified,
     missing_text,
+    sides_text,
     unused_text,
 )
 
@@ -30,11 +30,11 @@ Makes a capture of a recording. RECORDING is one of
   a folder of PNG files of both infrared streams, of depth (16-bit) and colour where
     they were saved; names tell the stream (Infrared 1, Infrared 2, Depth, Color, or
     left, right, depth) and the time or number; names without one are the same in
-    each stream but for that word. Folders inside with both eyes of their own are
+    each stream but for that word. Folders inside with both cameras of their own are
     views of their own (walls/near, walls/far); one named off has frames with the
     projector off (desk/on, desk/off). --calibration is what rs-enumerate-devices -c
     prints, saved to a file, or YAML of Kalibr (camchain.yaml) or of ROS (camera_info
-    of each eye; needs: apt-get install python3-yaml); --k and --baseline do for
+    of each camera; needs: apt-get install python3-yaml); --k and --baseline do for
     other cameras' rectified images, and without either the preset's nominal figures
   a bag: librealsense's .bag, or one of ROS 1 or ROS 2 with the topics of
     realsense-ros (needs: pip install rosbags). It has its own calibration
@@ -72,13 +72,13 @@ def add_parser(commands: Commands) -> None:
     add = parser.add_argument
     add("recording", type=Path, metavar="RECORDING", help="folder of PNG files, a bag, or live")
     text = "output of rs-enumerate-devices -c, Kalibr's camchain.yaml, or ROS' camera_info YAML, which is given twice, "
-    text += "for both eyes; not needed for a bag"
+    text += "for both cameras; not needed for a bag"
     add("--calibration", type=Path, action="append", default=[], metavar="FILE", help=text)
     add("--rectified", action="store_true", help="the images are ROS' image_rect, not image_raw (with ROS' YAML)")
-    text = "of both rectified eyes, or of colour and depth, where no file tells it"
+    text = "of both rectified cameras, or of colour and depth, where no file tells it"
     add("--k", type=camera_matrix, metavar="FX,FY,CX,CY", help=text)
-    add("--baseline", type=positive, metavar="M", help="metres between the eyes, where no file tells it")
-    add("--swap", action="store_true", help="the files named left are the right eye's")
+    add("--baseline", type=positive, metavar="M", help="metres between the cameras, where no file tells it")
+    add("--swap", action="store_true", help="the files named left are the right camera's")
     text = "what the depth images' names hold, where there are several kinds (default: depth)"
     add("--depth", metavar="WORD", help=text)
     add("-o", "--out", required=True, type=Path, metavar="DIR", help="the capture's folder, which must not exist")
@@ -194,9 +194,9 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
     else:
         device, assumed = folder_device(args, files)
     if is_rectified(device, *image_size(files[0].files["left"], "Infrared 1")):
-        told = [eyes_text(checked_eyes(files, args.swap))]
+        told = [sides_text(checked_sides(files, args.swap))]
     else:
-        told = ["eyes: not rectified, by this calibration: their order and rows are not looked at"]
+        told = ["cameras: not rectified, by this calibration: their order and rows are not looked at"]
     told += [*(f"assumed: {line}" for line in assumed)]
     told += unused_text(folder, files)
     told += [f"missing: {line}" for line in missing_text(files, bool(args.poses or args.robot))]

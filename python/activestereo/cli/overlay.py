@@ -82,7 +82,7 @@ def _of_capture(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint
     capture = read_capture(args.source)
     try:
         views = object_views(capture, most_poses=10**6)
-    except ValueError:  # only dots: they will do for the eye
+    except ValueError:  # only dots: they will do to look at
         rig = capture.rig
         views = [
             View(

@@ -23,7 +23,7 @@ from activestereo.cli.arguments import (
 _TEXT = """\
 States what one rectified infrared pair of a real sensor tells without a known
 scene, each with its 95 % interval: saturated pixels, gain and offset of the right
-eye against the left, how far its rows lie off, and, beside the device's own depth,
+camera against the left, how far its rows lie off, and, beside the device's own depth,
 by how much f x baseline or the disparity is off; then its dots, noise, black level
 and left-right residual. Prints the tables and writes DIR/pair.json.
 

@@ -58,7 +58,7 @@ def _table(cameras: list[CameraData]) -> str:
     rows = [("name", "images", "f px", "baseline", "laser", "black", "exposure", "camera")]
     for camera in cameras:
         width, height = camera.value("rig", "ir_resolution")
-        left, right = (camera.value("rig", f"{eye}_position_m") for eye in ("left", "right"))
+        left, right = (camera.value("rig", f"{side}_position_m") for side in ("left", "right"))
         baseline_mm = 1e3 * sum((a - b) ** 2 for a, b in zip(left, right, strict=True)) ** 0.5
         has_laser = camera.value("projector", "has_projector", True)
         rows.append((

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One eye's image as the other eye would see it, through the depth of the known scene."""
+"""One camera's image as the other camera would see it, through the depth of the known scene."""
 
 from dataclasses import dataclass
 
@@ -10,12 +10,13 @@ from scipy.ndimage import map_coordinates
 from activestereo.common.lens import distort, is_drawn, undistort
 from activestereo.effects.core.view import View
 
-_OCCLUSION = 0.02  # relative difference of depth from which on the two eyes see different surfaces
+_OCCLUSION = 0.02  # relative difference of depth from which on the two cameras see different surfaces
 
 
 @dataclass(frozen=True)
 class Warp:
-    """Where each pixel of the left eye is in the right eye's image: u, v [height][width]; seen: both eyes see it."""
+    """Where each pixel of the left camera is in the right camera's image: u, v [height][width]; seen: both cameras see
+    it."""
 
     u: NDArray[np.float64]
     v: NDArray[np.float64]
@@ -33,7 +34,7 @@ class Warp:
 
 
 def warp_between(left: View, right: View) -> Warp:
-    """The Warp of two eyes of one frame."""
+    """The Warp of two cameras of one frame."""
     height, width = left.shape
     v, u = np.mgrid[0:height, 0:width].astype(np.float64)
     x, y = (u - left.K[0, 2]) / left.K[0, 0], (v - left.K[1, 2]) / left.K[1, 1]

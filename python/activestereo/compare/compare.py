@@ -40,8 +40,8 @@ PHASES_S = {RENDERING: 15.0, PREDICTING: 2.0, LOOKING: 5.0}
 
 @dataclass(frozen=True)
 class Comparison:
-    """scores: what compare.json holds (report/schema/compare.schema.json). measured, predictions: {(frame id, eye):
-    DN [height][width]}. depths: a DepthFrame for each frame with the device's depth. layers: {frame id: {eye: Layers}}
+    """scores: what compare.json holds (report/schema/compare.schema.json). measured, predictions: {(frame id, side):
+    DN [height][width]}. depths: a DepthFrame for each frame with the device's depth. layers: {frame id: {side: Layers}}
     as rendered, the mean of two halves of the samples. Errors of images are without the renderer's own noise
     (render_noise.py)."""
 
@@ -54,7 +54,7 @@ class Comparison:
     model: Model
 
     def residuals(self) -> dict[tuple[int, str], np.ndarray]:
-        """{(frame id, eye): measured minus expected DN, float32 [height][width]}."""
+        """{(frame id, side): measured minus expected DN, float32 [height][width]}."""
         return residuals_of(self.measured, self.predictions)
 
     def _repr_html_(self) -> str:

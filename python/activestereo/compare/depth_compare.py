@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from activestereo.capture.capture import EYES, SPLITS, Frame
+from activestereo.capture.capture import SIDES, SPLITS, Frame
 from activestereo.compare.depth_model import DepthModel, expose, residual_variance
 from activestereo.compare.noise import NoiseModel
 
@@ -52,7 +52,7 @@ def model_depths(
     seed: int = 0,
     split: str | None = None,
 ) -> list[DepthFrame]:
-    """A DepthFrame for each frame that has the device's depth. measured, predictions: {(frame id, eye): DN}; views:
+    """A DepthFrame for each frame that has the device's depth. measured, predictions: {(frame id, side): DN}; views:
     {...: View}.
 
     model: its effects on disparity and depth act on what simsense matches. split: frames of it alone.
@@ -69,9 +69,9 @@ def model_depths(
         assert device is not None  # it has a depth_path
         for draw in range(2):
             pair = []
-            for index, eye in enumerate(EYES):
-                expected = predictions[frame.id, eye].astype(np.float64)
-                noise = noise_model or NoiseModel(residual_variance(measured[frame.id, eye], expected), 0.0, 0.0, 0.0)
+            for index, side in enumerate(SIDES):
+                expected = predictions[frame.id, side].astype(np.float64)
+                noise = noise_model or NoiseModel(residual_variance(measured[frame.id, side], expected), 0.0, 0.0, 0.0)
                 rng = np.random.Generator(np.random.Philox(key=[seed, 4 * frame.id + 2 * draw + index]))
                 pair.append(expose(expected, frame.gain, noise, capture.rig.max_dn, rng))
             draws.append(model.depth(engine.depth(*pair), view))

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from activestereo.compare.layers import Layers
     from activestereo.compare.render import Renderer
 
-# Effects that act between the eyes move the right image.
-_EYE = "right"
+# Effects that act between the cameras move the right image.
+_SIDE = "right"
 _SCALE = 2.0
 _SAMPLES, _BOUNCES = 128, 2
 _NUISANCES = Nuisances(projector_scale=120000.0, ambient_scale=9000.0, black_dn=5.0)
@@ -55,7 +55,7 @@ class StripWorld:
             capture = trial_capture(Path(folder), _SCALE)
             frame = capture.frames[0]
             layers = render_frames(capture, renderer, _SAMPLES, _BOUNCES, cache=cache, scale=WARP_SCALE)[frame.id]
-            self._views = {eye: View.of(capture, frame, eye, layers[eye]) for eye in layers}
+            self._views = {side: View.of(capture, frame, side, layers[side]) for side in layers}
             self._layers: Mapping[str, Layers] = layers
             self._focal_baseline = float(capture.rig.left.K[0, 0] * capture.rig.baseline_m)
 
@@ -69,8 +69,8 @@ class StripWorld:
         return EffectStrip(effect, values, "DN", *images)
 
     def _image(self, model: Model) -> NDArray[np.float64]:
-        view = self._views[_EYE]
-        light = model.light(self._layers[_EYE], view, True)
+        view = self._views[_SIDE]
+        light = model.light(self._layers[_SIDE], view, True)
         return np.asarray(model.signal(light, view, _NUISANCES, True), dtype=np.float64)
 
     def _of_depth(self, effect: Effect, values: dict[str, float]) -> EffectStrip:

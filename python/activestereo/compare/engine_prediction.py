@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.capture import EYES, Capture, ImageKey
+from activestereo.capture.capture import SIDES, Capture, ImageKey
 from activestereo.common.input_files import read_bytes
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache, scene_digest
@@ -43,9 +43,9 @@ class EngineModel:
         )
         self._imager = ExpectedImager(capture.rig.left.width, capture.rig.left.height, capture.rig.max_dn)
         self._signals = {
-            (frame.id, eye): part.signal
+            (frame.id, side): part.signal
             for frame in capture.frames
-            for eye, part in zip(EYES, renderer.inputs(frame, model).eyes, strict=True)
+            for side, part in zip(SIDES, renderer.inputs(frame, model).sides, strict=True)
         }
 
     def light(self, seen: CameraLight, flat: NDArray[np.float32], view: View) -> Light:
@@ -57,7 +57,7 @@ class EngineModel:
 
     def signal(self, light: Light, view: View, nuisances: Nuisances) -> NDArray[np.float64]:
         """Expected DN [height][width], black level included."""
-        frame, signal = view.frame, self._signals[view.frame.id, view.eye]
+        frame, signal = view.frame, self._signals[view.frame.id, view.side]
         level = 1.0 if frame.ambient is None else frame.ambient
         value = (
             nuisances.projector_scale * frame.projector_power * light.projector
@@ -93,9 +93,9 @@ class EngineImages:
         stored = self._cache.get_arrays(key)
         if stored is None:
             seen = renderer.lights(model, frames, half=half)
-            stored = {f"{eye}_{id}": np.stack([x.direct, x.indirect, x.ambient]) for (id, eye), x in seen.items()}
+            stored = {f"{side}_{id}": np.stack([x.direct, x.indirect, x.ambient]) for (id, side), x in seen.items()}
             self._cache.put_arrays(key, stored)
-        return {(f.id, eye): LightOnly(*stored[f"{eye}_{f.id}"]) for f in frames for eye in EYES}
+        return {(f.id, side): LightOnly(*stored[f"{side}_{f.id}"]) for f in frames for side in SIDES}
 
 
 class LightOnly(NamedTuple):
@@ -130,10 +130,10 @@ def predict_in_engines(
     measured: Mapping[ImageKey, NDArray],
     progress: Callable[[float], object] | None = None,
 ) -> tuple[Fit, dict[ImageKey, list[NDArray[np.float64]]]]:
-    """(the Fit of the nuisances on the train frames, {(frame id, eye): expected DN [height][width] by each of two
+    """(the Fit of the nuisances on the train frames, {(frame id, side): expected DN [height][width] by each of two
     independent halves of the samples}).
 
-    layers: the base model's; views and measured: {(frame id, eye): View and DN}. ValueError where there is nothing to
+    layers: the base model's; views and measured: {(frame id, side): View and DN}. ValueError where there is nothing to
     fit.
     """
     engine, halves = EngineModel(model, renderer), []
@@ -142,9 +142,9 @@ def predict_in_engines(
         seen = renderer.lights(model, scene_measurement=scene_measurement, progress=share, half=half)
         halves.append({k: engine.light(seen[k], layers[k[0]][k[1]].flat, view) for k, view in views.items()})
     train = [
-        (views[f.id, eye], mean_light(*(lights[f.id, eye] for lights in halves)), measured[f.id, eye])
+        (views[f.id, side], mean_light(*(lights[f.id, side] for lights in halves)), measured[f.id, side])
         for f in capture.split("train")
-        for eye in EYES
+        for side in SIDES
     ]
     fit = fit_under_model(engine, train, capture.rig.max_dn)
     return fit, {

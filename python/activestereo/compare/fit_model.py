@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from activestereo.capture.capture import EYES, Capture, ImageKey
+from activestereo.capture.capture import SIDES, Capture, ImageKey
 from activestereo.compare.nuisances import CLIP_MARGIN_SIGMA, Fit, Nuisances, fit_nuisances, solve_bounded
 
 if TYPE_CHECKING:
@@ -47,14 +47,14 @@ def predict_under_model(
     views: Mapping[ImageKey, View],
     measured: Mapping[ImageKey, np.ndarray],
 ) -> tuple[Fit, dict[ImageKey, list[np.ndarray]]]:
-    """(the Fit of the nuisances on the train frames, {(frame id, eye): expected DN, [height][width] each}) under a
+    """(the Fit of the nuisances on the train frames, {(frame id, side): expected DN, [height][width] each}) under a
     Model.
 
     layers: those that are fitted, then those whose images are wanted, or the first alone where they are the same;
-    views and measured: {(frame id, eye): View and DN}. ValueError where there is nothing to fit.
+    views and measured: {(frame id, side): View and DN}. ValueError where there is nothing to fit.
     """
     lights = [{key: model.light(of[key[0]][key[1]], view) for key, view in views.items()} for of in layers]
-    keys = [(frame.id, eye) for frame in capture.split("train") for eye in EYES]
+    keys = [(frame.id, side) for frame in capture.split("train") for side in SIDES]
     train = [(views[key], lights[0][key], measured[key]) for key in keys]
     fit = fit_under_model(model, train, capture.rig.max_dn)
     wanted = lights[1:] or lights

@@ -19,7 +19,7 @@ _OUTLIER = 12.0
 
 
 class ObservedImage(Protocol):
-    """One eye of one frame: measured DN [height][width], view.max_dn, key (frame id, eye)."""
+    """One camera of one frame: measured DN [height][width], view.max_dn, key (frame id, side)."""
 
     @property
     def frame(self) -> Frame: ...

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.capture import EYES, SPLITS, Capture, Frame, ImageKey
+from activestereo.capture.capture import SIDES, SPLITS, Capture, Frame, ImageKey
 from activestereo.compare.engine_prediction import predict_in_engines
 from activestereo.compare.fit_model import predict_under_model
 from activestereo.compare.noise import NoiseModel
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ImageErrors:
-    """A model's expected images beside the measured ones, {(frame id, eye): [height][width]}, DN.
+    """A model's expected images beside the measured ones, {(frame id, side): [height][width]}, DN.
 
-    layers: the base model's light, {frame id: {eye: Layers}}, the mean of two halves of the samples. fit: the nuisances
-    under the model, fitted to the train frames. noise_variances: {(frame id, eye): (variance in DN^2, where it is
-    from)}; noise_model: the noise model or None."""
+    layers: the base model's light, {frame id: {side: Layers}}, the mean of two halves of the samples. fit: the
+    nuisances under the model, fitted to the train frames. noise_variances: {(frame id, side): (variance in DN^2, where
+    it is from)}; noise_model: the noise model or None."""
 
     capture: Capture
     model: Model
@@ -47,38 +47,39 @@ class ImageErrors:
     _sums: dict[ImageKey, dict[str, Any]]
 
     def residuals(self) -> dict[ImageKey, NDArray[np.float32]]:
-        """{(frame id, eye): measured minus expected DN [height][width]}."""
+        """{(frame id, side): measured minus expected DN [height][width]}."""
         return residuals_of(self.measured, self.predictions)
 
     def by_split(self) -> dict[str, dict[str, Any]]:
-        """{"train" or "test": errors pooled over its images, and of each eye}; a split without frames is left out."""
+        """{"train" or "test": errors pooled over its images, and of each camera}; a split without frames is left
+        out."""
         return {split: self._of_split(frames) for split in SPLITS if (frames := self.capture.split(split))}
 
     def by_frame(self) -> list[dict[str, Any]]:
-        """Errors of every frame, and of each eye."""
+        """Errors of every frame, and of each camera."""
         return [self._of_frame(frame) for frame in self.capture.frames]
 
     def _of_split(self, frames: Sequence[Frame]) -> dict[str, Any]:
-        of = {eye: [self._sums[frame.id, eye] for frame in frames] for eye in EYES}
-        pooled = _pool([image for eye in EYES for image in of[eye]])
-        sources = sorted({image["floor_source"] for eye in EYES for image in of[eye] if image["floor_source"]})
+        of = {side: [self._sums[frame.id, side] for frame in frames] for side in SIDES}
+        pooled = _pool([image for side in SIDES for image in of[side]])
+        sources = sorted({image["floor_source"] for side in SIDES for image in of[side] if image["floor_source"]})
         return pooled | {
             "noise_floor_from": sources,
             "frames": [frame.id for frame in frames],
-            "eyes": {eye: _pool(of[eye]) for eye in EYES},
+            "cameras": {side: _pool(of[side]) for side in SIDES},
         }
 
     def _of_frame(self, frame: Frame) -> dict[str, Any]:
-        eyes = {eye: _pool([self._sums[frame.id, eye]]) for eye in EYES}
-        pooled = _pool([self._sums[frame.id, eye] for eye in EYES])
+        sides = {side: _pool([self._sums[frame.id, side]]) for side in SIDES}
+        pooled = _pool([self._sums[frame.id, side] for side in SIDES])
         source = self._sums[frame.id, "left"]["floor_source"]
-        return {"id": frame.id, "split": frame.split} | pooled | {"noise_floor_from": source, "eyes": eyes}
+        return {"id": frame.id, "split": frame.split} | pooled | {"noise_floor_from": source, "cameras": sides}
 
 
 def residuals_of(
     measured: Mapping[ImageKey, NDArray], predictions: Mapping[ImageKey, NDArray[np.float32]]
 ) -> dict[ImageKey, NDArray[np.float32]]:
-    """{(frame id, eye): measured minus expected DN}."""
+    """{(frame id, side): measured minus expected DN}."""
     return {key: measured[key].astype(np.float32) - expected for key, expected in predictions.items()}
 
 
@@ -98,11 +99,11 @@ def image_errors(
     and albedos, which engines alone show. progress: called as progress(fraction done) while engines render.
     """
     layers = mean_of_halves(halves)
-    measured = {(frame.id, eye): capture.ir(frame, eye) for frame in capture.frames for eye in EYES}
+    measured = {(frame.id, side): capture.ir(frame, side) for frame in capture.frames for side in SIDES}
     views = {
-        (frame.id, eye): View.of(capture, frame, eye, layers[frame.id][eye], seed)
+        (frame.id, side): View.of(capture, frame, side, layers[frame.id][side], seed)
         for frame in capture.frames
-        for eye in EYES
+        for side in SIDES
     }
     if engines is None:
         fit, expected = predict_under_model(capture, model, (layers, *halves), views, measured)
@@ -120,7 +121,8 @@ def image_errors(
 
 
 def _sums_of(measured: np.ndarray, halves: Sequence[np.ndarray], floor: Any) -> dict[str, Any]:
-    """Sums of squares of one image, to be pooled over eyes and frames. halves: expected, of half the samples each."""
+    """Sums of squares of one image, to be pooled over cameras and frames. halves: expected, of half the samples
+    each."""
     residual = measured - 0.5 * (halves[0] + halves[1])
     return {
         "squares": float((residual**2).sum()),

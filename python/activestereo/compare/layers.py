@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.capture.capture import EYES, Camera, Capture, Frame, Rig
+from activestereo.capture.capture import SIDES, Camera, Capture, Frame, Rig
 from activestereo.common.lens import distort, is_drawn, undistort
 from activestereo.effects.core.fine import FineImages
 
@@ -158,7 +158,7 @@ def drawn_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> np.ndar
 def sampling_of(rig: Rig, scale: int) -> Sampling:
     """The Sampling at a scale: at 1 the pixels alone; finer ones with a margin, and always enough for the nominal
     lenses."""
-    cameras = [rig.camera(eye) for eye in EYES]
+    cameras = [rig.camera(side) for side in SIDES]
     if scale == 1 and all(camera.is_pinhole for camera in cameras):
         return Sampling()
     reach = max(_reach_px(camera) for camera in cameras)
@@ -195,13 +195,13 @@ def rig_request(
     seed: int,
     sampling: Sampling = Sampling(),
 ) -> RenderRequest:
-    """The render of a frame's pose: both eyes, and the projector that rides with the rig."""
+    """The render of a frame's pose: both cameras, and the projector that rides with the rig."""
     rig = capture.rig
     left_to_world = frame.camera_to_world
     poses = {"left": left_to_world, "right": left_to_world @ np.linalg.inv(rig.left_to_right)}
     cameras = tuple(
-        sampling.camera(ViewCamera(rig.camera(eye).width, rig.camera(eye).height, rig.camera(eye).K, poses[eye]))
-        for eye in EYES
+        sampling.camera(ViewCamera(rig.camera(side).width, rig.camera(side).height, rig.camera(side).K, poses[side]))
+        for side in SIDES
     )
     return RenderRequest(
         scene_path=capture.scene_path,

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether a capture's pattern and geometry are those of its files at all: what has to be said before any effect.
 
-The dots are the evidence. Both eyes see the same dots at the scene's depth where its geometry is right, whatever the
+The dots are the evidence. Both cameras see the same dots at the scene's depth where its geometry is right, whatever the
 pattern is; and the rendered dots are the measured ones where the pattern is right, too. Both are correlations of images
 without their slow parts, over shifts of a few pixels: effects of calibration may move dots, never exchange them.
 """
@@ -55,21 +55,21 @@ class Match:
         limit = _LEAST * self.possible
         if self.geometry < limit and self.swapped > max(limit, self.geometry):
             return [
-                f"the eyes are exchanged: at the scene's depth the images correlate {self.swapped:.2f} with left and "
-                f"right exchanged and {self.geometry:.2f} as they are: exchange left/ and right/ in the capture"
+                f"the cameras are exchanged: at the scene's depth the images correlate {self.swapped:.2f} with left "
+                f"and right exchanged and {self.geometry:.2f} as they are: exchange left/ and right/ in the capture"
             ]
         if self.geometry < limit:
             return [
-                f"geometry does not match: at the scene's depth the eyes' dots correlate {self.geometry:.2f} (noise "
+                f"geometry does not match: at the scene's depth the cameras' dots correlate {self.geometry:.2f} (noise "
                 f"alone would leave {self.possible:.2f}) and the rendered dots {self.pattern:.2f}: check "
                 "camera_to_world, the scene's place and units, K and the baseline; no effect explains this"
             ]
         if self.pattern < limit:
             return [
                 f"the pattern does not match: the rendered dots correlate {self.pattern:.2f} with the measured ones, "
-                f"the eyes' own dots {self.geometry:.2f} with each other at the scene's depth: check pattern.png and "
-                "the projector's K and pose, or measure them by 'activestereo calibrate pattern'; no effect explains "
-                "this"
+                f"the cameras' own dots {self.geometry:.2f} with each other at the scene's depth: check pattern.png "
+                "and the projector's K and pose, or measure them by 'activestereo calibrate pattern'; no effect "
+                "explains this"
             ]
         return []
 
@@ -121,7 +121,7 @@ def _one(
 def _between(
     left: NDArray[np.float64], right: NDArray[np.float64], warp: Warp, inside: NDArray[np.bool_], reach: int
 ) -> float:
-    """The best correlation between the eyes over shifts along a row."""
+    """The best correlation between the cameras over shifts along a row."""
     return max(_correlation(left[inside], warp.read(right, shift)[inside]) for shift in range(-reach, reach + 1))
 
 

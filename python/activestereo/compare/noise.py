@@ -20,7 +20,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import nnls
 
-from activestereo.capture.capture import EYES, Capture, Frame
+from activestereo.capture.capture import SIDES, Capture, Frame
 from activestereo.common.rounding import ROUNDING_VARIANCE
 
 _BINS = 40
@@ -31,7 +31,7 @@ _BLACK_LEVELS = 33
 _CHI2_MARGIN = 4.0
 
 
-# The frames of a repeat group, the eye, and the mean and variance over the repeats, [height][width].
+# The frames of a repeat group, the camera, and the mean and variance over the repeats, [height][width].
 Repeats: TypeAlias = tuple[list[Frame], str, np.ndarray, np.ndarray]
 
 _Item = TypeVar("_Item")
@@ -40,12 +40,12 @@ _Item = TypeVar("_Item")
 def by_repeats(items: Iterable[tuple[Frame, str, _Item]]) -> list[list[_Item]]:
     """The frames of each static view and camera together, in order; frames without repeats are left out.
 
-    items: (frame, eye, what belongs to them).
+    items: (frame, camera, what belongs to them).
     """
     groups: dict[tuple[int, str], list[_Item]] = {}
-    for frame, eye, item in items:
+    for frame, side, item in items:
         if frame.repeat_group is not None:
-            groups.setdefault((frame.repeat_group, eye), []).append(item)
+            groups.setdefault((frame.repeat_group, side), []).append(item)
     return list(groups.values())
 
 
@@ -73,16 +73,16 @@ class NoiseModel:
 def repeat_statistics(
     capture: Capture, split: str | None = None, drift: Mapping[tuple[int, str], np.ndarray] | None = None
 ) -> list[Repeats]:
-    """Pixelwise mean and unbiased variance of every repeat group and eye: [(frames, eye, mean, variance)], DN.
+    """Pixelwise mean and unbiased variance of every repeat group and camera: [(frames, camera, mean, variance)], DN.
 
-    drift: {(frame id, eye): what is known to differ between repeats, DN [height][width]}, taken out of the images.
+    drift: {(frame id, side): what is known to differ between repeats, DN [height][width]}, taken out of the images.
     """
     known = drift or {}
     statistics = []
     for frames in capture.repeats(split).values():
-        for eye in EYES:
-            stack = np.stack([capture.ir(frame, eye) - known.get((frame.id, eye), 0.0) for frame in frames])
-            statistics.append((frames, eye, stack.mean(axis=0), stack.var(axis=0, ddof=1)))
+        for side in SIDES:
+            stack = np.stack([capture.ir(frame, side) - known.get((frame.id, side), 0.0) for frame in frames])
+            statistics.append((frames, side, stack.mean(axis=0), stack.var(axis=0, ddof=1)))
     return statistics
 
 
@@ -109,7 +109,8 @@ def fit_noise_model(statistics: Sequence[Repeats], black_dn: float, max_dn: floa
 
 
 def transfer_points(capture: Capture) -> list[dict[str, float]]:
-    """The photon-transfer curve of the repeats: [{gain, mean_dn, variance_dn2}], both eyes, clipped pixels left out."""
+    """The photon-transfer curve of the repeats: [{gain, mean_dn, variance_dn2}], both cameras, clipped pixels left
+    out."""
     bins = [row for entry in repeat_statistics(capture) for row in transfer_rows(entry, capture.rig.max_dn)]
     return [{"gain": float(gain), "mean_dn": float(mean), "variance_dn2": float(v)} for gain, mean, _, v, _ in bins]
 
@@ -159,7 +160,7 @@ def _with_weights(rows: list[Any], count: Any) -> list[Any]:
 def frame_noise_variances(
     capture: Capture, black_dn: float, no_noise: Mapping[tuple[int, str], np.ndarray] | None = None
 ) -> tuple[dict[tuple[int, str], tuple[float, str]], NoiseModel | None]:
-    """({(frame id, eye): (variance in DN^2, "repeats" or "noise model")}, noise model). Without any repeats: ({},
+    """({(frame id, side): (variance in DN^2, "repeats" or "noise model")}, noise model). Without any repeats: ({},
     None).
 
     The noise model is fitted on the train repeats where there are any, else on all. no_noise: DN [height][width] that
@@ -172,12 +173,12 @@ def frame_noise_variances(
     if noise_model is None:
         return {}, None
     noise_variances: dict[tuple[int, str], tuple[float, str]] = {}
-    for frames, eye, _, variance in statistics:
+    for frames, side, _, variance in statistics:
         for frame in frames:
-            noise_variances[frame.id, eye] = (float(variance.mean()), "repeats")
+            noise_variances[frame.id, side] = (float(variance.mean()), "repeats")
     for frame in capture.frames:
-        for eye in EYES:
-            if (frame.id, eye) not in noise_variances:
-                lit = capture.ir(frame, eye) - known.get((frame.id, eye), 0.0)
-                noise_variances[frame.id, eye] = (noise_model.mean_variance(lit, frame.gain), "noise model")
+        for side in SIDES:
+            if (frame.id, side) not in noise_variances:
+                lit = capture.ir(frame, side) - known.get((frame.id, side), 0.0)
+                noise_variances[frame.id, side] = (noise_model.mean_variance(lit, frame.gain), "noise model")
     return noise_variances, noise_model

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The noise floor of every image of a capture, from the best evidence that there is: repeats, the noise model that they
-tell, or the difference of a frame's own two eyes."""
+tell, or the difference of a frame's own two cameras."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from activestereo.capture.capture import EYES, Capture, Frame, ImageKey
+from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.gain_noise import noise_model_at_other_gains
 from activestereo.compare.noise import NoiseModel, frame_noise_variances
@@ -31,7 +31,7 @@ def noise_variances_of(
     black_dn: float,
     no_noise: Mapping[ImageKey, np.ndarray],
 ) -> tuple[dict[ImageKey, tuple[float, str]], NoiseModel | None]:
-    """({(frame id, eye): (variance in DN^2, 'repeats', 'noise model' or 'pair')}, noise model). Empty and None where
+    """({(frame id, side): (variance in DN^2, 'repeats', 'noise model' or 'pair')}, noise model). Empty and None where
     not even the pairs tell: nothing in them is smooth. predicted: expected DN; no_noise: what is known to differ
     between repeats, DN."""
     noise_variances, noise_model = frame_noise_variances(capture, black_dn, no_noise)
@@ -47,7 +47,7 @@ def noise_variances_of(
             key: (_variance(noise_model, measured[key], views[key].frame.gain), "pair") for key in measured
         }, noise_model
     # As a diagnosis has it: at gains that no repeat shows the noise model is what neighbours tell.
-    train = [_Shot(f, views[f.id, e], measured[f.id, e], (f.id, e)) for f in capture.split("train") for e in EYES]
+    train = [_Shot(f, views[f.id, e], measured[f.id, e], (f.id, e)) for f in capture.split("train") for e in SIDES]
     shown = {f.gain for f in capture.split("train") if f.repeat_group is not None}
     noise_model = noise_model_at_other_gains(noise_model, train, dict(predicted), shown)
     others = {key: view.frame.gain for key, view in views.items() if view.frame.gain not in shown}

@@ -5,7 +5,7 @@
     range
 
 P and A are the rendered radiance under the projector at power 1 and under ambient radiance 1. All train pixels of both
-eyes weigh alike: this is the maximum-likelihood fit of a constant variance and minimises the very RMSE that is
+cameras weigh alike: this is the maximum-likelihood fit of a constant variance and minimises the very RMSE that is
 reported.
 """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Findings from a rectified infrared pair without a scene: saturation, gain and offset between the eyes, row offset,
+"""Findings from a rectified infrared pair without a scene: saturation, gain and offset between the cameras, row offset,
 and f x baseline against the device's own depth. Intervals are 95 %, from a bootstrap over blocks of the image: pixels
 are not independent.
 """
@@ -92,10 +92,10 @@ def _finding(name: str, text: str, draws: np.ndarray, unit: str, neutral: float)
     return Finding(name, text, float(draws[0]), float(low), float(high), unit, neutral)
 
 
-def _saturation(eye: str, image: np.ndarray, max_dn: float, blocks: Any) -> Finding:
+def _saturation(side: str, image: np.ndarray, max_dn: float, blocks: Any) -> Finding:
     everywhere = np.ones(image.shape, bool)
     share = blocks.sums(image >= max_dn, everywhere) / blocks.sums(everywhere, everywhere)
-    return _finding(f"saturated_{eye}", f"pixels of the {eye} image at full scale", share, "1", 0.0)
+    return _finding(f"saturated_{side}", f"pixels of the {side} image at full scale", share, "1", 0.0)
 
 
 def _gain(left: np.ndarray, there: np.ndarray, mask: np.ndarray, blocks: Any) -> list[Finding]:
@@ -111,8 +111,8 @@ def _gain(left: np.ndarray, there: np.ndarray, mask: np.ndarray, blocks: Any) ->
     ab = blocks.sums(a * b, inside) / n - mean_a * mean_b
     slope = (bb - aa + np.sqrt((bb - aa) ** 2 + 4 * ab**2)) / (2 * np.where(ab != 0, ab, 1e-12))
     return [
-        _finding("gain_ratio", "gain of the right eye over the left", slope, "1", 1.0),
-        _finding("offset_dn", "offset of the right eye at that gain", mean_b - slope * mean_a, "DN", 0.0),
+        _finding("gain_ratio", "gain of the right camera over the left", slope, "1", 1.0),
+        _finding("offset_dn", "offset of the right camera at that gain", mean_b - slope * mean_a, "DN", 0.0),
     ]
 
 
@@ -132,7 +132,7 @@ def _rows(
         map_coordinates(right, [v + s * _ROW_STEP_PX, u - disparity], order=3, mode="nearest") for s in (-1, 1)
     )
     slope = (below - above) / (2 * _ROW_STEP_PX)
-    # The eyes' own gain and offset must not pass for a shift.
+    # The cameras' own gain and offset must not pass for a shift.
     smooth = lambda image: gaussian_filter(image, 4 * _SMOOTH_PX)  # noqa: E731
     rest = (left - smooth(left)) - (there - smooth(there))
     x, y = 2 * u / (u.shape[1] - 1) - 1, 2 * v / (v.shape[0] - 1) - 1

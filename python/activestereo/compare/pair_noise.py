@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The noise of frames that have no repeats, from the difference of their own two eyes.
+"""The noise of frames that have no repeats, from the difference of their own two cameras.
 
 Where the image is smooth, left and right show the same light at the scene's depth: half of the variance of their
-difference is one eye's noise. Speckle, which differs between the eyes, is in it; what the scene's depth gets wrong adds
-to it, so it is an upper bound.
+difference is one camera's noise. Speckle, which differs between the cameras, is in it; what the scene's depth gets
+wrong adds to it, so it is an upper bound.
 """
 
 from collections.abc import Iterable
@@ -21,7 +21,7 @@ from activestereo.effects.core.view import View
 _BINS = 24
 _LEAST_PIXELS = 200
 _SMOOTHEST = 0.25  # share of a bin's pixels that is taken: those with the least slope
-_LOCAL_MEAN_PX = 4.0  # gain and offset between the eyes go with the local mean of the difference
+_LOCAL_MEAN_PX = 4.0  # gain and offset between the cameras go with the local mean of the difference
 _TRIM = 4.0  # deviations
 
 Pair = tuple[View, View, NDArray[np.generic], NDArray[np.generic]]
@@ -39,13 +39,13 @@ def pair_noise_model(pairs: Iterable[Pair], black_dn: float) -> NoiseModel | Non
 
 
 def _rows(left: View, right: View, left_dn: NDArray, right_dn: NDArray) -> list[tuple[float, float, float, float]]:
-    """(gain, mean, variance of one eye, weight) by brightness."""
+    """(gain, mean, variance of one camera, weight) by brightness."""
     warp = warp_between(left, right)
     image, there = np.asarray(left_dn, np.float64), warp.read(right_dn)
     rest = image - there
     rest = rest - gaussian_filter(rest, _LOCAL_MEAN_PX)
     kept = 1.0 - 1.0 / (2.0 * np.pi * _LOCAL_MEAN_PX**2)  # of the variance, by first order, without the local mean
-    one_eye = rest**2 / (kept * (1.0 + warp.interpolation_variance))
+    one_side = rest**2 / (kept * (1.0 + warp.interpolation_variance))
     slope = gaussian_gradient_magnitude(image, 1.0) + gaussian_gradient_magnitude(there, 1.0)
     usable = warp.seen & (image > 0) & (np.maximum(image, there) < left.max_dn - 1)
     level = gaussian_filter(image, 1.0)
@@ -58,7 +58,7 @@ def _rows(left: View, right: View, left_dn: NDArray, right_dn: NDArray) -> list[
         if inside.sum() < _LEAST_PIXELS:
             continue
         smooth = inside & (slope <= np.quantile(slope[inside], _SMOOTHEST))
-        squares = one_eye[smooth]
+        squares = one_side[smooth]
         limit = _TRIM**2 * max(np.median(squares) / 0.455, ROUNDING_VARIANCE)  # 0.455: median of chi square, 1 dof
         variance = float(squares[squares <= limit].mean())
         rows.append(

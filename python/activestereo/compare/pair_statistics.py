@@ -31,7 +31,7 @@ Image = NDArray[np.float64]
 
 
 def residual_image(left: Image, right: Image, disparity: NDArray[np.floating]) -> tuple[Image, NDArray[np.bool_]]:
-    """(left less right at the disparity, both without their blur, DN; where both eyes see the place)."""
+    """(left less right at the disparity, both without their blur, DN; where both cameras see the place)."""
     v, u = np.mgrid[0 : left.shape[0], 0 : left.shape[1]].astype(np.float64)
     seen = (disparity > 0) & (u - disparity >= 1)
     there = map_coordinates(right, [v, u - disparity], order=3, mode="nearest")
@@ -113,6 +113,6 @@ def _smooth(image: Image) -> NDArray[np.bool_]:
 
 
 def _smooth_variance(left: Image, rest: Image, both: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """One eye's squared differences where the image is smooth; never empty."""
+    """One camera's squared differences where the image is smooth; never empty."""
     chosen = rest[both & _smooth(left)] ** 2 / (1.0 + _WARP_NOISE)
     return np.maximum(chosen, ROUNDING_VARIANCE) if chosen.size else np.array([ROUNDING_VARIANCE])

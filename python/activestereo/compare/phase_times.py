@@ -11,7 +11,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from activestereo.capture.capture import EYES, Capture
+from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.input_files import read_json
 from activestereo.common.output_files import write_text
 from activestereo.compare.cache import default_cache_folder
@@ -22,7 +22,7 @@ _KEPT_RUNS = 5
 
 def megapixels(capture: Capture) -> float:
     """The size of a capture's infrared images, which the work on it grows with."""
-    pixels = sum(capture.rig.camera(eye).width * capture.rig.camera(eye).height for eye in EYES)
+    pixels = sum(capture.rig.camera(side).width * capture.rig.camera(side).height for side in SIDES)
     return 1e-6 * pixels * len(capture.frames)
 
 

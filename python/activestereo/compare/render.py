@@ -8,14 +8,14 @@ changes whenever its pixels may change.
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol, TypeAlias
 
-from activestereo.capture.capture import EYES, Capture, Frame
+from activestereo.capture.capture import SIDES, Capture, Frame
 from activestereo.capture.capture_json import CaptureError
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache, request_key
 from activestereo.compare.layers import Layers, RenderRequest, rig_request, sampling_of
 from activestereo.effects.engines.halves import half_samples, half_seeds
 
-# {frame id: {eye: Layers}}, and of two independent halves of the samples.
+# {frame id: {side: Layers}}, and of two independent halves of the samples.
 LayersOfFrames: TypeAlias = Mapping[int, Mapping[str, Layers]]
 Halves: TypeAlias = tuple[LayersOfFrames, LayersOfFrames]
 
@@ -66,9 +66,9 @@ def render_frames(
             cache.put(key, layers)
         if sampling.scale > 1:
             layers = tuple(
-                sampling.pixel_layers(view, capture.rig.camera(eye)) for eye, view in zip(EYES, layers, strict=True)
+                sampling.pixel_layers(view, capture.rig.camera(side)) for side, view in zip(SIDES, layers, strict=True)
             )
-        rendered[key] = dict(zip(EYES, layers, strict=True))
+        rendered[key] = dict(zip(SIDES, layers, strict=True))
         if progress:
             progress((done + 1) / len(requests))
     return {frame_id: rendered[key] for frame_id, key in keys.items()}

@@ -37,7 +37,9 @@ def mean_of_halves(halves: Halves) -> LayersOfFrames:
         return known[key]
 
     first, second = halves
-    return {number: {eye: mean(x, second[number][eye]) for eye, x in eyes.items()} for number, eyes in first.items()}
+    return {
+        number: {side: mean(x, second[number][side]) for side, x in sides.items()} for number, sides in first.items()
+    }
 
 
 def mean_layers(first: Layers, second: Layers) -> Layers:

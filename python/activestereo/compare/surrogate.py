@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.capture import EYES, Camera, Capture, Frame, ImageKey, Projector, Rig
+from activestereo.capture.capture import SIDES, Camera, Capture, Frame, ImageKey, Projector, Rig
 from activestereo.capture.images import write_gray
 from activestereo.common.pattern import PatternDesign, make_pattern
 from activestereo.common.pose import look_at
@@ -95,7 +95,7 @@ class _Run:
             cache=LayerCache(folder / "cache"),
             scale=WARP_SCALE,
         )
-        views = {(f.id, eye): View.of(capture, f, eye, layers[f.id][eye]) for f in capture.frames for eye in EYES}
+        views = {(f.id, side): View.of(capture, f, side, layers[f.id][side]) for f in capture.frames for side in SIDES}
         run = cls(capture, engine, views, layers)
         run.engine_base = engine.expected(Model(), _NUISANCES)
         run.base = run._by_formula(Model(), random=False)
@@ -150,11 +150,11 @@ def trial_capture(folder: Path, scale: float = 1.0) -> Capture:
             exposure_s=0.004 / (1 + i),
             gain=1.0 + i,
             temperature_c=45.0,
-            camera_to_world=look_at(eye, target, (0.0, 1.0, 0.0)),
+            camera_to_world=look_at(position, target, (0.0, 1.0, 0.0)),
             split="train",
             camera_velocity=np.array([1.8, 0.6, 0.6, 1.2, 7.2, 3.6]),
         )
-        for i, (eye, target) in enumerate(_POSES)
+        for i, (position, target) in enumerate(_POSES)
     )
     return Capture(folder, "trial", scene, rig, frames)
 

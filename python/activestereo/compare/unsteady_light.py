@@ -22,10 +22,10 @@ _COMMON = 0.5
 
 
 def unsteady_light(shots: Mapping[ImageKey, tuple[Frame, Images, np.ndarray]]) -> dict[ImageKey, np.ndarray]:
-    """{(frame id, eye): DN [height][width]} by which a repeat's ambient light differs from its group's mean; of no
+    """{(frame id, side): DN [height][width]} by which a repeat's ambient light differs from its group's mean; of no
     repeat where neighbouring rows do not change together, or where one level for all pixels tells more.
 
-    shots: {(frame id, eye): (frame, its rendered light, measured DN [height][width])}.
+    shots: {(frame id, side): (frame, its rendered light, measured DN [height][width])}.
     """
     found, lamp, level, all_rows = {}, 0.0, 0.0, 0.0
     for keys in by_repeats((frame, key[1], key) for key, (frame, *_) in shots.items()):

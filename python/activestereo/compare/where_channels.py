@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from activestereo.capture.capture import EYES, Capture, ImageKey
+from activestereo.capture.capture import SIDES, Capture, ImageKey
 from activestereo.compare.covariates import covariate_maps
 from activestereo.compare.tree import HonestTree
 from activestereo.compare.where import where_tables
@@ -44,11 +44,11 @@ def where_it_fails(
     """{where: tables, regions: {channel: ...}} of compare.json, from the train frames."""
     maps, infrared = {}, []
     for frame in capture.split("train"):
-        for eye in EYES:
-            key, expected = (frame.id, eye), predictions[frame.id, eye]
-            maps[key] = covariate_maps(views[key], layers[frame.id][eye].material, expected, capture.rig.baseline_m)
+        for side in SIDES:
+            key, expected = (frame.id, side), predictions[frame.id, side]
+            maps[key] = covariate_maps(views[key], layers[frame.id][side].material, expected, capture.rig.baseline_m)
             floor = _floor(expected, frame, noise_variances.get(key), noise_model)
-            infrared.append((key, measured[key] - expected, floor, _pose(frame, eye)))
+            infrared.append((key, measured[key] - expected, floor, _pose(frame, side)))
     channels = residual_channels(infrared, [d for d in depths if d.frame.split == "train"], maps, seed)
     name_of = surface_text(capture.scene_path)
     return {
@@ -72,7 +72,7 @@ def residual_channels(
     seed: int = 0,
 ) -> dict[str, tuple[Samples, str, bool]]:
     """{channel: (Samples, unit, is there anything to explain)}. infrared: [(key, residual, floor, pose)]; depths:
-    DepthFrames; maps: {(frame id, eye): covariates}."""
+    DepthFrames; maps: {(frame id, side): covariates}."""
     images = {
         "infrared": [
             ResidualImage(r, floor, np.ones(r.shape, bool), maps[key], pose) for key, r, floor, pose in infrared
@@ -112,9 +112,9 @@ def _floor(
     return variance * (image_floor[0] / mean) if mean > 0 else np.full(expected.shape, image_floor[0])
 
 
-def _pose(frame: Frame, eye: str) -> bytes:
+def _pose(frame: Frame, side: str) -> bytes:
     """Equal for images whose static errors are the same ones."""
-    return eye.encode() + np.ascontiguousarray(frame.camera_to_world, dtype=np.float64).tobytes()
+    return side.encode() + np.ascontiguousarray(frame.camera_to_world, dtype=np.float64).tobytes()
 
 
 def _disparity(d: DepthFrame) -> tuple[Any, ...]:

@@ -101,7 +101,7 @@ def _subset(mask: np.ndarray, share: float, rng: np.random.Generator) -> np.ndar
 
 
 def _groups(images: Sequence[Any], keep: Any, rng: np.random.Generator) -> np.ndarray:
-    """Blocks of 16 px of one pose and eye, dealt at random to the groups that are resampled."""
+    """Blocks of 16 px of one pose and camera, dealt at random to the groups that are resampled."""
     first, firsts, parts = 0, {}, []
     for image, kept in zip(images, keep, strict=True):
         rows, columns = (np.arange(n) // BLOCK_PX for n in kept.shape)

@@ -92,11 +92,11 @@ class Diagnosis:
     made: RenderedWith | None = None
 
     def predictions(self) -> dict[ImageKey, NDArray[np.float32]]:
-        """{(frame id, eye): DN [height][width]} that model.json expects; empty where no images were judged."""
+        """{(frame id, side): DN [height][width]} that model.json expects; empty where no images were judged."""
         return {} if self.after is None else self.after.predictions
 
     def residuals(self) -> dict[ImageKey, NDArray[np.float32]]:
-        """{(frame id, eye): measured minus expected DN [height][width]} under model.json."""
+        """{(frame id, side): measured minus expected DN [height][width]} under model.json."""
         return {} if self.after is None else self.after.residuals()
 
     @computed_once

@@ -10,9 +10,9 @@ from activestereo.effects.core.view import View
 
 @moves("signal.black_level_dn", "signal.black_level_dn_per_k")
 def _engine(inputs: EngineInputs, offset_dn: float, per_k_dn: float) -> None:
-    for eye in inputs.eyes:
-        eye.signal["black_level_dn"] += offset_dn
-        eye.signal["black_level_dn_per_k"] += per_k_dn
+    for side in inputs.sides:
+        side.signal["black_level_dn"] += offset_dn
+        side.signal["black_level_dn_per_k"] += per_k_dn
 
 
 @effect(

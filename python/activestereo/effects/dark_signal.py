@@ -10,9 +10,9 @@ from activestereo.effects.core.view import View
 
 @moves("signal.dark_current_e_per_s", "signal.dark_doubling_k")
 def _engine(inputs: EngineInputs, rate_dn_per_s: float, doubling_k: float) -> None:
-    for eye in inputs.eyes:
-        eye.signal["dark_current_e_per_s"] += rate_dn_per_s / eye.signal["conversion_gain_dn_per_e"]
-        eye.signal["dark_doubling_k"] = doubling_k
+    for side in inputs.sides:
+        side.signal["dark_current_e_per_s"] += rate_dn_per_s / side.signal["conversion_gain_dn_per_e"]
+        side.signal["dark_doubling_k"] = doubling_k
 
 
 @effect(

@@ -42,7 +42,7 @@ def _engine(inputs: EngineInputs, spread: float, dot_px: float) -> None:
     engine=_engine,
 )
 def dot_gain_spread(light: Light, view: View, spread: float, dot_px: float) -> Light:
-    """Each dot has its own gain (log-normal, mean 1) that stays with it in every frame and both eyes."""
+    """Each dot has its own gain (log-normal, mean 1) that stays with it in every frame and both cameras."""
     if spread == 0.0:
         return light
     dots = DotView.of(view)

@@ -15,10 +15,10 @@ def _variance(signal: np.ndarray, view: View, column_dn: float, row_dn: float, p
 
 @moves("signal.column_fixed_e", "signal.row_fixed_e", "signal.dsnu_e")
 def _engine(inputs: EngineInputs, column_dn: float, row_dn: float, pixel_dn: float) -> None:
-    for eye in inputs.eyes:
-        eye.add_variance("column_fixed_e", eye.electrons(column_dn))
-        eye.add_variance("row_fixed_e", eye.electrons(row_dn))
-        eye.add_variance("dsnu_e", eye.electrons(pixel_dn))
+    for side in inputs.sides:
+        side.add_variance("column_fixed_e", side.electrons(column_dn))
+        side.add_variance("row_fixed_e", side.electrons(row_dn))
+        side.add_variance("dsnu_e", side.electrons(pixel_dn))
 
 
 @effect(

@@ -10,9 +10,9 @@ from activestereo.effects.core.view import View
 
 @moves("signal.exposure_s", "signal.gain")
 def _engine(inputs: EngineInputs, exposure_offset_s: float, log_gain: float) -> None:
-    for eye in inputs.eyes:
-        eye.signal["exposure_s"] = max(0.0, eye.signal["exposure_s"] + exposure_offset_s)
-        eye.signal["gain"] *= inputs.frame.gain**log_gain
+    for side in inputs.sides:
+        side.signal["exposure_s"] = max(0.0, side.signal["exposure_s"] + exposure_offset_s)
+        side.signal["gain"] *= inputs.frame.gain**log_gain
 
 
 @effect(

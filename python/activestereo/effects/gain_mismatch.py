@@ -10,9 +10,9 @@ from activestereo.effects.core.view import View
 
 @moves("signal.gain", "signal.black_level_dn")
 def _engine(inputs: EngineInputs, gain: float, offset_dn: float) -> None:
-    for eye, side in zip(inputs.eyes, (-0.5, 0.5), strict=True):
-        eye.signal["gain"] *= 1.0 + side * gain
-        eye.signal["black_level_dn"] += side * offset_dn
+    for side, half in zip(inputs.sides, (-0.5, 0.5), strict=True):
+        side.signal["gain"] *= 1.0 + half * gain
+        side.signal["black_level_dn"] += half * offset_dn
 
 
 @effect(
@@ -30,5 +30,5 @@ def _engine(inputs: EngineInputs, gain: float, offset_dn: float) -> None:
 def gain_mismatch(signal: np.ndarray, view: View, gain: float, offset_dn: float) -> np.ndarray:
     """The cameras differ in gain and offset. The difference is split: the right camera gets half of gain and offset,
     the left camera the opposite half."""
-    side = 0.5 if view.is_right else -0.5
-    return signal * (1.0 + side * gain) + side * offset_dn
+    half = 0.5 if view.is_right else -0.5
+    return signal * (1.0 + half * gain) + half * offset_dn

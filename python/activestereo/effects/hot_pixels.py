@@ -11,11 +11,11 @@ from activestereo.effects.core.view import View
 
 @moves("signal.hot_pixel_share", "signal.hot_pixel_e_per_s")
 def _engine(inputs: EngineInputs, share: float, rate_dn_per_s: float) -> None:
-    for eye in inputs.eyes:
-        eye.signal["hot_pixel_share"] = share
+    for side in inputs.sides:
+        side.signal["hot_pixel_share"] = share
         # The tail is that of the present temperature; simsense's is that of the reference.
-        warming = 2.0 ** (inputs.warming_k / eye.signal["dark_doubling_k"])
-        eye.signal["hot_pixel_e_per_s"] = rate_dn_per_s / (eye.signal["conversion_gain_dn_per_e"] * warming)
+        warming = 2.0 ** (inputs.warming_k / side.signal["dark_doubling_k"])
+        side.signal["hot_pixel_e_per_s"] = rate_dn_per_s / (side.signal["conversion_gain_dn_per_e"] * warming)
 
 
 @effect(

@@ -11,9 +11,9 @@ from activestereo.effects.core.view import View
 
 @moves("optics.psf_sigma_px", "optics.psf_corner_sigma_px")
 def _engine(inputs: EngineInputs, sigma_px: float, corner_sigma_px: float) -> None:
-    for eye in inputs.eyes:
-        eye.optics.psf_sigma_px = np.hypot(eye.optics.psf_sigma_px, sigma_px)
-        eye.optics.psf_corner_sigma_px = np.hypot(eye.optics.psf_corner_sigma_px, corner_sigma_px)
+    for side in inputs.sides:
+        side.optics.psf_sigma_px = np.hypot(side.optics.psf_sigma_px, sigma_px)
+        side.optics.psf_corner_sigma_px = np.hypot(side.optics.psf_corner_sigma_px, corner_sigma_px)
 
 
 @effect(

@@ -14,8 +14,8 @@ _INSTANTS = 5
 
 @moves("camera.exposure_s")
 def _engine(inputs: EngineInputs, exposure_fraction: float) -> None:
-    for eye in inputs.eyes:
-        eye.camera.exposure_s = exposure_fraction * inputs.frame.exposure_s
+    for side in inputs.sides:
+        side.camera.exposure_s = exposure_fraction * inputs.frame.exposure_s
 
 
 @effect(

@@ -15,8 +15,8 @@ def _variance(signal: np.ndarray, view: View, sigma: float) -> np.ndarray:
 
 @moves("signal.prnu")
 def _engine(inputs: EngineInputs, sigma: float) -> None:
-    for eye in inputs.eyes:
-        eye.add_variance("prnu", sigma)
+    for side in inputs.sides:
+        side.add_variance("prnu", sigma)
 
 
 @effect(

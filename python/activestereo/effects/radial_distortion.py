@@ -10,8 +10,8 @@ from activestereo.effects.core.view import View
 
 @moves("camera.distortion")
 def _engine(inputs: EngineInputs, k1: float, k2: float) -> None:
-    for eye in inputs.eyes:
-        eye.add_distortion(k1, k2)
+    for side in inputs.sides:
+        side.add_distortion(k1, k2)
 
 
 @effect(

@@ -12,8 +12,8 @@ from activestereo.effects.core.view import View
 @moves("optics.psf_sigma_px")
 def _engine(inputs: EngineInputs, phase_u_px: float, phase_v_px: float) -> None:
     variance = 0.5 * (phase_u_px * (1.0 - phase_u_px) + phase_v_px * (1.0 - phase_v_px))
-    for eye in inputs.eyes:
-        eye.optics.psf_sigma_px = np.sqrt(eye.optics.psf_sigma_px**2 + variance)
+    for side in inputs.sides:
+        side.optics.psf_sigma_px = np.sqrt(side.optics.psf_sigma_px**2 + variance)
 
 
 @effect(

@@ -10,8 +10,8 @@ from activestereo.effects.core.view import View
 
 @moves("signal.response_exponent")
 def _engine(inputs: EngineInputs, log_exponent: float) -> None:
-    for eye in inputs.eyes:
-        eye.signal["response_exponent"] *= np.exp(log_exponent)
+    for side in inputs.sides:
+        side.signal["response_exponent"] *= np.exp(log_exponent)
 
 
 @effect(

@@ -12,10 +12,10 @@ from activestereo.effects.core.view import View
 
 @moves("camera.shutter", "camera.line_time_s", "camera.readout")
 def _engine(inputs: EngineInputs, line_time_s: float) -> None:
-    for eye in inputs.eyes:
-        eye.camera.shutter = "rolling"
-        eye.camera.line_time_s = abs(line_time_s)
-        eye.camera.readout = "rows_down" if line_time_s > 0 else "rows_up"
+    for side in inputs.sides:
+        side.camera.shutter = "rolling"
+        side.camera.line_time_s = abs(line_time_s)
+        side.camera.readout = "rows_down" if line_time_s > 0 else "rows_up"
 
 
 @effect(

@@ -15,8 +15,8 @@ def _variance(signal: np.ndarray, view: View, sigma_dn: float) -> np.ndarray:
 
 @moves("signal.row_noise_e")
 def _engine(inputs: EngineInputs, sigma_dn: float) -> None:
-    for eye in inputs.eyes:
-        eye.add_variance("row_noise_e", eye.electrons(sigma_dn))
+    for side in inputs.sides:
+        side.add_variance("row_noise_e", side.electrons(sigma_dn))
 
 
 @effect(

@@ -13,9 +13,9 @@ _ROUNDS = 4
 @moves("signal.full_well_e", "signal.blooming")
 def _engine(inputs: EngineInputs, lost_range: float, spill: float) -> None:
     if lost_range > 0.0:
-        for eye in inputs.eyes:
-            eye.signal["full_well_e"] = eye.electrons((1.0 - lost_range) * inputs.max_dn)
-            eye.signal["blooming"] = spill
+        for side in inputs.sides:
+            side.signal["full_well_e"] = side.electrons((1.0 - lost_range) * inputs.max_dn)
+            side.signal["blooming"] = spill
 
 
 @effect(

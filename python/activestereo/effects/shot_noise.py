@@ -15,9 +15,9 @@ def _variance(signal: np.ndarray, view: View, dn_per_electron: float) -> np.ndar
 
 @moves("signal.shot_noise")
 def _engine(inputs: EngineInputs, dn_per_electron: float) -> None:
-    for eye in inputs.eyes:
+    for side in inputs.sides:
         # A share s of an electron's own fluctuation: variance s^2 K DN per DN at gain 1, K the conversion gain.
-        eye.add_variance("shot_noise", np.sqrt(dn_per_electron / eye.signal["conversion_gain_dn_per_e"]))
+        side.add_variance("shot_noise", np.sqrt(dn_per_electron / side.signal["conversion_gain_dn_per_e"]))
 
 
 @effect(

@@ -10,8 +10,8 @@ from activestereo.effects.core.view import View
 @moves("camera.k")
 def _engine(inputs: EngineInputs, cx_px_per_k: float, focal_per_k: float) -> None:
     inputs.right.shift_image(cx_px_per_k * inputs.warming_k, 0.0)
-    for eye in inputs.eyes:
-        eye.scale_focal(1.0 + focal_per_k * inputs.warming_k)
+    for side in inputs.sides:
+        side.scale_focal(1.0 + focal_per_k * inputs.warming_k)
 
 
 @effect(

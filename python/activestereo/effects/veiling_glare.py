@@ -10,8 +10,8 @@ from activestereo.effects.core.view import View
 
 @moves("optics.veiling_glare_fraction")
 def _engine(inputs: EngineInputs, fraction: float) -> None:
-    for eye in inputs.eyes:
-        eye.optics.veiling_glare_fraction = 1.0 - (1.0 - eye.optics.veiling_glare_fraction) * (1.0 - fraction)
+    for side in inputs.sides:
+        side.optics.veiling_glare_fraction = 1.0 - (1.0 - side.optics.veiling_glare_fraction) * (1.0 - fraction)
 
 
 @effect(

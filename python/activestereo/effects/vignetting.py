@@ -10,8 +10,8 @@ from activestereo.effects.core.view import View
 
 @moves("optics.vignetting_exponent")
 def _engine(inputs: EngineInputs, exponent: float) -> None:
-    for eye in inputs.eyes:
-        eye.optics.vignetting_exponent += exponent
+    for side in inputs.sides:
+        side.optics.vignetting_exponent += exponent
 
 
 @effect(

@@ -33,10 +33,10 @@ def calibrated(capture: Capture, model: SensorModel) -> Capture:
     """
     rig = capture.rig
     if model.rig is not None:
-        for name, camera, eye in (("left", rig.left, model.rig.left), ("right", rig.right, model.rig.right)):
-            if (camera.width, camera.height) != (eye.width, eye.height):
+        for name, camera, side in (("left", rig.left, model.rig.left), ("right", rig.right, model.rig.right)):
+            if (camera.width, camera.height) != (side.width, side.height):
                 raise ValueError(
-                    f"the model's {name} eye is {eye.width}x{eye.height}, {capture.path} has "
+                    f"the model's {name} camera is {side.width}x{side.height}, {capture.path} has "
                     f"{camera.width}x{camera.height}: calibrate the rig at the size that is recorded"
                 )
         own = model.rig
@@ -73,5 +73,5 @@ def pattern_image(pattern: Pattern) -> NDArray[np.float32]:
     return (image / max(float(image.max()), 1e-12)).astype(np.float32)
 
 
-def _camera(eye: RigCamera) -> Camera:
-    return Camera(eye.width, eye.height, eye.K, np.asarray(eye.distortion, dtype=np.float64))
+def _camera(side: RigCamera) -> Camera:
+    return Camera(side.width, side.height, side.K, np.asarray(side.distortion, dtype=np.float64))

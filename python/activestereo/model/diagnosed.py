@@ -83,8 +83,8 @@ def _rig(capture: Capture) -> Rig:
     rig, frames = capture.rig, capture.split("train") or list(capture.frames)
     usual = sorted(frames, key=lambda frame: frame.exposure_gain)[len(frames) // 2]
     return Rig(
-        _eye(rig.left),
-        _eye(rig.right),
+        _side(rig.left),
+        _side(rig.right),
         rig.left_to_right,
         rig.projector.left_to_projector,
         rig.bit_depth,
@@ -95,7 +95,7 @@ def _rig(capture: Capture) -> Rig:
     )
 
 
-def _eye(camera: Camera) -> RigCamera:
+def _side(camera: Camera) -> RigCamera:
     return RigCamera(camera.width, camera.height, camera.K, tuple(map(float, camera.distortion)))
 
 

@@ -31,7 +31,7 @@ from activestereo.model.model import (
 FORMAT = "active-stereo-model"
 VERSION = 2
 # The depth engine takes no less.
-_EYE_SIDE = replace(SIDE, low=32)
+_IMAGE_SIDE = replace(SIDE, low=32)
 _BIT_DEPTH = replace(BITS, low=8)
 # Keys that explain a file to its reader; they are written, and not read.
 _NOTES = ("simulated", "image_only", "unit")
@@ -151,8 +151,8 @@ def _source(entry: JsonObject) -> str:
 def _rig(entry: JsonObject) -> Rig:
     to_projector = entry.rigid_transform("left_to_projector") if entry.has("left_to_projector") else None
     return Rig(
-        left=_eye(entry.object("left")),
-        right=_eye(entry.object("right")),
+        left=_side(entry.object("left")),
+        right=_side(entry.object("right")),
         left_to_right=entry.rigid_transform("left_to_right"),
         left_to_projector=to_projector,
         bit_depth=entry.integer("bit_depth", _BIT_DEPTH) if entry.has("bit_depth") else 8,
@@ -163,8 +163,8 @@ def _rig(entry: JsonObject) -> Rig:
     )
 
 
-def _eye(entry: JsonObject) -> RigCamera:
-    width, height = entry.integer("width", _EYE_SIDE), entry.integer("height", _EYE_SIDE)
+def _side(entry: JsonObject) -> RigCamera:
+    width, height = entry.integer("width", _IMAGE_SIDE), entry.integer("height", _IMAGE_SIDE)
     lens = tuple(entry.lens("distortion").tolist()) if entry.has("distortion") else (0.0,) * 5
     return RigCamera(width, height, entry.camera_matrix("K"), lens)
 

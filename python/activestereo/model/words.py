@@ -66,11 +66,11 @@ def _rig(model: SensorModel) -> list[str]:
     if model.rig is None:
         return []
     lines = [f"rig (engine), {model.rig.source}" if model.rig.source else "rig (engine)"]
-    for name, eye in (("left", model.rig.left), ("right", model.rig.right)):
-        k = eye.K
-        lens = f", lens {' '.join(f'{c:g}' for c in eye.distortion)}" if any(eye.distortion) else ""
+    for name, side in (("left", model.rig.left), ("right", model.rig.right)):
+        k = side.K
+        lens = f", lens {' '.join(f'{c:g}' for c in side.distortion)}" if any(side.distortion) else ""
         lines.append(
-            f"  {name}: {eye.width}x{eye.height}, focal {k[0, 0]:.2f} {k[1, 1]:.2f} px,"
+            f"  {name}: {side.width}x{side.height}, focal {k[0, 0]:.2f} {k[1, 1]:.2f} px,"
             f" centre {k[0, 2]:.2f} {k[1, 2]:.2f} px{lens}"
         )
     baseline_m = float((model.rig.left_to_right[:3, 3] ** 2).sum()) ** 0.5

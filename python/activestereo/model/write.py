@@ -70,8 +70,8 @@ def _quantity(q: Quantity) -> dict[str, Any]:
 
 def _rig(rig: Rig) -> dict[str, Any]:
     out: dict[str, Any] = {
-        "left": _eye(rig.left),
-        "right": _eye(rig.right),
+        "left": _side(rig.left),
+        "right": _side(rig.right),
         "left_to_right": _numbers(rig.left_to_right),
     }
     if rig.left_to_projector is not None:
@@ -80,12 +80,12 @@ def _rig(rig: Rig) -> dict[str, Any]:
     return out | ({"source": rig.source} if rig.source else {})
 
 
-def _eye(eye: RigCamera) -> dict[str, Any]:
+def _side(side: RigCamera) -> dict[str, Any]:
     return {
-        "width": eye.width,
-        "height": eye.height,
-        "K": _numbers(eye.K),
-        "distortion": list(map(float, eye.distortion)),
+        "width": side.width,
+        "height": side.height,
+        "K": _numbers(side.K),
+        "distortion": list(map(float, side.distortion)),
     }
 
 

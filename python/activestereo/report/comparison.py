@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _WORDS = {covariate.name: covariate.words for covariate in COVARIATES}
 _CHANNEL = {"infrared": "Infrared", "disparity": "Disparity", "validity": "Validity"}
 _MEANING = {
-    "infrared": "Residual of both eyes: measured minus simulated.",
+    "infrared": "Residual of both cameras: measured minus simulated.",
     "disparity": f"Device minus model where both measured; beyond {LARGEST_DISPARITY_ERROR_PX:g} px an error "
                  "counts no more. The device's "
     "matcher is not known, so a part of this is the difference of two matchers.",

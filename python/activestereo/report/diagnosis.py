@@ -89,9 +89,9 @@ def _ranking(diagnosis: dict[str, Any], shown: Iterable[str]) -> str:
     more = len(ranking) - len(rows)
     rest = left_out + (f'<p class="muted small">{more} more in diagnose.json.</p>' if more else "")
     note = (
-        '<p class="muted small">What it leaves: the residual of the frame and eye chosen above when this effect alone '
-        "is added; projector, ambient and black level are fitted anew, focal lengths and albedos are not. A click "
-        "shows it among the large pictures.</p>"
+        '<p class="muted small">What it leaves: the residual of the frame and camera chosen above when this effect '
+        "alone is added; projector, ambient and black level are fitted again, focal lengths and albedos are not. A "
+        "click shows it among the large pictures.</p>"
     )
     return section("Ranking", note if shown else "", table(head, rows, numbers=(2,), wide=True), rest)
 

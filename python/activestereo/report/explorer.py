@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The part of the report that is explored: every frame and eye under every model, as data for web/explorer.js, and its
-markup."""
+"""The part of the report that is explored: every frame and camera under every model, as data for web/explorer.js, and
+its markup."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib import colormaps
 
-from activestereo.capture.capture import EYES, SPLITS
+from activestereo.capture.capture import SIDES, SPLITS
 from activestereo.common.html_table import text
 from activestereo.report.encode import encoded_image
 from activestereo.report.models import BASE, FOUND, ModelImages
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _STEP_SHARE = 0.125
 _DISPARITY_STEP_PX = 1.0 / 64.0
 _LEAST_DISPARITY_LIMIT_PX = 0.5
-# Pixels of infrared images that a page holds, both eyes of all its frames; about 3 bytes each with a dozen ranked
+# Pixels of infrared images that a page holds, both cameras of all its frames; about 3 bytes each with a dozen ranked
 # effects.
 _LARGEST_PIXELS = 5_000_000
 _COLOURS = 33
@@ -34,7 +34,7 @@ _DEPTH = "depth"
 
 
 def explorer_section(comparison: Comparison, images: ModelImages) -> str:
-    """HTML of the section, and its data as a script of JSON. images: {name: {(frame id, eye): expected DN}}, see
+    """HTML of the section, and its data as a script of JSON. images: {name: {(frame id, side): expected DN}}, see
     models.py."""
     data = explorer_data(comparison, images)
     left_out = len(comparison.capture.frames) - len({view["frame"] for view in data["views"]})
@@ -55,7 +55,7 @@ def explorer_data(comparison: Comparison, images: ModelImages) -> dict[str, Any]
     depths = {depth.frame.id: depth for depth in comparison.depths}
     views = []
     for frame in frames:
-        views += [_infrared_view(comparison, frame, eye, images) for eye in EYES]
+        views += [_infrared_view(comparison, frame, side, images) for side in SIDES]
         if frame.id in depths:
             views.append(_depth_view(depths[frame.id], comparison))
     ranked = [name for name in images if name not in (BASE, FOUND)]
@@ -75,7 +75,7 @@ def _chosen_frames(comparison: Comparison) -> list[Frame]:
     """All frames where they fit on a page, else the worst of each split in turn; in the capture's order."""
     frames = {frame.id: frame for frame in comparison.capture.frames}
     rig = comparison.capture.rig
-    fit = max(2, _LARGEST_PIXELS // sum(rig.camera(eye).width * rig.camera(eye).height for eye in EYES))
+    fit = max(2, _LARGEST_PIXELS // sum(rig.camera(side).width * rig.camera(side).height for side in SIDES))
     if len(frames) <= fit:
         return list(frames.values())
     of = {split: [e for e in comparison.scores["frames"] if e["split"] == split] for split in SPLITS}
@@ -86,24 +86,25 @@ def _chosen_frames(comparison: Comparison) -> list[Frame]:
     return [frame for frame in comparison.capture.frames if frame.id in chosen]
 
 
-def _infrared_view(comparison: Comparison, frame: Frame, eye: str, images: Any) -> dict[str, Any]:
-    scores = next(e for e in comparison.scores["frames"] if e["id"] == frame.id)["eyes"][eye]
-    measured = comparison.capture.ir(frame, eye)
+def _infrared_view(comparison: Comparison, frame: Frame, side: str, images: Any) -> dict[str, Any]:
+    scores = next(e for e in comparison.scores["frames"] if e["id"] == frame.id)["cameras"][side]
+    measured = comparison.capture.ir(frame, side)
     floor = scores["noise_floor_dn"]
     typical = floor or scores["rmse_dn"] or 1.0
     layers = {"measured": encoded_image(measured, 1.0)}
-    base = images[BASE][frame.id, eye].astype(np.float64)
+    base = images[BASE][frame.id, side].astype(np.float64)
     layers[BASE] = encoded_image(base, _STEP_SHARE * typical)
     for name in images:
         if name != BASE:  # most pixels of a difference are zero: it takes little room
-            layers[name] = encoded_image(images[name][frame.id, eye] - base, _STEP_SHARE * typical) | {"added_to": BASE}
+            change = images[name][frame.id, side] - base
+            layers[name] = encoded_image(change, _STEP_SHARE * typical) | {"added_to": BASE}
     return {
-        "frame": frame.id, "split": frame.split, "eye": eye, "unit": "DN", "digits": 1, "map": "gray", "power": 0.5,
+        "frame": frame.id, "split": frame.split, "camera": side, "unit": "DN", "digits": 1, "map": "gray", "power": 0.5,
         "width": measured.shape[1], "height": measured.shape[0],
         "range": [0.0, max(float(np.quantile(measured, 0.998)), 1.0)],
         "limit": RESIDUAL_FLOORS * typical, "floor": floor, "layers": layers,
         "rmse": {
-            name: float(np.sqrt(np.mean((measured - own[frame.id, eye].astype(np.float64)) ** 2)))
+            name: float(np.sqrt(np.mean((measured - own[frame.id, side].astype(np.float64)) ** 2)))
             for name, own in images.items()
         },
     }  # fmt: skip
@@ -123,8 +124,8 @@ def _depth_view(depth: DepthFrame, comparison: Comparison) -> dict[str, Any]:
         key: encoded_image(d, _DISPARITY_STEP_PX, d > 0) for key, d in zip(("measured", name), disparity, strict=True)
     }
     return {
-        "frame": depth.frame.id, "split": depth.frame.split, "eye": _DEPTH, "unit": "px", "digits": 2, "map": "viridis",
-        "power": 1.0,
+        "frame": depth.frame.id, "split": depth.frame.split, "camera": _DEPTH, "unit": "px", "digits": 2,
+        "map": "viridis", "power": 1.0,
         "width": disparity[0].shape[1], "height": disparity[0].shape[0], "range": [low, max(high, low + 1e-3)],
         "limit": max(_LEAST_DISPARITY_LIMIT_PX, RESIDUAL_FLOORS * (scores["noise_floor_median_abs_px"] or 0.0)),
         "floor": scores["noise_floor_px"], "layers": layers,

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib import colormaps
 from numpy.typing import NDArray
 
-from activestereo.capture.capture import EYES, Frame
+from activestereo.capture.capture import SIDES, Frame
 from activestereo.common.html_table import text
 from activestereo.diagnose.answer.verdict_words import error_text, headline, next_steps, rivals
 from activestereo.report.charts import effects_chart
@@ -67,7 +67,7 @@ class _Detail:
     """A part of one image: where most of the error goes."""
 
     frame: Frame
-    eye: str
+    side: str
     rows: slice
     columns: slice
 
@@ -75,10 +75,10 @@ class _Detail:
 def _pictures(comparison: Comparison, images: ModelImages) -> list[str]:
     """Details of measured, model and model with what was found; then whole residuals of the models."""
     detail = _where_most_goes(comparison, images)
-    key, part = (detail.frame.id, detail.eye), (detail.rows, detail.columns)
+    key, part = (detail.frame.id, detail.side), (detail.rows, detail.columns)
     measured = comparison.measured[key]
     high = max(float(np.quantile(measured, 0.998)), 1.0)
-    place = f"frame {detail.frame.id}, {detail.eye} eye, a third of it"
+    place = f"frame {detail.frame.id}, {detail.side} camera, a third of it"
     models = [(BASE, "model")] + ([(FOUND, "model with what was found")] if FOUND in images else [])
     titles = {"model": "measured − model", "model with what was found": "what is left"}
     floor = _floor(comparison, key)
@@ -100,14 +100,14 @@ def _where_most_goes(comparison: Comparison, images: ModelImages) -> _Detail:
     frames = comparison.capture.split("test") or comparison.capture.split("train")
     best, found = -np.inf, None
     for frame in frames:
-        for eye in EYES:
-            measured = comparison.measured[frame.id, eye].astype(np.float64)
-            fall = (measured - images[BASE][frame.id, eye]) ** 2
+        for side in SIDES:
+            measured = comparison.measured[frame.id, side].astype(np.float64)
+            fall = (measured - images[BASE][frame.id, side]) ** 2
             if FOUND in images:
-                fall -= (measured - images[FOUND][frame.id, eye]) ** 2
+                fall -= (measured - images[FOUND][frame.id, side]) ** 2
             amount, rows, columns = _largest_window(fall)
             if amount > best:
-                best, found = amount, _Detail(frame, eye, rows, columns)
+                best, found = amount, _Detail(frame, side, rows, columns)
     assert found is not None, "a comparison has frames"
     return found
 
@@ -124,7 +124,7 @@ def _largest_window(values: NDArray[np.float64]) -> tuple[float, slice, slice]:
 
 def _floor(comparison: Comparison, key: tuple[int, str]) -> float:
     """The deviation of noise in an image, else its error, DN: residuals are drawn by it."""
-    entry = next(e for e in comparison.scores["frames"] if e["id"] == key[0])["eyes"][key[1]]
+    entry = next(e for e in comparison.scores["frames"] if e["id"] == key[0])["cameras"][key[1]]
     return float(entry["noise_floor_dn"] or entry["rmse_dn"] or 1.0)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from activestereo.capture.capture import EYES
+from activestereo.capture.capture import SIDES
 from activestereo.compare.fit_model import predict_under_model
 from activestereo.compare.model_file import library
 from activestereo.effects import Model, Randomness, Stage, View
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 # Rows of the ranking that are shown.
 ROWS = 12
 BASE, FOUND = "base", "found"
-ModelImages = dict[str, dict[tuple[int, str], np.ndarray]]  # {name: {(frame id, eye): expected DN}}
+ModelImages = dict[str, dict[tuple[int, str], np.ndarray]]  # {name: {(frame id, side): expected DN}}
 
 
 def model_images(
@@ -31,7 +31,7 @@ def model_images(
     progress: Callable[[float], object] | None = None,
     found_images: Mapping[tuple[int, str], np.ndarray] | None = None,
 ) -> ModelImages:
-    """{name: {(frame id, eye): expected DN, float32 [height][width]}} under BASE, FOUND and the ids of ranked effects.
+    """{name: {(frame id, side): expected DN, float32 [height][width]}} under BASE, FOUND and the ids of ranked effects.
 
     BASE is the model without effects. FOUND is the comparison's model where it has effects, else the diagnosis's; it is
     absent where neither has. A ranked effect stands alone on the base model with its fitted parameters; it is absent
@@ -66,8 +66,8 @@ def model_images(
 def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callable[[float], object] | None) -> Any:
     """given: {name: images} of models whose images are there."""
     capture = comparison.capture
-    keys = [(frame, eye) for frame in capture.frames for eye in EYES]
-    views = {(f.id, eye): View.of(capture, f, eye, comparison.layers[f.id][eye]) for f, eye in keys}
+    keys = [(frame, side) for frame in capture.frames for side in SIDES]
+    views = {(f.id, side): View.of(capture, f, side, comparison.layers[f.id][side]) for f, side in keys}
     measured = comparison.measured
     out = {}
     for done, (name, model) in enumerate(models.items()):

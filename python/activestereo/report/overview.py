@@ -40,11 +40,11 @@ def simulation_figure(
     aspect, chart_height = depth.shape[0] / depth.shape[1], 0.27 * len(rows) + 0.25
     page = _Page(title, _headline(rows), columns=3, picture_rows=2, aspect=aspect, chart_height=chart_height)
     _picture(page.picture(0, 0), rgb, "RGB camera")
-    for column, (image, eye) in enumerate(zip(ir, ("left", "right"), strict=True), start=1):
+    for column, (image, side) in enumerate(zip(ir, ("left", "right"), strict=True), start=1):
         _picture(
             page.picture(0, column),
             image,
-            f"infrared {eye}, as measured (display gamma 2)",
+            f"infrared {side}, as measured (display gamma 2)",
             cmap="gray",
             norm=PowerNorm(0.5, 0, 255),
         )

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A real pair and a simulated one side by side: the left images, what the eyes disagree by, and the figures of both."""
+"""A real pair and a simulated one side by side: the left images, what the cameras disagree by, and the figures of
+both."""
 
 from __future__ import annotations
 
@@ -33,7 +34,7 @@ def pair_figure(
         rest, _ = residual_image(left.astype(np.float64), right.astype(np.float64), disparities[name])
         axes = [figure.add_subplot(grid[row, column]) for column in range(4)]
         axes[0].imshow(left, cmap="gray", norm=PowerNorm(0.5, 0, highest))
-        axes[0].set_title(f"{name}: left eye (display gamma 2)", fontsize=9)
+        axes[0].set_title(f"{name}: left camera (display gamma 2)", fontsize=9)
         middle = _middle(left)
         axes[1].imshow(left[middle], cmap="gray", norm=PowerNorm(0.5, 0, highest))
         axes[1].set_title("its middle, four times as large", fontsize=9)

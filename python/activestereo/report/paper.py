@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from activestereo.capture.capture import ImageKey
     from activestereo.compare.compare import Comparison
 
-_EYE = "left"
+_SIDE = "left"
 
 
 def write_comparison_pdf(path: str | Path, comparison: Comparison) -> None:
@@ -53,14 +53,14 @@ def write_diagnosis_pdf(
 
 
 def write_comparison_csv(path: str | Path, scores: Mapping[str, Any]) -> None:
-    """Writes a row for each frame and eye. An empty cell: it is not known."""
+    """Writes a row for each frame and camera. An empty cell: it is not known."""
     names = ("rmse_dn", "bias_dn", "render_noise_dn", "noise_floor_dn", "explainable_rmse_dn")
     rows = [
-        [frame["id"], frame["split"], eye, *(values[name] for name in names)]
+        [frame["id"], frame["split"], side, *(values[name] for name in names)]
         for frame in scores["frames"]
-        for eye, values in frame["eyes"].items()
+        for side, values in frame["cameras"].items()
     ]
-    _write_csv(path, ["frame", "split", "eye", *names], rows)
+    _write_csv(path, ["frame", "split", "camera", *names], rows)
 
 
 def write_diagnosis_csv(path: str | Path, result: Mapping[str, Any]) -> None:
@@ -114,7 +114,7 @@ def _images_figure(comparison: Comparison, images: Mapping[str, Mapping[ImageKey
     """The worst frame's left image, what models expect of it, and what these leave, with pixels as axes."""
     scores = comparison.scores
     entry = worst_frame(scores, "test" if "test" in scores["ir"] else "train")
-    key = entry["id"], _EYE
+    key = entry["id"], _SIDE
     measured = comparison.measured[key].astype(np.float64)
     high = max(float(np.quantile(measured, 0.998)), 1.0)
     limit = RESIDUAL_FLOORS * (entry["noise_floor_dn"] or entry["rmse_dn"] or 1.0)
@@ -122,7 +122,7 @@ def _images_figure(comparison: Comparison, images: Mapping[str, Mapping[ImageKey
     signed = {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit}
     columns = 1 + len(images)
     figure = Figure(figsize=(4.4 * columns, 5.6), layout="constrained")
-    figure.suptitle(f"{title} (frame {entry['id']}, {_EYE} eye)", size=11, color=INK)
+    figure.suptitle(f"{title} (frame {entry['id']}, {_SIDE} camera)", size=11, color=INK)
     panels = [(1, "measured", measured, gray)]
     for column, (name, own) in enumerate(images.items(), 2):
         panels.append((column, name, own[key], gray))

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 
-from activestereo.capture.capture import EYES, SPLITS
+from activestereo.capture.capture import SIDES, SPLITS
 from activestereo.common.palette import BLUE, GRID, INK, MUTED, ORANGE
 from activestereo.report.worst import RESIDUAL_FLOORS, worst_frame
 
@@ -23,7 +23,7 @@ _BAR = {"train": BLUE, "test": ORANGE}
 
 
 def comparison_figure(comparison: Comparison) -> Figure:
-    """A matplotlib Figure: the worst frame of each split, left eye, above a bar per frame with its noise floor."""
+    """A matplotlib Figure: the worst frame of each split, left camera, above a bar per frame with its noise floor."""
     scores = comparison.scores
     rows = [worst_frame(scores, split)["id"] for split in SPLITS if split in scores["ir"]]
     figure = Figure(figsize=(13.5, 2.7 * len(rows) + 3.4), facecolor="white")
@@ -85,17 +85,17 @@ def _image_row(figure: Figure, grid: Any, row: int, comparison: Comparison, fram
 
 
 def _frame_chart(axes: Axes, scores: dict[str, Any]) -> None:
-    """RMSE per frame and eye against the frame's noise floor."""
+    """RMSE per frame and camera against the frame's noise floor."""
     for index, entry in enumerate(scores["frames"]):
         color = _BAR[entry["split"]]
-        for side, eye in zip((-0.2, 0.2), EYES, strict=True):
-            values = entry["eyes"][eye]
-            axes.bar(index + side, values["rmse_dn"], width=0.36, color=color, alpha=1.0 if eye == "left" else 0.6)
+        for offset, side in zip((-0.2, 0.2), SIDES, strict=True):
+            values = entry["cameras"][side]
+            axes.bar(index + offset, values["rmse_dn"], width=0.36, color=color, alpha=1.0 if side == "left" else 0.6)
             if values["noise_floor_dn"] is not None:
-                axes.hlines(values["noise_floor_dn"], index + side - 0.2, index + side + 0.2, color=INK, lw=1.6)
+                axes.hlines(values["noise_floor_dn"], index + offset - 0.2, index + offset + 0.2, color=INK, lw=1.6)
     axes.set_xticks(range(len(scores["frames"])), [str(e["id"]) for e in scores["frames"]])
     axes.set_xlim(-0.6, len(scores["frames"]) - 0.4)
-    axes.set_xlabel("frame (dark bar: left eye, light bar: right eye)", size=9, color=MUTED)
+    axes.set_xlabel("frame (dark bar: left camera, light bar: right camera)", size=9, color=MUTED)
     axes.set_ylabel("IR RMSE, DN", size=9, color=MUTED)
     axes.tick_params(labelsize=9, colors=MUTED, length=0)
     axes.spines[["top", "right", "left"]].set_visible(False)

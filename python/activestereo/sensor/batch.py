@@ -364,7 +364,7 @@ class StereoDepthSensorBatch:
     def _make_rig(self) -> None:
         """The cameras and projectors of all sensors, and where they are on theirs."""
         c = self._config
-        self._engine.set_signal(*(eye.signal for eye in self._rig.inputs.eyes))
+        self._engine.set_signal(*(eye.signal for eye in self._rig.inputs.sides))
         lens: dict[str, Any] = {"distortion": c.rgb_distortion, "exposure_s": c.rgb_exposure_s}
         lens |= shutter(c.rgb_line_time_s, c.rgb_readout)
         self._rgb_on_rig = camera_to_world(Pose())

@@ -33,7 +33,7 @@ class BatchRig:
         pattern = config.pattern() if config.light_dots is None else None
         image = None if pattern is None else pattern[0]
         self.inputs = _inputs_of(config, scene, None if image is None else pattern_of(image), model)
-        eyes = self.inputs.eyes
+        eyes = self.inputs.sides
         self.cameras = [copy_camera(eye.camera, 0.0) for eye in eyes for _ in environments]
         self.optics = [eye.optics for eye in eyes for _ in environments]
         self._eyes_on_rig = [eye.camera.camera_to_world for eye in eyes]
@@ -105,7 +105,7 @@ def _inputs_of(
     names = [scene.material_name(number) for number in range(scene.summary.material_count)]
     model.scene_measurement(names).apply(inputs)
     left_over = [effect.id for effect, _ in apply_engine(inputs, model.bound(names).effects)]
-    left_over += ["exposure_desync"] if any(eye.delay_s for eye in inputs.eyes) else []
+    left_over += ["exposure_desync"] if any(eye.delay_s for eye in inputs.sides) else []
     if left_over:
         what = ", ".join(left_over)
         raise ValueError(f"a batch has no {what}: StereoDepthSensor has effects that act outside of the engines")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import simsense
 from activestereo.camera.registration import registered
-from activestereo.capture.capture import EYES, Frame
+from activestereo.capture.capture import SIDES, Frame
 from activestereo.effects.core.descriptor import Effect, Stage
 from activestereo.effects.core.engine import EngineInputs
 from activestereo.effects.core.light import Light
@@ -66,7 +66,7 @@ class ImageEffects:
         if not before.effects and not charge.effects:
             return
         inputs, images = self._sensor.engine_inputs(), link.images()
-        for i, (eye, part) in enumerate(zip(EYES, inputs.eyes, strict=True)):
+        for i, (eye, part) in enumerate(zip(SIDES, inputs.sides, strict=True)):
             view = self._view(eye, inputs)
             if before.effects:
                 power = 0.0 if inputs.projector is None else float(inputs.projector.ir_intensity or 0.0)
@@ -106,7 +106,7 @@ class ImageEffects:
 
     def _counts(self, model: Model, images: list[NDArray]) -> list[NDArray]:
         out, inputs = [], self._sensor.engine_inputs()
-        for eye, part, image in zip(EYES, inputs.eyes, images, strict=True):
+        for eye, part, image in zip(SIDES, inputs.sides, images, strict=True):
             black = part.signal["black_level_dn"]
             value = model.digital(image.astype(np.float64) - black, self._view(eye, inputs), black, random=True)
             out.append(np.rint(value).astype(image.dtype))
@@ -133,12 +133,12 @@ class ImageEffects:
 
     def _view(self, eye: str, inputs: EngineInputs) -> View:
         config, picture = self._sensor.get_config(), self._sensor.get_picture
-        k, distortion = config.ir_eye(eye == "right")
-        left, right = (part.camera.camera_to_world for part in inputs.eyes)
+        k, distortion = config.ir_intrinsics(eye == "right")
+        left, right = (part.camera.camera_to_world for part in inputs.sides)
         own = right if eye == "right" else left
         projector = inputs.projector
         return View(
-            eye=eye,
+            side=eye,
             K=k,
             depth_m=picture("depth", eye)[..., 0].astype(np.float64),
             normal=picture("normal", eye).astype(np.float64) @ own[:3, :3],

@@ -73,7 +73,7 @@ def exposed_anew(
     if inputs is None or effects.effects or scene_measurement != SceneMeasurement():
         return None
     inputs.frame = replace(inputs.frame, exposure_s=config.ir_camera_exposure)
-    for eye in inputs.eyes:
+    for eye in inputs.sides:
         eye.signal = _signal(config, inputs.frame)
         eye.camera.exposure_s = config.ir_camera_exposure
     return inputs
@@ -123,7 +123,7 @@ def _eye(
     is_right: bool,
 ) -> EngineCamera:
     linear, angular = twist_of(config, twist, place)
-    k, distortion = config.ir_eye(is_right)
+    k, distortion = config.ir_intrinsics(is_right)
     width, height = config.ir_resolution
     camera = kuafu.Camera(
         width,

@@ -21,7 +21,7 @@ from activestereo.camera.auto_exposure import AutoExposure, encoded_rgb
 from activestereo.camera.config_limits import checked_twist
 from activestereo.camera.matching import Taken, engine_parameters, linear_counts, make_engine, renderer_parameters
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.capture.capture import EYES
+from activestereo.capture.capture import SIDES
 from activestereo.common.computed_once import computed_once
 from activestereo.common.lens import pixel_rays
 from activestereo.common.limits import TEMPERATURE, TIME
@@ -216,8 +216,8 @@ class StereoDepthSensor:
     def get_picture(self, name: str, camera: str = "rgb") -> np.ndarray:
         """[height, width, channels]: one of kuafu's outputs ('position', 'albedo', ...; see kuafu.Renderer) as camera
         'rgb', 'left' or 'right' sees it now; projector_* of this sensor's. Needs no take_picture()."""
-        if camera not in ("rgb", *EYES):
-            raise ValueError(unknown("camera", camera, ("rgb", *EYES)))
+        if camera not in ("rgb", *SIDES):
+            raise ValueError(unknown("camera", camera, ("rgb", *SIDES)))
         frame, right = max(self._frame, 0), camera == "right"
         with self._projector_on():
             if camera == "rgb":
@@ -317,7 +317,7 @@ class StereoDepthSensor:
     def ir_cameras(self) -> list[kuafu.Camera]:
         """The left and the right one, as they are: under a model not what the calibration says."""
         to_world = self._rig.matrix()
-        cameras = [eye.camera for eye in self._tell_engines().eyes]
+        cameras = [eye.camera for eye in self._tell_engines().sides]
         for camera, pose in zip(cameras, self._eye_poses, strict=True):
             camera.camera_to_world = to_world @ pose
         return cameras
@@ -386,7 +386,7 @@ class StereoDepthSensor:
 
     def _signals(self) -> list[dict[str, float]]:
         """The imagers' parameters of the last picture, left and right."""
-        return [eye.signal for eye in self._tell_engines().eyes]
+        return [eye.signal for eye in self._tell_engines().sides]
 
     def make_engine(self) -> simsense.Engine:
         """Another depth engine of this rig and these parameters, a simsense.Engine."""
@@ -404,7 +404,7 @@ class StereoDepthSensor:
             inputs.scene_materials = self._world.material
             self._scene_measurement.apply(inputs)
             self._left_over = apply_engine(inputs, self._effects.effects)
-            cameras = [(eye.camera, eye.delay_s) for eye in inputs.eyes]
+            cameras = [(eye.camera, eye.delay_s) for eye in inputs.sides]
             self._eye_poses = [
                 moved_pose(e.camera_to_world, e.linear_velocity, e.angular_velocity, t) for e, t in cameras
             ]
@@ -412,7 +412,7 @@ class StereoDepthSensor:
                 self._world.enter(inputs)
                 if c.projector_always_on:
                     self._world.place(self._rig.matrix())
-            self._engine.set_signal(*(eye.signal for eye in inputs.eyes))
+            self._engine.set_signal(*(eye.signal for eye in inputs.sides))
             self._inputs = inputs
         return self._inputs
 
@@ -445,12 +445,12 @@ class StereoDepthSensor:
             self._config.ir_camera_exposure, self._config.ir_camera_gain = setting.exposure_s, setting.gain
             self._inputs = exposed_anew(self._inputs, self._config, self._effects, self._scene_measurement)
             if self._inputs is not None:
-                self._engine.set_signal(*(eye.signal for eye in self._inputs.eyes))
+                self._engine.set_signal(*(eye.signal for eye in self._inputs.sides))
         self._next_setting = None
 
     def _move(self) -> None:
         """Gives the engines' inputs the present velocity."""
-        if self._inputs is None or any(eye.delay_s for eye in self._inputs.eyes):
+        if self._inputs is None or any(eye.delay_s for eye in self._inputs.sides):
             self._inputs = None
             return
         give_velocity(self._inputs, self._config, self._twist)
@@ -482,7 +482,7 @@ class StereoDepthSensor:
         optics: Any = self._config.rgb_optics
         environments = None
         if band == "infrared":
-            seen_by = [self._tell_engines().eyes[is_right] for is_right in eyes]
+            seen_by = [self._tell_engines().sides[is_right] for is_right in eyes]
             optics, environments = [eye.optics for eye in seen_by], [LATER if eye.delay_s else 0 for eye in seen_by]
         return (run or self._renderer.render)(
             self._scene, cameras, outputs, band=band, **render_settings(self._config, frame), optics=optics,

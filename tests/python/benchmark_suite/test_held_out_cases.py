@@ -15,7 +15,7 @@ from worlds.blind.depth import device_depth
 from worlds.blind.lightmap import Lightmap
 from worlds.blind.scene import draw_scene, texel_spacing
 from worlds.blind.more import more_frames
-from worlds.blind.world import EYES, RAY_EFFECTS, World
+from worlds.blind.world import SIDES, RAY_EFFECTS, World
 from worlds.cylinder import Cylinder
 from worlds.solids import Box, Sphere
 from worlds.tiles import Tiles
@@ -95,7 +95,7 @@ def test_scenes_are_drawn_apart_and_differ():
 
 
 def test_without_a_hidden_effect_nothing_is_left_to_explain(world):
-    images = {(f.id, eye): world.measured(f, eye) for f in world.frames for eye in EYES}
+    images = {(f.id, side): world.measured(f, side) for f in world.frames for side in SIDES}
     figures = oracle.errors(world, images)
     for split in ("train", "test"):
         assert figures[split]["ratio"] < 0.03
@@ -106,7 +106,7 @@ def test_without_a_hidden_effect_nothing_is_left_to_explain(world):
 def test_hidden_effects_on_images_leave_error(world, name):
     hidden = {name: CATALOGUE[name].draw(STRENGTHS.index("strong"), pcg64(3))}
     changed = world.hiding(hidden)
-    images = {(frame.id, eye): changed.measured(frame, eye) for frame in changed.frames for eye in EYES}
+    images = {(frame.id, side): changed.measured(frame, side) for frame in changed.frames for side in SIDES}
     if name in ("row_noise", "quantisation"):  # These are in the images' noise, not in their mean.
         calm = np.std(world.measured(world.frames[2], "left") - world.expected(world.frames[2], "left", {}))
         assert np.std(images[2, "left"] - world.expected(world.frames[2], "left", {})) > 1.5 * calm
@@ -124,7 +124,7 @@ def test_hidden_effects_on_rays_leave_error(world, name):
 
 def test_the_virtual_device_measures_the_distance(world):
     frame = world.frames[0]
-    images = [world.measured(frame, eye) for eye in EYES]
+    images = [world.measured(frame, side) for side in SIDES]
     depth = device_depth(*images, world.rig.focal_px, world.rig.baseline_m, {})
     truth = world.layers(frame, "left", {}).depth[2::4, 2::4]
     valid = (depth > 0) & (truth > 0)

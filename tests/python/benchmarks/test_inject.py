@@ -32,7 +32,7 @@ def translation(x):
 
 
 def write_wall(folder, level, repeats=6, groups=True, seed=3):
-    """A wall that both eyes see as `level` DN above black ([height][width]), with noise of a known model."""
+    """A wall that both cameras see as `level` DN above black ([height][width]), with noise of a known model."""
     (folder / "source").mkdir(parents=True)
     (folder / "source/scene.gltf").write_text("{}")
     camera, rng = Camera(WIDTH, HEIGHT, K), np.random.default_rng(seed)
@@ -45,11 +45,11 @@ def write_wall(folder, level, repeats=6, groups=True, seed=3):
     rig = Rig(camera, camera, translation(-BASELINE), projector)
     capture = Capture(folder / "source", "wall", folder / "source/scene.gltf", rig, frames)
     images = {
-        (f.id, eye): np.clip(
+        (f.id, side): np.clip(
             np.rint(BLACK + level + np.sqrt(FLOOR + SLOPE * level) * rng.standard_normal(level.shape)), 0, 255
         ).astype(np.uint8)
         for f in frames
-        for eye in ("left", "right")
+        for side in ("left", "right")
     }
     depth = {f.id: np.full(level.shape, round(1000 * DISTANCE), np.uint16) for f in frames}
     write_capture(folder / "wall", capture, images, np.full((HEIGHT, WIDTH), 255, np.uint8), depth)
@@ -184,25 +184,25 @@ def test_bands_repeat_with_the_mains_and_roll_with_time():
     assert np.interp(rows, np.arange(72), slow) == pytest.approx(expected, rel=1e-3)
 
 
-def test_dead_dots_follow_the_projector_from_eye_to_eye():
+def test_dead_dots_follow_the_projector_from_camera_to_camera():
     dotted = np.full((HEIGHT, WIDTH), 20.0)
     dotted[::3, ::3] = 90.0
     light, depth = Light(dotted, np.ones_like(dotted)), np.full(dotted.shape, DISTANCE)
     changed = {}
-    for eye, shift in (("left", 0.0), ("right", BASELINE)):
+    for side, shift in (("left", 0.0), ("right", BASELINE)):
         seen = view(depth=depth, camera_to_projector=translation(shift - 0.02), static=np.random.default_rng(2))
         out = dots.dead_dots(light, seen, 0.1).value
-        changed[eye] = out != dotted
-        assert set(np.unique(out[changed[eye]])) == {20.0}
-    # A wall at 1 m: the right eye sees each direction of the projector by the disparity, 4 px, further left.
+        changed[side] = out != dotted
+        assert set(np.unique(out[changed[side]])) == {20.0}
+    # A wall at 1 m: the right camera sees each direction of the projector by the disparity, 4 px, further left.
     disparity = round(FOCAL * BASELINE / DISTANCE)
     dead = dots.dead_directions(view(), 0.1)
     assert dead.mean() == pytest.approx(0.1, abs=0.005)
     columns = np.arange(8, WIDTH - 8)
-    for eye, offset in (("left", round(-FOCAL * 0.02)), ("right", round(-FOCAL * 0.02) + disparity)):
+    for side, offset in (("left", round(-FOCAL * 0.02)), ("right", round(-FOCAL * 0.02) + disparity)):
         is_dead = dead[:, columns + offset] & (dotted[:, columns] > 20.0)
         assert is_dead.any()
-        np.testing.assert_array_equal(changed[eye][:, columns], is_dead)
+        np.testing.assert_array_equal(changed[side][:, columns], is_dead)
 
 
 def test_depth_of_the_other_camera_lies_at_its_own_pixels():
@@ -229,7 +229,7 @@ def test_without_repeats_quiet_places_tell_the_noise(tmp_path):
 @pytest.mark.parametrize("name", ["blur", "veiling_glare", "vignetting", "radial_distortion"])
 def test_repeats_with_an_effect_of_the_lens_have_the_sensors_noise(ramp, name):
     injection = plan(read_capture(ramp), name, "strong", seed=1, black_dn=BLACK)
-    images = np.stack([injection.changed(i, injection.eyes[0]) for i in range(6)])
+    images = np.stack([injection.changed(i, injection.sides[0]) for i in range(6)])
     expected = FLOOR + 1 / 12 + SLOPE * np.maximum(images.mean(axis=0) - BLACK, 0.0)
     assert (images.var(axis=0, ddof=1) / expected).mean() == pytest.approx(1.0, abs=0.06)
 
@@ -245,10 +245,10 @@ def test_stronger_changes_more_and_the_answer_says_how_much(ramp, tmp_path, name
         injected = read_capture(out)
         squares = {"train": [], "test": []}
         for before, after in zip(capture.frames, injected.frames):
-            for eye in ("left", "right"):
-                difference = injected.ir(after, eye) - capture.ir(before, eye)
+            for side in ("left", "right"):
+                difference = injected.ir(after, side) - capture.ir(before, side)
                 squares[before.split].append(np.mean(difference**2))
-                changes_it = eye in answer["cameras"]
+                changes_it = side in answer["cameras"]
                 assert (difference == 0.0).all() if not changes_it else strength != "strong" or difference.any()
         for split, values in squares.items():
             assert answer["changed_rms_dn"][split] == pytest.approx(np.sqrt(np.mean(values)))

@@ -38,7 +38,7 @@ def turn(axis: tuple[float, float, float], degrees: float) -> NDArray[np.float64
 
 
 def seen_from_above(name: str, pose: NDArray[np.float64]) -> Cloud:
-    """Points of an object's surface that face an eye above it: no renderer, no noise."""
+    """Points of an object's surface that face a camera above it: no renderer, no noise."""
     whole = surface(BY_NAME[name].mesh, 3000, seed=5)
     points, normals = whole.points @ pose[:3, :3].T + pose[:3, 3], whole.normals @ pose[:3, :3].T
     facing = normals @ np.array([0.3, -0.5, 0.8]) > 0.2

@@ -471,16 +471,16 @@ def test_a_submission_gives_what_compute_gives():
     baseline[0, 3] = -0.05
     device = simsense.Device("cpu")
     light = np.random.default_rng(2).integers(0, 256, (48, 68), dtype=np.uint8)
-    eyes = np.ascontiguousarray(np.stack([light[:, :64], light[:, 4:]]))
-    buffer = simsense.Buffer(device, eyes.nbytes + 4 * 48 * 64)
-    buffer.write(eyes.tobytes())
+    sides = np.ascontiguousarray(np.stack([light[:, :64], light[:, 4:]]))
+    buffer = simsense.Buffer(device, sides.nbytes + 4 * 48 * 64)
+    buffer.write(sides.tobytes())
     left, right, depth = (
         buffer.image(t, (48, 64), n * 48 * 64) for n, t in enumerate((np.uint8, np.uint8, np.float32))
     )
     found = {}
     for back_end in ("cpu", "vulkan"):
         engine = simsense.Engine(device, camera, camera, baseline, rectified=True, max_disparity=16, back_end=back_end)
-        expected = engine.compute(eyes[0], eyes[1])["depth"]
+        expected = engine.compute(sides[0], sides[1])["depth"]
         submission = engine.submit(left, right, {"depth": depth})
         assert submission.wait()["depth"] is depth
         np.testing.assert_array_equal(depth.array(), expected)

@@ -76,7 +76,7 @@ def file_mapping(address):
     return None
 
 
-def test_link_gives_each_eye_its_half(device, engine_device):
+def test_link_gives_each_camera_its_half(device, engine_device):
     link = IrLink(device, engine_device, 64, 48)
     images = link.images()
     images[0], images[1] = 1.0, 2.0

@@ -46,13 +46,13 @@ def test_dots_are_found_where_they_are(world, pattern):
     """Asked: recall 99 %, false 0.3 %, median 0.02 px, 95th percentile 0.1 px."""
     for wall, view in zip(_WALLS, pattern.views, strict=True):
         assert view.wall.distance_m == pytest.approx(wall[0] * np.cos(wall[1]), rel=2e-3)
-        for eye, spots in view.spots.items():
+        for side, spots in view.spots.items():
             places = np.column_stack([spots.u, spots.v])
-            numbers, true = seen_dots(world, wall, eye)
+            numbers, true = seen_dots(world, wall, side)
             distance, nearest = cKDTree(true).query(places)
             hit = distance < 1.0
             assert len(np.unique(nearest[hit])) >= 0.99 * len(numbers)
-            every = seen_dots(world, wall, eye, -2.0)[1]
+            every = seen_dots(world, wall, side, -2.0)[1]
             assert np.mean(cKDTree(every).query(places)[0] > 1.0) <= 0.003
             assert np.median(distance[hit]) < 0.02 and np.quantile(distance[hit], 0.95) < 0.1
 
@@ -77,7 +77,7 @@ def test_a_dots_width_is_that_of_the_pattern(world, pattern):
     assert pattern.dot_sigma_px == pytest.approx(world.config.pattern_design.dot_sigma_px, rel=0.02)
 
 
-def test_dots_that_the_right_eye_alone_sees_are_in_the_pattern(world, pattern):
+def test_dots_that_the_right_camera_alone_sees_are_in_the_pattern(world, pattern):
     numbers, places = seen_dots(world, _WALLS[0], "right")
     beyond = np.setdiff1d(numbers, np.concatenate([seen_dots(world, wall, "left", 1.0)[0] for wall in _WALLS]))
     assert len(beyond) > 50
@@ -87,8 +87,8 @@ def test_dots_that_the_right_eye_alone_sees_are_in_the_pattern(world, pattern):
 
 
 def test_dots_that_an_images_border_cuts_are_in_the_pattern(world, pattern):
-    whole = np.concatenate([seen_dots(world, wall, eye, 6.0)[0] for wall in _WALLS for eye in ("left", "right")])
-    cut = np.concatenate([seen_dots(world, wall, eye, 0.0)[0] for wall in _WALLS for eye in ("left", "right")])
+    whole = np.concatenate([seen_dots(world, wall, side, 6.0)[0] for wall in _WALLS for side in ("left", "right")])
+    cut = np.concatenate([seen_dots(world, wall, side, 0.0)[0] for wall in _WALLS for side in ("left", "right")])
     cut = np.setdiff1d(cut, whole)
     assert len(cut) > 100
     pixel = world.projector_K[0, 0] / world.config.ir_intrinsic[0, 0]
@@ -149,13 +149,13 @@ def test_one_distance_leaves_it_nominal_and_says_so(capture_path, tmp_path):
     assert "NOMINAL" in pattern.text() and "is nominal" in pattern.model().pattern.source
 
 
-def test_a_turned_right_eye_is_set_straight(pattern):
-    """A calibration's right eye is turned by a part of a degree, and its spots lie in rows of their own."""
+def test_a_turned_right_camera_is_set_straight(pattern):
+    """A calibration's right camera is turned by a part of a degree, and its spots lie in rows of their own."""
     rig, rng = pattern.rig, np.random.default_rng(0)
     points = rng.uniform([-0.4, -0.25, 0.8], [0.4, 0.25, 1.5], (50, 3))
     left_to_right = rig.left_to_right.copy()
     left_to_right[:3, :3] = Rotation.from_rotvec([0.002, -0.001, 0.003]).as_matrix()
-    left_to_right[:3, 3] = left_to_right[:3, :3] @ rig.left_to_right[:3, 3]  # the eye stays where it is
+    left_to_right[:3, 3] = left_to_right[:3, :3] @ rig.left_to_right[:3, 3]  # the camera stays where it is
     seen = (points @ left_to_right[:3, :3].T + left_to_right[:3, 3]) @ rig.right.K.T
     spots = Spots(seen[:, 0] / seen[:, 2], seen[:, 1] / seen[:, 2], np.ones(50), 1.0, np.zeros((240, 424)))
     straight = _as_if_not_turned(spots, replace(rig, left_to_right=left_to_right))
@@ -166,10 +166,10 @@ def test_a_turned_right_eye_is_set_straight(pattern):
 
 
 def test_the_models_rig_is_believed(capture_path, pattern, tmp_path, monkeypatch):
-    """Dots are directions from the eyes of the rig that `calibrate rig` wrote into the same file."""
+    """Dots are directions from the cameras of the rig that `calibrate rig` wrote into the same file."""
     own = pattern.model().rig
     out = tmp_path / "model.json"
-    left, right = (replace(eye, K=eye.K * [[1.01], [1.01], [1.0]]) for eye in (own.left, own.right))
+    left, right = (replace(side, K=side.K * [[1.01], [1.01], [1.0]]) for side in (own.left, own.right))
     replace_sections(out, SensorModel(rig=replace(own, left=left, right=right)))
 
     def stop(capture, *_):
@@ -305,11 +305,11 @@ def test_bad_walls_are_refused_in_one_line(capture_path, tmp_path, capsys):
     assert "swapped" in refusal("swapped", swapped)
     assert "rig.left_to_right: x is" in refusal("sign", wrong_sign)
     bright = _copied(capture_path, tmp_path / "bright", lambda root: None)
-    for eye in ("left", "right"):
+    for side in ("left", "right"):
         capture = read_capture(capture_path)
         for frame in capture.frames:
             write_gray(
-                bright / eye / frame.path(eye).name, np.minimum(5.0 * capture.ir(frame, eye), 255).astype(np.uint8)
+                bright / side / frame.path(side).name, np.minimum(5.0 * capture.ir(frame, side), 255).astype(np.uint8)
             )
     assert "the wall saturates" in _refused(["calibrate", "pattern", bright, "-o", out], capsys)
     assert not out.exists()

@@ -144,7 +144,7 @@ def test_the_scene_lies_over_the_pictures(box):
 
     assert main(["overlay", str(box / "capture"), "--scene", str(box / "true.gltf"), "--out", str(box / "over")]) == 0
     files = sorted((box / "over").glob("*.png"))
-    assert len(files) == 3 * _VIEWS  # colour and both eyes of each pose
+    assert len(files) == 3 * _VIEWS  # colour and both cameras of each pose
     capture = read_capture(box / "capture")
     over, seen = (
         np.asarray(Image.open(box / "over" / "0_color.png")).astype(int),

@@ -23,11 +23,13 @@ def test_the_asked_figures_hold_on_twenty_boards(seed):
     """Focal length 0.1 %, centre 0.5 px, hand-eye 1 mm and 0.1 deg; a robot that repeats to 0.2 mm."""
     world = RigWorld.make(seed)
     found = calibrate(world.views, world.size)
-    for eye in ("left", "right"):
-        assert np.diag(found.K[eye])[:2] == pytest.approx(np.diag(world.K[eye])[:2], rel=1e-3)
-        assert np.abs(found.K[eye][:2, 2] - world.K[eye][:2, 2]).max() < 0.6
-        for number, true in enumerate((world.K[eye][0, 0], world.K[eye][1, 1], world.K[eye][0, 2], world.K[eye][1, 2])):
-            low, high = found.interval(eye, number)
+    for side in ("left", "right"):
+        assert np.diag(found.K[side])[:2] == pytest.approx(np.diag(world.K[side])[:2], rel=1e-3)
+        assert np.abs(found.K[side][:2, 2] - world.K[side][:2, 2]).max() < 0.6
+        for number, true in enumerate(
+            (world.K[side][0, 0], world.K[side][1, 1], world.K[side][0, 2], world.K[side][1, 2])
+        ):
+            low, high = found.interval(side, number)
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
             assert abs(true - middle) < 2.5 * half  # four standard errors
     assert difference(found.left_to_right, world.left_to_right)[0] < 2e-4
@@ -56,12 +58,12 @@ def _again(world):
     rng, points, views = np.random.default_rng(9), BOARD.chessboard_points(), []
     for view in world.views:
         corners = {}
-        for eye in ("left", "right"):
-            pose = world.boards[view.name] if eye == "left" else world.left_to_right @ world.boards[view.name]
-            pixels = cv2.projectPoints(points, cv2.Rodrigues(pose[:3, :3])[0], pose[:3, 3], world.K[eye], None)[
+        for side in ("left", "right"):
+            pose = world.boards[view.name] if side == "left" else world.left_to_right @ world.boards[view.name]
+            pixels = cv2.projectPoints(points, cv2.Rodrigues(pose[:3, :3])[0], pose[:3, 3], world.K[side], None)[
                 0
             ].reshape(-1, 2)
-            corners[eye] = points, pixels + 0.08 * rng.standard_normal(pixels.shape)
+            corners[side] = points, pixels + 0.08 * rng.standard_normal(pixels.shape)
         views.append(BoardView(view.name, corners))
     return views
 
@@ -103,10 +105,10 @@ def test_boards_are_found_where_the_camera_draws_them(board):
 def frames(tmp_path_factory):
     """left/ and right/ of five rendered chessboards, and the robot's poses."""
     folder, world = tmp_path_factory.mktemp("boards"), RigWorld.make(6, count=6, has_lens=False)
-    for eye in ("left", "right"):
-        (folder / eye).mkdir()
+    for side in ("left", "right"):
+        (folder / side).mkdir()
         for view in world.views:
-            write_gray(folder / eye / view.name, world.rendered(view.name, eye, BOARD, np.array([0.05, 0.05])))
+            write_gray(folder / side / view.name, world.rendered(view.name, side, BOARD, np.array([0.05, 0.05])))
     lines = ["name,x,y,z,qx,qy,qz,qw"]
     for view, pose in zip(world.views, world.robot(6), strict=True):
         numbers = [*pose[:3, 3], *Rotation.from_matrix(pose[:3, :3]).as_quat()]
@@ -155,10 +157,10 @@ def _refused(arguments, capsys):
 def test_bad_boards_are_refused_in_one_line(frames, tmp_path, capsys):
     folder, world = frames
     out, few = tmp_path / "model.json", tmp_path / "few"
-    for eye in ("left", "right"):
-        (few / eye).mkdir(parents=True)
+    for side in ("left", "right"):
+        (few / side).mkdir(parents=True)
         for view in world.views[:2]:
-            (few / eye / view.name).symlink_to(folder / eye / view.name)
+            (few / side / view.name).symlink_to(folder / side / view.name)
     assert "2 of 2 frame pairs show the board" in _refused(
         ["calibrate", "rig", few, "--board", "9x6:0.03", "-o", out], capsys
     )

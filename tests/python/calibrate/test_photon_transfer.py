@@ -26,10 +26,10 @@ LIGHT_E_PER_S = 70000.0
 def camera(**signal):
     """take(exposure_s, is_lit, frame) of a simulated imager."""
     k = np.array([[200.0, 0, WIDTH / 2], [0, 200.0, HEIGHT / 2], [0, 0, 1]])
-    eye = simsense.Camera(WIDTH, HEIGHT, k)
+    side = simsense.Camera(WIDTH, HEIGHT, k)
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -0.05
-    engine = simsense.Engine(simsense.Device("host"), eye, eye, left_to_right, rectified=True, **signal)
+    engine = simsense.Engine(simsense.Device("host"), side, side, left_to_right, rectified=True, **signal)
     lit, dark = np.full((HEIGHT, WIDTH), LIGHT_E_PER_S, np.float32), np.zeros((HEIGHT, WIDTH), np.float32)
 
     def take(exposure_s, is_lit, frame):
@@ -107,12 +107,12 @@ def test_exposures_that_show_too_little_are_refused(exposures, says):
         photon_transfer(camera(**SENSOR), exposures)
 
 
-def test_unequal_eyes_and_presets_from_python():
+def test_unequal_cameras_and_presets_from_python():
     k = np.array([[200.0, 0, WIDTH / 2], [0, 200.0, HEIGHT / 2], [0, 0, 1]])
-    eye = simsense.Camera(WIDTH, HEIGHT, k)
+    side = simsense.Camera(WIDTH, HEIGHT, k)
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -0.05
-    engine = simsense.Engine(simsense.Device("host"), eye, eye, left_to_right, rectified=True)
+    engine = simsense.Engine(simsense.Device("host"), side, side, left_to_right, rectified=True)
     engine.set_signal(right={"gain": 1.1, "black_level_dn": 2.0, "bit_depth": 10})
     image = np.full((HEIGHT, WIDTH), 100, np.uint8)
     out = engine.compute(image, image, ("ir_left", "ir_right"))

@@ -70,7 +70,7 @@ def test_a_new_exposure_reaches_all_that_the_engines_are_told(config):
     anew = sensor.engine_inputs()
     assert anew is not changed and changed.frame.exposure_s == now.ir_camera_exposure != config.ir_camera_exposure
     assert sensor.engine.signal == told
-    for a, b in zip(changed.eyes, anew.eyes, strict=True):
+    for a, b in zip(changed.sides, anew.sides, strict=True):
         assert a.signal == b.signal and a.camera.exposure_s == b.camera.exposure_s == now.ir_camera_exposure
 
 
@@ -113,7 +113,7 @@ def test_light_of_the_dots_goes_with_the_lasers_setting_and_the_emitter(config):
         StereoDepthSensor(config, wall())
 
 
-def test_speckle_stands_still_with_the_sensor_and_differs_between_the_eyes(config):
+def test_speckle_stands_still_with_the_sensor_and_differs_between_the_cameras(config):
     config.ir_signal |= {
         "shot_noise": 0.0,
         "adc_noise_dn": 0.0,
@@ -146,7 +146,7 @@ def test_presets_limit_fireflies_in_the_optics():
     for optics, expected in ((config.ir_optics, 1.5), ({"firefly_factor": 3.0}, 3.0), (None, 0.0)):
         config.ir_optics = optics
         with StereoDepthSensor(config, scene) as sensor:
-            assert [eye.optics.firefly_factor for eye in sensor.engine_inputs().eyes] == [expected, expected]
+            assert [side.optics.firefly_factor for side in sensor.engine_inputs().sides] == [expected, expected]
     bright = []
     for optics in (None, {"firefly_factor": 1.5}):
         config.ir_optics, config.samples_per_pixel, config.denoise = optics, 1, "none"

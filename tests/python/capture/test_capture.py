@@ -42,7 +42,7 @@ def expect_error(folder, *words):
 
 def test_what_is_written_is_read_back(pristine, tmp_path):
     first = read_capture(pristine.capture_path)
-    images = {(f.id, eye): first.ir(f, eye).astype(np.uint8) for f in first.frames for eye in ("left", "right")}
+    images = {(f.id, side): first.ir(f, side).astype(np.uint8) for f in first.frames for side in ("left", "right")}
     pattern = np.rint(first.rig.projector.pattern() * 255).astype(np.uint8)
     (tmp_path / "copy.partial" / "left").mkdir(parents=True)
     (tmp_path / "copy.partial" / "left" / "000099.png").touch()  # of a call that failed

@@ -64,12 +64,12 @@ def test_the_projector_is_where_the_preset_has_it(recording, sensor, x_m):
     assert left_to_projector[0, 3] == pytest.approx(-x_m, abs=1e-5)
 
 
-def test_folders_of_eyes_and_a_trajectory(recording, tmp_path):
-    folder = tmp_path / "eyes"
-    for eye in ("left", "right"):
-        (folder / eye).mkdir(parents=True)
+def test_folders_of_cameras_and_a_trajectory(recording, tmp_path):
+    folder = tmp_path / "cameras"
+    for side in ("left", "right"):
+        (folder / side).mkdir(parents=True)
         for i in range(4):
-            write_gray(folder / eye / f"{i:06d}.png", np.full((48, 64), 10 * i + (eye == "right"), np.uint8))
+            write_gray(folder / side / f"{i:06d}.png", np.full((48, 64), 10 * i + (side == "right"), np.uint8))
     poses = tmp_path / "poses.txt"
     poses.write_text("# time tx ty tz qx qy qz qw\n0.0 0 0 0 0 0 0 1\n0.1 0.3 0 0 0 0 0.7071068 0.7071068\n")
     arguments = [

@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter, shift
 from activestereo.capture.capture import read_capture
 from activestereo.capture.images import write_gray
 from activestereo.cli import main
-from activestereo.compare.eye_order import eye_order
+from activestereo.compare.camera_order import camera_order
 
 DISPARITY_PX, LOWER_PX = 9.0, 0.4
 
@@ -59,7 +59,7 @@ def test_what_nothing_tells_is_the_presets_and_said(recording, capsys):
     assert "missing: no depth" in told and "rows +0.39 px apart" in told
 
 
-def test_swapped_eyes_and_a_foreign_k_are_refused(recording, capsys):
+def test_swapped_cameras_and_a_foreign_k_are_refused(recording, capsys):
     assert _import(recording, "--swap") == 2
     assert "leave out --swap" in capsys.readouterr().err
     for view in recording.iterdir():
@@ -78,9 +78,9 @@ def test_swapped_eyes_and_a_foreign_k_are_refused(recording, capsys):
 
 
 def test_order_and_rows_are_told_from_images_alone(pair):
-    order = eye_order([pair])
+    order = camera_order([pair])
     assert order.is_told and not order.is_swapped and order.nearer_right == 0.0
     assert order.row_offset_px == pytest.approx(LOWER_PX, abs=0.05)
-    assert eye_order([pair[::-1]]).is_swapped
+    assert camera_order([pair[::-1]]).is_swapped
     grey = np.full((240, 424), 80, np.uint8)
-    assert not eye_order([(grey, grey)]).is_told
+    assert not camera_order([(grey, grey)]).is_told

@@ -192,7 +192,7 @@ def test_meshes_of_cad_programs(tmp_path):
         read_mesh(tmp_path / "cut.stl")
 
 
-def test_a_round_side_has_round_normals(tmp_path):
+def test_a_round_camera_has_round_normals(tmp_path):
     wheel = meshes.lathe([[(0.03, 0.0), (0.03, 0.1)]])
     write_ply(tmp_path / "side.ply", wheel)
     mesh = read_mesh(tmp_path / "side.ply")
@@ -202,10 +202,10 @@ def test_a_round_side_has_round_normals(tmp_path):
 
 def test_a_robots_views_stand_where_the_gripper_carries_the_camera(tmp_path, capsys):
     views = tmp_path / "views"
-    for eye in ("left", "right"):
-        (views / eye).mkdir(parents=True)
+    for side in ("left", "right"):
+        (views / side).mkdir(parents=True)
         for i in range(4):
-            write_gray(views / eye / f"{i:06d}.png", np.full((48, 64), 10 * i, np.uint8))
+            write_gray(views / side / f"{i:06d}.png", np.full((48, 64), 10 * i, np.uint8))
     (tmp_path / "d435.txt").write_text(ENUMERATED)
     rows = [f"{i:06d}.png,{0.1 * (i // 2)},0,0,0,0,0,1" for i in range(4)]
     (tmp_path / "poses.csv").write_text("name,x,y,z,qx,qy,qz,qw\n" + "\n".join(rows) + "\n")
@@ -234,12 +234,12 @@ def test_folders_inside_are_views_of_their_own(tmp_path):
 
     (tmp_path / "d435.txt").write_text(ENUMERATED)
     for number, view in enumerate(("desk_off", "near", "wall/far")):
-        for eye in ("left", "right"):
-            (tmp_path / "r" / view / eye).mkdir(parents=True)
+        for side in ("left", "right"):
+            (tmp_path / "r" / view / side).mkdir(parents=True)
             for i in range(2):
                 write_gray(
-                    tmp_path / "r" / view / eye / f"{i:03d}.png",
-                    np.full((48, 64), 10 * number + i + 100 * (eye == "right"), np.uint8),
+                    tmp_path / "r" / view / side / f"{i:03d}.png",
+                    np.full((48, 64), 10 * number + i + 100 * (side == "right"), np.uint8),
                 )
     assert (
         main(["import", str(tmp_path / "r"), "--calibration", str(tmp_path / "d435.txt"), "--out", str(tmp_path / "c")])
@@ -302,7 +302,7 @@ class _Pipeline:
             np.zeros((24, 32, 3), np.uint8),
         )
         return SimpleNamespace(
-            get_infrared_frame=lambda eye: _Image(self.number, gray),
+            get_infrared_frame=lambda side: _Image(self.number, gray),
             get_depth_frame=lambda: _Image(self.number, depth),
             get_color_frame=lambda: _Image(self.number, color),
         )  # fmt: skip

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calibrations in YAML of ROS and of Kalibr: both eyes' lenses and places come out as they were put in."""
+"""Calibrations in YAML of ROS and of Kalibr: both cameras' lenses and places come out as they were put in."""
 
 import sys
 
@@ -20,7 +20,7 @@ K = {
     "right": np.array([[199.0, 0, 81], [0, 200, 58], [0, 0, 1]]),
 }
 LENS = {"left": [0.02, -0.01, 0.001, 0.0005, 0.003], "right": [-0.03, 0.02, -0.001, 1e-05, 0.0]}
-R = {eye: Rotation.from_euler("xyz", angles).as_matrix() for eye, angles in
+R = {side: Rotation.from_euler("xyz", angles).as_matrix() for side, angles in
      (("left", (0.01, -0.02, 0.003)), ("right", (-0.004, 0.015, 0.002)))}  # fmt: skip
 NEW_K = np.array([[190.0, 0, 80.5], [0, 190.0, 59.5], [0, 0, 1]])
 
@@ -33,8 +33,8 @@ def left_to_right():
     return pose
 
 
-def projection(eye):
-    shift = -NEW_K[0, 0] * BASELINE if eye == "right" else 0.0
+def projection(side):
+    shift = -NEW_K[0, 0] * BASELINE if side == "right" else 0.0
     return np.column_stack([NEW_K, [shift, 0.0, 0.0]])
 
 
@@ -42,36 +42,36 @@ def matrix(values, rows, columns):
     return f"\n  rows: {rows}\n  cols: {columns}\n  data: {[float(v) for v in np.ravel(values)]}"
 
 
-def saved_by_ros(eye, **changes):
+def saved_by_ros(side, **changes):
     """A file as camera_calibration's cameracalibrator saves it."""
     fields = {
-        "image_width": WIDTH, "image_height": HEIGHT, "camera_name": eye, "camera_matrix": matrix(K[eye], 3, 3),
-        "distortion_model": "plumb_bob", "distortion_coefficients": matrix(LENS[eye], 1, len(LENS[eye])),
-        "rectification_matrix": matrix(R[eye], 3, 3), "projection_matrix": matrix(projection(eye), 3, 4),
+        "image_width": WIDTH, "image_height": HEIGHT, "camera_name": side, "camera_matrix": matrix(K[side], 3, 3),
+        "distortion_model": "plumb_bob", "distortion_coefficients": matrix(LENS[side], 1, len(LENS[side])),
+        "rectification_matrix": matrix(R[side], 3, 3), "projection_matrix": matrix(projection(side), 3, 4),
     }  # fmt: skip
     return "".join(f"{name}: {value}\n" for name, value in (fields | changes).items() if value is not None)
 
 
-def echoed_by_ros(eye, upper=True):
+def echoed_by_ros(side, upper=True):
     """A message as rostopic echo and ros2 topic echo print it, with numbers such as 1e-05."""
     def name(text):
         return text if upper else text.lower()
 
     return (
         f"header:\n  stamp:\n    secs: 1\nheight: {HEIGHT}\nwidth: {WIDTH}\ndistortion_model: \"plumb_bob\"\n"
-        f"{name('D')}: {LENS[eye]}\n{name('K')}: {K[eye].ravel().tolist()}\n{name('R')}: {R[eye].ravel().tolist()}\n"
-        f"{name('P')}: {projection(eye).ravel().tolist()}\nbinning_x: 0\n---\n"
+        f"{name('D')}: {LENS[side]}\n{name('K')}: {K[side].ravel().tolist()}\n{name('R')}: {R[side].ravel().tolist()}\n"
+        f"{name('P')}: {projection(side).ravel().tolist()}\nbinning_x: 0\n---\n"
     )
 
 
 def kalibr(first, second, motion, **changes):
     fields = {"camera_model": "pinhole", "distortion_model": "radtan"} | changes
     text = ""
-    for name, eye in (("cam0", first), ("cam1", second)):
+    for name, side in (("cam0", first), ("cam1", second)):
         text += f"{name}:\n  cam_overlaps: [1]\n"
         text += "".join(f"  {key}: {value}\n" for key, value in fields.items() if value is not None)
-        text += f"  distortion_coeffs: {LENS[eye][:4]}\n  resolution: [{WIDTH}, {HEIGHT}]\n"
-        text += f"  intrinsics: {[float(K[eye][i]) for i in ((0, 0), (1, 1), (0, 2), (1, 2))]}\n"
+        text += f"  distortion_coeffs: {LENS[side][:4]}\n  resolution: [{WIDTH}, {HEIGHT}]\n"
+        text += f"  intrinsics: {[float(K[side][i]) for i in ((0, 0), (1, 1), (0, 2), (1, 2))]}\n"
     return text + "  T_cn_cnm1:\n" + "".join(f"  - {row.tolist()}\n" for row in motion)
 
 
@@ -80,9 +80,9 @@ def recording(tmp_path):
     """A pair 9 px apart."""
     noise = gaussian_filter(np.random.default_rng(3).normal(0.0, 1.0, (HEIGHT, WIDTH + 9)), 1.2)
     noise = np.clip(np.rint(120.0 + 40.0 * noise / noise.std()), 0, 255).astype(np.uint8)
-    for eye, first in (("left", 0), ("right", 9)):
-        (tmp_path / "set" / eye).mkdir(parents=True)
-        write_gray(tmp_path / "set" / eye / "000001.png", noise[:, first : first + WIDTH])
+    for side, first in (("left", 0), ("right", 9)):
+        (tmp_path / "set" / side).mkdir(parents=True)
+        write_gray(tmp_path / "set" / side / "000001.png", noise[:, first : first + WIDTH])
     return tmp_path / "set"
 
 
@@ -101,17 +101,17 @@ def imported(recording, tmp_path):
 
 
 def assert_raw(rig, lens_numbers):
-    for eye in ("left", "right"):
-        np.testing.assert_allclose(rig.camera(eye).K, K[eye])
-        np.testing.assert_allclose(rig.camera(eye).distortion[:lens_numbers], LENS[eye][:lens_numbers])
+    for side in ("left", "right"):
+        np.testing.assert_allclose(rig.camera(side).K, K[side])
+        np.testing.assert_allclose(rig.camera(side).distortion[:lens_numbers], LENS[side][:lens_numbers])
     np.testing.assert_allclose(rig.left_to_right, left_to_right(), atol=1e-9)
 
 
 @pytest.mark.parametrize("order", [("left", "right"), ("right", "left")])
-def test_ros_files_of_both_eyes_in_any_order(imported, tmp_path, capsys, order):
+def test_ros_files_of_both_cameras_in_any_order(imported, tmp_path, capsys, order):
     assert imported(*map(saved_by_ros, order)) == 0
     assert_raw(read_capture(tmp_path / "out").rig, 5)
-    assert "eyes: not rectified, by this calibration" in capsys.readouterr().out
+    assert "cameras: not rectified, by this calibration" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("upper", [True, False])
@@ -137,21 +137,21 @@ def test_a_rational_lens_keeps_its_eight_numbers(imported, tmp_path):
 
 
 @pytest.mark.parametrize("first, second", [("left", "right"), ("right", "left")])
-def test_kalibrs_chain_tells_by_its_motion_which_eye_is_left(imported, tmp_path, first, second):
+def test_kalibrs_chain_tells_by_its_motion_which_camera_is_left(imported, tmp_path, first, second):
     motion = left_to_right() if first == "left" else np.linalg.inv(left_to_right())
     assert imported(kalibr(first, second, motion)) == 0
     assert_raw(read_capture(tmp_path / "out").rig, 4)
 
 
-def without_baseline(eye):
-    return saved_by_ros(eye, projection_matrix=matrix(projection("left"), 3, 4))
+def without_baseline(side):
+    return saved_by_ros(side, projection_matrix=matrix(projection("left"), 3, 4))
 
 
 @pytest.mark.parametrize(
     "texts, said",
     [
-        ([saved_by_ros("left")], "1 camera of ROS, expected both eyes: give --calibration twice"),
-        ([without_baseline("left"), without_baseline("right")], "P[3] of the eyes is 0 and 0, expected 0 of the left"),
+        ([saved_by_ros("left")], "1 camera of ROS, expected both cameras: give --calibration twice"),
+        ([without_baseline("left"), without_baseline("right")], "P[3] of the cameras is 0 and 0, expected 0 of the"),
         ([saved_by_ros("left"), saved_by_ros("right", camera_matrix=None)], "1.yaml: camera_matrix: is missing"),
         ([saved_by_ros("left"), saved_by_ros("right", image_width="wide")], "image_width: is 'wide', expected a whole"),
         ([saved_by_ros("left"), saved_by_ros("right", distortion_model="equidistant")], "is 'equidistant'"),

@@ -237,10 +237,10 @@ def test_depth_takes_equal_channels_and_arrays_like_gray(run, pair, tmp_path):
     )
 
 
-def test_depth_hints_at_exchanged_eyes_and_tells_what_it_cut(run, pair, tmp_path):
+def test_depth_hints_at_exchanged_cameras_and_tells_what_it_cut(run, pair, tmp_path):
     rest = ("--k", K, "--baseline", "0.05", "--max-disparity", "32", "--out", tmp_path)
     result = run("depth", pair / "right.png", pair / "left.png", *rest)
-    assert result.returncode == 0 and "is LEFT the right eye's image?" in result.stdout, result.stdout
+    assert result.returncode == 0 and "is LEFT the right camera's image?" in result.stdout, result.stdout
     result = run("depth", pair / "left.png", pair / "right.png", *rest, "--max-depth-m", "0.4")
     (line,) = (line for line in result.stdout.splitlines() if line.startswith("cut off"))
     count, share = int(line.split()[2]), float(line.split()[8])

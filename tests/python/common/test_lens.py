@@ -62,7 +62,7 @@ def test_points_beyond_the_fold_are_not_registered(small_config):
     assert registered(1.0 - beyond, k, np.eye(4), small_config).any()
 
 
-def test_the_other_eye_does_not_see_beyond_its_fold():
+def test_the_other_camera_does_not_see_beyond_its_fold():
     view = example_view()
     height, width = view.shape
     wide = np.array([[width / 3.0, 0, (width - 1) / 2], [0, width / 3.0, (height - 1) / 2], [0, 0, 1]])

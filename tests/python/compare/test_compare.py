@@ -43,13 +43,13 @@ def test_noise_floor_is_the_worlds_own_noise(lab_world, comparison):
         squares = [
             np.mean(
                 (
-                    capture.ir(f, eye)
-                    - expected(lab_world.sensor, lab_world.views[f.id, eye], f.exposure_gain, f.projector_power)
+                    capture.ir(f, side)
+                    - expected(lab_world.sensor, lab_world.views[f.id, side], f.exposure_gain, f.projector_power)
                 )
                 ** 2
             )
             for f in capture.split(split)
-            for eye in ("left", "right")
+            for side in ("left", "right")
         ]
         floor = comparison.scores["ir"][split]["noise_floor_dn"]
         assert floor == pytest.approx(np.sqrt(np.mean(squares)), rel=0.03)
@@ -71,9 +71,9 @@ def test_a_wrong_scene_leaves_much_to_explain(lab_world, comparison, tmp_path):
         assert scores["ir"][split]["explainable_rmse_dn"] > 3 * comparison.scores["ir"][split]["explainable_rmse_dn"]
 
 
-def test_rmse_pools_squares_over_eyes_and_frames(comparison):
+def test_rmse_pools_squares_over_cameras_and_frames(comparison):
     frames = [f for f in comparison.scores["frames"] if f["split"] == "train"]
-    pooled = np.sqrt(np.mean([f["eyes"][eye]["rmse_dn"] ** 2 for f in frames for eye in ("left", "right")]))
+    pooled = np.sqrt(np.mean([f["cameras"][side]["rmse_dn"] ** 2 for f in frames for side in ("left", "right")]))
     assert comparison.scores["ir"]["train"]["rmse_dn"] == pytest.approx(pooled)
 
 
@@ -95,7 +95,7 @@ def test_saturated_pixels_do_not_bias_the_fit(lab_world):
 def test_fit_without_clipping_is_plain_least_squares(comparison, lab_world, tmp_path):
     capture = comparison.capture
     layers = render_frames(capture, WorldRenderer(lab_world), cache=LayerCache(tmp_path))
-    train = [(f, layers[f.id][eye], capture.ir(f, eye)) for f in capture.split("train") for eye in ("left", "right")]
+    train = [(f, layers[f.id][side], capture.ir(f, side)) for f in capture.split("train") for side in ("left", "right")]
     rows = np.concatenate(
         [
             np.stack(
@@ -186,10 +186,10 @@ def test_an_effect_that_the_world_has_makes_the_error_fall(lab_world, comparison
     layers = render_frames(capture, renderer, cache=LayerCache(tmp_path / "cache"), scale=WARP_SCALE)
     truth, rng = Nuisances(9.0e4, 3.0e3, 4.0), np.random.default_rng(8)
     for frame in capture.frames:
-        for eye in ("left", "right"):
-            view = View.of(capture, frame, eye, layers[frame.id][eye])
-            image = model.signal(model.light(layers[frame.id][eye], view), view, truth) + rng.normal(size=view.shape)
-            write_gray(frame.path(eye), np.clip(np.rint(image), 0, 255).astype(np.uint8))
+        for side in ("left", "right"):
+            view = View.of(capture, frame, side, layers[frame.id][side])
+            image = model.signal(model.light(layers[frame.id][side], view), view, truth) + rng.normal(size=view.shape)
+            write_gray(frame.path(side), np.clip(np.rint(image), 0, 255).astype(np.uint8))
     base, right = (compare(copy, m, renderer, cache=LayerCache(tmp_path / "cache")).scores for m in (None, model))
     for split in ("train", "test"):
         assert base["ir"][split]["rmse_dn"] > 1.5 * right["ir"][split]["rmse_dn"]

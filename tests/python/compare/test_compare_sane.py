@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""compare says first what makes all else worthless: another pattern, another scene, exchanged eyes, light below
+"""compare says first what makes all else worthless: another pattern, another scene, exchanged cameras, light below
 zero."""
 
 import json
@@ -58,17 +58,17 @@ def test_another_scene_is_said_first(world, tmp_path):
         world, solids=tuple(replace(s, centre=(s.centre[0], s.centre[1] + 0.15, s.centre[2])) for s in world.solids)
     )
     warnings, _ = warnings_of(world.capture_path, WorldRenderer(wrong, grid=2, bounces=1), tmp_path)
-    assert warnings[0].startswith("geometry does not match: at the scene's depth the eyes' dots correlate ")
+    assert warnings[0].startswith("geometry does not match: at the scene's depth the cameras' dots correlate ")
 
 
-def test_exchanged_eyes_are_told_from_another_scene(world, tmp_path):
+def test_exchanged_cameras_are_told_from_another_scene(world, tmp_path):
     path = shutil.copytree(world.capture_path, tmp_path / "capture")
     content = json.loads((path / "capture.json").read_text())
     for frame in content["frames"]:
         frame["left"], frame["right"] = frame["right"], frame["left"]
     (path / "capture.json").write_text(json.dumps(content))
     warnings, _ = warnings_of(path, WorldRenderer(world, grid=2, bounces=1), tmp_path)
-    assert warnings[0].startswith("the eyes are exchanged")
+    assert warnings[0].startswith("the cameras are exchanged")
 
 
 def test_scales_are_those_of_non_negative_least_squares():
@@ -90,10 +90,10 @@ def test_a_scale_at_its_bound_is_told(world, tmp_path):
     capture = read_capture(path)
     layers = render_frames(capture, WorldRenderer(world, grid=2, bounces=1), cache=LayerCache(tmp_path / "own"))
     for frame in capture.frames:
-        for eye in ("left", "right"):
-            light = layers[frame.id][eye].ambient
-            darker = 60.0 - 40.0 * light / light.max() + 0.5 * capture.ir(frame, eye)
-            write_gray(frame.path(eye), np.clip(np.rint(darker), 0, 255).astype(np.uint8))
+        for side in ("left", "right"):
+            light = layers[frame.id][side].ambient
+            darker = 60.0 - 40.0 * light / light.max() + 0.5 * capture.ir(frame, side)
+            write_gray(frame.path(side), np.clip(np.rint(darker), 0, 255).astype(np.uint8))
     warnings, scores = warnings_of(path, WorldRenderer(world, grid=2, bounces=1), tmp_path)
     assert scores["fit"]["nuisances"]["ambient_scale"] == 0.0 and scores["fit"]["nuisances"]["projector_scale"] > 0.0
     assert warnings[-1].startswith("the ambient scale is at its bound, 0")
@@ -113,13 +113,13 @@ def test_a_pair_without_repeats_tells_its_noise(world, tmp_path):
         squares = [
             np.mean(
                 (
-                    capture.ir(f, eye)
-                    - expected(world.sensor, world.views[f.id, eye], f.exposure_gain, f.projector_power)
+                    capture.ir(f, side)
+                    - expected(world.sensor, world.views[f.id, side], f.exposure_gain, f.projector_power)
                 )
                 ** 2
             )
             for f in capture.split(split)
-            for eye in ("left", "right")
+            for side in ("left", "right")
         ]
         assert score["noise_floor_dn"] == pytest.approx(np.sqrt(np.mean(squares)), rel=0.3)
 
@@ -128,6 +128,6 @@ def test_a_pair_without_a_smooth_place_tells_nothing(world):
     capture = read_capture(world.capture_path)
     layers = render_frames(capture, WorldRenderer(world, grid=2, bounces=1))
     frame = capture.frames[0]
-    views = [View.of(capture, frame, eye, layers[frame.id][eye]) for eye in ("left", "right")]
+    views = [View.of(capture, frame, side, layers[frame.id][side]) for side in ("left", "right")]
     black = np.zeros((90, 160), np.uint8)
     assert pair_noise_model([(*views, black, black)], 5.0) is None

@@ -177,12 +177,12 @@ def test_the_engines_imager_and_the_formulas_count_alike(renderer, nominal, name
     model = model_of(**{name: EFFECTS[name].typical_values})
     lights, engine = renderer.lights(Model()), EngineModel(model, renderer)
     for frame in nominal.frames:
-        for eye in ("left", "right"):
-            seen = lights[frame.id, eye]
+        for side in ("left", "right"):
+            seen = lights[frame.id, side]
             layers = Layers(
                 seen.direct, seen.indirect, seen.ambient, seen.direct, seen.depth_m, seen.normal, seen.material
             )
-            view, light = View.of(nominal, frame, eye, layers), Light.of(layers)
+            view, light = View.of(nominal, frame, side, layers), Light.of(layers)
             formula, counted = model.signal(light, view, NUISANCES), engine.signal(light, view, NUISANCES)
             base = Model().signal(light, view, NUISANCES)
             change = np.sqrt(np.mean((formula - base) ** 2))

@@ -16,7 +16,8 @@ GAIN, OFFSET, ROWS_PX, SCALE, DISPARITY = 1.08, -3.0, 0.15, 0.012, 9.0
 
 @pytest.fixture(scope="module")
 def pair():
-    """(left, right, disparity, device's disparity): a rough texture; the right eye is shifted, brighter and lower."""
+    """(left, right, disparity, device's disparity): a rough texture; the right camera is shifted, brighter and
+    lower."""
     rng = np.random.default_rng(4)
     texture = gaussian_filter(rng.standard_normal((240, 384)), 1.2)
     scene = 90 + 60 * texture / texture.std()
@@ -68,7 +69,7 @@ def test_the_command_writes_its_findings(pair, tmp_path, capsys):
     assert main([*arguments, "--out", str(tmp_path / "out")]) == 0
     found = {f["name"]: f for f in json.loads((tmp_path / "out" / "pair.json").read_text())["findings"]}
     assert found["gain_ratio"]["value"] == pytest.approx(GAIN, abs=0.02)
-    assert "gain of the right eye" in capsys.readouterr().out
+    assert "gain of the right camera" in capsys.readouterr().out
     write_gray(tmp_path / "depth.png", np.zeros((7, 11), np.uint16))
     assert main([*arguments, "--device-depth", str(tmp_path / "depth.png"), "--out", str(tmp_path / "out")]) == 2
     assert "not a whole number of times smaller" in capsys.readouterr().err

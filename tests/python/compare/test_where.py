@@ -124,7 +124,7 @@ def test_benjamini_yekutieli_by_hand():
     assert benjamini_yekutieli([0.9, 0.8]).max() == 1.0
 
 
-def _plane_view(velocity=(0, 0, 0, 0, 0, 0), temperature=None, eye="left"):
+def _plane_view(velocity=(0, 0, 0, 0, 0, 0), temperature=None, side="left"):
     """A wall 2 m ahead, seen straight on; the right half is 1 m away."""
     K = np.array([[200.0, 0, 80], [0, 200.0, 50], [0, 0, 1]])
     depth = np.full((101, 161), 2.0)
@@ -132,7 +132,7 @@ def _plane_view(velocity=(0, 0, 0, 0, 0, 0), temperature=None, eye="left"):
     normal = np.zeros((101, 161, 3))
     normal[..., 2] = -1.0
     shift = np.eye(4)
-    shift[0, 3] = -0.05 if eye == "right" else 0.0
+    shift[0, 3] = -0.05 if side == "right" else 0.0
     frame = Frame(
         0,
         None,
@@ -146,7 +146,7 @@ def _plane_view(velocity=(0, 0, 0, 0, 0, 0), temperature=None, eye="left"):
         camera_velocity=np.array(velocity, float),
     )
     return View(
-        eye,
+        side,
         K,
         depth,
         normal,
@@ -170,11 +170,11 @@ def test_covariates_of_a_plane():
     assert set(maps) == {c.name for c in COVARIATES}
 
 
-@pytest.mark.parametrize("eye", ["left", "right"])
-def test_image_speed_is_that_of_projected_points(eye):
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_image_speed_is_that_of_projected_points(side):
     """Against the projection of a point at two times, the pose moved by a small step of the twist."""
     twist = np.array([0.3, -0.2, 0.1, 0.2, 0.5, -0.4])
-    view = _plane_view(twist, eye=eye)
+    view = _plane_view(twist, side=side)
     maps = covariate_maps(view, np.zeros(view.shape), np.zeros(view.shape), 0.05)
     v, u, step = 20, 120, 1e-6
     spin = np.array([[0, -twist[5], twist[4]], [twist[5], 0, -twist[3]], [-twist[4], twist[3], 0]])

@@ -35,7 +35,7 @@ EFFECTS = {name: e for name, e in builtin().items() if name in FEW}
 EXPONENT = 2.0
 
 
-def shaded(dn, eye):
+def shaded(dn, side):
     """Lens shading by cos^EXPONENT, of an image whose focal length is half its width."""
     height, width = dn.shape
     v, u = np.mgrid[0:height, 0:width]
@@ -89,8 +89,8 @@ def test_pixel_gains_are_told_from_offsets_and_smooth_shading(lab_world, lab_cac
     rng = np.random.default_rng(3)
     gains = {}
 
-    def change(dn, eye):
-        gain = gains.setdefault(eye, 1.0 + 0.15 * rng.standard_normal(dn.shape))
+    def change(dn, side):
+        gain = gains.setdefault(side, 1.0 + 0.15 * rng.standard_normal(dn.shape))
         return BLACK_DN + gain * (dn - BLACK_DN)
 
     folder = altered(lab_world, tmp_path / "capture", change)

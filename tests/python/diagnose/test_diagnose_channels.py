@@ -48,8 +48,8 @@ def result(lab_world, lab_cache, tmp_path_factory):
     word."""
     rng, gains = np.random.default_rng(3), {}
 
-    def change(dn, eye):
-        gain = gains.setdefault(eye, 1.0 + 0.15 * rng.standard_normal(dn.shape))
+    def change(dn, side):
+        gain = gains.setdefault(side, 1.0 + 0.15 * rng.standard_normal(dn.shape))
         return BLACK_DN + gain * (dn - BLACK_DN)
 
     capture = altered(lab_world, tmp_path_factory.mktemp("gains") / "capture", change)

@@ -145,7 +145,7 @@ def test_what_a_scene_measurement_may_have_wrong_widens_an_interval():
     fitter = Fitter([], np.array([sigma, sigma]), 1)
     size = 1 + SCALES + 2
     alike = np.zeros(size)
-    alike[[0, 1 + SCALES]] = 1.0, 1.0  # of the effect's parameter and the left eye's focal length
+    alike[[0, 1 + SCALES]] = 1.0, 1.0  # of the effect's parameter and the left camera's focal length
     gram = weight * np.outer(alike, alike) + np.diag([0.0, *[weight] * SCALES, 0.0, weight])
     space = SimpleNamespace(fixed=np.array([False]), low=np.array([-1.0]), high=np.array([1.0]))
     sums = SimpleNamespace(gram=gram[None], block_moment={"left": np.zeros((size, 1))})

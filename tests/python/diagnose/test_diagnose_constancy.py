@@ -23,14 +23,14 @@ EFFECT = SimpleNamespace(id="blur")
 
 def found(monkeypatch, amplitude_of):
     """(noise variances that varying_reduced_chi2 finds, those that are hidden) where the effect's trace is
-    amplitude_of(frame, eye) too small."""
+    amplitude_of(frame, side) too small."""
     rng, rows, plains, hidden = np.random.default_rng(9), [], [], []
     for frame in range(4):
-        for eye in ("left", "right"):
-            o = SimpleNamespace(eye=eye, frame=SimpleNamespace(id=frame), weight=np.full(SHAPE, NOISE_DN**-2))
+        for side in ("left", "right"):
+            o = SimpleNamespace(side=side, frame=SimpleNamespace(id=frame), weight=np.full(SHAPE, NOISE_DN**-2))
             plain = 20.0 + 60.0 * rng.random(SHAPE)
             trace = 12.0 * rng.standard_normal(SHAPE)
-            missing = amplitude_of(frame, eye) * trace
+            missing = amplitude_of(frame, side) * trace
             hidden.append(np.mean(missing**2) / NOISE_DN**2)
             plains.append(plain)
             rows.append((o, plain + trace, None, missing + 0.7 + 0.01 * plain + NOISE_DN * rng.standard_normal(SHAPE)))
@@ -43,20 +43,20 @@ def found(monkeypatch, amplitude_of):
 
 @pytest.mark.parametrize("amplitude", [0.0, 0.3])
 def test_one_amplitude_everywhere_leaves_nothing_that_varies(monkeypatch, amplitude):
-    excess, _ = found(monkeypatch, lambda frame, eye: amplitude)
+    excess, _ = found(monkeypatch, lambda frame, side: amplitude)
     assert 0.0 <= excess < 1e-3
 
 
 @pytest.mark.parametrize(
     "amplitude_of",
     [
-        lambda frame, eye: 0.3 * U * np.ones(SHAPE),
-        lambda frame, eye: 0.3 * (V**2 - 1 / 3) * np.ones(SHAPE),
-        lambda frame, eye: 0.3 * (-1) ** frame,
-        lambda frame, eye: 0.3 if eye == "left" else -0.3,
+        lambda frame, side: 0.3 * U * np.ones(SHAPE),
+        lambda frame, side: 0.3 * (V**2 - 1 / 3) * np.ones(SHAPE),
+        lambda frame, side: 0.3 * (-1) ** frame,
+        lambda frame, side: 0.3 if side == "left" else -0.3,
     ],
 )
-def test_what_varies_over_the_picture_frames_or_eyes_is_found(monkeypatch, amplitude_of):
+def test_what_varies_over_the_picture_frames_or_cameras_is_found(monkeypatch, amplitude_of):
     excess, hidden = found(monkeypatch, amplitude_of)
     assert excess == pytest.approx(hidden, rel=0.03, abs=1e-3)
 

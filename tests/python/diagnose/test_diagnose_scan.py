@@ -79,7 +79,7 @@ class Image:
     """The part of an Observation that a scan's choice uses."""
 
     frame: SimpleNamespace
-    eye: str
+    side: str
     measured: np.ndarray
     pick: np.ndarray | None = None
 
@@ -87,11 +87,11 @@ class Image:
 def test_a_scan_sees_two_instants_of_repeats():
     pose = dict(camera_to_world=np.eye(4), exposure_gain=1.0, projector_power=1.0, ambient=None, temperature_c=None)
     frame = lambda k, group: SimpleNamespace(id=k, repeat_group=group, is_moving=False, **pose)  # noqa: E731
-    images = [Image(frame(k, 0), eye, np.zeros((8, 8))) for k in range(3) for eye in ("left", "right")]
-    chosen = {(o.frame.id, o.eye) for o in scan_observations(images)}
+    images = [Image(frame(k, 0), side, np.zeros((8, 8))) for k in range(3) for side in ("left", "right")]
+    chosen = {(o.frame.id, o.side) for o in scan_observations(images)}
     assert chosen == {(0, "right"), (2, "left")}
-    single = [Image(frame(0, None), eye, np.zeros((8, 8))) for eye in ("left", "right")]
-    assert {(o.frame.id, o.eye) for o in scan_observations(single)} == {(0, "right"), (0, "left")}
+    single = [Image(frame(0, None), side, np.zeros((8, 8))) for side in ("left", "right")]
+    assert {(o.frame.id, o.side) for o in scan_observations(single)} == {(0, "right"), (0, "left")}
 
 
 def explanation(name, values, information):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lab_worlds import WorldRenderer
-from activestereo.capture.capture import EYES, Capture, read_capture
+from activestereo.capture.capture import SIDES, Capture, read_capture
 from activestereo.effects import Model, View, builtin
 from activestereo.compare.cache import LayerCache
 from activestereo.diagnose.base_fit import fit_base
@@ -33,8 +33,8 @@ class Exposed(Capture):
 
     images: dict = field(default_factory=dict)
 
-    def ir(self, frame, eye):
-        return self.images[frame.id, eye]
+    def ir(self, frame, side):
+        return self.images[frame.id, side]
 
 
 @pytest.fixture(scope="module")
@@ -62,11 +62,11 @@ def evidence_of(table, hidden):
     capture, layers = table
     rng, images = np.random.default_rng(6), {}
     for frame in capture.frames:
-        for eye in EYES:
-            view = View.of(capture, frame, eye, layers[frame.id][eye])
-            clean = hidden.signal(hidden.light(layers[frame.id][eye], view), view, SCALES) - SCALES.black_dn
+        for side in SIDES:
+            view = View.of(capture, frame, side, layers[frame.id][side])
+            clean = hidden.signal(hidden.light(layers[frame.id][side], view), view, SCALES) - SCALES.black_dn
             noisy = clean * rng.gamma(SPECKLE**-2, SPECKLE**2, clean.shape) + READ_DN * rng.standard_normal(clean.shape)
-            images[frame.id, eye] = np.clip(np.rint(noisy + SCALES.black_dn), 0, 255).astype(np.float32)
+            images[frame.id, side] = np.clip(np.rint(noisy + SCALES.black_dn), 0, 255).astype(np.float32)
     return gather(Exposed(**vars(capture), images=images), layers)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from lab_worlds import WorldRenderer
-from activestereo.capture.capture import EYES, read_capture
+from activestereo.capture.capture import SIDES, read_capture
 from activestereo.capture.write import write_capture
 from activestereo.effects import Model, View, builtin
 from activestereo.effects.core.judging import Channel
@@ -111,18 +111,18 @@ def captured(table, folder, model):
     capture, layers = table
     engine, images, depths = DepthModel(capture), {}, {}
     for frame in capture.frames:
-        views = {eye: View.of(capture, frame, eye, layers[frame.id][eye], seed=5) for eye in EYES}
-        for eye in EYES:
-            rng = np.random.default_rng([frame.id, eye == "left"])
-            light = model.light(layers[frame.id][eye], views[eye], random=True)
-            clean = model.signal(light, views[eye], SCALES, random=True)
-            images[frame.id, eye] = np.clip(np.rint(clean + 0.8 * rng.standard_normal(clean.shape)), 0, 255).astype(
+        views = {side: View.of(capture, frame, side, layers[frame.id][side], seed=5) for side in SIDES}
+        for side in SIDES:
+            rng = np.random.default_rng([frame.id, side == "left"])
+            light = model.light(layers[frame.id][side], views[side], random=True)
+            clean = model.signal(light, views[side], SCALES, random=True)
+            images[frame.id, side] = np.clip(np.rint(clean + 0.8 * rng.standard_normal(clean.shape)), 0, 255).astype(
                 np.uint8
             )
             if (q := next((v["step_dn"] for e, v in model.effects if e.id == "quantisation"), 0)) > 0:
-                images[frame.id, eye] = np.clip(q * np.rint(images[frame.id, eye] / q), 0, 255).astype(np.uint8)
+                images[frame.id, side] = np.clip(q * np.rint(images[frame.id, side] / q), 0, 255).astype(np.uint8)
         if frame.projector_power > 0:
-            z = model.depth(engine.depth(*(images[frame.id, eye] for eye in EYES)), views["left"])
+            z = model.depth(engine.depth(*(images[frame.id, side] for side in SIDES)), views["left"])
             depths[frame.id] = np.rint(z / frame.depth_scale).clip(0, 65535).astype(np.uint16)
     write_capture(
         folder / "capture",
@@ -166,7 +166,9 @@ def test_an_effect_of_a_clear_strength_is_found(table, tmp_path, name):
 )
 def test_what_some_surfaces_show_is_found_on_those(table, tmp_path, name):
     """The second and third largest: the largest one's albedo is the scales' own."""
-    materials = np.concatenate([np.asarray(eyes[eye].material).ravel() for eyes in table[1].values() for eye in EYES])
+    materials = np.concatenate(
+        [np.asarray(sides[side].material).ravel() for sides in table[1].values() for side in SIDES]
+    )
     seen, counts = np.unique(materials[materials < 48], return_counts=True)
     chosen = float(sum(2 ** int(k) for k in seen[np.argsort(-counts)[1:3]]))
     capture = captured(table, tmp_path, Model().with_effect(EFFECTS[name], **STRENGTH[name], surfaces=chosen))

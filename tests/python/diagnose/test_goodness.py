@@ -27,7 +27,7 @@ def dots(rng):
 
 def row(image, residual, **frame):
     o = SimpleNamespace(
-        eye="left",
+        side="left",
         frame=SimpleNamespace(**frame),
         weight=np.full(SHAPE, NOISE_DN**-2),
         view=SimpleNamespace(once=lambda *_: np.zeros(SHAPE, bool), max_dn=255),

@@ -28,7 +28,7 @@ def mine_idle(signal, view, amount):
     return signal * (1.0 + amount * np.cos(np.pi * np.arange(signal.shape[-1]) / 2.0))
 
 
-def shaded(dn, eye):
+def shaded(dn, side):
     height, width = dn.shape
     v, u = np.mgrid[0:height, 0:width]
     r2 = ((u - (width - 1) / 2) ** 2 + (v - (height - 1) / 2) ** 2) / (0.5 * width) ** 2
@@ -72,7 +72,7 @@ def test_the_report_of_a_diagnosis_needs_no_render(diagnosis, renderer, tmp_path
     assert "<h1>My lens is dark: " in page and page.index('id="verdict"') < page.index('id="explorer"')
     data = json.loads(page.split('id="explorer-data">')[1].split("</script>")[0])
     assert list(data["models"]) == ["base", "found", "mine_shading"]
-    view = next(v for v in data["views"] if v["eye"] == "left" and v["split"] == "test")
+    view = next(v for v in data["views"] if v["camera"] == "left" and v["split"] == "test")
     key = view["frame"], "left"
     for name, errors in (("base", diagnosis.before), ("found", diagnosis.after)):
         rest = errors.measured[key].astype(np.float64) - errors.predictions[key]

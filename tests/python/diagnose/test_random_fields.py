@@ -29,7 +29,7 @@ def rows_with(pattern_dn, hot_dn):
     for pose, exposure_s in enumerate(EXPOSURES_S):
         frame = SimpleNamespace(id=pose, exposure_gain=exposure_s, camera_to_world=np.eye(4) + pose, is_moving=False)
         o = SimpleNamespace(
-            eye="left",
+            side="left",
             frame=frame,
             measured=np.zeros(SHAPE),
             weight=np.full(SHAPE, NOISE_DN**-2),

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from activestereo.capture.capture import EYES, Capture, Frame, read_capture
+from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
 from activestereo.effects import Model, View, builtin
 from activestereo.diagnose.evidence import Evidence, gather
 from activestereo.diagnose.evidence.repeats import without_drift
@@ -30,8 +30,8 @@ class Exposed(Capture):
 
     images: Images = field(default_factory=dict)
 
-    def ir(self, frame: Frame, eye: str) -> np.ndarray:
-        return self.images[frame.id, eye]
+    def ir(self, frame: Frame, side: str) -> np.ndarray:
+        return self.images[frame.id, side]
 
 
 class _NoCache:
@@ -55,13 +55,13 @@ def warming(tmp_path_factory: pytest.TempPathFactory) -> tuple[Evidence, Images,
     layers = render_frames(capture, WorldRenderer(world), cache=_NoCache())
     rng, images, true, steady = np.random.default_rng(4), {}, {}, {}
     for frame in capture.frames:
-        for eye in EYES:
-            light = layers[frame.id][eye]
-            view = View.of(capture, frame, eye, light)
-            true[frame.id, eye] = WARMING.signal(WARMING.light(light, view), view, SCALES)
-            steady[frame.id, eye] = Model().signal(Model().light(light, view), view, SCALES)
+        for side in SIDES:
+            light = layers[frame.id][side]
+            view = View.of(capture, frame, side, light)
+            true[frame.id, side] = WARMING.signal(WARMING.light(light, view), view, SCALES)
+            steady[frame.id, side] = Model().signal(Model().light(light, view), view, SCALES)
             noise = READ_DN * rng.standard_normal(view.shape)
-            images[frame.id, eye] = np.clip(np.rint(true[frame.id, eye] + noise), 0, 255).astype(np.float32)
+            images[frame.id, side] = np.clip(np.rint(true[frame.id, side] + noise), 0, 255).astype(np.float32)
     return gather(Exposed(**vars(capture), images=images), layers), true, steady
 
 

@@ -92,7 +92,7 @@ def test_exposure_desync_is_the_view_of_the_moved_rig(nominal, delay_s):
 
 
 def test_a_left_camera_is_never_touched_by_errors_of_the_right():
-    light, geometry = seen(eye="left", bounces=0)
+    light, geometry = seen(side="left", bounces=0)
     view = view_of(geometry, "left")
     for name in ("baseline_drift", "stereo_pitch", "stereo_roll", "principal_point_offset", "exposure_desync"):
         e = EFFECTS[name]

@@ -33,9 +33,9 @@ def engine_inputs() -> EngineInputs:
     )
     k = np.array([[200.0, 0, 79.5], [0, 200.0, 59.5], [0, 0, 1]])
     signal = simsense.signal_preset("neutral") | {"exposure_s": 0.004, "gain": 2.0, "temperature_c": 45.0}
-    eyes = [EngineCamera(kuafu.Camera(160, 120, k), kuafu.Optics(), dict(signal), right) for right in (False, True)]
+    sides = [EngineCamera(kuafu.Camera(160, 120, k), kuafu.Optics(), dict(signal), right) for right in (False, True)]
     return EngineInputs(
-        *eyes,
+        *sides,
         projector=kuafu.Light(kind="projector", k=k, ir_intensity=1.0),
         pattern=np.eye(120, 160, dtype=np.float32),
         frame=frame,
@@ -48,7 +48,8 @@ def engine_inputs() -> EngineInputs:
 
 
 def fields_of(inputs: EngineInputs) -> dict[str, object]:
-    """Every engine field by the name that moves() has for it. Fields of one eye have that eye's name before them."""
+    """Every engine field by the name that moves() has for it. Fields of one camera have that camera's name before
+    them."""
     out: dict[str, object] = {
         "pattern": inputs.pattern.tobytes(),
         "medium": record_key(inputs.medium),
@@ -58,11 +59,11 @@ def fields_of(inputs: EngineInputs) -> dict[str, object]:
         "ambient": repr(inputs.ambient),
     }
     out |= {f"projector.{name}": value for name, value in record_key(inputs.projector)}
-    for side, eye in (("left", inputs.left), ("right", inputs.right)):
+    for name, side in (("left", inputs.left), ("right", inputs.right)):
         for part in ("camera", "optics"):
-            out |= {f"{side}.{part}.{name}": value for name, value in record_key(getattr(eye, part))}
-        out |= {f"{side}.signal.{name}": value for name, value in eye.signal.items()}
-        out[f"{side}.delay_s"] = eye.delay_s
+            out |= {f"{name}.{part}.{field}": value for field, value in record_key(getattr(side, part))}
+        out |= {f"{name}.signal.{field}": value for field, value in side.signal.items()}
+        out[f"{name}.delay_s"] = side.delay_s
     neutral = dict(record_key(inputs.scene_materials(0)))
     changed = {f"materials.{n}" for m in inputs.materials.values() for n, value in record_key(m) if value != neutral[n]}
     return out | dict.fromkeys(changed, "changed")
@@ -106,8 +107,8 @@ def test_neutral_parameters_move_nothing(e):
 def test_a_users_effect_may_have_engine_fields_as_well():
     @moves("optics.veiling_glare_fraction")
     def in_engine(inputs, fraction):
-        for eye in inputs.eyes:
-            eye.optics.veiling_glare_fraction = fraction
+        for side in inputs.sides:
+            side.optics.veiling_glare_fraction = fraction
 
     parameters = [Parameter("fraction", "1", neutral=0.0, low=0.0, high=0.3, typical=0.05)]
 

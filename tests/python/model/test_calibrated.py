@@ -25,10 +25,10 @@ def capture():
 
 
 def model_rig(width=64):
-    eye = RigCamera(width, 48, _NEW, (0.1, 0.0, 0.0, 0.0, 0.0))
+    side = RigCamera(width, 48, _NEW, (0.1, 0.0, 0.0, 0.0, 0.0))
     right, projector = np.eye(4), np.eye(4)
     right[0, 3], projector[0, 3] = -0.0502, -0.03
-    return ModelRig(eye, eye, right, projector)
+    return ModelRig(side, side, right, projector)
 
 
 def test_the_rig_is_the_models():
@@ -44,7 +44,7 @@ def test_a_model_that_says_nothing_changes_nothing():
 
 
 def test_a_rig_of_another_size_is_refused():
-    with pytest.raises(ValueError, match="left eye is 32x48, c has 64x48"):
+    with pytest.raises(ValueError, match="left camera is 32x48, c has 64x48"):
         calibrated(capture(), SensorModel(rig=model_rig(width=32)))
 
 

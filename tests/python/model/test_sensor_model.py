@@ -38,10 +38,10 @@ def whole(tmp_path) -> SensorModel:
     write_gray(image, np.eye(60, 100, dtype=np.uint8) * 255)
     beside = np.eye(4)
     beside[0, 3] = -0.05
-    eye = RigCamera(424, 240, K, (0.01, 0.0, 0.0, 0.0, 0.0))
+    side = RigCamera(424, 240, K, (0.01, 0.0, 0.0, 0.0, 0.0))
     rational = RigCamera(424, 240, K, (0.01, 0.0, 0.0, 0.0, 0.0, 0.02, -0.01, 0.001))
     model = SensorModel(
-        rig=Rig(eye, rational, beside, beside, source="a board"),
+        rig=Rig(side, rational, beside, beside, source="a board"),
         pattern=Pattern(K, file=image, source="a wall"),
         imager=Imager(Quantity(0.6, unit="DN^2"), Quantity(0.005, unit="DN"), Quantity(0.001)),
         materials={"cup": {"ir_albedo_factor": Quantity(1.03, 1.01, 1.05)}},

@@ -47,7 +47,7 @@ def test_the_pictures_are_the_images(screen, ball_comparison):
     error falls most."""
     pictures, images = _pictures(screen), model_images(ball_comparison, FOUND)
     assert list(pictures) == ["measured", "model", "model with what was found", "measured − model", "what is left"]
-    tests = [(f.id, eye) for f in ball_comparison.capture.split("test") for eye in ("left", "right")]
+    tests = [(f.id, side) for f in ball_comparison.capture.split("test") for side in ("left", "right")]
     falls = {}
     for key in tests:
         measured = ball_comparison.capture.ir(next(f for f in ball_comparison.capture.frames if f.id == key[0]), key[1])

@@ -37,7 +37,7 @@ def test_a_csv_of_a_comparison_has_its_errors(ball_comparison, tmp_path):
         frame = next(f for f in ball_comparison.scores["frames"] if f["id"] == int(row["frame"]))
         assert row["split"] == frame["split"]
         for name in ("rmse_dn", "noise_floor_dn", "bias_dn"):
-            assert float(row[name]) == frame["eyes"][row["eye"]][name]
+            assert float(row[name]) == frame["cameras"][row["camera"]][name]
 
 
 def test_a_csv_of_a_diagnosis_has_its_ranking(tmp_path):

@@ -88,16 +88,16 @@ def test_the_page_is_whole_and_loads_nothing(comparison, files):
     assert "default-src 'none'" in files[1].read_text()  # the browser itself is set to load nothing
 
 
-def test_the_page_holds_every_frame_and_eye_under_every_model(comparison):
+def test_the_page_holds_every_frame_and_camera_under_every_model(comparison):
     """Pictures are decoded here as the page's script does, and are what was measured and expected, to half a step."""
     images = model_images(comparison, WITH_MODEL)
     assert list(images) == ["base", "found", "radial_distortion", "vignetting"]
     data = explorer_data(comparison, images)
-    seen = [(view["frame"], view["eye"]) for view in data["views"]]
+    seen = [(view["frame"], view["camera"]) for view in data["views"]]
     assert seen == [
         (f.id, e) for f in comparison.capture.frames for e in ("left", "right", "depth") if e != "depth" or f.depth_path
     ]
-    view = next(v for v in data["views"] if v["eye"] == "right")
+    view = next(v for v in data["views"] if v["camera"] == "right")
     frame = next(f for f in comparison.capture.frames if f.id == view["frame"])
     measured = comparison.capture.ir(frame, "right")
     assert np.array_equal(decoded(view["layers"]["measured"]), measured)
@@ -108,7 +108,7 @@ def test_the_page_holds_every_frame_and_eye_under_every_model(comparison):
         assert np.abs(values - own[frame.id, "right"]).max() <= 0.5 * steps + 1e-4, name
         assert view["rmse"][name] == pytest.approx(np.sqrt(np.mean((measured - own[frame.id, "right"]) ** 2)), rel=1e-5)
     assert view["layers"]["base"]["step"] < 0.2 * view["floor"]
-    depth = next(v for v in data["views"] if v["eye"] == "depth")
+    depth = next(v for v in data["views"] if v["camera"] == "depth")
     device = next(d for d in comparison.depths if d.frame.id == depth["frame"])
     values = decoded(depth["layers"]["measured"])
     assert np.array_equal(np.isnan(values), device.measured <= 0)

@@ -33,18 +33,18 @@ def browser(ball_comparison, tmp_path_factory):
 
 @pytest.fixture
 def page(browser):
-    """On frame 0, left eye, the whole picture, the slider at the measurement."""
+    """On frame 0, left camera, the whole picture, the slider at the measurement."""
     browser.click("#zoom-reset")
     show(browser, 0, "left")
     slide(browser, 0)
     return browser
 
 
-def show(page, frame, eye):
+def show(page, frame, side):
     page.value(f"(() => {{ const s = document.getElementById('frame'); s.value = '{frame}'; s.onchange(); }})()")
     page.wait(f"document.getElementById('explorer').dataset.view.startsWith('{frame} ')")
-    page.click(f"#eyes [data-eye={eye}]")
-    page.wait(f"document.getElementById('explorer').dataset.view === '{frame} {eye}'")
+    page.click(f"#cameras [data-eye={side}]")
+    page.wait(f"document.getElementById('explorer').dataset.view === '{frame} {side}'")
 
 
 def slide(page, value):
@@ -93,20 +93,20 @@ def test_values_under_the_pointer(page, ball_comparison, images):
     assert readout(page)[:2] == [u + 1, v]
 
 
-def test_frames_and_eyes_are_picked(page, ball_comparison):
+def test_frames_and_cameras_are_picked(page, ball_comparison):
     u, v = 100, 50
-    for frame, eye in ((2, "right"), (4, "left")):
-        show(page, frame, eye)
+    for frame, side in ((2, "right"), (4, "left")):
+        show(page, frame, side)
         page.point("#picture", (u + 0.5) / _WIDTH, (v + 0.5) / _HEIGHT)
         own = next(f for f in ball_comparison.capture.frames if f.id == frame)
-        assert readout(page)[2] == ball_comparison.capture.ir(own, eye)[v, u]
+        assert readout(page)[2] == ball_comparison.capture.ir(own, side)[v, u]
     page.click("#next-frame")
     page.wait("document.getElementById('explorer').dataset.view === '5 left'")
     page.click("#previous-frame")
     page.wait("document.getElementById('explorer').dataset.view === '4 left'")
 
 
-def test_depth_is_the_third_eye(page, ball_comparison):
+def test_depth_is_the_third_camera(page, ball_comparison):
     show(page, 2, "depth")
     device = next(d for d in ball_comparison.depths if d.frame.id == 2)
     v, u = (int(i) for i in np.argwhere((device.measured > 0) & (device.model[0] > 0))[500])
@@ -116,7 +116,7 @@ def test_depth_is_the_third_eye(page, ball_comparison):
     v, u = (int(i) for i in np.argwhere(device.measured <= 0)[0])
     page.point("#picture", (u + 0.5) / _WIDTH, (v + 0.5) / _HEIGHT)
     assert "device none" in page.text("#readout")
-    page.click("#next-frame")  # frame 3 has no depth: its left eye is shown
+    page.click("#next-frame")  # frame 3 has no depth: its left camera is shown
     page.wait("document.getElementById('explorer').dataset.view === '3 left'")
 
 

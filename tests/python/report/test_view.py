@@ -116,7 +116,7 @@ def test_all_pictures_share_one_zoom_and_are_dragged_together(view):
     assert float(dragged[0].split()[0]) > float(zoomed[0].split()[0]) > 0.0
 
 
-def test_dots_under_the_pointer_are_shown_where_the_right_eye_has_them(view):
+def test_dots_under_the_pointer_are_shown_where_the_right_camera_has_them(view):
     """The right crop is taken at the disparity: both crops show the same dots."""
     script = """(() => { const images = pictures.measured.images, w = facts.width;
         for (let i = 13 * w; i < images.left.length - 13 * w; ++i) {
@@ -126,7 +126,7 @@ def test_dots_under_the_pointer_are_shown_where_the_right_eye_has_them(view):
     view.point(*view.page.value(script))
     crop = """(() => { const c = document.querySelector('#dots-measured-%s');
         return [...c.getContext('2d').getImageData(0, 0, c.width, c.height).data]; })()"""
-    left, right = (np.array(view.page.value(crop % eye), float).reshape(300, 300, 4)[6::12, 6::12, 0] for eye in
+    left, right = (np.array(view.page.value(crop % side), float).reshape(300, 300, 4)[6::12, 6::12, 0] for side in
                    ("left", "right"))  # fmt: skip
     assert np.corrcoef(left[8:17, 8:17].ravel(), right[8:17, 8:17].ravel())[0, 1] > 0.5
     assert float(re.search(r"brightest ([\d.]+)", view.page.text("#dots-text"))[1]) > 1.5

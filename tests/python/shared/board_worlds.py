@@ -24,7 +24,7 @@ def matrix(turn: np.ndarray, place: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class RigWorld:
-    """K, distortion: by eye; boards: {view's name: board_to_left}; views: corners with noise of 0.08 px."""
+    """K, distortion: by camera; boards: {view's name: board_to_left}; views: corners with noise of 0.08 px."""
 
     size: tuple[int, int]
     K: dict[str, np.ndarray]
@@ -38,9 +38,9 @@ class RigWorld:
     def make(cls, seed: int, count: int = 20, has_lens: bool = True) -> "RigWorld":
         rng = np.random.default_rng(seed)
         size, K, distortion = (848, 480), {}, {}
-        for eye in ("left", "right"):
+        for side in ("left", "right"):
             f = 430.0 * (1 + 0.01 * rng.standard_normal())
-            K[eye] = np.array(
+            K[side] = np.array(
                 [
                     [f, 0, 424 + 4 * rng.standard_normal()],
                     [0, f * (1 + 0.001 * rng.standard_normal()), 239 + 4 * rng.standard_normal()],
@@ -48,7 +48,7 @@ class RigWorld:
                 ]
             )
             lens = np.array([-0.05, 0.03, 5e-4, -3e-4, 0.0]) * (1 + 0.2 * rng.standard_normal(5))
-            distortion[eye] = lens if has_lens else np.zeros(5)
+            distortion[side] = lens if has_lens else np.zeros(5)
         left_to_right = matrix(
             np.deg2rad([0.2, -0.3, 0.1]) if has_lens else np.zeros(3),
             np.array([-0.05, 2e-4, -1e-4] if has_lens else [-0.05, 0, 0]),
@@ -63,13 +63,13 @@ class RigWorld:
             pose = matrix(turn, place)
             pose[:3, 3] -= pose[:3, :3] @ middle
             corners = {}
-            for eye in ("left", "right"):
-                camera = pose if eye == "left" else left_to_right @ pose
+            for side in ("left", "right"):
+                camera = pose if side == "left" else left_to_right @ pose
                 pixels = cv2.projectPoints(
-                    points, cv2.Rodrigues(camera[:3, :3])[0], camera[:3, 3], K[eye], distortion[eye]
+                    points, cv2.Rodrigues(camera[:3, :3])[0], camera[:3, 3], K[side], distortion[side]
                 )[0].reshape(-1, 2)
                 if np.all(pixels > 6) and np.all(pixels < np.array(size) - 7):
-                    corners[eye] = points, pixels + _CORNER_NOISE_PX * rng.standard_normal(pixels.shape)
+                    corners[side] = points, pixels + _CORNER_NOISE_PX * rng.standard_normal(pixels.shape)
             if len(corners) == 2:
                 name = f"{len(views):03d}.png"
                 boards[name] = pose
@@ -90,14 +90,14 @@ class RigWorld:
         return poses
 
     def rendered(
-        self, name: str, eye: str, board: Board, first_corner_m: np.ndarray, margin_m: float = 0.02
+        self, name: str, side: str, board: Board, first_corner_m: np.ndarray, margin_m: float = 0.02
     ) -> np.ndarray:
         """A picture of a printed board in a view, 8-bit, without lens distortion: three by three samples a pixel.
         first_corner_m: of the board's origin from the print's left top, metres."""
-        assert not np.any(self.distortion[eye])
+        assert not np.any(self.distortion[side])
         density, fine = 8000.0, 3
         print_ = board.drawn(density, margin_m)
-        pose = self.boards[name] if eye == "left" else self.left_to_right @ self.boards[name]
+        pose = self.boards[name] if side == "left" else self.left_to_right @ self.boards[name]
         # Print pixels to board metres to fine pixels.
         to_board = np.array(
             [
@@ -106,7 +106,7 @@ class RigWorld:
                 [0, 0, 1.0],
             ]
         )
-        K = self.K[eye].copy()
+        K = self.K[side].copy()
         grow = np.array([[fine, 0, 0.5 * (fine - 1)], [0, fine, 0.5 * (fine - 1)], [0, 0, 1.0]])
         H = grow @ K @ pose[:3, [0, 1, 3]] @ to_board
         # The print is finer than the picture: blurred by half a fine pixel's share of it first.
@@ -115,5 +115,5 @@ class RigWorld:
         width, height = self.size
         warped = cv2.warpPerspective(soft, H, (fine * width, fine * height), flags=cv2.INTER_LINEAR, borderValue=150)
         image = cv2.resize(warped, (width, height), interpolation=cv2.INTER_AREA).astype(float)
-        rng = np.random.default_rng(int(name[:3]) + (100 if eye == "right" else 0))
+        rng = np.random.default_rng(int(name[:3]) + (100 if side == "right" else 0))
         return np.rint(20 + 0.7 * image + rng.normal(0, 1.0, image.shape)).clip(0, 255).astype(np.uint8)

@@ -26,9 +26,9 @@ def shift(x):
 RIG = Rig(Camera(*SIZE, CAMERA_K), Camera(*SIZE, CAMERA_K), shift(-0.05), Projector(None, PROJECTOR_K, shift(-0.015)))
 
 
-def seen(eye="right", left_to_world=POSE, baseline_m=0.05, projector_K=PROJECTOR_K, pattern=PATTERN, bounces=1):
+def seen(side="right", left_to_world=POSE, baseline_m=0.05, projector_K=PROJECTOR_K, pattern=PATTERN, bounces=1):
     """The truth: a Light, and (depth, normal). Same seed everywhere, so that differences are the effect's."""
-    camera = left_to_world @ (shift(baseline_m) if eye == "right" else np.eye(4))
+    camera = left_to_world @ (shift(baseline_m) if side == "right" else np.eye(4))
     source_pose = left_to_world @ shift(0.015)
 
     def cast(pattern, bounces):
@@ -39,11 +39,11 @@ def seen(eye="right", left_to_world=POSE, baseline_m=0.05, projector_K=PROJECTOR
     return Light(view.direct, view.indirect, view.sky, flat.direct), (view.depth, view.normal @ camera[:3, :3])
 
 
-def view_of(geometry, eye="right"):
+def view_of(geometry, side="right"):
     frame = Frame(0, None, None, 0.0, 0.004, POSE, "train", camera_velocity=TWIST, temperature_c=45.0)
-    left_to_camera = RIG.left_to_right if eye == "right" else np.eye(4)
+    left_to_camera = RIG.left_to_right if side == "right" else np.eye(4)
     return View(
-        eye,
+        side,
         CAMERA_K,
         *geometry,
         PATTERN,

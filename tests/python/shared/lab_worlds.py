@@ -82,10 +82,10 @@ def with_device_depth(world, folder, ids, stretch=1.0):
 
 
 def altered(world, folder, change):
-    """A copy of the world's capture with every image changed: change(DN, eye)."""
+    """A copy of the world's capture with every image changed: change(DN, side)."""
     copy = shutil.copytree(world.capture_path, folder)
-    for eye in ("left", "right"):
-        for path in (copy / eye).iterdir():
-            image = change(read_gray(path).astype(np.float64), eye)
+    for side in ("left", "right"):
+        for path in (copy / side).iterdir():
+            image = change(read_gray(path).astype(np.float64), side)
             write_gray(path, np.clip(np.rint(image), 0, 255).astype(np.uint8))
     return copy

@@ -80,7 +80,7 @@ def intrinsics(scale=1.0):
     return width, height, np.array([[f, 0, (width - 1) / 2], [0, f, (height - 1) / 2], [0, 0, 1.0]])
 
 
-def eye_pose(k):
+def camera_pose(k):
     """The camera's pose around the thing; k: 0, 1 and on are the recorded places, others lie between them."""
     azimuth, elevation = np.deg2rad(50.0 * k), np.deg2rad(35.0 - 10.0 * k)
     place = 0.5 * np.array(
@@ -140,7 +140,7 @@ def record(
     rig = Rig(camera, camera, right, projector, color=ColorCamera(width, height, K))
     frames, images, colors = [], {}, {}
     for k in range(poses):
-        pose = eye_pose(k)
+        pose = camera_pose(k)
         for lit in (True, False):
             gray = counts(see(pose, lit, "infrared", 77 + k), rng)
             number = 2 * k + lit

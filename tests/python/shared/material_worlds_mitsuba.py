@@ -41,7 +41,7 @@ class MitsubaWorld:
         box: tuple[int, int, int, int] | None = None,
         spp: int | None = None,
     ) -> Image:
-        """Radiance from there; projector_pose: of the left eye, where the picture is the right one's; bounces:
+        """Radiance from there; projector_pose: of the left camera, where the picture is the right one's; bounces:
         surfaces after the first; box: left, top, width and height of what is rendered, all else is 0."""
         is_ir = band == "infrared"
         scene = self._room(is_ir, camera_to_world)

@@ -50,7 +50,7 @@ class WallWorld:
     def render(
         self, device: kuafu.Device, wall: tuple[float, float], light: kuafu.Light, scene: kuafu.Scene, spp: int = 32
     ) -> np.ndarray:
-        """Radiance [2][height][width] of both eyes."""
+        """Radiance [2][height][width] of both cameras."""
         width, height = self.config.ir_resolution
         poses = [np.eye(4), np.eye(4)]
         poses[1][0, 3] = BASELINE_M
@@ -103,8 +103,8 @@ class WallWorld:
             expected *= gain
             for _ in range(repeats):
                 number = len(frames)
-                for eye, image in zip(("left", "right"), expected, strict=True):
-                    images[number, eye] = exposed(image, rng)
+                for side, image in zip(("left", "right"), expected, strict=True):
+                    images[number, side] = exposed(image, rng)
                 path = Path("unwritten")
                 frames.append(Frame(number, path, path, 0.033 * number, 0.008, np.eye(4), "train", repeat_group=group))
         width, height = self.config.ir_resolution
@@ -130,16 +130,16 @@ def exposed(light_dn: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def seen_dots(
-    world: WallWorld, wall: tuple[float, float], eye: str, border_px: float = 5.0
+    world: WallWorld, wall: tuple[float, float], side: str, border_px: float = 5.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(true dots' numbers, their pixels [n][2]) of those inside an eye's image."""
+    """(true dots' numbers, their pixels [n][2]) of those inside a camera's image."""
     true, K, P = world.true_dots(), world.config.ir_intrinsic, world.projector_K
     ray = np.column_stack([(true[:, 0] - P[0, 2]) / P[0, 0], (true[:, 1] - P[1, 2]) / P[1, 1], np.ones(len(true))])
     pose = world.wall_pose(wall)
     normal = pose[:3, 2]
     reach = ((pose[:3, 3] - PLACE_M) @ normal) / (ray @ normal)
     points = PLACE_M + reach[:, None] * ray
-    points[:, 0] -= BASELINE_M if eye == "right" else 0.0
+    points[:, 0] -= BASELINE_M if side == "right" else 0.0
     u, v = (K[i, i] * points[:, i] / points[:, 2] + K[i, 2] for i in (0, 1))
     width, height = world.config.ir_resolution
     inside = (

@@ -26,7 +26,7 @@ def test_a_wait_gives_up_and_may_be_repeated() -> None:
     engine = engine_of(device, back_end="vulkan")
     pixels = SHAPE[0] * SHAPE[1]
     buffer = simsense.Buffer(device, 6 * pixels)
-    left, right = (buffer.image("uint8", SHAPE, eye * pixels) for eye in (0, 1))
+    left, right = (buffer.image("uint8", SHAPE, side * pixels) for side in (0, 1))
     depth = buffer.image("float32", SHAPE, 2 * pixels)
     left.array()[:] = np.random.default_rng(1).integers(0, 255, SHAPE)
     right.array()[:, :-8] = left.array()[:, 8:]

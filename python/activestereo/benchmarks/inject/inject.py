@@ -16,7 +16,7 @@ from activestereo.benchmarks.inject.dots import moved_depth
 from activestereo.benchmarks.inject.kinds import KINDS, Kind
 from activestereo.benchmarks.inject.light import Light, View
 from activestereo.benchmarks.inject.noise import NoiseModel, measured_noise_model, with_noise
-from activestereo.capture.capture import EYES, SPLITS, Capture, Frame
+from activestereo.capture.capture import SIDES, SPLITS, Capture, Frame
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.common.input_files import read_bytes, read_json
 from activestereo.common.output_files import new_folder, write_bytes, write_text
@@ -35,7 +35,7 @@ class Injection:
     name: str
     strength: str
     value: float
-    eyes: tuple[str, ...]
+    sides: tuple[str, ...]
     drawn: Mapping[str, float]
     seed: int
     black_dn: float
@@ -45,14 +45,14 @@ class Injection:
     def kind(self) -> Kind:
         return KINDS[self.name]
 
-    def changed(self, number: int, eye: str) -> np.ndarray:
+    def changed(self, number: int, side: str) -> np.ndarray:
         """The image of one frame, by its number in the capture, as whole DN."""
         frame, rig = self.capture.frames[number], self.capture.rig
-        measured = self.capture.ir(frame, eye).astype(np.float64)
-        if eye not in self.eyes or (self.name == "dead_dots" and frame.projector_power == 0.0):
+        measured = self.capture.ir(frame, side).astype(np.float64)
+        if side not in self.sides or (self.name == "dead_dots" and frame.projector_power == 0.0):
             return measured
         light = Light(measured - self.black_dn, self.noise_model.variance(measured - self.black_dn))
-        view = self._view(number, eye)
+        view = self._view(number, side)
         try:
             light = self.kind.apply(light, view, **{self.kind.parameter: self._scaled_value(), **self.drawn})
         except ValueError as error:
@@ -64,13 +64,13 @@ class Injection:
     def _scaled_value(self) -> float:
         return self.value * (self.capture.rig.max_dn / 255.0 if self.kind.in_dn else 1.0)
 
-    def _view(self, number: int, eye: str) -> View:
+    def _view(self, number: int, side: str) -> View:
         frame, rig = self.capture.frames[number], self.capture.rig
-        is_right = eye == "right"
+        is_right = side == "right"
         camera_to_left = np.linalg.inv(rig.left_to_right) if is_right else np.eye(4)
         pattern = rig.projector.pattern()
         return View(
-            K=rig.camera(eye).K,
+            K=rig.camera(side).K,
             is_right=is_right,
             time_s=frame.timestamp_s,
             row_time_s=rig.line_time_s or _ROW_TIME_S,
@@ -111,17 +111,17 @@ def plan(capture: Capture, name: str, strength: str, seed: int, black_dn: float 
     if not any(frame.has_infrared for frame in capture.frames):
         raise ValueError(f"{capture.path}: there are no infrared images to put an effect into")
     choice = _generator(seed, crc32(name.encode()))
-    eyes = (EYES[int(choice.integers(2))],) if kind.one_camera else EYES
+    sides = (SIDES[int(choice.integers(2))],) if kind.one_camera else SIDES
     black = darkest(capture) if black_dn is None else black_dn
     if not 0.0 <= black < capture.rig.max_dn:
         raise ValueError(f"the black level is {black:g}, expected 0 to below {capture.rig.max_dn} DN")
     noise_model = measured_noise_model(capture, black)
-    return Injection(capture, name, strength, value, eyes, kind.drawn(choice), seed, black, noise_model)
+    return Injection(capture, name, strength, value, sides, kind.drawn(choice), seed, black, noise_model)
 
 
 def darkest(capture: Capture) -> float:
     """The darkest thousandth of all pixels, DN."""
-    images = [capture.ir(frame, eye).ravel() for frame in capture.frames if frame.has_infrared for eye in EYES]
+    images = [capture.ir(frame, side).ravel() for frame in capture.frames if frame.has_infrared for side in SIDES]
     return float(np.quantile(np.concatenate(images), _DARKEST, method="lower"))
 
 
@@ -133,9 +133,9 @@ def write_injected(injection: Injection, out: Path, bar: ProgressBar | None = No
     if out.resolve().is_relative_to(home):
         raise ValueError(f"{out} lies in the capture {capture.path}: give a place beside it")
     for frame in capture.frames:
-        for eye in EYES if frame.has_infrared else ():
-            if not frame.path(eye).resolve().is_relative_to(home):
-                raise ValueError(f"{frame.path(eye)} lies outside of {capture.path}: move it into the folder")
+        for side in SIDES if frame.has_infrared else ():
+            if not frame.path(side).resolve().is_relative_to(home):
+                raise ValueError(f"{frame.path(side)} lies outside of {capture.path}: move it into the folder")
     differences: dict[str, list[float]] = {split: [] for split in SPLITS}
     with new_folder(out) as folder:
         for path in sorted(home.rglob("*")):
@@ -144,10 +144,10 @@ def write_injected(injection: Injection, out: Path, bar: ProgressBar | None = No
                 place.parent.mkdir(parents=True, exist_ok=True)
                 write_bytes(place, read_bytes(path))
         for number, frame in enumerate(capture.frames):
-            for eye in EYES if frame.has_infrared else ():
-                stored, pixels = read_gray(frame.path(eye)), injection.changed(number, eye)
+            for side in SIDES if frame.has_infrared else ():
+                stored, pixels = read_gray(frame.path(side)), injection.changed(number, side)
                 differences[frame.split].append(float(np.mean((pixels - stored) ** 2)))
-                write_gray(folder / frame.path(eye).resolve().relative_to(home), pixels.astype(stored.dtype))
+                write_gray(folder / frame.path(side).resolve().relative_to(home), pixels.astype(stored.dtype))
             if bar is not None:
                 bar((number + 1) / len(capture.frames))
         answer = _answer(injection, differences)
@@ -163,7 +163,7 @@ def _answer(injection: Injection, differences: Mapping[str, list[float]]) -> dic
         "effect": injection.name,
         "accepted": list(kind.accepted),
         "strength": injection.strength,
-        "cameras": list(injection.eyes),
+        "cameras": list(injection.sides),
         "parameters": {kind.parameter: injection._scaled_value(), **injection.drawn},
         "seed": injection.seed,
         "black_level_dn": injection.black_dn,

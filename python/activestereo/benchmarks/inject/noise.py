@@ -11,7 +11,7 @@ from scipy.optimize import nnls
 from scipy.stats import chi2
 
 from activestereo.benchmarks.inject.light import Light
-from activestereo.capture.capture import EYES, Capture
+from activestereo.capture.capture import SIDES, Capture
 
 ROUNDING = 1.0 / 12.0  # variance of rounding to whole DN
 _BINS, _FEWEST = 16, 64
@@ -35,17 +35,17 @@ def measured_noise_model(capture: Capture, black_dn: float) -> NoiseModel:
     """The noise model by differences of repeats; without repeats by the quietest places, where texture makes it too
     high."""
     pairs = [
-        (capture.ir(first, eye), capture.ir(second, eye))
+        (capture.ir(first, side), capture.ir(second, side))
         for frames in capture.repeats().values()
         for first, second in zip(frames[:-1], frames[1:], strict=True)
-        for eye in EYES
+        for side in SIDES
         if first.has_infrared and second.has_infrared
     ]
     if pairs:
         first, second = (np.concatenate([image.ravel() for image in images]) for images in zip(*pairs, strict=True))
         level, variance, how = (first + second) / 2, (first - second) ** 2 / 2, "repeats"
     else:
-        each = [_quiet_blocks(capture.ir(f, eye)) for f in capture.frames if f.has_infrared for eye in EYES]
+        each = [_quiet_blocks(capture.ir(f, side)) for f in capture.frames if f.has_infrared for side in SIDES]
         level, variance = (np.concatenate(part) for part in zip(*each, strict=True))
         how = "quietest places"
     floor, slope = _line(level - black_dn, variance, capture.rig.max_dn - black_dn, None if pairs else _QUIET)

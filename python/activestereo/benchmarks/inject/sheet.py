@@ -35,12 +35,12 @@ def write_sheet(capture: Capture, strength: str, seed: int, black_dn: float | No
     for axis in axes.flat:
         axis.set_axis_off()
     for i, injection in enumerate(injections):
-        eye = injection.eyes[0]
-        before = capture.ir(capture.frames[number], eye)
-        after = injection.changed(number, eye)
+        side = injection.sides[0]
+        before = capture.ir(capture.frames[number], side)
+        after = injection.changed(number, side)
         above, below = axes[2 * (i // _COLUMNS), i % _COLUMNS], axes[2 * (i // _COLUMNS) + 1, i % _COLUMNS]
         above.imshow(after, cmap="gray", vmin=0, vmax=white)
-        above.set_title(f"{injection.name} {injection.value:g}, {eye}", fontsize=9)
+        above.set_title(f"{injection.name} {injection.value:g}, {side}", fontsize=9)
         limit = max(1.0, float(np.quantile(np.abs(after - before), 0.99)))
         below.imshow(after - before, cmap="RdBu_r", vmin=-limit, vmax=limit)
         below.set_title(f"change, ±{limit:.0f} DN", fontsize=8)

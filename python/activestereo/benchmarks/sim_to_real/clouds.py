@@ -44,12 +44,12 @@ def cloud(
     return Cloud(points[chosen], normals[chosen])
 
 
-def _normals(points: NDArray[np.float64], eye: NDArray[np.float64]) -> NDArray[np.float64]:
+def _normals(points: NDArray[np.float64], side: NDArray[np.float64]) -> NDArray[np.float64]:
     """The normal of the plane through each point's neighbours."""
     _, near = cKDTree(points).query(points, min(_NEIGHBOURS, len(points)))
     around = points[near] - points[near].mean(axis=1, keepdims=True)
     _, directions = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))
     normals = directions[:, :, 0]
-    away = np.einsum("ij,ij->i", normals, points - eye) > 0.0
+    away = np.einsum("ij,ij->i", normals, points - side) > 0.0
     normals[away] *= -1.0
     return np.asarray(normals)

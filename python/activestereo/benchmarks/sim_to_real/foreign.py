@@ -7,7 +7,7 @@
 | noise | the preset's, of a D435 | SAPIEN's law, gamma and Gaussian noise of 4 % and 0.5 counts |
 | dots | the preset's pattern | of another draw, a tenth wider, 15 % of the light missing |
 | optics | the preset's blur | one and a half times as wide |
-| calibration | exact | right eye turned by 0.02 degrees |
+| calibration | exact | right camera turned by 0.02 degrees |
 | materials | as the objects' data | rougher by 0.06, darker by 10 to 30 % |
 | room | one lamp | another place, brighter, another table |
 | light | `samples` rays, denoised | other rays, not denoised |

@@ -11,7 +11,7 @@ mode is told how it differs:
 | exposure | whole image to 68 counts | its middle to 80 counts |
 | optics | the preset's blur and vignetting | 0.5 px of blur, cos^4 vignetting |
 | dots | the preset's pattern | of another draw, a tenth wider, 15 % of the light missing, no fall-off |
-| calibration | exact | right eye turned by 0.02 degrees |
+| calibration | exact | right camera turned by 0.02 degrees |
 | gloss | GGX, roughness as the data | Beckmann, rougher by 0.05; smooth lacquer |
 | metals | a reflectance | indices of chromium and, tarnished, of copper |
 | glass | refracting body | thin: Fresnel's reflection on each face, no refraction |
@@ -59,14 +59,14 @@ class MitsubaStage:
         return np.stack(depths)
 
     def pair(self, view: View, random: np.random.Generator) -> list[NDArray[np.uint8]]:
-        """Counts of the left and the right eye."""
+        """Counts of the left and the right camera."""
         return self._camera.counts(self._light(view, random), random)
 
     def repeats(self, view: View, count: int, random: np.random.Generator) -> list[NDArray[np.uint8]]:
-        """[count, height, width] of the left and the right eye, of a view where nothing moves."""
+        """[count, height, width] of the left and the right camera, of a view where nothing moves."""
         light = self._light(view, random)
         pairs = [self._camera.counts(light, random) for _ in range(count)]
-        return [np.stack(eye) for eye in zip(*pairs, strict=True)]
+        return [np.stack(side) for side in zip(*pairs, strict=True)]
 
     def _light(self, view: View, random: np.random.Generator) -> list[NDArray[np.float64]]:
         thing = self._objects[view.object_index]

@@ -26,7 +26,7 @@ _FULL_WELL_E, _READ_E, _TARGET_DN = 15_000.0, 10.0, 80.0
 
 
 class MitsubaCamera:
-    """Infrared pairs of the eyes of `config`. samples: rays per pixel of the projector's light, and as many of the
+    """Infrared pairs of the cameras of `config`. samples: rays per pixel of the projector's light, and as many of the
     room's; 64 leave a fifth of the camera's own noise on what is matt. ValueError without Mitsuba."""
 
     def __init__(self, config: StereoDepthSensorConfig, samples: int) -> None:
@@ -48,16 +48,16 @@ class MitsubaCamera:
         laser = self._laser | {"to_world": pose(self._mi, camera_to_world(body * config.pose_rgb_irproj))}
         right_turn = np.eye(4)
         right_turn[:3, :3] = rotation(_RIGHT_TURN_RAD)
-        eyes = (config.trans_pose_l, np.eye(4)), (config.trans_pose_r, right_turn)
+        sides = (config.trans_pose_l, np.eye(4)), (config.trans_pose_r, right_turn)
         light = []
-        for place, turn in eyes:
+        for place, turn in sides:
             sensor = self._sensor(camera_to_world(body * place) @ turn)
             dots, other = (self._render(things | part, sensor, next(seeds)) for part in ({"laser": laser}, room))
             light.append(dots * random.lognormal(-0.5 * _SPECKLE**2, _SPECKLE, dots.shape) + other)
         return light
 
     def counts(self, light: list[NDArray[np.float64]], random: np.random.Generator) -> list[NDArray[np.uint8]]:
-        """[height, width] of each eye in one exposure of this light."""
+        """[height, width] of each camera in one exposure of this light."""
         height, width = light[0].shape
         x = (np.arange(width) - 0.5 * (width - 1)) / self._config.ir_intrinsic[0, 0]
         y = (np.arange(height) - 0.5 * (height - 1)) / self._config.ir_intrinsic[1, 1]

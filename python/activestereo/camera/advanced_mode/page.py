@@ -5,12 +5,14 @@ from activestereo.camera.advanced_mode.settings import Key, keys
 
 _TEXT = """\
 # Advanced-mode keys
-`activestereo depth RECORDING --settings FILE.json` matches a recording's infrared pairs as its camera would under a D400's advanced-mode JSON, and
-`--search fill|noise|truth FILE.json` writes one for the camera. This page is written by `page.py` from `keys.toml`.
+`activestereo depth RECORDING --settings FILE.json` matches a recording's infrared pairs as its camera would under a
+D400's advanced-mode JSON, and `--search fill|noise|truth FILE.json` writes one for the camera. This page is written by
+`page.py` from `keys.toml`.
 
-{mapped} of {count} settings set something here, {names} names with those of older files. Nobody outside of Intel knows the D400's matcher: a key
-that has the camera's default leaves the matcher as the camera's preset has it, another moves it by the same share, and no key is the device's own in
-its number. What a key does not set is told. Names and defaults are librealsense's; a range is the field's width as published presets fill it.
+{mapped} of {count} settings set something here, {names} names with those of older files. Nobody outside of Intel knows
+the D400's matcher: a key that has the camera's default leaves the matcher as the camera's preset has it, another moves
+it by the same share, and no key is the device's own in its number. What a key does not set is told. Names and defaults
+are librealsense's; a range is the field's width as published presets fill it.
 
 | key | default | range | sets | what it is on the camera |
 |---|---|---|---|---|

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The keys of the advanced mode as what they set: the matcher's parameters, the depth image's units, and the camera's light.
+"""The keys of the advanced mode as what they set: the matcher's parameters, the depth image's units, and the camera's
+light.
 
 Nobody outside of Intel knows the D400's matcher, so that keys are read against its defaults: a key that has the
 camera's default leaves the matcher as the camera's preset has it, and another moves it by the same share."""

@@ -3,8 +3,8 @@
 
 Reading needs the package rosbags, which is not one of ours: pip install rosbags. Topics are known by their names:
 librealsense's /device_0/sensor_0/Infrared_1/image/data, realsense-ros's /camera/infra1/image_rect_raw, and others with
-the same words. The baseline is that of the right eye's camera_info (-P[3] / P[0]) where it is there, else of
-librealsense's transform of the stream; Infrared 1 is the left eye on every D4xx.
+the same words. The baseline is that of the right camera's camera_info (-P[3] / P[0]) where it is there, else of
+librealsense's transform of the stream; Infrared 1 is the left camera on every D4xx.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _STREAMS = {
     "Depth": re.compile(r"(?<!aligned_)depth", re.I),
 }
 _TYPES = {"mono8": np.uint8, "8UC1": np.uint8, "mono16": np.uint16, "16UC1": np.uint16}
-_EYES = ("Infrared 1", "Infrared 2")
+_SIDES = ("Infrared 1", "Infrared 2")
 _ROS2_DEPTH_SCALE_M = 0.001  # realsense-ros publishes 16UC1 in millimetres (REP 118)
 
 
@@ -103,14 +103,14 @@ def read_pairs(
     """(name, left, right) of each infrared pair, in order of time, one at a time in memory; the name is the left
     image's time in milliseconds. is_wanted: of a name; others are not decoded. Raises as extract_bag()."""
     waiting: dict[str, tuple[float, str, Any]] = {}
-    for topic, message, time_ms, _ in _messages(path, ("Image",), _EYES):
+    for topic, message, time_ms, _ in _messages(path, ("Image",), _SIDES):
         stream = _stream(topic) or ""
         waiting[stream] = time_ms, topic, message
-        if len(waiting) < 2 or abs(waiting[_EYES[0]][0] - waiting[_EYES[1]][0]) > SAME_FRAME_MS:
+        if len(waiting) < 2 or abs(waiting[_SIDES[0]][0] - waiting[_SIDES[1]][0]) > SAME_FRAME_MS:
             continue
-        name = f"{waiting[_EYES[0]][0]:.3f}"
+        name = f"{waiting[_SIDES[0]][0]:.3f}"
         if is_wanted(name):
-            left, right = (_pixels(path, *waiting[eye][1:]) for eye in _EYES)
+            left, right = (_pixels(path, *waiting[side][1:]) for side in _SIDES)
             yield name, left, right
         waiting.clear()
 
@@ -119,7 +119,7 @@ def count_pairs(path: Path) -> int:
     """How many pairs there are at most. Raises as extract_bag()."""
     with _opened(path) as reader:
         counts = {_stream(c.topic): c.msgcount for c in reader.connections if c.msgtype.endswith("/Image")}
-    return min(counts.get(eye, 0) for eye in _EYES)
+    return min(counts.get(side, 0) for side in _SIDES)
 
 
 def _topics(path: Path) -> list[tuple[str, str]]:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calibrations in YAML: ROS' camera_info of both eyes, and Kalibr's camera chain.
+"""Calibrations in YAML: ROS' camera_info of both cameras, and Kalibr's camera chain.
 
 ROS: what camera_calibration's cameracalibrator saves (camera_matrix, distortion_coefficients, rectification_matrix,
-projection_matrix), or what `rostopic echo` and `ros2 topic echo` print (K, D, R, P, in either case), of one eye in each
-file or document. The right eye is the one whose P[3] is below 0: -fx x baseline (REP 104). Kalibr: cam0 and cam1, with
-T_cn_cnm1 from cam0 to cam1. Reading needs PyYAML: python3-yaml of Debian, or pip install pyyaml.
+projection_matrix), or what `rostopic echo` and `ros2 topic echo` print (K, D, R, P, in either case), of one camera in
+each file or document. The right camera is the one whose P[3] is below 0: -fx x baseline (REP 104). Kalibr: cam0 and
+cam1, with T_cn_cnm1 from cam0 to cam1. Reading needs PyYAML: python3-yaml of Debian, or pip install pyyaml.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from activestereo.common.pose import printed_motion
 
 SUFFIXES = (".yaml", ".yml")
 _MOST_BYTES = 1 << 20
-_EYES = ("Infrared 1", "Infrared 2")
+_SIDES = ("Infrared 1", "Infrared 2")
 _NO_LENS = np.zeros(5)
 
 
@@ -70,7 +70,7 @@ class _Entry:
 
 @dataclass(frozen=True)
 class _Camera:
-    """An eye as ROS has it; R and P are those of its rectified image."""
+    """A camera as ROS has it; R and P are those of its rectified image."""
 
     name: str
     raw: Intrinsic
@@ -93,7 +93,7 @@ def read_calibration_yaml(paths: Sequence[Path], are_rectified: bool = False) ->
     cameras = [_ros_camera(entry) for entry in documents]
     if len(cameras) != 2:
         raise ValueError(
-            f"{paths[0]}: {len(cameras)} camera{'s' if len(cameras) != 1 else ''} of ROS, expected both eyes: give "
+            f"{paths[0]}: {len(cameras)} camera{'s' if len(cameras) != 1 else ''} of ROS, expected both cameras: give "
             "--calibration twice, for the left and for the right one's file"
         )
     return _ros_pair(Path(paths[0]), cameras, are_rectified)
@@ -142,8 +142,8 @@ def _ros_pair(path: Path, cameras: list[_Camera], are_rectified: bool) -> Device
     baseline_m = -right.P[0, 3] / right.P[0, 0]
     if baseline_m <= 0.0 or left.P[0, 3] != 0.0:
         raise ValueError(
-            f"{right.name}: projection_matrix: P[3] of the eyes is {left.P[0, 3]:g} and {right.P[0, 3]:g}, expected 0 "
-            "of the left and -fx x baseline of the right one: calibrate both as a stereo pair"
+            f"{right.name}: projection_matrix: P[3] of the cameras is {left.P[0, 3]:g} and {right.P[0, 3]:g}, expected "
+            "0 of the left and -fx x baseline of the right one: calibrate both as a stereo pair"
         )
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -baseline_m
@@ -151,7 +151,7 @@ def _ros_pair(path: Path, cameras: list[_Camera], are_rectified: bool) -> Device
     if are_rectified:
         lenses = [Intrinsic(c.raw.width, c.raw.height, c.P[:, :3].copy(), _NO_LENS) for c in (left, right)]
     else:
-        # R turns an eye's own axes into the rectified ones, which differ by the baseline alone.
+        # R turns a camera's own axes into the rectified ones, which differ by the baseline alone.
         left_to_right[:3, :3] = right.R.T @ left.R
         left_to_right[:3, 3] = right.R.T @ (-baseline_m, 0.0, 0.0)
     return _device(path, lenses, left_to_right)
@@ -170,7 +170,7 @@ def _kalibr(path: Path, chain: _Entry) -> DeviceText:
     except (TypeError, ValueError):
         cameras[1].fail("T_cn_cnm1", "is not 4 rows of 4 numbers")
     to_second = printed_motion(motion[:3, :3], motion[:3, 3], f"{cameras[1].name}: T_cn_cnm1", motion[3])
-    if to_second[0, 3] > 0.0:  # cam0 is the right eye
+    if to_second[0, 3] > 0.0:  # cam0 is the right camera
         return _device(path, lenses[::-1], np.linalg.inv(to_second))
     return _device(path, lenses, to_second)
 
@@ -208,5 +208,5 @@ def _five_or_eight(lens: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _device(path: Path, lenses: Sequence[Intrinsic], left_to_right: NDArray[np.float64]) -> DeviceText:
-    modes = {(name, lens.width, lens.height): lens for name, lens in zip(_EYES, lenses, strict=True)}
-    return DeviceText(path, modes, {_EYES: left_to_right})
+    modes = {(name, lens.width, lens.height): lens for name, lens in zip(_SIDES, lenses, strict=True)}
+    return DeviceText(path, modes, {_SIDES: left_to_right})

@@ -33,8 +33,8 @@ def record_live(
     except ImportError as error:
         raise ValueError("live: needs the package pyrealsense2, which is missing: pip install pyrealsense2") from error
     config, pipeline = rs.config(), rs.pipeline()
-    for eye in (1, 2):
-        config.enable_stream(rs.stream.infrared, eye, *size, rs.format.y8, 30)
+    for side in (1, 2):
+        config.enable_stream(rs.stream.infrared, side, *size, rs.format.y8, 30)
     config.enable_stream(rs.stream.depth, *size, rs.format.z16, 30)
     config.enable_stream(rs.stream.color, *size, rs.format.rgb8, 30)
     profile = pipeline.start(config)
@@ -56,8 +56,8 @@ def record_live(
 
 def _save(rs: Any, frames: Any, folder: Path, exposure_s: float) -> float:
     time_ms = float(frames.get_infrared_frame(1).get_timestamp())
-    for eye in (1, 2):
-        write_gray(folder / f"Infrared {eye} {time_ms:.3f}.png", np.array(frames.get_infrared_frame(eye).get_data()))
+    for side in (1, 2):
+        write_gray(folder / f"Infrared {side} {time_ms:.3f}.png", np.array(frames.get_infrared_frame(side).get_data()))
     write_gray(folder / f"Depth {time_ms:.3f}.png", np.array(frames.get_depth_frame().get_data()))
     write_png(folder / f"Color {time_ms:.3f}.png", np.array(frames.get_color_frame().get_data()))
     first = frames.get_infrared_frame(1)

@@ -67,9 +67,9 @@ class FrameFiles:
 
 
 def frame_files(folder: Path, depth_word: str | None = None) -> list[FrameFiles]:
-    """Frames with both eyes: of each view in order of time. A folder inside with both eyes of its own is a view of its
-    own, such as walls/near and walls/far, or desk/on and desk/off. depth_word: what names of depth images hold where
-    there are several kinds, None for "depth". ValueError where there are none."""
+    """Frames with both cameras: of each view in order of time. A folder inside with both cameras of its own is a view
+    of its own, such as walls/near and walls/far, or desk/on and desk/off. depth_word: what names of depth images hold
+    where there are several kinds, None for "depth". ValueError where there are none."""
     folder = Path(folder)
     streams = _STREAMS if depth_word is None else _STREAMS | {"depth": re.compile(re.escape(depth_word), re.I)}
     out = []
@@ -80,7 +80,7 @@ def frame_files(folder: Path, depth_word: str | None = None) -> list[FrameFiles]
 
 
 def swapped(files: list[FrameFiles]) -> list[FrameFiles]:
-    """The same frames with the eyes' images exchanged."""
+    """The same frames with the cameras' images exchanged."""
     return [
         replace(entry, files=entry.files | {"left": entry.files["right"], "right": entry.files["left"]})
         for entry in files
@@ -94,7 +94,7 @@ def _views(folder: Path) -> list[Path]:
 
 def _has_both(folder: Path) -> bool:
     names = [file.relative_to(folder).as_posix() for file in folder.rglob("*.png")]
-    return all(any(_STREAMS[eye].search(name) for name in names) for eye in ("left", "right"))
+    return all(any(_STREAMS[side].search(name) for name in names) for side in ("left", "right"))
 
 
 def _view_files(folder: Path, streams: dict[str, re.Pattern[str]]) -> list[FrameFiles]:
@@ -153,10 +153,10 @@ def _by_name(
                 raise ValueError(f"{file}: is named as {named[name][stream]}, expected one image of a frame and stream")
             named[name][stream] = file
     for own in named.values():
-        for eye, other in (("left", "right"), ("right", "left")):
-            if eye in own and other not in own:
+        for side, other in (("left", "right"), ("right", "left")):
+            if side in own and other not in own:
                 raise ValueError(
-                    f"{own[eye]}: has no {other} image: names without a number of their own are the same in each "
+                    f"{own[side]}: has no {other} image: names without a number of their own are the same in each "
                     "stream but for its word, such as left/desk.png and right/desk.png, or desk_left.png and "
                     "desk_right.png"
                 )
@@ -187,7 +187,7 @@ def import_realsense(
     tell = progress or (lambda fraction: None)
     first = read_gray(files[0].files["left"], key="Infrared 1")
     height, width = first.shape
-    left, right = (device.intrinsic(_NAMES[eye], width, height) for eye in ("left", "right"))
+    left, right = (device.intrinsic(_NAMES[side], width, height) for side in ("left", "right"))
     left_to_right = device.extrinsic("Infrared 1", "Infrared 2")
     if left_to_right[0, 3] >= 0:
         raise ValueError(
@@ -197,8 +197,8 @@ def import_realsense(
     images, depths, colors, frames = {}, {}, {}, []
     color = _color_camera(files, device)
     for number, entry in enumerate(files):
-        for eye in ("left", "right"):
-            images[number, eye] = read_gray(entry.files[eye], (width, height), _NAMES[eye])
+        for side in ("left", "right"):
+            images[number, side] = read_gray(entry.files[side], (width, height), _NAMES[side])
         if "depth" in entry.files:
             if depth_scale is None:
                 raise ValueError(

@@ -9,7 +9,7 @@ streams.
       Distortion: Brown Conrady
       Coeffs:  0 0 0 0 0
 
-An extrinsic maps coordinates in the first stream to those in the second: the right eye's x is minus the baseline.
+An extrinsic maps coordinates in the first stream to those in the second: the right camera's x is minus the baseline.
 """
 
 import re

@@ -47,7 +47,7 @@ class DrawIndex:
     def __call__(self, term: RandomTerm, o: Observation) -> np.ndarray:
         """The draw's number at every pixel, [height][width]."""
         height, width = o.measured.shape
-        right = o.eye == "right"
+        right = o.side == "right"
         if term.shared_by is SharedBy.COLUMN:
             return np.broadcast_to(np.arange(width) + right * width, o.measured.shape)
         if term.shared_by is SharedBy.ROW:
@@ -61,7 +61,7 @@ class DrawIndex:
         return pixel + 2 * o.measured.size * number
 
     def _dot(self, o: Observation) -> np.ndarray:
-        key = o.eye, pose_key(o)
+        key = o.side, pose_key(o)
         if key not in self._dots:
             dots, (height, width) = DotView.of(o.view), draw_grid(SharedBy.DOT, o)[0]
             u, v = (np.floor((x + 0.5) / DOT_CELL_PX).astype(int) for x in (dots.u, dots.v))

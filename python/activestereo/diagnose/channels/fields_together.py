@@ -160,8 +160,8 @@ def components(
     """
     ids = list(terms)
     blocks, powers = [], {name: 0.0 for name in ids}
-    for eye in {o.eye for o, *_ in train}:
-        images = [_image(row, terms, sigmas, black_dn, thresholds) for row in train if row[0].eye == eye]
+    for side in {o.side for o, *_ in train}:
+        images = [_image(row, terms, sigmas, black_dn, thresholds) for row in train if row[0].side == side]
         for image in images:
             for name in ids:
                 powers[name] += float((image.weight * image.levers[name] ** 2).mean()) / len(train)

@@ -153,7 +153,7 @@ def _rows(observations: Sequence[Observation], parameter: str, row_correlation: 
 
 
 def _pairs(observations: Sequence[Observation]) -> list[tuple[Observation, Observation]]:
-    groups = by_repeats((o.frame, o.eye, o) for o in observations)
+    groups = by_repeats((o.frame, o.side, o) for o in observations)
     return [(a, b) for group in groups for a, b in zip(group, group[1:], strict=False)]
 
 

@@ -7,7 +7,7 @@ from collections.abc import Hashable, Mapping, Sequence
 
 import numpy as np
 
-from activestereo.capture.capture import EYES, Capture
+from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.gain_noise import noise_model_at_other_gains
 from activestereo.compare.noise import NoiseModel, frame_noise_variances
@@ -41,11 +41,13 @@ NoiseVariances = dict[tuple[int, str], float]
 
 
 def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0) -> Evidence:
-    """The Evidence of a capture and its rendered layers {frame id: {eye: Layers}}. seed: rules every random choice."""
+    """The Evidence of a capture and its rendered layers {frame id: {side: Layers}}. seed: rules every random choice."""
     shots = [
-        MeasuredImage(f, eye, View.of(capture, f, eye, layers[f.id][eye], seed), layers[f.id][eye], capture.ir(f, eye))
+        MeasuredImage(
+            f, side, View.of(capture, f, side, layers[f.id][side], seed), layers[f.id][side], capture.ir(f, side)
+        )
         for f in capture.frames
-        for eye in EYES
+        for side in SIDES
     ]
     train, test = ([s for s in shots if s.frame.split == split] for split in ("train", "test"))
     nuisances = fit_nuisances([(s.frame, s.layers, s.measured) for s in train], capture.rig.max_dn).nuisances
@@ -65,7 +67,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0) -> Evidence:
         tile, fold = tiles.get(shot.key, (outside, outside))
         material, slope = _material_index(shot, materials, material_of), focal_slope(shot, nuisances)
         return Observation(
-            shot.frame, shot.eye, shot.view, shot.layers, shot.measured, weight, tile, fold, material, slope
+            shot.frame, shot.side, shot.view, shot.layers, shot.measured, weight, tile, fold, material, slope
         )
 
     return Evidence(
@@ -129,7 +131,7 @@ def _expected(
     """
     groups: dict[Hashable, list[MeasuredImage]] = {}
     for s in shots:
-        key = (s.frame.repeat_group, s.eye) if s.frame.repeat_group is not None else s.key
+        key = (s.frame.repeat_group, s.side) if s.frame.repeat_group is not None else s.key
         groups.setdefault(key, []).append(s)
     expected: dict[tuple[int, str], np.ndarray] = {}
     for group in groups.values():

@@ -15,11 +15,11 @@ class MeasuredImage:
     """One camera's image of one frame, without weights. measured: DN [height][width]."""
 
     frame: Frame
-    eye: str
+    side: str
     view: View
     layers: Layers
     measured: np.ndarray
 
     @property
     def key(self) -> tuple[int, str]:
-        return self.frame.id, self.eye
+        return self.frame.id, self.side

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from activestereo.capture.capture import EYES, Capture
+from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.noise import NoiseModel
 from activestereo.compare.nuisances import Nuisances
@@ -51,7 +51,7 @@ class Evidence:
     """All observations of a capture.
 
     nuisances: a first fit of projector scale, ambient scale and black level. noise_model: the photon-transfer noise
-    model of the noise; has_floor: whether repeats gave it. noise_variances: {(frame id, eye): DN^2}. materials: how
+    model of the noise; has_floor: whether repeats gave it. noise_variances: {(frame id, side): DN^2}. materials: how
     many albedo nuisances there are. tiles: how many tiles. seed: rules every random choice. edge_discrepancy_m:
     standard deviation of the positions of the scene's edges.
     """
@@ -70,10 +70,10 @@ class Evidence:
 
     @property
     def prior_sigma(self) -> np.ndarray:
-        """Prior deviations of the nuisances that calibration and scene measurement tell: both eyes' focal lengths, then
-        albedos.
+        """Prior deviations of the nuisances that calibration and scene measurement tell: both cameras' focal lengths,
+        then albedos.
         """
-        return np.concatenate([np.full(len(EYES), FOCAL_SIGMA), np.full(self.materials, ALBEDO_SIGMA)])
+        return np.concatenate([np.full(len(SIDES), FOCAL_SIGMA), np.full(self.materials, ALBEDO_SIGMA)])
 
     @property
     def pixels(self) -> int:

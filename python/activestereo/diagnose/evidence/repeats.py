@@ -62,6 +62,6 @@ def without_drift(
 
 def _drift(shots: Sequence[Observation], expected: Images) -> Images:
     """The difference of every repeat's expected image from the mean of its group's, DN."""
-    groups = by_repeats((o.frame, o.eye, o.key) for o in shots)
+    groups = by_repeats((o.frame, o.side, o.key) for o in shots)
     means = ((keys, np.mean([expected[k] for k in keys], axis=0)) for keys in groups)
     return {key: expected[key] - mean for keys, mean in means for key in keys}

@@ -42,8 +42,8 @@ class Start:
 
 
 def scan_observations(observations: Sequence[Observation], seed: int = 0) -> tuple[Observation, ...]:
-    """One image of each situation: the right eye (which every camera effect touches), one frame per pose and
-    setting, and one of the left eye, which the right one may differ from; a random part of the pixels counts.
+    """One image of each situation: the right camera (which every camera effect touches), one frame per pose and
+    setting, and one of the left camera, which the right one may differ from; a random part of the pixels counts.
     """
     seen: set[tuple] = set()
     left = _left_image(observations)
@@ -58,8 +58,8 @@ def scan_observations(observations: Sequence[Observation], seed: int = 0) -> tup
             f.temperature_c,
             f.is_moving,
         )
-        if o is left or (o.eye == "right" and setting not in seen):
-            seen |= {setting} if o.eye == "right" else set()
+        if o is left or (o.side == "right" and setting not in seen):
+            seen |= {setting} if o.side == "right" else set()
             rng = np.random.Generator(np.random.PCG64([_SEED, len(chosen), seed]))
             picked = np.sort(rng.permutation(o.measured.size)[: int(_PICKED_SHARE * o.measured.size)])
             chosen.append(replace(o, pick=picked))
@@ -67,8 +67,8 @@ def scan_observations(observations: Sequence[Observation], seed: int = 0) -> tup
 
 
 def _left_image(observations: Sequence[Observation]) -> Observation | None:
-    """The first of the left eye, or its last repeat: light that flickers is seen at one more instant then."""
-    left = [o for o in observations if o.eye == "left"]
+    """The first of the left camera, or its last repeat: light that flickers is seen at one more instant then."""
+    left = [o for o in observations if o.side == "left"]
     group = left[0].frame.repeat_group if left else None
     repeats = [o for o in left if o.frame.repeat_group == group] if group is not None else left[:1]
     return repeats[-1] if repeats else None

@@ -36,7 +36,7 @@ _TRUSTED, _NEAR, _SETTLED = 6.0, 1.0, 0.3
 
 
 class RenderedLight(Protocol):
-    """Radiance [height][width] of one eye of one frame, as in Light: under the projector at power 1, and under
+    """Radiance [height][width] of one camera of one frame, as in Light: under the projector at power 1, and under
     ambient radiance 1.
     """
 
@@ -119,14 +119,14 @@ class _Rendered:
 
     def _prepare(self, views: Iterable[View]) -> None:
         """Renders the test frames where one of the views is of them."""
-        if self.test or all((view.frame.id, view.eye) in self.change for view in views):
+        if self.test or all((view.frame.id, view.side) in self.change for view in views):
             return
         slopes = self.rendered.slopes(self.theta, self.steps, _TEST, self.rendered.at(self.theta, _TEST))
         self.test.append((self.rendered.whole(self.theta, _TEST), slopes))
 
     def _of_view(self, view: View) -> tuple[np.ndarray, list[np.ndarray | None]]:
         """(the change at theta, its slopes) of one image."""
-        key = view.frame.id, view.eye
+        key = view.frame.id, view.side
         if key in self.change:
             return self.change[key], [slope.get(key) for slope in self.slopes]
         if not self.test:

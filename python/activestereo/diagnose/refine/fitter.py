@@ -229,7 +229,7 @@ class Fitter:
 
     def covariance(self, solution: Solution) -> np.ndarray:
         """The covariance of theta, [n][n]: the sandwich over clusters that share errors (Liang and Zeger 1986): blocks
-        of an eye's image, repeats and settings of one pose together; and what errors of the scene measurement add,
+        of a camera's image, repeats and settings of one pose together; and what errors of the scene measurement add,
         whose prior holds the nuisances near wrong values.
 
         None of it asks for independent pixels.

@@ -2,7 +2,7 @@
 """The light of an observation under a model, and a sensor's numbers for it, kept because a fit asks for them again and
 again.
 
-The nuisances phi are projector scale, ambient scale and black level; then, with priors, both eyes' relative focal
+The nuisances phi are projector scale, ambient scale and black level; then, with priors, both cameras' relative focal
 lengths and the materials' relative albedos.
 """
 

@@ -60,7 +60,7 @@ Cluster: TypeAlias = tuple[str, bytes, bool]
 
 def cluster_of(o: Observation) -> Cluster:
     """The cluster that shares errors: one camera's images of one pose, repeats and settings together."""
-    return o.eye, o.frame.camera_to_world.tobytes(), o.frame.is_moving
+    return o.side, o.frame.camera_to_world.tobytes(), o.frame.is_moving
 
 
 @dataclass

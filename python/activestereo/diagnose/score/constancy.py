@@ -3,8 +3,8 @@
 has to vary.
 
 A varying-coefficient model (Hastie and Tibshirani 1993): the trace, what the effect changes in the expected images,
-may grow and fade over the picture, from frame to frame and from eye to eye. What that explains more is another law's,
-or errors of the scene measurement.
+may grow and fade over the picture, from frame to frame and from camera to camera. What that explains more is another
+law's, or errors of the scene measurement.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from activestereo.diagnose.refine.fitter import Fitter, ImageResidual, signal
 from activestereo.diagnose.refine.parameter_space import Solution
 from activestereo.effects import Effect
 
-# Columns that all images share: offset, gain and trace, then the trace over the picture and of the right eye. Each
+# Columns that all images share: offset, gain and trace, then the trace over the picture and of the right camera. Each
 # frame has one more.
 _ALIKE, _SHARED = 3, 9
 
@@ -24,14 +24,14 @@ def varying_reduced_chi2(fitter: Fitter, rows: Sequence[ImageResidual], solution
     """Mean square per pixel, in noise variances, that an effect's trace explains with a varying amplitude beyond what
     it explains with one.
 
-    The amplitude is a second-order polynomial of the place, and of its own in every frame and eye. rows: of the
+    The amplitude is a second-order polynomial of the place, and of its own in every frame and camera. rows: of the
     Fitter's observations.
     """
     frames = {name: i for i, name in enumerate(dict.fromkeys(o.frame.id for o, *_ in rows))}
     size = _SHARED + len(frames)
     gram, moment = np.zeros((size, size)), np.zeros(size)
     for (o, image, _, residual), plain in zip(rows, _without(fitter, solution, effect), strict=True):
-        columns = [np.ones(image.shape), plain, *_varying(image - plain, float(o.eye == "right"))]
+        columns = [np.ones(image.shape), plain, *_varying(image - plain, float(o.side == "right"))]
         places = [*range(_SHARED), _SHARED + frames[o.frame.id]]
         x = np.stack([c.ravel() for c in columns]) * np.sqrt(o.weight).ravel()
         gram[np.ix_(places, places)] += x @ x.T

@@ -25,7 +25,7 @@ def unsteady_reduced_chi2(rows: Sequence[ImageResidual]) -> float:
         f = row.observation.frame
         if not f.is_moving:
             light = f.exposure_gain, f.projector_power, f.ambient
-            views.setdefault((f.camera_to_world.tobytes(), *light, row.observation.eye), []).append(row)
+            views.setdefault((f.camera_to_world.tobytes(), *light, row.observation.side), []).append(row)
     spans = [np.ptp([_apart(row, view) for row in view]) for view in views.values() if len(view) > 2]
     return float(max(spans, default=0.0))
 

@@ -26,7 +26,7 @@ def white_rest(rows: Sequence[ImageResidual], thresholds: Thresholds) -> float:
     """
     by_view: dict[object, list[np.ndarray]] = {}
     for o, _, _, r in rows:
-        view = pose_key(o), o.frame.exposure_gain, o.frame.projector_power, o.eye
+        view = pose_key(o), o.frame.exposure_gain, o.frame.projector_power, o.side
         by_view.setdefault(view, []).append(np.where(edges(o), np.nan, r * np.sqrt(o.weight)))
     same, beside, count = 0.0, np.zeros(2), 0
     for first, second, *_ in (group for group in by_view.values() if len(group) > 1):

@@ -3,8 +3,8 @@
 
     @moves("optics.vignetting_exponent")
     def _engine(inputs: EngineInputs, exponent: float) -> None:
-        for eye in inputs.eyes:
-            eye.optics.vignetting_exponent += exponent
+        for side in inputs.sides:
+            side.optics.vignetting_exponent += exponent
 
 An effect's `engine` function changes EngineInputs in place; its keyword arguments are the effect's parameters. What the
 engines then compute is the effect itself: the image function beside it is its surrogate, for scans. Records are kuafu's
@@ -135,7 +135,7 @@ class EngineInputs:
     matcher: dict[str, float] = field(default_factory=dict)
 
     @property
-    def eyes(self) -> tuple[EngineCamera, EngineCamera]:
+    def sides(self) -> tuple[EngineCamera, EngineCamera]:
         return self.left, self.right
 
     @property
@@ -200,12 +200,12 @@ class EngineInputs:
         if contrast == 0.0:
             return
         self.speckle_of_laser = True
-        for eye in self.eyes:
-            shape, scale, static = (eye.signal[f"speckle_{name}"] for name in ("shape", "scale", "correlation"))
+        for side in self.sides:
+            shape, scale, static = (side.signal[f"speckle_{name}"] for name in ("shape", "scale", "correlation"))
             mean, before = (shape * scale, 1.0 / shape) if shape > 0 else (1.0, 0.0)
             variance = before + contrast**2
-            eye.signal["speckle_correlation"] = (static * before + static_share * contrast**2) / variance
-            eye.signal["speckle_shape"], eye.signal["speckle_scale"] = 1.0 / variance, mean * variance
+            side.signal["speckle_correlation"] = (static * before + static_share * contrast**2) / variance
+            side.signal["speckle_shape"], side.signal["speckle_scale"] = 1.0 / variance, mean * variance
 
     def rng(self, name: str) -> np.random.Generator:
         """Random numbers of the whole rig for one effect: the same as View.rng(name, per='rig') gives."""

@@ -53,9 +53,9 @@ class Lever(Enum):
 class SharedBy(Enum):
     """The pixels and images that share one draw.
 
-    PIXEL: a pixel of one eye, in all frames (in one frame, where the effect is TEMPORAL). VIEW: a pixel of one eye
-    while the rig stands still. COLUMN, ROW: all pixels of a column or row of one eye. DOT: all pixels that see one
-    dot of the pattern.
+    PIXEL: a pixel of one camera, in all frames (in one frame, where the effect is TEMPORAL). VIEW: a pixel of one
+    camera while the rig stands still. COLUMN, ROW: all pixels of a column or row of one camera. DOT: all pixels that
+    see one dot of the pattern.
     """
 
     PIXEL = "pixel"

@@ -53,7 +53,7 @@ def _failure(effect: Effect, value: Any, view: View) -> str | None:
 
 
 def example_view(
-    eye: str = "right", frame_id: int = 0, seed: int = 0, temperature_c: float = 45.0, move: bool = True
+    side: str = "right", frame_id: int = 0, seed: int = 0, temperature_c: float = 45.0, move: bool = True
 ) -> View:
     """A plane slanted both ways before a wall, a moving warm rig, a dot pattern."""
     height, width = _SIZE
@@ -65,14 +65,14 @@ def example_view(
     )
     pose, left_to_right, left_to_projector = np.eye(4), np.eye(4), np.eye(4)
     left_to_right[0, 3], left_to_projector[0, 3] = -0.05, -0.015
-    left_to_camera = left_to_right if eye == "right" else np.eye(4)
+    left_to_camera = left_to_right if side == "right" else np.eye(4)
     frame = Frame(
         id=frame_id, left_path=None, right_path=None, timestamp_s=2.003, exposure_s=0.004, camera_to_world=pose,
         split="train",
         gain=2.0, temperature_c=temperature_c, camera_velocity=np.array([0.5, 0.1, 0.2, 0.1, 0.6, 0.3]) * move,
     )  # fmt: skip
     return View(
-        eye=eye,
+        side=side,
         K=np.array([[60.0, 0, (width - 1) / 2], [0, 60.0, (height - 1) / 2], [0, 0, 1]]),
         depth_m=depth,
         normal=normal,

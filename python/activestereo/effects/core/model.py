@@ -81,7 +81,7 @@ class Model:
         return np.minimum(np.maximum(value, 0.0), view.max_dn)
 
     def depth(self, depth_m: np.ndarray, view: View) -> np.ndarray:
-        """A matched depth image (left eye, metres, 0 = none) as the device gives it. view: the left eye's."""
+        """A matched depth image (left camera, metres, 0 = none) as the device gives it. view: the left camera's."""
         matched, focal_baseline = np.asarray(depth_m, dtype=np.float64), view.K[0, 0] * view.baseline_m
         if self._of(Stage.DISPARITY, Stage.DISPARITY, True):
             disparity = _inverse(matched, focal_baseline)

@@ -40,14 +40,14 @@ class RenderedSurfaces(Protocol):
 
 @dataclass(frozen=True)
 class View:
-    """One eye of one frame. Arrays are [height][width]; depth 0 = nothing there; normal [height][width][3], unit,
+    """One camera of one frame. Arrays are [height][width]; depth 0 = nothing there; normal [height][width][3], unit,
     camera coordinates; a_to_b maps coordinates in a to those in b; distortion: of the nominal camera, see
     activestereo/common/lens.py; material: index in the scene file, or None; ambient_bounced: the share of the ambient
-    light that comes over other surfaces, or None where it is not known. Disparity and depth effects get the left eye's
-    view.
+    light that comes over other surfaces, or None where it is not known. Disparity and depth effects get the left
+    camera's view.
     """
 
-    eye: str
+    side: str
     K: np.ndarray
     depth_m: np.ndarray
     normal: np.ndarray
@@ -65,13 +65,13 @@ class View:
     ambient_bounced: np.ndarray | None = None
 
     @classmethod
-    def of(cls, capture: Capture, frame: Frame, eye: str, layers: RenderedSurfaces, seed: int = 0) -> View:
+    def of(cls, capture: Capture, frame: Frame, side: str, layers: RenderedSurfaces, seed: int = 0) -> View:
         rig = capture.rig
-        left_to_camera = np.eye(4) if eye == "left" else rig.left_to_right
+        left_to_camera = np.eye(4) if side == "left" else rig.left_to_right
         camera_to_world = frame.camera_to_world @ np.linalg.inv(left_to_camera)
         return cls(
-            eye=eye,
-            K=rig.camera(eye).K,
+            side=side,
+            K=rig.camera(side).K,
             depth_m=np.asarray(layers.depth_m, dtype=np.float64),
             normal=np.asarray(layers.normal, dtype=np.float64) @ camera_to_world[:3, :3],
             pattern=rig.projector.pattern(),
@@ -82,7 +82,7 @@ class View:
             max_dn=rig.max_dn,
             line_time_s=rig.line_time_s,
             seed=seed,
-            distortion=tuple(rig.camera(eye).distortion),
+            distortion=tuple(rig.camera(side).distortion),
             baseline_m=rig.baseline_m,
             material=np.asarray(layers.material),
             ambient_bounced=_bounced_share(layers.ambient, getattr(layers, "ambient_direct", None)),
@@ -95,7 +95,7 @@ class View:
 
     @property
     def is_right(self) -> bool:
-        return self.eye == "right"
+        return self.side == "right"
 
     @property
     def warming_k(self) -> float:
@@ -171,13 +171,13 @@ class View:
         return self.once("projector points", lambda: _read_only(transform(self.camera_to_projector, self.points()))[0])
 
     def rng(self, name: str, per: str = "sensor") -> np.random.Generator:
-        """A numpy Generator of this view for one effect. per: 'sensor' (one per eye), 'pose' (the same while the rig
-        stands still), 'frame', or 'rig' (one for both eyes)."""
+        """A numpy Generator of this view for one effect. per: 'sensor' (one per camera), 'pose' (the same while the rig
+        stands still), 'frame', or 'rig' (one for both cameras)."""
         salt = {
             "rig": b"",
-            "sensor": self.eye.encode(),
-            "pose": self.eye.encode() + np.ascontiguousarray(self.frame.camera_to_world).tobytes(),
-            "frame": f"{self.eye} {self.frame.id}".encode(),
+            "sensor": self.side.encode(),
+            "pose": self.side.encode() + np.ascontiguousarray(self.frame.camera_to_world).tobytes(),
+            "frame": f"{self.side} {self.frame.id}".encode(),
         }[per]
         return random_stream(self.seed, name, salt)
 

@@ -2,7 +2,7 @@
 """The engines under a model: what effects make of kuafu's and simsense's inputs, and images that the engines then give.
 
 renderer = CaptureRenderer(read_capture("captures/table"))
-images = renderer.expected(model, nuisances)          # {(frame id, eye): DN}
+images = renderer.expected(model, nuisances)          # {(frame id, side): DN}
 """
 
 from activestereo.effects.engines.capture_renderer import CameraLight, CaptureRenderer

@@ -24,8 +24,8 @@ def capture_inputs(
     rig = capture.rig
     summary = scene.summary
     return EngineInputs(
-        left=_eye(capture, frame, "left", np.eye(4)),
-        right=_eye(capture, frame, "right", rig.left_to_right),
+        left=_side(capture, frame, "left", np.eye(4)),
+        right=_side(capture, frame, "right", rig.left_to_right),
         projector=_projector(capture, frame),
         pattern=pattern,
         frame=frame,
@@ -51,15 +51,15 @@ def frame_signal(frame: Frame) -> dict[str, float]:
     return simsense.signal_preset("neutral") | settings
 
 
-def _eye(capture: Capture, frame: Frame, name: str, left_to_eye: NDArray[np.float64]) -> EngineCamera:
+def _side(capture: Capture, frame: Frame, name: str, left_to_side: NDArray[np.float64]) -> EngineCamera:
     camera = capture.rig.camera(name)
-    linear, angular = carried_twist(left_to_eye, frame.camera_velocity).reshape(2, 3)
+    linear, angular = carried_twist(left_to_side, frame.camera_velocity).reshape(2, 3)
     return EngineCamera(
         camera=kuafu.Camera(
             camera.width,
             camera.height,
             camera.K,
-            frame.camera_to_world @ np.linalg.inv(left_to_eye),
+            frame.camera_to_world @ np.linalg.inv(left_to_side),
             distortion=tuple(camera.distortion),
             linear_velocity=linear,
             angular_velocity=angular,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo.capture.capture import EYES, Capture, Frame, ImageKey
+from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
 from activestereo.common.progress_bar import part_of
 from activestereo.effects.core.descriptor import Randomness
 from activestereo.effects.core.engine import EngineInputs, apply_engine
@@ -45,9 +45,9 @@ _KEPT = 3
 
 @dataclass(frozen=True)
 class CameraLight:
-    """One eye of one frame behind its optics, float32 [height][width]: radiance under the projector at power 1 (direct,
-    indirect) and under ambient radiance 1. depth_m: z, 0 = nothing there; normal: [height][width][3], world; material:
-    id."""
+    """One camera of one frame behind its optics, float32 [height][width]: radiance under the projector at power 1
+    (direct, indirect) and under ambient radiance 1. depth_m: z, 0 = nothing there; normal: [height][width][3], world;
+    material: id."""
 
     direct: NDArray[np.float32]
     indirect: NDArray[np.float32]
@@ -131,7 +131,7 @@ class CaptureRenderer:
         progress: Callable[[float], object] | None = None,
         half: int | None = None,
     ) -> dict[ImageKey, CameraLight]:
-        """{(frame id, eye): CameraLight} of the frames, all by default. Frames that differ in exposure, power or gain
+        """{(frame id, side): CameraLight} of the frames, all by default. Frames that differ in exposure, power or gain
         alone share their images; all poses of one world are one render. half: 0 or 1, one of two independent halves of
         the samples (halves.py)."""
         jobs: dict[tuple, _Job] = {}
@@ -144,11 +144,11 @@ class CaptureRenderer:
         out: dict[ImageKey, CameraLight] = {}
         for done, group in enumerate(worlds.values()):
             share = part_of(progress, done / len(worlds), (done + 1) / len(worlds))
-            for job, eyes in zip(group, self._images(group, share, half), strict=True):
+            for job, sides in zip(group, self._images(group, share, half), strict=True):
                 out |= {
-                    (frame.id, eye): _eye_light(view, own)
+                    (frame.id, side): _side_light(view, own)
                     for frame, own in job.frames
-                    for eye, view in zip(EYES, eyes, strict=True)
+                    for side, view in zip(SIDES, sides, strict=True)
                 }
         return out
 
@@ -161,7 +161,7 @@ class CaptureRenderer:
         random: bool = False,
         progress: Callable[[float], object] | None = None,
     ) -> dict[ImageKey, NDArray[np.float32]]:
-        """{(frame id, eye): expected DN [height][width]} of the frames, all by default; random: one exposure instead,
+        """{(frame id, side): expected DN [height][width]} of the frames, all by default; random: one exposure instead,
         not rounded."""
         frames = list(self.capture.frames if frames is None else frames)
         lights = self.lights(model, frames, scene_measurement, random, progress)
@@ -175,20 +175,20 @@ class CaptureRenderer:
         per_s = nuisances.projector_scale * frame.projector_power
         ambient_per_s = nuisances.ambient_scale * (1.0 if frame.ambient is None else frame.ambient)
         images, signals = [], []
-        for eye, part in zip(EYES, inputs.eyes, strict=True):
-            light = lights[frame.id, eye]
+        for side, part in zip(SIDES, inputs.sides, strict=True):
+            light = lights[frame.id, side]
             laser = per_s * light.projector
             images.append((laser + ambient_per_s * light.ambient, laser if inputs.speckle_of_laser else None))
             signals.append(part.signal | {"black_level_dn": part.signal["black_level_dn"] + nuisances.black_dn})
         counts = self._imager.counts(images, signals, inputs.seed + frame.id if random else None)
-        return {(frame.id, eye): image for eye, image in zip(EYES, counts, strict=True)}
+        return {(frame.id, side): image for side, image in zip(SIDES, counts, strict=True)}
 
     # ---- inside ----
 
     def _images(
         self, jobs: list[_Job], progress: Callable[[float], object] | None, half: int | None
     ) -> list[list[dict[str, NDArray]]]:
-        """[job][eye]: images by name; remembered, so that what changes no ray traces none. One thread at a time, and a
+        """[job][side]: images by name; remembered, so that what changes no ray traces none. One thread at a time, and a
         render that failed leaves neither images nor a changed scene."""
         key = (half, *(_job_key(job.inputs) for job in jobs))
         with self._one_at_a_time:
@@ -213,14 +213,14 @@ class CaptureRenderer:
             others = self._render(jobs, _LIGHT[:2], own=False, progress=None, half=half)
             images["added"] = images["added"] + others["projector_direct"]
             images["added_indirect"] = others["projector_indirect"]
-        count = len(jobs) * len(EYES)
+        count = len(jobs) * len(SIDES)
         views = [{name: image[k] for name, image in images.items()} for k in range(count)]
         if self._smooth:
-            cameras = [eye.camera for job in jobs for eye in job.inputs.eyes]
+            cameras = [side.camera for job in jobs for side in job.inputs.sides]
             surfaces = seen_surfaces(self._scene, images["material_id"])
             with ThreadPoolExecutor(os.cpu_count()) as pool:
                 views = list(pool.map(lambda view, camera: smooth_view(view, camera, surfaces), views, cameras))
-        return [views[k : k + len(EYES)] for k in range(0, count, len(EYES))]
+        return [views[k : k + len(SIDES)] for k in range(0, count, len(SIDES))]
 
     def _render(
         self,
@@ -244,14 +244,14 @@ class CaptureRenderer:
                         light.texture = self._texture(job.inputs.pattern, textures)
                     light.environment, light.light_group = environment, _ADDED_GROUP
                     lights.append(self._scene.add_light(light))
-            eyes = [(moments.index((job, eye.delay_s)), eye) for job in jobs for eye in job.inputs.eyes]
+            sides = [(moments.index((job, side.delay_s)), side) for job in jobs for side in job.inputs.sides]
             images = self._renderer.render(
                 self._scene,
-                [copy_camera(eye.camera, eye.delay_s) if eye.delay_s else eye.camera for _, eye in eyes],
+                [copy_camera(side.camera, side.delay_s) if side.delay_s else side.camera for _, side in sides],
                 (*outputs, group) if has_lamps else outputs,
                 band="infrared",
-                environments=[n for n, _ in eyes],
-                optics=[eye.optics for _, eye in eyes],
+                environments=[n for n, _ in sides],
+                optics=[side.optics for _, side in sides],
                 spp=self.samples_per_pixel if half is None else half_samples(self.samples_per_pixel),
                 max_bounces=self.max_bounces,
                 seed=self.seed if half is None else half_seeds(self.seed)[half],
@@ -278,8 +278,8 @@ class CaptureRenderer:
 
 
 def _moments(jobs: list[_Job]) -> list[tuple[_Job, float]]:
-    """(job, seconds after its time) of every environment: eyes that open together share one."""
-    return [(job, delay_s) for job in jobs for delay_s in dict.fromkeys(eye.delay_s for eye in job.inputs.eyes)]
+    """(job, seconds after its time) of every environment: cameras that open together share one."""
+    return [(job, delay_s) for job in jobs for delay_s in dict.fromkeys(side.delay_s for side in job.inputs.sides)]
 
 
 def _lights(inputs: EngineInputs, own: bool, delay_s: float) -> list[kuafu.Light]:
@@ -299,13 +299,13 @@ def _unit(projector: kuafu.Light) -> kuafu.Light:
 
 def _job_key(inputs: EngineInputs) -> tuple:
     """The key of everything that decides the images of one pose; powers scale them and do not count."""
-    eyes = tuple((record_key(eye.camera), record_key(eye.optics), eye.delay_s) for eye in inputs.eyes)
+    sides = tuple((record_key(side.camera), record_key(side.optics), side.delay_s) for side in inputs.sides)
     projector = () if inputs.projector is None else record_key(_unit(inputs.projector))
     pattern = b"" if inputs.pattern is None else inputs.pattern.tobytes()
-    return (*eyes, projector, hash(pattern), tuple(map(record_key, inputs.added_lights)), world_key(inputs))
+    return (*sides, projector, hash(pattern), tuple(map(record_key, inputs.added_lights)), world_key(inputs))
 
 
-def _eye_light(view: dict[str, NDArray], inputs: EngineInputs) -> CameraLight:
+def _side_light(view: dict[str, NDArray], inputs: EngineInputs) -> CameraLight:
     """A rendered view under a frame's own powers."""
     power = 0.0 if inputs.projector is None else inputs.projector.ir_intensity
     ambient = inputs.ambient.scale * view["ambient"] + view["added"] + view["added_indirect"]

@@ -47,8 +47,8 @@ class ExpectedImager:
         signals: Sequence[dict[str, float]],
         frame_index: int | None = None,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """DN [height][width] of the left and the right eye: on average, or in one exposure where frame_index is given.
-        images: all light and the laser's part of it (None: speckle is of all), in the signals' own unit."""
+        """DN [height][width] of the left and the right camera: on average, or in one exposure where frame_index is
+        given. images: all light and the laser's part of it (None: speckle is of all), in the signals' own unit."""
         fine = [self._fine(signal, frame_index is not None) for signal in signals]
         self._engine.set_parameters(frame_index=frame_index or 0)
         self._engine.set_signal(*fine)

@@ -39,9 +39,9 @@ class SceneMeasurement:
 
     def apply(self, inputs: EngineInputs) -> None:
         """Corrects the calibration's focal lengths and the scene's albedos."""
-        for eye, change in zip(inputs.eyes, self.focal, strict=True):
+        for side, change in zip(inputs.sides, self.focal, strict=True):
             if change:
-                eye.scale_focal(1.0 + change)
+                side.scale_focal(1.0 + change)
         for number, values in self.surfaces.items():
             set_surface(inputs.material(number), values)
         for number, factor in self.albedo.items():

@@ -58,7 +58,7 @@ class CaptureSource:
     def measured(self, frame_id: int) -> Pictures:
         """One frame with the device's depth, or with the depth that its pair gives where the device's is not there."""
         frame, capture = self._frame(frame_id), self._capture
-        left, right = (capture.ir(frame, eye) for eye in ("left", "right"))
+        left, right = (capture.ir(frame, side) for side in ("left", "right"))
         depth = capture.depth(frame)
         if depth is None:
             depth = self._matcher().depth(left, right)

@@ -4,7 +4,7 @@ black level, and the noise."""
 
 from __future__ import annotations
 
-from activestereo.capture.capture import EYES, Capture, Frame
+from activestereo.capture.capture import SIDES, Capture, Frame
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.compare.noise import fit_noise_model, repeat_statistics
@@ -24,7 +24,7 @@ def fitted_nuisances(capture: Capture, renderer: KuafuRenderer) -> dict[str, Qua
     is nothing to fit."""
     frames = _chosen(capture)
     layers = render_frames(capture, renderer, _SAMPLES, _BOUNCES, cache=LayerCache(), frames=frames)
-    seen = [(f, layers[f.id][eye], capture.ir(f, eye)) for f in frames for eye in EYES]
+    seen = [(f, layers[f.id][side], capture.ir(f, side)) for f in frames for side in SIDES]
     values = vars(fit_nuisances(seen, capture.rig.max_dn).nuisances)
     return {name: Quantity(float(value), unit=NUISANCES[name][0], source=_SOURCE) for name, value in values.items()}
 

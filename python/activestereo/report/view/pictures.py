@@ -14,14 +14,14 @@ from activestereo.capture.images import image_size, read_gray
 from activestereo.capture.importers.realsense_folder import frame_files
 from activestereo.common.pose import camera_to_camera
 
-EYES = ("ir_left", "ir_right")
+SIDES = ("ir_left", "ir_right")
 # The file that a capture of pictures has no use for.
 _NONE = Path("none")
 
 
 def is_pictures(folder: Path) -> bool:
     """Whether there are pairs by their names: one of simulate, or those of a data set."""
-    return all((folder / f"{eye}.png").is_file() for eye in EYES) or all((folder / eye).is_dir() for eye in EYES)
+    return all((folder / f"{side}.png").is_file() for side in SIDES) or all((folder / side).is_dir() for side in SIDES)
 
 
 def pictures_capture(folder: Path, config: StereoDepthSensorConfig) -> Capture:
@@ -32,7 +32,9 @@ def pictures_capture(folder: Path, config: StereoDepthSensorConfig) -> Capture:
     if size != config.ir_resolution:
         scaled = config.scaled(size[0] / config.ir_resolution[0])
         config = scaled if scaled.ir_resolution == size else config.resized(*size)
-    left, right = (Camera(*size, *(np.array(part) for part in config.ir_eye(is_right))) for is_right in (False, True))
+    left, right = (
+        Camera(*size, *(np.array(part) for part in config.ir_intrinsics(is_right))) for is_right in (False, True)
+    )
     left_to_right = camera_to_camera(config.trans_pose_l, config.trans_pose_r)
     rig = Rig(left, right, left_to_right, Projector(_NONE, np.eye(3), np.eye(4)), bits)
     frames = tuple(
@@ -43,13 +45,13 @@ def pictures_capture(folder: Path, config: StereoDepthSensorConfig) -> Capture:
 
 
 def _pairs(folder: Path) -> list[tuple[Path, Path]]:
-    left, right = (folder / f"{eye}.png" for eye in EYES)
+    left, right = (folder / f"{side}.png" for side in SIDES)
     if left.is_file() and right.is_file():
         return [(left, right)]
-    left, right = (folder / eye for eye in EYES)
+    left, right = (folder / side for side in SIDES)
     if left.is_dir() and right.is_dir():
         both = [(path, right / path.name) for path in sorted(left.glob("*.png")) if (right / path.name).is_file()]
         if not both:
-            raise ValueError(f"{folder}: {EYES[0]} and {EYES[1]} hold no images of the same names")
+            raise ValueError(f"{folder}: {SIDES[0]} and {SIDES[1]} hold no images of the same names")
         return both
     return [(entry.files["left"], entry.files["right"]) for entry in frame_files(folder)]

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The explored pictures: frame, eye and model pickers, the fading slider, values under the pointer, a residual in each row of the ranking.
+// The explored pictures: frame, camera and model pickers, the fading slider, values under the pointer, a residual in each row of the ranking.
 
 const data = JSON.parse(document.getElementById("explorer-data").textContent);
 const part = (id) => document.getElementById(id);
@@ -11,8 +11,8 @@ let layers = null;  // its values by layer
 let picked = "found";  // the model of the third picture, where a view has it
 let asked = 0;  // counts requests, so that a slow one does not replace a later one
 
-function eyesOf(frame) {
-  return data.views.filter((one) => one.frame === frame).map((one) => one.eye);
+function camerasOf(frame) {
+  return data.views.filter((one) => one.frame === frame).map((one) => one.camera);
 }
 
 // The models that the slider passes, in its order: it ends at the one of the third picture.
@@ -21,35 +21,35 @@ function stations() {
 }
 
 function words(name) {
-  if (name === "measured") return view.eye === "depth" ? "device" : "measured";
+  if (name === "measured") return view.camera === "depth" ? "device" : "measured";
   return data.models[name];
 }
 
-async function showView(frame, eye) {
+async function showView(frame, camera) {
   const ticket = ++asked;
-  const eyes = eyesOf(frame);
-  const chosen = data.views.find((one) => one.frame === frame && one.eye === (eyes.includes(eye) ? eye : eyes[0]));
+  const cameras = camerasOf(frame);
+  const chosen = data.views.find((one) => one.frame === frame && one.camera === (cameras.includes(camera) ? camera : cameras[0]));
   const values = await decodedView(chosen);
   if (ticket !== asked) return;
   [view, layers] = [chosen, values];
   part("frame").value = String(frame);
-  part("eyes").replaceChildren(...eyes.map(eyeButton));
+  part("cameras").replaceChildren(...cameras.map(cameraButton));
   showOtherModels();
   showStations();
   drawFaded();
   drawResiduals();
   showReadout();
-  part("explorer").dataset.view = `${view.frame} ${view.eye}`;
+  part("explorer").dataset.view = `${view.frame} ${view.camera}`;
 }
 
-function eyeButton(eye) {
+function cameraButton(camera) {
   const button = document.createElement("button");
   button.type = "button";
-  button.textContent = eye;
+  button.textContent = camera;
   button.setAttribute("role", "radio");
-  button.setAttribute("aria-checked", String(eye === view.eye));
-  button.dataset.eye = eye;
-  button.onclick = () => showView(view.frame, eye);
+  button.setAttribute("aria-checked", String(camera === view.camera));
+  button.dataset.camera = camera;
+  button.onclick = () => showView(view.frame, camera);
   return button;
 }
 
@@ -135,20 +135,20 @@ function showReadout() {
   const signed = (value) => (Number.isNaN(value) ? "none" : `${value < 0 ? "−" : "+"}${Math.abs(value).toFixed(view.digits)}`);
   const shown = [...new Set([...stations().slice(1), part("other").value])];
   const texts = shown.map((name) => `${words(name)} ${number(layers[name][at])} (residual ${signed(layers.measured[at] - layers[name][at])})`);
-  const value = `${words("measured")} ${layers.measured[at].toFixed(view.eye === "depth" ? 2 : 0)}`;
+  const value = `${words("measured")} ${layers.measured[at].toFixed(view.camera === "depth" ? 2 : 0)}`;
   part("readout").textContent = `u ${u}, v ${v}:  ${[Number.isNaN(layers.measured[at]) ? "device none" : value, ...texts].join("  ·  ")}  ${view.unit}`;
 }
 
 function step(by) {
   const place = (frames.indexOf(view.frame) + by + frames.length) % frames.length;
-  showView(frames[place], view.eye);
+  showView(frames[place], view.camera);
 }
 
 for (const frame of frames) {
   const one = data.views.find((candidate) => candidate.frame === frame);
   part("frame").append(new Option(`${frame}, ${one.split}`, String(frame)));
 }
-part("frame").onchange = () => showView(Number(part("frame").value), view.eye);
+part("frame").onchange = () => showView(Number(part("frame").value), view.camera);
 part("previous-frame").onclick = () => step(-1);
 part("next-frame").onclick = () => step(1);
 part("fade").oninput = drawFaded;

@@ -31,7 +31,7 @@ async function decodedLayer(layer, width, height) {
 const KEPT_VIEWS = 6;
 const decodedViews = new Map();
 async function decodedView(view) {
-  const key = `${view.frame} ${view.eye}`;
+  const key = `${view.frame} ${view.camera}`;
   if (!decodedViews.has(key)) {
     const names = Object.keys(view.layers);
     const values = await Promise.all(names.map((name) => decodedLayer(view.layers[name], view.width, view.height)));

@@ -49,7 +49,7 @@ def hidden_from_right(
 
 def _right_column(config: StereoDepthSensorConfig, seen: GBuffer) -> Floats:
     """Columns of the right image where the left one's pixels lie."""
-    k_left, k_right = config.ir_eye(False)[0], config.ir_eye(True)[0]
+    k_left, k_right = config.ir_intrinsics(False)[0], config.ir_intrinsics(True)[0]
     disparity = config.focal_baseline_px_m * seen.inverse_depth
     return np.asarray(np.arange(disparity.shape[-1]) - disparity + (k_right[0, 2] - k_left[0, 2]))
 

@@ -37,7 +37,7 @@ class Eye:
 
 
 def eye_of(config: StereoDepthSensorConfig, is_right: bool) -> Eye:
-    k, _ = config.ir_eye(is_right)
+    k, _ = config.ir_intrinsics(is_right)
     width, height = config.ir_resolution
     v, u = np.indices((height, width))
     rays = np.moveaxis(pixel_rays(u.ravel(), v.ravel(), k, (0.0,) * 5).reshape(3, height, width), 0, -1)

@@ -6,7 +6,7 @@ import numpy as np
 
 from worlds.blind.imager import MAX_DN, tone
 
-EYES = ("left", "right")
+SIDES = ("left", "right")
 
 
 def errors(world, images):
@@ -18,7 +18,7 @@ def errors(world, images):
     for split in ("train", "test"):
         floor, before = [], []
         for frame in (f for f in world.frames if f.split == split):
-            for eye in EYES:
+            for eye in SIDES:
                 measured = images[frame.id, eye].astype(np.float64)
                 floor.append(np.mean((measured - world.expected(frame, eye, world.hidden)) ** 2))
                 before.append(
@@ -36,10 +36,10 @@ def errors(world, images):
 def ratio_alone(world, name, floor_dn):
     """errors()' ratio on test frames if the world hid this one of its effects alone."""
     hidden = {name: world.hidden[name]}
-    images = {(frame.id, eye): world.expected(frame, eye, hidden) for frame in world.frames for eye in EYES}
+    images = {(frame.id, eye): world.expected(frame, eye, hidden) for frame in world.frames for eye in SIDES}
     scales, tests = (
         _fit(world, images),
-        [(frame, eye) for frame in world.frames if frame.split == "test" for eye in EYES],
+        [(frame, eye) for frame in world.frames if frame.split == "test" for eye in SIDES],
     )
     rest = [images[f.id, e].ravel() - np.clip(scales @ _columns(world, f, e), 0, MAX_DN) for f, e in tests]
     return float(np.sqrt(np.mean(np.square(rest))) / floor_dn)
@@ -48,7 +48,7 @@ def ratio_alone(world, name, floor_dn):
 def _fit(world, images):
     columns, values = [], []
     for frame in (f for f in world.frames if f.split == "train"):
-        for eye in EYES:
+        for eye in SIDES:
             columns.append(_columns(world, frame, eye))
             values.append(images[frame.id, eye].ravel())
     return np.linalg.lstsq(np.concatenate(columns, axis=1).T, np.concatenate(values).astype(np.float64), rcond=None)[0]

@@ -17,7 +17,7 @@ from worlds.blind.rig import HEIGHT, WIDTH, Rig, believed, draw_frames, draw_rig
 from worlds.blind.scene import draw_scene, surveyed, texel_spacing
 from worlds.blind.surface import Layers, projector_irradiance, shade
 
-EYES = ("left", "right")
+SIDES = ("left", "right")
 SUB = 4
 _BLUR_INSTANTS, _BLUR_SUB = 8, 2
 # What acts on rays and surfaces; everything else acts on images.
@@ -177,7 +177,7 @@ class World:
 
     def capture(self, folder, name):
         """Writes the capture and returns what the oracle says of it."""
-        images = {(frame.id, eye): self.measured(frame, eye) for frame in self.frames for eye in EYES}
+        images = {(frame.id, eye): self.measured(frame, eye) for frame in self.frames for eye in SIDES}
         survey = np.random.Generator(np.random.PCG64([self.seed, 2]))
         rig, solids = believed(self.rig, survey, self._survey), surveyed(self.solids, survey, self._survey)
         # The second frame only repeats the first, and without dots there is nothing to match.

@@ -44,7 +44,7 @@ async function openFrame() {
   part("view").dataset.shown = "";
   pictures = {};
   part("measured-name").textContent = facts.has_measured ? "measured" : "before any slider is moved";
-  for (const eye of ["left", "right"]) part(`dots-measured-${eye}`).parentElement.hidden = !facts.has_measured;
+  for (const side of ["left", "right"]) part(`dots-measured-${side}`).parentElement.hidden = !facts.has_measured;
   if (facts.has_measured) {
     const measured = await called("measured", wanted());
     if (serial !== asked) return;
@@ -159,8 +159,8 @@ function showReadout() {
   const number = (value, digits) => (Number.isNaN(value) ? "none" : value.toFixed(digits));
   const words = { measured: facts.has_measured ? "measured" : "before", simulated: "simulated" };
   const list = (of, digits) => names.map((name) => `${words[name]} ${number(of(pictures[name].images), digits)}`).join(", ");
-  const eye = kind === "disparity" ? "left" : kind;
-  const texts = [`${eye} ${list((images) => images[eye][at], 0)} DN`];
+  const side = kind === "disparity" ? "left" : kind;
+  const texts = [`${side} ${list((images) => images[side][at], 0)} DN`];
   texts.push(`disparity ${list((images) => images.disparity[at], 2)} px`);
   texts.push(`depth ${list((images) => facts.focal_baseline_px_m / images.disparity[at], 3)} m`);
   part("readout").textContent = `u ${u}, v ${v}:  ${texts.join("  ·  ")}`;

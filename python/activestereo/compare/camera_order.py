@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which image of an infrared pair is the left eye's, and whether the rows of both match: told by patches of the first
-image that are found again in the second, before any calibration is known."""
+"""Which image of an infrared pair is the left camera's, and whether the rows of both match: told by patches of the
+first image that are found again in the second, before any calibration is known."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _SWAPPED = 0.8
 
 
 @dataclass(frozen=True)
-class EyeOrder:
+class CameraOrder:
     """patches: how many were found again; nearer_right: share of those that lie further right in the right image, which
-    nothing before a left and a right eye does; row_offset_px: the right image's rows lie lower by this, the median;
+    nothing before a left and a right camera does; row_offset_px: the right image's rows lie lower by this, the median;
     row_spread_px: half of the middle 68 % of it."""
 
     patches: int
@@ -41,13 +41,13 @@ class EyeOrder:
         return self.is_told and self.nearer_right > _SWAPPED
 
 
-def eye_order(pairs: Sequence[tuple[NDArray[np.generic], NDArray[np.generic]]]) -> EyeOrder:
+def camera_order(pairs: Sequence[tuple[NDArray[np.generic], NDArray[np.generic]]]) -> CameraOrder:
     """The EyeOrder of (left, right) images [height][width] of one size."""
     found = np.concatenate([np.zeros((0, 2)), *(_shifts(left, right) for left, right in pairs)])
     if not len(found):
-        return EyeOrder(0, 0.0, 0.0, 0.0)
+        return CameraOrder(0, 0.0, 0.0, 0.0)
     low, middle, high = np.percentile(found[:, 1], [16, 50, 84])
-    return EyeOrder(len(found), float(np.mean(found[:, 0] > 0.5)), float(middle), float(high - low) / 2)
+    return CameraOrder(len(found), float(np.mean(found[:, 0] > 0.5)), float(middle), float(high - low) / 2)
 
 
 def _shifts(left: NDArray[np.generic], right: NDArray[np.generic]) -> NDArray[np.float64]:
