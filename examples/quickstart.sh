@@ -1,16 +1,12 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# From a fresh Debian 12 to an active stereo depth sensor at work: installs what is missing, builds, renders the example table-top with the
-# D435 preset on the best Vulkan device there is, and leaves the pictures in out/quickstart/.
+# From a fresh Debian 12 to an active stereo depth sensor at work: installs what is missing, builds, and runs 'activestereo demo' on the best Vulkan
+# device there is: the example's table as a D435 sees it, and an effect that was hidden and is found. Options go to that command.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 . "$root/capi/packaging/build.sh"
 install_packages "$root/capi/packaging/debian-packages.txt"
 build_product
 cd "$root"
-echo "== building the example scene"
-mkdir -p out/quickstart
-PYTHONPATH="$root/build/python" /usr/bin/python3 -m activestereo.scene_io.example_scene out/quickstart/table_top.gltf
-echo "== simulating a D435 in front of it"
-build/bin/activestereo simulate out/quickstart/table_top.gltf --sensor d435 --out out/quickstart "$@"
-echo "== done: open out/quickstart/overview.png"
+rm -rf out/quickstart
+build/bin/activestereo demo --out out/quickstart "$@"

@@ -4,8 +4,8 @@ of the simulated one.
 
     PYTHONPATH=build/python python3 tests/bench/bench_camera.py [D415 ...] [--spp 16] [--texture 0.03]
 
-A wall of albedo 0.5 in a room's light (visible radiance 0.25 from all sides, as `simulate` has it where a scene does
-not say) is looked at from 0.5 to 4 m, and the example's table-top once. --texture: relative standard deviation of the
+A wall of albedo 0.5 in even light (visible radiance 0.25 from all sides) is looked at from 0.5 to 4 m, and the
+example's table-top once. --texture: relative standard deviation of the
 wall's albedo in grains of 4 mm and more, 0 is a wall that shows the dots alone. Each figure's definition:
 
     plane noise     root mean square distance of disparities from their own plane on 96 x 96 px, the median patch, px;
@@ -36,6 +36,7 @@ import kuafu
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.common.pose import body_pose
 from activestereo.scene_io.example_scene import write_table_top
+from activestereo.scene_io.scene_files import ROOM_RADIANCE
 
 Field = NDArray[np.float32]
 
@@ -170,7 +171,7 @@ class Camera:
             write_table_top(path)
             scene = kuafu.Scene(kuafu.Device())
             scene.load(path)
-        scene.set_environment((0.25, 0.25, 0.25))
+        scene.set_environment((ROOM_RADIANCE, ROOM_RADIANCE, ROOM_RADIANCE))
         config = StereoDepthSensorConfig(self.config.model)
         config.samples_per_pixel = self.config.samples_per_pixel
         sensor = StereoDepthSensor(config, scene, pose=body_pose(scene.camera(0).camera_to_world))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: activestereo simulate | view | presets | depth | pair | depth-quality | compare | diagnose | add |
-model | calibrate | import | capture | overlay | effect | generate | benchmark | cache | devices | doctor | completion,
-one file each. This one parses, runs and makes failures one line."""
+"""The command line: activestereo demo | simulate | view | presets | depth | pair | depth-quality | compare | diagnose |
+add | model | calibrate | import | capture | overlay | effect | generate | benchmark | cache | devices | doctor |
+completion, one file each. This one parses, runs and makes failures one line."""
 
 import argparse
 import os
@@ -20,6 +20,7 @@ from activestereo.cli import (
     capture,
     compare,
     completion,
+    demo,
     depth,
     depth_quality,
     devices,
@@ -41,6 +42,7 @@ from activestereo.cli.parser import Parser
 from activestereo.common.own_files import outside_allowed
 
 _COMMANDS = (
+    demo,
     simulate,
     view,
     presets,

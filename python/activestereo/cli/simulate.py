@@ -122,7 +122,7 @@ def _add_rendering(group: argparse._ArgumentGroup) -> None:
     add_options(group, RENDERER, _OF_THE_CAMERA)
     add_options(group, RENDER, _OF_THE_CAMERA)
     add_seed(group, "of rendering and noise; same seed, same files")
-    text = "uniform visible radiance from all sides, W/(sr m^2) (default: 0.25; 1 where a scene has no light)"
+    text = "uniform visible radiance from all sides, W/(sr m^2) (default: 0.1; 1 where a scene has no light)"
     group.add_argument("--ambient", type=positive, metavar="R", help=text)
     text = "equirectangular map of the light from all sides (.hdr, .exr, .png, .jpg); --ambient multiplies it"
     group.add_argument("--environment", type=Path, metavar="FILE", help=text)
@@ -223,6 +223,7 @@ def resized(config: StereoDepthSensorConfig, resolution: tuple[int, int]) -> Ste
 
 def _load_scene(args: argparse.Namespace) -> kuafu.Scene:
     import kuafu
+    from activestereo.scene_io.scene_files import ROOM_RADIANCE, ROOM_WITHOUT_LAMPS
     from activestereo.scene_io.usd import is_usd
 
     scene = kuafu.Scene(kuafu.Device(args.device))
@@ -240,7 +241,7 @@ def _load_scene(args: argparse.Namespace) -> kuafu.Scene:
             raise CommandError(str(error)) from error
     ambient = args.ambient
     if ambient is None:
-        ambient = 0.25 if scene.summary.light_count else 1.0
+        ambient = ROOM_RADIANCE if scene.summary.light_count else ROOM_WITHOUT_LAMPS
     if args.environment is None:
         scene.set_environment(dome if dome and args.ambient is None else (ambient, ambient, ambient))
         return scene

@@ -4,7 +4,8 @@
     python -m activestereo.scene_io.example_scene table_top.gltf
 
 World axes are glTF's (y up); the table top is y = 0. The node "camera" stands where a sensor would, 0.5 to 1.4 m from
-what it sees.
+what it sees. Two lamps near the ceiling light the middle of the table with 240 lux, and what a room's walls send back,
+ROOM_RADIANCE of scene_files.py, with 70 more: within 300 to 500 lux, as EN 12464-1 asks of offices.
 """
 
 import io
@@ -19,6 +20,14 @@ from PIL import Image
 from activestereo.common.pose import look_at
 from activestereo.scene_io import meshes
 from activestereo.scene_io.gltf_writer import GltfWriter
+
+# White light has 250 to 370 lm/W at best (Murphy, Maximum spectral luminous efficacy of white light, J. Appl. Phys.
+# 111, 2012). The imagers of the D400 have no infrared filter, and see it in full.
+WHITE_LM_PER_W = 300.0
+LAMPS = (
+    ("lamp", (-0.35, 1.6, 0.15), (1.0, 0.93, 0.84), 1.8),
+    ("fill", (1.0, 1.5, 0.6), (0.80, 0.90, 1.0), 0.7),
+)
 
 CAMERA_TO_WORLD = look_at(eye=(-0.02, 0.46, 0.72), target=(0.0, 0.035, -0.02), up=(0.0, 1.0, 0.0))
 
@@ -38,8 +47,8 @@ def write_table_top(path: str | Path) -> None:
     writer.add_mesh("glass ball", meshes.sphere(0.035), material["glass"], (0.09, 0.035, 0.20))
     writer.add_mesh("dark block", meshes.box(0.11, 0.075, 0.09), material["velvet"], (0.325, 0.0, 0.05), yaw_deg=28.0)
     writer.add_mesh("box", meshes.box(0.17, 0.12, 0.10), material["card"], (0.15, 0.0, -0.26), yaw_deg=-14.0)
-    writer.add_point_light("lamp", (-0.75, 1.25, 0.75), (1.0, 0.93, 0.84), 3.2)
-    writer.add_point_light("fill", (1.1, 1.0, 0.9), (0.80, 0.90, 1.0), 1.3)
+    for name, place, color, intensity in LAMPS:
+        writer.add_point_light(name, place, color, intensity)
     writer.add_camera("camera", CAMERA_TO_WORLD, vertical_fov=float(np.deg2rad(43.3)), aspect_ratio=848 / 480)
     writer.write(path)
 

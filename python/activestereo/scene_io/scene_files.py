@@ -15,6 +15,10 @@ from activestereo.scene_io.usd import is_usd, load_usd
 if TYPE_CHECKING:
     import kuafu
 
+# Visible radiance from all sides where nobody tells one, W/(sr m^2): with lamps in the scene what the walls of a room
+# of 300 to 500 lux send back, and without.
+ROOM_RADIANCE, ROOM_WITHOUT_LAMPS = 0.1, 1.0
+
 
 def load_scene_file(
     scene: kuafu.Scene, path: str | PathLike[str], time_s: float | None = None

@@ -6,7 +6,8 @@ import pytest
 
 import kuafu
 from activestereo.scene_io import meshes
-from activestereo.scene_io.example_scene import CAMERA_TO_WORLD, main, write_table_top
+from activestereo.scene_io.example_scene import CAMERA_TO_WORLD, LAMPS, WHITE_LM_PER_W, main, write_table_top
+from activestereo.scene_io.scene_files import ROOM_RADIANCE
 
 SOLIDS = {
     "box": (meshes.box(0.2, 0.3, 0.4), 0.2 * 0.3 * 0.4),
@@ -53,8 +54,16 @@ def test_file_is_read_back_whole(tmp_path, device, suffix):
     assert names["clay"].specular == 0.0
     assert names["velvet"].ir_albedo < 0.01
     assert names["wood"].base_color_texture is not None
-    assert scene.summary.light_count == 2 and max(scene.get_light(0).intensity) == pytest.approx(3.2)
+    assert scene.summary.light_count == 2 and max(scene.get_light(0).intensity) == pytest.approx(LAMPS[0][3])
     np.testing.assert_allclose(scene.camera(0).camera_to_world, CAMERA_TO_WORLD, atol=1e-6)
+
+
+def test_the_table_is_lit_as_a_room_is():
+    """Inverse square and cosine of both lamps, and half of the sky, of which the wall takes a part of its own."""
+    places = [(np.array(place), power) for _, place, _, power in LAMPS]
+    lamps = sum(power * place[1] / np.linalg.norm(place) ** 3 for place, power in places)
+    assert 300.0 < WHITE_LM_PER_W * lamps + WHITE_LM_PER_W * np.pi * ROOM_RADIANCE < 500.0
+    assert WHITE_LM_PER_W * lamps == pytest.approx(240.0, rel=0.02)
 
 
 def test_same_bytes_each_time(tmp_path):

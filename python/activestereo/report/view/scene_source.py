@@ -14,10 +14,8 @@ from activestereo.common.computed_once import computed_once
 from activestereo.common.pose import CAMERA_TO_BODY, as_matrix, look_at
 from activestereo.model import SensorModel
 from activestereo.report.view.simulation import Pictures, Shot, Simulation, with_left_as_colour
-from activestereo.scene_io.scene_files import load_scene_file
+from activestereo.scene_io.scene_files import ROOM_RADIANCE, ROOM_WITHOUT_LAMPS, load_scene_file
 
-# Visible radiance from all sides, W/(sr m^2), as simulate has it: with lamps in the scene, and without.
-_ROOM, _ROOM_WITHOUT_LAMPS = 0.25, 1.0
 _ALL_OF_IT = 2.6  # radii from the middle, at which the scene fills half of the picture
 
 
@@ -74,7 +72,7 @@ class SceneSource:
         dome = load_scene_file(scene, self._path)
         if not scene.summary.triangle_count:
             raise ValueError(f"{self._path}: there is nothing to see in it: no triangles")
-        room = _ROOM if scene.summary.light_count else _ROOM_WITHOUT_LAMPS
+        room = ROOM_RADIANCE if scene.summary.light_count else ROOM_WITHOUT_LAMPS
         scene.set_environment(dome or (room, room, room))
         return scene
 

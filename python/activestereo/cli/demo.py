@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""activestereo demo: a sensor simulated, an effect hidden, found again, and the report of it."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import webbrowser
+from pathlib import Path
+from typing import Any
+
+from activestereo.cli.arguments import CommandError, Commands, add_device, add_seed, make_folder
+
+_TEXT = """\
+Shows in a minute or two what the project does, each step with the command that does it alone:
+
+  1  simulates a D435 in front of the example's table: DIR/simulated/overview.png
+  2  renders a small capture of that table and hides an effect in its images, by formulas that
+     the lab does not share; neither the lab nor you know which
+  3  asks the lab what its model lacks, writes DIR/report/report.html and opens it where there
+     is a desktop; only then it tells what was hidden
+"""
+_HIDDEN = ("blur", "veiling_glare", "radial_distortion", "gain", "vignetting", "response")
+
+
+def add_parser(commands: Commands) -> None:
+    parser = commands.add_parser(
+        "demo",
+        help="simulate, hide an effect, find it, and open the report",
+        description=_TEXT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    text = "new folder for the results (default: out/demo)"
+    parser.add_argument("-o", "--out", type=Path, default=Path("out/demo"), metavar="DIR", help=text)
+    add_seed(parser, "another one hides another effect")
+    parser.add_argument("--no-browser", action="store_true", help="tell the report's place only")
+    add_device(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> None:
+    from activestereo.scene_io.example_scene import write_table_top
+
+    capture = args.out / "capture"
+    if capture.exists():
+        raise CommandError(f"{capture} exists already: give another --out")
+    make_folder(args.out)
+    scene, report = args.out / "table_top.gltf", args.out / "report"
+    write_table_top(scene)
+    device = ["--device", str(args.device)]
+    _step(args, 1, ["simulate", str(scene), "--sensor", "d435", "--out", str(args.out / "simulated"), *device])
+    answer = _hide(args, capture)
+    _step(args, 3, ["diagnose", str(capture), "--no-refine", "--spp", "32", "--out", str(report), *device])
+    values = ", ".join(f"{name} = {value:.3g}" for name, value in answer["parameters"].items())
+    print(f"\nwhat was hidden: {answer['effect']} ({values}), in the {' and '.join(answer['cameras'])} images")
+    page = (report / "report.html").resolve()
+    print(f"open {page}")
+    if not args.no_browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        webbrowser.open_new_tab(page.as_uri())
+
+
+def _step(args: argparse.Namespace, number: int, words: list[str]) -> None:
+    """Runs another command as if it had been typed."""
+    print(f"\n== {number} of 3: activestereo {' '.join(words)}", flush=True)
+    step = args.parser.parse_args(words)
+    step.run(step)
+
+
+def _hide(args: argparse.Namespace, capture: Path) -> dict[str, Any]:
+    """Writes the capture with an effect that the seed draws; returns the answer."""
+    import numpy as np
+
+    from activestereo.benchmarks.inject.example_capture import write_example_capture
+    from activestereo.benchmarks.inject.inject import plan, write_injected
+    from activestereo.common.progress_bar import ProgressBar
+
+    print("\n== 2 of 3: an effect is hidden in a small capture (activestereo benchmark inject)", flush=True)
+    plain = args.out / "without_effect"
+    with ProgressBar("rendering the capture") as bar:
+        taken = write_example_capture(plain, args.device, args.seed, bar)
+    secret = str(np.random.Generator(np.random.PCG64([args.seed, 73])).choice(_HIDDEN))
+    return write_injected(plan(taken, secret, "strong", args.seed), capture)
