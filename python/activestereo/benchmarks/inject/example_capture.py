@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from activestereo.benchmarks.inject.light import Light
-from activestereo.benchmarks.inject.noise import NoiseLaw, with_noise
+from activestereo.benchmarks.inject.noise import NoiseModel, with_noise
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig, read_capture
 from activestereo.capture.images import read_gray, write_gray
@@ -25,10 +25,10 @@ _SCALE = 0.25
 _BASELINE_M, _PROJECTOR_M = 0.05, 0.029
 _EXPOSURE_S, _BLACK_DN = 0.004, 5.0
 _PROJECTOR_DN_PER_S, _ROOM_DN_PER_S = 120000.0, 9000.0  # of a projector of 1 W/sr, and of a radiance of 1
-_LAW = NoiseLaw(0.3, 0.02, "stated")
+_NOISE = NoiseModel(0.3, 0.02, "stated")
 _SAMPLES, _BOUNCES = 64, 8  # as diagnose and compare have them
 _REPEATS = 2  # of the first view, by which the noise is known
-_EYES_M = ((-0.02, 0.46, 0.72), (0.25, 0.40, 0.62), (-0.30, 0.35, 0.60), (0.10, 0.55, 0.55))
+_PLACES_M = ((-0.02, 0.46, 0.72), (0.25, 0.40, 0.62), (-0.30, 0.35, 0.60), (0.10, 0.55, 0.55))
 _TARGET_M, _UP = (0.0, 0.035, -0.02), (0.0, 1.0, 0.0)
 _HELD_OUT = 1  # of the views, the last one
 
@@ -44,7 +44,7 @@ def write_example_capture(
         images = {}
         for key, light in renderer.lights(Model(), progress=progress).items():
             dn = _EXPOSURE_S * (_PROJECTOR_DN_PER_S * light.projector + _ROOM_DN_PER_S * light.ambient)
-            noisy = with_noise(Light(dn.astype(np.float64), np.zeros(dn.shape)), _LAW, random)
+            noisy = with_noise(Light(dn.astype(np.float64), np.zeros(dn.shape)), _NOISE, random)
             images[key] = np.clip(np.rint(noisy.value + _BLACK_DN), 0, 255).astype(np.uint8)
         write_capture(folder, capture, images, read_gray(capture.rig.projector.pattern_path))
     return read_capture(folder)
@@ -62,7 +62,7 @@ def _without_images(place: Path) -> Capture:
     left_to_right, left_to_projector = np.eye(4), np.eye(4)
     left_to_right[0, 3], left_to_projector[0, 3] = -_BASELINE_M, -_PROJECTOR_M
     rig = Rig(camera, camera, left_to_right, Projector(pattern_path, np.asarray(pattern_K), left_to_projector))
-    views = [0] * (_REPEATS - 1) + list(range(len(_EYES_M)))
+    views = [0] * (_REPEATS - 1) + list(range(len(_PLACES_M)))
     frames = tuple(
         Frame(
             id=number,
@@ -70,8 +70,8 @@ def _without_images(place: Path) -> Capture:
             right_path=None,
             timestamp_s=0.1 * number,
             exposure_s=_EXPOSURE_S,
-            camera_to_world=look_at(_EYES_M[view], _TARGET_M, _UP),
-            split="test" if view >= len(_EYES_M) - _HELD_OUT else "train",
+            camera_to_world=look_at(_PLACES_M[view], _TARGET_M, _UP),
+            split="test" if view >= len(_PLACES_M) - _HELD_OUT else "train",
             repeat_group=0 if view == 0 else None,
         )
         for number, view in enumerate(views)
