@@ -13,10 +13,8 @@ from activestereo.report.write import write_report as write_report
 from activestereo.scene_io.scene_files import load_scene_file as load_scene_file
 from activestereo.sensor.batch import StereoDepthSensorBatch as StereoDepthSensorBatch
 from activestereo.sensor.gbuffer.stereo import GBufferStereo as GBufferStereo
-from activestereo.sensor.mount import Mount as Mount
+from activestereo.sensor.mounts import Mount as Mount
 from activestereo.sensor.mounts import Mounts as Mounts
-from activestereo.sensor.pipelined import PipelinedStereoDepthSensor as PipelinedStereoDepthSensor
 from activestereo.sensor.sensor import StereoDepthSensor as StereoDepthSensor
-from activestereo.sensor.split_batch import SplitStereoDepthSensorBatch as SplitStereoDepthSensorBatch
 
 __version__: str

@@ -42,8 +42,8 @@ def compared(seed: int, scale: float, samples: int) -> dict[str, dict[str, float
         sensor.take_picture(infrared_only=True)
         sensor.compute_depth()
         traced = sensor.get_disparity().copy()
-        light = [image.copy() for image in sensor._link.images()]
-        lasers = [image.copy() for image in sensor._link.laser().images()]
+        light = [image.copy() for image in sensor._engine.picture().link.images()]
+        lasers = [image.copy() for image in sensor._engine.picture().link.laser().images()]
         again = sensor.compute_depth_from(*light, *lasers, frame_index=_OTHER_NOISE)["disparity"]
         quiet = _without_noise(sensor, light, lasers)
         left, right = (world.gbuffers(sensor, side) for side in ("left", "right"))

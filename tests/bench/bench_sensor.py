@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 import kuafu
-from activestereo import PipelinedStereoDepthSensor, StereoDepthSensor, StereoDepthSensorConfig
+from activestereo import StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.benchmarks.grasp import GraspWorld
 from activestereo.common.pose import body_pose
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD, write_table_top
@@ -79,7 +79,7 @@ def sapien_times(size: tuple[int, int], rounds: int) -> dict[str, float] | str:
 
 def late_times(config: StereoDepthSensorConfig, scene: kuafu.Scene, with_rgb: bool, rounds: int) -> float:
     """Seconds from one picture to the next where it is rendered while the one before is matched and read."""
-    with PipelinedStereoDepthSensor(config, scene, pose=body_pose(CAMERA_TO_WORLD)) as sensor:
+    with StereoDepthSensor(config, scene, pose=body_pose(CAMERA_TO_WORLD), pipelined=True) as sensor:
         sensor.take_picture(infrared_only=not with_rgb)
         take = picture_and_depth(sensor, with_rgb)
         return least(lambda: (take(), sensor.wait()), rounds)

@@ -17,7 +17,7 @@ import time
 import numpy as np
 
 import kuafu
-from activestereo import Mounts, SplitStereoDepthSensorBatch, StereoDepthSensorBatch, StereoDepthSensorConfig
+from activestereo import Mounts, StereoDepthSensorBatch, StereoDepthSensorConfig
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
 
@@ -44,9 +44,8 @@ def mounts(device: kuafu.Device, environments: range, count: int) -> Mounts:
     return Mounts(scene, np.tile([0, 0, 0, 1.0, 0, 0, 0], (count, 1)))
 
 
-def least_ms(batch: StereoDepthSensorBatch | SplitStereoDepthSensorBatch, rounds: int) -> tuple[float, str, np.ndarray]:
+def least_ms(batch: StereoDepthSensorBatch, rounds: int) -> tuple[float, str, np.ndarray]:
     """The least time of a picture with depth; where it went; the first picture's depth."""
-    parts = [batch] if isinstance(batch, StereoDepthSensorBatch) else batch.parts
     found, first = [], np.empty(0)
     for n in range(rounds + 1):
         start = time.perf_counter()
@@ -55,8 +54,8 @@ def least_ms(batch: StereoDepthSensorBatch | SplitStereoDepthSensorBatch, rounds
         batch.compute_depth()
         depth = batch.get_depth()
         end = time.perf_counter()
-        kinds = [("render", taken - start), ("depth", end - taken)]
-        stages = [max(stage_ms(part, kind) for part in parts) for kind, _ in kinds]
+        kinds = [("ir", taken - start), ("depth", end - taken)]
+        stages = [stage_ms(batch, kind) for kind, _ in kinds]
         beyond = [f"{1e3 * seconds - ms:.2f}" for (_, seconds), ms in zip(kinds, stages, strict=True)]
         found.append((1e3 * (end - start), f"stages {sum(stages):.2f}, beyond {' + '.join(beyond)}"))
         first = depth.copy() if n == 0 else first
@@ -91,7 +90,7 @@ def main() -> None:
             bounds = [k * count // len(homes) for k in range(len(homes) + 1)]
             own = [range(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
             parts = [mounts(device, part, count) for device, part in zip(homes, own, strict=True)]
-            with SplitStereoDepthSensorBatch(config, parts) as split:
+            with StereoDepthSensorBatch(config, parts) as split:
                 ms, where, depth = least_ms(split, args.rounds)
                 same = "the same depths" if np.array_equal(depth, expected) else "OTHER DEPTHS"
                 rate = f"{ms:8.2f} ms on {used} ({where}), {1e3 * count / ms:8.0f} pairs/s"

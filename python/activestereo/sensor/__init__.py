@@ -1,4 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The depth sensor: one (sensor.py), a batch (batch.py), a batch over several devices (split_batch.py), and one whose
-result is one picture late (pipelined.py; of a batch, an option).
-"""
+"""The depth sensor: one engine (engine.py) of which a sensor (sensor.py) and a batch (batch.py) are views."""

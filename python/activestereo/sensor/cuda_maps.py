@@ -11,7 +11,6 @@ from typing import Any
 from numpy.typing import NDArray
 
 import simsense
-from activestereo.common.nearest import did_you_mean
 from activestereo.sensor.cuda_memory import CudaArray, CudaMemory
 
 # get_cuda()'s names: the depth engine's or kuafu's by them.
@@ -25,13 +24,6 @@ PICTURES = {
     "instance_ids": "instance_id",
     "material_ids": "material_id",
 }
-
-
-def check_cuda_name(name: str, owner: str) -> None:
-    """ValueError where get_cuda() of `owner` has no such thing."""
-    if name not in MAPS and name not in PICTURES:
-        known = (*MAPS, *PICTURES)
-        raise ValueError(f"{owner} has no '{name}' for CUDA (known: {', '.join(known)}){did_you_mean(name, known)}")
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo.camera.matching import render_parameters, signal_parameters
 from activestereo.capture.capture import Frame
-from activestereo.common.pose import Pose, camera_to_world
+from activestereo.common.pose import Pose, camera_to_camera, camera_to_world, carried_twist
 from activestereo.effects.core.engine import EngineCamera, EngineInputs
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.scene_surfaces import split_surfaces
 from activestereo.effects.engines.scene_measurement import SceneMeasurement
 from activestereo.model import SensorModel, read_model
-from activestereo.sensor.rig_motion import twist_of
 
 if TYPE_CHECKING:
     from activestereo.camera.presets import StereoDepthSensorConfig
@@ -97,6 +96,21 @@ def exposure(
         temperature_c=temperature_c,
         camera_velocity=twist,
     )
+
+
+def twist_of(config: StereoDepthSensorConfig, twist: NDArray[np.float64], pose_in_rgb: Pose) -> NDArray[np.float64]:
+    """[2, 3] linear and angular velocity, in its own camera axes, of what stands at this place of the sensor."""
+    if not np.any(twist):  # as nearly always; each picture under automatic exposure asks
+        return np.zeros((2, 3))
+    return carried_twist(camera_to_camera(config.trans_pose_l, pose_in_rgb), twist).reshape(2, 3)
+
+
+def give_velocity(inputs: EngineInputs, config: StereoDepthSensorConfig, twist: NDArray[np.float64]) -> None:
+    """Lets all that is on the rig move as the left camera does; twist as sensor_inputs() has it."""
+    for record, place in ((inputs.left.camera, config.trans_pose_l), (inputs.right.camera, config.trans_pose_r)):
+        record.linear_velocity, record.angular_velocity = twist_of(config, twist, place)
+    for light in ([] if inputs.projector is None else [inputs.projector]) + inputs.rig_lights:
+        light.linear_velocity, light.angular_velocity = twist_of(config, twist, config.pose_rgb_irproj)
 
 
 def render_settings(config: StereoDepthSensorConfig, frame: int) -> dict[str, Any]:

@@ -1,18 +1,81 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the sensors of a batch stand: a scene, and poses in it."""
+"""Where sensors stand: a scene, and one pose or many in it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from os import PathLike
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo.common.pose_arrays import PosesLike
+from activestereo.common.pose import Pose, PoseLike, as_matrix
+from activestereo.common.pose_arrays import PosesLike, host_array, pose_fault, pose_matrices
+from activestereo.scene_io.scene_files import load_scene_file
 
 # Of a batch's broken poses, so many are named in the error's text; the error has all their environments.
 _MOST_NAMED = 8
+
+
+class HasPose(Protocol):
+    """Where a sensor stands, as a Mount or activestereo.integrations.mujoco's mount()."""
+
+    @property
+    def scene(self) -> kuafu.Scene: ...
+
+    @property
+    def pose(self) -> PoseLike: ...
+
+
+class Mount:
+    """A scene and a pose in it that sensors move along with, as an entity does in SAPIEN."""
+
+    def __init__(self, scene: kuafu.Scene, pose: PoseLike | None = None) -> None:
+        self.scene = scene
+        self.pose: PoseLike = Pose() if pose is None else pose
+
+
+class RigPlace:
+    """Where a sensor is that stands at the pose `local` of its mount."""
+
+    def __init__(self, mount: HasPose, local: Pose) -> None:
+        self._mount, self.local = mount, local
+        self._parts, self._matrix = b"", np.eye(4)
+
+    def pose(self) -> Pose:
+        """In the scene. ValueError where the mount has none."""
+        return Pose(as_matrix(self._mount.pose) @ as_matrix(self.local))
+
+    def matrix(self) -> NDArray[np.float64]:
+        """4x4 of pose(), read-only; kept until one of the two moves, for the checks take longer than the rest."""
+        mount, local = as_matrix(self._mount.pose), as_matrix(self.local)
+        parts = mount.tobytes() + local.tobytes()
+        if parts != self._parts:
+            matrix = as_matrix(Pose(mount @ local))
+            matrix.flags.writeable = False
+            self._parts, self._matrix = parts, matrix
+        return self._matrix
+
+
+def as_mount(
+    scene_or_mount: kuafu.Scene | HasPose | str | PathLike[str], device: str | int | kuafu.Device
+) -> HasPose:
+    """A Mount, or another object with a scene and a pose, of that, of a scene, or of a scene file on a device (any that
+    load_scene_file knows; a USD stage's dome light is the environment)."""
+    if isinstance(scene_or_mount, kuafu.Scene):
+        return Mount(scene_or_mount)
+    if isinstance(scene_or_mount, (str, PathLike)):
+        scene = kuafu.Scene(device if isinstance(device, kuafu.Device) else kuafu.Device(device))
+        ambient = load_scene_file(scene, scene_or_mount)
+        if ambient is not None:
+            scene.set_environment(ambient)
+        return Mount(scene)
+    if isinstance(getattr(scene_or_mount, "scene", None), kuafu.Scene):
+        return scene_or_mount
+    kind = type(scene_or_mount).__name__
+    raise TypeError(f"a sensor needs a kuafu.Scene, a Mount or the path of a scene file, not {kind}")
 
 
 class SensorPoseError(ValueError):
@@ -43,22 +106,46 @@ class Mounts:
         self.poses = poses
 
 
-def raise_broken(broken: NDArray[np.intp], shape: tuple[int, ...], first: int) -> None:
-    """SensorPoseError where sensors, by their numbers in a batch of this shape whose environments begin with `first`,
-    have no pose."""
-    if broken.size:
-        places = np.stack(np.unravel_index(broken, shape), axis=1)
-        places[:, 0] += first
+class Places:
+    """The last poses that a batch's mounts had, and the RGB cameras' from them. pose: relative to its mount."""
+
+    def __init__(self, mounts: HasPoses, pose: NDArray[np.float64]) -> None:
+        self._mounts, self._pose = mounts, pose
+        poses = pose_matrices(host_array(mounts.poses), "poses of sensors")
+        self.shape = poses.shape[:-2]
+        if len(self.shape) not in (1, 2) or not poses.size:
+            raise ValueError(f"poses of sensors are [E] or [E, S] times 7 or 4x4, given {list(poses.shape)}")
+        self.matrices = np.broadcast_to(np.eye(4), (int(np.prod(self.shape)), 4, 4)).copy()
+
+    def read(self) -> NDArray[np.bool_]:
+        """Follows the mounts; [sensors]: whose mount has no pose, and which stay where they were."""
+        poses = pose_matrices(host_array(self._mounts.poses), "poses of sensors")
+        if poses.shape[:-2] != self.shape:
+            raise ValueError(f"this batch is of {self.shape} sensors; the poses are of {poses.shape[:-2]}")
+        poses = poses.reshape(-1, 4, 4)
+        broken = pose_fault(poses)
+        self.matrices[~broken] = poses[~broken]
+        return broken
+
+    def rigs(self, own: slice) -> NDArray[np.float64]:
+        """[sensors, 4, 4] of some sensors' RGB cameras, body axes."""
+        return self.matrices[own] @ self._pose
+
+
+def raise_broken(broken: NDArray[np.bool_], shape: tuple[int, ...]) -> None:
+    """SensorPoseError where sensors of a batch of this shape have no pose."""
+    if broken.any():
+        places = np.argwhere(broken.reshape(shape))
         named = "; environment ".join(", sensor ".join(map(str, place)) for place in places[:_MOST_NAMED].tolist())
-        named += f" and {broken.size - _MOST_NAMED} more" if broken.size > _MOST_NAMED else ""
-        text = f"environment {named}: the mount's pose is not a finite rigid one; {broken.size} of {np.prod(shape)}"
+        named += f" and {len(places) - _MOST_NAMED} more" if len(places) > _MOST_NAMED else ""
+        text = f"environment {named}: the mount's pose is not a finite rigid one; {len(places)} of {broken.size}"
         bad = np.unique(places[:, 0]).tolist()
         raise SensorPoseError(f"{text} sensors took their picture from their last place", bad)
 
 
-def own_numbers(environments: range | None, count: int) -> range:
-    """Of the environments of a batch, among `count` that there are."""
-    numbers = range(count) if environments is None else environments
-    if not (numbers.step == 1 and 0 <= numbers.start < numbers.stop <= count):
-        raise ValueError(f"environments of a batch are a range inside of 0 to {count - 1}, not {numbers}")
-    return numbers
+def raise_faults(name: str, environments: NDArray[np.intp], faults: Sequence[str | None]) -> None:
+    """ValueError with the fault of every sensor that has one. environments: of each sensor."""
+    bad = [f"environment {at} {fault}" for at, fault in zip(environments, faults, strict=True) if fault is not None]
+    if bad:
+        more = f" and {len(bad) - _MOST_NAMED} more" if len(bad) > _MOST_NAMED else ""
+        raise ValueError(f"{name} of {'; '.join(bad[:_MOST_NAMED])}{more}")

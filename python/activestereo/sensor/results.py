@@ -1,116 +1,96 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a sensor has of its last picture: the RGB camera's images and the depth engine's maps, which the host reads, or
-CUDA where they lie."""
+"""What sensors have of their last pictures: the RGB cameras' images and the depth engine's maps."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
-import kuafu
-import simsense
-from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.camera.auto_exposure import encoded_rgb
 from activestereo.common.nearest import did_you_mean
-from activestereo.sensor.cuda_maps import DEPTH_MAPS, MAPS, PICTURES, CudaMap, CudaMaps, check_cuda_name
+from activestereo.sensor.cuda_maps import DEPTH_MAPS, MAPS, PICTURES
 from activestereo.sensor.cuda_memory import CudaArray
-from activestereo.sensor.lazy_maps import LazyMaps
-from activestereo.sensor.picture_memory import RGB_OUTPUTS, PictureMemory
-
-# Computes maps of the last picture: to arrays by their names, or into {name: simsense.Image}.
-Match = Callable[[Any], Mapping[str, NDArray[Any]]]
+from activestereo.sensor.engine import SensorEngine
 
 
-def require_picture(has_picture: bool) -> None:
-    """RuntimeError where none was taken."""
-    if not has_picture:
-        raise RuntimeError("no picture yet: call take_picture() first")
+class SensorResults(ABC):
+    """Arrays have the sensors' shape, (), [E] or [E, S], before the rest, which is [..., height, width] with further
+    axes where they are named. RuntimeError where the last picture has not what is asked for. What is not read costs no
+    copy; maps that are read are computed with the next compute_depth(), others when they are first read."""
 
+    # Those that get_depth_map() gives.
+    _depth_maps: tuple[str, ...] = DEPTH_MAPS
 
-def require_rgb(has_picture: bool, has_rgb: bool) -> None:
-    """RuntimeError where none was taken, or in the infrared alone."""
-    require_picture(has_picture)
-    if not has_rgb:
-        raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
+    @abstractmethod
+    def _of(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
+        """The result of all sensors, of what get() has of one device's."""
 
+    def get_depth(self) -> NDArray[np.float32]:
+        """float32 metres in the RGB camera, through its lens; 0 = no measurement."""
+        return self._of(lambda engine: engine.maps.read("depth_rgb"))
 
-def require_depth(maps: LazyMaps) -> None:
-    """RuntimeError where the last picture has not been matched."""
-    if not maps:
-        raise RuntimeError("no depth of this picture yet: call compute_depth() after take_picture()")
+    def get_depth_mm(self) -> NDArray[np.int16]:
+        """int16 [..., height, width, 1] millimetres up to 32767 in the RGB camera; 0 = no measurement."""
+        return np.rint(np.minimum(self.get_depth() * np.float32(1000.0), 32767.0)).astype(np.int16)[..., None]
 
+    def get_disparity(self) -> NDArray[np.float32]:
+        """float32 pixels in the (rectified) left infrared camera; -1 = no measurement."""
+        return self._of(lambda engine: engine.maps.read("disparity"))
 
-class SensorResults:
-    """match, in each call: the sensor's. RuntimeError where the last picture has not what is asked for.
+    def get_ir_measured(self) -> list[NDArray[Any]]:
+        """[left, right] uint8 (uint16 where ir_signal has more bits): what the sensor gives, noisy."""
+        left = self._of(lambda engine: engine.maps.read("ir_left"))
+        return [left, self._of(lambda engine: engine.maps.read("ir_right"))]
 
-    on_cuda: all lies where CUDA sees it, too, and the host reads it from there; CudaError where there is no CUDA, or
-    none on this GPU.
-    """
-
-    def __init__(
-        self, device: kuafu.Device, engine_device: simsense.Device, config: StereoDepthSensorConfig, on_cuda: bool
-    ) -> None:
-        width, height = config.rgb_resolution
-        self._device, self._rgb_shape = device, (1, height, width)
-        self._depth_maps = tuple(config.depth_maps)
-        self._cuda_maps = CudaMaps(engine_device) if on_cuda else None
-        self.rgb = self.rgb_memory()
-        self.has_picture = self.has_rgb = False
-        self.maps = LazyMaps("depth_rgb")
-
-    def rgb_memory(self) -> PictureMemory:
-        """Memory for another RGB picture."""
-        return PictureMemory(self._device, self._rgb_shape, RGB_OUTPUTS, on_cuda=self._cuda_maps is not None)
-
-    def match(self, match: Match) -> None:
-        """Computes the maps that have been read of earlier pictures."""
-        require_picture(self.has_picture)
-        self.maps.begin(lambda names: self._computed(names, match))
-
-    def complete(self, match: Match) -> None:
-        """Has all maps at hand where the picture has been matched, as before the engine changes."""
-        if self.maps:
-            names = ("disparity", "ir_left", "ir_right", *self._depth_maps)
-            self.maps.complete(names, lambda missing: self._computed(missing, match))
-
-    def map(self, name: str, match: Match) -> NDArray[Any]:
-        """One of the depth engine's, [height, width, ...]."""
-        found = self._map(name, match)
-        return found.read() if isinstance(found, CudaMap) else found
-
-    def depth_map(self, name: str, match: Match) -> NDArray[Any]:
-        """One of the config's depth_maps."""
+    def get_depth_map(self, name: str) -> NDArray[Any]:
+        """A map of the (rectified) left infrared camera: 'confidence' float32 0..1, 'reason' uint8 an index into
+        simsense.REASONS, 'points' float32 [..., height, width, 3] metres, 'rectified_left', 'rectified_right'."""
         self._check_depth_map(name)
-        return self.map(name, match)
+        return self._of(lambda engine: engine.maps.read(name))
 
-    def picture(self, name: str) -> NDArray[Any]:
-        """One of the RGB camera's, [height, width, channels]."""
-        require_rgb(self.has_picture, self.has_rgb)
-        return self.rgb.read(name)[0]
+    def get_rgba8(self) -> NDArray[np.uint8]:
+        """uint8 [..., height, width, 4]: red, green, blue, 255, sRGB-encoded where the picture was rendered; several
+        sensors' are exposed alike on each device, unless the configuration says how."""
+        return self._of(lambda engine: engine.rgb_output("srgb"))
 
-    def cuda(self, name: str, match: Match) -> CudaArray:
-        """get_cuda() of the sensor."""
-        if self._cuda_maps is None:
-            raise RuntimeError("this sensor is of the host: make it with on_cuda=True")
-        check_cuda_name(name, "a sensor")
-        if name in DEPTH_MAPS:
-            self._check_depth_map(name)
-        if name in MAPS:
-            found = self._map(MAPS[name], match)
-            return found.array(found.image.shape)
-        require_rgb(self.has_picture, self.has_rgb)
-        _, height, width, channels = self.rgb.targets[PICTURES[name]].shape
-        return self.rgb.cuda(PICTURES[name], (height, width, channels) if channels > 1 else (height, width))
+    def get_rgb(self) -> NDArray[np.float32]:
+        """float32 [..., height, width, 3] in 0..1, as get_rgba8() but not rounded, and encoded here: three times the
+        copy, and work."""
+        return self._of(lambda engine: encoded_rgb(engine.rgb_output("radiance"), engine.config.rgb_exposure))
+
+    def get_true_depth(self) -> NDArray[np.float32]:
+        """float32 metres in the RGB camera of the first surface at each pixel's centre; 0 = none."""
+        return self._of(lambda engine: engine.rgb_output("depth")[..., 0])
+
+    def get_material_ids(self) -> NDArray[np.uint32]:
+        """uint32 in the RGB camera; scene.material_name() names them, 0xffffffff = nothing there."""
+        return self._of(lambda engine: engine.rgb_output("material_id")[..., 0])
+
+    def get_instance_ids(self) -> NDArray[np.uint32]:
+        """uint32 in the RGB camera; scene.instance_name() names them, 0xffffffff = nothing there."""
+        return self._of(lambda engine: engine.rgb_output("instance_id")[..., 0])
 
     def _check_depth_map(self, name: str) -> None:
         if name not in self._depth_maps:
             hint = did_you_mean(name, self._depth_maps)
             raise ValueError(f"'{name}' is none of the config's depth_maps {self._depth_maps}{hint}")
 
-    def _map(self, name: str, match: Match) -> Any:
-        require_depth(self.maps)
-        return self.maps.read(name, lambda names: self._computed(names, match))
-
-    def _computed(self, names: list[str], match: Match) -> Mapping[str, Any]:
-        return match(names) if self._cuda_maps is None else self._cuda_maps.compute(names, match)
+    def _cuda(self, engine: SensorEngine, name: str) -> CudaArray:
+        """get_cuda() of one device's sensors."""
+        if not engine.maps.on_cuda:
+            raise RuntimeError("these results are the host's: make the sensor with on_cuda=True")
+        if name not in MAPS and name not in PICTURES:
+            known = (*MAPS, *PICTURES)
+            hint = did_you_mean(name, known)
+            raise ValueError(f"a sensor has no '{name}' for CUDA (known: {', '.join(known)}){hint}")
+        if name in DEPTH_MAPS:
+            self._check_depth_map(name)
+        if name in MAPS:
+            return engine.maps.cuda(MAPS[name])
+        rgb = engine.rgb_picture()
+        shape = rgb.targets[PICTURES[name]].shape
+        return rgb.cuda(PICTURES[name], (*engine.shape, *(shape[1:] if shape[-1] > 1 else shape[1:-1])))

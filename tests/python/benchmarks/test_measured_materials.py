@@ -75,7 +75,8 @@ def test_the_sensor_has_the_noise_that_was_acquired(tmp_path: Path) -> None:
         if number == 0:
             stage.take(views, 1)
         batch = stage.camera.sensors
-        batch._taken = batch._taken._replace(frame=number)
+        picture = batch._engines[0].picture()
+        picture.taken = picture.taken._replace(frame=number)
         batch.compute_depth()
         counts.append(batch.get_ir_measured()[0][0].astype(float))
     mean, variance = np.mean(counts, axis=0), np.var(counts, axis=0, ddof=1)

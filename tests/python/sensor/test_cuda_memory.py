@@ -96,7 +96,7 @@ def test_a_batchs_results_are_cudas_too(monkeypatch: pytest.MonkeyPatch, stub_cu
             np.testing.assert_array_equal(seen, host)
             addresses.append(there.__cuda_array_interface__["data"][0])
     assert addresses[:6] == addresses[6:] and batch.get_depth().any()
-    with pytest.raises(ValueError, match="a batch has no 'rgb' for CUDA .*depth, .*confidence, .*rgba8"):
+    with pytest.raises(ValueError, match="a sensor has no 'rgb' for CUDA .*depth, .*confidence, .*rgba8"):
         batch.get_cuda("rgb")
     with pytest.raises(RuntimeError, match="on_cuda=True"):
         StereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None])).get_cuda("depth")

@@ -13,6 +13,7 @@ from activestereo.sensor.gbuffer.buffers import SurfaceTable, read_gbuffer
 from activestereo.sensor.gbuffer.cause import CAUSES
 from activestereo.sensor.gbuffer.light import ProjectedLight, eye_of
 from activestereo.sensor.gbuffer.warp import warped
+from sensor_scenes import light_of
 
 FACING = np.array([0.0, 0.0, -1.0])
 
@@ -130,8 +131,8 @@ def test_matt_things_are_measured_as_the_path_tracer_measures_them(traced):
     """In units of what two pictures of the same light with other noise differ by."""
     sensor, given, materials, _ = traced
     out = GBufferStereo(sensor.get_config(), materials=materials)(**given)
-    lasers = sensor._link.laser().images() if sensor._taken.is_laser_apart else (None, None)
-    other = sensor.compute_depth_from(*sensor._link.images(), *lasers, frame_index=9)["disparity"]
+    pair, lasers = light_of(sensor)
+    other = sensor.compute_depth_from(*pair, *lasers, frame_index=9)["disparity"]
     truth, found = sensor.get_disparity(), out["disparity"][0]
     matt = np.isin(given["material"], sorted(materials)[:2]) & (given["depth"] > 0)
     valid = matt & (truth > 0) & (found > 0) & (other > 0)

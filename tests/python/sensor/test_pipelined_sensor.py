@@ -5,16 +5,8 @@ import numpy as np
 import pytest
 
 import kuafu
-from activestereo import (
-    PipelinedStereoDepthSensor,
-    Mounts,
-    Pose,
-    StereoDepthSensor,
-    StereoDepthSensorBatch,
-    StereoDepthSensorConfig,
-)
+from activestereo import Mounts, Pose, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
 from activestereo.effects import builtin
-from activestereo.sensor.image_effects import ModelCostWarning
 from activestereo.model import Quantity, SensorModel
 
 COUNT = 3
@@ -67,7 +59,7 @@ def serial(config, with_rgb):
 
 def late(config, with_rgb):
     scene, square = small_world()
-    with PipelinedStereoDepthSensor(config, scene) as sensor:
+    with StereoDepthSensor(config, scene, pipelined=True) as sensor:
         for step in range(COUNT + 1):
             sensor.wait()
             move(scene, square, min(step, COUNT - 1))
@@ -139,7 +131,7 @@ def test_a_batch_starts_anew_while_pictures_are_under_way(config):
 def test_the_scene_changes_only_after_waiting(config):
     config.samples_per_pixel = 16
     scene, square = small_world()
-    with PipelinedStereoDepthSensor(config, scene) as sensor:
+    with StereoDepthSensor(config, scene, pipelined=True) as sensor:
         with pytest.raises(RuntimeError, match="no picture yet"):
             sensor.compute_depth()
         sensor.take_picture(infrared_only=True)
@@ -171,7 +163,7 @@ def test_new_noise_holds_for_the_next_depth(config, mode, count):
                 quiet = np.array(results(sensor, False)[2])
                 sensor.set_ir_noise(40.0, 10.0)
             serial.append(results(sensor, False))
-    with PipelinedStereoDepthSensor(config, scene) as sensor:
+    with StereoDepthSensor(config, scene, pipelined=True) as sensor:
         sensor.take_picture(infrared_only=True)
         sensor.wait()
         for step in range(count):
@@ -189,7 +181,7 @@ def test_new_noise_holds_for_the_next_depth(config, mode, count):
 def test_a_picture_keeps_the_exposure_that_it_settled_at(config, waits):
     config.ir_exposure_mode, config.emitter = "settled", "off"
     scene, _ = small_world()
-    with PipelinedStereoDepthSensor(config, scene) as sensor:
+    with StereoDepthSensor(config, scene, pipelined=True) as sensor:
         sensor.take_picture(infrared_only=True)
         sensor.wait()
         scene.set_environment((0.9, 0.9, 0.9), 0.9)
@@ -204,7 +196,7 @@ def test_a_picture_keeps_the_exposure_that_it_settled_at(config, waits):
 def test_a_sensor_that_is_forgotten_leaves_the_scene(config):
     scene, square = small_world()
     lights = scene.summary.light_count
-    sensor = PipelinedStereoDepthSensor(config, scene)
+    sensor = StereoDepthSensor(config, scene, pipelined=True)
     sensor.take_picture(infrared_only=True)
     assert scene.summary.light_count == lights + 1
     del sensor
@@ -216,6 +208,6 @@ def test_effects_outside_of_the_engines_are_refused(config):
     scene, _ = small_world()
     lights = scene.summary.light_count
     model = SensorModel().with_effect(builtin()["quantisation"], {"step_dn": Quantity(16.0)})
-    with pytest.warns(ModelCostWarning), pytest.raises(ValueError, match="needs StereoDepthSensor"):
-        PipelinedStereoDepthSensor(config, scene, model=model)
+    with pytest.raises(ValueError, match="such sensors have no quantisation: a StereoDepthSensor has"):
+        StereoDepthSensor(config, scene, model=model, pipelined=True)
     assert scene.summary.light_count == lights

@@ -236,6 +236,6 @@ def test_a_model_goes_with_its_batch(config: StereoDepthSensorConfig) -> None:
         assert scene.summary.light_count == before[1] + 4
         assert scene.get_material(0).specular != before[0]
     assert (scene.get_material(0).specular, scene.summary.light_count) == before
-    with pytest.raises(ValueError, match="a batch has no quantisation"):
+    with pytest.raises(ValueError, match="such sensors have no quantisation"):
         StereoDepthSensorBatch(config, Mounts(scene, [FORWARD] * 2), model=model_of(quantisation={"step_dn": 16.0}))
     assert scene.summary.light_count == before[1]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import kuafu
-from activestereo import PipelinedStereoDepthSensor, StereoDepthSensor, StereoDepthSensorConfig
+from activestereo import StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.sensor.cuda_memory import CudaError, CudaMemory
 from activestereo.effects import builtin
 from activestereo.model import Quantity, SensorModel
@@ -56,12 +56,10 @@ def host_results(sensor: StereoDepthSensor) -> dict[str, np.ndarray]:
     return {name: image.copy() for name, image in found.items()}
 
 
-def pictures(sensor: StereoDepthSensor, set_wall: Any) -> Iterator[dict[str, np.ndarray]]:
+def pictures(sensor: StereoDepthSensor, set_wall: Any, is_late: bool) -> Iterator[dict[str, np.ndarray]]:
     """The results of two pictures, and of the second under another matcher."""
-    is_late = isinstance(sensor, PipelinedStereoDepthSensor)
     for step in range(3 if is_late else 2):
-        if isinstance(sensor, PipelinedStereoDepthSensor):
-            sensor.wait()
+        sensor.wait()
         set_wall(0.1 * step)
         sensor.take_picture()
         if not is_late or step > 0:
@@ -73,9 +71,9 @@ def pictures(sensor: StereoDepthSensor, set_wall: Any) -> Iterator[dict[str, np.
     yield host_results(sensor)
 
 
-@pytest.mark.parametrize("kind", [StereoDepthSensor, PipelinedStereoDepthSensor])
+@pytest.mark.parametrize("is_late", [False, True])
 def test_results_are_cudas_with_the_bits_of_the_hosts(
-    kind: Any,
+    is_late: bool,
     device: kuafu.Device,
     config: StereoDepthSensorConfig,
     monkeypatch: pytest.MonkeyPatch,
@@ -83,15 +81,15 @@ def test_results_are_cudas_with_the_bits_of_the_hosts(
 ) -> None:
     stub_for(device, stub_cuda, monkeypatch)
     scene, set_wall = world(device)
-    with kind(config, scene) as sensor:
-        expected = list(pictures(sensor, set_wall))
+    with StereoDepthSensor(config, scene, pipelined=is_late) as sensor:
+        expected = list(pictures(sensor, set_wall, is_late))
     assert not np.array_equal(expected[0]["depth"], expected[1]["depth"])
     assert not np.array_equal(expected[2]["depth"], expected[3]["depth"])
     scene, set_wall = world(device)
-    with kind(config, scene, on_cuda=True) as sensor:
+    with StereoDepthSensor(config, scene, on_cuda=True, pipelined=is_late) as sensor:
         with pytest.raises(RuntimeError, match="no picture yet|no depth of this picture yet"):
             sensor.get_cuda("depth")
-        for number, found in enumerate(pictures(sensor, set_wall)):
+        for number, found in enumerate(pictures(sensor, set_wall, is_late)):
             for name, image in found.items():
                 np.testing.assert_array_equal(image, expected[number][name], err_msg=name)
                 there = seen_by_host(sensor.get_cuda(name))
@@ -116,7 +114,7 @@ def test_what_cannot_be_on_cuda_is_refused_and_leaves_the_scene(
             StereoDepthSensor(config, scene, on_cuda=True)
     stub_for(device, stub_cuda, monkeypatch)
     model = SensorModel().with_effect(builtin()["quantisation"], {"step_dn": Quantity(16.0)})
-    with pytest.raises(ValueError, match="no engine field expresses quantisation: .* without on_cuda"):
+    with pytest.raises(ValueError, match="such sensors have no quantisation: .* without on_cuda"):
         StereoDepthSensor(config, scene, model=model, on_cuda=True)
     assert scene.summary.light_count == lights
 

@@ -36,7 +36,7 @@ def test_depth_through_a_lens_is_as_good_as_without_one(small_config, lens):
     plain, through_lens, unaware = (
         StereoDepthSensor(c, wall_scene(DISTANCE_M)) for c in (small_config, bent, small_config)
     )
-    unaware.ir_cameras = through_lens.ir_cameras
+    unaware._engine.rig.ir_cameras = through_lens._engine.rig.ir_cameras
     (ideal, ideal_fill), (error, fill), (wrong, _) = (wall_error(s) for s in (plain, through_lens, unaware))
     assert ideal[0] < 0.005 and ideal_fill > 0.99
     assert fill > 0.98 and error[0] < ideal[0] + 0.002 and error[1] < ideal[1] + 0.005
@@ -185,9 +185,9 @@ def test_dots_on_a_wall_stay_where_they_are_in_a_sensor_that_slides_along_it(sma
     contrast = {}
     for case in ("still", "moving", "left behind"):
         sensor = StereoDepthSensor(small_config, wall_scene(DISTANCE_M))
-        sensor._place_projector()
+        sensor._engine.rig.shine(sensor._rigs())
         if case == "left behind":
-            sensor._place_projector = lambda: None
+            sensor._engine.rig.shine = lambda rigs: None
         if case != "still":
             sensor.set_velocity(along_wall)
         contrast[case] = sensor.get_picture("radiance", "left").std()

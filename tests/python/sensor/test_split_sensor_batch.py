@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import kuafu
-from activestereo import Mounts, SplitStereoDepthSensorBatch, StereoDepthSensorBatch, StereoDepthSensorConfig
+from activestereo import Mounts, StereoDepthSensorBatch, StereoDepthSensorConfig
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
 from activestereo.sensor.mounts import SensorPoseError
@@ -57,83 +57,66 @@ def same_bits(one, whole, split, parts, frames=2):
 
 def test_two_devices_give_the_bits_of_one(config):
     whole, halves = mounts(), [mounts(), mounts()]
-    with StereoDepthSensorBatch(config, whole) as one, SplitStereoDepthSensorBatch(config, halves) as split:
-        assert split.shape == one.shape == (3, 2) and [part.shape for part in split.parts] == [(1, 2), (2, 2)]
+    with StereoDepthSensorBatch(config, whole) as one, StereoDepthSensorBatch(config, halves) as split:
+        assert split.shape == one.shape == (3, 2) and split.device_environments == [range(1), range(1, 3)]
         same_bits(one, whole, split, halves)
         np.testing.assert_array_equal(split.render_true_depth(), one.render_true_depth())
 
 
 def test_a_split_batch_of_one_device_has_its_shapes(config):
     only = mounts()
-    with SplitStereoDepthSensorBatch(config, [only]) as split:
+    with StereoDepthSensorBatch(config, [only]) as split:
         split.take_picture(infrared_only=True)
         split.compute_depth()
         depth = split.get_depth()
-        assert split.get_depth_mm().shape == split.parts[0].get_depth_mm().shape
+        assert split.get_depth_mm().shape == (*depth.shape, 1)
         assert split.render_true_depth().shape == depth.shape
 
 
 def test_so_does_a_device_for_each_sensor(config):
     poses = POSES[:, 0]
     whole, parts = mounts(poses), [mounts(poses) for _ in range(3)]
-    with StereoDepthSensorBatch(config, whole) as one, SplitStereoDepthSensorBatch(config, parts) as split:
-        assert split.shape == one.shape == (3,) and [part.shape for part in split.parts] == [(1,)] * 3
+    with StereoDepthSensorBatch(config, whole) as one, StereoDepthSensorBatch(config, parts) as split:
+        assert split.shape == one.shape == (3,) and [len(own) for own in split.device_environments] == [1] * 3
         same_bits(one, whole, split, parts)
 
 
 def test_a_pose_that_is_none_is_told_with_its_number_and_costs_no_other_picture(config):
     halves = [mounts(), mounts()]
-    with SplitStereoDepthSensorBatch(config, halves) as split:
+    with StereoDepthSensorBatch(config, halves) as split:
         poses = POSES.copy()
         poses[2, 1] = np.nan
         for one in halves:
             one.poses = poses
-        with pytest.raises(SensorPoseError, match=r"environment 2, sensor 1.* 1 of 4") as caught:
+        with pytest.raises(SensorPoseError, match=r"environment 2, sensor 1.* 1 of 6") as caught:
             split.take_picture(infrared_only=True)
         assert caught.value.environment == 2
-        assert [part.frame_index for part in split.parts] == [0, 0]
         split.restart(3)
         assert split.frame_index == -1
 
 
 def test_mounts_that_do_not_fit_are_errors(config):
     with pytest.raises(ValueError, match="4 devices take as many environments or more, not"):
-        SplitStereoDepthSensorBatch(config, [mounts()] * 4)
+        StereoDepthSensorBatch(config, [mounts()] * 4)
     with pytest.raises(ValueError, match="0 devices"):
-        SplitStereoDepthSensorBatch(config, [])
-    for environments in (range(2, 2), range(1, 4), range(0, 3, 2)):
-        with pytest.raises(ValueError, match="a range inside of 0 to 2"):
-            StereoDepthSensorBatch(config, mounts(), environments=environments)
-
-
-def test_a_device_that_fails_names_its_environments_and_costs_no_other_picture(config):
-    halves = [mounts(), mounts()]
-    with SplitStereoDepthSensorBatch(config, halves) as split:
-        split.parts[1].close()
-        poses = POSES.copy()
-        poses[0, 1] = np.nan  # the other device's own error, which is less
-        halves[0].poses = poses
-        for count in (1, 2):
-            with pytest.raises(kuafu.Error, match="was removed") as caught:
-                split.take_picture(infrared_only=True)
-            assert caught.value.__notes__ == ["on the device of environments 1 to 2"]
-            assert split.parts[0].frame_index == count - 1
-        split.parts[0].compute_depth()
-        assert split.parts[0].get_depth().shape[:2] == (1, 2)
+        StereoDepthSensorBatch(config, [])
 
 
 def test_a_picture_that_one_device_lost_leaves_all_in_step(config, monkeypatch):
+    """And names the environments that lost it; the other devices' projectors go dark, too."""
     whole, halves = mounts(), [mounts(), mounts()]
-    with StereoDepthSensorBatch(config, whole) as one, SplitStereoDepthSensorBatch(config, halves) as split:
+    with StereoDepthSensorBatch(config, whole) as one, StereoDepthSensorBatch(config, halves) as split:
         one.take_picture(infrared_only=True)
 
         def fails(*args):
             raise kuafu.Error("lost for once")
 
-        with monkeypatch.context() as patch, pytest.raises(kuafu.Error, match="for once"):
-            patch.setattr(split.parts[1], "_render_infrared", fails)
+        with monkeypatch.context() as patch, pytest.raises(kuafu.Error, match="for once") as caught:
+            patch.setattr(split._engines[1].rig, "ir_cameras", fails)
             split.take_picture(infrared_only=True)
-        assert all(light.ir_intensity == 0.0 for light in split.parts[1]._rig._lights)
+        assert caught.value.__notes__ == ["on the device of environments 1 to 2"]
+        for scene in (half.scene for half in halves):
+            assert all(scene.get_light(number).ir_intensity == 0.0 for number in range(scene.summary.light_count))
         with pytest.raises(RuntimeError, match="no picture yet"):
             split.compute_depth()
         same_bits(one, whole, split, halves, frames=3)
@@ -141,7 +124,7 @@ def test_a_picture_that_one_device_lost_leaves_all_in_step(config, monkeypatch):
 
 def test_closing_ends_the_threads_and_leaves_results(config):
     count = threading.active_count()
-    with SplitStereoDepthSensorBatch(config, [mounts(), mounts()]) as split:
+    with StereoDepthSensorBatch(config, [mounts(), mounts()]) as split:
         split.take_picture(infrared_only=True)
         split.compute_depth()
         assert threading.active_count() == count + 2
@@ -151,7 +134,7 @@ def test_closing_ends_the_threads_and_leaves_results(config):
 
 
 def test_results_stay_while_they_are_held_and_their_memory_is_used_again(config):
-    with SplitStereoDepthSensorBatch(config, [mounts(), mounts()]) as split:
+    with StereoDepthSensorBatch(config, [mounts(), mounts()]) as split:
         addresses, held = [], []
         for n in range(6):
             split.take_picture(infrared_only=True)
@@ -164,10 +147,3 @@ def test_results_stay_while_they_are_held_and_their_memory_is_used_again(config)
         assert len(set(addresses)) < 6
         for view, copy in held:
             np.testing.assert_array_equal(view, copy)
-        part = split.parts[0]
-        before = part.get_depth()
-        bits = before.copy()
-        part.take_picture(infrared_only=True)
-        part.compute_depth()
-        assert not np.array_equal(part.get_depth(), bits)
-        np.testing.assert_array_equal(before, bits)

@@ -4,6 +4,7 @@
 import numpy as np
 
 import kuafu
+from activestereo import StereoDepthSensor
 
 
 def wall_scene(distance_m: float) -> kuafu.Scene:
@@ -13,3 +14,10 @@ def wall_scene(distance_m: float) -> kuafu.Scene:
     material = scene.add_material(kuafu.Material(base_color=(0.5, 0.5, 0.5, 1.0), specular=0.0))
     scene.add_instance(scene.add_mesh(corners, [[0, 1, 3], [0, 3, 2]]), [material])
     return scene
+
+
+def light_of(sensor: StereoDepthSensor) -> tuple[list[np.ndarray], list[np.ndarray | None]]:
+    """The last pair of radiance, left and right, and what of it the laser has; None where all of it has speckle."""
+    picture = sensor._engine.picture()
+    lasers = picture.link.laser().images().copy() if picture.taken.is_laser_apart else (None, None)
+    return list(picture.link.images().copy()), list(lasers)

@@ -13,7 +13,7 @@ import torch
 import kuafu
 from activestereo.integrations.sapien.looks import Looks, is_visible, light_record, render_system
 from activestereo.scene_io.bodies import Bodies, Shape
-from activestereo.sensor.pipelined_pictures import PipelinedSensors
+from activestereo.sensor.pictures import PipelinedSensors
 
 _AMBIENT = (0.3, 0.3, 0.3)
 

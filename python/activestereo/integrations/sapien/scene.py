@@ -13,7 +13,7 @@ import kuafu
 from activestereo.common.pose import as_matrix
 from activestereo.integrations.sapien.looks import Looks, is_visible, light_record, render_system
 from activestereo.scene_io.bodies import Bodies
-from activestereo.sensor.pipelined_pictures import PipelinedSensors
+from activestereo.sensor.pictures import PipelinedSensors
 
 # Even light in a scene whose lights cannot be known, since SAPIEN has no renderer.
 _AMBIENT = (0.3, 0.3, 0.3)

@@ -46,9 +46,8 @@ class StereoDepthSensor:
     before the first picture. pose: sapien.Pose relative to it. Intrinsics are in SAPIEN's convention: the middle of the
     first pixel is at (0.5, 0.5). The scene is mirrored at the first picture and followed from then on.
 
-    pipelined: a picture is rendered while SAPIEN simulates and the one before is matched
-    (activestereo.sensor.pipelined). Results are of the picture before; from the second take_picture() on has_picture is
-    True.
+    pipelined: a picture is rendered while SAPIEN simulates and the one before is matched. Results are of the picture
+    before; from the second take_picture() on has_picture is True.
 
     on_cuda: get_..._cuda() give what lies on the GPU or is computed there, with the host's bits; without, they copy the
     host's arrays. The first picture then raises CudaError where there is no CUDA, or none on the GPU that renders.
@@ -85,11 +84,11 @@ class StereoDepthSensor:
         if self._sensor is None:  # after update(), which waits: its projector changes the scene
             mount = activestereo.Mount(self._world.scene)
             config = native_config(self._config)
+            self._sensor = activestereo.StereoDepthSensor(
+                config, mount, on_cuda=self._on_cuda, pipelined=self._is_pipelined
+            )
             if self._is_pipelined:
-                self._sensor = activestereo.PipelinedStereoDepthSensor(config, mount, on_cuda=self._on_cuda)
                 self._world.pipelined.add(self._sensor)
-            else:
-                self._sensor = activestereo.StereoDepthSensor(config, mount, on_cuda=self._on_cuda)
             self._cuda = CudaResults(self._sensor) if self._on_cuda else None
         sensor = self._made()
         sensor.set_local_pose(as_matrix(self.get_pose()))
@@ -98,9 +97,7 @@ class StereoDepthSensor:
     @property
     def has_picture(self) -> bool:
         """Whether results are there: of a pipelined sensor from the second take_picture() on, else from the first."""
-        if isinstance(self._sensor, activestereo.PipelinedStereoDepthSensor):
-            return self._sensor.has_picture
-        return self._sensor is not None
+        return self._sensor is not None and self._sensor.has_picture
 
     def compute_depth(
         self, bbox_start: tuple[int, int] | None = None, bbox_size: tuple[int, int] | None = None

@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A batch's picture in its own memory, renders that were submitted and have not been waited for, and the pipelined
-sensors that a scene's changes wait for."""
+"""Pictures in their own memory, renders that were submitted and have not been waited for, and the pipelined sensors
+that a scene's changes wait for."""
 
 from __future__ import annotations
 
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
+from activestereo.camera.auto_exposure import Setting
 from activestereo.camera.matching import Taken
 from activestereo.sensor.ir_link import IrLink
 from activestereo.sensor.picture_memory import PictureMemory
@@ -21,17 +22,16 @@ from activestereo.sensor.picture_memory import PictureMemory
 @dataclass
 class Picture:
     """Memory that pictures are rendered into one after another, and what the last one was taken under. taken: None
-    where there is none. light_share: of each sensor, the light over that of its exposure."""
+    where there is none. has_rgb: of this picture or of one before. signals: the imagers', left and right, under this
+    exposure and gain. light_share: of each sensor, the light over that of its exposure."""
 
     link: IrLink
     rgb: PictureMemory
     taken: Taken | None = None
     has_rgb: bool = False
+    setting: Setting | None = None
+    signals: list[dict[str, float]] = field(default_factory=list)
     light_share: NDArray[np.float64] = field(default_factory=lambda: np.ones(1))
-
-    def forget(self) -> None:
-        """There is none until the next one has been taken."""
-        self.taken, self.has_rgb = None, False
 
 
 class UnderWay:
@@ -46,11 +46,7 @@ class UnderWay:
     def add(self, name: str, submission: kuafu.Submission) -> None:
         self._submissions.append((name, submission))
 
-    def begin(self, name: str, renderer: kuafu.Renderer, *scene_and_views: Any, **options: Any) -> None:
-        """Submits what renderer.render() would do."""
-        self.add(name, renderer.submit(*scene_and_views, **options))
-
-    def wait(self, ended: Callable[[str], object] | None = None) -> None:
+    def wait(self, ended: Callable[[str], object]) -> None:
         """Until all have ended; ended(name) after each. Where one has failed the others end first, unheard; an
         interrupt leaves them."""
         while self._submissions:
@@ -61,8 +57,7 @@ class UnderWay:
                 self.let_end()
                 raise
             self._submissions.pop(0)
-            if ended is not None:
-                ended(name)
+            ended(name)
 
     def let_end(self) -> None:
         """wait() that hears no failures."""

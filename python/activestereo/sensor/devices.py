@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Work on several devices at once, a thread for each; on one it is done in the caller's."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.sensor.result_memory import joined
+
+_Result = TypeVar("_Result")
+
+
+class Devices:
+    """names: what an error's note says of each device."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = list(names)
+        self._threads = ThreadPoolExecutor(len(names), "device") if len(names) > 1 else None
+
+    def each(self, call: Callable[[int], _Result]) -> list[_Result]:
+        """call(number of the device) of all at once, after close() of one after another. An error is raised after all
+        have ended."""
+        if self._threads is None:
+            return [call(k) for k in range(len(self._names))]
+        running = [self._threads.submit(call, k) for k in range(len(self._names))]
+        try:
+            wait(running)
+        finally:
+            wait(running)  # an interrupt leaves no call under way
+        errors: list[BaseException] = []
+        for one, name in zip(running, self._names, strict=True):
+            if (error := one.exception()) is not None:
+                if sys.version_info >= (3, 11):
+                    error.add_note(name)
+                errors.append(error)
+        if errors:
+            raise errors[0]
+        return [one.result() for one in running]
+
+    def join(self, images: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        """One array of the devices' images [environments, ...]: the one that they were computed into, or one that they
+        are copied into."""
+        if len(images) == 1:
+            return images[0]
+        whole = joined(images)
+        if whole is None:
+            whole = np.empty((sum(len(image) for image in images), *images[0].shape[1:]), images[0].dtype)
+            targets = np.split(whole, np.cumsum([len(image) for image in images])[:-1])
+            self.each(lambda k: np.copyto(targets[k], images[k]))
+        return whole
+
+    def close(self) -> None:
+        """Ends the threads."""
+        self._threads, threads = None, self._threads
+        if threads is not None:
+            threads.shutdown()

@@ -1,0 +1,374 @@
+# SPDX-License-Identifier: Apache-2.0
+"""SensorEngine: depth sensors of one configuration on one device, S in each of E environments, with one render and one
+match for all. StereoDepthSensor and StereoDepthSensorBatch are its views."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Sequence
+from copy import deepcopy
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kuafu
+import simsense
+from activestereo.camera.auto_exposure import AutoExposure, Setting
+from activestereo.camera.matching import Taken, engine_parameters, make_engine, renderer_parameters
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.progress_bar import Progress, part_of
+from activestereo.model import SensorModel
+from activestereo.sensor.exposure import expose_each
+from activestereo.sensor.image_effects import ImageEffects
+from activestereo.sensor.inputs import render_settings
+from activestereo.sensor.ir_link import IrLink
+from activestereo.sensor.maps import Maps
+from activestereo.sensor.picture_memory import RGB_OUTPUTS, PictureMemory
+from activestereo.sensor.pictures import Picture, UnderWay
+from activestereo.sensor.result_memory import PartOfResults
+from activestereo.sensor.rig import Rig
+from activestereo.sensor.rig_inputs import RigInputs
+
+
+class SensorEngine:
+    """config: a copy is the engine's, which automatic exposure changes. environments: each sensor's, or [None]: one
+    sensor in a scene without environments, which alone has a velocity, conditions, 'converging' exposure and effects
+    that act outside of the engines. shape: (), (E,) or (E, S). source: what the scene is from. first_view: the first
+    sensor's number among those of all devices. results: where maps lie, if not in arrays of their own.
+
+    ValueError for a model that does not fit the scene or such sensors, and for exposure that does not; then nothing has
+    been changed."""
+
+    def __init__(
+        self, config: StereoDepthSensorConfig, scene: kuafu.Scene, environments: Sequence[int | None] = (None,),
+        shape: tuple[int, ...] = (), *, model: SensorModel | str | PathLike[str] | None = None, source: object = None,
+        pipelined: bool = False, on_cuda: bool = False, copy_ir: bool = False, first_view: int = 0,
+        results: PartOfResults | None = None,
+    ) -> None:  # fmt: skip
+        self.scene, self.shape, self.pipelined, self._count = scene, shape, pipelined, len(environments)
+        takes_image_effects = not (pipelined or on_cuda) and list(environments) == [None]
+        self.rig = RigInputs(config, scene, environments, model, source, takes_image_effects)
+        self._auto = AutoExposure(self.config)
+        self._next_setting: Setting | None = None
+        if self._auto.mode == "converging" and not self.rig.is_one:
+            raise ValueError("ir_exposure_mode of a batch is 'fixed' or 'settled', not 'converging'")
+        self._renderer = kuafu.Renderer(scene.device, **renderer_parameters(self.config))
+        self.matcher = self.make_matcher()
+        self._first_view = first_view
+        self._present = self._new_picture(on_cuda, copy_ir)
+        self._next = self._new_picture(on_cuda, copy_ir) if pipelined else self._present
+        self._under_way = UnderWay()
+        self._maps = Maps(weakref.proxy(self), on_cuda, results)
+        self.light_share = np.ones(self._count)  # of each sensor, over what its exposure makes of the view
+        self._told: list[dict[str, float]] = []
+        self._place: NDArray[np.float64] | None = None
+        self._speckle_draw = -1
+        self.frame = -1
+        self.stage_times: dict[str, float] = {}
+        self.image_effects: ImageEffects | None = None
+        weakref.finalize(self, _end, self._under_way, self.rig.in_scene).atexit = False
+        try:
+            self._tell(self.rig.signals())
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def config(self) -> StereoDepthSensorConfig:
+        return self.rig.config
+
+    # ---- pictures ----
+
+    def turn(self) -> None:
+        """Before take(): pictures that were begun are the present ones now; without a pipeline there are none."""
+        self.wait()
+        if self.pipelined:
+            self._turn()
+        else:
+            self._maps.clear()
+        self._next.taken = None
+
+    def take(
+        self, rigs: NDArray[np.float64], place: NDArray[np.float64], infrared_only: bool, progress: Progress | None
+    ) -> None:
+        """Renders, after turn(), the infrared pairs, and before them the RGB pictures unless infrared_only, of sensors
+        whose RGB cameras are at `rigs`, [sensors, 4, 4], body axes; a pipelined engine begins to. place: static speckle
+        is drawn anew where this is another array than before. A picture that fails, here or in wait(), is none."""
+        picture = self._next
+        taken = self._prepare(place)
+        share = 0.0 if infrared_only else 0.5
+        try:
+            self.rig.shine(rigs)
+            if self.pipelined or not infrared_only:
+                picture.has_rgb = False
+            if not infrared_only:
+                picture.rgb.forget()
+                cameras, seen = self.rig.rgb_cameras(rigs), self.rig.visible()
+                self._render("rgb", cameras, picture.rgb.targets, taken, part_of(progress, 0.0, share), seen)
+                picture.has_rgb = True
+            cameras, seen = self.rig.ir_cameras(rigs), self.rig.infrared()
+            targets = picture.link.targets(taken.is_laser_apart)
+            self._render("ir", cameras, targets, taken, part_of(progress, share, 1.0), seen)
+        except BaseException:
+            self._under_way.let_end()
+            self.rig.darken()
+            raise
+        picture.taken, picture.light_share = taken, self.light_share.copy()
+        if not self.pipelined:
+            self._finish()
+            self._turn()
+
+    def wait(self) -> None:
+        """Until pictures that were begun are rendered: then the scene may change."""
+        if self._under_way:
+            self._finish()
+
+    @property
+    def has_picture(self) -> bool:
+        return self._present.taken is not None
+
+    @property
+    def has_next(self) -> bool:
+        """Whether pictures have been begun, and have not failed, that are not the present ones yet."""
+        return self.pipelined and self._next.taken is not None
+
+    def picture(self) -> Picture:
+        """The present one. RuntimeError where there is none."""
+        if self._present.taken is None:
+            raise RuntimeError("no picture yet: call take_picture() first")
+        return self._present
+
+    def rgb_picture(self) -> PictureMemory:
+        """The present one's RGB images, or those before it. RuntimeError where there are none."""
+        if not self.picture().has_rgb:
+            raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
+        return self._present.rgb
+
+    def rgb_output(self, name: str) -> NDArray[Any]:
+        """One of kuafu's outputs of the RGB pictures, [*shape, height, width, channels]."""
+        image = self.rgb_picture().read(name)
+        return image.reshape(*self.shape, *image.shape[1:])
+
+    def light(self) -> NDArray[np.float32]:
+        """float32 [2, *shape, height, width] W/(sr m^2) at the imagers."""
+        images = self.picture().link.images()
+        return images.reshape(2, *self.shape, *images.shape[1:])
+
+    def render_true_depth(self, rigs: NDArray[np.float64]) -> NDArray[np.float32]:
+        """float32 [*shape, height, width] metres in the RGB cameras of the scene as it is now; takes no picture."""
+        self.wait()
+        seen: dict[str, Any] = self.rig.visible() | {"optics": None, "spp": 1}
+        depth = self._renderer.render(self.scene, self.rig.rgb_cameras(rigs), ["depth"], **seen)["depth"]
+        return depth.reshape(*self.shape, *depth.shape[1:3])
+
+    def render_now(self, rigs: NDArray[np.float64], name: str, side: int | None) -> NDArray[Any]:
+        """[height, width, channels]: one of kuafu's outputs as one sensor's left (0) or right (1) camera sees it now,
+        or the RGB camera (None)."""
+        self.wait()
+        self.rig.shine(rigs)
+        try:
+            cameras = self.rig.rgb_cameras(rigs) if side is None else [self.rig.ir_cameras(rigs)[side]]
+            seen = self.rig.visible() if side is None else self.rig.infrared(side)
+            seen |= self._settings([name], max(self.frame, 0)) | {"projector": self.rig.in_scene.projector}
+            return self._renderer.render(self.scene, cameras, [name], **seen)[name][0]
+        finally:
+            self.rig.darken()
+
+    # ---- maps ----
+
+    def match(self) -> None:
+        """Noise, matching and registration of the present pictures: maps that have been read of earlier ones now, any
+        other when it is first read."""
+        self.picture()
+        self._maps.begin()
+        self._keep_times("depth", self.matcher)
+
+    @property
+    def ir_memory(self) -> str:
+        """How the infrared pairs reach the depth engine: 'opaque_fd', 'host' or 'copy'."""
+        return self._present.link.memory
+
+    @property
+    def maps(self) -> Maps:
+        """Those of the present pictures."""
+        return self._maps
+
+    def compute(self, outputs: Any) -> dict[str, NDArray[Any]]:
+        """Maps of the present pictures; outputs: their names, or what they are written into."""
+        picture = self._present
+        taken = picture.taken or Taken()
+        self._tell(picture.signals)  # the next picture's exposure may be another
+        self.matcher.set_parameters(
+            frame_index=taken.frame, scene_index=taken.speckle_draw, first_view=self._first_view
+        )
+        pair, lasers = (picture.link.left, picture.link.right), picture.link.lasers(taken.is_laser_apart)
+        return self._computed(pair, outputs, lasers)
+
+    def compute_from(
+        self, pair: tuple[Any, Any], outputs: tuple[str, ...], lasers: dict[str, Any], frame_index: int
+    ) -> dict[str, NDArray[Any]]:
+        """Maps of another pair of radiance, with the noise of picture frame_index."""
+        self.wait()
+        self._maps.complete()
+        self._tell(self.rig.signals())
+        self.matcher.set_parameters(frame_index=frame_index, scene_index=0)
+        return self._computed(pair, outputs, lasers)
+
+    def make_matcher(self) -> simsense.Engine:
+        """Another depth engine of these sensors, a simsense.Engine."""
+        return make_engine(self.config, simsense.Device(self.scene.device.info.device_uuid), self._count)
+
+    # ---- what changes ----
+
+    def set(self, **changes: Any) -> None:
+        """Fields of the configuration that matcher and noise depend on. They hold for the pictures that there are,
+        each under its own exposure; maps that have been matched stay. ValueError changes nothing."""
+        self.wait()
+        config = deepcopy(self.config)
+        for name, value in changes.items():
+            setattr(config, name, value)
+        parameters = engine_parameters(config)
+        self._maps.complete()
+        self.matcher.set_parameters(**parameters)
+        self._auto, self._told = AutoExposure(config), []
+        self.rig.set_config(config)
+        now = self.rig.setting()
+        for picture in (self._present, self._next):
+            if picture.setting is not None:
+                self.rig.set_exposure(picture.setting)
+                picture.signals = self.rig.signals()
+        self.rig.set_exposure(now)
+        self._tell(self.rig.signals())
+
+    def set_twist(self, twist: NDArray[np.float64]) -> None:
+        """RigInputs.set_twist() when no picture is under way."""
+        self.wait()
+        self.rig.set_twist(twist)
+
+    def set_conditions(self, temperature_c: float | None, time_s: float) -> None:
+        """RigInputs.set_conditions() when no picture is under way; maps that have been matched stay."""
+        self.wait()
+        self._maps.complete()
+        self.rig.set_conditions(temperature_c, time_s)
+
+    def restart(self, seed: int) -> None:
+        """The next picture is frame 0 under this seed; there is none now."""
+        self.wait()
+        self.config.render_seed = self.config.noise_seed = seed
+        self.matcher.set_parameters(noise_seed=seed)
+        self.frame, self._place, self._speckle_draw = -1, None, -1
+        for picture in (self._present, self._next):
+            picture.taken, picture.has_rgb = None, False
+        self._maps.clear()
+
+    def close(self) -> None:
+        """Takes what the sensors have in the scene out of it."""
+        self._under_way.let_end()
+        self.rig.leave()
+
+    # ---- inside ----
+
+    def _computed(self, pair: tuple[Any, Any], outputs: Any, lasers: dict[str, Any]) -> dict[str, NDArray[Any]]:
+        if self.image_effects is None:
+            return self.matcher.compute(*pair, outputs, **lasers)
+        return self.image_effects.depth(self.matcher, pair, outputs, **lasers)
+
+    def _new_picture(self, on_cuda: bool, copy_ir: bool) -> Picture:
+        width, height = self.config.ir_resolution
+        rgb_width, rgb_height = self.config.rgb_resolution
+        device = self.scene.device
+        return Picture(
+            IrLink(device, self.matcher.device, width, height, copy=copy_ir, count=self._count),
+            PictureMemory(device, (self._count, rgb_height, rgb_width), RGB_OUTPUTS, on_cuda=on_cuda),
+        )
+
+    def _prepare(self, place: NDArray[np.float64]) -> Taken:
+        """What changes from picture to picture: exposure, emitter, and, where a sensor has moved, static speckle."""
+        if self._next_setting is not None:
+            self.rig.set_exposure(self._next_setting)
+            self._next_setting = None
+        if self._place is None or not np.array_equal(place, self._place):
+            self._place, self._speckle_draw = place.copy(), self._speckle_draw + 1
+        frame = self.frame + 1
+        return Taken(frame, self._speckle_draw, self.rig.begin(frame).speckle_of_laser)
+
+    def _settings(self, outputs: Any, frame: int) -> dict[str, Any]:
+        """Keyword arguments of a render that any camera has."""
+        scales = {"srgb": self.config.rgb_exposure or 0.0} if "srgb" in outputs else {}
+        return render_settings(self.config, frame) | {"scales": scales}
+
+    def _render(
+        self, group: str, cameras: list[kuafu.Camera], targets: Any, taken: Taken, progress: Any, seen: dict[str, Any]
+    ) -> None:
+        """Renders now, or begins to where pictures are pipelined."""
+        options = self._settings(targets, taken.frame) | seen
+        if self.pipelined:
+            self._under_way.add(group, self._renderer.submit(self.scene, cameras, targets, **options))
+        else:
+            self._renderer.render(self.scene, cameras, targets, progress=progress, **options)
+            self._keep_times(group, self._renderer)
+
+    def _finish(self) -> None:
+        """Once pictures are rendered: the projectors go dark, and the pairs are exposed and delivered."""
+        picture = self._next
+        try:
+            try:
+                self._under_way.wait(lambda group: self._keep_times(group, self._renderer))
+            finally:
+                if not self._under_way:
+                    self.rig.darken()
+            if self.image_effects is not None:
+                self.image_effects.on_light(picture.link)
+            if not self.rig.is_one:
+                expose_each(picture, self._auto, self.config, self.rig.inputs())
+            picture.link.deliver()
+            if self.rig.is_one:
+                self._expose(picture.link)
+            picture.setting, picture.signals = self.rig.setting(), self.rig.signals()
+            if not self.pipelined:
+                self._tell(picture.signals)
+        except BaseException:
+            if not self._under_way:
+                picture.taken = None
+            raise
+
+    def _turn(self) -> None:
+        """What was rendered are the pictures now; of a pipelined engine those before give their memory to the next."""
+        if self._next.taken is None:
+            return
+        self._maps.clear()
+        self._present, self._next = self._next, self._present
+        if not self._present.has_rgb:  # those before stay
+            self._present.rgb, self._next.rgb = self._next.rgb, self._present.rgb
+            self._present.has_rgb = self._next.has_rgb
+        if self._present is not self._next:
+            self._next.taken, self._next.has_rgb = None, False
+        assert self._present.taken is not None
+        self.frame = self._present.taken.frame
+
+    def _expose(self, link: IrLink) -> None:
+        """Automatic exposure looks at the light of one sensor's picture: for the same picture, or for the next."""
+        if self._auto.mode == "fixed":
+            return
+        inputs = self.rig.inputs()
+        after = self._auto.after(self.config, inputs.left.signal, link.first_image(), inputs.max_dn)
+        if self._auto.mode == "settled":
+            self.rig.set_exposure(after)
+        else:
+            self._next_setting = after
+
+    def _tell(self, signals: list[dict[str, float]]) -> None:
+        if signals != self._told:
+            self.matcher.set_signal(*signals)
+            self._told = signals
+
+    def _keep_times(self, group: str, worker: kuafu.Renderer | simsense.Engine) -> None:
+        kept = {name: t for name, t in self.stage_times.items() if not name.startswith(f"{group}: ")}
+        self.stage_times = kept | {f"{group}: {name}": t for name, t in worker.stage_times.items()}
+
+
+def _end(under_way: UnderWay, rig: Rig) -> None:
+    under_way.let_end()
+    rig.leave()

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The depth engine's maps of the present pictures, for the host or for CUDA."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import prod
+from typing import Any, Protocol
+
+from numpy.typing import NDArray
+
+import simsense
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.sensor.cuda_maps import CudaMap, CudaMaps
+from activestereo.sensor.cuda_memory import CudaArray
+from activestereo.sensor.lazy_maps import LazyMaps
+from activestereo.sensor.result_memory import Kind, PartOfResults
+
+
+class ComputesMaps(Protocol):
+    """A SensorEngine."""
+
+    config: StereoDepthSensorConfig
+    matcher: simsense.Engine
+    shape: tuple[int, ...]
+
+    def compute(self, outputs: Any) -> Mapping[str, NDArray[Any]]: ...
+
+
+class Maps:
+    """on_cuda: maps lie where CUDA sees them, too, and the host reads them from there; CudaError, where the first is
+    computed, if there is no CUDA, or none on this GPU. results: where they lie, if not in arrays of their own."""
+
+    def __init__(self, engine: ComputesMaps, on_cuda: bool, results: PartOfResults | None) -> None:
+        self._engine, self._results = engine, results
+        self._on_cuda = CudaMaps(engine.matcher.device) if on_cuda else None
+        self._lazy = LazyMaps("depth_rgb")
+
+    @property
+    def on_cuda(self) -> bool:
+        return self._on_cuda is not None
+
+    def clear(self) -> None:
+        """There are other pictures, which have not been matched."""
+        self._lazy.clear()
+
+    def begin(self) -> None:
+        """Computes those that have been read of earlier pictures."""
+        self._lazy.begin(self._compute)
+
+    def complete(self) -> None:
+        """Has all at hand where the pictures have been matched, as before the engine changes."""
+        if self._lazy:
+            self._lazy.complete(("disparity", "ir_left", "ir_right", *self._engine.config.depth_maps), self._compute)
+
+    def read(self, name: str) -> NDArray[Any]:
+        """One of the depth engine's, [*shape, height, width, ...]."""
+        found = self._found(name)
+        return found.read().reshape(self._shape_of(found.image)) if isinstance(found, CudaMap) else found
+
+    def cuda(self, name: str) -> CudaArray:
+        """The same, in CUDA's memory."""
+        found = self._found(name)
+        return found.array(self._shape_of(found.image))
+
+    def values(self) -> list[Any]:
+        """Those that were computed."""
+        return list(self._lazy.values())
+
+    def _found(self, name: str) -> Any:
+        if not self._lazy:
+            raise RuntimeError("no depth of this picture yet: call compute_depth() after take_picture()")
+        return self._lazy.read(name, self._compute)
+
+    def _compute(self, names: list[str]) -> Mapping[str, Any]:
+        if self._on_cuda is not None:
+            return self._on_cuda.compute(names, self._engine.compute)
+        taken = {} if self._results is None else self._results.take(names)
+        if taken:
+            leading = len(self._engine.shape)
+            self._engine.compute({name: image.reshape(-1, *image.shape[leading:]) for name, image in taken.items()})
+            return taken
+        found = {name: image.reshape(self._shape_of(image)) for name, image in self._engine.compute(names).items()}
+        if self._results is not None:
+            self._results.learn({name: Kind(image.shape[1:], image.dtype) for name, image in found.items()})
+        return found
+
+    def _shape_of(self, image: Any) -> tuple[int, ...]:
+        """Of a map of one sensor, or of several with their number in front."""
+        return (*self._engine.shape, *image.shape[1 if prod(self._engine.shape) > 1 else 0 :])

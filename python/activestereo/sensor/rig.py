@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What sensors put into their scene: projectors, a model's lights, materials and medium; all of it is taken out
+again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kuafu
+from activestereo.effects.core.engine import EngineInputs
+from activestereo.effects.engines.world import copy_light, copy_record, enter_world
+
+# The environment of a camera that opens later than the other.
+LATER = 1
+
+
+@dataclass
+class _RigLight:
+    """One light of the rig, once for each sensor. on_rig: 4x4, its pose where the RGB camera is at the origin; visible
+    and infrared: its intensities as kuafu.Light has them."""
+
+    records: list[kuafu.Light]
+    on_rig: NDArray[np.float64]
+    visible: tuple[float, float, float]
+    infrared: float | None
+    is_laser: bool
+
+
+class Rig:
+    """What sensors of one kind have in their scene. environments: each sensor's; None: its lights are seen by all.
+    Materials that a model changes are the model's until leave(). laser_power: of each sensor, over the inputs'."""
+
+    def __init__(
+        self, scene: kuafu.Scene, environments: Sequence[int | None], pattern: NDArray[np.uint8] | None
+    ) -> None:
+        self._scene, self._environments, self._pattern = scene, environments, pattern
+        # The engines' inputs for it; None where the projector has dots or there is none.
+        self.pattern = None if pattern is None else pattern_of(pattern)
+        self.laser_power = np.ones(len(environments))
+        self._texture: int | None = None
+        self._changed_texture: int | None = None
+        self._materials: dict[int, kuafu.Material] = {}
+        self._has_medium = False
+        self._on_rig: list[_RigLight] = []
+        self._numbers: list[int] = []  # of the lights on the rig
+        self._standing: list[int] = []
+
+    @property
+    def projector(self) -> int | None:
+        """The first sensor's projector among the scene's lights, None where there is none."""
+        return self._numbers[0] if self._on_rig and self._on_rig[0].is_laser else None
+
+    def material(self, number: int) -> kuafu.Material:
+        """A fresh copy of one of the scene's materials as it was before any model."""
+        if number not in self._materials:
+            return self._scene.get_material(number)
+        return copy_record(self._materials[number])
+
+    def enter(self, inputs: EngineInputs, laser_w_sr: float) -> None:
+        """Puts the inputs' world into the scene, in place of what was there; lights on the rig are dark until shine().
+        laser_w_sr: the projector's intensity before any effect, which a light's record has rounded."""
+        self._leave_but_pattern()
+        self._materials = {number: self._scene.get_material(number) for number in inputs.materials}
+        self._has_medium = inputs.medium is not None
+        enter_world(self._scene, inputs)
+        instants = [(self._environments, 0.0)]
+        if inputs.right.delay_s:
+            # The right camera opens at another time: it looks into an environment of its own, where the rig is by then.
+            instants = [([0], 0.0), ([LATER], inputs.right.delay_s)]
+        own = [] if inputs.projector is None else [inputs.projector]
+        for light in (*own, *inputs.rig_lights):
+            self._throw(light, inputs)
+            infrared = laser_w_sr if light.ir_intensity == np.float32(laser_w_sr) else light.ir_intensity
+            for environments, delay_s in instants:
+                # The first record is the inputs' own, which follows the rig's velocity.
+                records = [copy_light(light, delay_s) if n or delay_s else light for n in range(len(environments))]
+                for record, environment in zip(records, environments, strict=True):
+                    record.environment = environment
+                    self._numbers.append(self._scene.add_light(record))
+                self._on_rig.append(
+                    _RigLight(records, records[0].light_to_world, light.intensity, infrared, light is inputs.projector)
+                )
+        self.darken()
+        for light in inputs.lights:
+            self._throw(light, inputs)
+            self._standing.append(self._scene.add_light(light))
+
+    def shine(self, rigs: NDArray[np.float64]) -> None:
+        """Lets the lights shine from where the rigs are: [sensors, 4, 4], the RGB cameras' poses, body axes."""
+        for one in self._on_rig:
+            shares = self.laser_power.tolist() if one.is_laser else [1.0] * len(rigs)
+            for record, place, share in zip(one.records, rigs @ one.on_rig, shares, strict=True):
+                record.light_to_world, record.intensity = place, one.visible
+                record.ir_intensity = None if one.infrared is None else one.infrared * share
+        self._set_lights()
+
+    def darken(self) -> None:
+        """Switches the lights of the rigs off until shine()."""
+        for one in self._on_rig:
+            for record in one.records:
+                record.intensity, record.ir_intensity = (0.0, 0.0, 0.0), 0.0
+        self._set_lights()
+        for one in self._on_rig:  # the inputs' own records say what shines
+            one.records[0].intensity, one.records[0].ir_intensity = one.visible, one.infrared
+
+    def leave(self) -> None:
+        """Takes everything out of the scene."""
+        self._leave_but_pattern()
+        if self._texture is not None:
+            self._scene.remove_texture(self._texture)
+        self._texture = None
+
+    def _set_lights(self) -> None:
+        self._scene.set_lights(self._numbers, [record for one in self._on_rig for record in one.records])
+
+    def _leave_but_pattern(self) -> None:
+        """The pattern's texture stays, for enter() to use again."""
+        for number in (*self._numbers, *self._standing):
+            self._scene.remove_light(number)
+        if self._changed_texture is not None:
+            self._scene.remove_texture(self._changed_texture)
+        for number, material in self._materials.items():
+            self._scene.set_material(number, material)
+        if self._has_medium:
+            self._scene.set_medium(None)
+        self._on_rig, self._numbers, self._standing, self._materials = [], [], [], {}
+        self._changed_texture, self._has_medium = None, False
+
+    def _throw(self, light: kuafu.Light, inputs: EngineInputs) -> None:
+        """Gives a projector of an image its texture: the sensor's own one, or what effects made of it."""
+        own = self.pattern
+        if light.kind != "projector" or self._pattern is None or own is None or len(light.dots):
+            return
+        pattern = own if inputs.pattern is None else inputs.pattern
+        if pattern is own or np.array_equal(pattern, own):
+            if self._texture is None:
+                self._texture = self._scene.add_texture(self._pattern, name="projector pattern")
+            light.texture = self._texture
+        else:
+            if self._changed_texture is None:
+                changed = np.ascontiguousarray(pattern, np.float32)
+                self._changed_texture = self._scene.add_texture(changed, name="changed projector pattern")
+            light.texture = self._changed_texture
+
+
+def pattern_of(image: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Relative radiant intensity 0..1 of an 8-bit image, which nobody may change in place."""
+    pattern = image.astype(np.float32) / np.float32(255.0)
+    pattern.flags.writeable = False
+    return pattern
