@@ -97,7 +97,7 @@ class StereoDepthSensorBatch(SensorResults):
                 engine.close()
             raise
         self._engines = engines
-        # Of each sensor, over the configuration's, and how its right eye is turned.
+        # Of each sensor, over the configuration's, and how its right camera is turned.
         self._laser_power, self._light_share = np.ones((2, count * sensors))
         self._right_turn = np.broadcast_to(np.eye(4), (count * sensors, 4, 4)).copy()
         self._devices = Devices([f"on the device of environments {own[0]} to {own[-1]}" for own in self._numbers])
@@ -206,7 +206,7 @@ class StereoDepthSensorBatch(SensorResults):
         right_turn: NDArray[np.float64] | None = None,
     ) -> None:
         """How the sensors of an environment differ from the configuration, from the next picture on: the laser's power
-        [S] and the exposure [S] over what they are without this, and rotations [S, 3, 3] of the right eyes in their
+        [S] and the exposure [S] over what they are without this, and rotations [S, 3, 3] of the right cameras in their
         own axes, which the matcher does not know of. environment None: of all at once, each array then with the
         batch's shape, [E] or [E, S], before the rest. What is None stays as it is. ValueError for another number of
         sensors, and for numbers that are negative or not finite and what is no rotation, with all environments that
