@@ -126,13 +126,13 @@ class StereoDepthSensorBatch(SensorResults):
     @property
     def has_picture(self) -> bool:
         """Whether results are there: of a pipelined batch from the second take_picture() on, else from the first."""
-        return all(engine.has_picture for engine in self._engines)
+        return False not in [engine.has_picture for engine in self._engines]
 
     @property
     def has_next(self) -> bool:
         """Whether a pipelined batch has begun pictures, and they have not failed, that the next take_picture() makes
         the present ones."""
-        return all(engine.has_next for engine in self._engines)
+        return False not in [engine.has_next for engine in self._engines]
 
     def render_true_depth(self) -> NDArray[np.float32]:
         """float32 [..., height, width] as get_true_depth(), of the scene and the mounts as they are now; takes no
@@ -192,7 +192,7 @@ class StereoDepthSensorBatch(SensorResults):
     def stage_times(self) -> dict[str, float]:
         """{stage: milliseconds} of the last take_picture and compute_depth, each of the device that took longest."""
         times = [engine.stage_times for engine in self._engines]
-        return {name: max(of.get(name, 0.0) for of in times) for name in times[0]}
+        return {name: max(of[name] for of in times if name in of) for name in times[0]}
 
     def get_config(self) -> StereoDepthSensorConfig:
         """A copy."""
