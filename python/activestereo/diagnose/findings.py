@@ -20,7 +20,7 @@ from activestereo.effects.core.judging import Channel
 
 @dataclass(frozen=True)
 class BaseFit:
-    """A model with its nuisances fitted and nothing added: what every candidate has to improve on.
+    """A model with its nuisances fitted and no effect added; every candidate has to improve on it.
 
     chi2: cross-validated; tile_chi2: as fitted, by tile. white_reduced_chi2: what stays between repeats and is white
     over the image, as a renderer's own noise is.
@@ -102,9 +102,8 @@ class Score:
     """The score of an explanation.
 
     nats: gain of log-likelihood. explained_share: of the error above the floor. gain_reduced_chi2: fall of the mean
-    square. consistency: share of the touched images that get better. choice_nats: of choices that it took, or that
-    errors of the
-    scene measurement may explain. occam_nats: what its freedom costs, <= 0.
+    square. consistency: share of the touched images that get better. choice_nats: the part of the gain that choices or
+    errors of the scene measurement may explain. occam_nats: the penalty for free parameters, <= 0.
     """
 
     nats: float
@@ -119,12 +118,12 @@ class Score:
 class Checks:
     """Checks of the explanations that matter.
 
-    plain_share, plain_reduced_chi2: explained_share and gain_reduced_chi2 of the error in DN as it is, not weighed by
-    its expected variance. varying_reduced_chi2: what a varying amplitude of the effect's trace explains beyond one.
+    plain_share, plain_reduced_chi2: explained_share and gain_reduced_chi2 of the unweighted error in DN.
+    varying_reduced_chi2: what a varying amplitude of the effect's signature explains beyond a constant one.
     structure_reduced_chi2: structure that it leaves (score/structure.py). variation: {effect: varying_reduced_chi2} of
     every effect that was added to the given model. at_range_end: whether a shape parameter was driven to an end of its
-    range. prior_sigmas: how far the fit takes a focal length or an albedo, the farthest, from what calibration and
-    scene measurement say, in deviations of these. None and absent: not looked at.
+    range. prior_sigmas: the largest distance of a focal length or an albedo from its prior, in the prior's deviations.
+    None: not checked.
     """
 
     plain_share: float | None = None
@@ -140,7 +139,7 @@ class Checks:
 class BaseChecks(Checks):
     """Further checks of the base.
 
-    plain_excess_reduced_chi2: mean square above the floor of the error in DN as it is. unsteady_reduced_chi2,
+    plain_excess_reduced_chi2: excess of the unweighted mean squared error in DN above the noise. unsteady_reduced_chi2,
     uneven_structure_reduced_chi2: see score/steadiness.py.
     """
 

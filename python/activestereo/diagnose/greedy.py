@@ -18,7 +18,7 @@ from activestereo.diagnose.refine import Fitters
 from activestereo.diagnose.verdict.acceptance import passes
 from activestereo.effects import Effect, Model
 
-# Of a ranking, so many findings after the first may be what an effect added now was mistaken for.
+# The number of findings after the first for which an added effect may be a confounder.
 _RIVALS = 3
 
 
@@ -71,15 +71,15 @@ def greedy(
 
 
 def _may_be_added(context: DiagnosisContext, start: Ranking, ranking: Ranking, finding: Finding) -> bool:
-    """Whether a finding that passes may be added: beside others none that a range's end stopped, which stands in for
-    what they left.
+    """Whether a finding that passes may be added. Beside other effects, one whose shape ended at a limit of its range
+    is a confounder of their remaining error.
     """
     return start is ranking or (not finding.checks.at_range_end and _exceeds_formulas(context, start, ranking, finding))
 
 
 def _exceeds_formulas(context: DiagnosisContext, start: Ranking, ranking: Ranking, finding: Finding) -> bool:
-    """Whether a finding gains more than the formulas of earlier effects may have left of what they explained: in all
-    images together, or by a practical size in those that the formulas leave alone, which are none of their fault.
+    """Whether a finding gains more than the share that inexact formulas of the effects added before may have left: in
+    all images together, or by a practical size in those images that these effects do not change.
 
     start: the ranking of the given model by the same weights.
     """
@@ -98,7 +98,7 @@ def _exceeds_formulas(context: DiagnosisContext, start: Ranking, ranking: Rankin
 
 
 def _without_drift(context: DiagnosisContext, bases: BaseFits, base: BaseFit) -> tuple[DiagnosisContext, BaseFits]:
-    """The context and its base fits, with the noise of what is light alone under what was found."""
+    """The context and its base fits, with the noise estimated without the dark signal and drift that were found."""
     expected = {row.observation.key: row.expected for row in (*base.train, *base.test)}
     model, black_dn = base.solution.model, base.solution.nuisances.black_dn
     evidence = without_drift(context.evidence, model, black_dn, expected, context.thresholds.drift_share)
@@ -110,7 +110,7 @@ def _without_drift(context: DiagnosisContext, bases: BaseFits, base: BaseFit) ->
 
 
 def _fitted_at_first(first: Ranking, rivals: set[str]) -> dict[str, np.ndarray]:
-    """{id: fitted parameters} of the effects that what was added may have been mistaken for."""
+    """{id: fitted parameters} of the effects for which an added one may be a confounder."""
     return {f.id: f.solution.values_of(f.effect) for f in first.findings if f.id in rivals and f.solution is not None}
 
 
@@ -140,8 +140,8 @@ def _pruned(context: DiagnosisContext, bases: BaseFits, model: Model, given: int
 def _swapped(
     context: DiagnosisContext, bases: BaseFits, model: Model, rivals: Sequence[Effect], given: int, phi: np.ndarray
 ) -> Model:
-    """The model with each earlier effect replaced by the rival that comes first beside the later ones, of which the
-    ranking that chose it knew nothing; the last one, too, where what it was chosen beside has changed.
+    """The model with each earlier effect replaced by the rival that ranks first beside the effects added later, which
+    were unknown when it was chosen; the last one is replaced too where the effects before it have changed.
     """
     added = [e for e, _ in model.effects[given:]]
     for e in added:
@@ -155,7 +155,7 @@ def _swapped(
 def _with_likeliest(
     context: DiagnosisContext, bases: BaseFits, model: Model, effect: Effect, rivals: Sequence[Effect], phi: np.ndarray
 ) -> Model:
-    """The model with the rival in an effect's place that comes first beside the others, and explains no less."""
+    """The model with an effect replaced by the rival that ranks first beside the others and explains no less."""
     taken = {other.id for other, _ in model.effects} - {effect.id}
     others = rank(context, bases(model.without_effect(effect.id), phi), [c for c in rivals if c.id not in taken])
     best = next((f for f in others.findings if f.solution is not None), None)

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The next measurement: exposures of the known views that would separate explanations that fit alike.
 
-Expected log-likelihood, 1/2 |mu_i - mu_j|^2 / variance, that is left between two members when one is refitted to what
-the other foretells of the new frames, as far as the frames at hand let its parameters and nuisances go (T-optimal
-design: Atkinson and Fedorov 1975); divided by the residuals' design effect. A measurement counts by its worst pair.
+Its value is the expected difference of log-likelihood, 1/2 |mu_i - mu_j|^2 / variance, between two explanations after
+one is refitted to the other's predictions for the new frames, while the recorded frames constrain its parameters and
+nuisances (T-optimal design: Atkinson and Fedorov 1975), divided by the residuals' design effect. A measurement is
+judged by its worst pair.
 """
 
 from collections.abc import Sequence
@@ -37,7 +38,8 @@ _MENU: dict[str, Change] = {
     "the same views at half the projector power": {"power_factor": 0.5},
     "the same views 20 K warmer": {"warming_k": 20.0},
     "the same views 20 K warmer with the projector off": {"warming_k": 20.0, "power_factor": 0.0},
-    # Laws that agree where it is warmer part where it is cooler: a laser brightens, a filter passes less either way.
+    # Effects that agree at a higher temperature differ at a lower one: a laser brightens, a filter passes less either
+    # way.
     "the same views 10 K cooler": {"warming_k": -10.0},
     "the same views with the rig moving sideways at 0.5 m/s": {"velocity": [0.5, 0.0, 0.0, 0.0, 0.0, 0.0]},
     "the same views with the rig turning about its vertical axis at 1 rad/s": {
@@ -45,7 +47,7 @@ _MENU: dict[str, Change] = {
     },
     "two more repeats of each view": {"repeats": 2},
 }
-# Where no exposure of the known views helps; what others would show cannot be foretold without rendering them.
+# The advice where no exposure of the known views helps: other views cannot be predicted without rendering them.
 _OTHER_VIEWS = "six other views: another distance (at least twice as far) and other materials", {"views": 6}
 
 
@@ -82,12 +84,12 @@ def next_measurements(ranking: Ranking, evidence: Evidence) -> list[Advice]:
     if len(members) < 2:
         return []
     observations = scan_observations(evidence.train, evidence.seed)
-    # Of random fields no image can be foretold, but from other places they differ: gains stay on the pixels, grains
-    # do not.
-    foretold = [f for f in members if f.solution is not None]
+    # Images of random fields cannot be predicted, but they differ from other poses: gains stay on the pixels, grains do
+    # not.
+    predicted = [f for f in members if f.solution is not None]
     scored = []
-    for text, change in _MENU.items() if len(foretold) > 1 else ():
-        nats, pair = _worst_pair(ranking, evidence, foretold, observations, change)
+    for text, change in _MENU.items() if len(predicted) > 1 else ():
+        nats, pair = _worst_pair(ranking, evidence, predicted, observations, change)
         scored.append((nats, text, pair))
     scored.sort(key=lambda entry: -entry[0])
     useful = [entry for entry in scored if entry[0] > ranking.thresholds.worth_nats]
@@ -95,9 +97,9 @@ def next_measurements(ranking: Ranking, evidence: Evidence) -> list[Advice]:
         {"text": f"{text} (expected {nats:.0f} nats)", "nats": nats, "separates": list(pair), "change": _MENU[text]}
         for nats, text, pair in useful
     ]
-    # What brings little more than the same frames again is no lever: errors of the scene measurement, which no light
-    # lessens, hide the difference where these views have not shown it.
-    again = _worst_pair(ranking, evidence, foretold, observations, {})[0] if useful else np.inf
+    # A measurement that brings little more than the same frames again is not worth it: errors of the scene measurement,
+    # which more light does not reduce, hide the difference in these views.
+    again = _worst_pair(ranking, evidence, predicted, observations, {})[0] if useful else np.inf
     if not useful or useful[0][0] < ranking.thresholds.lever_ratio * again:
         text, change = _OTHER_VIEWS
         advice = [{"text": text, "nats": None, "separates": [f.id for f in members], "change": change}, *advice]
@@ -122,7 +124,7 @@ def _worst_pair(
 ) -> tuple[float, tuple[str, ...]]:
     frames = [_changed(o.frame, **change) for o in observations]
     changed = [replace(o, frame=f, view=replace(o.view, frame=f)) for o, f in zip(observations, frames, strict=True)]
-    # As many pixels as the train frames have: each view is recorded anew.
+    # As many pixels as the train frames have: each view is recorded again.
     copies = ranking.pixels / sum(o.measured.size if o.pick is None else len(o.pick) for o in observations)
     worst: tuple[float, tuple[str, ...]] = (np.inf, ())
     for first, second in combinations(members, 2):
@@ -134,15 +136,15 @@ def _worst_pair(
 def left_between(
     evidence: Evidence, changed: Sequence[Observation], truth: Solution, rival: Solution, copies: float
 ) -> float:
-    """Half the squared distance in deviations from what the truth foretells to the nearest that the rival can, by
-    one Gauss-Newton step that costs what it worsens the frames at hand.
+    """Half the squared distance, in deviations, between the prediction of `truth` and the nearest prediction of
+    `rival`, by one Gauss-Newton step that is penalised by what it worsens the recorded frames.
     """
-    foretold = []
+    predicted = []
     for o in changed:
         image = signal(truth.model, o, truth.model.light(o.layers, o.view, fine=False), truth.phi)
         weight = 1.0 / np.maximum(evidence.noise_model.variance(image, o.frame.gain), ROUNDING_VARIANCE)
-        foretold.append(replace(o, measured=image, weight=weight))
-    fitter = Fitter(foretold, evidence.prior_sigma, evidence.tiles, fine=False)
+        predicted.append(replace(o, measured=image, weight=weight))
+    fitter = Fitter(predicted, evidence.prior_sigma, evidence.tiles, fine=False)
     space, theta, phi = rival.space, rival.theta, rival.phi
     new = fitter.linearise(space, theta, phi, fitter.lights(space, theta))
     known = rival.sums.gram.sum(0) + np.diag(fitter.prior(len(theta), space))

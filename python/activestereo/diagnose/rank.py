@@ -93,8 +93,8 @@ def rank(
 
 
 def rank_depth(context: DiagnosisContext, base: BaseFit, candidates: Sequence[Effect]) -> Ranking:
-    """The Ranking of faults of the depth engine, judged on the device's disparity beside a base: what any matcher
-    shows comes last.
+    """The Ranking of faults of the depth engine, judged on the device's disparity on top of a base; differences that
+    depend on the matcher alone come last.
     """
     known = {e.id for e, _ in base.model.effects}
     faults = [e for e in candidates if e.channel is Channel.DEPTH_ENGINE and e.id not in known]
@@ -233,14 +233,14 @@ def _by_nats(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def _sized(context: DiagnosisContext, ranking: Ranking) -> list[Finding]:
-    """The findings, the best few with the fall of the error in DN as it is."""
+    """The findings; the best few with the decrease of the unweighted error in DN."""
     likely = _by_nats(f for f in ranking.findings if f.solution is not None and is_significant(ranking, f))
     chosen = {f.id for f in likely[: ranking.thresholds.sized]}
     return [_with_size(context, ranking, f) if f.id in chosen else f for f in ranking.findings]
 
 
 def _with_size(context: DiagnosisContext, ranking: Ranking, finding: Finding) -> Finding:
-    """A finding with the fall of the error in DN as it is."""
+    """A finding with the decrease of the unweighted error in DN."""
     floor, before = _floor_square(context), _square(ranking.base.train)
     fall = before - _square(context.fitters.train.residuals(finding.fitted))
     share = fall / max(before - floor, 1e-9 * floor)
@@ -248,9 +248,7 @@ def _with_size(context: DiagnosisContext, ranking: Ranking, finding: Finding) ->
 
 
 def _simplified(context: DiagnosisContext, ranking: Ranking) -> Ranking:
-    """The best and those as good as it without needless parameters, alike: such a parameter costs an explanation a
-    nat or so.
-    """
+    """The best finding and those close to it, all without needless parameters, each of which costs a nat or so."""
     thresholds, fitter = ranking.thresholds, context.fitters.train
     passing = [f for f in ranking.findings if f.solution is not None and passes(ranking, f)]
     best = max((f.score.nats for f in passing), default=0.0)
@@ -269,8 +267,8 @@ def _simplified(context: DiagnosisContext, ranking: Ranking) -> Ranking:
 
 
 def _looked_at(context: DiagnosisContext, ranking: Ranking) -> list[Finding]:
-    """The findings with whether a range stopped their fit, the best few with what their traces explain where they
-    may vary.
+    """The findings with whether a shape ended at a limit of its range; the best few also with what a varying amplitude
+    explains.
     """
     likely = _by_nats(f for f in ranking.findings if f.solution is not None and passes(ranking, f))
     chosen = {f.id for f in likely[: ranking.thresholds.looked_at]}
@@ -305,8 +303,8 @@ def _in_order(ranking: Ranking) -> list[Finding]:
 
 
 def _with_remainders(context: DiagnosisContext, ranking: Ranking) -> Ranking:
-    """The base's residual, and the findings that a verdict may rest on: the first, what cannot be told from it,
-    and the one that leaves least.
+    """The ranking with the checks of the base and of the findings that a verdict may rest on: the first, those that
+    cannot be distinguished from it, and the one with the least remaining error.
     """
     passing = [f for f in ranking.findings if f.on_images and passes(ranking, f)]
     matter = set()
@@ -342,8 +340,8 @@ def _base_checks(context: DiagnosisContext, base: BaseFit) -> BaseChecks:
 
 
 def _prior_sigmas(context: DiagnosisContext, solution: Solution) -> float:
-    """How far a solution takes a focal length or an albedo, in deviations. What is named of a surface makes of its
-    albedo another quantity than the measured one: beside it no prior counts.
+    """How far a solution moves a focal length or an albedo from its prior, in the prior's deviations. An effect on
+    surfaces changes what the albedo means, so that its prior does not count beside it.
     """
     if any(e.stage is Stage.SURFACE and e.id not in context.given for e in solution.effects):
         return 0.0
@@ -372,8 +370,8 @@ def _rows_after(context: DiagnosisContext, base: BaseFit, finding: Finding) -> S
 
 
 def _preferring_what_leaves_no_structure(ranking: Ranking) -> Ranking:
-    """Moves an explanation that leaves no structure before those that leave some and cannot be told apart from it.
-    """
+    """The ranking with the best explanation that leaves no structure first, where the first one leaves some and the two
+    cannot be distinguished."""
     best = ranking.best
     if best is None or not passes(ranking, best) or not is_unexplained(ranking, best.remainder, ranking):
         return ranking

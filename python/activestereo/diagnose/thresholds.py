@@ -3,9 +3,9 @@
 from.
 
 Sources: *theory* is a law or a count; *convention* is a round number that a user may want otherwise; *calibrated* was
-fitted to worlds of the suite's generation 1 (tests/benchmark_suite), which the reported figures never use. How much the
-bank's figures move with a threshold was found on 332 worlds of generation 0: named and right 0.920, false alarms 0.010,
-outside said so 0.964.
+fitted to test cases of generation 1 of the benchmark suite (tests/benchmark_suite), which the reported figures never
+use. How its figures change with a threshold was found on 332 cases of generation 0: right name 0.920, false alarms
+0.010, 'unknown' where the library lacks the effect 0.964.
 """
 
 from dataclasses import dataclass, field, fields
@@ -94,7 +94,7 @@ class Thresholds:
     other_signature_share: float = _threshold(
         0.1,
         "1",
-        "the same ratio, above which another law than the named one is at work",
+        "the same ratio, above which the true effect has another signature than the named one",
         _GENERATION_1,
         moves="doubled: named +0.013",
     )
@@ -222,8 +222,8 @@ class Thresholds:
     drift_share: float = _earlier(
         0.02,
         "1",
-        "share by which the noise floor must fall without what a found effect adds in the dark, or between repeats, "
-        "for weights to be formed anew",
+        "share by which the noise floor must fall, once the dark signal and drift of a found effect are removed, "
+        "for weights to be computed again",
         "convention",
     )
     needless_parameter_share: float = _earlier(

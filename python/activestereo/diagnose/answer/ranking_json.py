@@ -31,7 +31,7 @@ def ranking_json(ranking: Ranking, name_of: Callable[[int], str]) -> list[Json]:
 def depth_json(depth: Ranking, faults: Sequence[Finding], name_of: Callable[[int], str]) -> Json:
     """The verdict on the depth engine.
 
-    faults: findings that are added to the model. nuisance: any other matcher would differ so.
+    faults: findings that are added to the model. nuisance: a difference that depends on the matcher alone.
     """
     verdict, reason = depth_verdict(depth)
     entries = ranking_json(depth, name_of)

@@ -6,8 +6,8 @@ A device's matcher is not ours, but both are given the same images. What counts 
 geometry less the error that our engine makes on the model's own pair; errors beyond a pixel are mismatches and count
 as one pixel. A filter shows in what neighbours have in common instead: the variance of their differences.
 
-What any other matcher would show as well (EngineFault.is_matcher_choice) is taken off as long as it explains most:
-faults are judged on the rest.
+Differences that depend on the matcher alone (EngineFault.is_matcher_choice) are removed first as long as they explain
+most of the error; faults are judged on the rest.
 """
 
 from collections.abc import Iterator, Sequence
@@ -113,7 +113,7 @@ class DepthEngineChannel(JudgingChannel):
         return [self._explanation(e, fits[e.id]) for e in effects]
 
     def _fits(self, judge: "_Judge", effects: Sequence[Effect]) -> dict[str, "_DepthFit"]:
-        """Forward selection of what any matcher would show: as long as such an effect gains most, it is taken off."""
+        """Forward selection: as long as an effect that depends on the matcher alone gains most, it is removed."""
         fits: dict[str, _DepthFit] = {}
         waiting = list(effects)
         while waiting:
@@ -280,8 +280,8 @@ def _leading(effect: Effect, value: float) -> np.ndarray:
 
 
 def pose_error_nats(nats: float, offset_px: np.ndarray, pose_error_px: float) -> float:
-    """Log-likelihood, quadratic, that the best displacement gains which the poses' errors, normal with this deviation,
-    explain.
+    """The gain of log-likelihood, quadratic in the displacement, that errors of the poses may explain. Their
+    displacements are normal with the deviation pose_error_px.
     """
     gained = 2.0 * max(nats, 0.0) * pose_error_px**2
     return float(nats * gained / (gained + (offset_px**2).sum())) if gained > 0 else 0.0

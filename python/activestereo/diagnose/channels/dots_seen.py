@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much of the dots' own gains an estimate by cells of the pattern sees: neighbours share pixels and cells, so
-it is less than all.
+"""The share of the variance of the dots' gains that an estimate by cells of the pattern recovers: neighbouring dots
+share pixels and cells, so it is below 1.
 """
 
 from collections.abc import Callable, Sequence

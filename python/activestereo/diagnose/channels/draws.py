@@ -29,10 +29,10 @@ def lever_image(lever: Lever, row: ImageResidual, black_dn: float) -> np.ndarray
 
 
 def frames_that_share(term: RandomTerm, o: Observation) -> Hashable:
-    """A draw of one such group of frames is foretold by the other groups alone: whatever else frames of one place
-    share (misplaced edges) must not pass for it.
+    """The key of the group of frames that an observation belongs to. A group's draws are predicted from the other
+    groups only, because frames of one pose share other errors, such as misplaced edges.
 
-    What lasts only while the rig stands still is foretold by other frames of that view.
+    Draws that last only while the rig stands still are predicted from other frames of that view.
     """
     return o.frame.id if term.shared_by is SharedBy.VIEW else o.frame.camera_to_world.tobytes()
 

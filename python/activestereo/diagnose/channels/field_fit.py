@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fits fields of random draws that stay (pixel gains, offsets, dots, speckle): what one frame shows tells another.
+"""Fits static random fields (gains and offsets of pixels, dots, speckle), which one frame predicts for another.
 
 Each is a random-effects model: residual = lever * b[draw] + noise, b ~ N(0, sigma^2). b is predicted for each group
 of frames from the other groups alone (best linear unbiased prediction, Robinson 1991), so that the fall of the
@@ -35,10 +35,10 @@ def fit_fields(
     thresholds: Thresholds,
     beside: Beside = (),
 ) -> FieldFit | None:
-    """The fields of a random effect, each fitted to what those before it leave; None where nothing repeats or what
-    does is not random.
+    """The fields of a random effect, each fitted to the residual of those before it; None where the residual does not
+    repeat or is not random.
 
-    What is a function of the expected value alone, as an error of a tone curve is, is no draw: it is left as it is.
+    A residual that depends on the expected value alone, such as an error of the tone curve, is no random field.
     beside: (term, deviation of a draw) of other fields, which a sparse draw has to stand out of.
     """
     curves = [_level_means(row) for row in train]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Random fields that lie over each other (pixel gains under speckle): which of them do the frames show at once?
+"""Random fields that overlap, such as pixel gains and speckle: which of them the frames show at once.
 
 Variance components by the method of moments (Henderson's, as products of residuals of different frames at one pixel):
 a field adds its variance to a product where both frames share its draw, a gain in every frame, a grain while the rig

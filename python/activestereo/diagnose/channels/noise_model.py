@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The channel of temporal noise: structure of repeats that independent pixels cannot have (rows, coarse steps),
-and photon transfer.
+"""The channel of temporal noise: noise that pixels share (rows), coarse digital steps, and photon transfer.
 
 The level of independent noise is a nuisance: such terms are reported with their values, but count as missing only
 where the model states its noise, that is where it has a term of that kind already.

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The change of an image by a calibration's error of the focal length.
+"""The derivative of an image by the focal length, a nuisance since calibrations err.
 
-It is the difference over both sides of the finer images where there are any: a dot is hardly wider than a pixel, and
-pixels alone tell the slope beside it wrong by half. A slope that is wrong leaves most of the error to an effect that
-also stretches the picture.
+It is a central difference of the supersampled images where there are any: a dot is hardly wider than a pixel, and
+differences of pixels are wrong by half there. With a wrong derivative the fit would leave an error of the focal length
+to an effect that also stretches the image.
 """
 
 from dataclasses import replace
@@ -31,5 +31,5 @@ def focal_slope(shot: MeasuredImage, nuisances: Nuisances) -> np.ndarray:
 
 
 def _on_its_own(light: Light) -> Light:
-    """The light, whose finer images keep no splines for others: those are as large as the images."""
+    """A copy of the light that shares no spline coefficients with others, which are as large as the images."""
     return light if light.fine is None else replace(light, fine=replace(light.fine))

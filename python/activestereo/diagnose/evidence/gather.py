@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gathers the evidence of a capture: everything random is judged against the repeats' noise model, everything
-correlated by tiles.
-"""
+"""Gathers the evidence of a capture: images, their expected variances, tiles and cross-validation folds."""
 
 from collections.abc import Hashable, Mapping, Sequence
 
@@ -29,8 +27,8 @@ from activestereo.effects import View
 from activestereo.effects.core.scene_surfaces import scene_surfaces
 
 _BLOCK_TILES = BLOCK_PX // TILE_PX
-# Noise of captures without repeats: the paper's gamma speckle (k = 60) and a read noise of 1 DN. No effect is ever
-# named by it.
+# Noise of captures without repeats: the paper's gamma speckle (k = 60) and a read noise of 1 DN. No effect is named
+# on its basis.
 _ASSUMED_NOISE = (1.0, 0.0, 1.0 / 60.0)
 # A material that covers less than this share of the train frames has no albedo nuisance.
 _SMALLEST_MATERIAL = 0.002
@@ -122,12 +120,12 @@ def noise_at_other_gains(
 def _expected(
     shots: Sequence[MeasuredImage], noise_variances: NoiseVariances, nuisances: Nuisances, max_dn: float
 ) -> dict[tuple[int, str], np.ndarray]:
-    """Expected values: the model's prediction, and of the measurement (the mean of repeats) as much as the
-    prediction lacks.
+    """Expected values for the weights: the model's prediction, mixed with the measurement (the mean of repeats) by as
+    much as the prediction fails.
 
-    A weight that has seen its own pixel's noise pulls fits down: bright grains weigh too little. A prediction that is
-    as good as the noise allows is therefore trusted alone; one that misses something gives way to the measurement, at
-    most by half.
+    A weight that depends on its own pixel's noise biases fits downwards, since bright grains weigh too little. A
+    prediction that is as good as the noise allows is therefore used alone; a worse one is mixed with the measurement,
+    at most half and half.
     """
     groups: dict[Hashable, list[MeasuredImage]] = {}
     for s in shots:
@@ -147,8 +145,8 @@ def _expected(
 def _tiles(train: Sequence[MeasuredImage]) -> tuple[dict[tuple[int, str], tuple[np.ndarray, np.ndarray]], int]:
     """({key: (tile, fold)} of each image, number of tiles).
 
-    Folds are blocks of the image, other ones in every pose: a highlight that one place shows is judged by those of
-    other poses.
+    Folds are blocks of the image and are assigned differently in every pose, so that a highlight in one block is
+    judged with the parameters that other poses gave.
     """
     first = 0
     poses: dict[bytes, int] = {}

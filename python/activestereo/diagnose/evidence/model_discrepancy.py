@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Variance for the places of edges, which no measured scene knows exactly.
+"""Model discrepancy at edges: the scene measurement knows the positions of edges to a millimetre or so.
 
-A tape measure errs by a millimetre or so: where materials or surfaces meet, the image is off by the local slope times
-that. This error is estimated on static frames alone and never believed beyond a limit, so that what moves edges in
-earnest stays to be explained.
+Where materials or surfaces meet, an error of position changes the image by the local slope times that error. Its
+standard deviation is estimated on static frames and limited, so that effects that do move edges remain to be explained.
 """
 
 from collections.abc import Sequence
@@ -21,7 +20,7 @@ _DEPTH_STEP = 0.03
 
 
 def edges(o: MeasuredImage) -> np.ndarray:
-    """Pixels next to an edge of a material or a surface, bool [height][width]: what they show depends on its place."""
+    """Pixels next to an edge of a material or a surface, bool [height][width]: their values depend on its position."""
     return o.view.once("edges", lambda: _edges(o.view.depth_m, np.asarray(o.layers.material)))
 
 
@@ -43,7 +42,8 @@ def edge_slopes(o: MeasuredImage, image: np.ndarray) -> np.ndarray:
 def edge_discrepancy(
     observations: Sequence[MeasuredImage], images: dict[tuple[int, str], np.ndarray], noise_model: NoiseModel
 ) -> float:
-    """Deviation of the edges' places in metres, from the static frames' excess at edges; 0 where there is none."""
+    """Standard deviation of the edges' positions in metres, from the excess error of static frames at edges; 0 where
+    there is none."""
     excess = slopes = 0.0
     for o in observations:
         if not o.frame.is_moving and o.frame.projector_power > 0:

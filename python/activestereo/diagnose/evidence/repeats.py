@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The evidence anew, once it is known what raises an image without light, or makes repeats differ.
+"""Noise and weights estimated again after an effect was found that adds a dark signal or makes repeats differ.
 
-A dark signal or a black level that grows with warmth is no light, but a photon-transfer noise model takes it for some;
-and where it grows from one repeat to the next, it is no noise, but the variance of repeats contains it. The floor is
-too high then, and what else is missing hides below it. A model that has the drift takes it out.
+A dark signal that grows with temperature is not light, but the photon-transfer fit takes it for light; where it grows
+from one repeat to the next, it adds to the variance of the repeats although it is not noise. The estimated noise floor
+is then too high and hides other effects. The model found so far removes both.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,8 +24,8 @@ Images = Mapping[tuple[int, str], np.ndarray]
 def without_drift(
     evidence: Evidence, model: Model, black_dn: float, expected: Images, least_fall: float
 ) -> Evidence:
-    """The Evidence with noise and weights by what is light alone, of repeats by what differs beyond the model; the
-    evidence itself where the noise floor falls by less than a share least_fall.
+    """The Evidence with noise and weights estimated from images less the model's dark signal and drift; the evidence
+    itself where the noise floor falls by less than a share least_fall.
 
     black_dn, expected: black level, and DN [height][width] of every train and test image, under the model found so far.
     """

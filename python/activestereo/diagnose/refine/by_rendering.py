@@ -5,7 +5,7 @@ function only proposed.
 An effect's image function is a surrogate. Around its solution the engine renders the effect, and the effect with each
 parameter one step further, all poses in one call with the same random numbers: what changes is the effect, not the
 noise. The differences from the render without the effect stand for it from then on, linear in its parameters near the
-solution; they are rendered anew as the solution moves. The search looks at drafts of the train frames; what it ends
+solution; they are rendered again as the solution moves. The search looks at drafts of the train frames; what it ends
 with is rendered whole. Test frames are rendered where they are asked for, which is for what is added to a model alone.
 """
 

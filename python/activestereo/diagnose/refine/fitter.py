@@ -194,7 +194,7 @@ class Fitter:
         steps = space.steps(theta)
         models = [self._moved(space, theta, steps, j) for j in range(n_theta)]
         here = space.model(theta)
-        # The slope of a warp is known well enough from the pixels alone; what is fitted are the fine images.
+        # The slope of a warp is known well enough from the pixels alone; what is fitted are the supersampled images.
         coarse = self._fine and bool(space.in_camera[:n_theta].any())
 
         def one(seen: tuple[int, _SomePixels, Light]) -> tuple[_SomePixels, list[np.ndarray], np.ndarray]:

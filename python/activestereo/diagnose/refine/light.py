@@ -28,7 +28,7 @@ _STEP = 1e-3
 
 
 class LightMemory:
-    """Lights of observations under models; effects that came earlier in the pipeline are not applied anew when a
+    """Lights of observations under models; effects that came earlier in the pipeline are not applied again when a
     later one changes."""
 
     def __init__(self, observations: Sequence[Observation]) -> None:
@@ -64,7 +64,7 @@ class LightMemory:
         return light
 
     def _of_layers(self, i: int) -> tuple[Light, Light]:
-        """Without and with finer images."""
+        """Without and with supersampled images."""
         known = self._rendered[i]
         if known is None:
             light = Light.of(self._observations[i].layers)

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters that an explanation does not need: set to neutral where that costs next to nothing, the others fitted
-anew.
+"""Backward elimination of parameters: those that hardly improve the fit are set to neutral, and the others are fitted
+again.
 
-Two parameters that the data can hardly tell apart otherwise share what belongs to one, and foretell other frames
-badly. Only amplitudes can be absent: a focus at its usual place is no simpler than one elsewhere, and fixing it
-there would shift the rest.
+Two parameters that the data can hardly distinguish would share what belongs to one, and would predict other frames
+badly. Only amplitudes are eliminated: a shape parameter at its usual value is no simpler than at another one.
 """
 
 from collections.abc import Sequence

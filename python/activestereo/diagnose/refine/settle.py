@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The last word on the parameters of what was found: fitted with weights from its own prediction.
+"""The final fit of an explanation's parameters, with weights from its own prediction.
 
-A ranking weighs pixels by what it expected before it knew the effect, in part the measurement; such weights have seen
-the noise that they weigh, and pull every scale down.
+The weights of a ranking come from images expected before the effect was known, mixed with the measurement. Such weights
+depend on the noise that they weigh and bias every scale downwards.
 """
 
 from dataclasses import replace
@@ -16,7 +16,7 @@ _ROUNDS = 3
 
 
 def settled(evidence: Evidence, fitter: Fitter, explanation: Explanation) -> Explanation:
-    """An Explanation that has a Solution, its parameters fitted anew; its chi2 stays that of the ranking.
+    """An Explanation that has a Solution, its parameters fitted again; its chi2 stays that of the ranking.
 
     fitter: of the train images.
     """

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Is what was found the same everywhere? An effect's law tells its trace at every pixel; a stand-in's amplitude
-has to vary.
+"""Whether the amplitude of a named effect is the same in all images. An effect's formula predicts its signature, the
+change of the expected images, at every pixel; a confounder fits the true effect only with an amplitude that varies.
 
-A varying-coefficient model (Hastie and Tibshirani 1993): the trace, what the effect changes in the expected images,
-may grow and fade over the picture, from frame to frame and from camera to camera. What that explains more is another
-law's, or errors of the scene measurement.
+A varying-coefficient model (Hastie and Tibshirani 1993) lets the amplitude vary over the picture, from frame to frame
+and from camera to camera. What it explains beyond one amplitude is due to another effect or to errors of the scene
+measurement.
 """
 
 from collections.abc import Sequence
@@ -15,17 +15,17 @@ from activestereo.diagnose.refine.fitter import Fitter, ImageResidual, signal
 from activestereo.diagnose.refine.parameter_space import Solution
 from activestereo.effects import Effect
 
-# Columns that all images share: offset, gain and trace, then the trace over the picture and of the right camera. Each
-# frame has one more.
+# Columns that all images share: offset, gain and signature, then the signature times polynomials of the position and
+# that of the right camera. Each frame has one more.
 _ALIKE, _SHARED = 3, 9
 
 
 def varying_reduced_chi2(fitter: Fitter, rows: Sequence[ImageResidual], solution: Solution, effect: Effect) -> float:
-    """Mean square per pixel, in noise variances, that an effect's trace explains with a varying amplitude beyond what
-    it explains with one.
+    """Mean square per pixel, in noise variances, that an effect's signature explains with a varying amplitude beyond
+    what it explains with one.
 
-    The amplitude is a second-order polynomial of the place, and of its own in every frame and camera. rows: of the
-    Fitter's observations.
+    The amplitude is a second-order polynomial of the position, plus an offset for every frame and for the right camera.
+    rows: of the Fitter's observations.
     """
     frames = {name: i for i, name in enumerate(dict.fromkeys(o.frame.id for o, *_ in rows))}
     size = _SHARED + len(frames)
@@ -48,10 +48,10 @@ def _without(fitter: Fitter, solution: Solution, effect: Effect) -> list[np.ndar
     return [signal(model, o, light, solution.phi) for o, light in zip(fitter.observations, lights, strict=True)]
 
 
-def _varying(trace: np.ndarray, is_right: float) -> list[np.ndarray]:
-    height, width = trace.shape
+def _varying(signature: np.ndarray, is_right: float) -> list[np.ndarray]:
+    height, width = signature.shape
     u, v = np.linspace(-1.0, 1.0, width), np.linspace(-1.0, 1.0, height)[:, None]
-    return [trace * f for f in (1.0, u, v, u * u, u * v, v * v, is_right, 1.0)]
+    return [signature * f for f in (1.0, u, v, u * u, u * v, v * v, is_right, 1.0)]
 
 
 def _explained(gram: np.ndarray, moment: np.ndarray) -> float:

@@ -13,9 +13,9 @@ from activestereo.effects import Effect, Parameter
 
 # Normal quantile of a two-sided 90 % interval.
 Z90 = 1.645
-# Formulas and scene measurement are approximate: to this share of what was found (blind worlds with formulas of their
+# Formulas and scene measurement are approximate: to this share of what was found (held-out cases with formulas of their
 # own err by 8 % in the median, practice captures by 0.2-5 %; with this share intervals hold the truth in 20 of 22
-# worlds of generation 1).
+# cases of generation 1).
 _INADEQUACY = 0.10
 
 Limits = tuple[float, float, float]

@@ -2,9 +2,8 @@
 """The penalty for an explanation's free parameters: Laplace's estimate of its evidence beside its best likelihood
 (MacKay 2003, chapter 28).
 
-An effect that had to be tuned finely, or far from what its kind usually is, was less to be expected: of two that
-explain the data equally well, the one that needed less of both comes first. The estimate is good to a few nats, no
-more.
+Of two effects that explain the data equally well, the one that needs less fine tuning and less unusual parameters is
+preferred. The estimate is accurate to a few nats.
 """
 
 from itertools import combinations
@@ -34,11 +33,11 @@ def is_at_end(parameter: Parameter, value: float) -> bool:
 
 
 def occam_nats(fitter: Fitter, solution: Solution, effect: Effect, design: float) -> float:
-    """The cost of a fitted effect's freedom: log of (prior density at what was found x volume that the data leave)
-    of its parameters.
+    """The penalty for a fitted effect's free parameters: the logarithm of (prior density at the fitted values x
+    posterior volume).
 
-    Parameters that it hardly needs may be neutral instead, at the cost of what that loses: the best choice of those
-    counts. The result is <= 0 but for chance. design: the residuals' design effect.
+    Parameters may also be neutral, at the cost of the likelihood that this loses; the best such choice counts. The
+    result is <= 0 but for chance. design: the residuals' design effect.
     """
     first = len(solution.theta) - len(effect.parameters)
     free = first + np.flatnonzero(~(solution.space.fixed | solution.space.given)[first:])

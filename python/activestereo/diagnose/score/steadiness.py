@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Errors that come and go, which a constant error of the measured scene cannot leave.
+"""Errors that differ between frames, which a constant error of the scene measurement does not cause.
 
-A misplaced surface or a wrong albedo leaves the same error in every frame of a view, and about as much structure in
-every image. What shows in one frame of a view and not in another, or in one image more than in all others, is an
-effect of time, warmth or motion, even where it drowns in the mean of all images.
+A misplaced surface or a wrong albedo causes the same error in every frame of a view, and about as much structure in
+every image. An error of one frame of a view, or of one image, comes from an effect of time, temperature or motion, even
+where it is lost in the mean of all images.
 """
 
 from collections.abc import Sequence

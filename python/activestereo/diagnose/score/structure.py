@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Goodness of fit without an alternative: what any smooth effect, known or not, could still explain of a model's
-residual.
+"""Goodness of fit without an alternative hypothesis: how much of a residual any smooth effect could still explain.
 
-Whatever its law over the picture, an effect on the expected image acts within a tile as an offset, a gain, a
-displacement or a blur. These are fitted to one half of each tile's pixels and to the other; what both halves agree on
-is structure, what they do not is noise. Independent draws (photons, read noise, grains, a renderer's samples) agree
-on nothing, in expectation.
+Within a tile every smooth effect on the expected image acts as an offset, a gain, a displacement or a blur. These are
+fitted to each half of the tile's pixels separately; the part on which both halves agree is structure, the rest is
+noise. Independent draws (photons, read noise, grains, the renderer's samples) do not agree, in expectation.
 """
 
 from collections.abc import Sequence

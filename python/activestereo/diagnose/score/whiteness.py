@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How white a residual is: what is independent from pixel to pixel is noise, and what neighbours share is a
-missing effect.
+"""Whiteness of a residual: an error that is independent from pixel to pixel is noise; one that neighbours share
+indicates a missing effect.
 """
 
 from collections.abc import Sequence

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which findings may be named: beyond chance, of practical size, and an improvement wherever they act."""
+"""The tests that a finding has to pass before it may be named: significance, practical size and consistency."""
 
 from dataclasses import replace
 
@@ -10,8 +10,8 @@ from activestereo.effects.core.judging import Channel
 
 
 def is_significant(ranking: Ranking, finding: Finding) -> bool:
-    """Whether a finding's gain is beyond chance among all that were tried, an improvement in most images, and the
-    same everywhere.
+    """Whether a finding's gain is significant given the number of effects tried, most of the images that it changes
+    improve, and its amplitude is constant.
     """
     score = finding.score
     is_steady = score.consistency >= ranking.thresholds.consistent_share
@@ -19,31 +19,32 @@ def is_significant(ranking: Ranking, finding: Finding) -> bool:
 
 
 def least_nats(ranking: Ranking, finding: Finding) -> float:
-    """The nats that are chance among all that were tried."""
+    """The gain, in nats, that chance may reach given the number of effects tried and of choices made."""
     tried = np.log(max(len(ranking.findings), 1))
     return float(ranking.thresholds.margin_nats + tried + finding.score.choice_nats)
 
 
 def varies_little(ranking: Ranking, finding: Finding) -> bool:
-    """Whether a finding's amplitude is the same everywhere."""
+    """Whether a finding's amplitude is nearly constant over the images."""
     return finding.checks.varying_reduced_chi2 <= ranking.thresholds.largest_variation * finding.score.gain_reduced_chi2
 
 
 def passes(ranking: Ranking, finding: Finding) -> bool:
     """Whether a finding may be named: significant, and of practical size."""
     if finding.channel is Channel.DEPTH_ENGINE and not ranking.at_floor:
-        return False  # first what the images show: the engine matched those
+        return False  # the engine matched these images, so their errors are explained first
     return is_large(ranking, finding) and is_significant(ranking, finding)
 
 
 def varies_too_much(ranking: Ranking, finding: Finding) -> bool:
-    """Whether a finding may not be named for the sole reason that its amplitude is not the same everywhere."""
+    """Whether a varying amplitude is the only reason that a finding may not be named."""
     constant = replace(finding, checks=replace(finding.checks, varying_reduced_chi2=0.0))
     return not passes(ranking, finding) and passes(ranking, constant)
 
 
 def comes_near(ranking: Ranking, finding: Finding) -> bool:
-    """Whether a finding has so much of the size that a name needs that better images may give the rest."""
+    """Whether a finding reaches `near_size_share` of the size that a name needs, so that rendering it may give the
+    rest."""
     return is_large(ranking, finding, ranking.thresholds.near_size_share)
 
 

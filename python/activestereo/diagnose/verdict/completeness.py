@@ -9,7 +9,8 @@ from activestereo.effects.core.judging import Channel
 
 
 def has_other_signature(ranking: Ranking, remainder: Remainder, first: Ranking) -> bool:
-    """Whether the trace of an added effect is there, but not as large everywhere as its law says.
+    """Whether an added effect's amplitude varies between parts of the images more than its formula allows, so that the
+    true effect has another signature.
 
     first: the ranking without effects.
     """
@@ -21,24 +22,25 @@ def has_other_signature(ranking: Ranking, remainder: Remainder, first: Ranking) 
     return any(varying > limit for varying in remainder.variation.values())
 
 
-def has_field_for_law(ranking: Ranking) -> bool:
-    """Whether random fields may be named where an expected image gains more than any of them, and is refused for its
-    varying amplitude alone: what they share among pixels follows a law, which is none of the library's.
+def fields_hide_a_varying_effect(ranking: Ranking) -> bool:
+    """Whether a deterministic effect gains more than every random field that may be named, and is refused only because
+    its amplitude varies. The fields then absorb a deterministic effect that the library lacks.
     """
     fields = [f.score.nats for f in ranking.findings if f.channel is Channel.STATIC_FIELD and passes(ranking, f)]
     images = (f for f in ranking.findings if f.channel is Channel.EXPECTED_IMAGE)
-    laws = [f.score.nats for f in images if varies_too_much(ranking, f)]
-    return bool(fields and laws) and max(laws) > max(fields)
+    varying = [f.score.nats for f in images if varies_too_much(ranking, f)]
+    return bool(fields and varying) and max(varying) > max(fields)
 
 
 def lacks_nothing(ranking: Ranking, noise: Finding) -> bool:
-    """Whether a finding of the noise alone leaves nothing of the base above the floor for others to explain."""
+    """Whether a finding on the noise model leaves no excess above the noise floor for other effects to explain."""
     rest = replace(ranking.base_remainder, repeats_reduced_chi2=noise.explanation.repeats_reduced_chi2)
     return noise.channel is Channel.NOISE_MODEL and _excess_beside(ranking, rest) <= 0.0
 
 
 def _excess_beside(ranking: Ranking, remainder: Remainder) -> float:
-    """The excess above the noise and above what coarse steps leave in every frame alike, in noise variances."""
+    """The excess above the noise and above the error of coarse digital steps, which repeats share, in noise
+    variances."""
     return (
         remainder.chi2 / ranking.pixels
         - 1.0
@@ -47,8 +49,8 @@ def _excess_beside(ranking: Ranking, remainder: Remainder) -> float:
 
 
 def exceeds_scene_errors(ranking: Ranking) -> bool:
-    """Whether the base leaves what errors of the scene measurement never do: more of the error in DN than they make, or
-    an error that comes and goes between the frames of a view, or that one image shows and the others do not.
+    """Whether the base model's residual cannot come from errors of the scene measurement alone: it is larger than they
+    make it, it differs between the frames of one view, or one image has much more structure than the others.
     """
     thresholds, checks, white = ranking.thresholds, ranking.base_checks, ranking.base.white_reduced_chi2
     return (

@@ -10,13 +10,12 @@ from activestereo.diagnose.verdict.acceptance import passes
 
 
 def equivalents(ranking: Ranking, finding: Finding) -> list[str]:
-    """Ids of other findings that explain the images as well, within their paired error or the models' own
-    discrepancy, which is a share of what a model leaves, and no more than formulas miss of what it explains: what
-    errors of the scene measurement leave says nothing of either.
+    """Ids of the other findings that explain the images equally well: within the standard error of the paired
+    difference, or within the model discrepancy. The discrepancy is a share of the remaining error, and at most the
+    part of the gain that inexact formulas may miss.
 
-    A finding that explains little beside the other, by its weights or in DN, is no other explanation: what it gains
-    may be an error of the scene measurement. Where a shape was driven to an end of its range, its formula is not what
-    the fit lacked.
+    A finding is no alternative where it gains little compared with this one, by weights or in DN, since errors of the
+    scene measurement may gain as much; nor where a shape parameter ended at a limit of its range.
     """
     thresholds = ranking.thresholds
     if finding.score.nats <= 0 or not finding.on_images:
@@ -38,9 +37,8 @@ def equivalents(ranking: Ranking, finding: Finding) -> list[str]:
 
 
 def _is_as_large(finding: Finding, other: Finding, least_share: float) -> bool:
-    """Whether another finding gains a share of what a finding gains, and of what it gains in DN where both were
-    looked at.
-    """
+    """Whether `other` gains at least `least_share` of the finding's gain, and of its gain in DN where both are
+    known."""
     if other.score.gain_reduced_chi2 < least_share * finding.score.gain_reduced_chi2:
         return False
     if finding.checks.plain_share is None or other.checks.plain_share is None:
@@ -51,10 +49,10 @@ def _is_as_large(finding: Finding, other: Finding, least_share: float) -> bool:
 def confidences(ranking: Ranking) -> dict[str, float]:
     """{id: probability of being what is missing}.
 
-    It is a softmax of minus the logarithm of what each finding leaves above the floor, of its gain and of what its
-    freedom costs. What may be named shares `named_probability`; the others share the rest with 'none', or all where
-    nothing may be named. Noise and the depth engine have evidence of their own: they are no rivals of what is missing
-    in the images.
+    It is a softmax over minus the logarithm of each finding's remaining excess, its gain in likelihood and the penalty
+    for its free parameters. Findings that may be named share `named_probability`; the others share the rest with
+    'none', or everything where nothing may be named. Noise and the depth engine are judged on other data and do not
+    compete with effects on the images.
     """
     thresholds = ranking.thresholds
     rivals = [f for f in ranking.findings if f.on_images]
@@ -75,9 +73,9 @@ def confidences(ranking: Ranking) -> dict[str, float]:
 
 
 def _logits(ranking: Ranking, rivals: Sequence[Finding], base: BaseFit, named: np.ndarray) -> np.ndarray:
-    """The logits of the confidence; the last one is 'none'.
+    """The logits of the confidences; the last one is of 'none'.
 
-    The gain of what may not be named is not believed: errors of the scene measurement gain, too.
+    Gains count only for findings that may be named, since errors of the scene measurement also produce gains.
     """
     thresholds = ranking.thresholds
     excess = np.array([ranking.excess_after(f.chi2) for f in rivals] + [ranking.excess_after(base.chi2)])

@@ -7,12 +7,13 @@ from activestereo.diagnose.verdict.verdict import EFFECT, NONE, UNDETERMINED
 
 
 def engine_faults(depth: Ranking) -> list[Finding]:
-    """Findings that may be named as faults: what no other matcher would show."""
+    """Findings that may be named and that do not depend on the choice of the matcher."""
     return [f for f in depth.findings if passes(depth, f) and not f.effect.engine_fault.is_matcher_choice]
 
 
 def depth_verdict(depth: Ranking) -> tuple[str, str | None]:
-    """(verdict, why it is undetermined or None). The engine matched what the images show: these come first."""
+    """(verdict, reason where it is undetermined, else None). Errors of the images are explained first: the engine
+    matched those images."""
     if not depth.findings:
         return UNDETERMINED, "the capture has no device depth in its train frames"
     if not depth.at_floor:

@@ -5,7 +5,11 @@ from dataclasses import replace
 
 from activestereo.diagnose.findings import Ranking
 from activestereo.diagnose.verdict.acceptance import passes
-from activestereo.diagnose.verdict.completeness import exceeds_scene_errors, has_field_for_law, is_unexplained
+from activestereo.diagnose.verdict.completeness import (
+    exceeds_scene_errors,
+    fields_hide_a_varying_effect,
+    is_unexplained,
+)
 
 EFFECT, NONE, UNKNOWN, UNDETERMINED = "effect", "none", "unknown", "undetermined"
 
@@ -16,9 +20,10 @@ def is_named(ranking: Ranking) -> bool:
 
 
 def verdict_of(first: Ranking, last: Ranking, has_floor: bool) -> str:
-    """first: the ranking on top of the given model.
+    """The verdict: EFFECT, NONE, UNKNOWN or UNDETERMINED.
 
-    last: the one on top of the model that was found. has_floor: whether repeats gave the noise.
+    first: the ranking on top of the given model; last: on top of the model that was found. has_floor: whether the noise
+    was measured from repeats.
     """
     best = first.best
     if best is None or not is_named(first):
@@ -27,12 +32,12 @@ def verdict_of(first: Ranking, last: Ranking, has_floor: bool) -> str:
         is_missing = is_unexplained(first, first.base_remainder) or exceeds_scene_errors(first)
         return UNKNOWN if is_missing else NONE
     if not best.on_images:
-        # Its own channel tells it, where the images lack nothing else.
+        # Its own channel is evidence enough where the images lack nothing else.
         rest = replace(last.base_remainder, repeats_reduced_chi2=best.explanation.repeats_reduced_chi2)
         return UNKNOWN if is_unexplained(last, rest) else EFFECT
     if best.checks.at_range_end and is_unexplained(last, best.remainder, first):
-        return UNKNOWN  # a stand-in: what mends it is another stand-in
-    if has_field_for_law(last):
+        return UNKNOWN  # a confounder; further effects would only correct its misfit
+    if fields_hide_a_varying_effect(last):
         return UNKNOWN
     passing = [f.remainder for f in last.findings if passes(last, f)]
     end = min([last.base_remainder, *passing], key=lambda rest: rest.chi2)
