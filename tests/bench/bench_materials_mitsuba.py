@@ -9,7 +9,7 @@ Two poses are recorded (material_worlds.py); the view between them is unseen. It
 the projector on and with it off, is that of a recorded frame over the object's pixels, in deviations of the frame's own
 noise; both renderers render twice, and the product of the two differences has no part of their noise. In brackets:
 the model's squared error alone and its standard error, DN^2, which tells whether --unseen-spp is enough. With the
-projector on a second figure has a D4xx's speckle in the floor, which no model of a sensor can foretell. Both
+projector on a second figure has a D4xx's speckle in the floor, which no model of a sensor can predict. Both
 renderers end the unseen view's paths at the second surface (--bounces): a path that comes back to the thing's gloss
 meets the projector's dots so rarely and so brightly that no number of samples tells their mean. Asked: 1.3 deviations,
 and fill within 3 points.

@@ -6,7 +6,8 @@
 
 Takes worlds of a benchmark suite that was run, where the first name has others beside it that fit as well and the truth
 is among them. Each is made once more with the frames that the tool asks for, and once with frames of a random choice,
-and diagnosed anew. DIR/next/WORLD/{asked,random}/ holds the answers; run_suite.py scores them with the rest. Resumable.
+and diagnosed again. DIR/next/WORLD/{asked,random}/ holds the answers; run_suite.py scores them with the rest.
+Resumable.
 """
 
 import argparse

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Light that the projector throws between its dots, from walls at two distances.
+"""Light that the projector sends between its dots, from walls at two distances.
 
 Between the dots a camera counts its black level and the room's light, which a wall at either distance has alike, and
 the projector's light, which falls with the distance's square:

@@ -36,7 +36,7 @@ class Contours:
 
 
 class PartRenderer:
-    """A part alone in a scene. The cameras move about it, so that nothing is built anew."""
+    """A part alone in a scene. The cameras move about it, so that nothing is built again."""
 
     def __init__(self, mesh: Mesh, device: kuafu.Device | None = None) -> None:
         self._device = kuafu.Device() if device is None else device

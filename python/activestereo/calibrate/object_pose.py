@@ -2,8 +2,8 @@
 """The pose of a CAD part from its contours in all views together, without markers and without depth.
 
 A wide search scores poses by how near contours lie to image edges of the same direction (chamfer matching by direction,
-Liu et al., CVPR 2010), by the cross-entropy method (Rubinstein 1999) with contours rendered anew after each round. Then
-Gauss-Newton on the distance of contours to the strongest edge across them (Drummond and Cipolla, PAMI 2002), with
+Liu et al., CVPR 2010), by the cross-entropy method (Rubinstein 1999) with contours rendered again after each round.
+Then Gauss-Newton on the distance of contours to the strongest edge across them (Drummond and Cipolla, PAMI 2002), with
 Tukey's weights. A direction that no contour resists is free: the part is symmetric about it.
 
 Intervals are the jackknife's over the camera's places (Miller, Biometrika 1974): what one place of the camera errs in,
@@ -36,8 +36,9 @@ _FREE = 0.015  # of the largest eigenvalue: facets of a round part give 0.004, a
 # With fewer places of the camera intervals rest on the residuals: neighbouring contour points see the same edge, and so
 # many tell as much as one.
 _LEAST_PLACES, _ALIKE = 4, 8.0
-# What all places err in alike, a deviation in pixels: a contour's place in the finer image, shade where a part touches
-# the table. The root mean square of what tests/bench/bench_pose.py finds on boxes of four materials, 0.07 to 0.2 px.
+# What all places err in alike, a deviation in pixels: a contour's place in the supersampled image, shade where a part
+# touches the table. The root mean square of what tests/bench/bench_pose.py finds on boxes of four materials, 0.07 to
+# 0.2 px.
 _COMMON_PX = 0.14
 
 
@@ -213,7 +214,7 @@ class _Fit:
             place = (self._centre + deltas[:, 3:]) @ KR.T + view.K @ there[:3, 3]
             from_centre = (found.points - self._centre).T.astype(np.float32)
             uvw = (KR @ turns).astype(np.float32) @ from_centre + place[:, :, None].astype(np.float32)
-            # The contour's place rests on the finer image: its own rounding is kept.
+            # The contour's place rests on the supersampled image: its own rounding is kept.
             home = found.points @ KR.T + view.K @ there[:3, 3]
             rounding = (found.places - home[:, :2] / home[:, 2:]).T.astype(np.float32)
             uv = np.rint(uvw[:, :2] / uvw[:, 2:] + rounding)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo view: a local page that shows a capture or a scene, and renders it anew as its sliders move."""
+"""activestereo view: a local page that shows a capture or a scene, and renders it again as its sliders move."""
 
 from __future__ import annotations
 

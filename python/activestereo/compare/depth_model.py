@@ -40,7 +40,8 @@ def expose(
 
 
 def residual_variance(measured: np.ndarray, predicted: np.ndarray) -> float:
-    """DN^2 of a stand-in for the noise where no repeat tells it: the middle half of the residual, taken as normal."""
+    """The noise variance, DN^2, assumed where no repeat tells it: from the middle half of the residual, taken as
+    normal."""
     residual = measured - predicted
     return float((_MAD_TO_SIGMA * np.median(np.abs(residual - np.median(residual)))) ** 2)
 

@@ -32,7 +32,7 @@ class EngineModel:
     """A Model whose signal is simsense's; what has no engine field acts on the image before (light) or after it
     (counts).
 
-    It stands in for a Model where nuisances are fitted: `effects` and `signal` mean the same.
+    It has the interface of a Model that fits of nuisances use: `effects` and `signal`.
     """
 
     def __init__(self, model: Model, renderer: CaptureRenderer) -> None:

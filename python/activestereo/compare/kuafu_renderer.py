@@ -61,7 +61,7 @@ class KuafuRenderer:
 
     def __call__(self, request: RenderRequest, progress: Callable[[float], object] | None = None) -> tuple[Layers, ...]:
         """One Layers per camera. progress: called as progress(fraction). One thread at a time; after an error the scene
-        is loaded anew."""
+        is loaded again."""
         with self._one_at_a_time:
             try:
                 return self._rendered(request, progress)

@@ -19,7 +19,7 @@ _MARGIN_SHARE = 0.02
 _LARGEST_MARGIN_PX = 200
 # A lens that draws a border pixel so far from where it was looked up draws several places there, or none.
 _LARGEST_FOLD_PX = 1.0
-# A lens is drawn by resampling, which needs finer images than the pixels themselves.
+# A lens is drawn by resampling, which needs supersampled images.
 _LEAST_SCALE_OF_A_LENS = 2
 # Depths that differ by less than this share belong to one surface.
 _SMOOTH_SHARE = 0.02
@@ -86,7 +86,7 @@ class Sampling:
     """How finely the lights are rendered: scale x scale samples of the image per pixel, margin_px pixels beyond the
     frame.
 
-    The samples per pixel stay what they are: they are spread over the finer image."""
+    The samples per pixel stay what they are: they are spread over the supersampled image."""
 
     scale: int = 1
     margin_px: int = 0

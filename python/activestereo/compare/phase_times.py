@@ -34,7 +34,8 @@ class PhaseTimes:
         self._command, self._path = command, (Path(folder) if folder else default_cache_folder()) / _FILE
 
     def usual_s(self, first_guess_s: Mapping[str, float]) -> dict[str, float]:
-        """{phase: the median of its last runs}, in the order of first_guess_s, which stands in for runs."""
+        """{phase: the median of its last runs}, in the order of first_guess_s, whose values it has where there was no
+        run."""
         own = self._stored().get(self._command)
         runs = own if isinstance(own, dict) else {}
         return {phase: _median(runs.get(phase), guess) for phase, guess in first_guess_s.items()}

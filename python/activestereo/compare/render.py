@@ -43,9 +43,9 @@ def render_frames(
 
     A moving frame is rendered at its mid-exposure pose: motion within the exposure is an effect, not part of the base
     model. cache: a LayerCache, None for the user's own. progress: called as progress(fraction done). scale: image
-    samples per pixel side; from 2 on the layers are PixelLayers, whose fine images keep warps (lenses, calibration,
-    motion) sharp to the frame's border, at about 1.1 times the cost: the samples per pixel stay. ValueError for a
-    nominal lens that distorts too much.
+    samples per pixel side; from 2 on the layers are PixelLayers, whose supersampled images keep warps (lenses,
+    calibration, motion) sharp to the frame's border, at about 1.1 times the cost: the samples per pixel stay.
+    ValueError for a nominal lens that distorts too much.
     """
     cache = cache or LayerCache()
     try:

@@ -21,17 +21,17 @@ _ROWS = 15
 _COMMON = 0.5
 
 
-def unsteady_light(shots: Mapping[ImageKey, tuple[Frame, Images, np.ndarray]]) -> dict[ImageKey, np.ndarray]:
+def unsteady_light(measured_images: Mapping[ImageKey, tuple[Frame, Images, np.ndarray]]) -> dict[ImageKey, np.ndarray]:
     """{(frame id, side): DN [height][width]} by which a repeat's ambient light differs from its group's mean; of no
     repeat where neighbouring rows do not change together, or where one level for all pixels tells more.
 
-    shots: {(frame id, side): (frame, its rendered light, measured DN [height][width])}.
+    measured_images: {(frame id, side): (frame, its rendered light, measured DN [height][width])}.
     """
     found, lamp, level, all_rows = {}, 0.0, 0.0, 0.0
-    for keys in by_repeats((frame, key[1], key) for key, (frame, *_) in shots.items()):
-        mean = np.mean([shots[key][2] for key in keys], axis=0)
+    for keys in by_repeats((frame, key[1], key) for key, (frame, *_) in measured_images.items()):
+        mean = np.mean([measured_images[key][2] for key in keys], axis=0)
         for key in keys:
-            frame, light, measured = shots[key]
+            frame, light, measured = measured_images[key]
             ambient = regressors(frame, light)[1]
             change = measured - mean
             found[key] = _common(change, ambient)

@@ -18,7 +18,7 @@ def _engine(inputs: EngineInputs, contrast: float) -> None:
     "speckle_temporal",
     stage=Stage.SURFACE,
     family="speckle",
-    finding="The laser's light is grainy, anew in every frame (speckle)",
+    finding="The laser's light is grainy, with other grains in every frame (speckle)",
     source="Goodman, Speckle Phenomena in Optics, 3.4; gamma noise of Landau 2015 (Kinect)",
     randomness=Randomness.TEMPORAL,
     judged=(RandomTerm("contrast", Lever.SIGNAL),),

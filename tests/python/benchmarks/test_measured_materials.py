@@ -71,7 +71,7 @@ def test_the_sensor_has_the_noise_that_was_acquired(tmp_path: Path) -> None:
     stage = Stage(objects()[:1], WORLDS["full"], camera)
     views = round_of_views(objects(), 0, "test", 0)[:1]
     counts = []
-    for number in range(12):  # one render, whose noise alone is drawn anew
+    for number in range(12):  # one render, whose noise alone is drawn again
         if number == 0:
             stage.take(views, 1)
         batch = stage.camera.sensors

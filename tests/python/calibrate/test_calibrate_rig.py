@@ -54,7 +54,7 @@ def test_with_a_known_k_boards_are_placed_to_a_fifth_of_a_millimetre():
 
 
 def _again(world):
-    """The views' corners drawn anew by the world's present cameras, 0.08 px of noise."""
+    """The views' corners drawn again by the world's present cameras, 0.08 px of noise."""
     rng, points, views = np.random.default_rng(9), BOARD.chessboard_points(), []
     for view in world.views:
         corners = {}

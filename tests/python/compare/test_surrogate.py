@@ -11,7 +11,7 @@ from activestereo.compare.surrogate import Trial
 
 EFFECTS = builtin()
 KNOWN = known_differences()
-# Samples are drawn anew for each device and version; small differences are all noise.
+# Samples are drawn independently for each device and version; small differences are all noise.
 SLACK, LEAST = 1.3, 0.05
 # Every fourth by default, all with ACTIVESTEREO_FULL=1 (about 3 s of a core each).
 TRIED = list(KNOWN) if os.environ.get("ACTIVESTEREO_FULL") else list(KNOWN)[::4]

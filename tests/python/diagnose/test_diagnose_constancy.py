@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a found effect is the same everywhere: its own amplitude alone explains nothing more, another law's trace
-does."""
+"""Whether a found effect is the same everywhere: its own amplitude alone explains nothing more, another effect's
+signature does."""
 
 from types import SimpleNamespace
 
@@ -22,18 +22,20 @@ EFFECT = SimpleNamespace(id="blur")
 
 
 def found(monkeypatch, amplitude_of):
-    """(noise variances that varying_reduced_chi2 finds, those that are hidden) where the effect's trace is
+    """(noise variances that varying_reduced_chi2 finds, those that are hidden) where the effect's signature is
     amplitude_of(frame, side) too small."""
     rng, rows, plains, hidden = np.random.default_rng(9), [], [], []
     for frame in range(4):
         for side in ("left", "right"):
             o = SimpleNamespace(side=side, frame=SimpleNamespace(id=frame), weight=np.full(SHAPE, NOISE_DN**-2))
             plain = 20.0 + 60.0 * rng.random(SHAPE)
-            trace = 12.0 * rng.standard_normal(SHAPE)
-            missing = amplitude_of(frame, side) * trace
+            signature = 12.0 * rng.standard_normal(SHAPE)
+            missing = amplitude_of(frame, side) * signature
             hidden.append(np.mean(missing**2) / NOISE_DN**2)
             plains.append(plain)
-            rows.append((o, plain + trace, None, missing + 0.7 + 0.01 * plain + NOISE_DN * rng.standard_normal(SHAPE)))
+            rows.append(
+                (o, plain + signature, None, missing + 0.7 + 0.01 * plain + NOISE_DN * rng.standard_normal(SHAPE))
+            )
     monkeypatch.setattr(constancy, "signal", lambda model, o, light, phi: light)
     space = SimpleNamespace(pairs=[(EFFECT, None)], neutral=np.zeros(1), model=lambda theta: None)
     fitter = SimpleNamespace(observations=[o for o, *_ in rows], lights=lambda space, theta: plains)

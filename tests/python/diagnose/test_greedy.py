@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which effects are added beside others: all are tried again, and none that stands in for another."""
+"""Which effects are added beside others: all are tried again, and no confounder of another."""
 
 from dataclasses import replace
 from types import SimpleNamespace

@@ -66,7 +66,7 @@ def test_hot_pixels_are_told_beside_a_fixed_pattern_and_not_in_it(pattern_dn, ho
 
 
 def test_an_error_of_the_tone_curve_is_no_grain():
-    """It is alike wherever the dots are as bright, so that dots that stay would foretell each other's."""
+    """It is alike wherever the dots are as bright, so that static dots would predict each other's."""
     rng = np.random.default_rng(6)
     rows, share = rows_with(0.0, 0.0), {}
     dots = 20.0 + 100.0 * rng.random(SHAPE)

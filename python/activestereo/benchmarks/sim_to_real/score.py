@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How two worlds agree on how good methods are: correlation of their scores, and how far the scores are apart.
 
-Intervals come from drawing views anew, the same ones in both worlds (Efron and Tibshirani, An Introduction to the
+Intervals come from resampling views, the same ones in both worlds (Efron and Tibshirani, An Introduction to the
 Bootstrap, 1993, ch. 6)."""
 
 from __future__ import annotations

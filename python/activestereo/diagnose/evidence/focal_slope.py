@@ -18,14 +18,16 @@ from activestereo.effects import Light, Model
 _STEP = 2e-3
 
 
-def focal_slope(shot: MeasuredImage, nuisances: Nuisances) -> np.ndarray:
+def focal_slope(measured_image: MeasuredImage, nuisances: Nuisances) -> np.ndarray:
     """DN per relative change of the focal length, float32 [height][width]."""
-    model, (u, v), (cx, cy) = Model(), shot.view.pixels(), shot.view.K[:2, 2]
-    light = _on_its_own(model.light(shot.layers, shot.view))
+    model, (u, v), (cx, cy) = Model(), measured_image.view.pixels(), measured_image.view.K[:2, 2]
+    light = _on_its_own(model.light(measured_image.layers, measured_image.view))
 
     def signal(change: float) -> np.ndarray:
         shorter = 1.0 / (1.0 + change)
-        return model.signal(light.warped(cx + (u - cx) * shorter, cy + (v - cy) * shorter), shot.view, nuisances)
+        return model.signal(
+            light.warped(cx + (u - cx) * shorter, cy + (v - cy) * shorter), measured_image.view, nuisances
+        )
 
     return ((signal(_STEP) - signal(-_STEP)) / (2.0 * _STEP)).astype(np.float32)
 

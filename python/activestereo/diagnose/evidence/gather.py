@@ -40,32 +40,46 @@ NoiseVariances = dict[tuple[int, str], float]
 
 def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0) -> Evidence:
     """The Evidence of a capture and its rendered layers {frame id: {side: Layers}}. seed: rules every random choice."""
-    shots = [
+    measured_images = [
         MeasuredImage(
             f, side, View.of(capture, f, side, layers[f.id][side], seed), layers[f.id][side], capture.ir(f, side)
         )
         for f in capture.frames
         for side in SIDES
     ]
-    train, test = ([s for s in shots if s.frame.split == split] for split in ("train", "test"))
+    train, test = ([s for s in measured_images if s.frame.split == split] for split in ("train", "test"))
     nuisances = fit_nuisances([(s.frame, s.layers, s.measured) for s in train], capture.rig.max_dn).nuisances
-    noise_variances, noise_model, has_floor = _noise(capture, shots, nuisances)
-    expected = _expected(shots, noise_variances, nuisances, capture.rig.max_dn)
+    noise_variances, noise_model, has_floor = _noise(capture, measured_images, nuisances)
+    expected = _expected(measured_images, noise_variances, nuisances, capture.rig.max_dn)
     predicted = {s.key: predict(s.frame, s.layers, nuisances, capture.rig.max_dn) for s in train}
     if has_floor:
-        noise_model, noise_variances = noise_at_other_gains(noise_model, noise_variances, shots, train, predicted)
+        noise_model, noise_variances = noise_at_other_gains(
+            noise_model, noise_variances, measured_images, train, predicted
+        )
     edge_discrepancy_m = edge_discrepancy(train, predicted, noise_model)
     tiles, count = _tiles(train)
     material_of = _material_of(capture)
     materials = _albedo_materials(train, material_of)
 
-    def observation(shot: MeasuredImage) -> Observation:
-        weight = weight_of(noise_model, edge_discrepancy_m, shot, expected[shot.key])
-        outside = np.full(shot.measured.shape, -1)
-        tile, fold = tiles.get(shot.key, (outside, outside))
-        material, slope = _material_index(shot, materials, material_of), focal_slope(shot, nuisances)
+    def observation(measured_image: MeasuredImage) -> Observation:
+        weight = weight_of(noise_model, edge_discrepancy_m, measured_image, expected[measured_image.key])
+        outside = np.full(measured_image.measured.shape, -1)
+        tile, fold = tiles.get(measured_image.key, (outside, outside))
+        material, slope = (
+            _material_index(measured_image, materials, material_of),
+            focal_slope(measured_image, nuisances),
+        )
         return Observation(
-            shot.frame, shot.side, shot.view, shot.layers, shot.measured, weight, tile, fold, material, slope
+            measured_image.frame,
+            measured_image.side,
+            measured_image.view,
+            measured_image.layers,
+            measured_image.measured,
+            weight,
+            tile,
+            fold,
+            material,
+            slope,
         )
 
     return Evidence(
@@ -84,16 +98,16 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0) -> Evidence:
 
 
 def _noise(
-    capture: Capture, shots: Sequence[MeasuredImage], nuisances: Nuisances
+    capture: Capture, measured_images: Sequence[MeasuredImage], nuisances: Nuisances
 ) -> tuple[NoiseVariances, NoiseModel, bool]:
     """(each image's noise variance, noise model, whether repeats gave them)."""
-    no_noise = unsteady_light({s.key: (s.frame, s.layers, s.measured) for s in shots})
+    no_noise = unsteady_light({s.key: (s.frame, s.layers, s.measured) for s in measured_images})
     noise_variances, noise_model = frame_noise_variances(capture, nuisances.black_dn, no_noise)
     if noise_model is not None:
         return {key: max(v[0], ROUNDING_VARIANCE) for key, v in noise_variances.items()}, noise_model, True
     noise_model = NoiseModel(*_ASSUMED_NOISE, nuisances.black_dn)
     return (
-        {s.key: max(noise_model.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in shots},
+        {s.key: max(noise_model.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in measured_images},
         noise_model,
         False,
     )
@@ -102,7 +116,7 @@ def _noise(
 def noise_at_other_gains(
     noise_model: NoiseModel,
     noise_variances: NoiseVariances,
-    shots: Sequence[MeasuredImage],
+    measured_images: Sequence[MeasuredImage],
     train: Sequence[MeasuredImage],
     predicted: Mapping[tuple[int, str], np.ndarray],
 ) -> tuple[NoiseModel, NoiseVariances]:
@@ -111,14 +125,14 @@ def noise_at_other_gains(
     """
     shown = {s.frame.gain for s in train if s.frame.repeat_group is not None}
     noise_model = noise_model_at_other_gains(noise_model, train, dict(predicted), shown)
-    others = [s for s in shots if s.frame.gain not in shown]
+    others = [s for s in measured_images if s.frame.gain not in shown]
     return noise_model, noise_variances | {
         s.key: max(noise_model.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in others
     }
 
 
 def _expected(
-    shots: Sequence[MeasuredImage], noise_variances: NoiseVariances, nuisances: Nuisances, max_dn: float
+    measured_images: Sequence[MeasuredImage], noise_variances: NoiseVariances, nuisances: Nuisances, max_dn: float
 ) -> dict[tuple[int, str], np.ndarray]:
     """Expected values for the weights: the model's prediction, mixed with the measurement (the mean of repeats) by as
     much as the prediction fails.
@@ -128,7 +142,7 @@ def _expected(
     at most half and half.
     """
     groups: dict[Hashable, list[MeasuredImage]] = {}
-    for s in shots:
+    for s in measured_images:
         key = (s.frame.repeat_group, s.side) if s.frame.repeat_group is not None else s.key
         groups.setdefault(key, []).append(s)
     expected: dict[tuple[int, str], np.ndarray] = {}
@@ -168,9 +182,9 @@ def _material_of(capture: Capture) -> np.ndarray:
     return np.array([surface.material for surface in scene_surfaces(capture.scene_path)], dtype=np.int64)
 
 
-def _materials(shot: MeasuredImage, material_of: np.ndarray) -> np.ndarray:
+def _materials(measured_image: MeasuredImage, material_of: np.ndarray) -> np.ndarray:
     """The material [height][width] of each pixel's surface; what is no surface of the file keeps its number."""
-    surface = np.asarray(shot.layers.material).astype(np.int64)
+    surface = np.asarray(measured_image.layers.material).astype(np.int64)
     known = surface < len(material_of)
     return np.where(known, material_of[np.where(known, surface, 0)] if len(material_of) else surface, surface)
 
@@ -182,8 +196,8 @@ def _albedo_materials(train: Sequence[MeasuredImage], material_of: np.ndarray) -
     return [ids[i] for i in order if counts[i] > _SMALLEST_MATERIAL * counts.sum()][1:]
 
 
-def _material_index(shot: MeasuredImage, materials: Sequence[int], material_of: np.ndarray) -> np.ndarray:
-    index, seen = np.full(shot.measured.shape, -1), _materials(shot, material_of)
+def _material_index(measured_image: MeasuredImage, materials: Sequence[int], material_of: np.ndarray) -> np.ndarray:
+    index, seen = np.full(measured_image.measured.shape, -1), _materials(measured_image, material_of)
     for number, name in enumerate(materials):
         index[seen == name] = number
     return index

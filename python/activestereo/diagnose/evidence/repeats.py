@@ -31,17 +31,17 @@ def without_drift(
     """
     if not evidence.has_floor:
         return evidence
-    shots = (*evidence.train, *evidence.test)
-    dark = {o.key: model.digital(np.zeros(o.view.shape), o.view, black_dn) - black_dn for o in shots}
-    no_noise = dark | _drift(shots, expected)
+    measured_images = (*evidence.train, *evidence.test)
+    dark = {o.key: model.digital(np.zeros(o.view.shape), o.view, black_dn) - black_dn for o in measured_images}
+    no_noise = dark | _drift(measured_images, expected)
     noise_variances, noise_model = frame_noise_variances(evidence.capture, evidence.nuisances.black_dn, no_noise)
     if noise_model is None:
         return evidence
     found = {key: max(variance, ROUNDING_VARIANCE) for key, (variance, _) in noise_variances.items()}
-    lit_shots = {o.key: replace(o, measured=o.measured - dark[o.key]) for o in shots}
-    lit_train = [lit_shots[o.key] for o in evidence.train]
+    lit_images = {o.key: replace(o, measured=o.measured - dark[o.key]) for o in measured_images}
+    lit_train = [lit_images[o.key] for o in evidence.train]
     lit = {key: image - dark[key] for key, image in expected.items()}
-    lit_noise_model, found = noise_at_other_gains(noise_model, found, list(lit_shots.values()), lit_train, lit)
+    lit_noise_model, found = noise_at_other_gains(noise_model, found, list(lit_images.values()), lit_train, lit)
     shown = [o.key for o in evidence.train]
     if sum(found[k] for k in shown) > (1.0 - least_fall) * sum(evidence.noise_variances[k] for k in shown):
         return evidence
@@ -60,8 +60,8 @@ def without_drift(
     )
 
 
-def _drift(shots: Sequence[Observation], expected: Images) -> Images:
+def _drift(measured_images: Sequence[Observation], expected: Images) -> Images:
     """The difference of every repeat's expected image from the mean of its group's, DN."""
-    groups = by_repeats((o.frame, o.side, o.key) for o in shots)
+    groups = by_repeats((o.frame, o.side, o.key) for o in measured_images)
     means = ((keys, np.mean([expected[k] for k in keys], axis=0)) for keys in groups)
     return {key: expected[key] - mean for keys, mean in means for key in keys}

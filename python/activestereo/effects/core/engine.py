@@ -106,7 +106,7 @@ class EngineInputs:
     it.
 
     projector: the rig's own, None where there is none; its texture is `pattern`, relative radiant intensity
-    [height][width] 0..1 (None where it throws dots). rig_lights: further ones that move with the rig; lights: those
+    [height][width] 0..1 (None where it projects dots). rig_lights: further ones that move with the rig; lights: those
     that stand in the world; both made by new_light. medium: made by new_medium. ambient_radiance: of the capture's or
     room's infrared light, in the unit of the lights' intensities per steradian. scene_materials: id -> a fresh
     kuafu.Material of the scene. matcher: simsense's parameters. bounds_m: a box around the scene and the rig, world.

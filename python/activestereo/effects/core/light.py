@@ -116,8 +116,8 @@ class Light:
     def warped(self, u: np.ndarray, v: np.ndarray) -> Light:
         """The light whose pixels show what lies at pixel positions (u, v) [height][width] here.
 
-        Rendered light is looked up in the fine images where there are any. What effects have changed since is known per
-        pixel only: a local gain, and what that leaves."""
+        Rendered light is looked up in the supersampled images where there are any. What effects have changed since is
+        known per pixel only: a local gain, and what that leaves."""
         if self.fine is not None:
             operation = lambda images: sample(images, u, v)  # noqa: E731
             return _Later(
@@ -130,13 +130,14 @@ class Light:
         return later.light()
 
     def blurred(self, sigma_px: float | np.ndarray) -> Light:
-        """The light under a Gaussian blur of sigma_px, a number or an image of it; of the fine images where there are
-        any."""
+        """The light under a Gaussian blur of sigma_px, a number or an image of it; of the supersampled images where
+        there are any."""
         of_fine = None if self.fine is None else lambda fine: fine.blurred(sigma_px)
         return _Later(self, lambda images: blur(images, sigma_px), of_fine).light()
 
     def shifted_sum(self, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]) -> Light:
-        """The weighted sum of shifted lights, see resample.shifted_sum; of the fine images where there are any."""
+        """The weighted sum of shifted lights, see resample.shifted_sum; of the supersampled images where there are
+        any."""
         of_fine = None if self.fine is None else lambda fine: fine.shifted_sum(along_u, along_v)
         return _Later(self, lambda images: shifted_sum(images, along_u, along_v), of_fine).light()
 

@@ -46,7 +46,7 @@ class Model:
 
     def light(self, layers: Rendered, view: View, random: bool = False, fine: bool = True) -> Light:
         """The Light that falls on the sensor, from rendered layers. fine=False: warps look up the pixels even where the
-        layers have finer images: less than half the time, for scans."""
+        layers have supersampled images: less than half the time, for scans."""
         light = Light.of(layers) if fine else replace(Light.of(layers), fine=None)
         for effect, parameters in self.on_light(random):
             light = acted(effect, parameters, light, view)

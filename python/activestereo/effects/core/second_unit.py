@@ -2,7 +2,7 @@
 """Where to start a fit of a second unit's dots: they match the picture at one place of that unit alone.
 
 A fine grid of places beside the rig and of yaw angles is looked at, each by the regression of the residual on the
-dots that a unit there would throw.
+dots that a unit there would project.
 """
 
 import numpy as np

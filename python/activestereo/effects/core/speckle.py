@@ -7,8 +7,8 @@ from activestereo.effects.core.view import View
 
 
 def speckled(light: Light, view: View, name: str, contrast: float, per: str) -> Light:
-    """Projector light times a gamma variable of mean 1 and deviation `contrast` per pixel, drawn anew per `per` of
-    View.rng."""
+    """Projector light times a gamma variable of mean 1 and deviation `contrast` per pixel, drawn independently per
+    `per` of View.rng."""
     if contrast == 0.0:
         return light
     grains = 1.0 / contrast**2
