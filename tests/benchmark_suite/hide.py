@@ -11,16 +11,16 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from suite_sets import STRONG, Item  # noqa: E402
-from make_world import make_world  # noqa: E402
-from worlds.blind.catalogue import SINGLE  # noqa: E402
+from make_case import make_case  # noqa: E402
+from virtual_sensor.held_out.catalogue import SINGLE  # noqa: E402
 
-# Seeds of the suite's own worlds lie below.
+# Seeds of the suite's own test cases lie below.
 _FIRST_SEED = 900_000
 _OTHER_SCENE = 50_000
 
 
 class Secret(Item):
-    """A world outside the benchmark suite: any effect, strong."""
+    """A case outside the benchmark suite: any effect, strong."""
 
     @property
     def seed(self):
@@ -36,7 +36,7 @@ def main():
     capture.parent.mkdir(parents=True, exist_ok=True)
     item = Secret("secret", number, ((effect, STRONG),))
     elsewhere = (Path(sys.argv[4]), item.seed + _OTHER_SCENE) if len(sys.argv) == 5 else None
-    make_world(item, capture, key, survey=1.0, elsewhere=elsewhere)
+    make_case(item, capture, key, survey=1.0, elsewhere=elsewhere)
     return 0
 
 

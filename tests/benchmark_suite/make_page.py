@@ -6,8 +6,8 @@
     python3 tests/benchmark_suite/make_page.py --check    # fails where it is not what the results say
 
 results/generation-NN.json holds the measures of a run's score.json with its command, machine, date and number of
-answered worlds n, and a note on those that were not; next.json and practice.json hold what run_next.py and practice.py
-printed; causes.json says what goes wrong.
+answered test cases n, and a note on those that were not; next.json and practice.json hold what run_next.py and
+practice.py printed; causes.json says what goes wrong.
 """
 
 import json
@@ -21,19 +21,19 @@ RESULTS = FOLDER / "results"
 HEAD = """# The benchmark suite
 
 Does `activestereo diagnose` find an effect that it does not know? An independent virtual sensor
-(`tests/support/worlds/blind`) makes small captures (212x120, 8 frames) with something hidden in them, writes the answer
-key elsewhere, runs the tool on the capture alone, and scores what it says.
+(`tests/support/virtual_sensor/held_out`) makes small captures (212x120, 8 frames) with something hidden in them, writes
+the answer key elsewhere, runs the tool on the capture alone, and scores what it says.
 
-    python3 tests/benchmark_suite/run_suite.py --set small --out out/suite     # 12 fixed worlds
+    python3 tests/benchmark_suite/run_suite.py --set small --out out/suite     # 12 fixed test cases
     python3 tests/benchmark_suite/run_suite.py --set all --jobs 2 --out out/suite-all
 
-`--generation N` makes other worlds of the same kinds by another seed. The lab learns from generation 1; generation 0
-is the suite's own. `--only NAME...` takes worlds by id or by an effect that they hide. A run goes on where it was
+`--generation N` makes other test cases of the same kinds by another seed. The lab learns from generation 1; generation
+0 is the suite's own. `--only NAME...` takes test cases by id or by an effect that they hide. A run goes on where it was
 stopped. `DIR/README.md` is its score page, `score.json` holds the numbers, and `keys/` the truth. `hide.py` makes one
-more world for [examples/hidden_effect](../../examples/hidden_effect/README.md), and `threshold_study.py` halves and
+more test case for [examples/hidden_effect](../../examples/hidden_effect/README.md), and `threshold_study.py` halves and
 doubles each [threshold](../../python/activestereo/diagnose/README.md#thresholds).
 
-| set | worlds | hidden |
+| set | test cases | hidden |
 |---|---|---|
 | single | 156 | 39 effects at four strengths: below the floor, weak, medium, strong |
 | pairs | 40 | two effects, 11 times twins that resemble each other |
@@ -47,14 +47,14 @@ hexagonal aperture, a disc for lens blur, a division model of distortion, a rect
 positions, angles, albedos and focal lengths have uniform errors of up to 1 mm, 0.25 deg, 3 % and 0.1 %.
 
 Strength is the error that an effect leaves on test frames, over the noise floor, in quadrature: about 0.15, 0.4, 0.9
-and 2. An effect counts as detectable from 0.5 on. Worlds call a lamp in the room `ambient_ir`; the library's
+and 2. An effect counts as detectable from 0.5 on. Test cases call a lamp in the room `ambient_ir`; the library's
 `external_light` is the same physics and a right answer. A fault of the depth engine that any other matcher shares is
 not a fault of the sensor: there `none` is right.
 
 `python3 tests/benchmark_suite/make_page.py` writes this page from [results](results).
 """
 BOUND = (
-    "Errors of the scene measurement bound the error fall F: in world g1-none-000 they leave 0.054 of the noise",
+    "Errors of the scene measurement bound the error fall F: in test case g1-none-000 they leave 0.054 of the noise",
     "variance, so that an F of 0.88 is the most for a medium effect, where exact measurements would allow 0.94.",
 )
 HIDDEN = ("seconds per diagnosis (median)", "failed", "depth alone is undetermined")
@@ -85,7 +85,7 @@ def make_page():
 
 def _measures(runs):
     newest = runs[0]
-    lines = ["|generation|date|machine|of 336 worlds answered|", "|--|--|--|--|"]
+    lines = ["|generation|date|machine|of 336 test cases answered|", "|--|--|--|--|"]
     lines += [f"|{r['generation']}|{r['date']}|{r['machine']}|{r['n']}{r['note']}|" for r in runs]
     lines += ["", f"The columns are generations; brackets hold the 95 % interval and n of {newest['generation']}.", ""]
     lines += [f"|measure|bar|aim|{'|'.join(str(r['generation']) for r in runs)}|", "|--" * (3 + len(runs)) + "|"]
@@ -127,7 +127,7 @@ def _next(run):
     return [
         "## The next measurement",
         "",
-        "Where several names fit equally, the tool asks for one more measurement. In ambiguous worlds of generations "
+        "Where several names fit equally, the tool asks for one more measurement. In ambiguous cases of generations "
         f"{', '.join(map(str, run['generations']))} its frames resolved {shares[0]}, and random frames {shares[1]}"
         f" ({run['date']}, {run['machine']}):",
         "",

@@ -4,9 +4,9 @@
 
     python3 tests/benchmark_suite/run_next.py --set all --out out/suite-all --most 20
 
-Takes worlds of a benchmark suite that was run, where the first name has others beside it that fit as well and the truth
-is among them. Each is made once more with the frames that the tool asks for, and once with frames of a random choice,
-and diagnosed again. DIR/next/WORLD/{asked,random}/ holds the answers; run_suite.py scores them with the rest.
+Takes test cases of a benchmark suite that was run, where the first name has others beside it that fit as well and the
+truth is among them. Each is made once more with the frames that the tool asks for, and once with frames of a random
+choice, and diagnosed again. DIR/next/WORLD/{asked,random}/ holds the answers; run_suite.py scores them with the rest.
 Resumable.
 """
 
@@ -21,17 +21,17 @@ from pathlib import Path
 import numpy as np
 from suite_score import read_results
 from suite_sets import ALL, items
-from make_world import make_world
+from make_case import make_case
 from run_suite import COMMAND, diagnose_capture
-from worlds.blind.more import CHOICES
+from virtual_sensor.held_out.more import CHOICES
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--set", choices=("small", *ALL, "all"), required=True)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
-    parser.add_argument("--generation", type=int, default=0, metavar="N", help="of the worlds, as for run_suite.py")
-    parser.add_argument("--most", type=int, default=20, metavar="N", help="worlds (default: 20)")
+    parser.add_argument("--generation", type=int, default=0, metavar="N", help="of the test cases, as for run_suite.py")
+    parser.add_argument("--most", type=int, default=20, metavar="N", help="test cases (default: 20)")
     parser.add_argument("--jobs", type=int, default=2, metavar="N")
     parser.add_argument("--survey", type=float, default=1.0, metavar="X")
     parser.add_argument("--command", default=COMMAND, help="the tool, with {capture} and {out} (default: %(default)s)")
@@ -39,7 +39,7 @@ def main():
     args = parser.parse_args()
     by_id = {item.id: item for item in items(args.set, args.generation)}
     chosen = [r for r in read_results(args.out, by_id) if r.is_ambiguous][: args.most]
-    print(f"{len(chosen)} worlds where the truth is one of several names")
+    print(f"{len(chosen)} test cases where the truth is one of several names")
     tasks = [
         (by_id[r.key["id"]], how, change, args)
         for r in chosen
@@ -69,7 +69,7 @@ def _follow(task):
     os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
     place.mkdir(parents=True, exist_ok=True)
     capture = place / "capture"
-    make_world(item, capture, place / "key.json", args.survey, more=change)
+    make_case(item, capture, place / "key.json", args.survey, more=change)
     run = diagnose_capture(args.command, capture, place, args.timeout)
     shutil.rmtree(capture)
     (place / "change.json").write_text(json.dumps(change))

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the benchmark suite: makes worlds with hidden effects, has the tool diagnose each, and scores its answers.
+"""Runs the benchmark suite: makes test cases with hidden effects, has the tool diagnose each, and scores its answers.
 
     python3 tests/benchmark_suite/run_suite.py --set small --out out/suite
 
-Resumable: worlds that have an answer in DIR are not run again. DIR holds keys/ (the truth, which the tool does not
+Resumable: test cases that have an answer in DIR are not run again. DIR holds keys/ (the truth, which the tool does not
 see), captures/ (as long as needed), answers/ (diagnose.json and the tool's output), then score.json, README.md and its
 pictures. """
 
@@ -29,7 +29,7 @@ def main():
 
     todo = [item for item in items(args.set, args.generation) if is_wanted(item, args.only)][: args.limit]
     waiting = [item for item in todo if not (args.out / "answers" / item.id / "run.json").is_file()]
-    print(f"{args.set}: {len(todo)} worlds, {len(todo) - len(waiting)} answered already")
+    print(f"{args.set}: {len(todo)} test cases, {len(todo) - len(waiting)} answered already")
     _run_all(waiting, args)
     from suite_page import write_page
     from suite_score import read_results, score
@@ -39,7 +39,7 @@ def main():
     (args.out / "score.json").write_text(json.dumps(scores, indent=1) + "\n")
     print(write_page(scores, results, args.out, args.set))
     right = sum(result.right for result in results)
-    print(f"{right} of {len(results)} worlds answered in full and without error; {args.out / 'README.md'}")
+    print(f"{right} of {len(results)} test cases answered in full and without error; {args.out / 'README.md'}")
     return 1 if right < args.least or any(result.failed for result in results) else 0
 
 
@@ -49,19 +49,19 @@ def _arguments():
     parser.add_argument("--set", choices=sets, required=True)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     parser.add_argument(
-        "--jobs", type=int, default=2, metavar="N", help="worlds at a time, each on its share of the cores (default: 2)"
+        "--jobs", type=int, default=2, metavar="N", help="cases at a time, each on its share of the cores (default: 2)"
     )
     parser.add_argument(
         "--generation",
         type=int,
         default=0,
         metavar="N",
-        help="other worlds of the same kinds (default: 0, the suite's own)",
+        help="other test cases of the same kinds (default: 0, the suite's own)",
     )
     parser.add_argument(
-        "--only", nargs="+", metavar="NAME", help="worlds of these ids, or that hide one of these effects"
+        "--only", nargs="+", metavar="NAME", help="test cases of these ids, or that hide one of these effects"
     )
-    parser.add_argument("--limit", type=int, metavar="N", help="the first N worlds only")
+    parser.add_argument("--limit", type=int, metavar="N", help="the first N test cases only")
     parser.add_argument(
         "--survey",
         type=float,
@@ -74,14 +74,14 @@ def _arguments():
         "--timeout", type=float, default=900.0, metavar="S", help="seconds per diagnosis (default: 900)"
     )
     parser.add_argument(
-        "--least", type=int, default=0, metavar="N", help="fail where fewer worlds are answered rightly"
+        "--least", type=int, default=0, metavar="N", help="fail where fewer test cases are answered rightly"
     )
     parser.add_argument("--keep", action="store_true", help="keep the captures")
     return parser.parse_args()
 
 
 def is_wanted(item, names):
-    """Whether a world is among the names: ids, or effects that it hides; every world where no name is given."""
+    """Whether a case is among the names: ids, or effects that it hides; every case where no name is given."""
     return names is None or item.id in names or any(effect in names for effect, _ in item.strengths)
 
 
@@ -113,16 +113,16 @@ def _take_cores(shares):
 def _run_one(task):
     item, out, survey, command, timeout, keep = task
     sys.path.insert(0, str(Path(__file__).resolve().parent))
-    from make_world import make_world
+    from make_case import make_case
 
-    capture, key = out / "captures" / item.blind_name, out / "keys" / f"{item.id}.json"
+    capture, key = out / "captures" / item.anonymous_name, out / "keys" / f"{item.id}.json"
     answer = out / "answers" / item.id
     shutil.rmtree(answer, ignore_errors=True)
     answer.mkdir(parents=True)
     started = time.monotonic()
     if not (key.is_file() and capture.is_dir()):
         capture.parent.mkdir(parents=True, exist_ok=True)
-        make_world(item, capture, key, survey)
+        make_case(item, capture, key, survey)
     made = time.monotonic()
     run = diagnose_capture(command, capture, answer, timeout) | {
         "make_s": made - started,

@@ -12,9 +12,9 @@ def write_page(scores, results, folder, set_name):
     """Writes README.md, answers.png, confusion.png, calibration.png; returns the table as text."""
     table = _table(scores["measures"])
     lines = [
-        f"# The benchmark suite: set `{set_name}`, {len(results)} worlds",
+        f"# The benchmark suite: set `{set_name}`, {len(results)} test cases",
         "",
-        "Every world is a capture by an independent virtual sensor with an effect that the tool does not know. "
+        "Every case is a capture by an independent virtual sensor with an effect that the tool does not know. "
         "An effect counts as",
         "detectable where it raises the error on test frames by half a noise floor or more, in quadrature. "
         "Intervals: 95 %.",
@@ -72,9 +72,9 @@ def _strength_table(by_strength):
 
 
 def _misses(results):
-    """Every world whose answer is not the truth."""
+    """Every case whose answer is not the truth."""
     rows = [
-        "| world | truth | strength | error over floor | verdict | added | first three |",
+        "| case | truth | strength | error over floor | verdict | added | first three |",
         "|---|---|---|---|---|---|---|",
     ]
     for r in sorted(results, key=lambda r: r.key["id"]):

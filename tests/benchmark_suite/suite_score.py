@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.stats import binomtest
 
-# Names of the library that describe what a world calls otherwise: its ambient infrared light is a lamp in the room.
+# Names of the library that describe what a case calls otherwise: its ambient infrared light is a lamp in the room.
 SAME_PHYSICS = {"external_light": "ambient_ir"}
 # An effect counts as detectable where it leaves this much error on test frames above the noise floor, in noise
 # variances.
@@ -16,7 +16,7 @@ DETECTABLE = 0.5
 
 @dataclass(frozen=True)
 class Result:
-    """One world: the key, the tool's diagnose.json (None where it failed) and the run's figures; followed: {"asked" or
+    """One case: the key, the tool's diagnose.json (None where it failed) and the run's figures; followed: {"asked" or
     "random": diagnose.json after one more measurement}, see run_next.py."""
 
     key: dict
@@ -34,7 +34,7 @@ class Result:
 
     @property
     def _asked(self):
-        """The part of the answer that the world asks for: the depth engine's, where its fault is hidden behind infrared
+        """The part of the answer that the case asks for: the depth engine's, where its fault is hidden behind infrared
         images."""
         asks_for_depth = self.key["set"] == "depth" and self.key["infrared"]
         return self.answer.get("depth", self.answer) if asks_for_depth else self.answer
@@ -53,7 +53,7 @@ class Result:
         return (
             set()
             if self.failed
-            else {*map(self.world_name, self.answer["added"]), *self.answer.get("depth", {}).get("added", ())}
+            else {*map(self.case_name, self.answer["added"]), *self.answer.get("depth", {}).get("added", ())}
         )
 
     @property
@@ -63,10 +63,10 @@ class Result:
         return min(oracle.get("alone", {"": oracle["test"]["ratio"]}).values()) >= DETECTABLE
 
     def names(self, count):
-        return [self.world_name(entry["effect"]) for entry in self.ranking[:count]]
+        return [self.case_name(entry["effect"]) for entry in self.ranking[:count]]
 
-    def world_name(self, effect):
-        """The world's name of an effect of the library. Its second unit stands on the rig or in the room: only where
+    def case_name(self, effect):
+        """The case's name of an effect of the library. Its second unit stands on the rig or in the room: only where
         the key says that it stands in the room is room_projector its name."""
         stands_in_room = self.key["hidden"].get("second_projector", {}).get("on_rig", 1.0) <= 0.0
         if effect == "room_projector" and stands_in_room:
@@ -100,7 +100,7 @@ class Result:
 
 
 def read_results(folder, ids):
-    """Results of the worlds that were run."""
+    """Results of the test cases that were run."""
     results = []
     for item_id in ids:
         place = folder / "answers" / item_id
@@ -190,13 +190,13 @@ def _resolved(r, how):
 
 
 def _family_right(r):
-    families = {entry["family"] for entry in r.ranking if r.world_name(entry["effect"]) in r.truth}
+    families = {entry["family"] for entry in r.ranking if r.case_name(entry["effect"]) in r.truth}
     return bool(r.ranking) and r.ranking[0]["family"] in families
 
 
 def _set_of(r):
     first = r.ranking[0] if r.ranking else None
-    return {r.world_name(name) for name in (first["effect"], *first["equivalent"])} if first else set()
+    return {r.case_name(name) for name in (first["effect"], *first["equivalent"])} if first else set()
 
 
 def _own_parameters(r):
@@ -231,7 +231,7 @@ def _fall(r):
 
 
 def _calibration(results):
-    """Named worlds in bins of stated confidence: [{stated, right, n}]."""
+    """Named test cases in bins of stated confidence: [{stated, right, n}]."""
     pairs = [(r.ranking[0]["confidence"], _first(r)) for r in results if r.verdict == "effect" and r.ranking]
     if not pairs:
         return []

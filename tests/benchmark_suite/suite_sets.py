@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sets of the benchmark suite: which world hides what. World k of a set is the same in every run; what is reported
+"""The sets of the benchmark suite: which case hides what. Case k of a set is the same in every run; what is reported
 is generation 0.
 
-Other generations are other worlds of the same kinds, to learn from without looking at the suite's own.
+Other generations are other test cases of the same kinds, to learn from without looking at the suite's own.
 """
 
 import hashlib
@@ -14,8 +14,8 @@ import numpy as np
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "support"))
 
-from worlds.blind import catalogue  # noqa: E402
-from worlds.blind.catalogue import DEPTH_ENGINE, OUTSIDE, SINGLE, STRENGTHS  # noqa: E402
+from virtual_sensor.held_out import catalogue  # noqa: E402
+from virtual_sensor.held_out.catalogue import DEPTH_ENGINE, OUTSIDE, SINGLE, STRENGTHS  # noqa: E402
 
 MEDIUM, STRONG = STRENGTHS.index("medium"), STRENGTHS.index("strong")
 PAIRS, NONES, DEPTH_ONLY = 40, 100, 4
@@ -49,12 +49,12 @@ class Item:
         return 10_000_000 * self.generation + 100_000 * _CODES[self.set] + self.number
 
     @property
-    def blind_name(self):
+    def anonymous_name(self):
         """The name that the tool under test sees."""
-        return "blind-" + hashlib.sha256(f"bank {self.seed}".encode()).hexdigest()[:10]
+        return "case-" + hashlib.sha256(f"bank {self.seed}".encode()).hexdigest()[:10]
 
     def draw(self):
-        """(hidden effects, moving frames' exposure) of the world."""
+        """(hidden effects, moving frames' exposure) of the case."""
         return catalogue.draw_hidden(dict(self.strengths), np.random.Generator(np.random.PCG64([self.seed, 9])))
 
 

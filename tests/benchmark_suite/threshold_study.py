@@ -48,7 +48,7 @@ def study(results: Sequence[Result], thresholds: Thresholds = THRESHOLDS) -> str
     """The table: each threshold that moves a figure, halved and doubled."""
     now = figures(results, thresholds)
     lines = [
-        f"{len(results)} worlds. Named and right {_text(now[0])}, false alarms {_text(now[1])}, outside said so "
+        f"{len(results)} test cases. Named and right {_text(now[0])}, false alarms {_text(now[1])}, outside said so "
         f"{_text(now[2])}.",
         "",
         "| threshold | value | halved | doubled |",
@@ -69,7 +69,7 @@ def figures(results: Sequence[Result], thresholds: Thresholds) -> Figures:
     """(detectable single effects named and right, false alarms, outside said so) of first steps."""
     said = [(r, *verdict_under(r.answer["judging"], thresholds)) for r in results]
     single = [
-        verdict == "effect" and {r.world_name(name)} == r.truth
+        verdict == "effect" and {r.case_name(name)} == r.truth
         for r, verdict, name in said
         if r.key["set"] == "single" and r.detectable
     ]

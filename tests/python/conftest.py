@@ -74,7 +74,7 @@ def made_once(path, make):
 @pytest.fixture(scope="session")
 def lab_world(run_folder):
     """A table-top in front of a plain sensor, of 36 rays a pixel. Tests that change its capture copy it first."""
-    from worlds.world import make_world
+    from virtual_sensor.world import make_world
 
     return made_once(run_folder / "lab_world.pickle", lambda: make_world(run_folder / "lab_world", grid=6))
 

@@ -53,10 +53,12 @@ def result(truth, verdict, ranking=(), added=(), set_name="single", ratio=1.0, s
     return Result(key, answer, {"diagnose_s": 10.0})
 
 
-def test_worlds_of_a_set_are_fixed_and_differ_between_sets():
+def test_cases_of_a_set_are_fixed_and_differ_between_sets():
     assert items("single") == items("single")
     everything = items("all")
-    assert len({item.seed for item in everything}) == len({item.blind_name for item in everything}) == len(everything)
+    assert (
+        len({item.seed for item in everything}) == len({item.anonymous_name for item in everything}) == len(everything)
+    )
     assert sorted(i.id for i in everything) == sorted(i.id for part in ALL for i in items(part))
     assert len(items("small")) == 12
     assert len({name for item in items("single") for name, _ in item.strengths}) >= 25
@@ -65,7 +67,7 @@ def test_worlds_of_a_set_are_fixed_and_differ_between_sets():
     assert items("single")[7].draw() == items("single")[7].draw()
 
 
-def test_other_generations_are_other_worlds_of_the_same_kinds():
+def test_other_generations_are_other_cases_of_the_same_kinds():
     own, other = items("all"), items("all", 1)
     assert [item.strengths for item in own] == [item.strengths for item in other]
     assert not {i.seed for i in own} & {i.seed for i in other} and not {i.id for i in own} & {i.id for i in other}

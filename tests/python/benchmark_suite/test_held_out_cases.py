@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The blind worlds are what their keys say: light obeys its laws, hidden effects show, and the simulator agrees where
-nothing hides."""
+"""The held-out test cases are what their keys say: light obeys its laws, hidden effects show, and the simulator agrees
+where nothing hides."""
 
 import ast
 from pathlib import Path
@@ -8,36 +8,36 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from worlds.blind import oracle
-from worlds.blind.caster import closest
-from worlds.blind.catalogue import CATALOGUE, OUTSIDE, SINGLE, STRENGTHS
-from worlds.blind.depth import device_depth
-from worlds.blind.lightmap import Lightmap
-from worlds.blind.scene import draw_scene, texel_spacing
-from worlds.blind.more import more_frames
-from worlds.blind.world import SIDES, RAY_EFFECTS, World
-from worlds.cylinder import Cylinder
-from worlds.solids import Box, Sphere
-from worlds.tiles import Tiles
+from virtual_sensor.held_out import oracle
+from virtual_sensor.held_out.caster import closest
+from virtual_sensor.held_out.catalogue import CATALOGUE, OUTSIDE, SINGLE, STRENGTHS
+from virtual_sensor.held_out.depth import device_depth
+from virtual_sensor.held_out.lightmap import Lightmap
+from virtual_sensor.held_out.scene import draw_scene, texel_spacing
+from virtual_sensor.held_out.more import more_frames
+from virtual_sensor.held_out.case import SIDES, RAY_EFFECTS, Case
+from virtual_sensor.cylinder import Cylinder
+from virtual_sensor.solids import Box, Sphere
+from virtual_sensor.tiles import Tiles
 
 SUPPORT = Path(__file__).resolve().parents[2] / "support"
 PRODUCT = {"activestereo", "kuafu", "simsense"}
 
 
 @pytest.fixture(scope="module")
-def world():
+def case():
     """Without survey errors."""
-    return World(seed=5, hidden={}, survey=0.0)
+    return Case(seed=5, hidden={}, survey=0.0)
 
 
 def pcg64(seed):
     return np.random.Generator(np.random.PCG64(seed))
 
 
-def test_blind_worlds_share_no_code_with_the_product():
+def test_held_out_cases_share_no_code_with_the_product():
     files = [
-        *(SUPPORT / "worlds" / "blind").glob("*.py"),
-        *(SUPPORT / "worlds" / f"{n}.py" for n in ("solids", "cylinder", "tiles", "gltf")),
+        *(SUPPORT / "virtual_sensor" / "held_out").glob("*.py"),
+        *(SUPPORT / "virtual_sensor" / f"{n}.py" for n in ("solids", "cylinder", "tiles", "gltf")),
     ]
     for path in files:
         for node in ast.walk(ast.parse(path.read_text())):
@@ -94,79 +94,79 @@ def test_scenes_are_drawn_apart_and_differ():
     assert first[2].centre != second[2].centre
 
 
-def test_without_a_hidden_effect_nothing_is_left_to_explain(world):
-    images = {(f.id, side): world.measured(f, side) for f in world.frames for side in SIDES}
-    figures = oracle.errors(world, images)
+def test_without_a_hidden_effect_nothing_is_left_to_explain(case):
+    images = {(f.id, side): case.measured(f, side) for f in case.frames for side in SIDES}
+    figures = oracle.errors(case, images)
     for split in ("train", "test"):
         assert figures[split]["ratio"] < 0.03
         assert 1.0 < figures[split]["floor_dn"] < 6.0
 
 
 @pytest.mark.parametrize("name", [n for n in (*SINGLE, *OUTSIDE) if n not in RAY_EFFECTS])
-def test_hidden_effects_on_images_leave_error(world, name):
+def test_hidden_effects_on_images_leave_error(case, name):
     hidden = {name: CATALOGUE[name].draw(STRENGTHS.index("strong"), pcg64(3))}
-    changed = world.hiding(hidden)
+    changed = case.hiding(hidden)
     images = {(frame.id, side): changed.measured(frame, side) for frame in changed.frames for side in SIDES}
     if name in ("row_noise", "quantisation"):  # These are in the images' noise, not in their mean.
-        calm = np.std(world.measured(world.frames[2], "left") - world.expected(world.frames[2], "left", {}))
-        assert np.std(images[2, "left"] - world.expected(world.frames[2], "left", {})) > 1.5 * calm
+        calm = np.std(case.measured(case.frames[2], "left") - case.expected(case.frames[2], "left", {}))
+        assert np.std(images[2, "left"] - case.expected(case.frames[2], "left", {})) > 1.5 * calm
     else:
         assert oracle.errors(changed, images)["test"]["ratio"] > 0.5
 
 
 @pytest.mark.parametrize("name", ["stereo_pitch", "exposure_desync", "subsurface"])
-def test_hidden_effects_on_rays_leave_error(world, name):
+def test_hidden_effects_on_rays_leave_error(case, name):
     hidden = {name: CATALOGUE[name].draw(STRENGTHS.index("strong"), pcg64(3))}
-    frame = world.frames[6]
-    difference = world.hiding(hidden).expected(frame, "right", hidden) - world.expected(frame, "right", {})
+    frame = case.frames[6]
+    difference = case.hiding(hidden).expected(frame, "right", hidden) - case.expected(frame, "right", {})
     assert np.sqrt(np.mean(difference**2)) > 1.0
 
 
-def test_the_virtual_device_measures_the_distance(world):
-    frame = world.frames[0]
-    images = [world.measured(frame, side) for side in SIDES]
-    depth = device_depth(*images, world.rig.focal_px, world.rig.baseline_m, {})
-    truth = world.layers(frame, "left", {}).depth[2::4, 2::4]
+def test_the_virtual_device_measures_the_distance(case):
+    frame = case.frames[0]
+    images = [case.measured(frame, side) for side in SIDES]
+    depth = device_depth(*images, case.rig.focal_px, case.rig.baseline_m, {})
+    truth = case.layers(frame, "left", {}).depth[2::4, 2::4]
     valid = (depth > 0) & (truth > 0)
     assert valid.mean() > 0.7
-    error_px = world.rig.focal_px * world.rig.baseline_m * (1 / depth[valid] - 1 / truth[valid])
+    error_px = case.rig.focal_px * case.rig.baseline_m * (1 / depth[valid] - 1 / truth[valid])
     assert np.median(np.abs(error_px)) < 0.3
     assert abs(np.median(error_px)) < 0.15
 
 
-def test_the_simulator_reaches_the_floor_of_a_world_that_hides_nothing(world, tmp_path, device):
+def test_the_simulator_reaches_the_floor_of_a_case_that_hides_nothing(case, tmp_path, device):
     from activestereo.capture.capture import read_capture
     from activestereo.compare.cache import LayerCache
     from activestereo.compare.compare import compare
 
-    figures = world.capture(tmp_path / "capture", "null")
+    figures = case.capture(tmp_path / "capture", "null")
     assert len(read_capture(tmp_path / "capture").frames) == 8
     scores = compare(tmp_path / "capture", cache=LayerCache(tmp_path / "cache"), samples_per_pixel=64).scores
     for split in ("train", "test"):
         assert scores["ir"][split]["rmse_dn"] < 1.04 * figures[split]["floor_dn"]
-    assert scores["fit"]["nuisances"]["projector_scale"] == pytest.approx(world.sensor.projector_scale, rel=0.01)
-    assert scores["fit"]["nuisances"]["black_dn"] == pytest.approx(world.sensor.black_dn, abs=0.1)
+    assert scores["fit"]["nuisances"]["projector_scale"] == pytest.approx(case.sensor.projector_scale, rel=0.01)
+    assert scores["fit"]["nuisances"]["black_dn"] == pytest.approx(case.sensor.black_dn, abs=0.1)
 
 
-def test_more_frames_repeat_each_train_view_under_the_change(world):
-    more = more_frames(world.frames, {"exposure_factor": 2.0})
-    views = [f for f in world.frames if f.split == "train" and f.id != 1]
+def test_more_frames_repeat_each_train_view_under_the_change(case):
+    more = more_frames(case.frames, {"exposure_factor": 2.0})
+    views = [f for f in case.frames if f.split == "train" and f.id != 1]
     assert [f.exposure_s for f in more[8:]] == [2.0 * f.exposure_s for f in views]
     assert [f.id for f in more] == list(range(len(more)))
-    elsewhere = more_frames(world.frames, {"views": 2})[len(world.frames) :]
-    assert [f.id for f in elsewhere] == [8, 9] and elsewhere[0].timestamp_s > world.frames[-1].timestamp_s
+    elsewhere = more_frames(case.frames, {"views": 2})[len(case.frames) :]
+    assert [f.id for f in elsewhere] == [8, 9] and elsewhere[0].timestamp_s > case.frames[-1].timestamp_s
     assert (
-        len({f.camera_to_world.tobytes() for f in (*world.frames, *elsewhere)})
-        == len({f.camera_to_world.tobytes() for f in world.frames}) + 2
+        len({f.camera_to_world.tobytes() for f in (*case.frames, *elsewhere)})
+        == len({f.camera_to_world.tobytes() for f in case.frames}) + 2
     )
-    repeated = more_frames(world.frames, {"repeats": 2})
+    repeated = more_frames(case.frames, {"repeats": 2})
     assert all(f.repeat_group is not None for f in repeated if f.split == "train")
     groups = [f.repeat_group for f in repeated[8:]]
     assert all(groups.count(g) == 2 for g in groups)
 
 
 def test_the_same_sensor_stands_in_another_scene():
-    first = World(seed=5, hidden={"gain_mismatch": {"gain": 0.1, "offset_dn": 0.0}})
+    first = Case(seed=5, hidden={"gain_mismatch": {"gain": 0.1, "offset_dn": 0.0}})
     other = first.in_scene(6)
     assert other.rig is not None and np.array_equal(other.rig.pattern, first.rig.pattern)
     assert (other.sensor, other.hidden) == (first.sensor, first.hidden)

@@ -13,7 +13,7 @@ from activestereo.capture.capture import CaptureError, CaptureWarning, read_capt
 from activestereo.capture.write import write_capture
 from activestereo.capture.images import write_gray
 from activestereo.common.own_files import outside_allowed
-from worlds.world import make_world
+from virtual_sensor.world import make_world
 
 
 @pytest.fixture(scope="module")

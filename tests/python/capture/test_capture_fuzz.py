@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from activestereo.capture.capture import CaptureError, read_capture
-from worlds.world import make_world
+from virtual_sensor.world import make_world
 
 ODD = [
     None,

@@ -21,7 +21,7 @@ from activestereo.compare.noise import frame_noise_variances
 from activestereo.compare.render import WARP_SCALE, render_frames
 from activestereo.report.summary import summary_table
 from activestereo.report.write import write_report
-from worlds.sensor import expected
+from virtual_sensor.sensor import expected
 
 
 @pytest.fixture(scope="module")

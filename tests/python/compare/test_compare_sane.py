@@ -20,8 +20,8 @@ from activestereo.compare.pair_noise import pair_noise_model
 from activestereo.compare.render import render_frames
 from activestereo.report.summary import summary_table
 from lab_worlds import WorldRenderer
-from worlds.sensor import expected
-from worlds.world import dot_pattern, make_world
+from virtual_sensor.sensor import expected
+from virtual_sensor.world import dot_pattern, make_world
 
 
 @pytest.fixture(scope="module")

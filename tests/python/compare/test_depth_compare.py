@@ -14,7 +14,7 @@ from activestereo.compare.compare import compare
 from activestereo.compare.depth_compare import DepthFrame, depth_scores
 from activestereo.compare.depth_model import DepthModel, expose
 from activestereo.compare.noise import NoiseModel
-from worlds.world import make_world
+from virtual_sensor.world import make_world
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):

@@ -19,7 +19,7 @@ from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.compare.layers import Layers, RenderRequest, ViewCamera
 from activestereo.compare.model_file import read_model
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD
-from worlds.world import make_world
+from virtual_sensor.world import make_world
 
 
 def test_a_deeper_pair_has_the_depth_of_its_8_bit_one(tmp_path):

@@ -17,7 +17,7 @@ from activestereo.diagnose.next_measurement import _MENU, _changed, left_between
 from activestereo.diagnose.propose.scan import scan_observations
 from activestereo.diagnose.refine import Fitters, ParameterSpace
 from activestereo.compare.render import WARP_SCALE, render_frames
-from worlds.world import make_world
+from virtual_sensor.world import make_world
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from activestereo.diagnose.rank import DiagnosisContext, rank, settled_first
 from activestereo.diagnose.refine import Fitter, Fitters, ParameterSpace
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import render_frames
-from worlds.world import make_world
+from virtual_sensor.world import make_world
 
 SCALES = Nuisances(9.0e4, 3.0e3, 4.0)
 SPECKLE, READ_DN = 0.15, 1.0

@@ -22,7 +22,7 @@ from activestereo.diagnose import examine
 from activestereo.diagnose.evidence import gather
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import render_frames
-from worlds.world import make_world
+from virtual_sensor.world import make_world
 
 EFFECTS = builtin()
 TWIST = np.array([0.6, 0.2, 0.0, 0.2, 1.0, 0.1])

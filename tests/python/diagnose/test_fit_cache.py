@@ -17,7 +17,7 @@ from activestereo.diagnose.refine.fit_cache import FitCache, content_key, effect
 from activestereo.diagnose.refine.fitter import Fitter
 from activestereo.compare.render import render_frames
 from lab_worlds import WorldRenderer
-from worlds.world import make_world
+from virtual_sensor.world import make_world
 
 FADING = builtin()["vignetting"]
 OF_A_USER = replace(FADING, apply=lambda image, view, **values: FADING.apply(image, view, **values))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from worlds.world import make_world
+from virtual_sensor.world import make_world
 from activestereo.capture.capture import read_capture
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.kuafu_renderer import KuafuRenderer

@@ -20,7 +20,7 @@ from activestereo.diagnose.refine import Fitters
 from activestereo.diagnose.refine.by_rendering import refined_by_rendering
 from activestereo.compare.render import render_frames
 from lab_worlds import WorldRenderer
-from worlds.world import make_world
+from virtual_sensor.world import make_world
 
 TRUTH = 0.8
 

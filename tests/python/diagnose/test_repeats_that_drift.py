@@ -15,7 +15,7 @@ from activestereo.diagnose.thresholds import THRESHOLDS
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import render_frames
 from lab_worlds import WorldRenderer
-from worlds.world import make_world
+from virtual_sensor.world import make_world
 
 SCALES = Nuisances(9.0e4, 3.0e3, 4.0)
 READ_DN = 1.5

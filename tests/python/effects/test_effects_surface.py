@@ -15,9 +15,9 @@ from activestereo.effects.core.laws import example_value, example_view
 from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.compare.layers import RenderRequest, ViewCamera
 from effect_worlds import CAMERA_K, PATTERN, POSE, PROJECTOR_K, SIZE, seen, shift, smooth_places, view_of
-from worlds.view import PatternSource, look
-from worlds.world import look_at
-from worlds.world import table_top as world_table_top
+from virtual_sensor.view import PatternSource, look
+from virtual_sensor.world import look_at
+from virtual_sensor.world import table_top as world_table_top
 
 EFFECTS = builtin()
 

@@ -14,8 +14,8 @@ from activestereo.effects.core.room_unit import room_unit_starts
 from activestereo.effects.core.seen_points import SeenPoints
 from activestereo.effects.core.sphere_match import SphereMatch
 from effect_worlds import CAMERA_K, PATTERN, POSE, PROJECTOR_K, SIZE, seen, view_of
-from worlds.view import PatternSource, look
-from worlds.world import look_at, table_top
+from virtual_sensor.view import PatternSource, look
+from virtual_sensor.world import look_at, table_top
 
 UNIT = look_at((0.45, 0.5, 0.45), (0.0, 0.05, -0.25))
 AMBIENT_DN, INTENSITY_M2 = 50.0, 6.0

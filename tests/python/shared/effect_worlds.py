@@ -6,8 +6,8 @@ from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
 
 from activestereo.capture.capture import Camera, Frame, Projector, Rig
 from activestereo.effects import Light, View
-from worlds.view import PatternSource, look
-from worlds.world import dot_pattern, look_at, table_top
+from virtual_sensor.view import PatternSource, look
+from virtual_sensor.world import dot_pattern, look_at, table_top
 
 SIZE = (106, 60)
 POSE = look_at((0.1, 0.4, 0.5), (0.0, 0.08, -0.2))

@@ -12,7 +12,7 @@ from activestereo.capture.images import read_gray, write_gray
 from activestereo.compare.cache import request_key
 from activestereo.compare.depth_model import DepthModel
 from activestereo.compare.layers import Layers
-from worlds.view import PatternSource, look
+from virtual_sensor.view import PatternSource, look
 
 DEPTH_SCALE_M = 1e-4
 BLACK_DN = 4.0  # what the worlds' imagers add to every pixel

@@ -13,7 +13,7 @@ from PIL import Image
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import Comparison, compare
 from lab_worlds import WorldRenderer, with_device_depth
-from worlds.world import make_world
+from virtual_sensor.world import make_world
 
 DIAGNOSIS = {
     "verdict": "effect",

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from worlds.blind.rig import HEIGHT, WIDTH
-from worlds.blind.scene import gltf_pieces
-from worlds.gltf import write_gltf
+from virtual_sensor.held_out.rig import HEIGHT, WIDTH
+from virtual_sensor.held_out.scene import gltf_pieces
+from virtual_sensor.gltf import write_gltf
 
 DEPTH_SCALE = 0.001
 

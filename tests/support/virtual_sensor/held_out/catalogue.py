@@ -2,7 +2,7 @@
 """Effects that may be hidden in a world: every effect at four strengths, pairs, effects that no library has,
 depth-engine faults.
 
-A level multiplies the scaled parameters; the four were measured on trial worlds so that the error they leave on test
+A level multiplies the scaled parameters; the four were measured on trial cases so that the error they leave on test
 frames, over the noise floor and in quadrature, is about TARGETS (see oracle.py). Two effects change the noise itself:
 theirs are chosen.
 """

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from worlds.cylinder import Cylinder
-from worlds.solids import Box, Rectangle, Sphere
+from virtual_sensor.cylinder import Cylinder
+from virtual_sensor.solids import Box, Rectangle, Sphere
 
 
 @dataclass(frozen=True)

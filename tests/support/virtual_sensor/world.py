@@ -7,11 +7,11 @@ import numpy as np
 
 from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig
 from activestereo.capture.write import write_capture
-from worlds.gltf import write_gltf
-from worlds.pcg import Pcg
-from worlds.sensor import Sensor, expose
-from worlds.solids import Box, Rectangle, Sphere
-from worlds.view import PatternSource, look
+from virtual_sensor.gltf import write_gltf
+from virtual_sensor.pcg import Pcg
+from virtual_sensor.sensor import Sensor, expose
+from virtual_sensor.solids import Box, Rectangle, Sphere
+from virtual_sensor.view import PatternSource, look
 
 BASELINE_M = 0.05
 PROJECTOR_X_M = 0.015

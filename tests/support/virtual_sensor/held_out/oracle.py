@@ -4,7 +4,7 @@ out."""
 
 import numpy as np
 
-from worlds.blind.imager import MAX_DN, tone
+from virtual_sensor.held_out.imager import MAX_DN, tone
 
 SIDES = ("left", "right")
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from worlds.pcg import Pcg
+from virtual_sensor.pcg import Pcg
 
 
 @dataclass(frozen=True)

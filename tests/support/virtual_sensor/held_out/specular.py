@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from worlds.blind.caster import albedo_of, closest, transmittance
+from virtual_sensor.held_out.caster import albedo_of, closest, transmittance
 
 _LOBE = 4
 

@@ -5,7 +5,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 from scipy.signal import fftconvolve
 
-from worlds.blind.rig import HEIGHT, WIDTH
+from virtual_sensor.held_out.rig import HEIGHT, WIDTH
 
 # A disc of diameter D has the variance per axis of a Gaussian of D / 4.
 _DISC_PER_SIGMA = 4.0

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from worlds.cylinder import Cylinder
-from worlds.solids import Box, Sphere
-from worlds.tiles import Tiles
+from virtual_sensor.cylinder import Cylinder
+from virtual_sensor.solids import Box, Sphere
+from virtual_sensor.tiles import Tiles
 
 TEXEL_M = {"table": 0.022, "wall": 0.04}
 OBJECT_TEXEL_M = 0.013

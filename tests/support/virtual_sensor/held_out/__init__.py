@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Blind worlds: captures of small table-top scenes by a virtual sensor with a hidden effect, and their answer keys.
+"""Held-out test cases: captures of small table-top scenes by a virtual sensor with a hidden effect, and their answer
+keys.
 
 Shares no code with the product: closed-form intersections, radiosity on charts instead of path tracing, PCG64 instead
 of Philox, float64, its own file writers and depth engine, and for the hidden effects formulas of its own where physics

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from worlds.solids import Rectangle
+from virtual_sensor.solids import Rectangle
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from worlds.blind.camera import axis_cosine
-from worlds.blind.caster import LIFT_M, albedo_of, closest, transmittance
-from worlds.blind.medium import backscatter, faded
-from worlds.blind.rig import look_at
-from worlds.blind.specular import glints
+from virtual_sensor.held_out.camera import axis_cosine
+from virtual_sensor.held_out.caster import LIFT_M, albedo_of, closest, transmittance
+from virtual_sensor.held_out.medium import backscatter, faded
+from virtual_sensor.held_out.rig import look_at
+from virtual_sensor.held_out.specular import glints
 
 LAMP_POSITION = (1.1, 0.8, 0.5)
 _RING = 12

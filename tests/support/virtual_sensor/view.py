@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from worlds.light import radiance
-from worlds.pcg import Pcg
+from virtual_sensor.light import radiance
+from virtual_sensor.pcg import Pcg
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from worlds.blind.rig import random_pose
+from virtual_sensor.held_out.rig import random_pose
 
 _PAUSE_S = 1.3
 _SEED = 17

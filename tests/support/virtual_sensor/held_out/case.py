@@ -1,21 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One blind world: a capture folder for the tool under test, and the answer key that it must not see."""
+"""One test case: a capture folder for the tool under test, and the answer key that it must not see."""
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from worlds.blind import camera, imager, oracle
-from worlds.blind.depth import MAX_DISPARITY, device_depth
-from worlds.blind.emitter import Emitter
-from worlds.blind.files import write_capture
-from worlds.blind.lightmap import Lightmap
-from worlds.blind.more import more_frames
-from worlds.blind.optics import on_pixels
-from worlds.blind.rig import HEIGHT, WIDTH, Rig, believed, draw_frames, draw_rig
-from worlds.blind.scene import draw_scene, surveyed, texel_spacing
-from worlds.blind.surface import Layers, projector_irradiance, shade
+from virtual_sensor.held_out import camera, imager, oracle
+from virtual_sensor.held_out.depth import MAX_DISPARITY, device_depth
+from virtual_sensor.held_out.emitter import Emitter
+from virtual_sensor.held_out.files import write_capture
+from virtual_sensor.held_out.lightmap import Lightmap
+from virtual_sensor.held_out.more import more_frames
+from virtual_sensor.held_out.optics import on_pixels
+from virtual_sensor.held_out.rig import HEIGHT, WIDTH, Rig, believed, draw_frames, draw_rig
+from virtual_sensor.held_out.scene import draw_scene, surveyed, texel_spacing
+from virtual_sensor.held_out.surface import Layers, projector_irradiance, shade
 
 SIDES = ("left", "right")
 SUB = 4
@@ -51,7 +51,7 @@ class Hardware:
         return solid.name in ("ball", "can", "box1", "box2")
 
 
-class World:
+class Case:
     """Everything follows from the seed, the hidden effects {id: {parameter: value}}, and the survey errors' size; more:
     a change of frames that are recorded beside the usual ones, see more.py."""
 
@@ -67,7 +67,7 @@ class World:
 
     def in_scene(self, scene_seed):
         """The same sensor, wrong in the same way, in front of another scene."""
-        other = World(self.seed, self.hidden, self._survey, self._sub)
+        other = Case(self.seed, self.hidden, self._survey, self._sub)
         other.solids = draw_scene(np.random.Generator(np.random.PCG64([scene_seed, 0])))
         other.frames = tuple(frame for frame in other.frames if frame.power > 0 and not frame.is_moving)
         other.__dict__.update(sensor=self.sensor)
@@ -75,7 +75,7 @@ class World:
 
     def hiding(self, hidden):
         """The same world with other hidden effects; shares what has been computed."""
-        other = World(self.seed, hidden, self._survey, self._sub)
+        other = Case(self.seed, hidden, self._survey, self._sub)
         other._layers, other._ambient, other._hardwares = self._layers, self._ambient, self._hardwares
         other.__dict__.update(lightmap=self.lightmap, sensor=self.sensor)
         return other

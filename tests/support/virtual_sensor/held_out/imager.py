@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from worlds.blind.rig import HEIGHT, REFERENCE_C, WIDTH
+from virtual_sensor.held_out.rig import HEIGHT, REFERENCE_C, WIDTH
 
 MAX_DN = 255
 SHAPE = (HEIGHT, WIDTH)

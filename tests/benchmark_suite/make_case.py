@@ -1,32 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes one world of the benchmark suite: the capture, and the answer key in another place."""
+"""Makes one case of the benchmark suite: the capture, and the answer key in another place."""
 
 import json
 import shutil
 
 from suite_sets import STRENGTHS
-from worlds.blind import oracle
-from worlds.blind.world import World
+from virtual_sensor.held_out import oracle
+from virtual_sensor.held_out.case import Case
 
 
-def make_world(item, capture_folder, key_path, survey, more=None, elsewhere=None):
+def make_case(item, capture_folder, key_path, survey, more=None, elsewhere=None):
     """Writes both, whole or not at all; returns the key. more: a change of frames recorded beside the usual ones.
     elsewhere: (folder, seed) of a capture of another scene by the same sensor."""
     hidden, moving_exposure = item.draw()
-    world = World(item.seed, hidden, survey, moving_exposure=moving_exposure, more=more)
-    figures = _write(world, capture_folder, item)
+    case = Case(item.seed, hidden, survey, moving_exposure=moving_exposure, more=more)
+    figures = _write(case, capture_folder, item)
     if elsewhere is not None:
         folder, seed = elsewhere
-        _write(world.in_scene(seed), folder, item)
+        _write(case.in_scene(seed), folder, item)
     key = {
         "id": item.id,
         "set": item.set,
-        "name": item.blind_name,
+        "name": item.anonymous_name,
         "infrared": item.infrared,
         "survey": survey,
         "strengths": {name: STRENGTHS[index] for name, index in item.strengths},
         "hidden": hidden,
-        "scored": oracle.scored_parameters(world),
+        "scored": oracle.scored_parameters(case),
         "oracle": figures,
     }
     key_path.parent.mkdir(parents=True, exist_ok=True)
@@ -36,10 +36,10 @@ def make_world(item, capture_folder, key_path, survey, more=None, elsewhere=None
     return key
 
 
-def _write(world, folder, item):
+def _write(case, folder, item):
     building = folder.with_name(folder.name + ".part")
     shutil.rmtree(building, ignore_errors=True)
-    figures = world.capture(building, item.blind_name)
+    figures = case.capture(building, item.anonymous_name)
     if not item.infrared:
         _leave_out_infrared(building)
     shutil.rmtree(folder, ignore_errors=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rig and the eight frames of a blind capture: true values, and the calibration that the user believes."""
+"""The rig and the eight frames of a held-out case: true values, and the calibration that the user believes."""
 
 from dataclasses import dataclass, replace
 

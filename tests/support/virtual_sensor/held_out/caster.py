@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from worlds.blind.charts import bounding_radius
+from virtual_sensor.held_out.charts import bounding_radius
 
 LIFT_M = 1e-6
 

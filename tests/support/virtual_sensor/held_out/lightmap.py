@@ -9,8 +9,8 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.sparse import csr_matrix
 
-from worlds.blind.caster import LIFT_M, albedo_of, closest
-from worlds.blind.charts import charts, inside, locate
+from virtual_sensor.held_out.caster import LIFT_M, albedo_of, closest
+from virtual_sensor.held_out.charts import charts, inside, locate
 
 _RAYS = 192
 _CHUNK = 400_000

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from worlds.blind.rig import HEIGHT, WIDTH, moved
+from virtual_sensor.held_out.rig import HEIGHT, WIDTH, moved
 
 
 def rays(rig, frame, eye, hidden, sub, dt_s=0.0, offset=(0.0, 0.0)):

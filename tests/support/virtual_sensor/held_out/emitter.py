@@ -5,7 +5,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 from scipy.signal import fftconvolve
 
-from worlds.blind.rig import PATTERN_WIDTH
+from virtual_sensor.held_out.rig import PATTERN_WIDTH
 
 _LEVEL_STEP_PX = 0.75
 _ASTIGMATIC_TAPS = 7
