@@ -5,7 +5,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from activestereo.cli.arguments import CommandError, check_out_file
+from activestereo.cli.arguments import CommandError, add_effects, check_out_file
 from activestereo.common.input_files import read_json
 
 _TEXT = """\
@@ -36,7 +36,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         metavar="MATERIAL",
         help="a surface that shows it, by its material's name (default: all)",
     )
-    parser.add_argument("--effects", type=Path, action="append", default=[], metavar="FILE", help="your own effects")
+    add_effects(parser)
     parser.add_argument(
         "-o", "--out", required=True, type=Path, metavar="FILE", help="the model to write; may be the same file"
     )

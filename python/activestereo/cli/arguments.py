@@ -102,6 +102,14 @@ def add_device(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--device", default="auto", metavar="auto|cpu|N", help=text)
 
 
+def add_effects(parser: argparse.ArgumentParser, text: str = "your own effects", dest: str = "effects") -> None:
+    parser.add_argument("--effects", dest=dest, type=Path, action="append", default=[], metavar="FILE", help=text)
+
+
+def add_samples(parser: argparse.ArgumentParser, text: str = "samples per pixel (default: 64)") -> None:
+    parser.add_argument("--spp", type=integer_from(1), default=64, metavar="N", help=text)
+
+
 def add_max_bounces(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     parser.add_argument(
         "--max-bounces",

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from activestereo.cli.arguments import (
     add_device,
+    add_effects,
     add_json,
     add_max_bounces,
     add_out,
     add_paper,
+    add_samples,
     add_seed,
     check_paper,
-    integer_from,
     make_folder,
     print_json,
 )
@@ -57,9 +58,8 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--model", type=Path, metavar="FILE", help="model.json: its effects act inside of the engines (default: none)"
     )
-    text = "your own effects, where the model has some"
-    parser.add_argument("--effects", type=Path, action="append", default=[], metavar="FILE", help=text)
-    parser.add_argument("--spp", type=integer_from(1), default=64, metavar="N", help="samples per pixel (default: 64)")
+    add_effects(parser, "your own effects, where the model has some")
+    add_samples(parser)
     add_max_bounces(parser)
     add_seed(parser, "same seed, same pictures")
     add_device(parser)

@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING
 from activestereo.cli.arguments import (
     Commands,
     add_device,
+    add_effects,
     add_json,
     add_max_bounces,
     add_out,
     add_paper,
+    add_samples,
     add_seed,
     check_paper,
     integer_from,
@@ -76,14 +78,7 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("capture", type=Path, metavar="CAPTURE", help="the capture's folder")
     add_out(parser)
     parser.add_argument("--model", type=Path, metavar="FILE", help="model.json to start from (default: no effects)")
-    parser.add_argument(
-        "--effects",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="FILE",
-        help="your own effects, ranked beside the built-in ones",
-    )
+    add_effects(parser, "your own effects, ranked beside the built-in ones")
     parser.add_argument(
         "--greedy", action="store_true", help="add, refit, swap and remove effects until nothing passes"
     )
@@ -94,8 +89,7 @@ def add_parser(commands: Commands) -> None:
         help="refine what surfaces, air and lights do by kuafu's own images (default; --no-refine saves a minute or "
              "two on two cores)",
     )
-    text = "samples per pixel of what is told, as of compare; the search takes half (default: 64)"
-    parser.add_argument("--spp", type=integer_from(1), default=64, metavar="N", help=text)
+    add_samples(parser, "samples per pixel of what is told, as of compare; the search takes half (default: 64)")
     add_max_bounces(parser)
     add_seed(parser, "same seed, same answer")
     text = "processes that fit (default: one per core)"

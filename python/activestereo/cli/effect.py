@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from activestereo.cli.arguments import add_device, add_json, check_out_file, print_json
+from activestereo.cli.arguments import add_device, add_effects, add_json, check_out_file, print_json
 
 if TYPE_CHECKING:
     from activestereo.effects import Effect
@@ -73,9 +73,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         "measure", help="image functions against the engines", description=_MEASURE, formatter_class=raw
     )
     measure.add_argument("effects", nargs="*", metavar="EFFECT", help="ids (default: all built-in ones)")
-    measure.add_argument(
-        "--effects", dest="files", type=Path, action="append", default=[], metavar="FILE", help="your own effects"
-    )
+    add_effects(measure, dest="files")
     measure.add_argument(
         "-o",
         "--out",

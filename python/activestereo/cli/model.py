@@ -4,6 +4,8 @@
 import argparse
 from pathlib import Path
 
+from activestereo.cli.arguments import add_effects
+
 _TEXT = """\
 A sensor model (model.json) in words.
 
@@ -29,14 +31,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     ):
         action = actions.add_parser(name, help=text, formatter_class=raw)
         action.add_argument("files", nargs=files, type=Path, metavar="FILE", help="model.json")
-        action.add_argument(
-            "--effects",
-            type=Path,
-            action="append",
-            default=[],
-            metavar="FILE",
-            help="your own effects, where a model has some",
-        )
+        add_effects(action, "your own effects, where a model has some")
         action.set_defaults(run=run)
 
 

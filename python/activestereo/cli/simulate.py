@@ -15,6 +15,7 @@ from activestereo.cli.arguments import (
     CommandError,
     Commands,
     add_device,
+    add_effects,
     add_json,
     add_out,
     add_seed,
@@ -87,14 +88,7 @@ def add_parser(commands: Commands) -> None:
         "not say"
     )
     parser.add_argument("--model", type=Path, metavar="FILE", help=text)
-    parser.add_argument(
-        "--effects",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="FILE",
-        help="your own effects, where the model has some",
-    )
+    add_effects(parser, "your own effects, where the model has some")
     add_out(parser)
     add_json(parser)
     add_device(parser)

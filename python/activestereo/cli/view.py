@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from activestereo.cli.arguments import CommandError, Commands, add_device, size, whole
+from activestereo.cli.arguments import CommandError, Commands, add_device, add_effects, size, whole
 
 _TEXT = """\
 Serves a page on this machine alone and opens it in the browser: what was measured,
@@ -44,8 +44,7 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("path", type=Path, metavar="PATH", help="capture, scene file, recording, or a folder of them")
     text = "a sensor model to begin with: its calibration, noise and effects"
     parser.add_argument("--model", type=Path, metavar="FILE", help=text)
-    text = "your own effects, to be added on the page"
-    parser.add_argument("--effects", type=Path, action="append", default=[], metavar="FILE", help=text)
+    add_effects(parser, "your own effects, to be added on the page")
     text = "the sensor in scene files and of recordings, as simulate's (default: d435)"
     parser.add_argument("--sensor", default="d435", metavar="NAME", help=text)
     text = "of the infrared images in scene files (default: the sensor's own; smaller ones are quicker)"

@@ -42,7 +42,7 @@ class CameraOrder:
 
 
 def camera_order(pairs: Sequence[tuple[NDArray[np.generic], NDArray[np.generic]]]) -> CameraOrder:
-    """The EyeOrder of (left, right) images [height][width] of one size."""
+    """The CameraOrder of (left, right) images [height][width] of one size."""
     found = np.concatenate([np.zeros((0, 2)), *(_shifts(left, right) for left, right in pairs)])
     if not len(found):
         return CameraOrder(0, 0.0, 0.0, 0.0)

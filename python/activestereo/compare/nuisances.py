@@ -5,8 +5,8 @@
     range
 
 P and A are the rendered radiance under the projector at power 1 and under ambient radiance 1. All train pixels of both
-cameras weigh alike: this is the maximum-likelihood fit of a constant variance and minimises the very RMSE that is
-reported.
+cameras weigh alike, so that the fit minimises the RMSE that compare reports. diagnose/refine/fitter.py, which weighs
+pixels by their variance and fits focal lengths, albedos and effects too, starts from it.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from activestereo.capture.capture import Frame
+from activestereo.common.normal_matrix import inverse_normal_matrix
 
 # Pixels predicted this many residual deviations from the ends of the range are left out: there clipping biases the
 # mean.
@@ -140,22 +141,15 @@ def solve_bounded(gram: np.ndarray, moment: np.ndarray) -> tuple[np.ndarray, np.
     """(projector scale, ambient scale, black) of least squares with both scales at least 0, the inverse of their Gram
     matrix, and the scales at that bound. A light that no train frame shows gets scale 0."""
     best: tuple[float, np.ndarray, np.ndarray, tuple[int, ...]] | None = None
-    for held in ((), (0,), (1,), (0, 1)):
-        free = [j for j in range(3) if j not in held]
+    for fixed in ((), (0,), (1,), (0, 1)):
+        free = [j for j in range(3) if j not in fixed]
         solution, inverse = np.zeros(3), np.zeros((3, 3))
-        solution[free], inverse[np.ix_(free, free)] = _solve(gram[np.ix_(free, free)], moment[free])
+        inverse[np.ix_(free, free)] = within = inverse_normal_matrix(gram[np.ix_(free, free)])
+        solution[free] = within @ moment[free]
         explained = float(solution @ moment)
         if (solution[:2] >= 0.0).all() and (best is None or explained > best[0]):
-            best = explained, solution, inverse, held
-        if not held and best is not None:
+            best = explained, solution, inverse, fixed
+        if not fixed and best is not None:
             break
-    assert best is not None  # with both held nothing is left that could be negative
+    assert best is not None  # with both fixed nothing is left that could be negative
     return best[1], best[2], tuple(("projector_scale", "ambient_scale")[j] for j in best[3])
-
-
-def _solve(gram: np.ndarray, moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least squares of scaled columns."""
-    norm = np.sqrt(np.diag(gram))
-    norm[norm == 0] = 1.0
-    inverse = np.linalg.pinv(gram / np.outer(norm, norm), rcond=1e-12, hermitian=True) / np.outer(norm, norm)
-    return inverse @ moment, inverse

@@ -58,7 +58,8 @@ def _without_images(place: Path) -> Capture:
     assert drawn is not None, "a D435 has a pattern"
     pattern, pattern_K = drawn
     write_gray(pattern_path, pattern)
-    camera = Camera(*config.ir_resolution, np.asarray(config.ir_intrinsic, np.float64))
+    width, height = config.ir_resolution
+    camera = Camera(width, height, np.asarray(config.ir_intrinsic, np.float64))
     left_to_right, left_to_projector = np.eye(4), np.eye(4)
     left_to_right[0, 3], left_to_projector[0, 3] = -_BASELINE_M, -_PROJECTOR_M
     rig = Rig(camera, camera, left_to_right, Projector(pattern_path, np.asarray(pattern_K), left_to_projector))

@@ -24,6 +24,7 @@ from activestereo.diagnose.refine.parameter_space import ParameterSpace
 from activestereo.diagnose.score.intervals import intervals
 from activestereo.diagnose.score.likelihood import cross_validated
 from activestereo.effects import Effect, Light, Model, View
+from activestereo.effects.core.light import RenderedLight
 from activestereo.effects.engines.halves import HALVES
 
 # Rounds of rendering and fitting, and fits' steps in each.
@@ -33,21 +34,6 @@ _STEP_TYPICAL, _STEP_DISTANCE = 0.2, 0.15
 # A round moves a parameter by no more than so many of these steps, keeps the slopes where none moved by more than so
 # many, and ends the search where none moves by this part of one.
 _TRUSTED, _NEAR, _SETTLED = 6.0, 1.0, 0.3
-
-
-class RenderedLight(Protocol):
-    """Radiance [height][width] of one camera of one frame, as in Light: under the projector at power 1, and under
-    ambient radiance 1.
-    """
-
-    @property
-    def direct(self) -> np.ndarray: ...
-
-    @property
-    def indirect(self) -> np.ndarray: ...
-
-    @property
-    def ambient(self) -> np.ndarray: ...
 
 
 class Rendering(Protocol):

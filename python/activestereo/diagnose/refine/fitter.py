@@ -17,6 +17,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from activestereo.common.computed_once import computed_once
+from activestereo.common.normal_matrix import inverse_normal_matrix
 from activestereo.compare.nuisances import Nuisances
 from activestereo.diagnose.evidence.observation import FOLDS, Evidence, Observation
 from activestereo.diagnose.refine.fit_cache import FitCache, content_key, fit_key
@@ -246,8 +247,7 @@ class Fitter:
     def inverse(self, solution: Solution) -> np.ndarray:
         """The inverse of the normal matrix with its priors, at a solution: (theta, phi) in rows and columns."""
         gram = solution.sums.gram.sum(0) + np.diag(self.prior(len(solution.theta), solution.space))
-        norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        return np.linalg.pinv(gram / np.outer(norm, norm), rcond=1e-12, hermitian=True) / np.outer(norm, norm)
+        return inverse_normal_matrix(gram)
 
     def solve(
         self, sums: Sums, phi: np.ndarray, n_theta: int, space: ParameterSpace, theta: np.ndarray, damping: float

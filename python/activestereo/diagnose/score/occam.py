@@ -10,6 +10,7 @@ from itertools import combinations
 
 import numpy as np
 
+from activestereo.common.normal_matrix import inverse_normal_matrix
 from activestereo.diagnose.refine.fitter import Fitter
 from activestereo.diagnose.refine.parameter_space import Solution
 from activestereo.effects import Effect, Parameter
@@ -80,12 +81,8 @@ def _information(fitter: Fitter, solution: Solution, chosen: np.ndarray) -> np.n
     complement)."""
     gram = solution.sums.gram.sum(0) + np.diag(fitter.prior(len(solution.theta), solution.space))
     rest = np.setdiff1d(np.arange(len(gram)), chosen)
-    norm = np.sqrt(np.maximum(np.diag(gram)[rest], 1e-300))
-    inverse = np.linalg.pinv(gram[np.ix_(rest, rest)] / np.outer(norm, norm), rcond=1e-12, hermitian=True) / np.outer(
-        norm, norm
-    )
     cross = gram[np.ix_(chosen, rest)]
-    return gram[np.ix_(chosen, chosen)] - cross @ inverse @ cross.T
+    return gram[np.ix_(chosen, chosen)] - cross @ inverse_normal_matrix(gram[np.ix_(rest, rest)]) @ cross.T
 
 
 def _log_density(parameter: Parameter, away: float) -> float:

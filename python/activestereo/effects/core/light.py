@@ -18,8 +18,9 @@ _GAIN_SIGMA_PX = 2.0
 _PROJECTOR, _AMBIENT = ("direct", "indirect"), ("ambient",)
 
 
-class Rendered(Protocol):
-    """Rendered images of one view (compare/layers.py), each [height][width]; it may also have `fine`, a FineImages."""
+class RenderedLight(Protocol):
+    """Radiance [height][width] of one view, as in Light: under the projector at power 1, and under ambient radiance
+    1."""
 
     @property
     def direct(self) -> np.ndarray: ...
@@ -29,6 +30,10 @@ class Rendered(Protocol):
 
     @property
     def ambient(self) -> np.ndarray: ...
+
+
+class Rendered(RenderedLight, Protocol):
+    """Rendered images of one view (compare/layers.py); it may also have `fine`, a FineImages."""
 
     @property
     def flat(self) -> np.ndarray: ...

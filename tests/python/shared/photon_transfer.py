@@ -4,7 +4,6 @@
 
     result = photon_transfer(take, exposures_s=np.linspace(0.02, 1.0, 50))
     print(result.conversion_gain_dn_per_e, result.read_noise_e)
-    result.figure().savefig("photon_transfer.png")
 
 It needs raw counts, proportional to light, no spatial processing (a resampled image has too little noise), and half a
 count of noise or more in the dark, so that steps do not hide it.
@@ -14,16 +13,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from activestereo.common.palette import BLUE, INK, MUTED
 from activestereo.common.rounding import ROUNDING_VARIANCE
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Take = Callable[[float, bool, int], ArrayLike]
 _LINEAR_SHARE = 0.7  # of saturation: EMVA 1288's range of the gain fit
@@ -47,33 +41,6 @@ class PhotonTransfer:
     dsnu_e: float
     black_level_dn: float  # the dark's mean at exposure 0
     linearity_error: float  # largest deviation from a straight line over the mean, 5..95 % of saturation
-
-    def figure(self) -> Figure:
-        """A matplotlib Figure: the photon transfer curve, and mean and dark mean over exposure."""
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(11.0, 4.2), facecolor="white", layout="constrained")
-        transfer, response = figure.subplots(1, 2)
-        signal, noise = self.mean_dn - self.dark_mean_dn, self.variance_dn2 - self.dark_variance_dn2
-        transfer.plot(signal, noise, "o", color=BLUE, ms=4)
-        line = np.array([0.0, self.full_well_e * self.conversion_gain_dn_per_e])
-        gain = f"K = {self.conversion_gain_dn_per_e:.4g} DN/e-"
-        transfer.plot(line, self.conversion_gain_dn_per_e * line, color=INK, lw=1.2, label=gain)
-        transfer.set(
-            xlabel="mean above dark (DN)", ylabel="temporal variance above dark (DN$^2$)", title="photon transfer"
-        )
-        transfer.legend(frameon=False)
-        response.plot(self.exposures_s, self.mean_dn, "o", color=BLUE, ms=4, label="lit")
-        response.plot(self.exposures_s, self.dark_mean_dn, "o", color=MUTED, ms=4, label="dark")
-        response.set(xlabel="exposure (s)", ylabel="mean (DN)", title="response")
-        response.legend(frameon=False)
-        rows = (
-            f"read noise {self.read_noise_e:.3g} e-", f"full well {self.full_well_e:.4g} e-",
-            f"dark current {self.dark_current_e_per_s:.3g} e-/s", f"PRNU {100 * self.prnu:.3g} %",
-            f"DSNU {self.dsnu_e:.3g} e-",
-        )  # fmt: skip
-        figure.suptitle("   ".join(rows), fontsize=10, color=INK)
-        return figure
 
 
 def photon_transfer(take: Take, exposures_s: ArrayLike, stack_count: int = 32) -> PhotonTransfer:
