@@ -21,7 +21,7 @@ where all others stand with their machine and date.
 |infrared image 960x540 of metal and glass, path depth 8, 8 samples, H200|{render.0:8 samples:0} ms|`bench_render`|
 |the whole sensor at 848x480, 2 samples, H200|{sensor.1:2 samples, infrared and depth:0} ms|`bench_sensor.py`|
 |walls rendered again through a measured pattern: error over the noise|{calibrate.0:848x480, wall at 1.0 m:2} at 1 m, {calibrate.0:1.7 m:2} at 1.7 m|`bench_calibrate.py wall`|
-|hidden effects named first, where detectable|{bank} of worlds that nobody had looked at|`run_suite.py`|
+|hidden effects named first, where detectable|{suite} of test cases that nobody had looked at|`run_suite.py`|
 
 The tests compare the renderer with physical laws: the inverse square law, conservation of energy (a white furnace),
 reciprocity, Fresnel's and Snell's laws in glass, Beer's and Lambert's law in fog, closed forms of shutters and lenses,
@@ -35,7 +35,7 @@ def figures_page():
     while "{" in text:
         before, _, text = text.partition("{")
         place, _, text = text.partition("}")
-        page += [before, _bank() if place == "bank" else _value(place)]
+        page += [before, _suite() if place == "suite" else _value(place)]
     return "".join([*page, text])
 
 
@@ -46,7 +46,7 @@ def _value(place):
     return str(results["runs"][int(run)]["rows"][row][int(column)])
 
 
-def _bank():
+def _suite():
     newest = max((ROOT / "tests/benchmark_suite/results").glob("generation-*.json"))
     first = json.loads(newest.read_text())["measures"]["top-1"]
     return f"{100 * first['value']:.0f} % ({100 * first['low']:.0f} to {100 * first['high']:.0f} %)"

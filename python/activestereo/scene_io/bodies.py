@@ -120,7 +120,7 @@ class Bodies:
         del self.names[body]
         self._last = np.delete(self._last, body, axis=1)
 
-    def dress(self, material_of: Callable[[int, int], int]) -> None:
+    def set_materials(self, material_of: Callable[[int, int], int]) -> None:
         """Gives each instance the materials that material_of names for its environment (0 where there are none) and a
         material that its shape was added with."""
         for instance, environment, own in zip(self._instances, self._environments, self._materials, strict=True):

@@ -71,7 +71,7 @@ class RandomWorlds:
         self._seed, self._draws = seed, 0
         self._base: dict[int, kuafu.Material] = {}  # by the number that a body was given
         self._own: dict[tuple[int, int], int] = {}  # by environment and that number
-        bodies.dress(self._own_material)
+        bodies.set_materials(self._own_material)
         self._lamps = [
             [self._scene.add_light(_lamp(environment, 0.0, np.zeros(3))) for _ in range(int(ranges.lamps[1]))]
             for environment in range(self._count)
@@ -101,7 +101,7 @@ class RandomWorlds:
         for lamp in (lamp for own in self._lamps for lamp in own):
             self._scene.remove_light(lamp)
         self._lamps = [[] for _ in self._lamps]
-        self._bodies.dress(lambda environment, number: number)
+        self._bodies.set_materials(lambda environment, number: number)
         for material in self._own.values():
             self._scene.remove_material(material)
         self._own = {}

@@ -73,7 +73,7 @@ class Rig:
             instants = [([0], 0.0), ([LATER], inputs.right.delay_s)]
         own = [] if inputs.projector is None else [inputs.projector]
         for light in (*own, *inputs.rig_lights):
-            self._throw(light, inputs)
+            self._project(light, inputs)
             infrared = laser_w_sr if light.ir_intensity == np.float32(laser_w_sr) else light.ir_intensity
             for environments, delay_s in instants:
                 # The first record is the inputs' own, which follows the rig's velocity.
@@ -86,7 +86,7 @@ class Rig:
                 )
         self.darken()
         for light in inputs.lights:
-            self._throw(light, inputs)
+            self._project(light, inputs)
             self._standing.append(self._scene.add_light(light))
 
     def shine(self, rigs: NDArray[np.float64]) -> None:
@@ -130,7 +130,7 @@ class Rig:
         self._on_rig, self._numbers, self._standing, self._materials = [], [], [], {}
         self._changed_texture, self._has_medium = None, False
 
-    def _throw(self, light: kuafu.Light, inputs: EngineInputs) -> None:
+    def _project(self, light: kuafu.Light, inputs: EngineInputs) -> None:
         """Gives a projector of an image its texture: the sensor's own one, or what effects made of it."""
         own = self.pattern
         if light.kind != "projector" or self._pattern is None or own is None or len(light.dots):

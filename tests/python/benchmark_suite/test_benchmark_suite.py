@@ -139,7 +139,7 @@ def test_intervals_cover_what_they_say():
     assert 0.92 < np.mean(held) < 1.0
 
 
-def test_a_bank_is_run_once_and_resumed(tmp_path):
+def test_a_suite_is_run_once_and_resumed(tmp_path):
     stub = tmp_path / "stub.py"
     stub.write_text(STUB)
     out = tmp_path / "suite"
