@@ -158,6 +158,12 @@ class StereoDepthSensorBatch(SensorResults):
         light = self._each(lambda engine, _: engine.light())
         return light[0] if len(light) == 1 else np.concatenate(light, axis=1)
 
+    def get_pointcloud(self, with_rgb: bool = False) -> NDArray[np.float32]:
+        """float32 [..., height, width, 3], metres in the RGB cameras' axes (x right, y down, z forward), 0 where there
+        is no measurement; with_rgb: 6, and colours."""
+        points = np.moveaxis(self.rgb_rays(), 0, -1).astype(np.float32) * self.get_depth()[..., None]
+        return np.concatenate([points, self.get_rgb()], axis=-1) if with_rgb else points
+
     def get_cuda(self, name: str, device: int = 0) -> CudaArray:
         """What get_<name>() has, in CUDA memory and without a copy, as float32, uint8, uint16 or uint32: 'depth',
         'disparity', 'ir_left', 'ir_right' (of ir_measured), a map of get_depth_map(), 'rgba8', 'true_depth',
@@ -270,6 +276,10 @@ class StereoDepthSensorBatch(SensorResults):
 
     def _of(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
         return self._devices.join(self._each(lambda engine, _: get(engine)))
+
+    def _poses(self) -> NDArray[np.float64]:
+        _, rigs = self._placed()
+        return np.concatenate(rigs).reshape(*self._shape, 4, 4)
 
     def _placed(self) -> tuple[NDArray[np.bool_], list[NDArray[np.float64]]]:
         """([sensors]: whose mount has no pose, the RGB cameras' poses by device)."""

@@ -11,7 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.camera.auto_exposure import encoded_rgb
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.computed_once import computed_once
+from activestereo.common.lens import pixel_rays
 from activestereo.common.nearest import did_you_mean
+from activestereo.common.pose import Pose, camera_to_world
+from activestereo.sensor.camera_info import CameraInfo, camera_info
 from activestereo.sensor.cuda_maps import DEPTH_MAPS, MAPS, PICTURES
 from activestereo.sensor.cuda_memory import CudaArray
 from activestereo.sensor.engine import SensorEngine
@@ -28,6 +33,35 @@ class SensorResults(ABC):
     @abstractmethod
     def _of(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
         """The result of all sensors, of what get() has of one device's."""
+
+    @abstractmethod
+    def _poses(self) -> NDArray[np.float64]:
+        """[..., 4, 4] of the RGB cameras, body axes."""
+
+    @abstractmethod
+    def get_config(self) -> StereoDepthSensorConfig:
+        """A copy."""
+
+    def camera_info(self, camera: str = "rgb") -> CameraInfo:
+        """Size, intrinsics, lens and place of 'rgb', 'left' or 'right', as the calibration has them."""
+        return camera_info(self.get_config(), camera)
+
+    def get_intrinsics(self, camera: str = "rgb") -> NDArray[np.float64]:
+        """[..., 3, 3] of this camera, as the calibration has it; pixel centres are at integers."""
+        k, leading = self.camera_info(camera).k, self._poses().shape[:-2]
+        return np.broadcast_to(k, (*leading, 3, 3)).copy()
+
+    def get_extrinsics(self, camera: str = "rgb") -> NDArray[np.float64]:
+        """[..., 4, 4] camera_to_world of this camera where the mount is now, as the calibration has it; camera axes (x
+        right, y down, z forward), metres."""
+        return self._poses() @ camera_to_world(Pose()) @ self.camera_info(camera).camera_to_rgb
+
+    @computed_once
+    def rgb_rays(self) -> NDArray[np.float64]:
+        """[3, height, width]: where the middles of the RGB camera's pixels look in its axes, with z = 1."""
+        rgb = self.camera_info()
+        v, u = np.indices((rgb.height, rgb.width))
+        return pixel_rays(u.ravel(), v.ravel(), rgb.k, rgb.distortion).reshape(3, *u.shape)
 
     def get_depth(self) -> NDArray[np.float32]:
         """float32 metres in the RGB camera, through its lens; 0 = no measurement."""

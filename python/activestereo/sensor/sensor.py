@@ -20,14 +20,13 @@ from activestereo.camera.config_limits import checked_twist
 from activestereo.camera.matching import linear_counts
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import SIDES
-from activestereo.common.computed_once import computed_once
-from activestereo.common.lens import pixel_rays
 from activestereo.common.limits import TEMPERATURE, TIME
 from activestereo.common.nearest import unknown
 from activestereo.common.pose import Pose, as_matrix, camera_to_world
 from activestereo.common.progress_bar import Progress
 from activestereo.effects.core.engine import EngineInputs
 from activestereo.model import SensorModel
+from activestereo.sensor.camera_info import CAMERAS
 from activestereo.sensor.cuda_memory import CudaArray
 from activestereo.sensor.engine import SensorEngine
 from activestereo.sensor.gbuffer.traced import traced_causes
@@ -150,8 +149,8 @@ class StereoDepthSensor(SensorResults):
     def get_picture(self, name: str, camera: str = "rgb") -> NDArray[Any]:
         """[height, width, channels]: one of kuafu's outputs ('position', 'albedo', ...; see kuafu.Renderer) as camera
         'rgb', 'left' or 'right' sees it now; projector_* of this sensor's. Needs no take_picture()."""
-        if camera not in ("rgb", *SIDES):
-            raise ValueError(unknown("camera", camera, ("rgb", *SIDES)))
+        if camera not in CAMERAS:
+            raise ValueError(unknown("camera", camera, CAMERAS))
         return self._engine.render_now(self._rigs(), name, None if camera == "rgb" else SIDES.index(camera))
 
     # ---- the sensor itself ----
@@ -236,13 +235,6 @@ class StereoDepthSensor(SensorResults):
         """{stage: milliseconds} of the last take_picture and compute_depth."""
         return dict(self._engine.stage_times)
 
-    @computed_once
-    def rgb_rays(self) -> NDArray[np.float64]:
-        """[3, height, width]: where the middles of the RGB camera's pixels look in its axes, with z = 1."""
-        c = self._engine.config
-        v, u = np.indices(c.rgb_resolution[::-1])
-        return pixel_rays(u.ravel(), v.ravel(), c.rgb_intrinsic, c.rgb_distortion).reshape(3, *u.shape)
-
     def rgb_camera(self) -> kuafu.Camera:
         return self._engine.rig.rgb_cameras(self._rigs())[0]
 
@@ -286,6 +278,9 @@ class StereoDepthSensor(SensorResults):
 
     def _of(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
         return get(self._engine)
+
+    def _poses(self) -> NDArray[np.float64]:
+        return self._place.matrix()
 
     def _rigs(self) -> NDArray[np.float64]:
         """[1, 4, 4]."""

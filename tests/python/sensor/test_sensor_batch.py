@@ -239,3 +239,37 @@ def test_a_model_goes_with_its_batch(config: StereoDepthSensorConfig) -> None:
     with pytest.raises(ValueError, match="such sensors have no quantisation"):
         StereoDepthSensorBatch(config, Mounts(scene, [FORWARD] * 2), model=model_of(quantisation={"step_dn": 16.0}))
     assert scene.summary.light_count == before[1]
+
+
+def test_a_batchs_points_and_cameras_are_its_sensors(config: StereoDepthSensorConfig) -> None:
+    turned = Pose([0.1, 0.0, 0.05], [0.96, 0.1, 0.2, 0.1])
+    there = np.stack([turned.to_transformation_matrix(), np.eye(4)])[:, None]
+    config.rgb_distortion = (0.05, 0.0, 0.001, 0.0, 0.0)
+    batch = StereoDepthSensorBatch(config, Mounts(walls([0.8, 1.0], 2), there))
+    sensor = StereoDepthSensor(config, Mount(walls([0.8])), pose=turned)
+    for one in (batch, sensor):
+        one.take_picture()
+        one.compute_depth()
+    points = batch.get_pointcloud(with_rgb=True)
+    assert points.shape == (2, 1, 120, 212, 6)
+    np.testing.assert_array_equal(points[..., 2], batch.get_depth())
+    seen, alone = batch.get_depth()[0, 0] > 0, sensor.get_depth() > 0
+    ways = [cloud / cloud[:, 2:] for cloud in (points[0, 0][seen & alone][:, :3], sensor.get_pointcloud()[seen[alone]])]
+    np.testing.assert_allclose(*ways, atol=1e-6)
+    cameras = {"rgb": sensor.rgb_camera(), "left": sensor.ir_cameras()[0], "right": sensor.ir_cameras()[1]}
+    for name, camera in cameras.items():
+        info = batch.camera_info(name)
+        assert (info.width, info.height, batch.get_intrinsics(name).shape) == (212, 120, (2, 1, 3, 3))
+        np.testing.assert_allclose(batch.get_intrinsics(name)[1, 0], camera.k, rtol=1e-6)
+        np.testing.assert_allclose(batch.get_extrinsics(name)[0, 0], camera.camera_to_world, atol=1e-6)
+        np.testing.assert_allclose(sensor.get_extrinsics(name), camera.camera_to_world, atol=1e-6)
+    with pytest.raises(ValueError, match="unknown camera 'lift' .*did you mean 'left'"):
+        batch.get_extrinsics("lift")
+
+
+def test_all_environments_that_cannot_be_varied_so_are_named(config: StereoDepthSensorConfig) -> None:
+    with StereoDepthSensorBatch(config, Mounts(walls([0.8] * 4, 4), [FORWARD] * 4)) as batch:
+        with pytest.raises(ValueError, match="laser_power of environment 1 is -1, .*; environment 3 is nan"):
+            batch.vary(laser_power=[1.0, -1.0, 1.0, np.nan])
+        with pytest.raises(ValueError, match="right_turn of environment 0 is no rotation; environment 2 is no"):
+            batch.vary(right_turn=np.stack([2 * np.eye(3), np.eye(3)] * 2))

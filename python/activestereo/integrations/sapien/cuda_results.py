@@ -9,7 +9,7 @@ import numpy as np
 
 from activestereo.camera.auto_exposure import DARKEST, SRGB, STRIDE, exposure_of_median
 from activestereo.common.computed_once import computed_once
-from activestereo.sensor.cuda_tensor import cuda_tensor, wait_for
+from activestereo.sensor.cuda_tensor import copied_to_cuda, cuda_tensor, wait_for
 from activestereo.sensor.sensor import StereoDepthSensor
 
 if TYPE_CHECKING:
@@ -66,6 +66,23 @@ class CudaResults:
         import torch
 
         return torch.from_numpy(self._sensor.rgb_rays()).to(self.depth().device)
+
+
+class CopiedResults:
+    """The same of a sensor whose results are the host's: copies on torch's CUDA device."""
+
+    def __init__(self, sensor: StereoDepthSensor) -> None:
+        self._sensor = sensor
+
+    def depth(self) -> torch.Tensor:
+        return copied_to_cuda(self._sensor.get_depth())
+
+    def rgba(self) -> torch.Tensor:
+        rgb = self._sensor.get_rgb()
+        return copied_to_cuda(np.concatenate([rgb, np.ones_like(rgb[..., :1])], axis=2))
+
+    def pointcloud(self, with_rgb: bool) -> torch.Tensor:
+        return copied_to_cuda(self._sensor.get_pointcloud(with_rgb))
 
 
 def _exposure_of(light: torch.Tensor) -> float:

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""SAPIEN's configuration of a depth sensor, what SAPIEN refuses of it, and what our sensor makes of it."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from activestereo.camera.presets import SAPIEN_NAMES
+from activestereo.camera.presets import StereoDepthSensorConfig as NativeConfig
+from activestereo.common.input_files import checked_file
+from activestereo.common.pose import Pose, as_matrix
+
+
+class StereoDepthSensorConfig(NativeConfig):
+    """SAPIEN's configuration, with its two models and values, and with all other fields of ours. activestereo's own
+    StereoDepthSensorConfig("D435") errs as the device does, and may be given to the sensor, too."""
+
+    SUPPORTED_MODELS = ("D415", "D435")
+
+    def __init__(self, model: str = "D435") -> None:
+        if model not in self.SUPPORTED_MODELS:
+            raise ValueError(f"Invalid sensor model '{model}', must be one of: {self.SUPPORTED_MODELS}")
+        super().__init__(f"sapien-{model}")
+
+
+def native_config(config: Any) -> NativeConfig:
+    """The configuration of our sensor: pixel centres at integers, our Pose."""
+    out = NativeConfig("sapien-D435")
+    for name in NativeConfig._FIELDS:
+        given = name if hasattr(config, name) else SAPIEN_NAMES.get(name, name)
+        if hasattr(config, given):
+            value = getattr(config, given)
+            is_pose = hasattr(value, "to_transformation_matrix")
+            setattr(out, name, Pose(as_matrix(value)) if is_pose else deepcopy(own_value(name, value)))
+    for name in ("rgb_intrinsic", "ir_intrinsic", "ir_intrinsic_right"):
+        if getattr(out, name) is not None:
+            k = np.array(getattr(out, name), np.float64)
+            k[:2, 2] -= 0.5
+            setattr(out, name, k)
+    if isinstance(out.light_pattern, (str, PathLike)) and out.light_pattern != "generated":
+        setattr(out, "light_pattern", _red_of(out.light_pattern))  # noqa: B010 (the field takes either)
+    return out
+
+
+def own_value(name: str, value: Any) -> Any:
+    """SAPIEN's ways to switch a check off are a difference of 255 pixels and a ratio of 100 % and more."""
+    if name == "lr_max_diff":
+        return -1 if value == 255 else value
+    return min(value, 100) if name == "uniqueness_ratio" else value
+
+
+def _red_of(path: str | PathLike[str]) -> NDArray[np.uint8]:
+    """SAPIEN's patterns are colour images, of which its red projector throws the red."""
+    with Image.open(checked_file(Path(path))) as image:
+        return np.ascontiguousarray(np.asarray(image.convert("RGB"))[..., 0])
+
+
+def check_config(c: Any) -> None:
+    """TypeError where SAPIEN's SimSenseComponent raises it."""
+    noise = ("ir_speckle_noise", "ir_thermal_noise")
+    census, block = ("census_width", "census_height"), ("block_width", "block_height")
+    is_quiet = c.ir_speckle_noise == 0
+    is_rising = _is_int(c.p1_penalty, 1) and _is_int(c.p2_penalty, 1, 223) and c.p1_penalty < c.p2_penalty
+    rules = [
+        (("ir_resolution",), all(_is_int(v, 32) for v in c.ir_resolution), "two whole numbers of at least 32"),
+        (noise, is_quiet or (c.ir_speckle_noise > 0 and c.ir_thermal_noise > 0), "both above 0, or the first one 0"),
+        (census, _is_window(c.census_width, c.census_height, 65), "odd, above 0, their product at most 65"),
+        (("max_disp",), _is_int(c.max_disp, 32, 1024), "a whole number from 32 to 1024"),
+        (block, _is_window(c.block_width, c.block_height, 256), "odd, above 0, their product at most 256"),
+        (("p1_penalty", "p2_penalty"), is_rising, "whole numbers, rising, from 1 to 223"),
+        (("uniqueness_ratio",), _is_int(c.uniqueness_ratio, 0, 255), "a whole number from 0 to 255"),
+        (("lr_max_diff",), _is_int(c.lr_max_diff, -1, 255), "a whole number from 0 to 255, which switches it off"),
+        (("median_filter_size",), c.median_filter_size in (1, 3, 5, 7), "1, 3, 5 or 7"),
+    ]
+    for names, holds, text in rules:
+        if not holds:
+            given = ", ".join(str(getattr(c, name)) for name in names)
+            raise TypeError(f"{' and '.join(names)} must be {text}; given {given}")
+
+
+def _is_int(value: Any, low: int, high: int = 2**31) -> bool:
+    return isinstance(value, int) and low <= value <= high
+
+
+def _is_window(width: Any, height: Any, most: int) -> bool:
+    return all(_is_int(v, 1) and v % 2 == 1 for v in (width, height)) and width * height <= most
