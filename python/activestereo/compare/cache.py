@@ -8,11 +8,12 @@ import hashlib
 import os
 import warnings
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -52,12 +53,19 @@ def scene_digest(scene_path: str | Path) -> str:
     path = Path(scene_path)
     digest.update(read_bytes(path))
     if path.suffix == ".gltf":
-        document = read_json(path)
-        for entry in document.get("buffers", []) + document.get("images", []):
-            uri = entry.get("uri", "")
-            if uri and not uri.startswith("data:"):
-                digest.update(read_bytes(path.parent / uri))
+        for uri in _referred(read_json(path)):
+            digest.update(read_bytes(path.parent / uri))
     return digest.hexdigest()
+
+
+def _referred(document: Any) -> Iterator[str]:
+    """The files of a glTF document's buffers and images. What has no right shape is the importer's to refuse."""
+    for kind in ("buffers", "images"):
+        entries = document.get(kind) if isinstance(document, dict) else None
+        for entry in entries if isinstance(entries, list) else ():
+            uri = entry.get("uri") if isinstance(entry, dict) else None
+            if isinstance(uri, str) and uri and not uri.startswith("data:"):
+                yield unquote(uri)
 
 
 def request_key(request: RenderRequest, renderer_version: str) -> str:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The cache of renders: what was put is got, and a folder that cannot be written or read harms nobody."""
 
+import json
 import os
 import warnings
 from pathlib import Path
@@ -8,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from activestereo.compare.cache import CacheWarning, LayerCache
+from activestereo.compare.cache import CacheWarning, LayerCache, scene_digest
 
 ARRAYS = {"a": np.arange(6.0).reshape(2, 3)}
 
@@ -55,3 +56,18 @@ def test_a_read_only_folder_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert cache.get_arrays("key") is not None
+
+
+def test_a_scene_changes_with_the_files_that_it_names(tmp_path: Path) -> None:
+    scene, values = tmp_path / "scene.gltf", tmp_path / "some values.bin"
+    scene.write_text(json.dumps({"buffers": [{"uri": "some%20values.bin"}], "images": [{"uri": "data:,"}]}))
+    values.write_bytes(b"1")
+    first = scene_digest(scene)
+    values.write_bytes(b"2")
+    assert scene_digest(scene) != first
+
+
+@pytest.mark.parametrize("document", [[], {"buffers": 0.5}, {"images": [3, None, {"uri": 7}, {}]}])
+def test_what_is_no_gltf_is_left_to_the_importer(tmp_path: Path, document: object) -> None:
+    (tmp_path / "scene.gltf").write_text(json.dumps(document))
+    assert scene_digest(tmp_path / "scene.gltf")
