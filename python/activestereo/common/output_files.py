@@ -35,7 +35,7 @@ def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
     `path`: a full disk alone does not say what it had no room for."""
     path = Path(path)
     check_target(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}")  # threads may write the same file
     try:
         with open(temporary, "wb") as file:
             write(file)

@@ -31,6 +31,15 @@ def test_a_failed_write_leaves_the_old_file(tmp_path):
     assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
 
 
+def test_threads_that_write_one_file_do_not_meet(tmp_path: Path) -> None:
+    def write_again(file: BinaryIO) -> None:
+        replace_file(tmp_path / "both", lambda inner: inner.write(b"inner"))
+        file.write(b"outer")
+
+    replace_file(tmp_path / "both", write_again)  # as a second thread would, in the middle of the first
+    assert (tmp_path / "both").read_bytes() == b"outer" and len(list(tmp_path.iterdir())) == 1
+
+
 def test_a_full_disk_is_named(tmp_path: Path) -> None:
     """/dev/full has no room, and what is written there does not say where it should have gone."""
 
