@@ -20,7 +20,7 @@ from activestereo.report.view.simulation import Pictures, Superseded
 
 
 def _wrong(given):
-    raise ValueError("the value is\nwrong")
+    raise ValueError(f"the value is\nwrong{given.get('value', '')}")
 
 
 class Client:
@@ -139,6 +139,8 @@ def test_an_unknown_call_and_a_wrong_value_are_told(client):
     assert client.call("nothing")[0] == 404
     status, _, text = client.call("wrong")
     assert (status, text) == (400, b"the value is wrong")
+    status, _, text = client.call("wrong", {"value": "\ud800"})  # half a character, which has no bytes in UTF-8
+    assert (status, text) == (400, rb"the value is wrong\ud800")
 
 
 def test_a_thousand_bad_requests_do_not_bring_it_down(server, client, capfd):

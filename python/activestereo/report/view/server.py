@@ -102,7 +102,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(refusal.status, str(refusal).encode(), "text/plain")
             return
         except (ValueError, OSError, RuntimeError) as error:
-            self._send(HTTPStatus.BAD_REQUEST, " ".join(str(error).split()).encode(), "text/plain")
+            text = " ".join(str(error).split()).encode(errors="backslashreplace")  # JSON may hold half a character
+            self._send(HTTPStatus.BAD_REQUEST, text, "text/plain")
             return
         self._send(HTTPStatus.OK, content, kind)
 
