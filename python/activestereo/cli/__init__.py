@@ -4,6 +4,7 @@ add | model | calibrate | import | capture | overlay | effect | generate | bench
 completion, one file each. This one parses, runs and makes failures one line."""
 
 import argparse
+import io
 import os
 import re
 import sys
@@ -38,7 +39,7 @@ from activestereo.cli import (
 )
 from activestereo.cli.arguments import CommandError, Finding
 from activestereo.cli.exit_codes import FAILURE, FINDING, FINE, READER_GONE, STOPPED, USAGE
-from activestereo.cli.parser import Parser
+from activestereo.cli.parser import Parser, printable
 from activestereo.common.own_files import outside_allowed
 
 _COMMANDS = (
@@ -90,6 +91,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if sys.stdout is None or sys.stderr is None:
         closed = "standard output is closed: send it to a file or to /dev/null"
         return USAGE if sys.stderr is None else _fail(closed, USAGE)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a file's name may be no UTF-8
     try:
         args = _parsed(_glued(sys.argv[1:] if arguments is None else arguments))
         with outside_allowed() if args.allow_outside else nullcontext():
@@ -103,7 +106,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except MemoryError as error:
         return _fail(f"out of memory: {_text(error) or 'nothing more is known'}", FAILURE)
     except ImportError as error:
-        return _fail(f"{error}; build first: bash examples/quickstart.sh", FAILURE)
+        return _fail(_missing(error), FAILURE)
     except Finding as error:
         return _fail(_text(error), FINDING)
     except (CommandError, OSError, ValueError) as error:
@@ -143,6 +146,14 @@ def _fault(error: Exception) -> str:
     )
 
 
+def _missing(error: ImportError) -> str:
+    """The module that is not there with the line that brings it, unless the error says so itself."""
+    name = (error.name or "").partition(".")[0]
+    if name in doctor.PACKAGES:
+        return f"{error}: pip install 'activestereo[{doctor.PACKAGES[name]}]'"
+    return f"{error}; build first: bash examples/quickstart.sh" if name in ("kuafu", "simsense") else str(error)
+
+
 def _glued(arguments: Sequence[str]) -> list[str]:
     """'--option -1,0' as '--option=-1,0': argparse takes a list that starts with a minus sign for an option."""
     out: list[str] = []
@@ -165,5 +176,5 @@ def _text(error: Exception) -> str:
 
 
 def _fail(text: str, status: int) -> int:
-    print(f"activestereo: {text}", file=sys.stderr)
+    print(f"activestereo: {printable(text)}", file=sys.stderr)
     return status

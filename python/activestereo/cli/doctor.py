@@ -19,7 +19,8 @@ failures of a Vulkan set-up are named with the line that mends them.
 
 The exit status is 0 where all is well, else 1.
 """
-_PACKAGES = {
+# {module: the extra that brings it}
+PACKAGES = {
     "cv2": "lab", "sapien": "sapien", "mani_skill": "mani_skill", "mujoco": "mujoco", "ray": "ray", "rosbags": "bags",
     "pyrealsense2": "live", "yaml": "yaml", "mitsuba": "mitsuba", "pxr": "usd", "opengl_basisu": "ktx2",
 }  # fmt: skip
@@ -61,7 +62,7 @@ def examine() -> dict[str, Any]:
         "matches_on": "the device that renders, or the CPU",
         "devices": [as_json(device) for device in devices],
         "problems": [asdict(problem) for problem in problems(len(devices))],
-        "packages": {name: find_spec(name) is not None for name in _PACKAGES},
+        "packages": {name: find_spec(name) is not None for name in PACKAGES},
         "cache": {
             "folder": str(cache.folder),
             "used_bytes": sum(entry.size_bytes for entry in cache.entries()),
@@ -90,7 +91,7 @@ def _words(found: dict[str, Any]) -> str:
     for problem in found["problems"]:
         lines += [f"problem, {problem['name']}: {problem['seen']}", f"  mend it: {problem['remedy']}"]
     there = [name for name, is_there in found["packages"].items() if is_there]
-    missing = [f"{name} (extra {_PACKAGES[name]})" for name in found["packages"] if name not in there]
+    missing = [f"{name} (extra {PACKAGES[name]})" for name in found["packages"] if name not in there]
     lines.append(f"optional packages: {', '.join(there) or 'none'}; not there: {', '.join(missing) or 'none'}")
     cache, free = found["cache"], found["memory_free_bytes"]
     lines.append(f"cache: {cache['used_bytes'] / 1e9:.2f} of {cache['limit_bytes'] / 1e9:g} GB in {cache['folder']}")

@@ -12,11 +12,16 @@ from activestereo.cli.exit_codes import USAGE
 from activestereo.common.nearest import did_you_mean, unknown
 
 
+def printable(text: str) -> str:
+    """The text with control characters and bytes that are no UTF-8 escaped: a file's name cannot end the line."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
 class Parser(argparse.ArgumentParser):
     """argparse's own, whose commands and options are looked up by the nearest name where they are not known."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(USAGE, f"{self.prog}: {message} (see {self.prog} --help)\n")
+        self.exit(USAGE, f"{self.prog}: {printable(message)} (see {self.prog} --help)\n")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """argparse's, after a look for unknown options: it would first ask for those that seem to be missing."""

@@ -89,3 +89,29 @@ def test_what_nobody_foresaw_is_one_line(monkeypatch, capsys, raised, said):
     assert cli.main(["devices"]) == 3
     text = capsys.readouterr().err
     assert text.count("\n") == 1 and said in text
+
+
+@pytest.mark.parametrize("arguments", [["effect", "check", "a\nb"], ["completion", "a\nb"], ["a\nb"]])
+def test_a_name_of_two_lines_is_told_in_one(run, arguments):
+    assert r"a\nb" in one_line(run(*arguments))
+
+
+def test_a_name_that_is_no_utf8_is_told(run, tmp_path):
+    folder = tmp_path / "\udcff"
+    result = run("capture", "check", folder, PYTHONIOENCODING="utf-8")
+    assert r"\udcff" in one_line(result, 1) and r"\udcff" in result.stdout
+
+
+@pytest.mark.parametrize(
+    "missing, said", [("cv2", "pip install 'activestereo[lab]'"), ("kuafu._kuafu", "bash examples/quickstart.sh")]
+)
+def test_a_missing_package_is_told_with_what_brings_it(monkeypatch, capsys, missing, said):
+    from activestereo import cli
+
+    def broken(_: object) -> None:
+        raise ModuleNotFoundError(f"No module named '{missing}'", name=missing)
+
+    monkeypatch.setattr(cli, "_parsed", lambda _: argparse.Namespace(run=broken, allow_outside=False))
+    assert cli.main(["devices"]) == 3
+    text = capsys.readouterr().err
+    assert text.count("\n") == 1 and said in text
