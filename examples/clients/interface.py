@@ -264,6 +264,8 @@ class simsense_parameters(c.Structure):
         ("census_contrast", c.c_float),
         ("census_noise_dn", c.c_uint32),
         ("min_texture_dn", c.c_uint32),
+        ("edge_step_px", c.c_float),
+        ("right_border_px", c.c_uint32),
     ]
 
 

@@ -76,6 +76,8 @@ pub struct simsense_parameters {
     pub census_contrast: f32,
     pub census_noise_dn: u32,
     pub min_texture_dn: u32,
+    pub edge_step_px: f32,
+    pub right_border_px: u32,
 }
 
 #[repr(C)]

@@ -42,6 +42,8 @@ inline const Field<simsense_parameters> parameter_fields[] = {
     {"census_contrast", &simsense_parameters::census_contrast, Field<simsense_parameters>::Kind::number, {}},
     {"census_noise_dn", &simsense_parameters::census_noise_dn, Field<simsense_parameters>::Kind::number, {}},
     {"min_texture_dn", &simsense_parameters::min_texture_dn, Field<simsense_parameters>::Kind::number, {}},
+    {"edge_step_px", &simsense_parameters::edge_step_px, Field<simsense_parameters>::Kind::number, {}},
+    {"right_border_px", &simsense_parameters::right_border_px, Field<simsense_parameters>::Kind::number, {}},
 };
 
 inline const Field<simsense_signal> signal_fields[] = {

@@ -13,7 +13,7 @@
 #define SIZE(type, bytes) HOLDS(sizeof(type) == (bytes))
 #define AT(type, field, bytes, length) HOLDS(offsetof(type, field) == (bytes) && sizeof(((type*)0)->field) == (length))
 
-SIZE(simsense_parameters, 152);
+SIZE(simsense_parameters, 160);
 AT(simsense_parameters, noise_seed, 16, 8);
 AT(simsense_parameters, frame_index, 24, 8);
 AT(simsense_parameters, census_width, 32, 4);
@@ -46,6 +46,8 @@ AT(simsense_parameters, splat_size, 136, 4);
 AT(simsense_parameters, census_contrast, 140, 4);
 AT(simsense_parameters, census_noise_dn, 144, 4);
 AT(simsense_parameters, min_texture_dn, 148, 4);
+AT(simsense_parameters, edge_step_px, 152, 4);
+AT(simsense_parameters, right_border_px, 156, 4);
 
 SIZE(simsense_signal, 144);
 AT(simsense_signal, exposure_s, 16, 4);

@@ -135,6 +135,13 @@ typedef struct simsense_parameters {
    * for 5 pixels along their edges; the reason is SIMSENSE_REASON_LOW_TEXTURE. Rounding alone makes differences of one
    * count, which 2 refuses: what the paths carry into black surfaces goes. 0 switches this check off. [0..65535 DN] */
   uint32_t min_texture_dn;
+  /* No measurement beside a step: where neighbours differ by more than this, both go, and the reason is
+   * SIMSENSE_REASON_NOT_UNIQUE. Depth cameras have thin holes along edges, where their windows see two surfaces. 0
+   * switches this check off. [>= 0 px] */
+  float edge_step_px;
+  /* No measurement whose match lies within this many pixels of the right image's left or right edge, where windows are
+   * cut; the reason is SIMSENSE_REASON_OUTSIDE. 0 switches this check off. [0..65535 px] */
+  uint32_t right_border_px;
 } simsense_parameters;
 static inline simsense_parameters simsense_parameters_init(void) {
   simsense_parameters s;

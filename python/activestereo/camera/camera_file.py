@@ -112,7 +112,11 @@ FIELDS: dict[str, dict[str, Field]] = {
         **_engine(RENDER, "ir_ambient_radiance", most=1e6),
         **_engine(RENDER, "denoise"),
     },
-    "matcher": _engine(MATCHER, "block_width", "block_height", "median_size", "min_texture_dn"),
+    "matcher": _engine(
+        MATCHER, "block_width", "block_height", "census_contrast", "p1", "p2", "p2_full_gradient_dn",
+        "uniqueness_ratio", "subpixel", "median_size", "min_texture_dn", "speckle_max_size", "edge_step_px",
+        "right_border_px",
+    ),  # fmt: skip
 }
 
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.camera.camera_file import CameraData, camera_titles, read_camera
+from activestereo.camera.camera_file import FIELDS, CameraData, camera_titles, read_camera
 from activestereo.camera.config_limits import Calibrated, check_field, check_matrix, check_together
 from activestereo.common.limits import SIDE, Limits
 from activestereo.common.matcher_table import MATCHER, RIG, MatcherFields
@@ -95,10 +95,7 @@ OF_THE_CAMERA = {
     "ir_ambient_scale": "room",
     "ir_ambient_radiance": "room",
     "denoise": "room",
-    "block_width": "matcher",
-    "block_height": "matcher",
-    "median_size": "matcher",
-    "min_texture_dn": "matcher",
+    **dict.fromkeys(FIELDS["matcher"], "matcher"),
 }
 
 
@@ -234,7 +231,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         for p in (*MATCHER, *RIG, *RENDERER, *RENDER):
             setattr(self, p.name, SAPIEN_DEFAULTS.get(p.name, p.default))
         for name, section in OF_THE_CAMERA.items():
-            setattr(self, name, camera.value(section, name))
+            setattr(self, name, camera.value(section, name, getattr(self, name)))
         self.render_seed = 0
         # What compute_depth() gives besides, out of 'confidence', 'reason', 'points', 'rectified_left' and
         # 'rectified_right'; get_depth_map() returns it.

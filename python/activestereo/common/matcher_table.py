@@ -250,6 +250,24 @@ MATCHER = (
         range=(0, 65535),
         doc="No measurement in squares of 31 pixels in which no two counts of the left image differ by at least this much, but for 5 pixels along their edges; the reason is low_texture. Rounding alone makes differences of one count, which 2 refuses: what the paths carry into black surfaces goes. 0 switches this check off.",  # noqa: E501
     ),
+    Parameter(
+        "edge_step_px",
+        float,
+        0.0,
+        unit="px",
+        possible=">= 0",
+        range=(0, float("inf")),
+        doc="No measurement beside a step: where neighbours differ by more than this, both go, and the reason is not_unique. Depth cameras have thin holes along edges, where their windows see two surfaces. 0 switches this check off.",  # noqa: E501
+    ),
+    Parameter(
+        "right_border_px",
+        int,
+        0,
+        unit="px",
+        possible="0..65535",
+        range=(0, 65535),
+        doc="No measurement whose match lies within this many pixels of the right image's left or right edge, where windows are cut; the reason is outside. 0 switches this check off.",  # noqa: E501
+    ),
 )
 
 RIG = (
@@ -582,6 +600,8 @@ class MatcherFields:
     census_contrast: float
     census_noise_dn: int
     min_texture_dn: int
+    edge_step_px: float
+    right_border_px: int
     faults: tuple[str, ...]
     back_end: Literal["auto", "cpu", "vulkan"]
     low_memory: bool

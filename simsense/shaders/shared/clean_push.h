@@ -17,6 +17,11 @@
 #define HOLES_PASS_WRITE 1u
 #define HOLES_PASS_COUNT 2u
 
+// Passes of the check of edges.
+#define EDGES_PASS_MARK 0u
+#define EDGES_PASS_DROP 1u
+#define EDGES_PASS_COUNT 2u
+
 #ifdef __cplusplus
 namespace simsense {
 using CleanFloats = uint64_t;
@@ -31,13 +36,13 @@ struct CleanPush {
   CleanFloats disparity, confidence;
   BytesAddress reason;      // REASON_*
   CleanFloats x, y;         // padding stage: [height][width] where the rectified left pixels lie in their source
-  CleanWords parent, size;  // speckle stages: [pairs][height][width] union-find of islands; hole filling: parent is its result, as floats
+  CleanWords parent, size;  // speckle stages: [pairs][height][width] union-find of islands; hole filling: parent is its result, as floats; edges: marks
   uint width, height;
   uint maps;  // MAPS_*
   float invalid;
-  uint step;  // SPECKLE_* or HOLES_PASS_*: the pass of the speckle filter or of the filling
-  float max_diff_px;
-  uint max_size;
+  uint step;          // SPECKLE_*, HOLES_PASS_* or EDGES_PASS_*: the pass of that stage
+  float max_diff_px;  // edges: from which on there is a step
+  uint max_size;      // edges: of the border
   uint filling;         // HOLES_*
   uint x0, y0, x1, y1;  // region whose holes are filled
 };

@@ -49,6 +49,8 @@ struct StructInfo<simsense_parameters> {
       KS_FIELD_END(simsense_parameters, census_contrast),
       KS_FIELD_END(simsense_parameters, census_noise_dn),
       KS_FIELD_END(simsense_parameters, min_texture_dn),
+      KS_FIELD_END(simsense_parameters, edge_step_px),
+      KS_FIELD_END(simsense_parameters, right_border_px),
   };
   static constexpr std::array<ReservedBytes, 0> reserved = {};
   static simsense_parameters neutral() {

@@ -160,6 +160,11 @@ void CpuStages::filter_speckles() {
   speckle_filter_.apply(maps_, width_, height_, s.invalid_disparity(), s.speckle_max_size, s.speckle_max_diff_px, workers_);
 }
 
+void CpuStages::drop_edges() {
+  const StageSettings& s = call_->settings;
+  edge_check_.apply(s.edges, maps_, width_, height_, s.invalid_disparity(), workers_);
+}
+
 void CpuStages::fill_holes() {
   const StageSettings& s = call_->settings;
   simsense::fill_holes(s.hole_filling, maps_.disparity, width_, s.wanted, s.invalid_disparity(), workers_);

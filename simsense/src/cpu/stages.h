@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "cpu/checks/edges.h"
 #include "cpu/checks/speckle.h"
 #include "cpu/checks/texture.h"
 #include "cpu/frame.h"
@@ -34,6 +35,7 @@ class CpuStages final : public Stages {
   void drop_padding() override;
   void drop_low_texture() override;
   void filter_speckles() override;
+  void drop_edges() override;
   void fill_holes() override;
   void depth() override;
   void registration() override;
@@ -71,6 +73,7 @@ class CpuStages final : public Stages {
   Region matcher_region_;
   TextureCheck texture_check_;
   SpeckleFilter speckle_filter_;
+  EdgeCheck edge_check_;
   std::optional<Registration> registration_;
   HostClock clock_;
   std::vector<uint8_t> counts_[2], rectified_[2], reason_, region_reason_;

@@ -26,6 +26,8 @@ void check_fields(const simsense_parameters& s, const std::string& owner) {
   ks::check_range({owner, "census_contrast", ""}, s.census_contrast, 0.0f, 1.0f);
   ks::check_range({owner, "census_noise_dn", "DN"}, s.census_noise_dn, 0.0, 255.0);
   ks::check_range({owner, "min_texture_dn", "DN"}, s.min_texture_dn, 0.0, 65535.0);
+  ks::check_range({owner, "edge_step_px", "px"}, s.edge_step_px, 0.0f, INFINITY);
+  ks::check_range({owner, "right_border_px", "px"}, s.right_border_px, 0.0, 65535.0);
 }
 
 void check_fields(const simsense_signal& s, const std::string& owner) {

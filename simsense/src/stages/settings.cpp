@@ -32,6 +32,7 @@ StageSettings::StageSettings(const PreparedRig& rig, const simsense_parameters& 
       low_memory(rig.rig.low_memory != 0),
       speckle_max_size(p.speckle_max_size),
       speckle_max_diff_px(p.speckle_max_diff_px),
+      edges{p.edge_step_px, p.right_border_px},
       hole_filling(static_cast<HoleFilling>(p.hole_filling)),
       texture{p.min_texture_dn},
       reason{p.census_width, p.census_height, p.low_texture_dn, (1u << both[0].signal().bit_depth) - 1},

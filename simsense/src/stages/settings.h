@@ -2,6 +2,7 @@
 // What the stages of one call do: the rules that follow from rig, parameters and imagers, worked out once for both back ends. Plain values.
 #pragma once
 
+#include "checks/edges.h"
 #include "checks/reason.h"
 #include "checks/texture.h"
 #include "depth/depth.h"
@@ -31,6 +32,7 @@ struct StageSettings {
 
   uint32_t speckle_max_size;  // 0 = no speckle filter
   float speckle_max_diff_px;
+  EdgeParameters edges;
   HoleFilling hole_filling;
   TextureParameters texture;
   ReasonParameters reason;

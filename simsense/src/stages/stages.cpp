@@ -32,6 +32,7 @@ constexpr Step map_order[] = {
     {"padding", &Stages::drop_padding, drops_padding},
     {"texture", &Stages::drop_low_texture, [](const Call& c) { return c.settings.texture.min_texture_dn > 0; }},
     {"speckle filter", &Stages::filter_speckles, [](const Call& c) { return c.settings.speckle_max_size > 0; }},
+    {"edges", &Stages::drop_edges, [](const Call& c) { return c.settings.edges.is_on(); }},
     {"hole filling", &Stages::fill_holes, fills_holes},
     {"padding", &Stages::drop_padding, [](const Call& c) { return fills_holes(c) && drops_padding(c); }},
     {"depth", &Stages::depth, [](const Call& c) { return c.needs.depth; }},

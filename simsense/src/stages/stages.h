@@ -45,6 +45,7 @@ class Stages {
   virtual void drop_padding() = 0;
   virtual void drop_low_texture() = 0;
   virtual void filter_speckles() = 0;
+  virtual void drop_edges() = 0;
   virtual void fill_holes() = 0;
 
   // from disparities on

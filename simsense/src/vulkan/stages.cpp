@@ -148,6 +148,11 @@ void VulkanStages::filter_speckles() {
   speckle_filter_->record(call_->commands, clean(), call_->pairs.count);
 }
 
+void VulkanStages::drop_edges() {
+  if (!edges_) edges_.emplace(device_);
+  edges_->record(call_->commands, clean(), call_->settings.edges, call_->pairs.count);
+}
+
 void VulkanStages::fill_holes() {
   if (!hole_filling_) hole_filling_.emplace(device_);
   hole_filling_->record(call_->commands, clean(), call_->pairs.count);
@@ -174,9 +179,9 @@ void VulkanStages::store_maps() { match_maps_->store(call_->commands, call_->fra
 
 uint64_t VulkanStages::memory_bytes() const {
   uint64_t bytes = (speckle_filter_ ? speckle_filter_->memory_bytes() : 0) + (hole_filling_ ? hole_filling_->memory_bytes() : 0) +
-                   (texture_ ? texture_->memory_bytes() : 0) + (imagers_ ? imagers_->memory_bytes() : 0) +
-                   (matcher_ ? matcher_->memory_bytes() : 0) + (match_maps_ ? match_maps_->memory_bytes() : 0) +
-                   (registration_ ? registration_->memory_bytes() : 0);
+                   (texture_ ? texture_->memory_bytes() : 0) + (edges_ ? edges_->memory_bytes() : 0) +
+                   (imagers_ ? imagers_->memory_bytes() : 0) + (matcher_ ? matcher_->memory_bytes() : 0) +
+                   (match_maps_ ? match_maps_->memory_bytes() : 0) + (registration_ ? registration_->memory_bytes() : 0);
   for (const auto* buffer : {&counts_[0], &counts_[1], &rectified_[0], &rectified_[1]})
     if (*buffer) bytes += (*buffer)->size_bytes();
   return bytes;

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "stages/stages.h"
+#include "vulkan/checks/edges.h"
 #include "vulkan/checks/holes.h"
 #include "vulkan/checks/padding.h"
 #include "vulkan/checks/reason.h"
@@ -48,6 +49,7 @@ class VulkanStages final : public Stages {
   void drop_padding() override;
   void drop_low_texture() override;
   void filter_speckles() override;
+  void drop_edges() override;
   void fill_holes() override;
   void depth() override;
   void registration() override;
@@ -99,6 +101,7 @@ class VulkanStages final : public Stages {
   std::optional<VulkanPadding> padding_;
   std::optional<VulkanTexture> texture_;
   std::optional<VulkanSpeckleFilter> speckle_filter_;
+  std::optional<VulkanEdges> edges_;
   std::optional<VulkanHoleFilling> hole_filling_;
   std::optional<VulkanReason> reason_;
 };

@@ -6,6 +6,7 @@
 #include <limits>
 #include <random>
 
+#include "cpu/checks/edges.h"
 #include "cpu/checks/holes.h"
 #include "cpu/checks/reason.h"
 #include "cpu/checks/speckle.h"
@@ -144,6 +145,30 @@ TEST(Texture, PixelsInsideOfABlankSquareAreDropped) {
   expect_blank_squares_dropped<uint8_t>(97, 70, 12, 1, random);
   expect_blank_squares_dropped<uint8_t>(64, 33, 4, 3, random);
   expect_blank_squares_dropped<uint16_t>(131, 65, 24, 2, random);
+}
+
+TEST(Edges, BothSidesOfAStepGoAndWhatIsMatchedAtTheRightImagesEdges) {
+  constexpr uint32_t width = 40, height = 9;
+  std::vector<float> disparity(width * height), confidence(width * height, 0.5f);
+  std::vector<MatchReason> reason(width * height, MatchReason::valid);
+  for (uint32_t i = 0; i < width * height; ++i) disparity[i] = i % width < 20 ? 10.0f : 12.5f;
+  disparity[4 * width + 30] = -1;  // a hole is no step
+  MatchMaps maps = disparity.data();
+  maps.confidence = confidence.data();
+  maps.reason = reason.data();
+  ks::ThreadPool workers(3);
+  EdgeCheck().apply({.step_px = 2, .border_px = 3}, maps, width, height, -1, workers);
+  for (uint32_t i = 0; i < width * height; ++i) {
+    const uint32_t x = i % width;
+    const bool is_outside = x < 13, is_step = x == 19 || x == 20;  // the right edge is beyond every match
+    if (i == 4 * width + 30) continue;
+    ASSERT_EQ(disparity[i], is_outside || is_step ? -1.0f : x < 20 ? 10.0f : 12.5f) << x;
+    ASSERT_EQ(reason[i], is_outside ? MatchReason::outside : is_step ? MatchReason::not_unique : MatchReason::valid);
+    ASSERT_EQ(confidence[i], is_outside || is_step ? 0.0f : 0.5f);
+  }
+  std::fill(disparity.begin(), disparity.end(), 0.0f);
+  EdgeCheck().apply({.step_px = 0, .border_px = 2}, disparity.data(), width, height, -1, workers);
+  for (uint32_t x = 0; x < width; ++x) ASSERT_EQ(disparity[x], x < 2 || x >= width - 2 ? -1.0f : 0.0f) << x;
 }
 
 TEST(Reason, TheImageExplainsWhatStagesRejected) {

@@ -203,6 +203,8 @@ TEST(vulkan_engine, both_back_ends_explain_alike) {
   p.speckle_max_size = 30;
   p.max_depth_m = 0.4f;
   p.low_texture_dn = 100;
+  p.edge_step_px = 1.5f;
+  p.right_border_px = 6;
   compare(crooked(), p, wanted, simsense_signal_init(), 0);
   simsense_signal bright = simsense_signal_init();
   bright.gain = 1.7f;

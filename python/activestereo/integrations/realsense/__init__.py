@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""pyrealsense2's names on a simulated camera; `import activestereo.realsense as rs` takes them from here."""
+
+from activestereo.integrations.realsense.align import align
+from activestereo.integrations.realsense.camera import LATENCY_MS, World
+from activestereo.integrations.realsense.cloud import colorizer, pointcloud, points, save_to_ply
+from activestereo.integrations.realsense.device import (
+    context,
+    depth_sensor,
+    device,
+    device_list,
+    rs400_advanced_mode,
+    sensor,
+    simulate,
+)
+from activestereo.integrations.realsense.enums import (
+    camera_info,
+    distortion,
+    format,
+    frame_metadata_value,
+    log_severity,
+    option,
+    rs400_visual_preset,
+    stream,
+    timestamp_domain,
+)
+from activestereo.integrations.realsense.filters import (
+    decimation_filter,
+    disparity_transform,
+    filter,
+    hole_filling_filter,
+    spatial_filter,
+    temporal_filter,
+    threshold_filter,
+    units_transform,
+)
+from activestereo.integrations.realsense.frames import composite_frame, depth_frame, disparity_frame, frame, video_frame
+from activestereo.integrations.realsense.geometry import (
+    extrinsics,
+    intrinsics,
+    rs2_deproject_pixel_to_point,
+    rs2_fov,
+    rs2_project_point_to_pixel,
+    rs2_transform_point_to_point,
+)
+from activestereo.integrations.realsense.options import option_range
+from activestereo.integrations.realsense.pipeline import (
+    config,
+    frame_queue,
+    pipeline,
+    pipeline_profile,
+    pipeline_wrapper,
+)
+from activestereo.integrations.realsense.profiles import stream_profile, video_stream_profile
+from activestereo.integrations.realsense.ros_topics import write_topics
+from activestereo.integrations.realsense.software import to_software_device
+
+
+def log_to_console(severity: log_severity) -> None:
+    """Nothing: there is nothing to log."""

@@ -1,0 +1,248 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated camera behind a device: a scene, a sensor, and what options make of it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kuafu
+from activestereo.camera.advanced_mode import AdvancedSettings, camera_fields, depth_table, matcher_parameters
+from activestereo.camera.advanced_mode.presets import visual_preset
+from activestereo.camera.matching import matcher_parameters as matcher_of
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.pose import Pose, body_pose, camera_to_camera
+from activestereo.integrations.realsense.enums import option, rs400_visual_preset, stream
+from activestereo.integrations.realsense.geometry import intrinsics
+from activestereo.integrations.realsense.options import option_range
+from activestereo.scene_io.example_scene import write_table_top
+from activestereo.sensor.mount import as_mount
+from activestereo.sensor.sensor import StereoDepthSensor
+
+SCENE_VARIABLE, SENSOR_VARIABLE = "ACTIVESTEREO_SCENE", "ACTIVESTEREO_SENSOR"
+_GAIN_STEPS = 16  # of librealsense's gain for one of ours
+# From the middle of the exposure to the arrival, measured on D400s.
+LATENCY_MS: dict[stream, float] = {stream.depth: 9.0, stream.infrared: 9.0, stream.color: 66.0}
+
+
+@dataclass
+class World:
+    """The world that a simulated camera looks at, and how it delivers. scene: a scene file, or None for the example's
+    table top. pose: the RGB camera's, in body axes; None: that of the scene's first camera. before_frame: called with
+    the sensor and the time in seconds before each picture, to move what moves. drop_share: of each stream's frames, by
+    seed. frames: after so many none arrives, and waiting fails as on a camera that was unplugged; None: for ever."""
+
+    scene: str | os.PathLike[str] | kuafu.Scene | None = None
+    sensor: str = "D435"
+    pose: Pose | None = None
+    before_frame: Callable[[StereoDepthSensor, float], object] = lambda sensor, time_s: None
+    latency_ms: Mapping[stream, float] = field(default_factory=lambda: dict(LATENCY_MS))
+    drop_share: float = 0.0
+    frames: int | None = None
+    seed: int = 0
+    device: str | int | kuafu.Device = "auto"
+    samples_per_pixel: int = 16
+
+    @classmethod
+    def of_environment(cls) -> World:
+        """The scene and the camera that ACTIVESTEREO_SCENE and ACTIVESTEREO_SENSOR name."""
+        return cls(os.environ.get(SCENE_VARIABLE), os.environ.get(SENSOR_VARIABLE, "D435"))
+
+
+def sensor_ranges(config: StereoDepthSensorConfig) -> dict[option, option_range]:
+    """The depth sensor's options, as a D400 has them."""
+    low, high, step = config.laser_power_limits_mw
+    exposure = round(1e6 * config.ir_camera_exposure)
+    return {
+        option.exposure: option_range(1, 200000, 1, exposure),
+        option.gain: option_range(16, 248, 1, 16),
+        option.enable_auto_exposure: option_range(0, 1, 1, float(config.ir_exposure_mode != "fixed")),
+        option.visual_preset: option_range(0, 5, 1, 0),
+        option.laser_power: option_range(low, high, step, config.laser_power_mw),
+        option.emitter_enabled: option_range(0, 2, 1, 1),
+        option.emitter_on_off: option_range(0, 1, 1, 0),
+        option.depth_units: option_range(1e-6, 0.01, 1e-6, 0.001),
+        option.frames_queue_size: option_range(0, 32, 1, 16),
+    }
+
+
+class SimulatedCamera:
+    """Takes pictures of a world. depth_size, color_size: (width, height) of the streams."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.base = StereoDepthSensorConfig(world.sensor)
+        self.base.samples_per_pixel = world.samples_per_pixel
+        self.settings = AdvancedSettings({})
+        self.values = {which: r.default for which, r in sensor_ranges(self.base).items()}
+        self.depth_size: tuple[int, int] = (self.base.ir_resolution[0], self.base.ir_resolution[1])
+        self.color_size: tuple[int, int] = (self.base.rgb_resolution[0], self.base.rgb_resolution[1])
+        self._scene: kuafu.Scene | None = None
+        self._sensor: StereoDepthSensor | None = None
+        self._config: StereoDepthSensorConfig | None = None  # of the next picture
+        self._made_for: StereoDepthSensorConfig | None = None
+
+    # ---- what options set ----
+
+    def set_option(self, which: option, value: float) -> None:
+        """Takes effect in the next picture."""
+        if which == option.visual_preset:
+            self.settings = visual_preset(rs400_visual_preset(int(value)).name)
+        if which in (option.exposure, option.gain):
+            self.values[option.enable_auto_exposure] = 0.0
+        self.values[which] = value
+        self._config = None
+
+    def set_settings(self, settings: AdvancedSettings) -> None:
+        """Advanced-mode settings, from the next picture on."""
+        depth_table(settings)  # refuses clamps that exclude all
+        self.settings, self._config = settings, None
+
+    @property
+    def unit_m(self) -> float:
+        """Metres of one count of depth: the option's, or the advanced mode's."""
+        if "param-depthunits" in self.settings.values:
+            return 1e-6 * float(self.settings.values["param-depthunits"])
+        return self.values[option.depth_units]
+
+    def config(self) -> StereoDepthSensorConfig:
+        """The sensor's configuration under the present options."""
+        if self._config is None:
+            config = _sized(self.base, self.depth_size, self.color_size)
+            self._set_light(config)
+            set_here = matcher_parameters(self.settings, matcher_of(config)) | camera_fields(self.settings)
+            for name, value in set_here.items():
+                setattr(config, name, value)
+            self._config = config
+        return self._config
+
+    def _set_light(self, config: StereoDepthSensorConfig) -> None:
+        values = self.values
+        if not values[option.enable_auto_exposure]:
+            config.ir_exposure_mode = "fixed"
+            config.ir_camera_exposure = 1e-6 * values[option.exposure]
+            config.ir_camera_gain = values[option.gain] / _GAIN_STEPS
+        config.laser_power_mw = values[option.laser_power]
+        if not values[option.emitter_enabled]:
+            config.emitter = "off"
+        elif values[option.emitter_on_off]:
+            config.emitter = "alternating"
+
+    # ---- where things are ----
+
+    def infrared(self) -> intrinsics:
+        c = self.config()
+        return intrinsics.of(self.depth_size, c.ir_intrinsic, c.ir_distortion)
+
+    def color(self) -> intrinsics:
+        c = self.config()
+        return intrinsics.of(self.color_size, c.rgb_intrinsic, c.rgb_distortion)
+
+    def lens(self, s: stream, size: tuple[int, int]) -> intrinsics:
+        """A stream's intrinsics in a mode of this size."""
+        name = "rgb" if s == stream.color else "ir"
+        c = _cut(self.base, name, size)
+        return intrinsics.of(size, getattr(c, f"{name}_intrinsic"), getattr(c, f"{name}_distortion"))
+
+    def left_to(self, s: stream, index: int) -> NDArray[np.float64]:
+        """4x4 from the left infrared camera to a stream's camera."""
+        c = self.config()
+        if s == stream.color:
+            return np.asarray(camera_to_camera(c.trans_pose_l, Pose()))
+        if s == stream.infrared and index == 2:
+            return np.asarray(camera_to_camera(c.trans_pose_l, c.trans_pose_r))
+        return np.eye(4)
+
+    # ---- pictures ----
+
+    def take(self, time_s: float, with_color: bool) -> None:
+        """The picture of a moment; the results stay until the next."""
+        sensor = self._ready()
+        self.world.before_frame(sensor, time_s)
+        sensor.take_picture(infrared_only=not with_color)
+        sensor.compute_depth()
+
+    def depth(self) -> NDArray[np.uint16]:
+        """Depth in the left infrared camera, counts of unit_m; 0 = no measurement."""
+        sensor, table = self._ready(), depth_table(self.settings)
+        disparity = sensor.get_disparity()
+        with np.errstate(divide="ignore"):
+            z = np.where(disparity > 0, self.config().focal_baseline_px_m / disparity, 0.0)
+        z = np.where((z >= table.min_depth_m) & (z < table.max_depth_m), z, 0.0)
+        counts = np.rint(z / self.unit_m)
+        return np.where(counts <= np.iinfo(np.uint16).max, counts, 0).astype(np.uint16)
+
+    def infrared_pair(self) -> list[NDArray[np.uint8]]:
+        """[left, right], as the imagers count."""
+        eyes = self._ready().get_ir_measured()
+        return [np.asarray(eye if eye.dtype == np.uint8 else eye >> 8, np.uint8) for eye in eyes]
+
+    def rgb(self) -> NDArray[np.uint8]:
+        """[height, width, 3]."""
+        return np.ascontiguousarray(self._ready().get_rgba8()[..., :3])
+
+    def exposure_us(self) -> int:
+        return round(1e6 * self._ready().get_config().ir_camera_exposure)
+
+    def close(self) -> None:
+        if self._sensor is not None:
+            self._sensor.close()
+        self._sensor = None
+
+    def _ready(self) -> StereoDepthSensor:
+        """The sensor of the present configuration; made anew where that has changed."""
+        config = self.config()
+        if self._sensor is None or self._made_for is not config:
+            self.close()
+            scene = self._loaded()
+            pose = _first_view(scene) if self.world.pose is None else self.world.pose
+            self._sensor = StereoDepthSensor(config, scene, pose, self.world.device)
+            self._made_for = config
+        return self._sensor
+
+    def _loaded(self) -> kuafu.Scene:
+        if self._scene is None:
+            self._scene = _scene(self.world)
+        return self._scene
+
+
+def _scene(world: World) -> kuafu.Scene:
+    """The world's scene, loaded."""
+    if world.scene is not None:
+        return as_mount(world.scene, world.device).scene
+    with TemporaryDirectory(prefix="activestereo.") as folder:
+        path = Path(folder) / "table_top.gltf"
+        write_table_top(path)
+        return as_mount(path, world.device).scene
+
+
+def _first_view(scene: kuafu.Scene) -> Pose:
+    """The pose of the scene's first camera, or its origin."""
+    return body_pose(scene.camera(0).camera_to_world) if scene.summary.camera_count else Pose()
+
+
+def _sized(
+    base: StereoDepthSensorConfig, depth_size: tuple[int, int], color_size: tuple[int, int]
+) -> StereoDepthSensorConfig:
+    """A copy with streams of these sizes: a mode of another shape is cut out of the camera's own image."""
+    out, colored = _cut(base, "ir", depth_size), _cut(base, "rgb", color_size)
+    out = deepcopy(out)
+    for name in ("rgb_resolution", "rgb_intrinsic", "rgb_line_time_s", "rgb_optics"):
+        setattr(out, name, getattr(colored, name))
+    return out
+
+
+def _cut(base: StereoDepthSensorConfig, camera: str, size: tuple[int, int]) -> StereoDepthSensorConfig:
+    own = getattr(base, f"{camera}_resolution")
+    if size == own:
+        return deepcopy(base)
+    factor = max(size[0] / own[0], size[1] / own[1])
+    focal_px = factor * getattr(base, f"{camera}_intrinsic")[0, 0]
+    return base.resized(*size, fov=float(np.rad2deg(2 * np.arctan(0.5 * size[0] / focal_px))))

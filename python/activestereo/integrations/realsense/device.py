@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""pyrealsense2's context, devices and sensors, of one simulated camera."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+from activestereo.camera.advanced_mode.settings import parse_settings
+from activestereo.integrations.realsense.camera import SimulatedCamera, World, sensor_ranges
+from activestereo.integrations.realsense.enums import camera_info, format, option, rs400_visual_preset, stream
+from activestereo.integrations.realsense.options import Options
+from activestereo.integrations.realsense.profiles import StreamRequest, video_stream_profile
+
+_PRODUCT_IDS = {"D405": "0B5B", "D415": "0AD3", "D435": "0B07", "D435I": "0B3A", "D455": "0B5C"}
+_SIZES, _FPS = ((640, 480), (848, 480), (1280, 720)), 30
+_worlds: list[World] = []
+
+
+def simulate(world: World) -> None:
+    """The world that cameras of this module look at from now on; pipelines that run keep theirs."""
+    _worlds[:] = [world]
+
+
+def present_world() -> World:
+    return _worlds[0] if _worlds else World.of_environment()
+
+
+class sensor(Options):
+    """One of a device's sensors. modes: of each stream and index, its formats."""
+
+    modes: dict[tuple[stream, int], tuple[format, ...]] = {(stream.color, 0): (format.rgb8, format.bgr8)}
+
+    def __init__(self, name: str, camera: SimulatedCamera, *args: Any) -> None:
+        super().__init__(*args)
+        self.name, self._camera = name, camera
+
+    def get_stream_profiles(self) -> list[video_stream_profile]:
+        """The usual modes; a pipeline takes any size."""
+        return [
+            video_stream_profile(
+                StreamRequest(kind, index, *size, form, _FPS),
+                self._camera.lens(kind, size),
+                self._camera.left_to(kind, index),
+            )
+            for (kind, index), forms in self.modes.items()
+            for size in _SIZES
+            for form in forms
+        ]
+
+    def get_info(self, which: int) -> str:
+        if which != camera_info.name:
+            raise RuntimeError(f"info {which} not supported by the device")
+        return self.name
+
+    def is_depth_sensor(self) -> bool:
+        return isinstance(self, depth_sensor)
+
+    def is_color_sensor(self) -> bool:
+        return not self.is_depth_sensor()
+
+    def as_depth_sensor(self) -> sensor:
+        return self
+
+    def get_option_value_description(self, which: option, value: float) -> str | None:
+        """The name of a visual preset."""
+        self._require(which)
+        if which == option.visual_preset:
+            return rs400_visual_preset(int(value)).name.replace("_", " ").title()
+        return None
+
+
+class depth_sensor(sensor):
+    modes = {
+        (stream.depth, 0): (format.z16,),
+        (stream.infrared, 1): (format.y8,),
+        (stream.infrared, 2): (format.y8,),
+    }
+
+    def __init__(self, camera: SimulatedCamera) -> None:
+        ranges = sensor_ranges(camera.base)
+        baseline_mm = 1e3 * camera.base.focal_baseline_px_m / float(camera.base.ir_intrinsic[0, 0])
+        super().__init__("Stereo Module", camera, ranges, {option.stereo_baseline: baseline_mm}, camera.set_option)
+
+    def set_option(self, which: option, value: float) -> None:
+        """As librealsense's: an exposure or gain of one's own ends automatic exposure."""
+        super().set_option(which, value)
+        if which in (option.exposure, option.gain):
+            self._values[option.enable_auto_exposure] = 0.0
+
+    def get_depth_scale(self) -> float:
+        """Metres of one count."""
+        return self._camera.unit_m
+
+
+class device:
+    def __init__(self, camera: SimulatedCamera | None = None) -> None:
+        self.camera = SimulatedCamera(present_world()) if camera is None else camera
+        self._depth, self._color = depth_sensor(self.camera), sensor("RGB Camera", self.camera, {})
+        model = self.camera.base.model.upper().removeprefix("SAPIEN-")
+        self._info = {
+            camera_info.name: f"Intel RealSense {model} (simulated)",
+            camera_info.serial_number: "000000000000",
+            camera_info.firmware_version: "5.16.0.1",
+            camera_info.physical_port: "simulated",
+            camera_info.advanced_mode: "YES",
+            camera_info.product_id: _PRODUCT_IDS.get(model, "0B07"),
+            camera_info.usb_type_descriptor: "3.2",
+            camera_info.product_line: "D400",
+        }
+
+    def supports(self, which: int) -> bool:
+        return which in self._info
+
+    def get_info(self, which: int) -> str:
+        if which not in self._info:
+            raise RuntimeError(f"info {which} not supported by the device")
+        return self._info[which]
+
+    def query_sensors(self) -> list[sensor]:
+        return [self._depth, self._color]
+
+    @property
+    def sensors(self) -> list[sensor]:
+        return [self._depth, self._color]
+
+    def first_depth_sensor(self) -> depth_sensor:
+        return self._depth
+
+    def first_color_sensor(self) -> sensor:
+        return self._color
+
+    def hardware_reset(self) -> None:
+        """All options as they came."""
+        self.camera.close()
+        self.__init__(SimulatedCamera(self.camera.world))  # type: ignore[misc]  # the object stays the script's
+
+
+class device_list(list[device]):
+    def size(self) -> int:
+        return len(self)
+
+    def front(self) -> device:
+        return self[0]
+
+    def back(self) -> device:
+        return self[-1]
+
+
+class context:
+    """A host with one simulated camera."""
+
+    def __init__(self) -> None:
+        self.devices = device_list([device()])
+
+    def query_devices(self) -> device_list:
+        return self.devices
+
+    def query_all_sensors(self) -> list[sensor]:
+        return self.devices[0].query_sensors()
+
+    def __iter__(self) -> Iterator[device]:
+        return iter(self.query_devices())
+
+
+class rs400_advanced_mode:
+    """Settings as JSON of a device."""
+
+    def __init__(self, of: device) -> None:
+        self._device = of
+
+    def is_enabled(self) -> bool:
+        return True
+
+    def toggle_advanced_mode(self, enable: bool) -> None:
+        """Nothing: it is always on."""
+
+    def load_json(self, text: str) -> None:
+        """RuntimeError, as librealsense's, where a key is unknown or out of range."""
+        try:
+            self._device.camera.set_settings(parse_settings(json.loads(text), "the settings"))
+        except ValueError as error:
+            raise RuntimeError(str(error)) from error
+
+    def serialize_json(self) -> str:
+        return json.dumps(dict(self._device.camera.settings.values), indent=4)

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Options with ranges, as sensors and filters of pyrealsense2 have them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from activestereo.integrations.realsense.enums import option
+
+
+@dataclass
+class option_range:
+    min: float = 0.0
+    max: float = 0.0
+    step: float = 0.0
+    default: float = 0.0
+
+
+class Options:
+    """ranges: of each option that there is, None for one that is read only. on_change: told before an option takes a
+    value; it may refuse it."""
+
+    def __init__(
+        self,
+        ranges: Mapping[option, option_range],
+        read_only: Mapping[option, float] | None = None,
+        on_change: Callable[[option, float], None] = lambda which, value: None,
+    ) -> None:
+        self._ranges, self._read_only, self._on_change = dict(ranges), dict(read_only or {}), on_change
+        self._values = {which: r.default for which, r in self._ranges.items()} | self._read_only
+
+    def supports(self, which: option) -> bool:
+        return which in self._values
+
+    def get_supported_options(self) -> list[option]:
+        return list(self._values)
+
+    def is_option_read_only(self, which: option) -> bool:
+        return which in self._read_only
+
+    def get_option(self, which: option) -> float:
+        self._require(which)
+        return self._values[which]
+
+    def get_option_range(self, which: option) -> option_range:
+        self._require(which)
+        value = self._values[which]
+        return self._ranges.get(which, option_range(value, value, 0.0, value))
+
+    def get_option_description(self, which: option) -> str:
+        self._require(which)
+        return option(which).name.replace("_", " ")
+
+    def get_option_value_description(self, which: option, value: float) -> str | None:
+        self._require(which)
+        return None
+
+    def set_option(self, which: option, value: float) -> None:
+        """RuntimeError, as librealsense's, for an option that there is not and a value out of its range."""
+        self._require(which)
+        if which in self._read_only:
+            raise RuntimeError(f"option {option(which).name} is read only")
+        r, value = self._ranges[which], float(value)
+        if not r.min <= value <= r.max:
+            name = option(which).name
+            raise RuntimeError(f"out of range value for option {name}: {value:g}, expected {r.min:g} to {r.max:g}")
+        self._on_change(which, value)
+        self._values[which] = value
+
+    def _require(self, which: option) -> None:
+        if which not in self._values:
+            raise RuntimeError(f"object doesn't support option {option(which).name}")

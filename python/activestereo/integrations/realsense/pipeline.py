@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""pyrealsense2's pipeline: framesets of the streams that a config asks for, one simulated picture each."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.integrations.realsense.camera import SimulatedCamera
+from activestereo.integrations.realsense.device import context, device
+from activestereo.integrations.realsense.enums import format, frame_metadata_value, option, stream
+from activestereo.integrations.realsense.frames import composite_frame, depth_frame, frame, video_frame
+from activestereo.integrations.realsense.profiles import StreamRequest, video_stream_profile
+
+_FORMATS = {
+    stream.depth: (format.z16,),
+    stream.infrared: (format.y8,),
+    stream.color: (format.rgb8, format.bgr8, format.rgba8, format.bgra8, format.y8),
+}
+_FPS = 30
+_LUMA = np.array([0.299, 0.587, 0.114])  # ITU-R BT.601
+# Streams of a pipeline that is started without a config.
+_DEFAULT = (StreamRequest(stream.depth), StreamRequest(stream.color))
+
+
+class config:
+    """Which streams a pipeline starts."""
+
+    def __init__(self) -> None:
+        self.requests: dict[tuple[stream, int], StreamRequest] = {}
+
+    def enable_stream(self, stream_type: stream, *args: Any, **names: Any) -> None:
+        """Any of librealsense's forms: [index,] [width, height,] [format,] [framerate]. RuntimeError for a stream or a
+        format that is not simulated."""
+        forms = [a for a in args if isinstance(a, format)]
+        before = [int(a) for a in (args[: args.index(forms[0])] if forms else args)]
+        after = [int(a) for a in args[args.index(forms[0]) + 1 :]] if forms else []
+        index = names.get("stream_index", before.pop(0) if len(before) in (1, 3) else 0)
+        width, height = (names.get("width", 0), names.get("height", 0)) if len(before) < 2 else before[:2]
+        fps = names.get("framerate", before[2] if len(before) > 2 else after[0] if after else 0)
+        form = names.get("format", forms[0] if forms else format.any)
+        known = _FORMATS.get(stream_type, ())
+        if form != format.any and form not in known:
+            raise RuntimeError(
+                f"Couldn't resolve requests: {stream_type} in {form} is not simulated; there are "
+                + "; ".join(f"{s.name}: {', '.join(f.name for f in fs)}" for s, fs in _FORMATS.items())
+            )
+        if not known:
+            raise RuntimeError(f"Couldn't resolve requests: {stream_type} is not simulated")
+        if stream_type == stream.infrared and index == 0:
+            index = 1
+        self.requests[stream_type, index] = StreamRequest(stream_type, index, width, height, form, fps)
+
+    def enable_all_streams(self) -> None:
+        for stream_type, index in ((stream.depth, 0), (stream.color, 0), (stream.infrared, 1), (stream.infrared, 2)):
+            self.requests[stream_type, index] = StreamRequest(stream_type, index)
+
+    def disable_stream(self, stream_type: stream, index: int = -1) -> None:
+        for key in [key for key in self.requests if key[0] == stream_type and index in (-1, key[1])]:
+            del self.requests[key]
+
+    def disable_all_streams(self) -> None:
+        self.requests.clear()
+
+    def enable_device(self, serial: str) -> None:
+        """Nothing: there is one camera, whatever its serial number."""
+
+    def enable_device_from_file(self, file_name: str, repeat_playback: bool = True) -> None:
+        raise RuntimeError(f"{file_name}: a simulated camera plays no recordings: 'activestereo import' reads them")
+
+    def enable_record_to_file(self, file_name: str) -> None:
+        raise RuntimeError(f"{file_name}: record with to_software_device() and pyrealsense2's recorder")
+
+    def can_resolve(self, p: pipeline_wrapper) -> bool:
+        return True
+
+    def resolve(self, p: pipeline_wrapper) -> pipeline_profile:
+        return pipeline_profile(p.pipeline.device(), self)
+
+
+class pipeline_profile:
+    """The streams of a pipeline, and its device."""
+
+    def __init__(self, of: device, asked: config) -> None:
+        self._device = of
+        requests = list(asked.requests.values()) or list(_DEFAULT)
+        _set_sizes(of.camera, requests)
+        self._streams = [_profile(of.camera, request) for request in requests]
+
+    def get_device(self) -> device:
+        return self._device
+
+    def get_streams(self) -> list[video_stream_profile]:
+        return list(self._streams)
+
+    def get_stream(self, stream_type: stream, stream_index: int = -1) -> video_stream_profile:
+        for profile in self._streams:
+            if profile.stream_type() == stream_type and stream_index in (-1, profile.stream_index()):
+                return profile
+        raise RuntimeError(f"Profile does not contain the requested stream {stream_type.name}")
+
+
+def _set_sizes(camera: SimulatedCamera, requests: list[StreamRequest]) -> None:
+    """RuntimeError where streams that are one image here are asked for in two sizes."""
+    for streams, name in (((stream.depth, stream.infrared), "depth_size"), ((stream.color,), "color_size")):
+        sizes = {(r.width, r.height) for r in requests if r.stream in streams and r.width and r.height}
+        if len(sizes) > 1:
+            raise RuntimeError(f"Couldn't resolve requests: depth and infrared have one size, not {sorted(sizes)}")
+        for size in sizes:
+            setattr(camera, name, size)
+    camera.set_settings(camera.settings)
+
+
+def _profile(camera: SimulatedCamera, request: StreamRequest) -> video_stream_profile:
+    lens = camera.color() if request.stream == stream.color else camera.infrared()
+    form = _FORMATS[request.stream][0] if request.format == format.any else request.format
+    fps = request.fps or _FPS
+    whole = StreamRequest(request.stream, request.index, lens.width, lens.height, form, fps)
+    return video_stream_profile(whole, lens, camera.left_to(request.stream, request.index))
+
+
+class pipeline_wrapper:
+    def __init__(self, of: pipeline) -> None:
+        self.pipeline = of
+
+
+class pipeline:
+    """One simulated camera's framesets. Time is the pictures': each is 1 / framerate after the one before, however long
+    its simulation took."""
+
+    def __init__(self, ctx: context | None = None) -> None:
+        self._device: device | None = None
+        self._profile: pipeline_profile | None = None
+        self._number = 0
+        self._random = np.random.default_rng(0)
+        self._queue: Any = None
+
+    def device(self) -> device:
+        if self._device is None:
+            self._device = device()
+        return self._device
+
+    def start(self, *args: Any) -> pipeline_profile:
+        """With a config or without; a frame_queue takes the framesets as they come."""
+        if self._profile is not None:
+            raise RuntimeError("start() cannot be called before stop()")
+        asked = next((a for a in args if isinstance(a, config)), config())
+        self._queue = next((a for a in args if hasattr(a, "connect")), None)
+        of = self.device()
+        self._profile, self._number = pipeline_profile(of, asked), 0
+        self._random = np.random.default_rng(of.camera.world.seed)
+        if self._queue is not None:
+            self._queue.connect(self)
+        return self._profile
+
+    def stop(self) -> None:
+        if self._profile is None:
+            raise RuntimeError("stop() cannot be called before start()")
+        self._profile = None
+        self.device().camera.close()
+
+    def get_active_profile(self) -> pipeline_profile:
+        if self._profile is None:
+            raise RuntimeError("get_active_profile() cannot be called before start()")
+        return self._profile
+
+    def wait_for_frames(self, timeout_ms: int = 5000) -> composite_frame:
+        """The next frameset that has every stream. The simulation takes what time it takes: timeout_ms matters only
+        where the world's frames are over."""
+        arrived, frames = self.try_wait_for_frames(timeout_ms)
+        if not arrived or frames is None:
+            raise RuntimeError(f"Frame didn't arrive within {timeout_ms}")
+        return frames
+
+    def try_wait_for_frames(self, timeout_ms: int = 5000) -> tuple[bool, composite_frame | None]:
+        world = self.device().camera.world
+        streams = self.get_active_profile().get_streams()
+        while world.frames is None or self._number < world.frames:
+            dropped = self._random.random(len(streams)) < world.drop_share
+            self._number += 1
+            if not dropped.any():
+                return True, self._frameset(streams)
+        return False, None
+
+    def poll_for_frames(self) -> composite_frame | None:
+        return self.try_wait_for_frames()[1]
+
+    def _frameset(self, streams: list[video_stream_profile]) -> composite_frame:
+        camera = self.device().camera
+        time_ms = 1e3 * (self._number - 1) / min(profile.fps() for profile in streams)
+        camera.take(1e-3 * time_ms, any(profile.stream_type() == stream.color for profile in streams))
+        return composite_frame([self._frame(camera, profile, time_ms) for profile in streams])
+
+    def _frame(self, camera: SimulatedCamera, profile: video_stream_profile, time_ms: float) -> frame:
+        pixels, kind = _pixels(camera, profile), profile.stream_type()
+        made = depth_frame if kind == stream.depth else video_frame
+        metadata = _metadata(camera, profile, self._number, time_ms)
+        return made(pixels, profile, self._number, time_ms, metadata, camera.unit_m)
+
+
+def _pixels(camera: SimulatedCamera, profile: video_stream_profile) -> NDArray[Any]:
+    if profile.stream_type() == stream.depth:
+        return camera.depth()
+    if profile.stream_type() == stream.infrared:
+        return camera.infrared_pair()[profile.stream_index() - 1]
+    rgb, form = camera.rgb(), profile.format()
+    if form == format.y8:
+        return np.rint(rgb @ _LUMA).astype(np.uint8)
+    if form in (format.bgr8, format.bgra8):
+        rgb = rgb[..., ::-1]
+    if form in (format.rgba8, format.bgra8):
+        rgb = np.dstack([rgb, np.full(rgb.shape[:2], 255, np.uint8)])
+    return np.ascontiguousarray(rgb)
+
+
+def _metadata(
+    camera: SimulatedCamera, profile: video_stream_profile, number: int, time_ms: float
+) -> dict[frame_metadata_value, int]:
+    latency_ms = camera.world.latency_ms.get(profile.stream_type(), 0.0)
+    out = {
+        frame_metadata_value.frame_counter: number,
+        frame_metadata_value.frame_timestamp: round(1e3 * time_ms),
+        frame_metadata_value.sensor_timestamp: round(1e3 * time_ms),
+        frame_metadata_value.time_of_arrival: round(time_ms + latency_ms),
+        frame_metadata_value.actual_fps: profile.fps(),
+    }
+    if profile.stream_type() != stream.color:
+        is_lit = camera.config().emitter_power(number - 1) > 0
+        out |= {
+            frame_metadata_value.actual_exposure: camera.exposure_us(),
+            frame_metadata_value.frame_laser_power: round(camera.config().laser_power_mw),
+            frame_metadata_value.frame_laser_power_mode: int(is_lit),
+            frame_metadata_value.auto_exposure: int(camera.values[option.enable_auto_exposure]),
+        }
+    return out
+
+
+class frame_queue:
+    """The newest frames of a pipeline that was started with it."""
+
+    def __init__(self, capacity: int = 1, keep_frames: bool = False) -> None:
+        self._capacity = capacity
+        self._source: Any = None
+
+    def connect(self, source: Any) -> None:
+        self._source = source
+
+    def capacity(self) -> int:
+        return self._capacity
+
+    def wait_for_frame(self, timeout_ms: int = 5000) -> composite_frame:
+        if self._source is None:
+            raise RuntimeError(f"Frame did not arrive in time! (queue without a pipeline, {timeout_ms} ms)")
+        return self._source.wait_for_frames(timeout_ms)
+
+    def poll_for_frame(self) -> composite_frame | None:
+        return None if self._source is None else self._source.poll_for_frames()

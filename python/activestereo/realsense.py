@@ -1,0 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
+"""pyrealsense2's names on a simulated camera: `import activestereo.realsense as rs` in place of `import pyrealsense2 as
+rs`. integrations/realsense/README.md says what there is."""
+
+from activestereo.integrations.realsense import *  # noqa: F403

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// What was measured beside a step of disparity, or matched at the edges of the right image.
+// Thread rule: externally synchronised.
+#pragma once
+
+#include <vector>
+
+#include "checks/edges.h"
+#include "match/matcher.h"
+
+namespace ks {
+class ThreadPool;
+}
+
+namespace simsense {
+
+/// The result does not depend on the number of workers.
+class EdgeCheck {
+ public:
+  /// Disparity `invalid` and confidence 0 of each valid pixel that has, among its eight neighbours, a valid one further away than step_px
+  /// (reason not_unique), or whose match lies within border_px of the right image's left or right edge (reason outside).
+  void apply(const EdgeParameters& parameters, const MatchMaps& maps, uint32_t width, uint32_t height, float invalid,
+             ks::ThreadPool& workers);
+
+ private:
+  std::vector<float> before_;  // [height][width]
+};
+
+}  // namespace simsense

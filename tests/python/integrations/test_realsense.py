@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A script for a RealSense camera runs on a simulated one: frames, options, geometry, align and the point cloud."""
+
+import json
+
+import numpy as np
+import pytest
+
+import activestereo.realsense as rs
+from activestereo.integrations.realsense.profiles import StreamRequest
+
+_SIZE = (96, 72)
+
+
+@pytest.fixture
+def camera():
+    """A pipeline of all four streams, and its profile."""
+    rs.simulate(rs.World(frames=40, samples_per_pixel=1, device="cpu"))
+    pipeline, config = rs.pipeline(), rs.config()
+    config.enable_stream(rs.stream.depth, *_SIZE, rs.format.z16, 30)
+    config.enable_stream(rs.stream.infrared, 1, *_SIZE, rs.format.y8, 30)
+    config.enable_stream(rs.stream.infrared, 2)
+    config.enable_stream(rs.stream.color, 48, 36, rs.format.bgr8, 30)
+    profile = pipeline.start(config)
+    yield pipeline, profile
+    pipeline.stop()
+    rs.simulate(rs.World())
+
+
+def test_a_frameset_has_the_streams_of_the_config_and_its_options_act(camera):
+    pipeline, profile = camera
+    frames = pipeline.wait_for_frames()
+    depth, color = frames.get_depth_frame(), frames.get_color_frame()
+    assert np.asanyarray(depth.get_data()).shape == (72, 96) and depth.get_data().dtype == np.uint16
+    assert np.asanyarray(color.get_data()).shape == (36, 48, 3) and len(frames) == 4
+    y, x = np.argwhere(depth.get_data() > 0)[0]
+    assert depth.get_distance(int(x), int(y)) == pytest.approx(1e-3 * depth.get_data()[y, x])
+    late = [f.get_frame_metadata(rs.frame_metadata_value.time_of_arrival) for f in (depth, color)]
+    assert late == [9, 66]
+    sensor = profile.get_device().first_depth_sensor()
+    assert sensor.get_option_range(rs.option.laser_power).max == 360
+    sensor.set_option(rs.option.laser_power, 360)
+    for which, value in ((rs.option.exposure, 4000), (rs.option.depth_units, 0.0005), (rs.option.emitter_on_off, 1)):
+        sensor.set_option(which, value)
+    assert sensor.get_option(rs.option.enable_auto_exposure) == 0
+    pair = [pipeline.wait_for_frames() for _ in range(2)]
+    mode = rs.frame_metadata_value.frame_laser_power_mode
+    lit, dark = sorted(pair, key=lambda f: -f.get_depth_frame().get_frame_metadata(mode))
+    assert [f.get_infrared_frame(2).get_frame_metadata(mode) for f in (lit, dark)] == [1, 0]
+    means = [f.get_infrared_frame(1).get_data().mean() for f in (dark, lit)]
+    assert means[1] > means[0] + 0.5
+    assert lit.get_infrared_frame(1).get_frame_metadata(rs.frame_metadata_value.actual_exposure) == 4000
+    assert sensor.get_depth_scale() == lit.get_depth_frame().get_units() == 0.0005
+    medians = [np.median(f.get_depth_frame().get_data()[f.get_depth_frame().get_data() > 0]) for f in (frames, lit)]
+    assert medians[1] == pytest.approx(2.0 * medians[0], rel=0.1)
+
+
+def test_presets_and_advanced_settings_reach_the_matcher(camera):
+    _, profile = camera
+    device = profile.get_device()
+    before = device.camera.config()
+    device.first_depth_sensor().set_option(rs.option.visual_preset, rs.rs400_visual_preset.high_accuracy)
+    assert device.camera.config().uniqueness_ratio > before.uniqueness_ratio
+    advanced = rs.rs400_advanced_mode(device)
+    advanced.load_json(json.dumps({"param-secondpeakdelta": "10", "controls-laserpower": "30"}))
+    assert device.camera.config().uniqueness_ratio < before.uniqueness_ratio
+    assert device.camera.config().laser_power_mw == 30
+    assert float(json.loads(advanced.serialize_json())["param-secondpeakdelta"]) == 10
+    with pytest.raises(RuntimeError, match="param-nothing is unknown"):
+        advanced.load_json('{"param-nothing": 1}')
+
+
+def test_frames_end_and_drop_by_seed():
+    def numbers(seed):
+        rs.simulate(rs.World(frames=9, drop_share=0.4, seed=seed))
+        pipeline = rs.pipeline()
+        pipeline.device().camera.take = lambda time_s, with_color: None
+        pipeline.device().camera.depth = lambda: np.zeros((4, 4), np.uint16)
+        pipeline.device().camera.exposure_us = lambda: 1
+        config = rs.config()
+        config.enable_stream(rs.stream.depth)
+        pipeline.start(config)
+        found = []
+        with pytest.raises(RuntimeError, match="didn't arrive"):
+            while True:
+                found.append(pipeline.wait_for_frames().get_frame_number())
+        return found
+
+    assert numbers(3) == numbers(3) != numbers(4)
+    assert 0 < len(numbers(3)) < 9
+    rs.simulate(rs.World())
+
+
+@pytest.mark.parametrize(
+    "ask, told",
+    [
+        (lambda c: c.enable_stream(rs.stream.depth, 64, 48, rs.format.rgb8, 30), "is not simulated"),
+        (lambda c: c.enable_device_from_file("a.bag"), "plays no recordings"),
+        (lambda c: rs.pipeline().wait_for_frames(), "cannot be called before start"),
+        (lambda c: rs.device().first_depth_sensor().set_option(rs.option.laser_power, 1e4), "expected 0 to 360"),
+        (lambda c: rs.device().first_color_sensor().set_option(rs.option.laser_power, 1), "doesn't support"),
+    ],
+)
+def test_what_is_not_there_is_a_runtime_error(ask, told):
+    with pytest.raises(RuntimeError, match=told):
+        ask(rs.config())
+
+
+# ---- geometry, on frames without a picture ----
+
+
+def profiles(shift_m=-0.015):
+    lens = rs.intrinsics(64, 48, 31.5, 23.5, 50.0, 50.0, rs.distortion.brown_conrady)
+    moved = np.eye(4)
+    moved[0, 3] = shift_m
+    depth = StreamRequest(rs.stream.depth, 0, 64, 48, rs.format.z16, 30)
+    color = StreamRequest(rs.stream.color, 0, 64, 48, rs.format.bgr8, 30)
+    return rs.video_stream_profile(depth, lens), rs.video_stream_profile(color, lens, moved)
+
+
+def frameset(number=1, shift_m=-0.015):
+    rng = np.random.default_rng(number)
+    depth, color = profiles(shift_m)
+    z = np.round(1000 + 200 * np.sin(np.arange(64) / 9)[None] + 3 * np.arange(48)[:, None] + rng.normal(0, 3, (48, 64)))
+    z[rng.random(z.shape) < 0.1] = 0
+    image = rng.integers(0, 255, (48, 64, 3), np.uint8)
+    pair = rs.depth_frame(z.astype(np.uint16), depth, number, 33.0 * number), rs.video_frame(image, color, number, 33.0)
+    return rs.composite_frame(pair)
+
+
+def test_points_and_pixels_are_each_other_s_inverse_and_extrinsics_too():
+    depth, color = profiles()
+    point = rs.rs2_deproject_pixel_to_point(depth.get_intrinsics(), [10, 40], 2.0)
+    np.testing.assert_allclose(point, [(10 - 31.5) / 25, (40 - 23.5) / 25, 2.0])
+    np.testing.assert_allclose(rs.rs2_project_point_to_pixel(depth.get_intrinsics(), point), [10, 40])
+    there, back = depth.get_extrinsics_to(color), color.get_extrinsics_to(depth)
+    np.testing.assert_allclose(rs.rs2_transform_point_to_point(there, point), np.array(point) + [-0.015, 0, 0])
+    np.testing.assert_allclose(there.matrix() @ back.matrix(), np.eye(4), atol=1e-12)
+
+
+def test_align_moves_depth_by_its_parallax():
+    frames = frameset(shift_m=-0.1)  # 5 px at 1 m
+    whole = np.full((48, 64), 1000, np.uint16)
+    frames = rs.composite_frame([frames.get_depth_frame().changed(whole), frames.get_color_frame()])
+    moved = rs.align(rs.stream.color).process(frames).get_depth_frame().get_data()
+    assert (moved[:, :58] == 1000).all() and (moved[:, 60:] == 0).all()
+    same = rs.align(rs.stream.depth).process(frames).get_color_frame().get_data()
+    np.testing.assert_array_equal(same[:, 6:], frames.get_color_frame().get_data()[:, 1:59])
+
+
+def test_the_point_cloud_is_coloured_where_the_colour_camera_sees_it(tmp_path):
+    frames, cloud = frameset(), rs.pointcloud()
+    cloud.map_to(frames.get_color_frame())
+    points = cloud.calculate(frames.get_depth_frame())
+    z = points.get_vertices(2)[:, 2].reshape(48, 64)
+    np.testing.assert_allclose(z, 1e-3 * frames.get_depth_frame().get_data(), rtol=1e-6)
+    assert np.asanyarray(points.get_vertices()).view(np.float32).reshape(-1, 3).shape == (48 * 64, 3)
+    points.export_to_ply(tmp_path / "cloud.ply", frames.get_color_frame())
+    header = (tmp_path / "cloud.ply").read_bytes()[:300]
+    assert f"element vertex {(z > 0).sum()}".encode() in header and b"uchar red" in header
+
+
+def test_topics_are_those_of_realsense2_camera(tmp_path):
+    pytest.importorskip("rosbags", reason="the package rosbags is not installed (pip install rosbags)")
+    from rosbags.highlevel import AnyReader
+
+    assert rs.write_topics(tmp_path / "out", [frameset(1), frameset(2)]) == 2
+    with AnyReader([tmp_path / "out"]) as reader:
+        assert {(c.topic, c.msgtype) for c in reader.connections} == {
+            ("/camera/camera/depth/image_rect_raw", "sensor_msgs/msg/Image"),
+            ("/camera/camera/depth/camera_info", "sensor_msgs/msg/CameraInfo"),
+            ("/camera/camera/color/image_raw", "sensor_msgs/msg/Image"),
+            ("/camera/camera/color/camera_info", "sensor_msgs/msg/CameraInfo"),
+            ("/tf_static", "tf2_msgs/msg/TFMessage"),
+        }
+        found = {c.topic: reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages()}
+    image = found["/camera/camera/depth/image_rect_raw"]
+    assert (image.encoding, image.header.frame_id) == ("16UC1", "camera_depth_optical_frame")
+    np.testing.assert_array_equal(
+        np.frombuffer(image.data.tobytes(), np.uint16).reshape(48, 64), frameset(2).get_depth_frame().get_data()
+    )
