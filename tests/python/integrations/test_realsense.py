@@ -77,6 +77,7 @@ def test_frames_end_and_drop_by_seed():
         pipeline.device().camera.take = lambda time_s, with_color: None
         pipeline.device().camera.depth = lambda: np.zeros((4, 4), np.uint16)
         pipeline.device().camera.exposure_us = lambda: 1
+        pipeline.device().camera.is_lit = lambda: True
         config = rs.config()
         config.enable_stream(rs.stream.depth)
         pipeline.start(config)

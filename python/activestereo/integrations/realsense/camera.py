@@ -23,7 +23,7 @@ from activestereo.integrations.realsense.enums import option, rs400_visual_prese
 from activestereo.integrations.realsense.geometry import intrinsics
 from activestereo.integrations.realsense.options import option_range
 from activestereo.scene_io.example_scene import write_table_top
-from activestereo.sensor.mount import as_mount
+from activestereo.sensor.mounts import as_mount
 from activestereo.sensor.sensor import StereoDepthSensor
 
 SCENE_VARIABLE, SENSOR_VARIABLE = "ACTIVESTEREO_SCENE", "ACTIVESTEREO_SENSOR"
@@ -190,6 +190,10 @@ class SimulatedCamera:
 
     def exposure_us(self) -> int:
         return round(1e6 * self._ready().get_config().ir_camera_exposure)
+
+    def is_lit(self) -> bool:
+        """Whether the projector shone in the last picture."""
+        return self.config().emitter_power(self._ready().frame_index) > 0
 
     def close(self) -> None:
         if self._sensor is not None:

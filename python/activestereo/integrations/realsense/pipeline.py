@@ -227,11 +227,10 @@ def _metadata(
         frame_metadata_value.actual_fps: profile.fps(),
     }
     if profile.stream_type() != stream.color:
-        is_lit = camera.config().emitter_power(number - 1) > 0
         out |= {
             frame_metadata_value.actual_exposure: camera.exposure_us(),
             frame_metadata_value.frame_laser_power: round(camera.config().laser_power_mw),
-            frame_metadata_value.frame_laser_power_mode: int(is_lit),
+            frame_metadata_value.frame_laser_power_mode: int(camera.is_lit()),
             frame_metadata_value.auto_exposure: int(camera.values[option.enable_auto_exposure]),
         }
     return out
