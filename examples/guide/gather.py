@@ -4,10 +4,12 @@
 FOLDER/mkdocs.yml.
 
 The pages keep their places, so that links between them stay as they are; the files that they show or link to are copied
-beside them. Two directives, each alone on a line, include text of other files: `<!-- site: section PAGE "Heading" -->`
-the text under a heading, `<!-- site: program FILE -->` a file as a code block.
+beside them. Three directives, each alone on a line, include what other files say: `<!-- site: section PAGE "Heading"
+-->` the text under a heading, `<!-- site: program FILE -->` a file as a code block, and `<!-- site: stubs FILE.pyi -->`
+every class of type stubs with every member.
 """
 
+import ast
 import pathlib
 import re
 import shutil
@@ -41,6 +43,39 @@ def section(page: pathlib.Path, heading: str) -> str:
     return found.group(2).strip()
 
 
+def stubs(path: pathlib.Path) -> str:
+    """Headings of the classes of a stub file, with their docstrings and a line for each public member."""
+    module, parts = path.stem.lstrip("_"), []
+    for node in ast.parse(path.read_text()).body:
+        if isinstance(node, ast.ClassDef):
+            parts += [f"### {module}.{node.name}", " ".join((ast.get_docstring(node) or "").split()), _members(node)]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _members(node: ast.ClassDef) -> str:
+    """A line for each member: its call or type, and its docstring; a setter says nothing that its getter does not."""
+    lines = {}
+    for member, after in zip(node.body, [*node.body[1:], None], strict=True):
+        if isinstance(member, ast.AnnAssign):
+            name, shown = ast.unparse(member.target), ast.unparse(member)
+            is_said = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
+            said = " ".join(str(after.value.value).split()) if is_said else ""
+        elif isinstance(member, ast.FunctionDef) and (not member.name.startswith("_") or member.name == "__init__"):
+            name, said = member.name, " ".join((ast.get_docstring(member) or "").split())
+            decorators = [ast.unparse(decorator) for decorator in member.decorator_list]
+            returned = f" -> {ast.unparse(member.returns)}" if member.returns else ""
+            is_property = "property" in decorators
+            shown = f"{name}{returned}" if is_property else f"{name}({_parameters(member.args)}){returned}"
+        else:
+            continue
+        lines.setdefault(name, f"- `{shown}`" + (f": {said}" if said else ""))
+    return "\n".join(lines.values())
+
+
+def _parameters(arguments: ast.arguments) -> str:
+    return re.sub(r"^self(, )?", "", ast.unparse(arguments))
+
+
 def moved_links(text: str, old: pathlib.Path, new: pathlib.Path) -> str:
     """Links of text that stood in a page of folder old, for a page of folder new."""
 
@@ -62,11 +97,13 @@ def with_includes(page: pathlib.Path) -> str:
         path = page.parent / match["path"]
         if not path.is_file():
             raise PageError(f"{page.relative_to(ROOT)} includes {match['path']}, which is not there")
+        if match["kind"] == "stubs":
+            return stubs(path)
         if match["kind"] == "program":
             return f"```{LANGUAGES[path.suffix]}\n{path.read_text()}```"
         return moved_links(section(path, match["heading"]), path.parent, page.parent)
 
-    pattern = r'^<!-- site: (?P<kind>section|program) (?P<path>\S+)(?: "(?P<heading>[^"]+)")? -->$'
+    pattern = r'^<!-- site: (?P<kind>section|program|stubs) (?P<path>\S+)(?: "(?P<heading>[^"]+)")? -->$'
     return re.sub(pattern, included, page.read_text(), flags=re.MULTILINE)
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The documentation site can be built, and every link on it leads to a page and a heading that are there."""
 
+import importlib
 import os
 import pathlib
 import shutil
@@ -69,3 +70,17 @@ def test_the_references_have_what_programs_call(site: pathlib.Path) -> None:
     python = (site / "examples/guide/python_api.html").read_text()
     for name in ("take_picture", "compute_depth", "get_pointcloud"):
         assert name in python
+    main_page = (site / "capi/include/html/index.html").read_text()
+    assert "kuafu_renderer_render" in main_page and "simsense_engine_compute" in main_page
+
+
+@pytest.mark.parametrize("module", ["kuafu", "simsense"])
+def test_the_reference_has_every_member_of_the_bindings(module: str, site: pathlib.Path) -> None:
+    page = (site / "examples/guide/python_api.html").read_text()
+    bindings = importlib.import_module(f"{module}._{module}")
+    for name, kind in vars(bindings).items():
+        if isinstance(kind, type) and kind.__module__ == bindings.__name__:
+            _, _, section = page.partition(f'id="{module}{name.lower()}"')
+            section = section.partition("<h3")[0]
+            missing = [member for member in vars(kind) if not member.startswith("_") and member not in section]
+            assert section and not missing, (name, missing)

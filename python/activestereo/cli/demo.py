@@ -20,7 +20,7 @@ Shows in a minute or two what the project does, each step with the command that 
   3  asks the lab what its model lacks, writes DIR/report/report.html and opens it where there
      is a desktop; only then it tells what was hidden
 """
-_HIDDEN = ("blur", "veiling_glare", "radial_distortion", "gain", "vignetting", "response")
+_HIDDEN = ("radial_distortion", "vignetting", "gain")
 
 
 def add_parser(commands: Commands) -> None:

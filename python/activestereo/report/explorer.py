@@ -26,9 +26,10 @@ if TYPE_CHECKING:
 _STEP_SHARE = 0.125
 _DISPARITY_STEP_PX = 1.0 / 64.0
 _LEAST_DISPARITY_LIMIT_PX = 0.5
-# Pixels of infrared images that a page holds, both cameras of all its frames; about 3 bytes each with a dozen ranked
-# effects.
-_LARGEST_PIXELS = 5_000_000
+_ROW_STEP_SHARE = 0.25  # of ranked effects, which are compared with one another
+# Pixels of infrared images that a page holds, both cameras of all its frames, about 3 bytes each; and of those frames
+# that show a dozen ranked effects, another 4.
+_LARGEST_PIXELS, _LARGEST_PIXELS_OF_ROWS = 1_600_000, 500_000
 _COLOURS = 33
 _DEPTH = "depth"
 
@@ -51,11 +52,14 @@ def explorer_section(comparison: Comparison, images: ModelImages) -> str:
 def explorer_data(comparison: Comparison, images: ModelImages) -> dict[str, Any]:
     """{views, start, models, maps}: what web/explorer.js shows; views in the order of frames, then left, right, depth.
     """
-    frames = _chosen_frames(comparison)
+    frames = _chosen_frames(comparison, _LARGEST_PIXELS)
+    with_rows = [frame for frame in _chosen_frames(comparison, _LARGEST_PIXELS_OF_ROWS) if frame in frames]
+    large = {name: own for name, own in images.items() if name in (BASE, FOUND)}
     depths = {depth.frame.id: depth for depth in comparison.depths}
     views = []
     for frame in frames:
-        views += [_infrared_view(comparison, frame, side, images) for side in SIDES]
+        held = images if frame in with_rows else large
+        views += [_infrared_view(comparison, frame, side, images, held) for side in SIDES]
         if frame.id in depths:
             views.append(_depth_view(depths[frame.id], comparison))
     ranked = [name for name in images if name not in (BASE, FOUND)]
@@ -67,15 +71,16 @@ def explorer_data(comparison: Comparison, images: ModelImages) -> dict[str, Any]
         "views": views,
         "start": worst_frame(comparison.scores, split)["id"],
         "models": {name: words[name] for name in images},
+        "rows": [frame.id for frame in with_rows],
         "maps": {name: colour_stops(name) for name in ("gray", "RdBu_r", "viridis")},
     }
 
 
-def _chosen_frames(comparison: Comparison) -> list[Frame]:
-    """All frames where they fit on a page, else the worst of each split in turn; in the capture's order."""
+def _chosen_frames(comparison: Comparison, most_pixels: int) -> list[Frame]:
+    """All frames where they fit, else the worst of each split in turn; in the capture's order."""
     frames = {frame.id: frame for frame in comparison.capture.frames}
     rig = comparison.capture.rig
-    fit = max(2, _LARGEST_PIXELS // sum(rig.camera(side).width * rig.camera(side).height for side in SIDES))
+    fit = max(2, most_pixels // sum(rig.camera(side).width * rig.camera(side).height for side in SIDES))
     if len(frames) <= fit:
         return list(frames.values())
     of = {split: [e for e in comparison.scores["frames"] if e["split"] == split] for split in SPLITS}
@@ -86,7 +91,10 @@ def _chosen_frames(comparison: Comparison) -> list[Frame]:
     return [frame for frame in comparison.capture.frames if frame.id in chosen]
 
 
-def _infrared_view(comparison: Comparison, frame: Frame, side: str, images: Any) -> dict[str, Any]:
+def _infrared_view(
+    comparison: Comparison, frame: Frame, side: str, images: ModelImages, held: ModelImages
+) -> dict[str, Any]:
+    """images: of which the errors are told; held: of which the page holds the pixels."""
     scores = next(e for e in comparison.scores["frames"] if e["id"] == frame.id)["cameras"][side]
     measured = comparison.capture.ir(frame, side)
     floor = scores["noise_floor_dn"]
@@ -94,10 +102,11 @@ def _infrared_view(comparison: Comparison, frame: Frame, side: str, images: Any)
     layers = {"measured": encoded_image(measured, 1.0)}
     base = images[BASE][frame.id, side].astype(np.float64)
     layers[BASE] = encoded_image(base, _STEP_SHARE * typical)
-    for name in images:
+    for name in held:
         if name != BASE:  # most pixels of a difference are zero: it takes little room
             change = images[name][frame.id, side] - base
-            layers[name] = encoded_image(change, _STEP_SHARE * typical) | {"added_to": BASE}
+            share = _STEP_SHARE if name == FOUND else _ROW_STEP_SHARE
+            layers[name] = encoded_image(change, share * typical) | {"added_to": BASE}
     return {
         "frame": frame.id, "split": frame.split, "camera": side, "unit": "DN", "digits": 1, "map": "gray", "power": 0.5,
         "width": measured.shape[1], "height": measured.shape[0],

@@ -32,10 +32,11 @@ LAMPS = (
 CAMERA_TO_WORLD = look_at(eye=(-0.02, 0.46, 0.72), target=(0.0, 0.035, -0.02), up=(0.0, 1.0, 0.0))
 
 
-def write_table_top(path: str | Path) -> None:
-    """Writes the scene to a .gltf or .glb file; the same bytes each time."""
+def write_table_top(path: str | Path, is_matt: bool = False) -> None:
+    """Writes the scene to a .gltf or .glb file; the same bytes each time. is_matt: all surfaces scatter light evenly,
+    and what is of glass is left out."""
     writer = GltfWriter("activestereo example scene")
-    material = _materials(writer)
+    material = _materials(writer, is_matt)
     writer.add_mesh("table", meshes.box(1.7, 0.04, 0.95), material["wood"], (0.0, -0.04, -0.02))
     writer.add_mesh("wall", meshes.sheet((-1.6, -0.8, -0.5), (3.2, 0, 0), (0, 2.2, 0)), material["wall"])
     writer.add_mesh("vase", meshes.vase(0.20), material["ceramic"], (-0.20, 0.0, -0.16))
@@ -43,8 +44,9 @@ def write_table_top(path: str | Path) -> None:
     writer.add_mesh("ball", meshes.sphere(0.055), material["clay"], (-0.275, 0.055, 0.10))
     writer.add_mesh("steel ball", meshes.sphere(0.06), material["steel"], (0.045, 0.06, -0.06))
     writer.add_mesh("brass cylinder", _cylinder(0.035, 0.11), material["brass"], (0.335, 0.0, -0.20))
-    writer.add_mesh("tumbler", meshes.tumbler(0.038, 0.115, 0.0035, 0.012), material["glass"], (0.17, 0.0, 0.055))
-    writer.add_mesh("glass ball", meshes.sphere(0.035), material["glass"], (0.09, 0.035, 0.20))
+    if not is_matt:
+        writer.add_mesh("tumbler", meshes.tumbler(0.038, 0.115, 0.0035, 0.012), material["glass"], (0.17, 0.0, 0.055))
+        writer.add_mesh("glass ball", meshes.sphere(0.035), material["glass"], (0.09, 0.035, 0.20))
     writer.add_mesh("dark block", meshes.box(0.11, 0.075, 0.09), material["velvet"], (0.325, 0.0, 0.05), yaw_deg=28.0)
     writer.add_mesh("box", meshes.box(0.17, 0.12, 0.10), material["card"], (0.15, 0.0, -0.26), yaw_deg=-14.0)
     for name, place, color, intensity in LAMPS:
@@ -53,7 +55,7 @@ def write_table_top(path: str | Path) -> None:
     writer.write(path)
 
 
-def _materials(writer: GltfWriter) -> dict[str, int]:
+def _materials(writer: GltfWriter, is_matt: bool) -> dict[str, int]:
     """{name: index}. ir_albedo is the diffuse albedo (a metal's reflectance) at 850 nm."""
     wood = writer.add_texture(_wood_png(), "planks")
     table = {
@@ -67,6 +69,9 @@ def _materials(writer: GltfWriter) -> dict[str, int]:
         "glass": _glass(1.5),
         "velvet": _lambertian((0.012, 0.012, 0.014), ir_albedo=0.004),
     }
+    if is_matt:
+        del table["glass"]
+        table = {name: _lambertian((0.5, 0.5, 0.5), **fields["extras"]) for name, fields in table.items()}
     return {name: writer.add_material(name, **fields) for name, fields in table.items()}
 
 

@@ -3,6 +3,7 @@
 simulate and diagnose find is their own tests'."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -18,7 +19,8 @@ def steps(monkeypatch):
     seen = []
     for command in (simulate, diagnose):
         monkeypatch.setattr(command, "run", lambda args: (seen.append(args), print(f"ran {args.command}")))
-    monkeypatch.setattr(example_capture, "_SAMPLES", 1)
+    quick = partial(example_capture.write_example_capture, samples_per_pixel=1)
+    monkeypatch.setattr(example_capture, "write_example_capture", quick)
     return seen
 
 

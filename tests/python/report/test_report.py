@@ -135,6 +135,15 @@ def test_a_page_holds_as_many_frames_as_fit(comparison, monkeypatch):
     assert "3 of 8 frames" in report_page(comparison)
 
 
+def test_a_page_shows_ranked_effects_on_as_many_frames_as_fit(comparison, monkeypatch):
+    monkeypatch.setattr(explorer, "_LARGEST_PIXELS_OF_ROWS", 2 * 2 * 160 * 90)
+    data = explorer_data(comparison, model_images(comparison, WITH_MODEL))
+    infrared = [view for view in data["views"] if view["camera"] != "depth"]
+    assert {view["frame"] for view in infrared if "vignetting" in view["layers"]} == set(data["rows"])
+    assert len(data["rows"]) == 2 and data["start"] in data["rows"]
+    assert all({"base", "found"} <= set(view["layers"]) and "vignetting" in view["rmse"] for view in infrared)
+
+
 @pytest.mark.parametrize("high", [200.0, 2000.0, 1e9])
 def test_codes_span_the_image(high):
     image = np.linspace(-high, high, 240).reshape(12, 20)

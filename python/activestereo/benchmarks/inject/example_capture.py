@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A small capture of the example scene, rendered instead of recorded: a D435 of a quarter of its resolution, with shot
-and read noise by its law."""
+"""A small capture of the example scene in matt colours, rendered instead of recorded: a D435 of a quarter of its
+resolution, with shot and read noise by their law."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _BASELINE_M, _PROJECTOR_M = 0.05, 0.029
 _EXPOSURE_S, _BLACK_DN = 0.004, 5.0
 _PROJECTOR_DN_PER_S, _ROOM_DN_PER_S = 120000.0, 9000.0  # of a projector of 1 W/sr, and of a radiance of 1
 _NOISE = NoiseModel(0.3, 0.02, "stated")
-_SAMPLES, _BOUNCES = 64, 8  # as diagnose and compare have them
+_BOUNCES = 8  # as diagnose and compare have them
 _REPEATS = 2  # of the first view, by which the noise is known
 _PLACES_M = ((-0.02, 0.46, 0.72), (0.25, 0.40, 0.62), (-0.30, 0.35, 0.60), (0.10, 0.55, 0.55))
 _TARGET_M, _UP = (0.0, 0.035, -0.02), (0.0, 1.0, 0.0)
@@ -34,25 +34,29 @@ _HELD_OUT = 1  # of the views, the last one
 
 
 def write_example_capture(
-    folder: Path, device: str | int = "auto", seed: int = 0, progress: Callable[[float], object] | None = None
+    folder: str | Path,
+    device: str | int = "auto",
+    seed: int = 0,
+    progress: Callable[[float], object] | None = None,
+    samples_per_pixel: int = 64,
 ) -> Capture:
     """Writes the capture as the new folder and returns it. progress: called with the fraction done."""
     with TemporaryDirectory() as place:
         capture = _without_images(Path(place))
-        renderer = CaptureRenderer(capture, device, _SAMPLES, _BOUNCES, seed, smooth=False)
+        renderer = CaptureRenderer(capture, device, samples_per_pixel, _BOUNCES, seed, smooth=False)
         random = np.random.Generator(np.random.PCG64([seed, 37]))
         images = {}
         for key, light in renderer.lights(Model(), progress=progress).items():
             dn = _EXPOSURE_S * (_PROJECTOR_DN_PER_S * light.projector + _ROOM_DN_PER_S * light.ambient)
             noisy = with_noise(Light(dn.astype(np.float64), np.zeros(dn.shape)), _NOISE, random)
             images[key] = np.clip(np.rint(noisy.value + _BLACK_DN), 0, 255).astype(np.uint8)
-        write_capture(folder, capture, images, read_gray(capture.rig.projector.pattern_path))
+        write_capture(Path(folder), capture, images, read_gray(capture.rig.projector.pattern_path))
     return read_capture(folder)
 
 
 def _without_images(place: Path) -> Capture:
     scene, pattern_path = place / "table_top.gltf", place / "pattern.png"
-    write_table_top(scene)
+    write_table_top(scene, is_matt=True)
     config = StereoDepthSensorConfig("D435").scaled(_SCALE)
     drawn = config.pattern()
     assert drawn is not None, "a D435 has a pattern"

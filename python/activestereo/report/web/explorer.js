@@ -114,7 +114,8 @@ function drawResiduals() {
     const name = canvas.dataset.model;
     const note = canvas.parentElement.querySelector("figcaption");
     canvas.hidden = !(name in layers);
-    note.textContent = canvas.hidden ? "judged on the infrared images" : rmseText(name);
+    const elsewhere = `${rmseText(name)}, shown with frame ${data.rows.join(" or ")}`;
+    note.textContent = name in layers ? rmseText(name) : view.camera === "depth" ? "judged on the infrared images" : elsewhere;
     if (!canvas.hidden) drawResidual(canvas, name);
   }
 }
