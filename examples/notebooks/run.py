@@ -39,7 +39,7 @@ def run_cells(notebook: dict[str, Any]) -> None:
 
 
 def _outputs(source: str, names: dict[str, Any], count: int) -> list[dict[str, Any]]:
-    """What a cell prints, then the value of its last line where that is an expression."""
+    """The outputs of a cell: what it prints, and its last line where that is an expression."""
     tree = ast.parse(source)
     last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
     said, value = io.StringIO(), None
