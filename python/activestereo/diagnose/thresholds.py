@@ -11,22 +11,20 @@ use. How its figures change with a threshold was found on 332 cases of generatio
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-_GENERATION_1 = "calibrated"
+_CALIBRATED = "calibrated"
+_NOTHING_MOVES = "none"
+_NOT_JUDGED = "not judged"
 
 
-_NO_FIGURE = "none"
-_EARLIER = "not judged"
-
-
-def _threshold(value: float, unit: str, decides: str, source: str, moves: str = _NO_FIGURE) -> Any:
+def _threshold(value: float, unit: str, decides: str, source: str, moves: str = _NOTHING_MOVES) -> Any:
     """moves: figures of the benchmark suite when the threshold is halved and doubled, as
     tests/benchmark_suite/threshold_study.py prints them."""
     return field(default=value, metadata={"unit": unit, "decides": decides, "source": source, "moves": moves})
 
 
-def _earlier(value: float, unit: str, decides: str, source: str) -> Any:
-    """A threshold that decides what is fitted: verdicts passed again on what was fitted do not show it."""
-    return _threshold(value, unit, decides, source, _EARLIER)
+def _fitting(value: float, unit: str, decides: str, source: str) -> Any:
+    """A threshold that decides what is fitted, which the study of verdicts on finished fits cannot judge."""
+    return _threshold(value, unit, decides, source, _NOT_JUDGED)
 
 
 @dataclass(frozen=True)
@@ -34,314 +32,143 @@ class Thresholds:
     """Noise variances: mean squares over that of the noise (a reduced chi-square). Shares: of the error above the
     floor, unless said otherwise."""
 
+    # fmt: off
     # May it be named?
-    margin_nats: float = _threshold(
-        5.0,
-        "nats",
-        "gain in likelihood that a name needs, beyond the logarithm of the number of effects that were tried",
-        "theory: the largest of K null gains grows with log K; the margin is a convention",
-    )
-    smallest_share: float = _threshold(
-        0.20,
-        "1",
-        "least share of the error that a named effect must explain",
-        _GENERATION_1,
-        moves="halved: false alarms +0.050, outside -0.107; doubled: named -0.013, false alarms -0.010",
-    )
-    smallest_field_share: float = _threshold(
-        0.10, "1", "the same for random fields, since other frames predict only a part of them", _GENERATION_1
-    )
-    smallest_depth_share: float = _threshold(
-        0.03,
-        "1",
-        "the same for the mean square of the disparity error, since any two depth engines differ",
-        _GENERATION_1,
-    )
-    smallest_gain_reduced_chi2: float = _threshold(
-        0.01,
-        "noise variances",
-        "least decrease of the mean squared error",
-        _GENERATION_1,
-        moves="halved: false alarms +0.010; doubled: false alarms -0.010",
-    )
-    smallest_plain_reduced_chi2: float = _threshold(
-        0.05,
-        "noise variances",
-        "least decrease of the unweighted error, where that decrease alone makes an effect large",
-        _GENERATION_1,
-    )
-    patch_share: float = _threshold(
-        0.03,
-        "1",
-        "least share of the unweighted error that an effect must remove; with less it only patches another fault",
-        _GENERATION_1,
-    )
-    consistent_share: float = _threshold(
-        0.7,
-        "1",
-        "least share of the images affected by the effect that must improve",
-        "convention: seven of ten",
-        moves="halved: outside -0.179; doubled: nothing is named",
-    )
-    largest_variation: float = _threshold(
-        0.5,
-        "1",
-        "most that a varying amplitude may explain for an effect to be named, relative to what one amplitude explains",
-        _GENERATION_1,
-        moves="doubled: outside -0.071",
-    )
+    margin_nats: float = _threshold(5.0, "nats", "gain in likelihood that a name needs, beyond the logarithm of the "
+        "number of effects that were tried", "theory: the largest of K null gains grows with log K; the margin is a "
+        "convention")
+    smallest_share: float = _threshold(0.20, "1", "least share of the error that a named effect must explain",
+        _CALIBRATED, moves="halved: false alarms +0.050, outside -0.107; doubled: named -0.013, false alarms -0.010")
+    smallest_field_share: float = _threshold(0.10, "1", "the same for random fields, since other frames predict only a "
+        "part of them", _CALIBRATED)
+    smallest_depth_share: float = _threshold(0.03, "1", "the same for the mean square of the disparity error, since "
+        "any two depth engines differ", _CALIBRATED)
+    smallest_gain_reduced_chi2: float = _threshold(0.01, "noise variances", "least decrease of the mean squared error",
+        _CALIBRATED, moves="halved: false alarms +0.010; doubled: false alarms -0.010")
+    smallest_plain_reduced_chi2: float = _threshold(0.05, "noise variances", "least decrease of the unweighted error, "
+        "where that decrease alone makes an effect large", _CALIBRATED)
+    patch_share: float = _threshold(0.03, "1", "least share of the unweighted error that an effect must remove; with "
+        "less it only patches another fault", _CALIBRATED)
+    consistent_share: float = _threshold(0.7, "1", "least share of the images affected by the effect that must improve",
+        "convention: seven of ten", moves="halved: outside -0.179; doubled: nothing is named")
+    largest_variation: float = _threshold(0.5, "1", "most that a varying amplitude may explain for an effect to be "
+        "named, relative to what one amplitude explains", _CALIBRATED, moves="doubled: outside -0.071")
     # Is it the whole truth?
-    other_signature_share: float = _threshold(
-        0.1,
-        "1",
-        "the same ratio, above which the true effect has another signature than the named one",
-        _GENERATION_1,
-        moves="doubled: named +0.013",
-    )
-    other_signature_reduced_chi2: float = _threshold(
-        0.012,
-        "noise variances",
-        "least size of that variation that counts at all",
-        _GENERATION_1,
-        moves="doubled: named +0.013",
-    )
-    unexplained_reduced_chi2: float = _threshold(
-        0.12,
-        "noise variances",
-        "structure and excess above which something is missing, where no effect is named",
-        _GENERATION_1,
-        moves="halved: named -0.027; doubled: outside -0.107",
-    )
-    structure_of_named_reduced_chi2: float = _threshold(
-        0.075,
-        "noise variances",
-        "structure above which something is missing beside a named effect",
-        _GENERATION_1,
-        moves="halved: named -0.053, outside +0.036; doubled: outside -0.071",
-    )
-    unexplained_share: float = _threshold(
-        0.2,
-        "1",
-        "share of the initial structure that must remain for something to be missing",
-        _GENERATION_1,
-        moves="halved: named -0.013; doubled: outside -0.036",
-    )
-    largest_prior_sigmas: float = _threshold(
-        4.0,
-        "1",
-        "farthest that a named effect's fit may take a focal length or an albedo from calibration and scene "
-        "measurement, in their deviations",
-        "theory: one normal error in 16 000 is larger",
-    )
-    largest_scene_error_reduced_chi2: float = _threshold(
-        0.5,
-        "noise variances",
-        "largest excess of any shape that errors of the scene measurement leave, where no effect is named",
-        _GENERATION_1,
-        moves="doubled: outside -0.036",
-    )
-    unsteady_reduced_chi2: float = _threshold(
-        0.06,
-        "noise variances",
-        "largest difference between the frames of one view that noise makes, where no effect is named",
-        _GENERATION_1,
-    )
-    uneven_structure_reduced_chi2: float = _threshold(
-        0.12,
-        "noise variances",
-        "largest structure of one image beyond the median image's, where no effect is named",
-        _GENERATION_1,
-        moves="doubled: outside -0.036",
-    )
-    rounding_known_to: float = _threshold(
-        0.2,
-        "1",
-        "relative uncertainty of the rounding error of coarse digital steps",
-        "theory: few steps in dark pictures",
-    )
-    images_at_floor: float = _threshold(
-        0.12,
-        "noise variances",
-        "excess below which the images lack nothing, so that the depth is judged",
-        _GENERATION_1,
-    )
+    other_signature_share: float = _threshold(0.1, "1", "the same ratio, above which the true effect has another "
+        "signature than the named one", _CALIBRATED, moves="doubled: named +0.013")
+    other_signature_reduced_chi2: float = _threshold(0.012, "noise variances", "least size of that variation that "
+        "counts at all", _CALIBRATED, moves="doubled: named +0.013")
+    unexplained_reduced_chi2: float = _threshold(0.12, "noise variances", "structure and excess above which something "
+        "is missing, where no effect is named", _CALIBRATED, moves="halved: named -0.027; doubled: outside -0.107")
+    structure_of_named_reduced_chi2: float = _threshold(0.075, "noise variances", "structure above which something is "
+        "missing beside a named effect", _CALIBRATED,
+        moves="halved: named -0.053, outside +0.036; doubled: outside -0.071")
+    unexplained_share: float = _threshold(0.2, "1", "share of the initial structure that must remain for something to "
+        "be missing", _CALIBRATED, moves="halved: named -0.013; doubled: outside -0.036")
+    largest_prior_sigmas: float = _threshold(4.0, "1", "farthest that a named effect's fit may take a focal length or "
+        "an albedo from calibration and scene measurement, in their deviations", "theory: one normal error in 16 000 "
+        "is larger")
+    largest_scene_error_reduced_chi2: float = _threshold(0.5, "noise variances", "largest excess of any shape that "
+        "errors of the scene measurement leave, where no effect is named", _CALIBRATED,
+        moves="doubled: outside -0.036")
+    unsteady_reduced_chi2: float = _threshold(0.06, "noise variances", "largest difference between the frames of one "
+        "view that noise makes, where no effect is named", _CALIBRATED)
+    uneven_structure_reduced_chi2: float = _threshold(0.12, "noise variances", "largest structure of one image beyond "
+        "the median image's, where no effect is named", _CALIBRATED, moves="doubled: outside -0.036")
+    rounding_known_to: float = _threshold(0.2, "1", "relative uncertainty of the rounding error of coarse digital "
+        "steps", "theory: few steps in dark pictures")
+    images_at_floor: float = _threshold(0.12, "noise variances", "excess below which the images lack nothing, so that "
+        "the depth is judged", _CALIBRATED)
     # Can it be distinguished from others?
-    same_excess_ratio: float = _threshold(
-        1.2, "1", "ratio of excess errors within which two explanations count as equal", _GENERATION_1
-    )
-    same_excess_reduced_chi2: float = _threshold(
-        0.002, "noise variances", "absolute difference that is allowed in addition to that ratio", _GENERATION_1
-    )
-    same_gain_share: float = _threshold(
-        0.25, "1", "least share of the other's gain that an explanation needs to count as equal", "convention"
-    )
-    paired_errors: float = _threshold(
-        2.0,
-        "1",
-        "number of paired standard errors within which two explanations count as equal",
-        "theory: a two-sided 95 % interval",
-    )
-    paired_nats: float = _threshold(
-        2.0, "nats", "difference of likelihoods that is allowed in addition to these errors", "convention"
-    )
+    same_excess_ratio: float = _threshold(1.2, "1", "ratio of excess errors within which two explanations count as "
+        "equal", _CALIBRATED)
+    same_excess_reduced_chi2: float = _threshold(0.002, "noise variances", "absolute difference that is allowed in "
+        "addition to that ratio", _CALIBRATED)
+    same_gain_share: float = _threshold(0.25, "1", "least share of the other's gain that an explanation needs to count "
+        "as equal", "convention")
+    paired_errors: float = _threshold(2.0, "1", "number of paired standard errors within which two explanations count "
+        "as equal", "theory: a two-sided 95 % interval")
+    paired_nats: float = _threshold(2.0, "nats", "difference of likelihoods that is allowed in addition to these "
+        "errors", "convention")
     # How sure is it?
-    named_probability: float = _threshold(
-        0.97, "1", "probability that the true effect is in the list of possible names", _GENERATION_1
-    )
-    temperature: float = _threshold(
-        0.1,
-        "1",
-        "temperature of the softmax, over the logarithm of the remaining error, that gives the confidences",
-        _GENERATION_1,
-    )
-    noise_known_to: float = _threshold(0.01, "noise variances", "uncertainty of the noise floor itself", _GENERATION_1)
-    nats_per_unit: float = _threshold(
-        20.0, "nats", "nats of an approximate likelihood that raise the logarithm of a confidence by one", _GENERATION_1
-    )
-    occam_nats_per_unit: float = _threshold(
-        3.0, "nats", "the same for the penalty on free parameters (Laplace's evidence)", _GENERATION_1
-    )
+    named_probability: float = _threshold(0.97, "1", "probability that the true effect is in the list of possible "
+        "names", _CALIBRATED)
+    temperature: float = _threshold(0.1, "1", "temperature of the softmax, over the logarithm of the remaining error, "
+        "that gives the confidences", _CALIBRATED)
+    noise_known_to: float = _threshold(0.01, "noise variances", "uncertainty of the noise floor itself", _CALIBRATED)
+    nats_per_unit: float = _threshold(20.0, "nats", "nats of an approximate likelihood that raise the logarithm of a "
+        "confidence by one", _CALIBRATED)
+    occam_nats_per_unit: float = _threshold(3.0, "nats", "the same for the penalty on free parameters (Laplace's "
+        "evidence)", _CALIBRATED)
     # Adding further effects.
-    most_effects: int = _earlier(4, "1", "largest number of effects that --greedy adds", "convention")
-    needless_nats: float = _earlier(
-        5.0,
-        "nats",
-        "loss of likelihood below which an effect is removed again",
-        "as margin_nats",
-    )
-    needless_reduced_chi2: float = _earlier(
-        0.005, "noise variances", "the same limit in units of the noise floor", _GENERATION_1
-    )
-    formulas_share: float = _earlier(
-        0.015,
-        "1",
-        "share of what is explained that inexact formulas may leave over, and by which two explanations may differ and "
-        "still count as equal",
-        _GENERATION_1,
-    )
-    drift_share: float = _earlier(
-        0.02,
-        "1",
-        "share by which the noise floor must fall, once the dark signal and drift of a found effect are removed, "
-        "for weights to be computed again",
-        "convention",
-    )
-    needless_parameter_share: float = _earlier(
-        0.03, "1", "least share of its effect's gain that a free parameter must contribute", _GENERATION_1
-    )
-    needless_parameter_reduced_chi2: float = _earlier(
-        0.005, "noise variances", "the same limit in units of the noise floor", _GENERATION_1
-    )
+    most_effects: int = _fitting(4, "1", "largest number of effects that --greedy adds", "convention")
+    needless_nats: float = _fitting(5.0, "nats", "loss of likelihood below which an effect is removed again",
+        "as margin_nats")
+    needless_reduced_chi2: float = _fitting(0.005, "noise variances", "the same limit in units of the noise floor",
+        _CALIBRATED)
+    formulas_share: float = _fitting(0.015, "1", "share of what is explained that inexact formulas may leave over, and "
+        "by which two explanations may differ and still count as equal", _CALIBRATED)
+    drift_share: float = _fitting(0.02, "1", "share by which the noise floor must fall, once the dark signal and drift "
+        "of a found effect are removed, for weights to be computed again", "convention")
+    needless_parameter_share: float = _fitting(0.03, "1", "least share of its effect's gain that a free parameter must "
+        "contribute", _CALIBRATED)
+    needless_parameter_reduced_chi2: float = _fitting(0.005, "noise variances", "the same limit in units of the noise "
+        "floor", _CALIBRATED)
     # Random fields.
-    white_share: float = _earlier(
-        0.35,
-        "1",
-        "ratio of the covariance of neighbours to the variance, below which a residual is white noise",
-        _GENERATION_1,
-    )
-    largest_white_reduced_chi2: float = _earlier(
-        0.06,
-        "noise variances",
-        "largest error that the renderer's own noise causes",
-        "theory: Monte Carlo noise of 32 samples",
-    )
-    field_correlation: float = _earlier(
-        0.4,
-        "1",
-        "correlation of neighbours above which values are no random field",
-        "convention: draws are independent",
-    )
-    hot_sigma: float = _earlier(
-        5.0,
-        "1",
-        "standard deviations above which a pixel counts as an outlier, such as a hot pixel",
-        "theory: one pixel in four million by chance",
-    )
-    clear_of_ends: float = _earlier(
-        2.0, "1", "standard deviations that a pixel's values must keep from the ends of the range", "convention"
-    )
-    component_sigmas: float = _earlier(
-        3.0, "1", "standard errors by which a variance component must differ from zero", "theory: 99.7 %"
-    )
-    component_share: float = _earlier(
-        0.1, "1", "share of the variance of all random fields that the component must have", "convention"
-    )
+    white_share: float = _fitting(0.35, "1", "ratio of the covariance of neighbours to the variance, below which a "
+        "residual is white noise", _CALIBRATED)
+    largest_white_reduced_chi2: float = _fitting(0.06, "noise variances", "largest error that the renderer's own noise "
+        "causes", "theory: Monte Carlo noise of 32 samples")
+    field_correlation: float = _fitting(0.4, "1", "correlation of neighbours above which values are no random field",
+        "convention: draws are independent")
+    hot_sigma: float = _fitting(5.0, "1", "standard deviations above which a pixel counts as an outlier, such as a hot "
+        "pixel", "theory: one pixel in four million by chance")
+    clear_of_ends: float = _fitting(2.0, "1", "standard deviations that a pixel's values must keep from the ends of "
+        "the range", "convention")
+    component_sigmas: float = _fitting(3.0, "1", "standard errors by which a variance component must differ from zero",
+        "theory: 99.7 %")
+    component_share: float = _fitting(0.1, "1", "share of the variance of all random fields that the component must "
+        "have", "convention")
     # Noise.
-    comb_share: float = _earlier(
-        0.995, "1", "share of the pixels that must lie on the steps of coarse digital numbers", "convention"
-    )
-    row_correlation: float = _earlier(
-        0.4,
-        "1",
-        "correlation of neighbouring rows above which the rows are taken for bands of light",
-        "theory: rows are independent",
-    )
+    comb_share: float = _fitting(0.995, "1", "share of the pixels that must lie on the steps of coarse digital numbers",
+        "convention")
+    row_correlation: float = _fitting(0.4, "1", "correlation of neighbouring rows above which the rows are taken for "
+        "bands of light", "theory: rows are independent")
     # The depth engine.
-    engines_differ: float = _earlier(
-        1.7,
-        "1",
-        "factor within which the differences of neighbouring disparities of two depth engines agree",
-        _GENERATION_1,
-    )
-    poses_known_to_rad: float = _earlier(
-        0.0025, "rad", "uncertainty of measured orientations", "convention: an eighth of a degree"
-    )
+    engines_differ: float = _fitting(1.7, "1", "factor within which the differences of neighbouring disparities of two "
+        "depth engines agree", _CALIBRATED)
+    poses_known_to_rad: float = _fitting(0.0025, "rad", "uncertainty of measured orientations",
+        "convention: an eighth of a degree")
     # What to measure next.
-    worth_nats: float = _earlier(
-        2.0,
-        "nats",
-        "least difference in likelihood between two effects that a proposed measurement must be expected to make",
-        "convention",
-    )
-    lever_ratio: float = _earlier(
-        2.0,
-        "1",
-        "ratio of what a proposed measurement tells to what the same frames tell again, below which other views come "
-        "first",
-        "theory: twice the light doubles the nats of what the views tell already",
-    )
+    worth_nats: float = _fitting(2.0, "nats", "least difference in likelihood between two effects that a proposed "
+        "measurement must be expected to make", "convention")
+    lever_ratio: float = _fitting(2.0, "1", "ratio of what a proposed measurement tells to what the same frames tell "
+        "again, below which other views come first", "theory: twice the light doubles the nats of what the views tell "
+        "already")
     # Effort: what is worth another look.
-    out_of_reach: float = _earlier(
-        0.03, "1", "share of the best gain in the scan below which an effect is not fitted", _GENERATION_1
-    )
-    worth_polishing: float = _earlier(
-        2e-4,
-        "1",
-        "relative decrease of chi2 that a fit on some pixels needs to be repeated on all images",
-        _GENERATION_1,
-    )
-    worth_steps: float = _earlier(
-        4e-3, "1", "relative decrease of chi2 that it needs to take further steps there", _GENERATION_1
-    )
-    close_share: float = _earlier(
-        0.4,
-        "1",
-        "share of the best gain above which an effect is fitted further, or refined by rendering",
-        _GENERATION_1,
-    )
-    hopeless_share: float = _earlier(
-        0.01, "1", "share of the best gain below which an effect is dropped", _GENERATION_1
-    )
-    polished: int = _earlier(3, "1", "number of effects that are always fitted further", "convention")
-    close_nats: float = _earlier(
-        10.0, "nats", "difference of likelihoods within which an explanation may still become the best", "convention"
-    )
-    rendered: int = _earlier(
-        2, "1", "number of explanations that are refined by rendering, where the engine can render them", "convention"
-    )
-    near_size_share: float = _earlier(
-        0.5,
-        "1",
-        "share of the size that a name needs, which an effect's own formula must reach for it to be refined by "
-        "rendering",
-        "convention: formulas miss less than half of what they stand for",
-    )
-    sized: int = _earlier(
-        5, "1", "number of explanations for which the decrease of the error in DN is computed", "convention"
-    )
-    looked_at: int = _earlier(
-        8, "1", "number of explanations for which the constancy of the amplitude is checked", "convention"
-    )
+    out_of_reach: float = _fitting(0.03, "1", "share of the best gain in the scan below which an effect is not fitted",
+        _CALIBRATED)
+    worth_polishing: float = _fitting(2e-4, "1", "relative decrease of chi2 that a fit on some pixels needs to be "
+        "repeated on all images", _CALIBRATED)
+    worth_steps: float = _fitting(4e-3, "1", "relative decrease of chi2 that it needs to take further steps there",
+        _CALIBRATED)
+    close_share: float = _fitting(0.4, "1", "share of the best gain above which an effect is fitted further, or "
+        "refined by rendering", _CALIBRATED)
+    hopeless_share: float = _fitting(0.01, "1", "share of the best gain below which an effect is dropped",
+        _CALIBRATED)
+    polished: int = _fitting(3, "1", "number of effects that are always fitted further", "convention")
+    close_nats: float = _fitting(10.0, "nats", "difference of likelihoods within which an explanation may still become "
+        "the best", "convention")
+    rendered: int = _fitting(2, "1", "number of explanations that are refined by rendering, where the engine can "
+        "render them", "convention")
+    near_size_share: float = _fitting(0.5, "1", "share of the size that a name needs, which an effect's own formula "
+        "must reach for it to be refined by rendering", "convention: formulas miss less than half of what they stand "
+        "for")
+    sized: int = _fitting(5, "1", "number of explanations for which the decrease of the error in DN is computed",
+        "convention")
+    looked_at: int = _fitting(8, "1", "number of explanations for which the constancy of the amplitude is checked",
+        "convention")
+    # fmt: on
 
 
 THRESHOLDS = Thresholds()
