@@ -212,7 +212,7 @@ def test_depth_of_the_other_camera_lies_at_its_own_pixels():
     assert (out[22:38, 38:54] == 1.0).all() and (out[22:38, 60:80] == 2.0).all()
 
 
-def test_the_noise_law_of_repeats_is_found(ramp):
+def test_the_noise_model_of_repeats_is_found(ramp):
     noise_model = measured_noise_model(read_capture(ramp), BLACK)
     assert noise_model.measured == "repeats"
     assert noise_model.slope_dn == pytest.approx(SLOPE, rel=0.1)

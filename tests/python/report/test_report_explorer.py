@@ -43,7 +43,7 @@ def page(browser):
 def show(page, frame, side):
     page.value(f"(() => {{ const s = document.getElementById('frame'); s.value = '{frame}'; s.onchange(); }})()")
     page.wait(f"document.getElementById('explorer').dataset.view.startsWith('{frame} ')")
-    page.click(f"#cameras [data-eye={side}]")
+    page.click(f"#cameras [data-camera={side}]")
     page.wait(f"document.getElementById('explorer').dataset.view === '{frame} {side}'")
 
 
