@@ -149,7 +149,7 @@ class StereoDepthSensor:
 
     def _cuda_results(self) -> CudaResults | CopiedResults:
         if self._cuda is None:
-            self._cuda = (CudaResults if self._on_cuda else CopiedResults)(self.native())
+            self._cuda = CudaResults(self.native()) if self._on_cuda else CopiedResults(self.native())
         return self._cuda
 
     def _set(self, setter: str, **changes: Any) -> None:
