@@ -13,7 +13,6 @@ import simsense
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.sensor.cuda_maps import CudaMap, CudaMaps
 from activestereo.sensor.cuda_memory import CudaArray
-from activestereo.sensor.lazy_maps import LazyMaps
 from activestereo.sensor.result_memory import Kind, PartOfResults
 
 
@@ -28,13 +27,17 @@ class ComputesMaps(Protocol):
 
 
 class Maps:
-    """on_cuda: maps lie where CUDA sees them, too, and the host reads them from there; CudaError, where the first is
+    """Maps that have been read of earlier pictures are computed together, any other when it is first read.
+
+    on_cuda: maps lie where CUDA sees them, too, and the host reads them from there; CudaError, where the first is
     computed, if there is no CUDA, or none on this GPU. results: where they lie, if not in arrays of their own."""
 
-    def __init__(self, engine: ComputesMaps, on_cuda: bool, results: PartOfResults | None) -> None:
+    def __init__(self, engine: ComputesMaps, on_cuda: bool = False, results: PartOfResults | None = None) -> None:
         self._engine, self._results = engine, results
         self._on_cuda = CudaMaps(engine.matcher.device) if on_cuda else None
-        self._lazy = LazyMaps("depth_rgb")
+        self._wanted = ["depth_rgb"]
+        self._found: dict[str, Any] = {}
+        self._has_begun = False
 
     @property
     def on_cuda(self) -> bool:
@@ -42,35 +45,44 @@ class Maps:
 
     def clear(self) -> None:
         """There are other pictures, which have not been matched."""
-        self._lazy.clear()
+        self._found, self._has_begun = {}, False
 
     def begin(self) -> None:
         """Computes those that have been read of earlier pictures."""
-        self._lazy.begin(self._compute)
+        self.clear()
+        self._found = dict(self._compute(self._wanted))
+        self._has_begun = True
 
     def complete(self) -> None:
-        """Has all at hand where the pictures have been matched, as before the engine changes."""
-        if self._lazy:
-            self._lazy.complete(("disparity", "ir_left", "ir_right", *self._engine.config.depth_maps), self._compute)
+        """Has all at hand where the pictures have been matched, as before the engine changes: all maps of a picture are
+        of one engine."""
+        names = ("disparity", "ir_left", "ir_right", *self._engine.config.depth_maps)
+        missing = [name for name in names if name not in self._found]
+        if self._has_begun and missing:
+            self._found |= self._compute(missing)
 
     def read(self, name: str) -> NDArray[Any]:
         """One of the depth engine's, [*shape, height, width, ...]."""
-        found = self._found(name)
+        found = self._one(name)
         return found.read().reshape(self._shape_of(found.image)) if isinstance(found, CudaMap) else found
 
     def cuda(self, name: str) -> CudaArray:
         """The same, in CUDA's memory."""
-        found = self._found(name)
+        found = self._one(name)
         return found.array(self._shape_of(found.image))
 
     def values(self) -> list[Any]:
         """Those that were computed."""
-        return list(self._lazy.values())
+        return list(self._found.values())
 
-    def _found(self, name: str) -> Any:
-        if not self._lazy:
+    def _one(self, name: str) -> Any:
+        if not self._has_begun:
             raise RuntimeError("no depth of this picture yet: call compute_depth() after take_picture()")
-        return self._lazy.read(name, self._compute)
+        if name not in self._found:
+            self._found |= self._compute([name])
+        if name not in self._wanted:
+            self._wanted.append(name)
+        return self._found[name]
 
     def _compute(self, names: list[str]) -> Mapping[str, Any]:
         if self._on_cuda is not None:

@@ -2,12 +2,14 @@
 """Images that nobody reads are not copied, maps that nobody reads are not computed; what is read is right all the
 same."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import kuafu
 from activestereo import StereoDepthSensor
-from activestereo.sensor.lazy_maps import LazyMaps
+from activestereo.sensor.maps import Maps
 from activestereo.sensor.picture_memory import PictureMemory
 
 
@@ -16,16 +18,17 @@ def test_maps_that_were_read_are_computed_with_the_next_picture():
 
     def compute(names):
         asked.append(list(names))
-        return {name: np.array(len(asked)) for name in names}
+        return {name: np.full((1, 1), len(asked)) for name in names}
 
-    maps = LazyMaps("depth_rgb")
-    assert not maps
-    maps.begin(compute)
-    assert maps and maps.read("depth_rgb", compute) == 1
-    assert maps.read("disparity", compute) == 2 and maps.read("disparity", compute) == 2
-    maps.complete(["disparity", "ir_left"], compute)
-    maps.begin(compute)
-    assert asked == [["depth_rgb"], ["disparity"], ["ir_left"], ["depth_rgb", "disparity"]]
+    maps = Maps(SimpleNamespace(compute=compute, shape=(), config=SimpleNamespace(depth_maps=())))
+    with pytest.raises(RuntimeError, match="no depth of this picture yet"):
+        maps.read("depth_rgb")
+    maps.begin()
+    assert maps.read("depth_rgb") == 1
+    assert maps.read("disparity") == 2 and maps.read("disparity") == 2
+    maps.complete()
+    maps.begin()
+    assert asked == [["depth_rgb"], ["disparity"], ["ir_left", "ir_right"], ["depth_rgb", "disparity"]]
 
 
 @pytest.mark.parametrize("host_visible", [True, False])
