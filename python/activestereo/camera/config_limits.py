@@ -6,12 +6,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from math import inf
+from os import PathLike
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import kuafu
+import simsense
 from activestereo.common.limits import (
     ANY,
     DISTORTION,
@@ -28,7 +30,10 @@ from activestereo.common.limits import (
     Limits,
 )
 from activestereo.common.matcher_table import MATCHER, RIG, SIGNAL
+from activestereo.common.nearest import did_you_mean
 from activestereo.common.parameter import Parameter
+from activestereo.common.pattern import PatternDesign
+from activestereo.common.pose import Pose
 from activestereo.common.render_table import OPTICS, RENDER, RENDERER
 
 # {camera: (resolution, its matrix, a copy of that)}: what belongs together.
@@ -91,6 +96,9 @@ _CHOICES: dict[str, tuple[str, ...]] = {
     "ir_readout": _READOUTS,
     "rgb_readout": _READOUTS,
 }
+_FLAGS = ("rectified", "ir_speckle_of_laser", "projector_always_on")
+# Maps that a sensor may give besides depth: the depth engine's outputs.
+DEPTH_MAPS = ("confidence", "reason", "points", "rectified_left", "rectified_right")
 _MAY_BE_NONE = ("rgb_exposure", "ir_exposure_region", "ir_distortion_right", "ir_intrinsic_right", "pattern_intrinsic")
 
 
@@ -110,9 +118,19 @@ def check_field(name: str, value: Any) -> None:
     elif name in _MATRICES:
         fault = _matrix_fault(value)
     elif name in _POSES:
-        fault = _list_fault(value.p.tolist(), [LENGTH] * 3)
+        fault = _pose_fault(value)
+    elif name == "ir_signal" and isinstance(value, str):
+        simsense.signal_preset(value)  # type: ignore[arg-type]  # the engine knows them, and says so
     elif name in _RECORDS:
         fault = _record_fault(value, *_RECORDS[name])
+    elif name in _FLAGS:
+        fault = _flag_fault(value)
+    elif name == "depth_maps":
+        fault = _names_fault(value, DEPTH_MAPS)
+    elif name == "light_pattern":
+        fault = _pattern_fault(value)
+    elif name == "pattern_design" and not isinstance(value, PatternDesign):
+        fault = f"is {value!r}, expected a PatternDesign"
     elif name == "light_dots":
         fault = _dots_fault(value)
     elif name in _CHOICES and value not in _CHOICES[name]:
@@ -126,12 +144,11 @@ def _parameter_fault(p: Parameter, value: Any) -> str | None:
     if value is None and p.default is None:
         return None
     if p.kind is tuple:
-        named = value if isinstance(value, (tuple, list)) else (value,)
-        return next((f"has {one!r} {known}" for one in named if one not in p.choices), None)
+        return _names_fault(value if isinstance(value, (tuple, list)) else (value,), p.choices)
     if p.choices:
         return None if value in p.choices else f"is {value!r} {known}"
     if p.kind is bool:
-        return None if value in (True, False) else f"is {value!r}, expected True or False"
+        return _flag_fault(value)
     if p.kind is str or (p.name in _ENDLESS and value == inf):
         return None
     low, high = p.range or (ANY.low, ANY.high)
@@ -143,8 +160,34 @@ def _parameter_fault(p: Parameter, value: Any) -> str | None:
     return fault
 
 
+def _flag_fault(value: Any) -> str | None:
+    is_flag = isinstance(value, (bool, int, np.bool_)) and value in (True, False)
+    return None if is_flag else f"is {value!r}, expected True or False"
+
+
+def _names_fault(names: Any, known: Sequence[str]) -> str | None:
+    if not isinstance(names, (tuple, list)):
+        return f"is {names!r}, expected names out of {', '.join(known)}"
+    odd = [one for one in names if one not in known]
+    return f"has {odd[0]!r} (known: {', '.join(known)}){did_you_mean(odd[0], known)}" if odd else None
+
+
+def _pose_fault(value: Any) -> str | None:
+    if not isinstance(value, Pose):
+        return f"is a {type(value).__name__}, expected a Pose"
+    return _list_fault(value.p.tolist(), [LENGTH] * 3)
+
+
+def _pattern_fault(value: Any) -> str | None:
+    if isinstance(value, np.ndarray):
+        is_image = value.ndim == 2 and value.size > 0 and value.dtype == np.uint8
+        return None if is_image else f"is {value.dtype} {list(value.shape)}, expected uint8 [height, width]"
+    is_named = value is None or isinstance(value, (str, PathLike))
+    return None if is_named else f"is {value!r}, expected 'generated', an image, the path of one, or None"
+
+
 def _record_fault(values: Any, table: Mapping[str, Parameter], lengths: Mapping[str, int]) -> str | None:
-    if values is None or isinstance(values, str):  # the engine's preset of that name
+    if values is None:
         return None
     if not isinstance(values, Mapping):
         return f"is {values!r}, expected {{parameter: value}}"

@@ -170,6 +170,8 @@ class StereoDepthSensorBatch(SensorResults):
         'instance_ids' or 'material_ids'; or 'radiance', the light that get_rgb() encodes. torch.as_tensor(array,
         device="cuda") takes it. The next take_picture() or compute_depth() writes into the same memory. device: which
         of several devices', with its environments alone. RuntimeError without on_cuda, ValueError for another name."""
+        if device not in range(len(self._engines)):
+            raise ValueError(f"devices are 0 to {len(self._engines) - 1}, not {device}")
         return self._cuda(self._engines[device], name)
 
     # ---- the batch itself ----
@@ -228,7 +230,10 @@ class StereoDepthSensorBatch(SensorResults):
         for name, values in (("laser_power", laser_power), ("exposure", exposure)):
             if values is None:
                 continue
-            shares[name] = np.asarray(values, np.float64)
+            try:
+                shares[name] = np.asarray(values, np.float64)
+            except (TypeError, ValueError):
+                shares[name] = np.empty(0)
             if shares[name].shape != shape:
                 raise ValueError(f"{name} of {where} is {list(shape)} numbers from 0 on, not {values!r}")
             raise_faults(name, each, [POWER.fault(value) for value in shares[name].ravel().tolist()])

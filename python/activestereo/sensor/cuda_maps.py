@@ -11,11 +11,11 @@ from typing import Any
 from numpy.typing import NDArray
 
 import simsense
+from activestereo.camera.config_limits import DEPTH_MAPS
 from activestereo.sensor.cuda_memory import CudaArray, CudaMemory
 
 # get_cuda()'s names: the depth engine's or kuafu's by them.
 _OF_EVERY_SENSOR = ("disparity", "ir_left", "ir_right")
-DEPTH_MAPS = ("confidence", "reason", "points", "rectified_left", "rectified_right")
 MAPS = {"depth": "depth_rgb"} | {name: name for name in (*_OF_EVERY_SENSOR, *DEPTH_MAPS)}
 PICTURES = {
     "rgba8": "srgb",

@@ -110,6 +110,8 @@ class Places:
     """The last poses that a batch's mounts had, and the RGB cameras' from them. pose: relative to its mount."""
 
     def __init__(self, mounts: HasPoses, pose: NDArray[np.float64]) -> None:
+        if not isinstance(getattr(mounts, "scene", None), kuafu.Scene):
+            raise TypeError(f"a batch needs Mounts, or others with a scene and poses, not {type(mounts).__name__}")
         self._mounts, self._pose = mounts, pose
         poses = pose_matrices(host_array(mounts.poses), "poses of sensors")
         self.shape = poses.shape[:-2]

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.camera.auto_exposure import encoded_rgb
+from activestereo.camera.config_limits import DEPTH_MAPS
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.computed_once import computed_once
 from activestereo.common.lens import pixel_rays
 from activestereo.common.nearest import did_you_mean
 from activestereo.common.pose import Pose, camera_to_world
 from activestereo.sensor.camera_info import CameraInfo, camera_info
-from activestereo.sensor.cuda_maps import DEPTH_MAPS, MAPS, PICTURES
+from activestereo.sensor.cuda_maps import MAPS, PICTURES
 from activestereo.sensor.cuda_memory import CudaArray
 from activestereo.sensor.engine import SensorEngine
 

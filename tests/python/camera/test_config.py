@@ -189,6 +189,14 @@ def changed(**fields):
         ("light_dots", [[1.0, 2.0, 1.0], [1.0, 2.0, float("nan")]], r"light_dots \[1\] is"),
         ("light_dots", [[1.0, 2.0, -1.0]], "a power of 0 or more"),
         ("ir_intrinsic", np.array([[900.0, 0, 640], [0, 900, 360], [0, 0, 1]]), "set ir_resolution first"),
+        ("ir_signal", "d453", "no signal preset 'd453' .known: .*d435"),
+        ("depth_maps", ("confidense",), "depth_maps has 'confidense' .*; did you mean 'confidence'"),
+        ("depth_maps", "confidence", "depth_maps is 'confidence', expected names out of"),
+        ("rectified", "x", "rectified is 'x', expected True or False"),
+        ("trans_pose_l", np.eye(4), "trans_pose_l is a ndarray, expected a Pose"),
+        ("pattern_design", 5, "pattern_design is 5, expected a PatternDesign"),
+        ("light_pattern", np.zeros((2, 2, 3), np.uint8), r"light_pattern is uint8 \[2, 2, 3\], expected uint8"),
+        ("light_pattern", 5, "light_pattern is 5, expected 'generated', an image"),
     ],
 )
 def test_what_engines_would_refuse_later_is_refused_when_it_is_set(name, value, words):

@@ -271,5 +271,8 @@ def test_all_environments_that_cannot_be_varied_so_are_named(config: StereoDepth
     with StereoDepthSensorBatch(config, Mounts(walls([0.8] * 4, 4), [FORWARD] * 4)) as batch:
         with pytest.raises(ValueError, match="laser_power of environment 1 is -1, .*; environment 3 is nan"):
             batch.vary(laser_power=[1.0, -1.0, 1.0, np.nan])
+        for values in ("bright", [1.0, [2.0], 1.0, 1.0], [1.0, 2.0]):
+            with pytest.raises(ValueError, match=r"exposure of the batch is \[4\] numbers from 0 on, not"):
+                batch.vary(exposure=values)
         with pytest.raises(ValueError, match="right_turn of environment 0 is no rotation; environment 2 is no"):
             batch.vary(right_turn=np.stack([2 * np.eye(3), np.eye(3)] * 2))
