@@ -19,7 +19,7 @@ PROJECTOR_X_M = 0.015
 
 @dataclass(frozen=True)
 class World:
-    """The truth that the product must find out; `views` are the noise-free images, {(frame id, eye): View}."""
+    """The truth that the product must find out; `views` are the noise-free images, {(frame id, side): View}."""
 
     capture_path: object
     sensor: Sensor
@@ -78,22 +78,22 @@ def make_world(folder, seed=1, size=(106, 60), sensor=None, grid=4, bounces=3):
     frames, images, views, by_pose = [], {}, {}, {}
     for i, (pose, exposure, power, group, split) in enumerate(plan):
         frames.append(_frame(i, poses[pose], exposure, power, group, split))
-        for e, eye in enumerate(("left", "right")):
-            if (pose, eye) not in by_pose:
-                by_pose[pose, eye] = see(
-                    solids, rig, pattern, poses[pose], eye, 1000 * seed + 2 * pose + e, grid, bounces
+        for e, side in enumerate(("left", "right")):
+            if (pose, side) not in by_pose:
+                by_pose[pose, side] = see(
+                    solids, rig, pattern, poses[pose], side, 1000 * seed + 2 * pose + e, grid, bounces
                 )
-            views[i, eye] = by_pose[pose, eye]
-            images[i, eye] = expose(sensor, views[i, eye], exposure, power, seed=7919 * seed + 2 * i + e)
+            views[i, side] = by_pose[pose, side]
+            images[i, side] = expose(sensor, views[i, side], exposure, power, seed=7919 * seed + 2 * i + e)
     capture = Capture(folder, f"world-{seed}", scene_path, rig, tuple(frames))
     write_capture(folder / "capture", capture, images, pattern)
     return World(folder / "capture", sensor, solids, views)
 
 
-def see(solids, rig, pattern, left_to_world, eye, seed, grid, bounces):
-    """One eye's View from the rig's pose."""
-    camera = rig.camera(eye)
-    camera_to_world = left_to_world if eye == "left" else left_to_world @ np.linalg.inv(rig.left_to_right)
+def see(solids, rig, pattern, left_to_world, side, seed, grid, bounces):
+    """One camera's View from the rig's pose."""
+    camera = rig.camera(side)
+    camera_to_world = left_to_world if side == "left" else left_to_world @ np.linalg.inv(rig.left_to_right)
     source_pose = left_to_world @ np.linalg.inv(rig.projector.left_to_projector)
     source = PatternSource(source_pose[:3, 3], source_pose[:3, :3], rig.projector.K, pattern / 255.0)
     return look(solids, (camera.width, camera.height), camera.K, camera_to_world, source, seed, grid, bounces)

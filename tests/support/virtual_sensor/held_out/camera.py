@@ -6,15 +6,15 @@ import numpy as np
 from virtual_sensor.held_out.rig import HEIGHT, WIDTH, moved
 
 
-def rays(rig, frame, eye, hidden, sub, dt_s=0.0, offset=(0.0, 0.0)):
+def rays(rig, frame, side, hidden, sub, dt_s=0.0, offset=(0.0, 0.0)):
     """(origins, directions [n][3], rig poses [n][4][4] at the ray's time), row by row of a grid of sub x sub rays per
     pixel; offset: shift of the grid within its cells."""
     columns = (np.arange(WIDTH * sub) + 0.5 + offset[0]) / sub - 0.5
     rows = (np.arange(HEIGHT * sub) + 0.5 + offset[1]) / sub - 0.5
     u, v = np.meshgrid(columns, rows)
-    local = _turned(_directions(rig, frame, eye, hidden, u, v), eye, hidden)
-    poses = _poses_by_row(frame, eye, hidden, dt_s, sub)
-    centre = np.array([_camera_x(rig, eye, hidden), 0.0, 0.0])
+    local = _turned(_directions(rig, frame, side, hidden, u, v), side, hidden)
+    poses = _poses_by_row(frame, side, hidden, dt_s, sub)
+    centre = np.array([_camera_x(rig, side, hidden), 0.0, 0.0])
     directions = np.einsum("rij,rcj->rci", poses[:, :3, :3], local).reshape(-1, 3)
     origins = np.repeat(poses[:, :3, :3] @ centre + poses[:, :3, 3], WIDTH * sub, axis=0)
     return origins, directions, np.repeat(np.arange(len(poses)), WIDTH * sub), poses
@@ -25,19 +25,19 @@ def axis_cosine(directions, poses, row):
     return np.einsum("ni,ni->n", directions, poses[row, :3, 2])
 
 
-def _directions(rig, frame, eye, hidden, u, v):
+def _directions(rig, frame, side, hidden, u, v):
     K = rig.camera_K()
     fx = fy = K[0, 0]
     cx, cy = K[0, 2], K[1, 2]
     if "thermal_drift" in hidden:
         growth = 1.0 + hidden["thermal_drift"]["focal_per_k"] * frame.warming_k
         fx, fy = fx * growth, fy * growth
-        cx += hidden["thermal_drift"]["cx_px_per_k"] * frame.warming_k * (eye == "right")
+        cx += hidden["thermal_drift"]["cx_px_per_k"] * frame.warming_k * (side == "right")
     if "thermal_lens" in hidden:  # Heats up from power-on, whatever the thermometer says.
         p = hidden["thermal_lens"]
         growth = 1.0 + p["growth"] * (1.0 - np.exp(-frame.timestamp_s / p["time_constant_s"]))
         fx, fy = fx * growth, fy * growth
-    if "principal_point_offset" in hidden and eye == "right":
+    if "principal_point_offset" in hidden and side == "right":
         cx, cy = cx + hidden["principal_point_offset"]["cx_px"], cy + hidden["principal_point_offset"]["cy_px"]
     if "rectification_resampling" in hidden:  # The raw grid lies off the rectified one.
         u, v = (
@@ -58,9 +58,9 @@ def _directions(rig, frame, eye, hidden, u, v):
     return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
 
 
-def _turned(directions, eye, hidden):
+def _turned(directions, side, hidden):
     """The right camera's own rotation: roll, then pitch."""
-    if eye == "left":
+    if side == "left":
         return directions
     for name, (a, b) in (("stereo_roll", (0, 1)), ("stereo_pitch", (1, 2))):
         if name in hidden:
@@ -72,21 +72,21 @@ def _turned(directions, eye, hidden):
     return directions
 
 
-def _camera_x(rig, eye, hidden):
-    if eye == "left":
+def _camera_x(rig, side, hidden):
+    if side == "left":
         return 0.0
     return rig.baseline_m + hidden.get("baseline_drift", {}).get("offset_m", 0.0)
 
 
-def _poses_by_row(frame, eye, hidden, dt_s, sub):
+def _poses_by_row(frame, side, hidden, dt_s, sub):
     """The left camera's pose at the time of every row of the grid."""
     row = np.repeat(np.arange(HEIGHT) - (HEIGHT - 1) / 2, sub)
     times = np.full(len(row), dt_s)
     if "rolling_shutter" in hidden:
         times += hidden["rolling_shutter"]["line_time_s"] * row
-    if eye == "right" and "exposure_desync" in hidden:
+    if side == "right" and "exposure_desync" in hidden:
         times += hidden["exposure_desync"]["delay_s"]
-    if eye == "right" and "row_desync" in hidden:  # Delay that grows from the middle both ways: no shutter's law.
+    if side == "right" and "row_desync" in hidden:  # Delay that grows from the middle both ways: no shutter's law.
         times += hidden["row_desync"]["delay_s"] * (2 * row / HEIGHT) ** 2
     if not frame.is_moving or not times.any():
         return np.broadcast_to(frame.camera_to_world, (len(row), 4, 4))

@@ -114,32 +114,32 @@ class Case:
             )
         return self._hardwares[key]
 
-    def layers(self, frame, eye, hidden):
+    def layers(self, frame, side, hidden):
         """Layers of a frame on the subpixel grid; equal frames share theirs."""
         hardware = self.hardware(hidden)
         timing = (frame.warming_k, frame.timestamp_s) if _BY_FRAME & set(hardware.hidden) else ()
-        key = (id(hardware), eye, frame.camera_to_world.tobytes(), timing)
+        key = (id(hardware), side, frame.camera_to_world.tobytes(), timing)
         if key not in self._layers:
-            self._layers[key] = self._render(hardware, frame, eye)
+            self._layers[key] = self._render(hardware, frame, side)
         return self._layers[key]
 
-    def _render(self, hardware, frame, eye):
+    def _render(self, hardware, frame, side):
         bounced, ambient = self._indirect(hardware, frame)
         if "motion_blur" not in hardware.hidden or not frame.is_moving:
-            return self._cast(hardware, frame, eye, self._sub, 0.0, (0.0, 0.0), bounced, ambient)
+            return self._cast(hardware, frame, side, self._sub, 0.0, (0.0, 0.0), bounced, ambient)
         span = hardware.hidden["motion_blur"]["exposure_fraction"] * frame.exposure_s
         sums = None
         for i in range(_BLUR_INSTANTS):  # Each instant sees its own subpixel places.
             offset = ((i * 0.7549) % 1.0 - 0.5, (i * 0.5698) % 1.0 - 0.5)
             seen = self._cast(
-                hardware, frame, eye, _BLUR_SUB, ((i + 0.5) / _BLUR_INSTANTS - 0.5) * span, offset, bounced, ambient
+                hardware, frame, side, _BLUR_SUB, ((i + 0.5) / _BLUR_INSTANTS - 0.5) * span, offset, bounced, ambient
             )
             lights = [seen.direct, seen.indirect, seen.sky, seen.other, seen.lamp]
             sums = lights if sums is None else [a + b for a, b in zip(sums, lights, strict=True)]
         return Layers(*(s / _BLUR_INSTANTS for s in sums), seen.depth)
 
-    def _cast(self, hardware, frame, eye, sub, dt_s, offset, bounced, ambient):
-        bundle = camera.rays(self.rig, frame, eye, hardware.hidden, sub, dt_s, offset)
+    def _cast(self, hardware, frame, side, sub, dt_s, offset, bounced, ambient):
+        bundle = camera.rays(self.rig, frame, side, hardware.hidden, sub, dt_s, offset)
         return shade(hardware, frame, bundle, (HEIGHT * sub, WIDTH * sub), bounced, ambient)
 
     def _indirect(self, hardware, frame):
@@ -154,30 +154,30 @@ class Case:
         )
         return (1.0 + gain) * texels.bounced(np.where(texels.exposed, first, 0.0)), self._ambient[id(hardware)]
 
-    def lights(self, frame, eye, hidden):
-        return on_pixels(self.layers(frame, eye, hidden), frame, eye, hidden, self.rig)
+    def lights(self, frame, side, hidden):
+        return on_pixels(self.layers(frame, side, hidden), frame, side, hidden, self.rig)
 
-    def _residue(self, frame, eye, hidden):
+    def _residue(self, frame, side, hidden):
         """The residue that the frame before leaves, or None."""
         if "image_lag" not in hidden or frame.id == 0:
             return None
         before = self.frames[frame.id - 1]
-        left = imager.collected(self.sensor, self.lights(before, eye, hidden), before, eye, hidden)
+        left = imager.collected(self.sensor, self.lights(before, side, hidden), before, side, hidden)
         return hidden["image_lag"]["fraction"] * left
 
-    def expected(self, frame, eye, hidden):
+    def expected(self, frame, side, hidden):
         """Noise-free DN under the effects given: the world's own, or fewer."""
         return imager.expected(
-            self.sensor, self.lights(frame, eye, hidden), frame, eye, hidden, self._residue(frame, eye, hidden)
+            self.sensor, self.lights(frame, side, hidden), frame, side, hidden, self._residue(frame, side, hidden)
         )
 
-    def measured(self, frame, eye):
-        lights = self.lights(frame, eye, self.hidden)
-        return imager.exposed(self.sensor, lights, frame, eye, self.hidden, self._residue(frame, eye, self.hidden))
+    def measured(self, frame, side):
+        lights = self.lights(frame, side, self.hidden)
+        return imager.exposed(self.sensor, lights, frame, side, self.hidden, self._residue(frame, side, self.hidden))
 
     def capture(self, folder, name):
         """Writes the capture and returns what the oracle says of it."""
-        images = {(frame.id, eye): self.measured(frame, eye) for frame in self.frames for eye in SIDES}
+        images = {(frame.id, side): self.measured(frame, side) for frame in self.frames for side in SIDES}
         survey = np.random.Generator(np.random.PCG64([self.seed, 2]))
         rig, solids = believed(self.rig, survey, self._survey), surveyed(self.solids, survey, self._survey)
         # The second frame only repeats the first, and without dots there is nothing to match.

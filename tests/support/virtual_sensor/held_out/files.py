@@ -29,14 +29,14 @@ def write_png(path, image):
 
 
 def write_capture(folder, name, rig, solids, frames, images, depths, max_disparity, line_time_s=None):
-    """rig, solids: as the user believes them. images: {(frame id, eye): uint8}; depths: {frame id: metres}."""
+    """rig, solids: as the user believes them. images: {(frame id, side): uint8}; depths: {frame id: metres}."""
     folder = Path(folder)
     for part in ("left", "right", "depth"):
         (folder / part).mkdir(parents=True, exist_ok=True)
     write_gltf(folder, gltf_pieces(solids))
     write_png(folder / "pattern.png", np.rint(255 * rig.pattern).astype(np.uint8))
-    for (frame_id, eye), image in images.items():
-        write_png(folder / eye / f"{frame_id:06}.png", image)
+    for (frame_id, side), image in images.items():
+        write_png(folder / side / f"{frame_id:06}.png", image)
     for frame_id, depth in depths.items():
         write_png(
             folder / "depth" / f"{frame_id:06}.png", np.rint(depth / DEPTH_SCALE).clip(0, 65535).astype(np.uint16)

@@ -11,7 +11,7 @@ from virtual_sensor.held_out.rig import HEIGHT, REFERENCE_C, WIDTH
 
 MAX_DN = 255
 SHAPE = (HEIGHT, WIDTH)
-_EYES = ("left", "right")
+_SIDES = ("left", "right")
 _BOLTZMANN_EV, _ACTIVATION_EV = 8.617333e-5, 0.63
 _SPECKLE_CELLS = 48
 
@@ -30,34 +30,35 @@ class Sensor:
     seed: int
 
 
-def static_rng(sensor, tag, eye=None, extra=0):
-    return np.random.Generator(np.random.PCG64([sensor.seed, tag, 0 if eye is None else 1 + _EYES.index(eye), extra]))
+def static_rng(sensor, tag, side=None, extra=0):
+    number = 0 if side is None else 1 + _SIDES.index(side)
+    return np.random.Generator(np.random.PCG64([sensor.seed, tag, number, extra]))
 
 
-def expected(sensor, lights, frame, eye, hidden, previous=None):
+def expected(sensor, lights, frame, side, hidden, previous=None):
     """DN without temporal noise and rounding, clipped to the range."""
-    charge = _charge(sensor, lights, frame, eye, hidden, previous)
-    return np.clip(_digital(_read_out(charge, sensor, eye, hidden), sensor, frame, hidden, rounded=False), 0, MAX_DN)
+    charge = _charge(sensor, lights, frame, side, hidden, previous)
+    return np.clip(_digital(_read_out(charge, sensor, side, hidden), sensor, frame, hidden, rounded=False), 0, MAX_DN)
 
 
-def exposed(sensor, lights, frame, eye, hidden, previous=None):
+def exposed(sensor, lights, frame, side, hidden, previous=None):
     """uint8: one exposure with its noise."""
-    rng = np.random.Generator(np.random.PCG64([sensor.seed, 1000 + frame.id, 1 + _EYES.index(eye)]))
+    rng = np.random.Generator(np.random.PCG64([sensor.seed, 1000 + frame.id, 1 + _SIDES.index(side)]))
     k = 1.0 / sensor.speckle**2
     grain = rng.gamma(k, 1 / k, SHAPE)
-    charge = _charge(sensor, tuple(light * grain for light in lights), frame, eye, hidden, previous)
+    charge = _charge(sensor, tuple(light * grain for light in lights), frame, side, hidden, previous)
     charge = charge + np.sqrt(sensor.shot * frame.gain * np.maximum(charge, 0)) * rng.standard_normal(SHAPE)
-    signal = _read_out(charge, sensor, eye, hidden) + sensor.read_dn * rng.standard_normal(SHAPE)
+    signal = _read_out(charge, sensor, side, hidden) + sensor.read_dn * rng.standard_normal(SHAPE)
     if "row_noise" in hidden:
         signal = signal + hidden["row_noise"]["sigma_dn"] * np.sqrt(3) * rng.uniform(-1, 1, (HEIGHT, 1))
     return np.clip(np.rint(_digital(signal, sensor, frame, hidden)), 0, MAX_DN).astype(np.uint8)
 
 
-def collected(sensor, lights, frame, eye, hidden):
+def collected(sensor, lights, frame, side, hidden):
     """DN of light alone, at the frame's exposure and true gain."""
     projector, ambient, other = lights
     if "speckle_static" in hidden:
-        projector = projector * _grain(sensor, frame, eye, **hidden["speckle_static"])
+        projector = projector * _grain(sensor, frame, side, **hidden["speckle_static"])
     if "flicker_banding" in hidden:
         ambient = ambient * _flicker(frame, **hidden["flicker_banding"])[:, None]
     gain = frame.gain * (1.0 + hidden.get("gain_error", {}).get("error", 0.0) * (frame.gain != 1.0))
@@ -65,13 +66,13 @@ def collected(sensor, lights, frame, eye, hidden):
     return frame.exposure_s * gain * light
 
 
-def _charge(sensor, lights, frame, eye, hidden, previous):
-    signal = collected(sensor, lights, frame, eye, hidden)
+def _charge(sensor, lights, frame, side, hidden, previous):
+    signal = collected(sensor, lights, frame, side, hidden)
     if previous is not None:
         signal = signal + previous
     if "prnu" in hidden:
         signal = signal * (
-            1.0 + hidden["prnu"]["sigma"] * np.sqrt(3) * static_rng(sensor, 21, eye).uniform(-1, 1, SHAPE)
+            1.0 + hidden["prnu"]["sigma"] * np.sqrt(3) * static_rng(sensor, 21, side).uniform(-1, 1, SHAPE)
         )
     if "tap_gain" in hidden:
         signal = signal * np.where(np.arange(WIDTH) < WIDTH // 2, 1.0, 1.0 + hidden["tap_gain"]["gain"])
@@ -79,7 +80,7 @@ def _charge(sensor, lights, frame, eye, hidden, previous):
     if "dark_signal" in hidden:
         signal = signal + hidden["dark_signal"]["rate_dn_per_s"] * exposure * _arrhenius(frame)
     if "hot_pixels" in hidden:
-        signal = signal + exposure * _hot(sensor, eye, **hidden["hot_pixels"])
+        signal = signal + exposure * _hot(sensor, side, **hidden["hot_pixels"])
     if "saturation_blooming" in hidden:
         signal = _bloomed(signal, **hidden["saturation_blooming"])
     if "column_smear" in hidden:
@@ -87,17 +88,17 @@ def _charge(sensor, lights, frame, eye, hidden, previous):
     return signal
 
 
-def _read_out(signal, sensor, eye, hidden):
+def _read_out(signal, sensor, side, hidden):
     if "column_crosstalk" in hidden:
         c = hidden["column_crosstalk"]["fraction"] * (np.arange(WIDTH) % 2)
         signal = (1 - c) * signal + c * np.roll(signal, 1, axis=1)
     if "response_gamma" in hidden:
         signal = tone(signal, hidden["response_gamma"]["curvature"])
     if "gain_mismatch" in hidden:
-        side = 0.5 if eye == "right" else -0.5
-        signal = signal * (1.0 + side * hidden["gain_mismatch"]["gain"]) + side * hidden["gain_mismatch"]["offset_dn"]
+        half = 0.5 if side == "right" else -0.5
+        signal = signal * (1.0 + half * hidden["gain_mismatch"]["gain"]) + half * hidden["gain_mismatch"]["offset_dn"]
     if "fixed_pattern_noise" in hidden:
-        p, rng = hidden["fixed_pattern_noise"], static_rng(sensor, 22, eye)
+        p, rng = hidden["fixed_pattern_noise"], static_rng(sensor, 22, side)
         for sigma, shape in ((p["column_dn"], (1, WIDTH)), (p["row_dn"], (HEIGHT, 1)), (p["pixel_dn"], SHAPE)):
             signal = signal + sigma * np.sqrt(3) * rng.uniform(-1, 1, shape)
     if "row_droop" in hidden:
@@ -131,9 +132,9 @@ def _arrhenius(frame):
     return np.exp(_ACTIVATION_EV / _BOLTZMANN_EV * (1 / cold - 1 / hot))
 
 
-def _hot(sensor, eye, share, rate_dn_per_s):
+def _hot(sensor, side, share, rate_dn_per_s):
     """A log-normal tail of the given mean."""
-    rng = static_rng(sensor, 23, eye)
+    rng = static_rng(sensor, 23, side)
     strength = np.exp(0.7 * rng.standard_normal(SHAPE) - 0.245)
     return np.where(rng.random(SHAPE) < share, strength, 0.0) * rate_dn_per_s
 
@@ -149,10 +150,10 @@ def _bloomed(signal, lost_range, spill):
     return np.minimum(value, full)
 
 
-def _grain(sensor, frame, eye, contrast):
+def _grain(sensor, frame, side, contrast):
     """Sums of correlated speckle patterns (complex Gaussian fields through a pupil), one per pose of the rig."""
     pose = int(np.abs(frame.camera_to_world[:3, 3] @ [7919, 104729, 1299709] * 1e3)) % 2**31
-    rng = static_rng(sensor, 24, eye, pose)
+    rng = static_rng(sensor, 24, side, pose)
     cells = min(_SPECKLE_CELLS, max(1, round(1 / contrast**2)))
     total = np.zeros(SHAPE)
     for _ in range(cells):

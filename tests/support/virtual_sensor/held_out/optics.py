@@ -12,7 +12,7 @@ _DISC_PER_SIGMA = 4.0
 _GLARE_SIGMA_PX, _WINDOW_PX = 45.0, 11.0
 
 
-def on_pixels(layers, frame, eye, hidden, rig):
+def on_pixels(layers, frame, side, hidden, rig):
     """(own projector, sky and lamp, second projector) [HEIGHT][WIDTH]: irradiance on the sensor in units of
     radiance."""
     direct, indirect = layers.direct, layers.indirect
@@ -23,11 +23,11 @@ def on_pixels(layers, frame, eye, hidden, rig):
         direct = share * _blurred(direct, _DISC_PER_SIGMA * p["sigma_px_per_k"] * warm)
         indirect = share * indirect
     return tuple(
-        _through_lens(light, eye, hidden, rig) for light in (direct + indirect, layers.sky + layers.lamp, layers.other)
+        _through_lens(light, side, hidden, rig) for light in (direct + indirect, layers.sky + layers.lamp, layers.other)
     )
 
 
-def _through_lens(fine, eye, hidden, rig):
+def _through_lens(fine, side, hidden, rig):
     if not fine.any():
         return np.zeros((HEIGHT, WIDTH))
     if "lens_psf" in hidden:
@@ -44,16 +44,16 @@ def _through_lens(fine, eye, hidden, rig):
         )
     if "ghost_image" in hidden:
         image = image + hidden["ghost_image"]["fraction"] * image[::-1, ::-1]
-    return image * _shading(eye, hidden, rig)
+    return image * _shading(side, hidden, rig)
 
 
-def _shading(eye, hidden, rig):
+def _shading(side, hidden, rig):
     v, u = np.mgrid[0:HEIGHT, 0:WIDTH].astype(np.float64)
     r2 = ((u - (WIDTH - 1) / 2) ** 2 + (v - (HEIGHT - 1) / 2) ** 2) / rig.focal_px**2
     shading = np.ones((HEIGHT, WIDTH))
     if "vignetting" in hidden:  # Rational falloff; to first order in r^2 that of cos^exponent.
         shading /= 1.0 + 0.5 * hidden["vignetting"]["exponent"] * r2
-    if "lens_dust" in hidden and eye == "left":
+    if "lens_dust" in hidden and side == "left":
         for x, y, size in ((60, 40, 9.0), (130, 75, 13.0), (170, 30, 7.0)):
             shading *= 1.0 - hidden["lens_dust"]["depth"] * np.exp(-((u - x) ** 2 + (v - y) ** 2) / (2 * size**2))
     return shading

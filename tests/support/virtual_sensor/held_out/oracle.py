@@ -18,12 +18,12 @@ def errors(world, images):
     for split in ("train", "test"):
         floor, before = [], []
         for frame in (f for f in world.frames if f.split == split):
-            for eye in SIDES:
-                measured = images[frame.id, eye].astype(np.float64)
-                floor.append(np.mean((measured - world.expected(frame, eye, world.hidden)) ** 2))
+            for side in SIDES:
+                measured = images[frame.id, side].astype(np.float64)
+                floor.append(np.mean((measured - world.expected(frame, side, world.hidden)) ** 2))
                 before.append(
                     np.mean(
-                        (measured - np.clip(scales @ _columns(world, frame, eye), 0, MAX_DN).reshape(measured.shape))
+                        (measured - np.clip(scales @ _columns(world, frame, side), 0, MAX_DN).reshape(measured.shape))
                         ** 2
                     )
                 )
@@ -36,10 +36,10 @@ def errors(world, images):
 def ratio_alone(world, name, floor_dn):
     """errors()' ratio on test frames if the world hid this one of its effects alone."""
     hidden = {name: world.hidden[name]}
-    images = {(frame.id, eye): world.expected(frame, eye, hidden) for frame in world.frames for eye in SIDES}
+    images = {(frame.id, side): world.expected(frame, side, hidden) for frame in world.frames for side in SIDES}
     scales, tests = (
         _fit(world, images),
-        [(frame, eye) for frame in world.frames if frame.split == "test" for eye in SIDES],
+        [(frame, side) for frame in world.frames if frame.split == "test" for side in SIDES],
     )
     rest = [images[f.id, e].ravel() - np.clip(scales @ _columns(world, f, e), 0, MAX_DN) for f, e in tests]
     return float(np.sqrt(np.mean(np.square(rest))) / floor_dn)
@@ -48,14 +48,14 @@ def ratio_alone(world, name, floor_dn):
 def _fit(world, images):
     columns, values = [], []
     for frame in (f for f in world.frames if f.split == "train"):
-        for eye in SIDES:
-            columns.append(_columns(world, frame, eye))
-            values.append(images[frame.id, eye].ravel())
+        for side in SIDES:
+            columns.append(_columns(world, frame, side))
+            values.append(images[frame.id, side].ravel())
     return np.linalg.lstsq(np.concatenate(columns, axis=1).T, np.concatenate(values).astype(np.float64), rcond=None)[0]
 
 
-def _columns(world, frame, eye):
-    projector, ambient, _ = world.lights(frame, eye, {})
+def _columns(world, frame, side):
+    projector, ambient, _ = world.lights(frame, side, {})
     exposure = frame.exposure_s * frame.gain
     return np.stack([exposure * frame.power * projector.ravel(), exposure * ambient.ravel(), np.ones(ambient.size)])
 

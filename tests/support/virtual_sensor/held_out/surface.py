@@ -34,13 +34,13 @@ class Layers:
         )
 
 
-def shade(world, frame, eye_rays, shape, bounced, ambient):
+def shade(world, frame, camera_rays, shape, bounced, ambient):
     """Layers of a bundle of rays. world: solids, rig, emitter, hidden, lightmap; bounced, ambient: lightmap values."""
-    origins, directions, row, poses = eye_rays
+    origins, directions, row, poses = camera_rays
     t, normal, index = closest(world.solids, origins, directions)
     lights = _lights(world, frame, origins, directions, row, poses, (t, normal, index), bounced, ambient)
     if "transmission" in world.hidden:
-        lights = _seen_through(world, frame, eye_rays, (t, normal, index), lights, bounced, ambient)
+        lights = _seen_through(world, frame, camera_rays, (t, normal, index), lights, bounced, ambient)
     if "haze" in world.hidden:
         lights = faded(lights, origins, directions, t, _projector_centres(world, poses, row), **world.hidden["haze"])
         lights[1] = lights[1] + backscatter(world, frame, origins, directions, t, row, poses, **world.hidden["haze"])
@@ -173,9 +173,9 @@ def _lamp(world, points, normals, strength):
     return value
 
 
-def _seen_through(world, frame, eye_rays, hits, lights, bounced, ambient):
+def _seen_through(world, frame, camera_rays, hits, lights, bounced, ambient):
     """Thin clear walls: a share of what is behind joins what the surface itself shows."""
-    origins, directions, row, poses = eye_rays
+    origins, directions, row, poses = camera_rays
     share = world.hidden["transmission"]["share"]
     for i, solid in enumerate(world.solids):
         here = np.flatnonzero(hits[2] == i) if world.is_clear(solid) else np.zeros(0, int)
