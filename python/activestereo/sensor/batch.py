@@ -31,6 +31,7 @@ from activestereo.model import SensorModel
 from activestereo.sensor.cuda_memory import CudaArray
 from activestereo.sensor.devices import Devices
 from activestereo.sensor.engine import SensorEngine
+from activestereo.sensor.foreign_matcher import MatcherLike
 from activestereo.sensor.mounts import HasPoses, Places, raise_broken, raise_faults
 from activestereo.sensor.result_memory import JoinedResults
 from activestereo.sensor.results import SensorResults
@@ -64,11 +65,14 @@ class StereoDepthSensorBatch(SensorResults):
     pipelined: pictures are rendered while those before them are matched and read. take_picture() begins them, results
     are of those before, with the same bits, and wait() comes before the scene changes: kuafu.Error, that work is under
     way, where it does not.
+
+    matcher: as of StereoDepthSensor, for all pairs at once.
     """
 
     def __init__(
         self, config: StereoDepthSensorConfig, mounts: HasPoses | Sequence[HasPoses], pose: PoseLike | None = None,
         model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False, pipelined: bool = False,
+        matcher: MatcherLike = "simsense",
     ) -> None:  # fmt: skip
         devices = list(mounts) if isinstance(mounts, Sequence) else [mounts]
         on_mount = np.eye(4) if pose is None else as_matrix(pose)
@@ -90,6 +94,7 @@ class StereoDepthSensorBatch(SensorResults):
                         config, devices[k].scene, np.repeat(own, sensors).tolist(),
                         (len(own), *self._shape[1:]), model=model, on_cuda=on_cuda, pipelined=pipelined,
                         first_view=self._own[k].start, results=None if self._results is None else self._results.part(k),
+                        matcher=matcher,
                     )
                 )  # fmt: skip
         except BaseException:

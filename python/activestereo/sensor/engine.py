@@ -21,6 +21,7 @@ from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.progress_bar import Progress, part_of
 from activestereo.model import SensorModel
 from activestereo.sensor.exposure import expose_each
+from activestereo.sensor.foreign_matcher import MatcherLike, as_matcher, foreign_maps
 from activestereo.sensor.image_effects import ImageEffects
 from activestereo.sensor.inputs import render_settings
 from activestereo.sensor.ir_link import IrLink
@@ -37,6 +38,7 @@ class SensorEngine:
     sensor in a scene without environments, which alone has a velocity, conditions, 'converging' exposure and effects
     that act outside of the engines. shape: (), (E,) or (E, S). source: what the scene is from. first_view: the first
     sensor's number among those of all devices. results: where maps lie, if not in arrays of their own.
+    matcher: what makes disparities.
 
     ValueError for a model that does not fit the scene or such sensors, and for exposure that does not; then nothing has
     been changed."""
@@ -45,10 +47,13 @@ class SensorEngine:
         self, config: StereoDepthSensorConfig, scene: kuafu.Scene, environments: Sequence[int | None] = (None,),
         shape: tuple[int, ...] = (), *, model: SensorModel | str | PathLike[str] | None = None, source: object = None,
         pipelined: bool = False, on_cuda: bool = False, copy_ir: bool = False, first_view: int = 0,
-        results: PartOfResults | None = None,
+        results: PartOfResults | None = None, matcher: MatcherLike = "simsense",
     ) -> None:  # fmt: skip
         self.scene, self.shape, self.pipelined, self._count = scene, shape, pipelined, len(environments)
-        takes_image_effects = not (pipelined or on_cuda) and list(environments) == [None]
+        self._foreign = as_matcher(matcher, config)
+        if self._foreign is not None and on_cuda:
+            raise ValueError("results in CUDA's memory are simsense's own matcher's: leave out on_cuda or matcher")
+        takes_image_effects = not (pipelined or on_cuda or self._foreign) and list(environments) == [None]
         self.rig = RigInputs(config, scene, environments, model, source, takes_image_effects)
         self._auto = AutoExposure(self.config)
         self._next_setting: Setting | None = None
@@ -271,6 +276,8 @@ class SensorEngine:
     # ---- inside ----
 
     def _computed(self, pair: tuple[Any, Any], outputs: Any, lasers: dict[str, Any]) -> dict[str, NDArray[Any]]:
+        if self._foreign is not None:
+            return foreign_maps(self._foreign, self.matcher, self.config, pair, outputs, lasers)
         if self.image_effects is None:
             return self.matcher.compute(*pair, outputs, **lasers)
         return self.image_effects.depth(self.matcher, pair, outputs, **lasers)

@@ -29,6 +29,7 @@ from activestereo.model import SensorModel
 from activestereo.sensor.camera_info import CAMERAS
 from activestereo.sensor.cuda_memory import CudaArray
 from activestereo.sensor.engine import SensorEngine
+from activestereo.sensor.foreign_matcher import MatcherLike
 from activestereo.sensor.gbuffer.traced import traced_causes
 from activestereo.sensor.image_effects import ImageEffects, ModelCostWarning
 from activestereo.sensor.mounts import Mount as Mount
@@ -59,18 +60,23 @@ class StereoDepthSensor(SensorResults):
     pipelined: a picture is rendered while the one before it is matched and read. take_picture() begins it, results are
     of the one before, with the same bits, and wait() comes before the scene changes: kuafu.Error, that work is under
     way, where it does not. ValueError for a model that changes the images, with this or on_cuda.
+
+    matcher: 'simsense', 'opencv', the path of an .onnx file (sensor.onnx_matcher), or a sensor.foreign_matcher.Matcher,
+    which gets the rectified pairs that simsense's imager counts. ValueError with on_cuda or a model that changes the
+    images.
     """
 
     def __init__(
         self, config: StereoDepthSensorConfig, scene_or_mount: kuafu.Scene | Mount | str | PathLike[str],
         pose: Pose | None = None, device: str | int | kuafu.Device = "auto", copy_ir: bool = False,
         model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False, pipelined: bool = False,
+        matcher: MatcherLike = "simsense",
     ) -> None:  # fmt: skip
         mount = as_mount(scene_or_mount, device)
         self._place = RigPlace(mount, Pose() if pose is None else pose)
         self._engine = SensorEngine(
             config, mount.scene, model=model, source=scene_or_mount, pipelined=pipelined, on_cuda=on_cuda,
-            copy_ir=copy_ir,
+            copy_ir=copy_ir, matcher=matcher,
         )  # fmt: skip
         self._depth_maps = self._engine.config.depth_maps
         if self._engine.config.projector_always_on:

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Matchers that are not simsense's behind a sensor: OpenCV's, a function, and a network in an ONNX file."""
+
+import json
+
+import numpy as np
+import pytest
+
+import kuafu
+from activestereo import Mounts, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
+from activestereo.scene_io import solids
+from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
+from activestereo.sensor.onnx_matcher import METADATA, OnnxInterface, OnnxMatcher
+from sensor_scenes import wall_scene
+
+_DISPARITY_PX = 6.25
+
+
+def config():
+    out = StereoDepthSensorConfig("D435").scaled(0.15)
+    out.samples_per_pixel, out.depth_maps = 2, ("confidence", "reason", "points")
+    return out
+
+
+def constant(left, right):
+    """A function: one disparity, sure of the left half."""
+    assert left.ndim == 3 and left.dtype == np.uint8 and left.shape == right.shape
+    disparity = np.full(left.shape, _DISPARITY_PX, np.float32)
+    disparity[:, :5] = np.nan
+    confidence = np.zeros(left.shape, np.float32)
+    confidence[..., : left.shape[2] // 2] = 1.0
+    return disparity, confidence
+
+
+@pytest.fixture(scope="module")
+def wall():
+    return wall_scene(0.8)
+
+
+def test_a_function_s_disparities_become_depth_points_confidence_and_reasons(wall):
+    with StereoDepthSensor(config(), wall, matcher=constant) as sensor:
+        sensor.take_picture()
+        sensor.compute_depth()
+        disparity, settings = sensor.get_disparity(), sensor.get_config()
+        assert (disparity[5:] == _DISPARITY_PX).all() and (disparity[:5] == -1).all()
+        expected_m = settings.focal_baseline_px_m / _DISPARITY_PX
+        np.testing.assert_allclose(sensor.get_depth_map("points")[5:, :, 2], expected_m, rtol=1e-5)
+        depth = sensor.get_depth()
+        assert np.median(depth[depth > 0]) == pytest.approx(expected_m, rel=1e-3)
+        confidence = sensor.get_depth_map("confidence")
+        assert confidence[10, 1] == 1 and confidence[10, -1] == 0 and confidence[0, 1] == 0
+        assert (sensor.get_depth_map("reason")[:5] > 0).all() and (sensor.get_depth_map("reason")[5:] == 0).all()
+        assert sensor.get_ir_measured()[0].shape == disparity.shape
+
+
+def test_a_batch_asks_the_matcher_once_for_all_pairs():
+    scene, asked = kuafu.Scene(kuafu.Device()), []
+    bodies = Bodies(scene, 2)
+    plaster = scene.add_material(kuafu.Material(base_color=(0.7, 0.7, 0.7, 1), specular=0.0))
+    bodies.add("wall", [Shape(add_mesh(scene, solids.box()), [plaster], np.diag([0.1, 3.0, 3.0, 1.0]))])
+    bodies.move(np.array([[[0.8, 0, 0, 1, 0, 0, 0]], [[1.2, 0, 0, 1, 0, 0, 0]]], float))
+
+    def matcher(left, right):
+        asked.append(left.shape)
+        return np.full(left.shape, _DISPARITY_PX, np.float32), None
+
+    batch = StereoDepthSensorBatch(config(), Mounts(scene, [np.eye(4)] * 2), matcher=matcher)
+    for _ in range(2):  # what was read of the first picture is computed at once of the second
+        asked.clear()
+        batch.take_picture(infrared_only=True)
+        batch.compute_depth()
+        assert (batch.get_disparity() == _DISPARITY_PX).all() and batch.get_disparity().ndim == 3
+    assert asked == [(2, *config().ir_resolution[::-1])]
+
+
+def test_opencv_s_matcher_and_simsense_s_agree_about_a_wall(wall):
+    pytest.importorskip("cv2", reason="OpenCV is not installed (apt-get install python3-opencv)")
+    medians = []
+    for name in ("simsense", "opencv"):
+        with StereoDepthSensor(config(), wall, matcher=name) as sensor:
+            sensor.take_picture(infrared_only=True)
+            sensor.compute_depth()
+            disparity = sensor.get_disparity()
+            medians.append(np.median(disparity[disparity > 0]))
+    assert medians[1] == pytest.approx(medians[0], abs=0.25)
+
+
+@pytest.mark.parametrize(
+    "matcher, told",
+    [
+        ("sgm", "expected 'simsense', 'opencv'"),
+        (lambda left, right: (left[:, 1:].astype(np.float32), None), "the matcher gives disparities of"),
+    ],
+)
+def test_what_is_no_matcher_is_told(wall, matcher, told):
+    with pytest.raises(ValueError, match=told):
+        with StereoDepthSensor(config(), wall, matcher=matcher) as sensor:
+            sensor.take_picture(infrared_only=True)
+            sensor.compute_depth()
+            sensor.get_disparity()
+
+
+# ---- networks ----
+
+
+def network(path, channels=1, metadata=None, inputs=("left", "right"), operator="Add"):
+    """A file whose disparity is the left input's values times 10 plus 0 times the right's."""
+    onnx = pytest.importorskip("onnx", reason="the package onnx is not installed (pip install onnx)")
+    pytest.importorskip("onnxruntime", reason="the package onnxruntime is not installed (pip install onnxruntime)")
+    from onnx import TensorProto, helper
+
+    values = [helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, channels, "h", "w"]) for name in inputs]
+    out = helper.make_tensor_value_info("disparity", TensorProto.FLOAT, [1, channels, "h", "w"])
+    numbers = {"ten": 10.0, "nothing": 0.0}
+    constants = [helper.make_tensor(name, TensorProto.FLOAT, [1], [value]) for name, value in numbers.items()]
+    nodes = [
+        helper.make_node("Mul", [inputs[0], "ten"], ["a"]),
+        helper.make_node("Mul", [inputs[1], "nothing"], ["b"]),
+        helper.make_node(operator, ["a", "b"], ["disparity"], domain="" if operator == "Add" else "ours"),
+    ]
+    graph = helper.make_graph(nodes, "stereo", values, [out], constants)
+    imports = [helper.make_opsetid("", 13), helper.make_opsetid("ours", 1)]
+    model = helper.make_model(graph, opset_imports=imports, ir_version=8)
+    if metadata is not None:
+        helper.set_model_props(model, {METADATA: metadata})
+    onnx.save(model, str(path))
+    return path
+
+
+def test_a_network_gets_normalised_padded_pairs_and_its_disparities_come_back_cut(tmp_path):
+    matcher = OnnxMatcher(network(tmp_path / "n.onnx"), OnnxInterface(mean=5.0, std=10.0, multiple=8, scale=2.0))
+    left = np.random.default_rng(1).integers(0, 256, (2, 13, 21), np.uint8)
+    disparity, confidence = matcher(left, left)
+    np.testing.assert_allclose(disparity, 2.0 * 10.0 * (left - 5.0) / 10.0, rtol=1e-5)
+    assert confidence is None and disparity.shape == left.shape
+
+
+def test_a_network_s_file_may_tell_its_interface(tmp_path):
+    told = OnnxMatcher(network(tmp_path / "n.onnx", metadata=json.dumps({"std": 51.0, "multiple": 4})))
+    assert told.interface == OnnxInterface(std=51.0, multiple=4)
+    with pytest.raises(ValueError, match="'stdd' is no field of an OnnxInterface; did you mean 'std'"):
+        OnnxMatcher(network(tmp_path / "m.onnx", metadata='{"stdd": 1}'))
+
+
+@pytest.mark.parametrize(
+    "how, told",
+    [
+        ({"channels": 3}, r"left is \[1, 3, 'h', 'w'\], expected \[1, 1, height, width\]"),
+        ({"inputs": ("image1", "image2")}, r"has no input 'left' \(there are: image1, image2\)"),
+        ({"operator": "Correlate"}, "onnxruntime cannot run it"),
+    ],
+)
+def test_another_network_is_told_in_one_line(tmp_path, how, told):
+    with pytest.raises(ValueError, match=told) as error:
+        OnnxMatcher(network(tmp_path / "n.onnx", **how))
+    assert "\n" not in str(error.value)
