@@ -168,16 +168,17 @@ class SensorEngine:
         depth = self._renderer.render(self.scene, self.rig.rgb_cameras(rigs), ["depth"], **seen)["depth"]
         return depth.reshape(*self.shape, *depth.shape[1:3])
 
-    def render_now(self, rigs: NDArray[np.float64], name: str, side: int | None) -> NDArray[Any]:
-        """[height, width, channels]: one of kuafu's outputs as one sensor's left (0) or right (1) camera sees it now,
-        or the RGB camera (None)."""
+    def render_now(self, rigs: NDArray[np.float64], names: Sequence[str], side: int | None) -> dict[str, NDArray[Any]]:
+        """{name: [height, width, channels]}: kuafu's outputs as one sensor's left (0) or right (1) camera sees them
+        now, or the RGB camera (None), in one render."""
         self.wait()
         self.rig.shine(rigs)
         try:
             cameras = self.rig.rgb_cameras(rigs) if side is None else [self.rig.ir_cameras(rigs)[side]]
             seen = self.rig.visible() if side is None else self.rig.infrared(side)
-            seen |= self._settings([name], max(self.frame, 0)) | {"projector": self.rig.in_scene.projector}
-            return self._renderer.render(self.scene, cameras, [name], **seen)[name][0]
+            seen |= self._settings(names, max(self.frame, 0)) | {"projector": self.rig.in_scene.projector}
+            images = self._renderer.render(self.scene, cameras, list(names), **seen)
+            return {name: image[0] for name, image in images.items()}
         finally:
             self.rig.darken()
 

@@ -24,6 +24,10 @@ from activestereo.effects.core.model import Model
 from activestereo.effects.core.view import View
 from activestereo.sensor.ir_link import IrLink
 
+Pictures = dict[str, NDArray[Any]]
+_GEOMETRY = ("depth", "normal", "material_id")
+_LIGHT = ("ambient", "albedo", "projector_direct", "projector_indirect", "projector_visibility", "projector_geometry")
+
 
 class Sensor(Protocol):
     """What is asked of a StereoDepthSensor."""
@@ -35,7 +39,7 @@ class Sensor(Protocol):
 
     def get_config(self) -> Any: ...
 
-    def get_picture(self, name: str, camera: str) -> NDArray[Any]: ...
+    def get_pictures(self, names: Sequence[str], camera: str) -> Pictures: ...
 
     def make_engine(self) -> simsense.Engine: ...
 
@@ -66,12 +70,15 @@ class ImageEffects:
         if not before.effects and not charge.effects:
             return
         inputs, images = self._sensor.engine_inputs(), link.images()
+        power = 0.0 if inputs.projector is None else float(inputs.projector.ir_intensity or 0.0)
+        lights = _LIGHT if power > 0.0 else _LIGHT[:1]
+        names = _GEOMETRY + lights if before.effects else _GEOMETRY
         for i, (eye, part) in enumerate(zip(SIDES, inputs.sides, strict=True)):
-            view = self._view(eye, inputs)
+            seen = self._sensor.get_pictures(names, eye)
+            view = self._view(eye, inputs, seen)
             if before.effects:
-                power = 0.0 if inputs.projector is None else float(inputs.projector.ir_intensity or 0.0)
                 ambient = max(inputs.ambient_radiance, 1e-30)
-                light = before.light(self._light(eye, power, ambient), view, random=True)
+                light = before.light(_light(seen, power, ambient), view, random=True)
                 images[i] = power * light.projector + ambient * light.ambient
             if charge.effects:
                 signal = part.signal
@@ -108,7 +115,8 @@ class ImageEffects:
         out, inputs = [], self._sensor.engine_inputs()
         for eye, part, image in zip(SIDES, inputs.sides, images, strict=True):
             black = part.signal["black_level_dn"]
-            value = model.digital(image.astype(np.float64) - black, self._view(eye, inputs), black, random=True)
+            view = self._view(eye, inputs, self._sensor.get_pictures(_GEOMETRY, eye))
+            value = model.digital(image.astype(np.float64) - black, view, black, random=True)
             out.append(np.rint(value).astype(image.dtype))
         return out
 
@@ -123,7 +131,7 @@ class ImageEffects:
 
     def _matched(self, model: Model, engine: simsense.Engine, result: dict[str, NDArray]) -> dict[str, NDArray]:
         k, baseline_m, left_to_rectified = engine.rectified
-        view = self._view("left", self._sensor.engine_inputs())
+        view = self._view("left", self._sensor.engine_inputs(), self._sensor.get_pictures(_GEOMETRY, "left"))
         depth = model.depth(result["depth"], view).astype(np.float32)
         disparity = np.where(depth > 0, k[0, 0] * baseline_m / np.where(depth > 0, depth, 1.0), -1.0).astype(np.float32)
         return result | {
@@ -131,8 +139,8 @@ class ImageEffects:
             "depth_rgb": registered(depth, k, left_to_rectified, self._sensor.get_config()),
         }
 
-    def _view(self, eye: str, inputs: EngineInputs) -> View:
-        config, picture = self._sensor.get_config(), self._sensor.get_picture
+    def _view(self, eye: str, inputs: EngineInputs, seen: Pictures) -> View:
+        config = self._sensor.get_config()
         k, distortion = config.ir_intrinsics(eye == "right")
         left, right = (part.camera.camera_to_world for part in inputs.sides)
         own = right if eye == "right" else left
@@ -140,8 +148,8 @@ class ImageEffects:
         return View(
             side=eye,
             K=k,
-            depth_m=picture("depth", eye)[..., 0].astype(np.float64),
-            normal=picture("normal", eye).astype(np.float64) @ own[:3, :3],
+            depth_m=seen["depth"][..., 0].astype(np.float64),
+            normal=seen["normal"].astype(np.float64) @ own[:3, :3],
             pattern=np.zeros((1, 1), np.float32) if inputs.pattern is None else inputs.pattern,
             projector_K=np.eye(3) if projector is None else projector.k,
             camera_to_projector=np.eye(4)
@@ -154,24 +162,19 @@ class ImageEffects:
             seed=inputs.seed,
             distortion=tuple(distortion),
             baseline_m=float(np.linalg.norm((np.linalg.inv(right) @ left)[:3, 3])),
-            material=picture("material_id", eye)[..., 0],
+            material=seen["material_id"][..., 0],
         )
 
     def _frame(self, frame: Frame) -> Frame:
         return replace(frame, id=self._sensor.frame_index)
 
-    def _light(self, eye: str, power: float, ambient: float) -> Light:
-        """Radiance under the projector at 1 W/sr and ambient radiance 1; flat as kuafu documents its projector
-        outputs."""
-        picture = lambda name: self._sensor.get_picture(name, eye)[..., 0].astype(np.float64)  # noqa: E731
-        projector = max(power, 1e-30)
-        if power == 0.0:
-            dark = np.zeros_like(picture("ambient"))
-            return Light(dark, dark, picture("ambient") / ambient, dark)
-        flat = picture("albedo") / np.pi * picture("projector_visibility") * picture("projector_geometry")
-        return Light(
-            picture("projector_direct") / projector,
-            picture("projector_indirect") / projector,
-            picture("ambient") / ambient,
-            flat,
-        )
+
+def _light(seen: Pictures, power: float, ambient: float) -> Light:
+    """Radiance under the projector at 1 W/sr and ambient radiance 1; flat as kuafu documents its projector outputs."""
+    picture = {name: image[..., 0].astype(np.float64) for name, image in seen.items()}
+    room = picture["ambient"] / ambient
+    if power == 0.0:
+        dark = np.zeros_like(room)
+        return Light(dark, dark, room, dark)
+    flat = picture["albedo"] / np.pi * picture["projector_visibility"] * picture["projector_geometry"]
+    return Light(picture["projector_direct"] / power, picture["projector_indirect"] / power, room, flat)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import warnings
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from os import PathLike
 from typing import Any
@@ -155,9 +155,13 @@ class StereoDepthSensor(SensorResults):
     def get_picture(self, name: str, camera: str = "rgb") -> NDArray[Any]:
         """[height, width, channels]: one of kuafu's outputs ('position', 'albedo', ...; see kuafu.Renderer) as camera
         'rgb', 'left' or 'right' sees it now; projector_* of this sensor's. Needs no take_picture()."""
+        return self.get_pictures([name], camera)[name]
+
+    def get_pictures(self, names: Sequence[str], camera: str = "rgb") -> dict[str, NDArray[Any]]:
+        """{name: what get_picture() gives}, of one render."""
         if camera not in CAMERAS:
             raise ValueError(unknown("camera", camera, CAMERAS))
-        return self._engine.render_now(self._rigs(), name, None if camera == "rgb" else SIDES.index(camera))
+        return self._engine.render_now(self._rigs(), names, None if camera == "rgb" else SIDES.index(camera))
 
     # ---- the sensor itself ----
 
