@@ -36,7 +36,7 @@ Makes a capture of a recording. RECORDING is one of
     prints, saved to a file, or YAML of Kalibr (camchain.yaml) or of ROS (camera_info
     of each camera; needs: apt-get install python3-yaml); --k and --baseline do for
     other cameras' rectified images, and without either the preset's nominal figures
-  a bag: librealsense's .bag, or one of ROS 1 or ROS 2 with the topics of
+  a bag: librealsense's .bag or .db3, or one of ROS 1 or ROS 2 with the topics of
     realsense-ros (needs: pip install rosbags). It has its own calibration
   live: a connected D4xx (needs: pip install pyrealsense2)
   colour and depth alone: a TUM folder (rgb.txt, depth.txt), Open3D's

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags of librealsense and of ROS 2, written here by the package rosbags, become captures."""
 
+import io
 from contextlib import ExitStack
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from activestereo.capture.capture import read_capture
 from activestereo.capture.importers.bag import _intrinsic, count_pairs, read_calibration
@@ -205,3 +207,48 @@ def test_a_bag_that_was_cut_is_told_in_one_line(tmp_path, capsys):
     (tmp_path / "a.bag").write_bytes(whole[: len(whole) // 2])
     assert main(["depth", str(tmp_path / "a.bag"), "--out", str(tmp_path / "out")]) == 2
     assert (error := capsys.readouterr().err).count("\n") == 1 and "cannot be read as a bag" in error
+
+
+def write_lone_db3(path):
+    """One file without metadata.yaml, whose time begins at 0, images as PNG, the baseline as an option: librealsense's
+    since 2.58."""
+    store, folder = get_typestore(Stores.ROS2_HUMBLE), path.parent / "whole"
+    types = store.types
+    with Writer2(folder, version=8) as writer:
+        known = {}
+
+        def add(topic, kind, message, time_ns=0):
+            if topic not in known:
+                known[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(known[topic], time_ns, store.serialize_cdr(message, kind))
+
+        text = types["std_msgs/msg/String"]
+        add("/device_0/sensor_0/option/Stereo_Baseline/value", "std_msgs/msg/String", text("50.000000"))
+        add("/device_0/sensor_0/option/Depth_Units/value", "std_msgs/msg/String", text("0.000500"))
+        for stream, topic in _TOPICS1.items():
+            for frame in range(2):
+                pixels, time_ns = images(frame)[stream], 1000 * stream + 33_000_000 * frame
+                add(f"{topic}/image/camera_info", "sensor_msgs/msg/CameraInfo", camera_info(store, 0.0), time_ns)
+                buffer = io.BytesIO()
+                Image.fromarray(pixels).save(buffer, "png")
+                content = (b"" if stream else bytes(12)) + buffer.getvalue()  # depth has a header of its own
+                header = image_message(store, pixels, time_ns).header
+                made = types["sensor_msgs/msg/CompressedImage"](header, "png", np.frombuffer(content, np.uint8))
+                add(f"{topic}/image/data/compressed", "sensor_msgs/msg/CompressedImage", made, time_ns)
+    next(folder.glob("*.db3")).rename(path)
+
+
+def test_a_lone_db3_of_librealsense_is_a_bag(tmp_path):
+    write_lone_db3(tmp_path / "a.db3")
+    before = (tmp_path / "a.db3").read_bytes()
+    assert main(["import", str(tmp_path / "a.db3"), "--out", str(tmp_path / "capture")]) == 0
+    check(tmp_path / "capture", 2, 0.0005, images(0))
+    assert len(list(recorded_pairs(tmp_path / "a.db3"))) == 2
+    assert (tmp_path / "a.db3").read_bytes() == before
+
+
+def test_a_lone_db3_that_was_cut_is_told_in_one_line(tmp_path, capsys):
+    write_lone_db3(tmp_path / "a.db3")
+    (tmp_path / "a.db3").write_bytes((tmp_path / "a.db3").read_bytes()[:4096])
+    assert main(["depth", str(tmp_path / "a.db3"), "--out", str(tmp_path / "out")]) == 2
+    assert (error := capsys.readouterr().err).count("\n") == 1 and "a.db3: cannot be read as a bag" in error

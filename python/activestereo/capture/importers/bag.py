@@ -9,18 +9,21 @@ librealsense's transform of the stream; Infrared 1 is the left camera on every D
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from activestereo.capture.images import write_gray
-from activestereo.capture.importers.realsense_folder import SAME_FRAME_MS
+from activestereo.capture.importers.lone_db3 import described
+from activestereo.capture.importers.realsense_folder import LEAST_TIME_MS, SAME_FRAME_MS
 from activestereo.capture.importers.realsense_text import DeviceText, Intrinsic
 
 _STREAMS = {
@@ -30,6 +33,9 @@ _STREAMS = {
 }
 _TYPES = {"mono8": np.uint8, "8UC1": np.uint8, "mono16": np.uint16, "16UC1": np.uint16}
 _SIDES = ("Infrared 1", "Infrared 2")
+_IMAGES = ("Image", "CompressedImage")
+_STEREO_BASELINE = "stereo_baseline"
+_PNG = b"\x89PNG\r\n"
 _ROS2_DEPTH_SCALE_M = 0.001  # realsense-ros publishes 16UC1 in millimetres (REP 118)
 
 
@@ -39,6 +45,7 @@ class _Found:
 
     intrinsics: dict[str, Intrinsic] = field(default_factory=dict)
     baselines_m: dict[str, float] = field(default_factory=dict)
+    nominal_baseline_m: float | None = None  # librealsense's option, where nothing else tells it
     depth_units_m: float | None = None
     counts: dict[str, int] = field(default_factory=dict)
 
@@ -57,11 +64,13 @@ def extract_bag(
     ImportError where rosbags is missing; ValueError of one line names the bag and what it lacks.
     """
     found = _Found()
+    start_ms: float | None = None
     for topic, message, time_ms, share in _messages(path):
         stream = _stream(topic)
         kind = type(message).__name__
-        if kind.endswith("sensor_msgs__msg__Image") and stream is not None:
-            write_gray(folder / f"{stream} {time_ms:.3f}.png", _pixels(path, topic, message))
+        if kind.endswith(("sensor_msgs__msg__Image", "CompressedImage")) and stream is not None:
+            start_ms = start_ms if start_ms is not None else _time_before(time_ms)
+            write_gray(folder / f"{stream} {start_ms + time_ms:.3f}.png", _pixels(path, topic, message))
             found.counts[stream] = found.counts.get(stream, 0) + 1
             if stream == "Depth" and found.depth_units_m is None and not topic.startswith("/device_"):
                 found.depth_units_m = _ROS2_DEPTH_SCALE_M
@@ -74,6 +83,11 @@ def extract_bag(
     return _device(path, found), found.depth_units_m
 
 
+def _time_before(first_ms: float) -> float:
+    """Milliseconds by which a recording whose time begins at 0 is moved, so that its names tell times."""
+    return 0.0 if first_ms > LEAST_TIME_MS else LEAST_TIME_MS + 1.0
+
+
 def _note_calibration(path: Path, found: _Found, topic: str, message: Any) -> None:
     """Keeps what a message says of a stream's intrinsics, or of the baseline."""
     stream, kind = _stream(topic), type(message).__name__
@@ -82,6 +96,8 @@ def _note_calibration(path: Path, found: _Found, topic: str, message: Any) -> No
         projection = np.asarray(_either(message, "p"), float)
         if projection[0] > 0 and projection[3] != 0:
             found.baselines_m[stream] = float(-projection[3] / projection[0])
+    elif _STEREO_BASELINE in topic.lower():
+        found.nominal_baseline_m = 1e-3 * float(message.data)
     elif kind.endswith("Transform") and stream == "Infrared 2":
         found.baselines_m.setdefault(stream, abs(float(message.translation.x)))
 
@@ -90,9 +106,10 @@ def read_calibration(path: Path) -> DeviceText:
     """The calibration alone, without an image read. Raises as extract_bag()."""
     found = _Found()
     for topic, kind in _topics(path):
-        if kind == "Image" and (stream := _stream(topic)) is not None:
+        if kind in _IMAGES and (stream := _stream(topic)) is not None:
             found.counts[stream] = 1
-    for topic, message, _, _ in _messages(path, ("CameraInfo", "Transform"), is_first_enough=True):
+    kinds = ("CameraInfo", "Transform", "String", "Float32")
+    for topic, message, _, _ in _messages(path, kinds, is_first_enough=True):
         _note_calibration(path, found, topic, message)
     return _device(path, found)
 
@@ -103,7 +120,7 @@ def read_pairs(
     """(name, left, right) of each infrared pair, in order of time, one at a time in memory; the name is the left
     image's time in milliseconds. is_wanted: of a name; others are not decoded. Raises as extract_bag()."""
     waiting: dict[str, tuple[float, str, Any]] = {}
-    for topic, message, time_ms, _ in _messages(path, ("Image",), _SIDES):
+    for topic, message, time_ms, _ in _messages(path, _IMAGES, _SIDES):
         stream = _stream(topic) or ""
         waiting[stream] = time_ms, topic, message
         if len(waiting) < 2 or abs(waiting[_SIDES[0]][0] - waiting[_SIDES[1]][0]) > SAME_FRAME_MS:
@@ -118,14 +135,14 @@ def read_pairs(
 def count_pairs(path: Path) -> int:
     """How many pairs there are at most. Raises as extract_bag()."""
     with _opened(path) as reader:
-        counts = {_stream(c.topic): c.msgcount for c in reader.connections if c.msgtype.endswith("/Image")}
+        counts = {_stream(c.topic): c.msgcount for c in _wanted(reader) if c.msgtype.split("/")[-1] in _IMAGES}
     return min(counts.get(side, 0) for side in _SIDES)
 
 
 def _topics(path: Path) -> list[tuple[str, str]]:
     """(topic, kind of message) of all that is wanted."""
     with _opened(path) as reader:
-        return [(c.topic, c.msgtype.split("/")[-1]) for c in reader.connections if _is_wanted(c.topic, c.msgtype)]
+        return [(c.topic, c.msgtype.split("/")[-1]) for c in _wanted(reader)]
 
 
 def _stream(topic: str) -> str | None:
@@ -142,9 +159,11 @@ def _opened(path: Path) -> Iterator[Any]:
         raise ValueError(
             f"{path}: bags are read by the package rosbags, which is missing: pip install rosbags"
         ) from error
-    source = path.parent if path.suffix in (".db3", ".mcap") else path
+    is_file = path.suffix in (".db3", ".mcap")
+    is_lone = path.suffix == ".db3" and path.is_file() and not (path.parent / "metadata.yaml").is_file()
+    folder = described(path) if is_lone else nullcontext(path.parent if is_file else path)
     try:
-        with AnyReader([source], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        with folder as source, AnyReader([source], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             yield reader
     except (AnyReaderError, OSError, KeyError, AssertionError) as error:
         raise ValueError(
@@ -160,9 +179,8 @@ def _messages(
     with _opened(path) as reader:
         wanted = [
             c
-            for c in reader.connections
-            if _is_wanted(c.topic, c.msgtype)
-            and (not kinds or c.msgtype.split("/")[-1] in kinds)
+            for c in _wanted(reader)
+            if (not kinds or c.msgtype.split("/")[-1] in kinds)
             and (not streams or _stream(c.topic) in streams)
         ]
         total, seen = max(1, sum(c.msgcount for c in wanted)), set()
@@ -178,11 +196,18 @@ def _messages(
 _BROWN = {"": 5, "plumb_bob": 5, "none": 5, "brown conrady": 5, "modified brown conrady": 5, "rational_polynomial": 8}
 
 
+def _wanted(reader: Any) -> list[Any]:
+    """The connections that are read: of a stream that is there as it is and compressed, not the compressed one."""
+    found = [c for c in reader.connections if _is_wanted(c.topic, c.msgtype)]
+    plain = {_stream(c.topic) for c in found if c.msgtype.endswith("/Image")}
+    return [c for c in found if not (c.msgtype.endswith("/CompressedImage") and _stream(c.topic) in plain)]
+
+
 def _is_wanted(topic: str, kind: str) -> bool:
     name = kind.split("/")[-1]
-    if "depth_units" in topic.lower():
-        return True
-    return name in ("Image", "CameraInfo", "Transform") and any(words.search(topic) for words in _STREAMS.values())
+    if name in ("String", "Float32"):
+        return any(f"{option}/value" in topic.lower() for option in ("depth_units", _STEREO_BASELINE))
+    return name in (*_IMAGES, "CameraInfo", "Transform") and _stream(topic) is not None
 
 
 def _either(message: Any, name: str) -> Any:
@@ -190,7 +215,22 @@ def _either(message: Any, name: str) -> Any:
     return getattr(message, name) if hasattr(message, name) else getattr(message, name.upper())
 
 
+def _decoded(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
+    """A compressed image, which is a PNG file; one of depth stands behind a header of its own."""
+    content = np.asarray(message.data, np.uint8).tobytes()
+    start = content.find(_PNG)
+    if start < 0:
+        raise ValueError(f"{path}: {topic}: format is '{message.format}', expected PNG: what is lossy is not read")
+    try:
+        pixels = np.asarray(Image.open(io.BytesIO(content[start:])))
+    except (OSError, SyntaxError) as error:
+        raise ValueError(f"{path}: {topic}: a compressed image is damaged: {error}") from error
+    return pixels if pixels.dtype == np.uint8 else pixels.astype(np.uint16)
+
+
 def _pixels(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
+    if hasattr(message, "format"):
+        return _decoded(path, topic, message)
     kind = _TYPES.get(message.encoding)
     if kind is None:
         raise ValueError(f"{path}: {topic}: encoding is '{message.encoding}', expected one of {', '.join(_TYPES)}")
@@ -224,7 +264,7 @@ def _device(path: Path, found: _Found) -> DeviceText:
             raise ValueError(f"{path}: {stream}: no topic has its images: record both infrared streams")
         if stream not in found.intrinsics:
             raise ValueError(f"{path}: {stream}: no camera_info topic: give --calibration, or record it")
-    baseline_m = found.baselines_m.get("Infrared 2")
+    baseline_m = found.baselines_m.get("Infrared 2", found.nominal_baseline_m)
     if baseline_m is None:
         raise ValueError(
             f"{path}: Infrared 2: the baseline is nowhere in it (camera_info's P[3] is 0): give --calibration"

@@ -36,6 +36,8 @@ _OFF = re.compile(r"(?:^|[ _-])off(?:$|[ _-])", re.I)
 _LAST_NUMBER = re.compile(r"(\d+(?:\.\d+)?)(?!.*\d)")
 # Streams of one frame differ by less than this, milliseconds.
 SAME_FRAME_MS = 8.0
+# Numbers in names above this are times, milliseconds; those below count frames.
+LEAST_TIME_MS = 1e6
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,7 @@ def _by_number(folder: Path, by_stream: dict[str, list[Path]]) -> list[FrameFile
             if (
                 nearest is not None
                 and abs(nearest[0] - time_ms) < SAME_FRAME_MS
-                and (time_ms > 1e6 or nearest[0] == time_ms)
+                and (time_ms > LEAST_TIME_MS or nearest[0] == time_ms)
             ):
                 files[stream] = nearest[1]
         if "right" in files:
@@ -257,7 +259,7 @@ def _frame(
     trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
     robot: RobotPoses | None,
 ) -> Frame:
-    time = 1e-3 * entry.number if entry.number > 1e6 else float(number) / 30.0
+    time = 1e-3 * entry.number if entry.number > LEAST_TIME_MS else float(number) / 30.0
     pose, group, gripper_to_base = np.eye(4), None if trajectory is not None else entry.view, None
     if trajectory is not None:
         pose = pose_at(*trajectory, time, str(entry.files["left"]))
