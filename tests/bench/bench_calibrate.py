@@ -5,10 +5,10 @@
     PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_calibrate.py wall [--scale 0.5] [--spp 256]
     PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_calibrate.py overlay SCENE.gltf
 
-laws: how often `calibrate noise` names the law that frames were drawn from, shot noise and gamma noise in turns, with
-drawn parameters; asked: 19 of 20. wall: walls that kuafu renders are measured by `calibrate pattern` and rendered again
-from the same pose through the model; the residual of a frame over its noise floor, asked: 1.2. overlay: pictures a
-second that `activestereo overlay` blends where the camera stands still and where it moves, asked: 10.
+laws: how often `calibrate noise` names the noise model that frames were drawn from, shot noise and gamma noise in
+turns, with drawn parameters; asked: 19 of 20. wall: walls that kuafu renders are measured by `calibrate pattern` and
+rendered again from the same pose through the model; the residual of a frame over its noise floor, asked: 1.2. overlay:
+pictures a second that `activestereo overlay` blends where the camera stands still and where it moves, asked: 10.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ WALLS = ((1.0, 0.0), (1.7, 0.1))  # metres, yaw
 
 
 def drawn(
-    law: GammaModel | ShotModel, repeats: int, rng: np.random.Generator, is_dark: bool = False
+    noise_model: GammaModel | ShotModel, repeats: int, rng: np.random.Generator, is_dark: bool = False
 ) -> NDArray[np.uint8]:
     """Repeats of blocks of all levels of an 8-bit camera, or of none."""
     clean = np.zeros(SIZE) if is_dark else np.exp(rng.uniform(np.log(0.4), np.log(110.0), SIZE))
     shape = (repeats, *SIZE)
-    if law.name == "gamma":
-        light = clean * rng.gamma(law.shape, 1.0 / law.shape, shape)
+    if noise_model.name == "gamma":
+        light = clean * rng.gamma(noise_model.shape, 1.0 / noise_model.shape, shape)
     else:
-        light = law.shape * rng.poisson(clean / law.shape, shape)
-    counts = np.rint(light + law.black_dn + rng.normal(0.0, law.sigma_dn, shape))
+        light = noise_model.shape * rng.poisson(clean / noise_model.shape, shape)
+    counts = np.rint(light + noise_model.black_dn + rng.normal(0.0, noise_model.sigma_dn, shape))
     return counts.clip(0, 255).astype(np.uint8)
 
 
@@ -58,16 +58,16 @@ def laws(draws: int, with_dark: bool) -> None:
         # Deviations of 0.5 to 3 DN at half of the range, by either law.
         at_middle = np.exp(rng.uniform(np.log(0.5), np.log(3.0)))
         if number % 2:
-            law: GammaModel | ShotModel = GammaModel((55.0 / at_middle) ** 2, sigma, black)
+            noise_model: GammaModel | ShotModel = GammaModel((55.0 / at_middle) ** 2, sigma, black)
         else:
-            law = ShotModel(at_middle**2 / 55.0, sigma, black)
-        dark = [Repeats("dark", drawn(law, 12, rng, is_dark=True))] if with_dark else []
-        found = calibrate_noise([Repeats("view", drawn(law, 20, rng))], dark, seed=number)
-        right += found.chosen == law.name
-        if found.chosen != law.name:
-            print(f"draw {number}: {law} was named {found.chosen}")
+            noise_model = ShotModel(at_middle**2 / 55.0, sigma, black)
+        dark = [Repeats("dark", drawn(noise_model, 12, rng, is_dark=True))] if with_dark else []
+        found = calibrate_noise([Repeats("view", drawn(noise_model, 20, rng))], dark, seed=number)
+        right += found.chosen == noise_model.name
+        if found.chosen != noise_model.name:
+            print(f"draw {number}: {noise_model} was named {found.chosen}")
     print(
-        f"the right law in {right} of {draws}, {'with' if with_dark else 'without'} dark frames; "
+        f"the right noise model in {right} of {draws}, {'with' if with_dark else 'without'} dark frames; "
         f"{(time.process_time() - begin) / draws:.1f} CPU s each"
     )
 

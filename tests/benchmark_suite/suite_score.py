@@ -83,7 +83,7 @@ class Result:
         if any(entry.get("nuisance") for entry in self.ranking if entry["effect"] in self.truth):
             return (
                 self.verdict == "none" and not self.added and set(self.names(1)) == self.truth
-            )  # any matcher differs so
+            )  # not a fault of the sensor
         return self.verdict == ("effect" if self.truth else "none") and self.added == self.truth
 
     @property

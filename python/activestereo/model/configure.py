@@ -95,10 +95,10 @@ def _signal(model: SensorModel) -> dict[str, float]:
     if model.rig is not None:
         signal["bit_depth"] = model.rig.bit_depth
         signal["gain"] = model.rig.gain or 1.0
-    law: Imager | None = model.imager
-    if law is not None:
-        signal["adc_noise_dn"] = float(np.sqrt(max(law.offset.value - ROUNDING_VARIANCE, 0.0)))
-        signal["shot_noise"] = float(np.sqrt(law.shot.value))
-        if law.relative.value > 0.0:
-            signal["speckle_shape"], signal["speckle_scale"] = 1.0 / law.relative.value, law.relative.value
+    imager: Imager | None = model.imager
+    if imager is not None:
+        signal["adc_noise_dn"] = float(np.sqrt(max(imager.offset.value - ROUNDING_VARIANCE, 0.0)))
+        signal["shot_noise"] = float(np.sqrt(imager.shot.value))
+        if imager.relative.value > 0.0:
+            signal["speckle_shape"], signal["speckle_scale"] = 1.0 / imager.relative.value, imager.relative.value
     return signal

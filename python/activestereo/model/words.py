@@ -94,8 +94,7 @@ def _pattern(model: SensorModel) -> list[str]:
 def _imager(model: SensorModel) -> list[str]:
     if model.imager is None:
         return []
-    law = model.imager
-    terms = (
-        f"{law.offset.value:.4g} DN^2 + {law.shot.value:.4g} DN x gain x signal + {law.relative.value:.4g} x signal^2"
-    )
+    imager = model.imager
+    offset, shot, relative = (term.value for term in (imager.offset, imager.shot, imager.relative))
+    terms = f"{offset:.4g} DN^2 + {shot:.4g} DN x gain x signal + {relative:.4g} x signal^2"
     return [f"imager (engine): variance = {terms}"]

@@ -69,8 +69,9 @@ def frames_chart(scores: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def photon_transfer_chart(points: Sequence[Mapping[str, float]], law: Mapping[str, float]) -> Figure:
-    """Temporal variance against signal of the repeats, and the fitted law. points: [{gain, mean_dn, variance_dn2}]."""
+def photon_transfer_chart(points: Sequence[Mapping[str, float]], noise: Mapping[str, float]) -> Figure:
+    """Temporal variance against signal of the repeats, and the fitted noise model. points: [{gain, mean_dn,
+    variance_dn2}]."""
     figure = Figure(figsize=(5.4, 3.1), layout="constrained")
     axes = _axes(figure, 1, 1, 1, x="mean signal, DN", y="temporal variance, DN²", title="Photon transfer")
     gains = sorted({p["gain"] for p in points})
@@ -85,9 +86,10 @@ def photon_transfer_chart(points: Sequence[Mapping[str, float]], law: Mapping[st
             label=f"repeats, gain {gain:g}",
         )
         mean = np.linspace(min(p["mean_dn"] for p in own), max(p["mean_dn"] for p in own), 100)
-        signal = np.maximum(mean - law["black_dn"], 0.0)
-        axes.plot(mean, law["offset"] + law["shot"] * gain * signal + law["relative"] * signal**2, color=color, lw=1.2)
-    axes.plot([], [], color=MUTED, lw=1.2, label="fitted law")
+        signal = np.maximum(mean - noise["black_dn"], 0.0)
+        variance = noise["offset"] + noise["shot"] * gain * signal + noise["relative"] * signal**2
+        axes.plot(mean, variance, color=color, lw=1.2)
+    axes.plot([], [], color=MUTED, lw=1.2, label="fitted noise model")
     _legend(axes, loc="upper left")
     return figure
 

@@ -141,12 +141,12 @@ def _depth_table(depth: dict[str, Any]) -> str:
 def _noise(scores: dict[str, Any]) -> str:
     if not scores["photon_transfer"]:
         return "<p>No frames are repeated: the noise floor and the photon transfer are unknown.</p>"
-    law = scores["noise_model"]
+    noise = scores["noise_model"]
     words = (
-        f"variance = {law['offset']:.3g} + {law['shot']:.3g} · gain · s + {law['relative']:.3g} · s², s in DN above "
-        f"{law['black_dn']:.3g}: read noise, shot noise and speckle, from frames repeated at one pose."
+        f"variance = {noise['offset']:.3g} + {noise['shot']:.3g} · gain · s + {noise['relative']:.3g} · s², s in DN "
+        f"above {noise['black_dn']:.3g}: read noise, shot noise and speckle, from frames repeated at one pose."
     )
-    picture = chart(photon_transfer_chart(scores["photon_transfer"], law), "photon transfer")
+    picture = chart(photon_transfer_chart(scores["photon_transfer"], noise), "photon transfer")
     return f'<div style="max-width:560px">{picture}</div><p class="muted small">{text(words)}</p>'
 
 

@@ -104,11 +104,12 @@ def _residual(effect_id: str, shown: Iterable[str]) -> str:
 
 
 def _depth_engine(depth: dict) -> str:
-    """The depth engine's own verdict; what any other matcher would show is marked."""
+    """The depth engine's own verdict; differences that depend on the matcher alone are marked."""
     rows = []
     for entry in depth["ranking"]:
         values = "<br>".join(text(parameter_text(name, p)) for name, p in entry["parameters"].items())
-        kind = "any matcher differs so" if entry["nuisance"] else "added" if entry["effect"] in depth["added"] else ""
+        kind = "added" if entry["effect"] in depth["added"] else ""
+        kind = "not a fault of the sensor" if entry["nuisance"] else kind
         share = share_bar(entry["explained_share"]) + f"{100 * entry['explained_share']:.0f} %"
         rows.append([f"<b>{text(entry['effect'])}</b>", f"{entry['score_nats']:.1f}", share, values, kind])
     head = ["effect", "gain, nats", "of the disparity error", "fitted value (90 %)", ""]

@@ -104,7 +104,7 @@ def _depth_lines(depth: Mapping[str, Any] | None) -> list[str]:
     lines = [f"depth engine: {depth['verdict']}" + (f" ({depth['reason']})" if depth["reason"] else "")]
     for entry in depth["ranking"]:
         if entry["effect"] in depth["added"] or (entry["nuisance"] and entry["score_nats"] > 0):
-            kind = "any matcher differs so" if entry["nuisance"] else "added"
+            kind = "not a fault of the sensor" if entry["nuisance"] else "added"
             lines.append(
                 f"  {entry['effect']}, {kind}: {_values(entry)}; {100 * entry['explained_share']:.0f} % of its error"
             )

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A small capture of the example scene in matt colours, rendered instead of recorded: a D435 of a quarter of its
-resolution, with shot and read noise by their law."""
+resolution, with shot and read noise by their noise model."""
 
 from __future__ import annotations
 

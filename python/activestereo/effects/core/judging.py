@@ -90,8 +90,8 @@ class CodeSteps:
 class EngineFault:
     """The disturbance that a fault of the depth engine resembles.
 
-    is_matcher_choice: any other matcher would differ so (a sub-pixel formula, a rounding, the size of a median): it
-    is fitted and reported, and never a fault of the sensor. displaces: it moves what is measured in the picture by
+    is_matcher_choice: it depends on the choice of the matcher (a sub-pixel formula, a rounding, the size of a median):
+    it is fitted and reported, and never a fault of the sensor. displaces: it moves what is measured in the picture by
     parameters in pixels, as errors of the measured poses do.
     """
 
