@@ -29,39 +29,41 @@ if TYPE_CHECKING:
 _MARGIN_M = 0.05
 # A collimated beam is in focus here: a dot is the beam's width in metres beside its angle.
 _FAR_M = 1e6
+# Inputs are those of a sensor whose RGB camera is at the origin.
+_RGB_POSE = Pose()
 
 
 def sensor_inputs(
-    config: StereoDepthSensorConfig,
-    scene: kuafu.Scene,
-    pose: Pose,
-    twist: NDArray[np.float64],
-    frame: Frame,
-    pattern: NDArray[np.float32] | None,
-    ambient_radiance: float,
-    emitter: float = 1.0,
-) -> EngineInputs:
-    """config at `pose`, the RGB camera's in the scene (body axes); twist: of the left camera in its own axes, m/s and
-    rad/s. pattern: None where the sensor has no projector or throws dots. emitter: the laser's power over its nominal
-    one."""
+    config: StereoDepthSensorConfig, scene: kuafu.Scene, twist: NDArray[np.float64], temperature_c: float | None,
+    time_s: float, pattern: NDArray[np.float32] | None, ambient_radiance: float, emitter: float,
+) -> EngineInputs:  # fmt: skip
+    """A sensor with its RGB camera at the origin; twist: of the left camera in its own axes, m/s and rad/s.
+    temperature_c and time_s: of its exposure. pattern: None where the sensor has no projector or throws dots. emitter:
+    the laser's power over its nominal one."""
+    frame = Frame(
+        id=0, left_path=None, right_path=None, timestamp_s=time_s, exposure_s=config.ir_camera_exposure,
+        camera_to_world=np.eye(4), split="train", temperature_c=temperature_c, camera_velocity=twist,
+    )  # fmt: skip
     signal = _signal(config, frame)
     summary = scene.summary
-    return EngineInputs(
-        left=_eye(config, pose, twist, config.trans_pose_l, dict(signal), is_right=False),
-        right=_eye(config, pose, twist, config.trans_pose_r, dict(signal), is_right=True),
-        projector=_projector(config, pose, twist, pattern, emitter),
+    inputs = EngineInputs(
+        left=_camera(config, dict(signal), is_right=False),
+        right=_camera(config, dict(signal), is_right=True),
+        projector=_projector(config, pattern, emitter),
         pattern=pattern,
         frame=frame,
         new_light=kuafu.Light,
         new_medium=kuafu.Medium,
         scene_materials=scene.get_material,
         material_count=summary.material_count,
-        bounds_m=_bounds(summary, camera_to_world(pose)[:3, 3]),
+        bounds_m=_bounds(summary),
         max_dn=float(2 ** int(signal["bit_depth"]) - 1),
         seed=config.noise_seed,
         ambient_radiance=ambient_radiance,
         speckle_of_laser=bool(config.ir_speckle_of_laser),
     )
+    give_velocity(inputs, config, twist)
+    return inputs
 
 
 def exposed_anew(
@@ -76,26 +78,6 @@ def exposed_anew(
         eye.signal = _signal(config, inputs.frame)
         eye.camera.exposure_s = config.ir_camera_exposure
     return inputs
-
-
-def exposure(
-    config: StereoDepthSensorConfig,
-    twist: NDArray[np.float64],
-    timestamp_s: float = 0.0,
-    temperature_c: float | None = None,
-) -> Frame:
-    """The frame of one exposure, for effects, with the RGB camera at the origin."""
-    return Frame(
-        id=0,
-        left_path=None,
-        right_path=None,
-        timestamp_s=timestamp_s,
-        exposure_s=config.ir_camera_exposure,
-        camera_to_world=np.eye(4),
-        split="train",
-        temperature_c=temperature_c,
-        camera_velocity=twist,
-    )
 
 
 def twist_of(config: StereoDepthSensorConfig, twist: NDArray[np.float64], pose_in_rgb: Pose) -> NDArray[np.float64]:
@@ -128,38 +110,19 @@ def _signal(config: StereoDepthSensorConfig, frame: Frame) -> dict[str, float]:
     return signal if frame.temperature_c is None else signal | {"temperature_c": frame.temperature_c}
 
 
-def _eye(
-    config: StereoDepthSensorConfig,
-    pose: Pose,
-    twist: NDArray[np.float64],
-    place: Pose,
-    signal: dict[str, float],
-    is_right: bool,
-) -> EngineCamera:
-    linear, angular = twist_of(config, twist, place)
+def _camera(config: StereoDepthSensorConfig, signal: dict[str, float], is_right: bool) -> EngineCamera:
     k, distortion = config.ir_intrinsics(is_right)
     width, height = config.ir_resolution
     camera = kuafu.Camera(
-        width,
-        height,
-        k,
-        camera_to_world(pose * place),
-        linear_velocity=linear,
-        angular_velocity=angular,
-        distortion=distortion,
-        exposure_s=config.ir_camera_exposure,
+        width, height, k, camera_to_world(_RGB_POSE * (config.trans_pose_r if is_right else config.trans_pose_l)),
+        distortion=distortion, exposure_s=config.ir_camera_exposure,
         **shutter(config.ir_line_time_s, config.ir_readout),
-    )
-    optics = kuafu.Optics(**(config.ir_optics or {}))
-    return EngineCamera(camera, optics, signal, is_right)
+    )  # fmt: skip
+    return EngineCamera(camera, kuafu.Optics(**(config.ir_optics or {})), signal, is_right)
 
 
 def _projector(
-    config: StereoDepthSensorConfig,
-    pose: Pose,
-    twist: NDArray[np.float64],
-    pattern: NDArray[np.float32] | None,
-    emitter: float,
+    config: StereoDepthSensorConfig, pattern: NDArray[np.float32] | None, emitter: float
 ) -> kuafu.Light | None:
     fields: dict[str, Any]
     if config.light_dots is not None:
@@ -173,31 +136,26 @@ def _projector(
         fields = {"k": config.pattern_k(pattern.shape[1], pattern.shape[0])}
     if config.projector_beam_radius_m > 0.0:
         fields |= {"radius_m": config.projector_beam_radius_m, "focus_m": _FAR_M}
-    linear, angular = twist_of(config, twist, config.pose_rgb_irproj)
     return kuafu.Light(
         kind="projector",
         name="projector",
         ir_intensity=config.projector_intensity * emitter,
         falloff=config.projector_falloff,
         pattern_scale=config.light_pattern_scale,
-        light_to_world=camera_to_world(pose * config.pose_rgb_irproj),
-        linear_velocity=linear,
-        angular_velocity=angular,
+        light_to_world=camera_to_world(_RGB_POSE * config.pose_rgb_irproj),
         **fields,
     )
 
 
-def _bounds(summary: kuafu.SceneSummary, place: NDArray[np.float64]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _bounds(summary: kuafu.SceneSummary) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Of the scene and the sensor."""
     corners = [summary.bounds_min_m, summary.bounds_max_m] if summary.triangle_count else []
-    points = np.array([*corners, place])
+    points = np.array([*corners, _RGB_POSE.p])
     return tuple(points.min(axis=0) - _MARGIN_M), tuple(points.max(axis=0) + _MARGIN_M)
 
 
 def fitted_to(
-    scene: kuafu.Scene,
-    source: object,
-    model: SensorModel | str | PathLike[str] | None,
-    config: StereoDepthSensorConfig,
+    scene: kuafu.Scene, source: object, model: SensorModel | str | PathLike[str] | None, config: StereoDepthSensorConfig
 ) -> tuple[Model, SceneMeasurement, float]:
     """(effects, scene measurement, infrared radiance of the model's room) in this scene. source: what the scene is
     from; where the model tells two objects of one material apart and it is a file's path, each gets a material of its

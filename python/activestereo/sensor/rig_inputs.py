@@ -20,15 +20,7 @@ from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.engine import EngineInputs, apply_engine, moved_pose
 from activestereo.effects.engines.world import copy_camera
 from activestereo.model import SensorModel
-from activestereo.sensor.inputs import (
-    exposed_anew,
-    exposure,
-    fitted_to,
-    give_velocity,
-    sensor_inputs,
-    shutter,
-    twist_of,
-)
+from activestereo.sensor.inputs import exposed_anew, fitted_to, give_velocity, sensor_inputs, shutter, twist_of
 from activestereo.sensor.rig import LATER, Rig
 
 
@@ -63,11 +55,9 @@ class RigInputs:
         """The engines' inputs, with the RGB camera at the origin; found anew where sensor or conditions have
         changed."""
         if self._inputs is None:
-            temperature, time_s = self._conditions
-            c, twist = self.config, self.twist
-            frame, emitter = exposure(c, twist, time_s, temperature), c.emitter_power(self._frame)
+            c, emitter = self.config, self.config.emitter_power(self._frame)
             inputs = sensor_inputs(
-                c, self.scene, Pose(), twist, frame, self.in_scene.pattern, self._ambient_radiance, emitter
+                c, self.scene, self.twist, *self._conditions, self.in_scene.pattern, self._ambient_radiance, emitter
             )
             inputs.scene_materials = self.in_scene.material
             self._scene_measurement.apply(inputs)
@@ -81,8 +71,8 @@ class RigInputs:
                 self.in_scene.enter(inputs, c.projector_intensity * emitter)
                 if c.projector_always_on and self._rigs is not None:
                     self.in_scene.shine(self._rigs)
-            more = self.environments[1:]
-            self._ir_cameras = [[camera, *(copy_camera(camera, 0.0) for _ in more)] for camera, _ in cameras]
+            others = self.environments[1:]
+            self._ir_cameras = [[camera, *(copy_camera(camera, 0.0) for _ in others)] for camera, _ in cameras]
             self._rgb_cameras = [self._rgb_camera() for _ in self.environments]
             self._inputs = inputs
         return self._inputs
