@@ -16,7 +16,7 @@ from activestereo.capture.capture import SIDES, Capture, ImageKey
 from activestereo.common.input_files import read_bytes
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache, scene_digest
-from activestereo.compare.fit_model import fit_under_model
+from activestereo.compare.fit_model import fit_train_frames
 from activestereo.compare.kuafu_renderer import engine_version
 from activestereo.compare.layers import Layers
 from activestereo.compare.nuisances import Fit, Nuisances
@@ -146,7 +146,7 @@ def predict_in_engines(
         for f in capture.split("train")
         for side in SIDES
     ]
-    fit = fit_under_model(engine, train, capture.rig.max_dn)
+    fit = fit_train_frames(capture, engine, train)
     return fit, {
         key: [engine.signal(lights[key], view, fit.nuisances) for lights in halves] for key, view in views.items()
     }

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from activestereo.capture.capture import SIDES, Capture, ImageKey
+from activestereo.capture.capture import SIDES, Capture, CaptureError, ImageKey
 from activestereo.compare.nuisances import CLIP_MARGIN_SIGMA, Fit, Nuisances, fit_nuisances, solve_bounded
 
 if TYPE_CHECKING:
@@ -40,6 +40,14 @@ def fit_under_model(model: Any, observations: Sequence[Any], max_dn: float) -> F
     return Fit(Nuisances(*map(float, theta)), Nuisances(*map(float, errors)), int(used), 1.0 - used / total, at_bound)
 
 
+def fit_train_frames(capture: Capture, model: Any, observations: Sequence[Any]) -> Fit:
+    """fit_under_model() of what was observed in the capture. CaptureError names it where there is nothing to fit."""
+    try:
+        return fit_under_model(model, observations, capture.rig.max_dn)
+    except ValueError as error:
+        raise CaptureError(f"{capture.path}: {error}") from error
+
+
 def predict_under_model(
     capture: Capture,
     model: Model,
@@ -56,7 +64,7 @@ def predict_under_model(
     lights = [{key: model.light(of[key[0]][key[1]], view) for key, view in views.items()} for of in layers]
     keys = [(frame.id, side) for frame in capture.split("train") for side in SIDES]
     train = [(views[key], lights[0][key], measured[key]) for key in keys]
-    fit = fit_under_model(model, train, capture.rig.max_dn)
+    fit = fit_train_frames(capture, model, train)
     wanted = lights[1:] or lights
     return fit, {
         key: [model.signal(light[key], view, fit.nuisances) for light in wanted] for key, view in views.items()

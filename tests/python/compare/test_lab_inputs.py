@@ -5,16 +5,18 @@ models by hand."""
 import json
 import threading
 from dataclasses import fields, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import kuafu
 
-from activestereo.capture.capture import read_capture
-from activestereo.effects import builtin
+from activestereo.capture.capture import CaptureError, read_capture
+from activestereo.effects import Model, builtin
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_model import DepthModel
+from activestereo.compare.fit_model import fit_train_frames
 from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.compare.layers import Layers, RenderRequest, ViewCamera
 from activestereo.compare.model_file import read_model
@@ -98,3 +100,9 @@ def test_a_model_by_hand_is_told_what_is_wrong(tmp_path, effects):
     path.write_text(json.dumps({"format": "active-stereo-model", "version": 1, "effects": effects}))
     with pytest.raises(ValueError, match="model.json: effects"):
         read_model(path, builtin())
+
+
+def test_a_capture_with_nothing_to_fit_is_named(tmp_path):
+    capture = SimpleNamespace(path=tmp_path / "desk", rig=SimpleNamespace(max_dn=255))
+    with pytest.raises(CaptureError, match="desk: nothing to fit"):
+        fit_train_frames(capture, Model(), [])
