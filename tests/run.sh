@@ -37,5 +37,6 @@ workers=$(nproc)  # a worker renders on all cores and may take 2 GB: more than f
 [ "$workers" -le 4 ] || workers=4
 ACTIVESTEREO_BUILD="$root/build" PYTHONPATH="$root/build/python" /usr/bin/python3 -m pytest -q -rs --durations=15 -n "$workers" --dist loadscope tests || status=1
 echo "== ctest said"
+grep -A 1 ': Skipped$' build/Testing/Temporary/LastTest.log | grep -v -e '^--' -e ': Skipped$' | sort | uniq -c || true
 tail -n 12 build/ctest.log
 exit $status
