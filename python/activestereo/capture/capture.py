@@ -116,7 +116,8 @@ class Rig:
 @dataclass(frozen=True)
 class Frame:
     """One exposure of the rig. `camera_to_world` is the left camera's pose at mid-exposure. left_path, right_path: None
-    in recordings of colour and depth alone."""
+    in recordings of colour and depth alone. left_mask_path, right_mask_path: images that are 0 where the scene is not
+    known; None where it is known everywhere."""
 
     id: int
     left_path: Path | None
@@ -135,6 +136,8 @@ class Frame:
     depth_scale: float | None = None
     color_path: Path | None = None
     gripper_to_base: np.ndarray | None = None
+    left_mask_path: Path | None = None
+    right_mask_path: Path | None = None
 
     def path(self, side: str) -> Path:
         """The path of one camera's image. CaptureError where the recording has none."""
@@ -161,7 +164,8 @@ class Frame:
 
 @dataclass(frozen=True)
 class Capture:
-    """A folder in the capture format. Frames keep the file's order."""
+    """A folder in the capture format. Frames keep the file's order. measured: what `calibrate world` knows of camera,
+    poses, pattern and light, with covariances (calibrate/README.md)."""
 
     path: Path
     name: str
@@ -170,6 +174,7 @@ class Capture:
     frames: tuple[Frame, ...]
     depth_engine: dict[str, Any] = field(default_factory=dict)
     lights: tuple[KnownLight, ...] = ()
+    measured: dict[str, Any] = field(default_factory=dict)
 
     def split(self, name: str) -> list[Frame]:
         return [frame for frame in self.frames if frame.split == name]
@@ -179,6 +184,14 @@ class Capture:
         camera = self.rig.camera(side)
         image = read_gray(frame.path(side), (camera.width, camera.height), f"frames[id={frame.id}].{side}")
         return image.astype(np.float32)
+
+    def known(self, frame: Frame, eye: str) -> np.ndarray | None:
+        """Where the scene is known in an IR image, bool [height][width]; None: everywhere."""
+        path = {"left": frame.left_mask_path, "right": frame.right_mask_path}[eye]
+        if path is None:
+            return None
+        camera = self.rig.camera(eye)
+        return read_gray(path, (camera.width, camera.height), f"frames[id={frame.id}].{eye}_mask") > 0
 
     def depth(self, frame: Frame) -> np.ndarray | None:
         """The device's own depth in metres, float32 [height][width], 0 = no measurement; None where there is none."""
@@ -228,8 +241,9 @@ def capture_from(root: JsonObject) -> Capture:
     _check_frames(root, frames)
     lights = tuple(_read_light(entry) for entry in root.objects("lights")) if root.has("lights") else ()
     return Capture(
-        root.path.parent, root.text("name"), root.file("scene"), rig, frames, root.free_form("depth_engine"), lights
-    )
+        root.path.parent, root.text("name"), root.file("scene"), rig, frames, root.free_form("depth_engine"), lights,
+        root.free_form("measured"),
+    )  # fmt: skip
 
 
 def _read_camera(entry: JsonObject) -> Camera:
@@ -302,7 +316,16 @@ def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
         depth_scale=entry.number("depth_scale", DEPTH_SCALE, optional=depth_path is None),
         color_path=color_path,
         gripper_to_base=entry.rigid_transform("gripper_to_base") if entry.has("gripper_to_base") else None,
+        left_mask_path=_mask(entry, rig, "left"),
+        right_mask_path=_mask(entry, rig, "right"),
     )
+
+
+def _mask(entry: JsonObject, rig: Rig, eye: str) -> Path | None:
+    path: Path | None = entry.file(f"{eye}_mask", optional=True)
+    if path is not None:
+        _check_size(entry, f"{eye}_mask", (rig.camera(eye).width, rig.camera(eye).height))
+    return path
 
 
 def _check_size(entry: JsonObject, key: str, expected: tuple[int, int]) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.capture.capture import FORMAT, VERSION, Camera, Capture, Frame
+from activestereo.capture.capture import FORMAT, SIDES, VERSION, Camera, Capture, Frame
 from activestereo.capture.images import write_gray
 from activestereo.common.input_files import read_bytes
 from activestereo.common.output_files import new_folder, write_bytes, write_png, write_text
@@ -21,16 +21,18 @@ def write_capture(
     pattern: np.ndarray,
     depths: Mapping[int, np.ndarray] | None = None,
     colors: Mapping[int, np.ndarray] | None = None,
+    masks: Mapping[tuple[int, str], np.ndarray] | None = None,
 ) -> None:
     """Writes `capture` as a folder at `path` (made in a sibling folder, then renamed; `path` must not exist).
 
     images: {(frame id, side): uint8 or uint16 [height][width]}, none of recordings of colour and depth alone; pattern:
     uint8 [height][width]; depths: {frame id: uint16 [height][width]} in units of the frame's depth_scale; colors:
-    {frame id: sRGB uint8 [height][width][3]}. The scene and the files it names are the caller's:
+    {frame id: sRGB uint8 [height][width][3]}; masks: {(frame id, eye): bool [height][width]}, where the scene is known.
+    The scene and the files it names are the caller's:
     capture.scene_path is copied with every file beside it that has the same stem.
     """
     with new_folder(Path(path)) as folder:
-        _write(folder, capture, images, pattern, depths, colors)
+        _write(folder, capture, images, pattern, depths, colors, masks or {})
 
 
 def _write(
@@ -40,6 +42,7 @@ def _write(
     pattern: np.ndarray,
     depths: Mapping[int, np.ndarray] | None,
     colors: Mapping[int, np.ndarray] | None,
+    masks: Mapping[tuple[int, str], np.ndarray],
 ) -> None:
     for folder in ("left", "right", "depth", *(("color",) if colors else ())):
         (partial / folder).mkdir(parents=True, exist_ok=True)
@@ -53,8 +56,11 @@ def _write(
         write_gray(partial / "depth" / f"{frame_id:06d}.png", image)
     for frame_id, image in (colors or {}).items():
         write_png(partial / "color" / f"{frame_id:06d}.png", image)
+    for (frame_id, eye), known in masks.items():
+        (partial / "mask" / eye).mkdir(parents=True, exist_ok=True)
+        write_gray(partial / "mask" / eye / f"{frame_id:06d}.png", known.astype(np.uint8) * 255)
     with_infrared = {frame_id for frame_id, _ in images}
-    entries = [_frame_json(f, with_infrared, depths or {}, colors or {}) for f in capture.frames]
+    entries = [_frame_json(f, with_infrared, depths or {}, colors or {}, masks) for f in capture.frames]
     text = json.dumps(_capture_json(capture) | {"frames": entries}, indent=1)
     write_text(partial / "capture.json", text + "\n")
 
@@ -87,6 +93,8 @@ def _capture_json(capture: Capture) -> dict[str, Any]:
             {"name": light.name, "position_m": _flat(light.position_m), "radius_m": light.radius_m}
             for light in capture.lights
         ]
+    if capture.measured:
+        root["measured"] = capture.measured
     return root
 
 
@@ -100,7 +108,11 @@ def _camera_json(camera: Camera) -> dict[str, Any]:
 
 
 def _frame_json(
-    frame: Frame, with_infrared: Container[int], depths: Container[int], colors: Container[int]
+    frame: Frame,
+    with_infrared: Container[int],
+    depths: Container[int],
+    colors: Container[int],
+    masks: Container[tuple[int, str]],
 ) -> dict[str, Any]:
     name = f"{frame.id:06d}.png"
     entry: dict[str, Any] = {"id": frame.id}
@@ -110,6 +122,7 @@ def _frame_json(
         entry |= {"depth": f"depth/{name}", "depth_scale": frame.depth_scale}
     if frame.id in colors:
         entry["color"] = f"color/{name}"
+    entry |= {f"{side}_mask": f"mask/{side}/{name}" for side in SIDES if (frame.id, side) in masks}
     if frame.gripper_to_base is not None:
         entry["gripper_to_base"] = _flat(frame.gripper_to_base)
     return entry | {

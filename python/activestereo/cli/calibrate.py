@@ -5,7 +5,7 @@ import argparse
 import json
 from pathlib import Path
 
-from activestereo.cli import calibrate_pose, calibrate_scene
+from activestereo.cli import calibrate_pose, calibrate_scene, calibrate_world
 from activestereo.cli.arguments import CommandError, add_seed, camera_matrix, check_out_file
 
 _TEXT = """\
@@ -18,6 +18,8 @@ leaves the others as they are; the file is written at the end, whole.
   materials  views of an object       -> materials
   pose       views of parts with CAD  -> the capture's scene with the parts in it
   scene      depth of one pose        -> a scene where there is no CAD
+  world      views with depth         -> a capture: camera, poses, pattern, light
+  camera, poses, dots                 -> one step of it
 
 activestereo calibrate noise --help tells more.
 """
@@ -113,6 +115,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     rig.set_defaults(run=_run_rig)
     calibrate_pose.add_part(parts)
     calibrate_scene.add_parts(parts)
+    calibrate_world.add_parts(parts)
 
 
 def _part(parts: argparse._SubParsersAction, name: str, summary: str, text: str) -> argparse.ArgumentParser:

@@ -22,7 +22,8 @@ _STEP = 1e-3
 
 
 def fit_under_model(model: Any, observations: Sequence[Any], max_dn: float) -> Fit:
-    """observations: [(View, Light that falls on the sensor, measured DN)]. Returns a Fit; ValueError where there is
+    """observations: [(View, Light that falls on the sensor, measured DN, NaN where it is not to
+    count)]. Returns a Fit; ValueError where there is
     nothing to fit."""
     linear = fit_nuisances([(view.frame, light, measured) for view, light, measured in observations], max_dn)
     if not model.effects:
@@ -83,7 +84,7 @@ def _normal_equations(
             moved = theta.copy()
             moved[j] += _STEP * max(abs(theta[j]), 1.0)
             columns.append((model.signal(light, view, Nuisances(*moved)) - image) / (moved[j] - theta[j]))
-        keep = (image < max_dn - CLIP_MARGIN_SIGMA * deviation) & (image > 0.0)
+        keep = (image < max_dn - CLIP_MARGIN_SIGMA * deviation) & (image > 0.0) & np.isfinite(measured)
         design, residual = np.stack([c[keep] for c in columns]), (measured - image)[keep]
         gram += design @ design.T
         moment += design @ residual

@@ -105,25 +105,34 @@ def image_errors(
         for frame in capture.frames
         for side in SIDES
     }
+    counted = {key: _where_known(capture, view.frame, key[1], measured[key]) for key, view in views.items()}
     if engines is None:
-        fit, expected = predict_under_model(capture, model, (layers, *halves), views, measured)
+        fit, expected = predict_under_model(capture, model, (layers, *halves), views, counted)
     else:
         fit, expected = predict_in_engines(
-            capture, model, scene_measurement or SceneMeasurement(), engines(capture), layers, views, measured, progress
+            capture, model, scene_measurement or SceneMeasurement(), engines(capture), layers, views, counted, progress
         )
     predictions = {key: (0.5 * (a + b)).astype(np.float32) for key, (a, b) in expected.items()}
     seen = {(f, e): (views[f, e].frame, layers[f][e], image) for (f, e), image in measured.items()}
     noise_variances, noise_model = noise_variances_of(
         capture, views, measured, predictions, fit.nuisances.black_dn, unsteady_light(seen)
     )
-    sums = {key: _sums_of(measured[key], expected[key], noise_variances.get(key)) for key in measured}
+    sums = {key: _sums_of(counted[key], expected[key], noise_variances.get(key)) for key in measured}
     return ImageErrors(capture, model, layers, views, measured, fit, predictions, noise_variances, noise_model, sums)
+
+
+def _where_known(capture: Capture, frame: Frame, side: str, image: NDArray) -> NDArray:
+    """The image with NaN where the scene is not known: what is not there to be expected counts nowhere."""
+    known = capture.known(frame, side)
+    return image if known is None else np.where(known, image, np.float32(np.nan))
 
 
 def _sums_of(measured: np.ndarray, halves: Sequence[np.ndarray], floor: Any) -> dict[str, Any]:
     """Sums of squares of one image, to be pooled over cameras and frames. halves: expected, of half the samples
-    each."""
-    residual = measured - 0.5 * (halves[0] + halves[1])
+    each. measured: NaN where it is not to count."""
+    counts = np.isfinite(measured)
+    halves = [half[counts] for half in halves]
+    residual = measured[counts] - 0.5 * (halves[0] + halves[1])
     return {
         "squares": float((residual**2).sum()),
         "noise_squares": noise_square(*halves) * residual.size,

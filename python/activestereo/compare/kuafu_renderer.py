@@ -19,6 +19,7 @@ import numpy as np
 import kuafu
 from activestereo.compare.cache import scene_digest
 from activestereo.compare.layers import Layers, RenderRequest
+from activestereo.effects.core.room_light import RoomLight, light_by_room
 from activestereo.effects.core.scene_surfaces import split_surfaces
 from activestereo.effects.engines.smooth import SMOOTH_VERSION
 from activestereo.effects.engines.smoothing import seen_surfaces, smooth_light
@@ -32,7 +33,7 @@ _OUTPUTS = ("projector_direct", "projector_indirect", "ambient", "depth", "norma
 @dataclass
 class _World:
     """A loaded scene. texture, white: its nominal pattern and one that is 1 everywhere; light: the projector's number,
-    None before it is placed."""
+    None before it is placed; room: the room's light where it was measured."""
 
     digest: str
     pattern: np.ndarray
@@ -40,6 +41,7 @@ class _World:
     texture: int
     white: int
     light: int | None = None
+    room: RoomLight | None = None
 
 
 class KuafuRenderer:
@@ -77,6 +79,10 @@ class KuafuRenderer:
         single = self._render(world, fewer, cameras, ("projector_direct", "ambient"), 0, None)
         _place_projector(world, request, world.texture)
         images = self._render(world, request, cameras, _OUTPUTS, request.max_bounces, progress)
+        if world.room is not None:
+            images, single = dict(images), dict(single)
+            options = {"spp": fewer.samples_per_pixel, "seed": request.seed}
+            images["ambient"] = single["ambient"] = world.room.images(self._renderer, cameras, **options)
         surfaces = seen_surfaces(world.scene, images["material_id"]) if self._smooth else {}
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             layers = lambda i: self._layers(surfaces, images, single, i, request.cameras[i])  # noqa: E731
@@ -134,10 +140,10 @@ class KuafuRenderer:
         scene = kuafu.Scene(self._device)
         load_scene_file(scene, request.scene_path)
         split_surfaces(scene, request.scene_path)
-        scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
+        room = light_by_room(scene, self._device, request.scene_path)
         texture = scene.add_texture(request.pattern, name="pattern")
         white = scene.add_texture(np.ones_like(request.pattern), name="white pattern")
-        self._world = _World(digest, request.pattern, scene, texture, white)
+        self._world = _World(digest, request.pattern, scene, texture, white, room=room)
         return self._world
 
 

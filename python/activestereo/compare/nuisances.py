@@ -82,8 +82,8 @@ def predict(frame: Frame, layers: Images, nuisances: Nuisances, max_dn: float) -
 
 
 def fit_nuisances(observations: Sequence[tuple[Frame, Any, np.ndarray]], max_dn: float) -> Fit:
-    """observations: iterable of (frame, layers, measured DN). Returns a Fit; ValueError where there is nothing to fit.
-    """
+    """observations: iterable of (frame, layers, measured DN, NaN where it is not to count). Returns a Fit; ValueError
+    where there is nothing to fit."""
     observations = list(observations)
     if not observations:
         raise ValueError("nothing to fit: the capture has no train frames")
@@ -123,11 +123,11 @@ def _normal_equations(
         columns = np.stack([c.ravel() for c in regressors(frame, layers)])
         value = measured.ravel().astype(np.float64)
         if solution is None:
-            keep = (value > 0) & (value < max_dn)
+            keep = (value > 0) & (value < max_dn)  # of what is not known, NaN, neither holds
         else:
             predicted = solution @ columns
             margin = CLIP_MARGIN_SIGMA * deviation
-            keep = (predicted < max_dn - margin) & (predicted > min(margin, 0.5 * solution[2]))
+            keep = (predicted < max_dn - margin) & (predicted > min(margin, 0.5 * solution[2])) & np.isfinite(value)
         if not keep.all():
             columns, value = columns[:, keep], value[keep]
         gram += columns @ columns.T

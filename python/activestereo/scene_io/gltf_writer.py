@@ -28,6 +28,10 @@ class GltfWriter:
             "nodes": [],
         }
 
+    def set_extras(self, **fields: Any) -> None:
+        """Extras of the file's asset, which tell our own programs more than glTF can say."""
+        self._json["asset"]["extras"] = fields
+
     def add_material(self, name: str, **fields: Any) -> int:
         """Fields are those of glTF's material; extensions in use are declared. Returns its index."""
         for extension in fields.get("extensions", {}):

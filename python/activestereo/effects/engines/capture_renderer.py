@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from activestereo.common.progress_bar import part_of
 from activestereo.effects.core.descriptor import Randomness
 from activestereo.effects.core.engine import EngineInputs, apply_engine
 from activestereo.effects.core.model import Model, Scales
+from activestereo.effects.core.room_light import light_by_room
 from activestereo.effects.core.scene_surfaces import split_surfaces
 from activestereo.effects.engines.capture_inputs import capture_inputs
 from activestereo.effects.engines.halves import half_samples, half_seeds
@@ -103,7 +105,7 @@ class CaptureRenderer:
         scene = kuafu.Scene(self._device)
         load_scene_file(scene, self.capture.scene_path)
         split_surfaces(scene, self.capture.scene_path)
-        scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
+        self._room = light_by_room(scene, self._device, self.capture.scene_path)
         return scene
 
     @property
@@ -245,24 +247,31 @@ class CaptureRenderer:
                     light.environment, light.light_group = environment, _ADDED_GROUP
                     lights.append(self._scene.add_light(light))
             sides = [(moments.index((job, side.delay_s)), side) for job in jobs for side in job.inputs.sides]
-            images = self._renderer.render(
-                self._scene,
-                [copy_camera(side.camera, side.delay_s) if side.delay_s else side.camera for _, side in sides],
-                (*outputs, group) if has_lamps else outputs,
-                band="infrared",
-                environments=[n for n, _ in sides],
-                optics=[side.optics for _, side in sides],
-                spp=self.samples_per_pixel if half is None else half_samples(self.samples_per_pixel),
-                max_bounces=self.max_bounces,
-                seed=self.seed if half is None else half_seeds(self.seed)[half],
-                progress=progress,
+            cameras = [copy_camera(side.camera, side.delay_s) if side.delay_s else side.camera for _, side in sides]
+            options: dict[str, Any] = {
+                "optics": [side.optics for _, side in sides],
+                "spp": self.samples_per_pixel if half is None else half_samples(self.samples_per_pixel),
+                "seed": self.seed if half is None else half_seeds(self.seed)[half],
+            }
+            images = dict(
+                self._renderer.render(
+                    self._scene,
+                    cameras,
+                    (*outputs, group) if has_lamps else outputs,
+                    band="infrared",
+                    environments=[n for n, _ in sides],
+                    max_bounces=self.max_bounces,
+                    progress=progress,
+                    **options,
+                )
             )
+            if self._room is not None and "ambient" in images:
+                images["ambient"] = images["ambient"] + self._room.images(self._renderer, cameras, **options)
         finally:
             for number in lights:
                 self._scene.remove_light(number)
             for texture in textures.values():
                 self._scene.remove_texture(texture)
-        images = dict(images)
         images["added"] = images.pop(group) if has_lamps else np.zeros_like(images[outputs[0]])
         images["added_indirect"] = np.zeros_like(images["added"])
         if "ambient" in images:

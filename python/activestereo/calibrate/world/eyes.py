@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The right eye beside the left one: where the pair shows a place, and where the measured depth says it should."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.calibrate.world.views import Image, SceneView, blurred, fine, right_at_depth
+from activestereo.capture.capture import Rig
+
+_BLOCK_PX = 12.0  # half a block: shifts are told by windows of this Gaussian's width
+_STEP = 24
+_LEAST_R = 0.6
+# Depth that the device computed from this very pair agrees with it at every distance.
+_OWN_PX = 0.05
+_MOST_VIEWS = 6
+
+
+@dataclass(frozen=True)
+class EyesEstimate:
+    """baseline_m; column_px, row_px: the right eye's centre less where the rig had it; deviations of the three by the
+    scatter over views; own_depth: whether depth is the device's own, which tells neither baseline nor column."""
+
+    baseline_m: float
+    column_px: float
+    row_px: float
+    deviation: tuple[float, float, float]
+    own_depth: bool
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "baseline_m": self.baseline_m,
+            "right_centre_shift_px": [self.column_px, self.row_px],
+            "eyes_deviation": list(self.deviation),
+            "depth_is_the_devices": self.own_depth,
+        }
+
+    @property
+    def text(self) -> str:
+        sd = [1.645 * x for x in self.deviation]
+        baseline = f"baseline {1e3 * self.baseline_m:.2f} +- {1e3 * sd[0]:.2f} mm"
+        if self.own_depth:
+            baseline = f"baseline {1e3 * self.baseline_m:.2f} mm (nominal: depth was computed with it)"
+        return f"eyes: {baseline}; the right eye's rows are {self.row_px:+.2f} +- {sd[2]:.2f} px off (90 %)"
+
+
+def eyes_of(views: Sequence[SceneView], rig: Rig) -> EyesEstimate:
+    """The EyesEstimate of rectified pairs at their measured depth."""
+    each = np.array([f for view in views[:_MOST_VIEWS] if (f := _one(view, rig)) is not None])
+    if not len(each):
+        return EyesEstimate(rig.baseline_m, 0.0, 0.0, (np.inf, np.inf, np.inf), True)
+    mean = np.median(each, axis=0)
+    deviation = each.std(axis=0, ddof=1) / np.sqrt(len(each)) if len(each) > 1 else np.full(3, np.inf)
+    own = abs(mean[0]) * 1.0 < _OWN_PX and abs(mean[1]) < _OWN_PX
+    share = 0.0 if own else float(mean[0]) / rig.left.K[0, 0]
+    return EyesEstimate(
+        rig.baseline_m - share, 0.0 if own else float(mean[1]), float(mean[2]),
+        (float(deviation[0]) / rig.left.K[0, 0], float(deviation[1]), float(deviation[2])), bool(own),
+    )  # fmt: skip
+
+
+def _one(view: SceneView, rig: Rig) -> tuple[float, float, float] | None:
+    """(change of f b in px m, columns, rows) by which the right eye shows places beside where depth says; None where
+    too few windows correlate."""
+    left = fine(view.left)
+    shifted = {s: right_at_depth(view, rig, s) for s in ((0.0, 0.0), (-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0))}
+    inside = np.all([ok for _, ok in shifted.values()], axis=0).astype(np.float32)
+    r = {s: _correlated(left, image, inside)[::_STEP, ::_STEP] for s, (image, _) in shifted.items()}
+    full = blurred(inside, _BLOCK_PX)[::_STEP, ::_STEP] > 0.9
+    chosen = full & (r[0.0, 0.0] > _LEAST_R)
+    if chosen.sum() < 50:
+        return None
+    across = _top(r[-1.0, 0.0], r[0.0, 0.0], r[1.0, 0.0])[chosen]
+    down = _top(r[0.0, -1.0], r[0.0, 0.0], r[0.0, 1.0])[chosen]
+    inverse = 1.0 / view.depth_m[::_STEP, ::_STEP][chosen]
+    design = np.stack([inverse, np.ones_like(inverse)], axis=1)
+    keep = np.isfinite(across) & (np.abs(across) < 0.9)
+    for _ in range(4):
+        slope = np.linalg.lstsq(design[keep], across[keep], rcond=None)[0]
+        rest = across - design @ slope
+        keep = np.abs(rest) < 3.0 * 1.4826 * np.median(np.abs(rest[keep])) + 1e-6
+    return float(slope[0]), float(slope[1]), float(np.median(down[np.isfinite(down)]))
+
+
+def _correlated(a: Image, b: Image, weight: Image) -> NDArray[np.float32]:
+    """The local correlation of two fine images."""
+    ab, aa, bb = (blurred(x * y * weight, _BLOCK_PX) for x, y in ((a, b), (a, a), (b, b)))
+    return np.asarray(ab / np.sqrt(np.maximum(aa * bb, 1e-12)))
+
+
+def _top(before: Image, middle: Image, after: Image) -> NDArray[np.float64]:
+    """Where a parabola through three values has its top, in steps."""
+    bend = before - 2.0 * middle + after
+    return np.where(bend < -1e-6, 0.5 * (before - after) / np.where(bend < -1e-6, bend, -1.0), np.nan)

@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Albedo of the surfaces and the room's light off them, as images of each view, free of exposure and lens.
+
+The dots' amplitude is albedo times the projector's irradiance; what is left of the image without the dots is the room's
+light off the surface. One surface in two views has one albedo and one room light: the ratios tell each view's exposure
+and the lens's falloff, cos^n of the angle, which are kept apart and put into neither.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.calibrate.world.overlaps import Pose
+from activestereo.calibrate.world.pattern import PatternEstimate, sampled
+from activestereo.calibrate.world.views import Image, Mask, SceneView, blurred, normals_of, points_of
+
+_SLOW_PX, _AMPLITUDE_PX, _ROOM_PX = 4.0, 9.0, 3.0
+_LEAST_GEOMETRY = 0.02  # cosine over squared distance, 1/m^2, below which dots are too dim to tell albedo
+_LEAST_ROOM_DN = 2.0
+_SAME_SURFACE = 0.01  # views' depths that differ by less than this share are of one place
+_BLOCK_PX = 64
+_LEAST_RATIOS, _MOST_LOG_RATIO, _ROUNDS = 500, 3.0, 12
+_DARKEST = 1e-3
+# Four pairs of one D415's views scatter by 0.15 in the exponent and 0.35 DN in the black level, more than blocks of one
+# pair tell; in drawn rooms, dots that are taken out imperfectly bend the exponent by 0.3.
+_PAIR_EXPONENT, _PAIR_BLACK_DN = 0.25, 0.35
+# What the pattern is taken to be between dots: this quantile of it is darkness, and the rest goes to the room.
+_BETWEEN_DOTS = 0.02
+
+
+@dataclass(frozen=True)
+class LightView:
+    """One view's light, images [height][width]: room in DN, black level included; amplitude: DN per unit of the
+    pattern's image; geometry: cosine over squared distance from the projector, 1/m^2; r2: squared tangent of the angle
+    to the axis; known: where room and geometry are."""
+
+    view: SceneView
+    points: Image
+    room: Image
+    amplitude: Image
+    geometry: Image
+    r2: Image
+    known: Mask
+
+
+@dataclass(frozen=True)
+class LightEstimate:
+    """exposure: of each view, the first being 1, with deviations; black_dn and exponent of cos^n with theirs, exponent
+    None where no views overlap. scatter: log-deviation of the ratios without the exponent and with it."""
+
+    exposure: NDArray[np.float64]
+    exposure_deviation: NDArray[np.float64]
+    black_dn: tuple[float, float]
+    exponent: tuple[float, float] | None
+    scatter: tuple[float, float]
+
+    def falloff(self, r2: Image) -> Image:
+        """The lens's share of the light at a squared tangent."""
+        n = 0.0 if self.exponent is None else self.exponent[0]
+        return np.asarray((1.0 + r2) ** (-0.5 * n), np.float32)
+
+
+def darkest_level(views: Sequence[SceneView]) -> float:
+    """The darkest thousandth of the views, DN: an upper bound."""
+    return float(min(np.quantile(view.left, _DARKEST) for view in views))
+
+
+def darkness(pattern: PatternEstimate) -> float:
+    """Offset that makes light of the pattern's image: minus its value between dots."""
+    return -float(np.nanquantile(pattern.image, _BETWEEN_DOTS))
+
+
+def light_view(view: SceneView, K: NDArray[np.float64], pattern: PatternEstimate) -> LightView:
+    """The LightView of a view under a K."""
+    points = points_of(view.depth_m, K)
+    from_projector = points - pattern.place.astype(np.float32)
+    z = np.maximum(from_projector[..., 2], 1e-3)
+    f, cx, cy = pattern.K[0, 0], pattern.K[0, 2], pattern.K[1, 2]
+    seen = sampled(pattern.image, f * from_projector[..., 0] / z + cx, f * from_projector[..., 1] / z + cy)
+    lit = np.isfinite(seen)
+    dots = np.where(lit, seen, 0.0).astype(np.float32)
+    fast, fast_dots = view.left - blurred(view.left, _SLOW_PX), dots - blurred(dots, _SLOW_PX)
+    weight = (view.surface & lit).astype(np.float32)
+    amplitude = blurred(fast * fast_dots * weight, _AMPLITUDE_PX) / np.maximum(
+        blurred(fast_dots * fast_dots * weight, _AMPLITUDE_PX), 1e-3
+    )
+    amplitude = np.maximum(amplitude, 0.0)
+    room = view.left - amplitude * np.where(lit, seen + darkness(pattern), darkness(pattern)).astype(np.float32)
+    normal = normals_of(points)
+    distance = np.maximum(np.linalg.norm(from_projector, axis=-1), 0.05)
+    geometry = np.abs((normal * from_projector).sum(axis=-1)) / distance**3
+    tangent = (points[..., :2] / np.maximum(points[..., 2:], 1e-3)) ** 2
+    known = view.surface & (geometry > _LEAST_GEOMETRY)
+    return LightView(view, points, room, amplitude, geometry.astype(np.float32), tangent.sum(axis=-1), known)
+
+
+def seen_by(first: LightView, second: LightView, a_to_b: Pose, K: NDArray[np.float64]) -> tuple[Image, Image, Mask]:
+    """(column, row) of the first's pixels in the second, and where the second sees the same place."""
+    moved = first.points @ a_to_b[:3, :3].T.astype(np.float32) + a_to_b[:3, 3].astype(np.float32)
+    z = np.maximum(moved[..., 2], 1e-3)
+    column = np.asarray(K[0, 0] * moved[..., 0] / z + K[0, 2], np.float32)
+    row = np.asarray(K[1, 1] * moved[..., 1] / z + K[1, 2], np.float32)
+    depth = cv2.remap(second.view.depth_m, column, row, cv2.INTER_LINEAR)
+    known = cv2.remap(second.known.astype(np.float32), column, row, cv2.INTER_LINEAR) > 0.99
+    return column, row, known & (moved[..., 2] > 0.05) & (np.abs(depth - z) < _SAME_SURFACE * z)
+
+
+def solve_light(
+    views: Sequence[LightView], poses: Sequence[Pose], K: NDArray[np.float64], darkest_dn: float,
+    held: LightEstimate | None = None,
+) -> LightEstimate:  # fmt: skip
+    """Exposures, black level and exponent from the room's light on surfaces that several views see.
+
+    darkest_dn: what the black level is not above; held: an estimate whose black level and exponent are taken. A wrong
+    black level bends the ratios where surfaces are dark, so that it is told apart. Views that overlap no other have
+    exposure 1.
+    """
+    n = len(views)
+    pairs = [_ratios(views, poses, K, a, b) for a, b in itertools.combinations(range(n), 2)]
+    rows = np.concatenate(pairs) if pairs else np.zeros((0, 6))
+    if not len(rows):
+        if held is None:
+            return LightEstimate(np.ones(n), np.full(n, np.inf), (darkest_dn, np.inf), None, (np.nan, np.nan))
+        return LightEstimate(np.ones(n), np.full(n, np.inf), held.black_dn, held.exponent, (np.nan, np.nan))
+    first, second, here, there, lens, block = rows.T
+    exposures = np.zeros((len(rows), n))
+    exposures[np.arange(len(rows)), second.astype(int)] = 1.0
+    exposures[np.arange(len(rows)), first.astype(int)] -= 1.0
+    if held is not None:
+        _, ratio = _at_black(here, there, held.black_dn[0])
+        n_held = held.exponent[0] if held.exponent else 0.0
+        solution, errors, _ = _robust(exposures[:, 1:], ratio - lens * n_held, block)
+        exposure = np.exp(np.r_[0.0, solution])
+        return LightEstimate(exposure, np.r_[0.0, errors] * exposure, held.black_dn, held.exponent, (np.nan, np.nan))
+    black, free = 0.5 * darkest_dn, None
+    for _ in range(_ROUNDS):
+        slope, ratio = _at_black(here, there, black)
+        free = _robust(np.column_stack([exposures[:, 1:], lens, slope]), ratio, block)
+        before, black = black, float(np.clip(black - free[0][-1], 0.0, darkest_dn))
+        if abs(black - before) < 0.02:
+            break
+    assert free is not None
+    told = float(np.hypot(free[1][-1], _PAIR_BLACK_DN))
+    # Between nothing and the darkest pixel, all are alike before surfaces tell.
+    believed = darkest_dn / np.sqrt(12.0)
+    weight = np.array([told**-2, max(believed, 1e-3) ** -2])
+    black = float(weight @ (black, 0.5 * darkest_dn) / weight.sum())
+    black_sd = float(weight.sum() ** -0.5)
+    slope, ratio = _at_black(here, there, black)
+    solution, errors, keep = _robust(np.column_stack([exposures[:, 1:], lens]), ratio, block)
+    by_black = _robust(np.column_stack([exposures[:, 1:], lens]), _at_black(here, there, black + 0.1)[1], block)[0]
+    errors = np.hypot(errors, (by_black - solution) / 0.1 * black_sd)
+    flat = np.linalg.lstsq(exposures[keep][:, 1:], ratio[keep], rcond=None)[0]
+    scatter = [(ratio[keep] - exposures[keep][:, 1:] @ flat).std()]
+    scatter += [(ratio[keep] - exposures[keep][:, 1:] @ solution[:-1] - lens[keep] * solution[-1]).std()]
+    exposure = np.exp(np.r_[0.0, solution[:-1]])
+    exponent = float(solution[-1]), float(np.hypot(errors[-1], _PAIR_EXPONENT))
+    deviation = np.r_[0.0, errors[:-1]] * exposure
+    return LightEstimate(exposure, deviation, (black, black_sd), exponent, (float(scatter[0]), float(scatter[1])))
+
+
+def _at_black(
+    here: NDArray[np.float64], there: NDArray[np.float64], black_dn: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(minus the derivative by the black level, log ratio of the room's light in two views, infinite where dark)."""
+    up, down = np.maximum(there - black_dn, 0.5), np.maximum(here - black_dn, 0.5)
+    usable = np.minimum(here, there) > black_dn + _LEAST_ROOM_DN
+    return 1.0 / down - 1.0 / up, np.where(usable, np.log(up / down), np.inf)
+
+
+def _ratios(
+    views: Sequence[LightView], poses: Sequence[Pose], K: NDArray[np.float64], a: int, b: int
+) -> NDArray[np.float64]:
+    """[n][6] of places that two views see: their numbers, the room's light in both, minus half the change of
+    log(1 + r^2), and a number of the block of the image that errs alike."""
+    first, second = views[a], views[b]
+    column, row, same = seen_by(first, second, np.linalg.inv(poses[b]) @ poses[a], K)
+    at = np.flatnonzero(same & first.known)[::11]
+    if len(at) < _LEAST_RATIOS:
+        return np.zeros((0, 6))
+    here = blurred(first.room, _ROOM_PX).ravel()[at]
+    there = cv2.remap(blurred(second.room, _ROOM_PX), column, row, cv2.INTER_LINEAR).ravel()[at]
+    r2 = cv2.remap(second.r2, column, row, cv2.INTER_LINEAR).ravel()[at]
+    lens = -0.5 * (np.log1p(r2) - np.log1p(first.r2.ravel()[at]))
+    width = same.shape[1]
+    block = (a * len(views) + b) * 100_000 + at // width // _BLOCK_PX * 1000 + at % width // _BLOCK_PX
+    return np.column_stack([np.full(len(at), a), np.full(len(at), b), here, there, lens, block])
+
+
+def _robust(
+    design: NDArray[np.float64], ratio: NDArray[np.float64], block: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], Mask]:
+    """(solution, deviations by the sandwich over blocks, rows kept) of trimmed least squares; infinite ratios are left
+    out."""
+    keep = np.abs(ratio) < _MOST_LOG_RATIO
+    usable = keep
+    for _ in range(10):
+        solution = np.linalg.lstsq(design[keep], ratio[keep], rcond=None)[0]
+        rest = np.where(usable, ratio, 0.0) - design @ solution
+        keep = usable & (np.abs(rest) < 2.5 * 1.4826 * max(float(np.median(np.abs(rest[usable]))), 1e-4))
+    inverse = np.linalg.pinv(design[keep].T @ design[keep])
+    _, place = np.unique(block[keep], return_inverse=True)
+    gradient = np.zeros((place.max() + 1, design.shape[1]))
+    np.add.at(gradient, place, design[keep] * rest[keep, None])
+    return solution, np.sqrt(np.diag(inverse @ (gradient.T @ gradient) @ inverse)), keep
+
+
+@dataclass(frozen=True)
+class Textures:
+    """Images of one view, [height][width], merged from all views that see the same surfaces: albedo and room light in
+    units of their own, and the relative deviation of the room's light, NaN where one view alone saw it."""
+
+    albedo: Image
+    room: Image
+    deviation: Image
+
+
+def merged_textures(
+    owner: int, views: Sequence[LightView], poses: Sequence[Pose], light: LightEstimate, K: NDArray[np.float64]
+) -> Textures:
+    """The Textures of one view's image."""
+    black = np.float32(light.black_dn[0])
+    shape = views[owner].room.shape
+    sums = np.zeros((6, *shape), np.float32)
+    for k, other in enumerate(views):
+        lens = float(light.exposure[k]) * light.falloff(other.r2)
+        room, albedo = (other.room - black) / lens, other.amplitude / np.maximum(other.geometry * lens, 1e-6)
+        if k == owner:
+            w, wa = lens**2 * other.known, (lens * other.geometry) ** 2 * other.known
+        else:
+            column, row, same = seen_by(views[owner], other, np.linalg.inv(poses[k]) @ poses[owner], K)
+            take = lambda image, u=column, v=row: cv2.remap(image, u, v, cv2.INTER_LINEAR)  # noqa: E731
+            w, wa = take(lens) ** 2 * same, take(lens * other.geometry) ** 2 * same
+            room, albedo = take(room), take(albedo)
+        sums += np.stack([w * room, w, w * room**2, (w > 0).astype(np.float32), wa * albedo, wa])
+    room = _filled(sums[0], sums[1])
+    smooth_albedo = _filled(blurred(sums[4], 1.0), blurred(sums[5], 1.0))
+    # The dots tell albedo at their own distance; what is finer is in the room's light.
+    detail = np.clip(room / np.maximum(blurred(room, _AMPLITUDE_PX), 0.5), 0.4, 2.0)
+    spread = np.sqrt(np.maximum(sums[2] / np.maximum(sums[1], 1e-9) - room**2, 0.0)) / np.maximum(room, 0.5)
+    deviation = np.where(sums[3] > 1, spread / np.sqrt(np.maximum(sums[3] - 1, 1)), np.nan).astype(np.float32)
+    return Textures(np.maximum(smooth_albedo * detail, 0.0), np.maximum(room, 0.0), deviation)
+
+
+def _filled(total: Image, weight: Image) -> Image:
+    """Weighted means; holes take those of their surroundings."""
+    out, known = total / np.maximum(weight, 1e-9), weight > 1e-9
+    for sigma in (2.0, 8.0, 32.0, 128.0):
+        around = blurred(known.astype(np.float32), sigma)
+        near = blurred(np.where(known, out, 0.0).astype(np.float32), sigma) / np.maximum(around, 1e-6)
+        fresh = ~known & (around > 0.02)
+        out, known = np.where(fresh, near, out), known | fresh
+    return np.where(known, out, float(np.median(out[known])) if known.any() else 0.0).astype(np.float32)

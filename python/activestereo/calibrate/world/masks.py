@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the scene is known in each image: it was measured there, no edge is near, and a view that is not held out has
+seen it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.calibrate.world.overlaps import Pose
+from activestereo.calibrate.world.views import Mask, SceneView, near_edges, pixel_grid, points_of
+from activestereo.capture.capture import Rig
+
+_EDGE_PX = 9
+_SAME_SURFACE = 0.015
+
+
+def known_masks(
+    views: Sequence[SceneView], poses: Sequence[Pose], is_train: Sequence[bool], rig: Rig
+) -> dict[tuple[int, str], Mask]:
+    """{(frame id, eye): bool [height][width]} of the views of one scene."""
+    out: dict[tuple[int, str], Mask] = {}
+    for k, view in enumerate(views):
+        known = (view.depth_m > 0) & ~near_edges(view.depth_m, _EDGE_PX)
+        if not is_train[k]:
+            others = [j for j, used in enumerate(is_train) if used]
+            known &= np.any(
+                [_sees(views[j], view, np.linalg.inv(poses[j]) @ poses[k], rig.left.K) for j in others], axis=0
+            )
+        out[view.frame.id, "left"] = known
+        out[view.frame.id, "right"] = _in_right(view, known, rig)
+    return out
+
+
+def _sees(other: SceneView, view: SceneView, to_other: Pose, K: NDArray[np.float64]) -> Mask:
+    """Which of the view's pixels are places on the other's known surface."""
+    moved = points_of(view.depth_m, K) @ to_other[:3, :3].T.astype(np.float32) + to_other[:3, 3].astype(np.float32)
+    z = np.maximum(moved[..., 2], 1e-3)
+    column = np.asarray(K[0, 0] * moved[..., 0] / z + K[0, 2], np.float32)
+    row = np.asarray(K[1, 1] * moved[..., 1] / z + K[1, 2], np.float32)
+    depth = cv2.remap(other.depth_m, column, row, cv2.INTER_LINEAR)
+    inside = cv2.remap(other.surface.astype(np.float32), column, row, cv2.INTER_LINEAR) > 0.99
+    return np.asarray(inside & (np.abs(depth - z) < _SAME_SURFACE * z))
+
+
+def _in_right(view: SceneView, known: Mask, rig: Rig) -> Mask:
+    """The right eye's pixels that show what is known in the left one, and nothing else."""
+    column, row = pixel_grid(known.shape)
+    disparity = rig.left.K[0, 0] * rig.baseline_m / np.maximum(view.depth_m, 1e-3)
+    at = np.rint(column - disparity + rig.right.K[0, 2] - rig.left.K[0, 2]).astype(int)
+    inside = (view.depth_m > 0) & (at >= 0) & (at < known.shape[1])
+    hit, foreign = np.zeros(known.shape, np.uint8), np.zeros(known.shape, np.uint8)
+    rows = row.astype(int)
+    hit[rows[inside & known], at[inside & known]] = 1
+    foreign[rows[inside & ~known], at[inside & ~known]] = 1
+    square = np.ones((3, 3), np.uint8)
+    return np.asarray((cv2.morphologyEx(hit, cv2.MORPH_CLOSE, square) > 0) & (cv2.dilate(foreign, square) == 0))

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The scene as a glTF file: each view's surface as a mesh under its own albedo and room light; what an earlier view has
+is left out of the later ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from io import BytesIO
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as Picture
+
+from activestereo.calibrate.world.light import Textures
+from activestereo.calibrate.world.overlaps import Pose
+from activestereo.calibrate.world.views import Image, Mask, SceneView, normals_of, points_of
+from activestereo.capture.capture import Camera
+from activestereo.scene_io.gltf_writer import CLAMP, GltfWriter
+from activestereo.scene_io.meshes import Mesh
+
+_MOST_TRIANGLES = 1_000_000
+_JUMP = 0.03  # neighbours farther apart than this share of their depth belong to two surfaces
+_SAME_SURFACE = 0.015
+_SEAM_PX = 5  # views go on below each other by so much, so that no light falls between them
+_BRIGHTEST_ALBEDO = 0.8
+_BRIGHT = 0.998  # this quantile of a texture is its brightest value
+
+
+def write_scene(
+    path: Path, views: Sequence[SceneView], poses: Sequence[Pose], textures: Sequence[Textures], camera: Camera
+) -> int:
+    """Writes the scene of some views, whose frame the first pose leads to, as .glb. Returns the triangles.
+
+    Its emission is the room's light off each surface, which stands beside the albedo and lights nothing else.
+    """
+    writer = GltfWriter("activestereo calibrate world")
+    writer.set_extras(room_light="emission")
+    step = int(np.ceil(np.sqrt(2.0 * len(views) * camera.width * camera.height / _MOST_TRIANGLES)))
+    albedo_scale = _BRIGHTEST_ALBEDO / _brightest([t.albedo for t in textures])
+    room_scale = 1.0 / _brightest([t.room for t in textures])
+    triangles = 0
+    for k, (view, pose, texture) in enumerate(zip(views, poses, textures, strict=True)):
+        fresh = ~_had(view, pose, views[:k], poses[:k], camera.K)
+        mesh = _mesh(view, fresh, camera.K, pose, max(step, 2))
+        if mesh is None:
+            continue
+        name = f"view {view.frame.id}"
+        clamp = (CLAMP, CLAMP)
+        material = writer.add_material(
+            name,
+            pbrMetallicRoughness={
+                "baseColorTexture": {"index": writer.add_texture(_png(albedo_scale * texture.albedo), name, clamp)},
+                "metallicFactor": 0.0,
+                "roughnessFactor": 1.0,
+            },
+            emissiveTexture={
+                "index": writer.add_texture(_png(room_scale * texture.room), f"{name}: room light", clamp)
+            },
+            emissiveFactor=[1.0, 1.0, 1.0],
+            doubleSided=True,
+            extensions={"KHR_materials_specular": {"specularFactor": 0.0}},
+        )
+        writer.add_placed_mesh(name, mesh, material, np.eye(4))
+        triangles += len(mesh.indices.reshape(-1, 3))
+    angle = 2.0 * float(np.arctan(0.5 * camera.height / camera.K[1, 1]))
+    writer.add_camera("first view", poses[0], angle, camera.width / camera.height)
+    writer.write(path)
+    return triangles
+
+
+def _brightest(images: Sequence[Image]) -> float:
+    return max(float(np.quantile(np.stack([image[::4, ::4] for image in images]), _BRIGHT)), 1e-9)
+
+
+def _png(linear: Image) -> bytes:
+    """The image as an sRGB PNG, which keeps the relative error of dark values small."""
+    value = np.clip(linear, 0.0, 1.0)
+    encoded = np.where(value <= 0.0031308, 12.92 * value, 1.055 * np.maximum(value, 1e-9) ** (1 / 2.4) - 0.055)
+    buffer = BytesIO()
+    Picture.fromarray(np.repeat(np.rint(255.0 * encoded).astype(np.uint8)[..., None], 3, axis=2)).save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+def closed_depth(depth_m: Image) -> Image:
+    """The depth without its finest noise, and with holes of a few pixels closed from what lies behind them."""
+    smooth = cv2.medianBlur(depth_m, 5)
+    smooth = np.where(np.abs(smooth - depth_m) < _JUMP * depth_m, smooth, depth_m).astype(np.float32)
+    smooth = cv2.bilateralFilter(smooth, 5, 0.01, 2.0)
+    for _ in range(3):
+        behind = cv2.dilate(smooth, np.ones((3, 3), np.uint8))
+        smooth = np.where(smooth > 0, smooth, behind)
+    return np.asarray(smooth, np.float32)
+
+
+def _had(
+    view: SceneView, pose: Pose, others: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64]
+) -> Mask:
+    """Which pixels' surfaces earlier views have, a seam away from where theirs end."""
+    points = points_of(view.depth_m, K)
+    had = np.zeros(view.depth_m.shape, bool)
+    for other, own in zip(others, poses, strict=True):
+        to = np.linalg.inv(own) @ pose
+        moved = points @ to[:3, :3].T.astype(np.float32) + to[:3, 3].astype(np.float32)
+        z = np.maximum(moved[..., 2], 1e-3)
+        column = np.asarray(K[0, 0] * moved[..., 0] / z + K[0, 2], np.float32)
+        row = np.asarray(K[1, 1] * moved[..., 1] / z + K[1, 2], np.float32)
+        inner = cv2.erode(other.surface.astype(np.uint8), np.ones((_SEAM_PX, _SEAM_PX), np.uint8), borderValue=0)
+        seen = cv2.remap(inner, column, row, cv2.INTER_NEAREST) > 0
+        depth = cv2.remap(other.depth_m, column, row, cv2.INTER_LINEAR)
+        had |= seen & (moved[..., 2] > 0.05) & (np.abs(depth - z) < _SAME_SURFACE * z)
+    return had
+
+
+def _mesh(view: SceneView, fresh: Mask, K: NDArray[np.float64], pose: Pose, step: int) -> Mesh | None:
+    """The view's surface where it is fresh, in the world; None where nothing is left."""
+    depth = closed_depth(view.depth_m)
+    points = points_of(depth, K)
+    row, column = np.mgrid[0 : depth.shape[0] : step, 0 : depth.shape[1] : step]
+    z, wanted = depth[row, column], fresh[row, column]
+    number = np.arange(z.size).reshape(z.shape)
+    a, b, c, d = np.s_[:-1, :-1], np.s_[:-1, 1:], np.s_[1:, :-1], np.s_[1:, 1:]
+    faces = []
+    for corners in ((a, c, b), (b, c, d)):
+        each = np.stack([z[k] for k in corners])
+        whole = (each > 0).all(axis=0) & (np.ptp(each, axis=0) < _JUMP * step * each.min(axis=0))
+        whole &= np.any([wanted[k] for k in corners], axis=0)
+        faces.append(np.stack([number[k][whole] for k in corners], axis=-1))
+    triangles = np.concatenate(faces)
+    if not len(triangles):
+        return None
+    used, triangles = np.unique(triangles, return_inverse=True)
+    row, column = row.ravel()[used], column.ravel()[used]
+    positions = points[row, column].astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
+    normals = normals_of(points)[row, column].astype(np.float64) @ pose[:3, :3].T
+    uvs = np.stack([(column + 0.5) / depth.shape[1], (row + 0.5) / depth.shape[0]], axis=-1)
+    return Mesh.of(positions, normals, uvs, triangles.reshape(-1, 3))

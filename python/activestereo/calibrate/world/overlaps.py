@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which views show the same place: features of the images without their dots, whose depth makes them points, matched
+and fitted by a rigid motion; refined by point-to-plane ICP with projective association (Blais and Levine 1995)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.calibrate.world.views import Image, Mask, SceneView, blurred, normals_of, points_of
+
+Pose = NDArray[np.float64]
+
+# Dots are finer than this; they ride with the camera and would tell that it never moves.
+_DOTS_PX = 4.0
+_MOST_FEATURES = 1500
+_RATIO = 0.85
+_LEAST_MATCHES = 12
+_SAMPLES = 15000
+# ICP: distances beyond which a point is another surface, from the first round to the last, and the robust scale, m.
+_REACH_M = (0.15, 0.15, 0.08, 0.08, 0.05, 0.05, 0.03, 0.03, 0.03, 0.03)
+_ROBUST_M = 0.004
+# Views overlap where so many of the samples find a surface, and lie on it within the reach.
+_LEAST_SEEN, _LEAST_ON = 0.12, 0.7
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A view's geometry under a K: points and normals [height][width][3] in its camera's frame, and where they are
+    known; pick: flat indices of random points."""
+
+    view: SceneView
+    points: Image
+    normals: Image
+    known: Mask
+    pick: NDArray[np.int64]
+    features: tuple[NDArray[np.float32], NDArray[np.float32]]
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """a_to_b of two views by their place in the list; seen: share of a's points that b sees; on: of those, the share on
+    b's surface; distance_m: median distance from its planes."""
+
+    a: int
+    b: int
+    a_to_b: Pose
+    seen: float
+    on: float
+    distance_m: float
+
+
+def surface_of(view: SceneView, K: NDArray[np.float64], rng: np.random.Generator) -> Surface:
+    points = points_of(view.depth_m, K)
+    known = view.surface.copy()
+    known[:3], known[-3:], known[:, :3], known[:, -3:] = False, False, False, False
+    at = np.flatnonzero(known)
+    pick = np.sort(rng.choice(at, min(_SAMPLES, at.size), replace=False))
+    return Surface(view, points, normals_of(points), known, pick, _features(view, points))
+
+
+def find_overlap(a: int, b: int, first: Surface, second: Surface, K: NDArray[np.float64]) -> Overlap | None:
+    """The Overlap of two surfaces, None where they show different places."""
+    start = _by_features(first, second, K)
+    if start is None:
+        return None
+    overlap = _icp(a, b, first, second, start, K)
+    return overlap if overlap.seen > _LEAST_SEEN and overlap.on > _LEAST_ON else None
+
+
+def _features(view: SceneView, points: Image) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """(points [n][3] in the camera's frame, SIFT's descriptors) of the image at half size without its dots."""
+    slow = cv2.resize(blurred(view.left, _DOTS_PX), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    image = np.clip(slow * (255.0 / max(float(np.percentile(slow, 99.5)), 1.0)), 0, 255).astype(np.uint8)
+    keys, described = cv2.SIFT_create(_MOST_FEATURES, contrastThreshold=0.01).detectAndCompute(
+        cv2.createCLAHE(3.0, (8, 8)).apply(image), None
+    )
+    if not keys:
+        return np.zeros((0, 3), np.float32), np.zeros((0, 128), np.float32)
+    at = np.rint(2.0 * np.array([key.pt for key in keys])).astype(int)
+    at = np.clip(at, 0, np.array(view.left.shape[::-1]) - 1)
+    place = points[at[:, 1], at[:, 0]]
+    return place[place[:, 2] > 0], described[place[:, 2] > 0]
+
+
+def _by_features(first: Surface, second: Surface, K: NDArray[np.float64]) -> Pose | None:
+    (here, a), (there, b) = first.features, second.features
+    if min(len(a), len(b)) < _LEAST_MATCHES:
+        return None
+    pairs = cv2.BFMatcher().knnMatch(a, b, k=2)
+    good = [(m.queryIdx, m.trainIdx) for m, n in (p for p in pairs if len(p) == 2) if m.distance < _RATIO * n.distance]
+    if len(good) < _LEAST_MATCHES:
+        return None
+    here, there = here[[i for i, _ in good]].astype(float), there[[j for _, j in good]].astype(float)
+    pixels = there[:, :2] / there[:, 2:] * (K[0, 0], K[1, 1]) + (K[0, 2], K[1, 2])
+    cv2.setRNGSeed(0)
+    is_found, turn, place, inliers = cv2.solvePnPRansac(
+        here, pixels, K, None, iterationsCount=3000, reprojectionError=8.0, confidence=0.9999
+    )
+    if not is_found or inliers is None or len(inliers) < _LEAST_MATCHES:
+        return None
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = cv2.Rodrigues(turn)[0], place.ravel()
+    return pose
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Where samples of a surface meet another: flat pixel of each in the first, points and rays there, in the second's
+    frame; distance from its plane (m) along the normal; normal, in the second's frame; and the second's own point."""
+
+    pixel: NDArray[np.int64]
+    point: NDArray[np.float64]
+    there: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    distance: NDArray[np.float64]
+    seen: float
+
+
+def contact(first: Surface, second: Surface, a_to_b: Pose, K: NDArray[np.float64], reach_m: float) -> Contact:
+    """The Contact of the first's samples with the surface that the second sees behind the same pixel."""
+    start = first.points.reshape(-1, 3)[first.pick].astype(np.float64)
+    moved = start @ a_to_b[:3, :3].T + a_to_b[:3, 3]
+    z = np.maximum(moved[:, 2], 1e-3)
+    column = np.rint(K[0, 0] * moved[:, 0] / z + K[0, 2]).astype(int)
+    row = np.rint(K[1, 1] * moved[:, 1] / z + K[1, 2]).astype(int)
+    height, width = second.known.shape
+    inside = (moved[:, 2] > 0.05) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    inside[inside] &= second.known[row[inside], column[inside]]
+    seen = float(inside.mean())
+    index = np.flatnonzero(inside)
+    normal = second.normals[row[index], column[index]].astype(np.float64)
+    target = second.points[row[index], column[index]].astype(np.float64)
+    distance = ((target - moved[index]) * normal).sum(axis=1)
+    near = np.abs(distance) < reach_m
+    near &= np.linalg.norm(target - moved[index], axis=1) < 4 * reach_m
+    chosen = index[near]
+    return Contact(first.pick[chosen], moved[chosen], target[near], normal[near], distance[near], seen)
+
+
+def robust_weight(distance_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cauchy's weight of a distance from a plane."""
+    return np.asarray(1.0 / (1.0 + (distance_m / _ROBUST_M) ** 2))
+
+
+def moved_by(step: NDArray[np.float64], pose: Pose) -> Pose:
+    """The pose turned and moved by a small step (rotation vector, translation) in the frame that it leads to."""
+    small = np.eye(4)
+    small[:3, :3], small[:3, 3] = cv2.Rodrigues(step[:3])[0], step[3:]
+    return np.asarray(small @ pose)
+
+
+def _icp(a: int, b: int, first: Surface, second: Surface, pose: Pose, K: NDArray[np.float64]) -> Overlap:
+    for reach in _REACH_M:
+        c = contact(first, second, pose, K, reach)
+        if len(c.distance) < 100:
+            break
+        jacobian = np.concatenate([np.cross(c.point, c.normal), c.normal], axis=1)
+        weighted = jacobian * robust_weight(c.distance)[:, None]
+        step = np.linalg.solve(weighted.T @ jacobian + 1e-9 * np.eye(6), weighted.T @ c.distance)
+        pose = moved_by(step, pose)
+    c = contact(first, second, pose, K, _REACH_M[-1])
+    on = len(c.distance) / max(c.seen * len(first.pick), 1.0)
+    return Overlap(a, b, pose, c.seen, on, float(np.median(np.abs(c.distance))) if len(c.distance) else np.inf)

@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The projector's dots and place from arbitrary scenes with depth.
+
+Each pixel's fine image over its local RMS is free of albedo and of distance. Thrown back through depth to where the
+projector stands, all views' fine images are one: averaged, they are sharpest at its true place. A point source has no
+orientation that could be told from a turned pattern: the pattern's axes are the left camera's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from activestereo.calibrate.world.views import Image, Mask, SceneView, blurred, correlation, points_of
+
+Vector = NDArray[np.float64]
+
+# The pattern's image: samples per camera pixel, and how far beyond the camera's field it reaches.
+_SCALE, _BEYOND = 2, 1.12
+_SLOW_PX, _RMS_PX = 4.0, 12.0
+_LEAST_RMS_DN, _RMS_FLOOR_DN = 1.0, 0.5
+# Dots are compared at this blur of the pattern's image, in its pixels.
+_BLUR = 1.0
+# The place is sought with a part of the samples, in steps of so many metres.
+_STEPS_M = np.array([1.0e-3, 1.0e-3, 3.0e-3])
+_SOUGHT_VIEWS = 8
+_MOST_PIXELS = 250_000
+# Below this share of explained dots the views show no common pattern.
+_LEAST_R = 0.25
+
+
+@dataclass(frozen=True)
+class FineView:
+    """Normalised fine image and points of one view's usable pixels: value [n], points [n][3] in the left frame, and the
+    image's amplitude rms [height][width] and mask."""
+
+    value: NDArray[np.float32]
+    points: NDArray[np.float32]
+    used: Mask
+
+
+@dataclass(frozen=True)
+class PatternEstimate:
+    """image: mean normalised fine image over the pattern's K, NaN = no view lit it; place: projector in the left
+    camera's frame, m; covariance [3][3]; r: {frame id: correlation of its dots with those that the others foretell}."""
+
+    image: Image
+    K: NDArray[np.float64]
+    place: Vector
+    covariance: NDArray[np.float64]
+    r: dict[int, float]
+
+    def r_median(self) -> float:
+        """The median of r over the views."""
+        return float(np.median(list(self.r.values())))
+
+
+def fine_view(view: SceneView, K: NDArray[np.float64], max_dn: float) -> FineView:
+    """The FineView of a view under a K."""
+    slow = blurred(view.left, _SLOW_PX)
+    fast = view.left - slow
+    rms = np.sqrt(blurred(fast * fast, _RMS_PX))
+    used = view.surface & (rms > _LEAST_RMS_DN) & (view.left < 0.98 * max_dn)
+    value = np.clip(fast / (rms + _RMS_FLOOR_DN), -3.0, 4.0)
+    return FineView(value[used].astype(np.float32), points_of(view.depth_m, K)[used], used)
+
+
+class _Canvas:
+    """The pattern's image: where points fall as seen from a place."""
+
+    def __init__(self, K: NDArray[np.float64], size: tuple[int, int]) -> None:
+        self.width, self.height = (int(_SCALE * _BEYOND * side) for side in size)
+        f = _SCALE * K[0, 0]
+        self.K = np.array([[f, 0, self.width / 2 - 0.5], [0, f, self.height / 2 - 0.5], [0, 0, 1.0]])
+
+    def pixels(self, points: NDArray[np.float32], place: Vector) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        x, y, z = (points[:, k] - np.float32(place[k]) for k in range(3))
+        f = np.float32(self.K[0, 0])
+        return f * x / z + np.float32(self.K[0, 2]), f * y / z + np.float32(self.K[1, 2])
+
+    def sums(self, view: FineView, place: Vector) -> tuple[Image, Image]:
+        """(sum of values, count) in each of the pattern's pixels."""
+        u, v = self.pixels(view.points, place)
+        column, row = np.rint(u).astype(np.int32), np.rint(v).astype(np.int32)
+        inside = (column >= 0) & (column < self.width) & (row >= 0) & (row < self.height)
+        index, size = row[inside] * self.width + column[inside], self.width * self.height
+        shape = (self.height, self.width)
+        total = np.bincount(index, view.value[inside], size).reshape(shape).astype(np.float32)
+        return total, np.bincount(index, minlength=size).reshape(shape).astype(np.float32)
+
+
+def _mean(total: Image, count: Image, least: float) -> Image:
+    total, count = blurred(total, _BLUR), blurred(count, _BLUR)
+    return np.where(count > least, total / np.maximum(count, 1e-6), np.nan).astype(np.float32)
+
+
+def recover_pattern(
+    views: Sequence[SceneView], K: NDArray[np.float64], start: Vector, max_dn: float, seed: int = 0,
+    keep_place: bool = False, progress: Callable[[float], object] | None = None,
+) -> PatternEstimate:  # fmt: skip
+    """The PatternEstimate of views under a K. start: the projector's nominal place in the left frame, m.
+
+    ValueError where the views have no dots in common.
+    """
+    rng = np.random.default_rng(seed)
+    fine = [fine_view(view, K, max_dn) for view in views]
+    if not any(len(f.value) for f in fine):
+        raise ValueError(
+            "no dots in any view: the images have no fine contrast where there is depth: switch the projector on"
+        )
+    size = views[0].left.shape[1], views[0].left.shape[0]
+    canvas = _Canvas(K, size)
+    place, covariance = np.asarray(start, float), np.zeros((3, 3))
+    if not keep_place:
+        chosen = [_some(f, rng) for f in fine[:: max(1, -(-len(fine) // _SOUGHT_VIEWS))]]
+        place, covariance = _sharpest(canvas, chosen, place, progress)
+    sums = [canvas.sums(f, place) for f in fine]
+    total, count = (np.sum([s[k] for s in sums], axis=0, dtype=np.float32) for k in (0, 1))
+    r = {}
+    for view, f, (own, hits) in zip(views, fine, sums, strict=True):
+        others = _mean(total - own, count - hits, 0.15)
+        r[view.frame.id] = _explained(canvas, f, others, place)
+    estimate = PatternEstimate(_mean(total, count, 0.15), canvas.K, place, covariance, r)
+    if not estimate.r_median() > _LEAST_R:
+        raise ValueError(
+            f"the views have no dots in common (each view's dots correlate {estimate.r_median():.2f} in the median "
+            "with what the others foretell, 0.5 and more where they do): switch the projector on, and record one device"
+        )
+    return estimate
+
+
+def _some(view: FineView, rng: np.random.Generator) -> FineView:
+    if len(view.value) <= _MOST_PIXELS:
+        return view
+    # Stripes, not single pixels: dots must stay whole.
+    pick = np.arange(len(view.value)).reshape(-1)[: len(view.value) // 64 * 64].reshape(-1, 64)
+    rows = np.sort(rng.choice(len(pick), _MOST_PIXELS // 64, replace=False))
+    index = pick[rows].ravel()
+    return FineView(view.value[index], view.points[index], view.used)
+
+
+def _explained(canvas: _Canvas, view: FineView, pattern: Image, place: Vector) -> float:
+    seen = sampled(pattern, *canvas.pixels(view.points, place))
+    known = np.isfinite(seen)
+    return correlation(seen[known], view.value[known]) if known.sum() > 1000 else 0.0
+
+
+def sampled(image: Image, u: NDArray, v: NDArray) -> NDArray[np.float32]:
+    """The image, bilinear, at positions of any shape; NaN outside and where it is NaN."""
+    flat = np.asarray(u, np.float32).reshape(1, -1), np.asarray(v, np.float32).reshape(1, -1)
+    out = np.empty(flat[0].size, np.float32)
+    for first in range(0, out.size, 30000):  # OpenCV's remap takes at most 32767 columns
+        part = np.s_[:, first : first + 30000]
+        out[first : first + 30000] = cv2.remap(
+            image, flat[0][part], flat[1][part], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=np.nan
+        )
+    return out.reshape(np.shape(u))
+
+
+def _sharpest(
+    canvas: _Canvas, views: Sequence[FineView], start: Vector, progress: Callable[[float], object] | None
+) -> tuple[Vector, NDArray[np.float64]]:
+    """(place, covariance): where the agreement between views is largest; the covariance by a jackknife over views."""
+    n, done = len(views), 0
+
+    def agreement(place: Vector) -> NDArray[np.float64]:
+        """[1 + n]: agreement of all views, and without each; what a view alone makes is taken out."""
+        nonlocal done
+        done += 1
+        if progress:
+            progress(min(done / 55.0, 1.0))
+        pairs = [tuple(blurred(image, _BLUR) for image in canvas.sums(view, place)) for view in views]
+        total, count = (np.sum([p[k] for p in pairs], axis=0) for k in (0, 1))
+        each = [(t * t, c * c, t, c) for t, c in pairs]
+        square, count2 = (np.sum([e[k] for e in each], axis=0) for k in (0, 1))
+        out = [_agreement(total, count, square, count2)]
+        out += [_agreement(total - t, count - c, square - t2, count2 - c2) for t2, c2, t, c in each] if n > 2 else []
+        return np.array(out)
+
+    # A coarse walk on all views, then one paraboloid for all of them and for each that is left out.
+    found = minimize(
+        lambda s: -agreement(start + s * _STEPS_M)[0],
+        np.zeros(3),
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": np.vstack([np.zeros(3), 2.0 * np.eye(3)]),
+            "xatol": 0.05,
+            "fatol": 1e-5,
+            "maxfev": 35,
+        },
+    )
+    middle = start + found.x * _STEPS_M
+    design = np.array(
+        [[i, j, k] for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if abs(i) + abs(j) + abs(k) <= 2]
+    )
+    step = 0.4 * _STEPS_M
+    values = np.array([agreement(middle + d * step) for d in design])
+    peaks = np.array([_peak(design, column) for column in values.T])
+    place = middle + peaks[0] * step
+    if n < 3:
+        return place, np.diag(_STEPS_M**2)
+    left_out = peaks[1:] * step
+    spread = left_out - left_out.mean(axis=0)
+    return place, (n - 1) / n * spread.T @ spread
+
+
+def _agreement(total: Image, count: Image, square: Image, count2: Image) -> float:
+    """Mean product of different views' fine images over their mean square, where two or more meet."""
+    pairs = count * count - count2
+    known = pairs > 0.05
+    return float((total * total - square)[known].sum(dtype=np.float64) / pairs[known].sum(dtype=np.float64))
+
+
+def _peak(design: NDArray, values: Vector) -> Vector:
+    """Where the paraboloid through values on the design has its top; within two steps."""
+    i, j, k = design.T.astype(float)
+    columns = np.stack([np.ones_like(i), i, j, k, i * i, j * j, k * k, i * j, i * k, j * k], axis=1)
+    c = np.linalg.lstsq(columns, values, rcond=None)[0]
+    hessian = np.array([[2 * c[4], c[7], c[8]], [c[7], 2 * c[5], c[9]], [c[8], c[9], 2 * c[6]]])
+    if np.linalg.eigvalsh(hessian).max() >= 0:
+        return np.zeros(3)
+    return np.clip(-np.linalg.solve(hessian, c[1:4]), -2.0, 2.0)

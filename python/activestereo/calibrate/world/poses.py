@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where each view was taken from: all overlaps' points on each other's planes in one least squares, so that loops are
+closed; focal length and centre are free in it where views have turned enough to tell them."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.calibrate.world.overlaps import (
+    Contact,
+    Overlap,
+    Pose,
+    Surface,
+    contact,
+    find_overlap,
+    moved_by,
+    robust_weight,
+    surface_of,
+)
+from activestereo.calibrate.world.views import SceneView, points_of
+
+_ROUNDS = 12
+_REACH_M = 0.03
+_MAD = 1.4826  # a normal distribution's deviation over its median distance from the middle
+_LEAST_DISTANCE_M = 5e-5
+# Errors of depth are alike within blocks of this side: a block counts once in the intervals.
+_BLOCK_PX = 80
+# Of the samples that another view sees, those that lie on no surface of it.
+_MOST_MOVED = 0.15
+
+
+@dataclass(frozen=True)
+class PoseEstimate:
+    """view_to_world of each view of a scene, by its place in the list of all views; the first one's frame is the world.
+
+    covariance: [6n][6n] of rotation vector and place in the world, the first's being 0; overlaps of these views;
+    distance_m: median distance of a point from another view's plane; camera: (f, cx, cy) and covariance as the overlaps
+    alone tell them."""
+
+    views: tuple[int, ...]
+    view_to_world: tuple[Pose, ...]
+    covariance: NDArray[np.float64]
+    overlaps: tuple[Overlap, ...]
+    distance_m: float
+    camera: tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+def group_views(
+    views: Sequence[SceneView], K: NDArray[np.float64], seed: int = 0, progress: Callable[[float], object] | None = None
+) -> tuple[list[Surface], list[Overlap], list[list[int]]]:
+    """(surfaces, overlaps, views of one scene each, most views first)."""
+    rng = np.random.default_rng(seed)
+    surfaces = [surface_of(view, K, rng) for view in views]
+    pairs = list(itertools.combinations(range(len(views)), 2))
+    overlaps = []
+    for k, (a, b) in enumerate(pairs):
+        overlap = find_overlap(a, b, surfaces[a], surfaces[b], K)
+        if overlap is not None:
+            overlaps.append(overlap)
+        if progress:
+            progress((k + 1) / len(pairs))
+    scene = list(range(len(views)))
+    for overlap in overlaps:
+        old, new = scene[overlap.b], scene[overlap.a]
+        scene = [new if s == old else s for s in scene]
+    groups = [[v for v in range(len(views)) if scene[v] == s] for s in sorted(set(scene))]
+    return surfaces, overlaps, sorted(groups, key=len, reverse=True)
+
+
+def solve_poses(
+    surfaces: Sequence[Surface], overlaps: Sequence[Overlap], group: Sequence[int], K: NDArray[np.float64],
+    prior: NDArray[np.float64],
+) -> PoseEstimate:  # fmt: skip
+    """The PoseEstimate of one scene's views. prior: [3][3] inverse covariance of (f, cx, cy) around K."""
+    own = [o for o in overlaps if o.a in group and o.b in group]
+    order = {view: k for k, view in enumerate(group)}
+    poses = _chained(group, own)
+    k0 = np.array([K[0, 0], K[0, 2], K[1, 2]])
+    camera = k0.copy()
+    for _ in range(_ROUNDS):
+        sums = _normal_equations(surfaces, own, order, poses, camera)
+        hessian, gradient, blocks = sums.hessian.copy(), sums.gradient.copy(), sums.blocks
+        hessian[:3, :3] += prior
+        gradient[:3] += prior @ (k0 - camera)
+        free = np.r_[0:3, 9 : len(gradient)]  # the first view is the world
+        inverse = np.linalg.inv(hessian[np.ix_(free, free)])
+        moved = np.zeros(len(gradient))
+        moved[free] = inverse @ gradient[free]
+        camera = camera + moved[:3]
+        poses = [moved_by(moved[3 + 6 * k : 9 + 6 * k], pose) for k, pose in enumerate(poses)]
+        if np.abs(moved[3:]).max() < 1e-6 and np.abs(moved[:3]).max() < 1e-3:
+            break
+    scatter = blocks[:, free].T @ blocks[:, free]
+    covariance = np.zeros((len(gradient), len(gradient)))
+    covariance[np.ix_(free, free)] = inverse @ (scatter + _padded(prior, len(free))) @ inverse
+    return PoseEstimate(
+        tuple(group), tuple(poses), covariance[3:, 3:], tuple(own), sums.distance_m, (camera, covariance[:3, :3])
+    )
+
+
+def _padded(prior: NDArray[np.float64], size: int) -> NDArray[np.float64]:
+    out = np.zeros((size, size))
+    out[:3, :3] = prior
+    return out
+
+
+def _chained(group: Sequence[int], overlaps: Sequence[Overlap]) -> list[Pose]:
+    """view_to_world along the widest overlaps from the first view."""
+    known: dict[int, Pose] = {group[0]: np.eye(4)}
+    wide = sorted(overlaps, key=lambda o: -o.seen * o.on)
+    while len(known) < len(group):
+        o = next(o for o in wide if (o.a in known) != (o.b in known))
+        if o.a in known:
+            known[o.b] = known[o.a] @ np.linalg.inv(o.a_to_b)
+        else:
+            known[o.a] = known[o.b] @ o.a_to_b
+    return [known[view] for view in group]
+
+
+@dataclass(frozen=True)
+class _Sums:
+    hessian: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    blocks: NDArray[np.float64]
+    distance_m: float
+
+
+def _normal_equations(
+    surfaces: Sequence[Surface], overlaps: Sequence[Overlap], order: dict[int, int], poses: Sequence[Pose],
+    camera: NDArray[np.float64],
+) -> _Sums:  # fmt: skip
+    """Sums over both directions of all overlaps: unknowns are f, cx, cy, then each view's turn and move."""
+    size = 3 + 6 * len(poses)
+    hessian, gradient, blocks, distances = np.zeros((size, size)), np.zeros(size), [], []
+    K = np.array([[camera[0], 0, camera[1]], [0, camera[0], camera[2]], [0, 0, 1.0]])
+    for overlap in overlaps:
+        for a, b in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
+            first, second = poses[order[a]], poses[order[b]]
+            under = _under(surfaces[a], K), _under(surfaces[b], K)
+            c = contact(under[0], under[1], np.linalg.inv(second) @ first, K, _REACH_M)
+            jacobian = np.zeros((len(c.distance), size))
+            jacobian[:, :3] = _by_camera(c, under, np.linalg.inv(second) @ first, camera)
+            normal = c.normal @ second[:3, :3].T
+            point = c.point @ second[:3, :3].T + second[:3, 3]
+            turn = np.concatenate([np.cross(point, normal), normal], axis=1)
+            jacobian[:, 3 + 6 * order[a] : 9 + 6 * order[a]] = turn
+            jacobian[:, 3 + 6 * order[b] : 9 + 6 * order[b]] = -turn
+            weighted = jacobian * robust_weight(c.distance)[:, None]
+            hessian += weighted.T @ jacobian
+            each = weighted * c.distance[:, None]
+            gradient += each.sum(axis=0)
+            width = under[0].known.shape[1]
+            tile = c.pixel // width // _BLOCK_PX * 1000 + c.pixel % width // _BLOCK_PX
+            _, place = np.unique(tile, return_inverse=True)
+            own = np.zeros((place.max() + 1, size))
+            np.add.at(own, place, each)
+            blocks.append(own)
+            distances.append(np.abs(c.distance))
+    median = float(np.median(np.concatenate(distances)))
+    weight = 1.0 / (_MAD * max(median, _LEAST_DISTANCE_M)) ** 2
+    # Both directions see the same pairs of surfaces: they count as one.
+    return _Sums(weight * hessian / 2, weight * gradient / 2, weight * np.concatenate(blocks) / np.sqrt(2.0), median)
+
+
+def _under(surface: Surface, K: NDArray[np.float64]) -> Surface:
+    """The surface as another K places it; normals turn too little to matter."""
+    return replace(surface, points=points_of(surface.view.depth_m, K))
+
+
+def _by_camera(c: Contact, under: Sequence[Surface], a_to_b: Pose, camera: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Minus the derivative of distances by f, cx, cy: both the point and the plane that it meets move."""
+    start = (c.point - a_to_b[:3, 3]) @ a_to_b[:3, :3]
+    out = np.zeros((len(c.distance), 3))
+    for points, normal, sign in ((start, c.normal @ a_to_b[:3, :3], 1.0), (c.there, c.normal, -1.0)):
+        x, y, z = points.T
+        out[:, 0] += sign * -(normal[:, 0] * x + normal[:, 1] * y) / camera[0]
+        out[:, 1] += sign * -normal[:, 0] * z / camera[0]
+        out[:, 2] += sign * -normal[:, 1] * z / camera[0]
+    return out

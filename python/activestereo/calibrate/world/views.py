@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Views of a recording with depth: read, and refused where nothing can be measured on them.
+
+Depth is held against the pair itself: read at the disparity that depth foretells, the right eye's fine image must be
+the left eye's. Depth of another camera, of another moment or in other units fails.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.capture.capture import Capture, Frame, Rig
+
+Image = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+# Depth that changes by more than this share within a pixel's neighbourhood is an edge; so many pixels around it are
+# left out, for depth and image may be registered that badly.
+_EDGE_SHARE = 0.02
+EDGE_PX = 7
+_FINE_PX = 3.0
+# The eyes correlate 0.85 to 0.94 at the depth of a laser or of the device itself, at most 0.21 at foreign depth.
+_LEAST_AGREEMENT = 0.4
+_MOST_CLIPPED = 0.2
+_LEAST_DEPTH = 0.2
+
+
+@dataclass(frozen=True)
+class SceneView:
+    """A frame's images [height][width]: left and right in DN; depth_m, 0 = none; surface: where depth is measured and
+    no edge is near. agreement: correlation of both eyes' fine images at that depth."""
+
+    frame: Frame
+    left: Image
+    right: Image
+    depth_m: Image
+    surface: Mask
+    agreement: float
+
+
+def read_views(capture: Capture, progress: Callable[[float], object] | None = None) -> list[SceneView]:
+    """The SceneViews of a capture's frames. ValueError says which frames cannot be used, and what to record instead."""
+    where = capture.path
+    if not any(frame.depth_path for frame in capture.frames):
+        raise ValueError(f"{where}: no frame has depth: record the depth stream, too, or a laser's depth of each view")
+    views = []
+    for k, frame in enumerate(capture.frames):
+        if frame.depth_path is not None and frame.has_infrared and frame.projector_power > 0:
+            views.append(_read(capture, frame))
+        if progress:
+            progress((k + 1) / len(capture.frames))
+    if not views:
+        raise ValueError(
+            f"{where}: no frame has infrared images, depth and the projector on: record all three together"
+        )
+    return views
+
+
+def _read(capture: Capture, frame: Frame) -> SceneView:
+    left, right = capture.ir(frame, "left"), capture.ir(frame, "right")
+    depth = capture.depth(frame)
+    assert depth is not None
+    name = f"{capture.path}: frame {frame.id}"
+    clipped = float((left >= capture.rig.max_dn).mean())
+    if clipped > _MOST_CLIPPED:
+        raise ValueError(
+            f"{name}: {100 * clipped:.0f} % of the left image is saturated ({capture.rig.max_dn} DN): record with less "
+            "exposure, gain or laser power"
+        )
+    if (depth > 0).mean() < _LEAST_DEPTH:
+        raise ValueError(
+            f"{name}: only {100 * (depth > 0).mean():.0f} % of its depth is measured: come nearer, or leave it out"
+        )
+    view = SceneView(frame, left, right, depth, (depth > 0) & ~near_edges(depth), 0.0)
+    agreement = _agreement(view, capture.rig)
+    if agreement < _LEAST_AGREEMENT:
+        raise ValueError(
+            f"{name}: depth does not belong to the pair: at its disparity the eyes correlate {agreement:.2f} (0.85 and "
+            "more where it does): check that depth is of the same moment, in the left camera's pixels, and its scale"
+        )
+    return replace(view, agreement=agreement)
+
+
+def near_edges(depth_m: Image, width_px: int = EDGE_PX) -> Mask:
+    """Pixels near a step of the depth, or near the border of what has depth."""
+    around = np.ones((3, 3), np.uint8)
+    step = cv2.dilate(depth_m, around) - cv2.erode(depth_m, around)
+    edge = (step > _EDGE_SHARE * np.maximum(depth_m, 1e-3)).astype(np.uint8)
+    return cv2.dilate(edge, np.ones((width_px, width_px), np.uint8)) > 0
+
+
+def fine(image: Image, sigma_px: float = _FINE_PX) -> Image:
+    """The image without what varies slowly."""
+    return image - blurred(image, sigma_px)
+
+
+def blurred(image: Image, sigma_px: float) -> Image:
+    """Gaussian blur, float32."""
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px), np.float32)
+
+
+def pixel_grid(shape: tuple[int, ...]) -> tuple[Image, Image]:
+    """(column, row) of every pixel, float32 [height][width]."""
+    row, column = np.mgrid[0 : shape[0], 0 : shape[1]].astype(np.float32)
+    return column, row
+
+
+def points_of(depth_m: Image, K: NDArray[np.float64]) -> Image:
+    """Points in the camera's frame, metres [height][width][3]."""
+    column, row = pixel_grid(depth_m.shape)
+    x, y = (column - K[0, 2]) / K[0, 0], (row - K[1, 2]) / K[1, 1]
+    return np.stack([x * depth_m, y * depth_m, depth_m], axis=-1).astype(np.float32)
+
+
+def normals_of(points: Image) -> Image:
+    """Unit normals from each point's neighbours two pixels away; towards the camera."""
+    smooth = np.dstack([blurred(np.ascontiguousarray(points[..., k]), 1.5) for k in range(3)])
+    across, down = (np.roll(smooth, -2, axis) - np.roll(smooth, 2, axis) for axis in (1, 0))
+    normal = np.cross(down, across)
+    return (normal / np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)).astype(np.float32)
+
+
+def right_at_depth(view: SceneView, rig: Rig, shift: tuple[float, float] = (0.0, 0.0)) -> tuple[Image, Mask]:
+    """(the right eye's fine image where depth says that each left pixel is seen, shifted by (columns, rows); whether it
+    is in the image)."""
+    column, row = pixel_grid(view.depth_m.shape)
+    disparity = np.float32(rig.left.K[0, 0] * rig.baseline_m) / np.maximum(view.depth_m, 1e-3)
+    at = column - disparity + np.float32(rig.right.K[0, 2] - rig.left.K[0, 2])
+    there = cv2.remap(fine(view.right), at + np.float32(shift[0]), row + np.float32(shift[1]), cv2.INTER_LINEAR)
+    return there, view.surface & (at > 2) & (at < view.left.shape[1] - 3)
+
+
+def correlation(a: NDArray, b: NDArray) -> float:
+    """Pearson's r of two arrays of equal size; 0 where one of them is even."""
+    a, b = a - a.mean(), b - b.mean()
+    scale = float(np.sqrt((a * a).sum(dtype=np.float64) * (b * b).sum(dtype=np.float64)))
+    return float((a * b).sum(dtype=np.float64)) / scale if scale > 0 else 0.0
+
+
+def _agreement(view: SceneView, rig: Rig) -> float:
+    """The best correlation of the eyes over a few shifts: the nominal calibration may be off by a pixel or two."""
+    left = fine(view.left)
+    best = 0.0
+    for shift in (0.0, -1.5, 1.5, -3.0, 3.0):
+        there, inside = right_at_depth(view, rig, (shift, 0.0))
+        if inside.sum() < 1000:
+            return 0.0
+        best = max(best, correlation(left[inside], there[inside]))
+        if best > 2 * _LEAST_AGREEMENT:
+            break
+    return best

@@ -1,0 +1,283 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a recording with depth to a capture that the lab can use: camera, poses, pattern and light, one after the other.
+
+Each step replaces its own part of the capture and says in `measured` how well it is known; what the user knows better
+is kept by leaving its step out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.calibrate.world.camera import CameraEstimate, camera_from_boards, camera_from_overlaps
+from activestereo.calibrate.world.eyes import eyes_of
+from activestereo.calibrate.world.light import darkest_level, darkness, light_view, merged_textures, solve_light
+from activestereo.calibrate.world.masks import known_masks
+from activestereo.calibrate.world.mesh import write_scene
+from activestereo.calibrate.world.overlaps import Overlap, Surface
+from activestereo.calibrate.world.pattern import PatternEstimate, recover_pattern
+from activestereo.calibrate.world.pictures import write_pictures
+from activestereo.calibrate.world.poses import PoseEstimate, group_views, solve_poses
+from activestereo.calibrate.world.views import SceneView, read_views
+from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
+from activestereo.capture.write import write_capture
+from activestereo.common.output_files import write_png
+from activestereo.common.progress_bar import part_of
+
+STEPS = ("camera", "poses", "pattern", "light")
+# Inverse covariances of (f, cx, cy) around the nominal camera: hardly known, and held.
+_HARDLY_KNOWN, _HELD = np.diag([1 / 40.0**2] * 3), np.diag([1e8] * 3)
+_LEAST_ON = 0.85
+_Z90 = 1.645
+
+Progress = Callable[[float], object] | None
+
+
+@dataclass
+class World:
+    """A capture on its way. lines: what each step found, for the user."""
+
+    capture: Capture
+    views: list[SceneView]
+    pattern: NDArray[np.uint8]
+    lines: list[str] = field(default_factory=list)
+    surfaces: list[Surface] = field(default_factory=list)
+    overlaps: list[Overlap] = field(default_factory=list)
+    groups: list[list[int]] = field(default_factory=list)
+    poses: PoseEstimate | None = None
+    dots: PatternEstimate | None = None
+    masks: dict[tuple[int, str], NDArray[np.bool_]] = field(default_factory=dict)
+
+    @property
+    def K(self) -> NDArray[np.float64]:
+        return self.capture.rig.left.K
+
+    @property
+    def where(self) -> str:
+        return str(self.capture.path)
+
+    def note(self, name: str, values: dict[str, Any], line: str) -> None:
+        """Keeps what a step measured."""
+        self.capture = replace(self.capture, measured={**self.capture.measured, name: values})
+        self.lines.append(line)
+
+
+def calibrate_world(
+    recording: Path, out: Path, steps: Sequence[str] = STEPS, test: Sequence[int] = (), seed: int = 0,
+    progress: Progress = None,
+) -> list[str]:  # fmt: skip
+    """Measures a recording (a capture folder of views with depth) by some of STEPS and writes the capture `out`, with
+    pictures of each step in `out`/measured. Returns what was found, a line each.
+
+    test: ids of frames that are held out: their pose and exposure are measured, and nothing is measured on them.
+    ValueError says in one line why a recording cannot be used, and what to record instead.
+    """
+    capture = read_capture(recording)
+    unknown = sorted(set(test) - {frame.id for frame in capture.frames})
+    if unknown:
+        raise ValueError(
+            f"{recording}: there is no frame {unknown[0]} to hold out: its frames are {_ids(capture.frames)}"
+        )
+    frames = tuple(replace(f, split="test" if f.id in test or f.split == "test" else "train") for f in capture.frames)
+    capture = replace(capture, frames=frames)
+    views = read_views(capture, part_of(progress, 0.0, 0.1))
+    if len(views) < 2:
+        raise ValueError(
+            f"{recording}: one view with depth: record two or more that overlap, from places the camera turned to"
+        )
+    pattern = np.rint(255 * capture.rig.projector.pattern()).astype(np.uint8)
+    world = World(capture, views, pattern)
+    world.surfaces, world.overlaps, world.groups = group_views(views, world.K, seed, part_of(progress, 0.1, 0.35))
+    with TemporaryDirectory() as temporary:
+        for step in (s for s in STEPS if s in steps):
+            _STEP[step](world, seed, Path(temporary), part_of(progress, *_SHARE[step]))
+        _write(world, out, Path(temporary))
+    return world.lines
+
+
+def _camera(world: World, seed: int, folder: Path, progress: Progress) -> None:
+    found = [
+        solve_poses(world.surfaces, world.overlaps, group, world.K, _HARDLY_KNOWN)
+        for group in world.groups
+        if len(group) > 1
+    ]
+    estimate = camera_from_overlaps([f.camera for f in found]) or camera_from_boards(world.views, world.capture.rig)
+    rig = world.capture.rig
+    if estimate is None:
+        estimate = CameraEstimate(
+            np.array([rig.left.K[0, 0], rig.left.K[0, 2], rig.left.K[1, 2]]), np.diag([np.inf] * 3), "nominal",
+            "camera: nominal: no two views overlap and fewer than 4 show a chessboard",
+        )  # fmt: skip
+    shift = estimate.K - rig.left.K
+    left = replace(rig.left, K=estimate.K)
+    right = replace(rig.right, K=rig.right.K + shift)
+    eyes = eyes_of(world.views, replace(rig, left=left, right=right))
+    left_to_right = rig.left_to_right.copy()
+    left_to_right[:3, 3] *= eyes.baseline_m / rig.baseline_m
+    right.K[:2, 2] += eyes.column_px, eyes.row_px
+    world.capture = replace(world.capture, rig=replace(rig, left=left, right=right, left_to_right=left_to_right))
+    values = {
+        "f_cx_cy_px": estimate.mean.tolist(),
+        "covariance_px2": None if estimate.source == "nominal" else estimate.covariance.tolist(),
+        "from": estimate.source,
+        **eyes.as_json(),
+    }
+    world.note("camera", values, f"{estimate.text}\n{eyes.text}")
+
+
+def _poses(world: World, seed: int, folder: Path, progress: Progress) -> None:
+    group = world.groups[0]
+    if len(group) < 2:
+        raise ValueError(
+            f"{world.where}: no two of its {len(world.views)} views overlap: record views of one scene that share a "
+            "third of the picture, and let nothing move"
+        )
+    estimate = solve_poses(world.surfaces, world.overlaps, group, world.K, _HELD)
+    for overlap in estimate.overlaps:
+        if overlap.on < _LEAST_ON:
+            a, b = (world.views[i].frame.id for i in (overlap.a, overlap.b))
+            raise ValueError(
+                f"{world.where}: the scene moves: {100 * (1 - overlap.on):.0f} % of what frames {a} and {b} both see "
+                "lies elsewhere: record a static scene, or leave one of them out"
+            )
+    covariance = _with_camera(world, group, estimate)
+    world.poses = estimate
+    pose_of = {world.views[i].frame.id: p for i, p in zip(group, estimate.view_to_world, strict=True)}
+    frames = tuple(replace(f, camera_to_world=pose_of[f.id]) for f in world.capture.frames if f.id in pose_of)
+    others = sorted(f.id for f in world.capture.frames if f.id not in pose_of)
+    world.capture = replace(world.capture, frames=frames)
+    sd = _Z90 * np.sqrt(np.diag(covariance)).reshape(-1, 6)[1:].max(axis=0)
+    line = (
+        f"poses: {len(group)} views of one scene, {1e3 * estimate.distance_m:.2f} mm from each other's planes in the "
+        f"median; +- {1e3 * sd[3:].max():.2f} mm, {np.degrees(sd[:3].max()):.3f} degrees (90 %)"
+    )
+    if others:
+        line += f"; frames {', '.join(map(str, others))} show other scenes and tell of camera and pattern alone"
+    values = {
+        "frames": list(pose_of),
+        "covariance_rad_m": covariance.tolist(),
+        "distance_m": estimate.distance_m,
+    }
+    world.note("poses", values, line)
+
+
+def _with_camera(world: World, group: Sequence[int], poses: PoseEstimate) -> NDArray[np.float64]:
+    """The covariance of poses with what the camera's own leaves open."""
+    told = world.capture.measured.get("camera", {}).get("covariance_px2")
+    if told is None:
+        return poses.covariance
+    return solve_poses(world.surfaces, world.overlaps, group, world.K, np.linalg.inv(np.array(told))).covariance
+
+
+def _pattern(world: World, seed: int, folder: Path, progress: Progress) -> None:
+    rig = world.capture.rig
+    test = {f.id for f in world.capture.frames if f.split == "test"}
+    views = [v for v in world.views if v.frame.split == "train" and v.frame.id not in test]
+    start = np.linalg.inv(rig.projector.left_to_projector)[:3, 3]
+    dots = recover_pattern(views, world.K, start, rig.max_dn, seed, progress=progress)
+    world.dots = dots
+    light = np.nan_to_num(dots.image + darkness(dots), nan=0.0).clip(0.0)
+    world.pattern = np.rint(np.minimum(255.0 * light / np.quantile(light[light > 0], 0.9995), 255.0)).astype(np.uint8)
+    left_to_projector = np.eye(4)
+    left_to_projector[:3, 3] = -dots.place
+    projector = replace(rig.projector, K=dots.K, left_to_projector=left_to_projector)
+    world.capture = replace(world.capture, rig=replace(rig, projector=projector))
+    sd = _Z90 * 1e3 * np.sqrt(np.diag(dots.covariance))
+    place = ", ".join(f"{1e3 * x:.2f} +- {s:.2f}" for x, s in zip(dots.place, sd, strict=True))
+    values = {
+        "place_m": dots.place.tolist(),
+        "covariance_m2": dots.covariance.tolist(),
+        "left_out_r": {str(k): round(v, 4) for k, v in dots.r.items()},
+    }
+    line = (
+        f"pattern: projector at ({place}) mm in the left camera's frame (90 %); each view's dots correlate "
+        f"{dots.r_median():.2f} in the median ({min(dots.r.values()):.2f} to {max(dots.r.values()):.2f}) with what the "
+        "others foretell"
+    )
+    world.note("pattern", values, line)
+
+
+def _light(world: World, seed: int, folder: Path, progress: Progress) -> None:
+    if world.poses is None or world.dots is None:
+        raise ValueError("the light is measured with the poses and the pattern: take these steps in one run")
+    group, poses = world.poses.views, world.poses.view_to_world
+    darkest = darkest_level([world.views[i] for i in group])
+    lights = [light_view(world.views[i], world.K, world.dots) for i in group]
+    is_train = [world.views[i].frame.split == "train" for i in group]
+    train = [k for k, used in enumerate(is_train) if used]
+    if len(train) < 1:
+        raise ValueError(f"{world.where}: every view of the scene is held out: leave some to measure its light on")
+    estimate = solve_light([lights[k] for k in train], [poses[k] for k in train], world.K, darkest)
+    exposure = dict(zip(train, estimate.exposure, strict=True))
+    for k in (k for k in range(len(group)) if k not in exposure):
+        both = solve_light([lights[train[0]], lights[k]], [poses[train[0]], poses[k]], world.K, darkest, estimate)
+        exposure[k] = float(both.exposure[1]) * exposure[train[0]]
+    textures = []
+    for done in range(len(train)):
+        textures.append(merged_textures(done, [lights[j] for j in train], [poses[j] for j in train], estimate, world.K))
+        if progress:
+            progress((done + 1) / len(train) * 0.7)
+    scene = folder / "scene.glb"
+    own = [world.views[group[k]] for k in train]
+    triangles = write_scene(scene, own, [poses[k] for k in train], textures, world.capture.rig.left)
+    first = world.views[group[train[0]]].frame
+    times = {world.views[group[k]].frame.id: first.exposure_s * e for k, e in exposure.items()}
+    frames = tuple(replace(f, exposure_s=times[f.id]) for f in world.capture.frames if f.id in times)
+    world.capture = replace(world.capture, scene_path=scene, frames=frames)
+    world.masks = known_masks([world.views[i] for i in group], poses, is_train, world.capture.rig)
+    share = float(np.mean([mask.mean() for mask in world.masks.values()]))
+    spread = np.concatenate([t.deviation[np.isfinite(t.deviation)][::37] for t in textures])
+    values = {
+        "black_dn": [x if np.isfinite(x) else None for x in estimate.black_dn],
+        "exposure_s": {str(k): v for k, v in times.items()},
+        "exposure_deviation": estimate.exposure_deviation.tolist()
+        if np.isfinite(estimate.exposure_deviation).all()
+        else None,
+        "vignetting_exponent": None if estimate.exponent is None else list(estimate.exponent),
+        "log_scatter": list(estimate.scatter) if np.isfinite(estimate.scatter[0]) else None,
+        "room_relative_deviation": float(np.median(spread)) if spread.size else None,
+    }
+    line = f"light: {triangles} triangles under albedo and room light; known in {100 * share:.0f} % of the images"
+    if estimate.exponent is None:
+        line += "; no overlaps: the lens's falloff cannot be told from the surfaces"
+    else:
+        n, sd = estimate.exponent
+        line += (
+            f"; in overlaps light falls as cos^{n:.2f} +- {_Z90 * sd:.2f} of the angle (90 %): log-ratios scatter by "
+            f"{estimate.scatter[0]:.3f} without, {estimate.scatter[1]:.3f} with, at a black level of "
+            f"{estimate.black_dn[0]:.2f} +- {_Z90 * estimate.black_dn[1]:.2f} DN; the textures are without it"
+        )
+    world.note("light", values, line)
+
+
+_STEP = {"camera": _camera, "poses": _poses, "pattern": _pattern, "light": _light}
+_SHARE = {"camera": (0.35, 0.45), "poses": (0.45, 0.5), "pattern": (0.5, 0.85), "light": (0.85, 1.0)}
+
+
+def _write(world: World, out: Path, folder: Path) -> None:
+    capture, whole = world.capture, read_capture(world.capture.path)
+    dtype = np.uint8 if capture.rig.bit_depth <= 8 else np.uint16
+    frames: Sequence[Frame] = [f for f in capture.frames if f.has_infrared]
+    images = {(f.id, eye): whole.ir(f, eye).astype(dtype) for f in frames for eye in SIDES}
+    depths, colors = {}, {}
+    for frame in capture.frames:
+        depth, color = whole.depth(frame), whole.color(frame)
+        if depth is not None and frame.depth_scale is not None:
+            depths[frame.id] = np.rint(depth / frame.depth_scale).astype(np.uint16)
+        if color is not None:
+            colors[frame.id] = color
+    write_capture(out, capture, images, world.pattern, depths, colors, world.masks)
+    write_pictures(out / "measured", world.views, world.K, world.poses, world.masks)
+    if world.dots is not None:
+        write_png(out / "measured" / "pattern.png", world.pattern)
+
+
+def _ids(frames: Sequence[Frame]) -> str:
+    return ", ".join(str(frame.id) for frame in frames)

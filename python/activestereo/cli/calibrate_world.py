@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""activestereo calibrate world, and its steps: a recording with depth becomes a capture that the lab can use."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from activestereo.cli.arguments import CommandError, add_seed, integer_from
+
+_WORLD = """\
+A camera and a room from views with depth, without wall, rig or repeats: camera, poses,
+pattern and light, each with 90 % intervals and a picture in CAPTURE/measured.
+
+RECORDING is a capture that 'activestereo import' made: two or more pairs of one device,
+dots on, each with depth in the left camera's pixels (the device's own or a laser's).
+Views that overlap make the scene; all others tell of pattern and camera, too. Record a
+static room, turn the camera by 10 to 30 degrees between views, keep a third of the
+picture, and leave exposure where no dot is white. --test holds views out whole: of them
+only pose and exposure are measured. --keep leaves what you know better as it is.
+
+example:
+  activestereo import views/ --sensor d415 --k 899.5,899.5,639.5,359.5 \\
+      --baseline 0.055 --depth laser --depth-scale 0.001 -o rec
+  activestereo calibrate world rec --test 2 -o capture
+  activestereo compare capture
+  activestereo diagnose capture --greedy
+"""
+_STEPS = {
+    "camera": "focal length, centre, baseline and rows from overlapping views, or a board that stands in them",
+    "poses": "where overlapping views were taken from, by their depth",
+    "dots": "the projector's dots and place from any scenes with depth",
+}
+_STEP_OF = {"dots": "pattern"}
+
+
+def add_parts(parts: argparse._SubParsersAction) -> None:
+    """The parsers of calibrate's parts that take recordings with depth."""
+    world = parts.add_parser(
+        "world", help="a camera and a room from views with depth", description=_WORLD,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    _add_arguments(world)
+    text = "steps whose part of the capture stays as it is: camera"
+    world.add_argument("--keep", choices=("camera",), action="append", default=[], help=text)
+    world.set_defaults(run=_run, steps=None)
+    for name, summary in _STEPS.items():
+        text = f"One step of calibrate world: {summary}.\nThe rest of the capture stays as it is."
+        step = parts.add_parser(
+            name, help=summary, description=text, formatter_class=argparse.RawDescriptionHelpFormatter
+        )
+        _add_arguments(step)
+        step.set_defaults(run=_run, steps=(_STEP_OF.get(name, name),), keep=[])
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("recording", type=Path, metavar="RECORDING", help="capture of views with depth")
+    add("-o", "--out", required=True, type=Path, metavar="DIR", help="the new capture, which must not exist")
+    add("--test", type=integer_from(0), action="append", default=[], metavar="ID", help="frame to hold out; repeatable")
+    add_seed(parser, "same seed, same result")
+
+
+def _run(args: argparse.Namespace) -> None:
+    from activestereo.calibrate.world.world import STEPS, calibrate_world
+    from activestereo.common.progress_bar import ProgressBar
+
+    if args.out.exists():
+        raise CommandError(f"{args.out} exists already: a calibration writes a new folder")
+    steps = args.steps or tuple(step for step in STEPS if step not in args.keep)
+    with ProgressBar(f"measuring {args.recording.name}") as bar:
+        lines = calibrate_world(args.recording, args.out, steps, args.test, args.seed, bar)
+    print("\n".join(lines))
+    print(f"written: {args.out}, with pictures in {args.out / 'measured'}")

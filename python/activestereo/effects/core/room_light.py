@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Room light that was measured on each surface, in place of even light from all sides.
+
+A scene whose asset has the extras {"room_light": "emission"} holds in its emission what light of the room each surface
+gives off, as `activestereo calibrate world` measures it. All bounces are in it already, so it lights nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import kuafu
+from activestereo.scene_io.gltf_document import read_document
+from activestereo.scene_io.scene_files import load_scene_file
+
+
+def has_room_light(scene_path: Path) -> bool:
+    """Whether a scene file's emission is measured room light."""
+    if scene_path.suffix.lower() not in (".gltf", ".glb"):
+        return False
+    extras = read_document(scene_path)[0].get("asset", {}).get("extras")
+    return isinstance(extras, dict) and extras.get("room_light") == "emission"
+
+
+class RoomLight:
+    """The room's light of a scene, in a kuafu scene of its own whose surfaces shine and reflect nothing."""
+
+    def __init__(self, device: kuafu.Device, scene_path: Path) -> None:
+        self._scene = kuafu.Scene(device)
+        load_scene_file(self._scene, scene_path)
+        for number in range(self._scene.summary.material_count):
+            material = self._scene.get_material(number)
+            material.base_color, material.ir_albedo = (0.0, 0.0, 0.0, 1.0), 0.0
+            material.ir_emission = material.emission[0]  # glTF's emission is of the visible band
+            self._scene.set_material(number, material)
+
+    def images(self, renderer: kuafu.Renderer, cameras: Sequence[Any], **options: Any) -> np.ndarray:
+        """Radiance [camera][height][width][1] under an ambient scale of 1."""
+        room = renderer.render(self._scene, cameras, ("ambient",), band="infrared", max_bounces=0, **options)
+        return np.asarray(room["ambient"])
+
+
+def light_by_room(scene: kuafu.Scene, device: kuafu.Device, scene_path: Path) -> RoomLight | None:
+    """Gives a loaded scene its ambient light: 1 from all sides, or none where the file has measured room light, which
+    is returned."""
+    if not has_room_light(scene_path):
+        scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
+        return None
+    scene.set_environment((0.0, 0.0, 0.0), ir_radiance=0.0)
+    for number in range(scene.summary.material_count):
+        material = scene.get_material(number)
+        material.emission, material.ir_emission, material.emission_texture = (0.0, 0.0, 0.0), 0.0, None
+        scene.set_material(number, material)
+    return RoomLight(device, scene_path)

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`calibrate world` on rooms that NumPy drew: what it finds is what they were drawn with, within its own intervals; and
+recordings on which nothing can be measured are refused with their reason."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "shared"))
+
+from room_worlds import BALLS, BASELINE_M, CX, CY, EXPONENT, PLACE_M, F, Room
+
+from activestereo.calibrate.world.world import calibrate_world
+from activestereo.capture.capture import read_capture
+from activestereo.cli import main
+
+NOMINAL = f"{F - 3},{F - 3},{CX + 4},{CY - 3}"
+
+
+def recording(folder: Path, room: Room) -> Path:
+    room.write(folder / "views")
+    out = folder / "rec"
+    main(
+        ["import", str(folder / "views"), "--sensor", "d415", "--k", NOMINAL, "--baseline", str(BASELINE_M),
+         "--depth-scale", "0.0001", "-o", str(out)]
+    )  # fmt: skip
+    return out
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("room")
+    rec = recording(folder, Room())
+    lines = calibrate_world(rec, folder / "capture", test=[3])
+    return read_capture(folder / "capture"), lines
+
+
+def within(value, truth, sd, sigmas=3.5):
+    return abs(value - truth) <= sigmas * sd
+
+
+def test_the_camera_is_found_within_its_interval(measured):
+    capture, _ = measured
+    camera = capture.measured["camera"]
+    assert camera["from"] == "overlaps"
+    sd = np.sqrt(np.diag(camera["covariance_px2"]))
+    assert sd.max() < 1.5
+    for value, truth, s in zip(camera["f_cx_cy_px"], (F, CX, CY), sd, strict=True):
+        assert within(value, truth, s), (camera, sd)
+    assert capture.rig.left.K[0, 0] == camera["f_cx_cy_px"][0]
+
+
+def test_poses_are_those_of_the_tripod(measured):
+    capture, _ = measured
+    room = Room()
+    first = room.pose(0)
+    for frame in capture.frames:
+        error = np.linalg.inv(np.linalg.inv(first) @ room.pose(frame.id)) @ frame.camera_to_world
+        assert np.linalg.norm(error[:3, 3]) < 1.5e-3
+        assert np.degrees(np.linalg.norm(cv2.Rodrigues(error[:3, :3])[0])) < 0.3  # a turn trades with the centre
+    assert capture.measured["poses"]["distance_m"] < 1e-3
+
+
+def test_the_projector_stands_where_it_is(measured):
+    capture, _ = measured
+    pattern = capture.measured["pattern"]
+    sd = np.sqrt(np.diag(pattern["covariance_m2"]))
+    assert abs(pattern["place_m"][0] - PLACE_M[0]) < 1e-3 and abs(pattern["place_m"][1] - PLACE_M[1]) < 1e-3, (
+        pattern,
+        sd,
+    )
+    assert min(pattern["left_out_r"].values()) > 0.4
+
+
+def test_falloff_and_exposures_are_told_apart(measured):
+    capture, _ = measured
+    light = capture.measured["light"]
+    n, sd = light["vignetting_exponent"]
+    assert abs(n - EXPONENT) < 2.5 * sd and sd < 0.4, (n, sd)
+    assert light["log_scatter"][1] < 0.3 * light["log_scatter"][0]
+    times = [light["exposure_s"][str(k)] for k in range(4)]
+    for found, truth in zip(np.array(times) / times[0], Room().exposures, strict=True):
+        assert abs(found / truth - 1.0) < 0.05
+
+
+def test_the_held_out_view_is_no_part_of_the_scene(measured):
+    capture, _ = measured
+    assert [f.split for f in capture.frames] == ["train", "train", "train", "test"]
+    assert "3" not in capture.measured["pattern"]["left_out_r"]
+    from activestereo.scene_io.gltf_document import read_document
+
+    document = read_document(capture.scene_path)[0]
+    assert [m["name"] for m in document["materials"]] == ["view 0", "view 1", "view 2"]
+    assert document["asset"]["extras"] == {"room_light": "emission"}
+    known = capture.known(capture.frames[3], "left")
+    assert 0.2 < known.mean() < 0.95
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ("one frame", "one view with depth: record two or more"),
+        ("no depth", "no frame has depth"),
+        ("foreign depth", "depth does not belong to the pair"),
+        ("no overlap", "no two of its 2 views overlap"),
+        ("a scene that moves", "the scene moves|no two of its 2 views overlap"),
+        ("saturated", "is saturated"),
+        ("dots off", "no dots"),
+    ],
+)
+def test_what_cannot_be_measured_is_refused(tmp_path, what, said):
+    room = Room(turns_deg=((0, 0), (10, 0)), exposures=(1.0, 1.0))
+    if what == "one frame":
+        room = Room(turns_deg=((0, 0),), exposures=(1.0,))
+    if what in ("no overlap", "foreign depth"):
+        room = Room(turns_deg=((-32, 0), (32, 0)), exposures=(1.0, 1.0))
+    if what == "a scene that moves":
+        moved = [((x + 0.12, y - 0.1, z - 0.15), r * 1.15) for (x, y, z), r in BALLS]
+        room = Room(turns_deg=((0, 0), (3, 0)), exposures=(1.0, 1.0), balls={1: moved})
+    if what == "saturated":
+        room = Room(turns_deg=((0, 0), (10, 0)), exposures=(40.0, 40.0))
+    if what == "dots off":
+        room = Room(turns_deg=((0, 0), (10, 0)), exposures=(1.0, 1.0), dots_dn=0.0)
+    rec = recording(tmp_path, room)
+    described = json.loads((rec / "capture.json").read_text())
+    if what == "no depth":
+        for frame in described["frames"]:
+            del frame["depth"]
+    if what == "foreign depth":
+        first, second = (frame["depth"] for frame in described["frames"])
+        described["frames"][0]["depth"], described["frames"][1]["depth"] = second, first
+    (rec / "capture.json").write_text(json.dumps(described))
+    with pytest.raises(ValueError, match=said) as caught:
+        calibrate_world(rec, tmp_path / "capture")
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "capture").exists()

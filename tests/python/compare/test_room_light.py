@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Room light that was measured on surfaces: the lab's ambient layer is the scene's emission, with no bounce added; and
+what a mask hides counts in no fit and no error."""
+
+import numpy as np
+
+from activestereo.capture.capture import Frame
+from activestereo.compare.kuafu_renderer import KuafuRenderer
+from activestereo.compare.layers import RenderRequest, ViewCamera
+from activestereo.compare.nuisances import fit_nuisances
+from activestereo.scene_io.gltf_writer import GltfWriter
+from activestereo.scene_io.meshes import sheet
+
+K = np.array([[40.0, 0, 19.5], [0, 40.0, 14.5], [0, 0, 1.0]])
+
+
+def layers_of(path, room_light):
+    writer = GltfWriter()
+    if room_light:
+        writer.set_extras(room_light="emission")
+    for name, x, emission in (("dim", -2.0, 0.25), ("bright", 0.0, 0.75)):
+        material = writer.add_material(
+            name, pbrMetallicRoughness={"baseColorFactor": [0.5, 0.5, 0.5, 1.0], "metallicFactor": 0.0},
+            emissiveFactor=[emission] * 3, doubleSided=True,
+            extensions={"KHR_materials_specular": {"specularFactor": 0.0}},
+        )  # fmt: skip
+        writer.add_placed_mesh(name, sheet((x, -2, 1), (2, 0, 0), (0, 4, 0)), material, np.eye(4))
+    writer.write(path)
+    camera = ViewCamera(40, 30, K, np.eye(4))
+    request = RenderRequest(path, (camera,), np.ones((2, 2), np.float32), np.eye(3), np.eye(4), 16, 4, 0)
+    return KuafuRenderer("cpu")(request)[0]
+
+
+def test_the_ambient_layer_is_the_measured_emission(tmp_path):
+    layers = layers_of(tmp_path / "room.gltf", room_light=True)
+    np.testing.assert_allclose(layers.ambient[:, :18], 0.25, rtol=1e-4)
+    np.testing.assert_allclose(layers.ambient[:, 22:], 0.75, rtol=1e-4)
+    np.testing.assert_allclose(layers.ambient_direct, layers.ambient)
+
+
+def test_without_it_light_comes_from_all_sides(tmp_path):
+    layers = layers_of(tmp_path / "room.gltf", room_light=False)
+    np.testing.assert_allclose(layers.ambient, 0.5, rtol=1e-3)  # an albedo of a half under 1 from all sides
+
+
+class Light:
+    def __init__(self, rng):
+        self.projector, self.ambient = rng.uniform(0, 1, (2, 30, 40))
+
+
+def test_what_is_not_known_is_not_fitted():
+    rng = np.random.default_rng(0)
+    light = Light(rng)
+    frame = Frame(0, None, None, 0.0, 1.0, np.eye(4), "train")
+    measured = 100 * light.projector + 50 * light.ambient + 4
+    foreign = measured.copy()
+    foreign[:10] = np.nan
+    fit = fit_nuisances([(frame, light, foreign)], 255.0)
+    np.testing.assert_allclose(fit.nuisances.vector(), (100, 50, 4), atol=1e-6)
+    assert fit.pixels == 20 * 40
