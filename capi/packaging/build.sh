@@ -43,9 +43,9 @@ configure() {
 
 # Both libraries, the programs beside them and the Python modules.
 build_product() {
-  local without_tests=()
-  [ -f "$root/build/CMakeCache.txt" ] || without_tests=(-DACTIVESTEREO_TESTS=OFF -DACTIVESTEREO_BENCH=OFF)
-  configure "${without_tests[@]}"
+  local first=()
+  [ -f "$root/build/CMakeCache.txt" ] || first=(-DACTIVESTEREO_TESTS=OFF -DACTIVESTEREO_BENCH=OFF -DACTIVESTEREO_UNITY_MODULES=ON)
+  configure "${first[@]}"
   cmake --build "$root/build" --target product
 }
 
