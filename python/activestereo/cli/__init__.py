@@ -151,7 +151,8 @@ def _missing(error: ImportError) -> str:
     name = (error.name or "").partition(".")[0]
     if name in doctor.PACKAGES:
         return f"{error}: pip install 'activestereo[{doctor.PACKAGES[name]}]'"
-    return f"{error}; build first: bash examples/quickstart.sh" if name in ("kuafu", "simsense") else str(error)
+    is_built = name in ("activestereo", "kuafu", "simsense")
+    return f"{error}; build first: bash examples/quickstart.sh" if is_built else str(error)
 
 
 def _glued(arguments: Sequence[str]) -> list[str]:
