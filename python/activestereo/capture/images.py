@@ -2,6 +2,8 @@
 """Gray image files of captures: 8-bit or 16-bit PNG to and from numpy arrays, with errors that name the file and the
 key."""
 
+import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,8 @@ _GRAY_MODES = ("L", "I;16", "I;16B", "I")
 _COLOR_MODES = ("RGB", "RGBA", "LA", "P")
 # No camera of this kind has a tenth of them; a small file can promise far more.
 _MOST_PIXELS = 1 << 26
+# What Pillow raises for damaged bytes: damaged chunks of a PNG are ValueErrors in some versions, struct's in others.
+_DAMAGES = (OSError, SyntaxError, ValueError, EOFError, struct.error, zlib.error)
 
 
 def image_size(path: str | Path, key: str = "image") -> tuple[int, int]:
@@ -37,7 +41,7 @@ def read_gray(path: str | Path, expected_size: tuple[int, int] | None = None, ke
             )
         try:
             pixels = np.asarray(image)
-        except (OSError, SyntaxError) as error:
+        except _DAMAGES as error:
             raise CaptureError(f"{path}: {key}: is damaged: {error}") from error
     if pixels.dtype == np.uint8:
         return pixels
@@ -57,7 +61,7 @@ def read_color(path: str | Path, expected_size: tuple[int, int] | None = None, k
             raise CaptureError(f"{path}: {key}: is {sizes[0]}, expected {sizes[1]}")
         try:
             return np.asarray(image.convert("RGB"))
-        except (OSError, SyntaxError) as error:
+        except _DAMAGES as error:
             raise CaptureError(f"{path}: {key}: is damaged: {error}") from error
 
 
@@ -82,7 +86,7 @@ def _of_equal_channels(
         raise CaptureError(f"{path}: {key}: is {next(sizes)}, expected {next(sizes)}")
     try:
         channels = np.asarray(image.convert("RGB"))
-    except (OSError, SyntaxError) as error:
+    except _DAMAGES as error:
         raise CaptureError(f"{path}: {key}: is damaged: {error}") from error
     if not (channels == channels[..., :1]).all():
         raise CaptureError(f"{path}: {key}: is a colour image, expected 8-bit or 16-bit gray, or equal channels")
@@ -101,7 +105,7 @@ def _open(path: str | Path, key: str) -> Image.Image:
         image = Image.open(checked_file(path))
     except UnidentifiedImageError as error:
         raise CaptureError(f"{path}: {key}: cannot be read as an image") from error
-    except (OSError, Image.DecompressionBombError) as error:
+    except (*_DAMAGES, Image.DecompressionBombError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise CaptureError(f"{path}: {key}: cannot be read as an image: {reason}") from error
     if image.width * image.height > _MOST_PIXELS:

@@ -11,7 +11,7 @@ import pytest
 
 from activestereo.capture.capture import CaptureError, CaptureWarning, read_capture
 from activestereo.capture.write import write_capture
-from activestereo.capture.images import write_gray
+from activestereo.capture.images import read_gray, write_gray
 from activestereo.common.own_files import outside_allowed
 from virtual_sensor.world import make_world
 
@@ -231,3 +231,15 @@ def test_a_damaged_or_coloured_image_is_an_error(folder):
     Image.new("RGB", (32, 20), (9, 9, 8)).save(image)  # equal channels would be a gray image
     with pytest.raises(CaptureError, match="gray"):
         capture.ir(capture.frames[0], "left")
+
+
+def test_every_damaged_byte_of_an_image_is_an_error_that_names_it(folder):
+    # Some of Pillow's own errors are ValueErrors without a file, such as that of a header's chunk that is too short.
+    path = folder / "left" / "000000.png"
+    whole = path.read_bytes()
+    for place in range(8, 41):  # the signature is whole: both of the first chunks' lengths, names and sums
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 0x0F]) + whole[place + 1 :])
+        try:
+            read_gray(path, key="left")
+        except CaptureError as error:
+            assert "000000.png: left: " in str(error)
