@@ -6,7 +6,7 @@ array that maps coordinates in a to coordinates in b. Images are digital numbers
 """
 
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from activestereo.common.limits import (
     TEMPERATURE,
     TIME,
     TURN_RATE,
+    UNCERTAINTY,
 )
 
 FORMAT = "active-stereo-capture"
@@ -163,6 +164,20 @@ class Frame:
 
 
 @dataclass(frozen=True)
+class Uncertainty:
+    """Standard deviations of what a capture states, of each coordinate: poses of views, the projector's pose, focal
+    lengths and albedos (relative). The defaults are those of a good hand-eye and rig calibration and of albedos by
+    comparison with a reference card."""
+
+    pose_m: float = 1e-3
+    pose_rad: float = 1.5e-3
+    projector_m: float = 3e-4
+    projector_rad: float = 1e-3
+    focal: float = 6e-4
+    albedo: float = 0.03
+
+
+@dataclass(frozen=True)
 class Capture:
     """A folder in the capture format. Frames keep the file's order. measured: what `calibrate world` knows of camera,
     poses, pattern and light, with covariances (calibrate/README.md)."""
@@ -175,6 +190,7 @@ class Capture:
     depth_engine: dict[str, Any] = field(default_factory=dict)
     lights: tuple[KnownLight, ...] = ()
     measured: dict[str, Any] = field(default_factory=dict)
+    uncertainty: Uncertainty = Uncertainty()
 
     def split(self, name: str) -> list[Frame]:
         return [frame for frame in self.frames if frame.split == name]
@@ -243,7 +259,15 @@ def capture_from(root: JsonObject) -> Capture:
     return Capture(
         root.path.parent, root.text("name"), root.file("scene"), rig, frames, root.free_form("depth_engine"), lights,
         root.free_form("measured"),
+        _read_uncertainty(root.object("uncertainty", optional=True)),
     )  # fmt: skip
+
+
+def _read_uncertainty(entry: JsonObject | None) -> Uncertainty:
+    if entry is None:
+        return Uncertainty()
+    stated = {f.name: entry.number(f.name, UNCERTAINTY, optional=True) for f in fields(Uncertainty)}
+    return Uncertainty(**{name: value for name, value in stated.items() if value is not None})
 
 
 def _read_camera(entry: JsonObject) -> Camera:

@@ -3,12 +3,13 @@
 
 import json
 from collections.abc import Container, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from activestereo.capture.capture import FORMAT, SIDES, VERSION, Camera, Capture, Frame
+from activestereo.capture.capture import FORMAT, SIDES, VERSION, Camera, Capture, Frame, Uncertainty
 from activestereo.capture.images import write_gray
 from activestereo.common.input_files import read_bytes
 from activestereo.common.output_files import new_folder, write_bytes, write_png, write_text
@@ -95,6 +96,8 @@ def _capture_json(capture: Capture) -> dict[str, Any]:
         ]
     if capture.measured:
         root["measured"] = capture.measured
+    if capture.uncertainty != Uncertainty():
+        root["uncertainty"] = asdict(capture.uncertainty)
     return root
 
 

@@ -54,6 +54,8 @@ def _short(value: Any) -> str:
 
 # What a sensor, a lamp or a view can be; wide enough for any that there is, and far from where float32 ends.
 ANY = Limits(-1e30, 1e30)
+# Standard deviations of stated numbers, in metres, radians or shares: nothing is known better than to one in 10^7.
+UNCERTAINTY = Limits(1e-7, 1.0)
 SPEED = Limits(-1e3, 1e3, "m/s")
 TURN_RATE = Limits(-1e3, 1e3, "rad/s")
 EXPOSURE = Limits(1e-9, 100.0, "s")

@@ -29,6 +29,7 @@ from activestereo.compare.render import WARP_SCALE, Renderer, render_frames, ren
 from activestereo.compare.where_channels import surface_text
 from activestereo.diagnose.answer.figures import ErrorsOfModels, held_out_figures
 from activestereo.diagnose.answer.found_model import found_model
+from activestereo.diagnose.answer.geometry_json import geometry_json
 from activestereo.diagnose.answer.in_notebook import html_of
 from activestereo.diagnose.answer.judging import judging_json
 from activestereo.diagnose.answer.posterior import EffectPosterior, posterior_of
@@ -37,7 +38,7 @@ from activestereo.diagnose.answer.residual_model import residual_model
 from activestereo.diagnose.base_fit import BaseFits
 from activestereo.diagnose.channels import Progress
 from activestereo.diagnose.channels.fields_together import shown_together
-from activestereo.diagnose.evidence import Evidence, gather
+from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.findings import BaseFit, Finding, Ranking
 from activestereo.diagnose.greedy import Step, greedy
 from activestereo.diagnose.next_measurement import next_measurements
@@ -46,6 +47,7 @@ from activestereo.diagnose.rank import DiagnosisContext, rank, rank_depth, settl
 from activestereo.diagnose.refine import Fitters
 from activestereo.diagnose.refine.by_rendering import Rendering
 from activestereo.diagnose.refine.fit_cache import FitCache
+from activestereo.diagnose.refine.geometry_fit import gather_where_it_stands, standing
 from activestereo.diagnose.refine.parameter_space import Solution
 from activestereo.diagnose.thresholds import THRESHOLDS, Thresholds
 from activestereo.diagnose.verdict.acceptance import passes
@@ -152,13 +154,16 @@ def diagnose(
     phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES_S)
     phases.work = megapixels(capture)
     phases.begin(RENDERING)
-    sampled = half_samples(samples_per_pixel), max_bounces, seed, cache, phases
-    evidence = gather(capture, render_frames(capture, renderer, *sampled, WARP_SCALE), seed)
+    sampled: dict[str, Any] = {"samples_per_pixel": half_samples(samples_per_pixel), "max_bounces": max_bounces}
+    sampled |= {"seed": seed, "cache": cache, "progress": phases, "scale": WARP_SCALE}
+    known = _effects_of(model, capture.scene_path)
+    render = partial(render_frames, renderer=renderer, **sampled)
+    evidence = gather_where_it_stands(capture, render, known, seed, workers)
     whole: dict[str, Any] = {"samples_per_pixel": samples_per_pixel, "max_bounces": max_bounces, "seed": seed}
     whole |= {"progress": part_of(phases, 0.0, _BASE_SHARE), "scale": WARP_SCALE}
     base = partial(render_halves, renderer=renderer, cache=cache, **whole)
-    errors = ErrorsOfModels(capture, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0))
-    engine = None if rendering is None else rendering(capture)
+    errors = ErrorsOfModels(capture, evidence.capture, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0))
+    engine = None if rendering is None else rendering(evidence.capture)
     memory = FitCache(cache, evidence.train)
     try:
         diagnosis = examine(
@@ -188,6 +193,7 @@ def no_infrared(capture_path: str | Path) -> str | None:
 
 _NO_FIGURES: dict[str, Any] = {
     "heldout_ir_rmse_before": None,
+    "heldout_ir_rmse_geometry": None,
     "heldout_ir_rmse_after": None,
     "heldout_noise_floor": None,
     "curve": [],
@@ -204,6 +210,7 @@ def _undetermined(reason: str, model: Model) -> Diagnosis:
         **_NO_FIGURES,
         "next_measurement": [{"text": text, "separates": [], "change": None}],
         "residual_model": None,
+        "geometry": [],
         "depth": {"verdict": UNDETERMINED, "reason": reason, "ranking": [], "added": []},
         "model": model_json(model),
     }
@@ -259,6 +266,7 @@ def examine(
         "depth": depth_json(depth, faults, name_of),
         **_NO_FIGURES,
         "next_measurement": next_measurements(first, evidence),
+        "geometry": geometry_json(replace(standing(evidence, solution), deviations=evidence.geometry.deviations)),
         "judging": judging_json(first, evidence.has_floor),
         "residual_model": residual and residual.as_json(),
         "model": model_json(found, solution.nuisances),

@@ -154,7 +154,7 @@ def settled_first(context: DiagnosisContext, ranking: Ranking) -> Ranking:
     explanation = settled(context.evidence, context.fitters.train, first.explanation)
     found = replace(first, explanation=explanation)
     structure = local_structure(_rows_after(context, ranking.base, found))
-    variation, held = _variation(context, found.fitted), _prior_sigmas(context, found.fitted)
+    variation, held = _variation(context, found.fitted), _prior_sigmas(context, found.fitted, ranking.base)
     checks = replace(first.checks, structure_reduced_chi2=structure, variation=variation, prior_sigmas=held)
     return _with_findings(ranking, (replace(found, checks=checks), *ranking.findings[1:]))
 
@@ -321,7 +321,7 @@ def _with_remainders(context: DiagnosisContext, ranking: Ranking) -> Ranking:
             f.checks,
             structure_reduced_chi2=local_structure(_rows_after(context, ranking.base, f)),
             variation=base_checks.variation if f.solution is None else _variation(context, solution),
-            prior_sigmas=_prior_sigmas(context, solution),
+            prior_sigmas=_prior_sigmas(context, solution, ranking.base),
         )
         return replace(f, checks=checks)
 
@@ -332,20 +332,20 @@ def _base_checks(context: DiagnosisContext, base: BaseFit) -> BaseChecks:
     return BaseChecks(
         structure_reduced_chi2=local_structure(base.train),
         variation=_variation(context, base.solution),
-        prior_sigmas=_prior_sigmas(context, base.solution),
+        prior_sigmas=context.fitters.train.prior_sigmas(base.solution),
         plain_excess_reduced_chi2=_square(base.train) / _floor_square(context) - 1.0,
         unsteady_reduced_chi2=unsteady_reduced_chi2(base.train),
         uneven_structure_reduced_chi2=uneven_structure(base.train),
     )
 
 
-def _prior_sigmas(context: DiagnosisContext, solution: Solution) -> float:
-    """How far a solution moves a focal length or an albedo from its prior, in the prior's deviations. An effect on
-    surfaces changes what the albedo means, so that its prior does not count beside it.
+def _prior_sigmas(context: DiagnosisContext, solution: Solution, base: BaseFit) -> float:
+    """How much farther than the base a solution takes what is stated of geometry and albedos, in deviations. What is
+    named of a surface makes of its albedo another quantity than the measured one: beside it no prior counts.
     """
     if any(e.stage is Stage.SURFACE and e.id not in context.given for e in solution.effects):
         return 0.0
-    return context.fitters.train.prior_sigmas(solution)
+    return context.fitters.train.prior_sigmas(solution, base.solution)
 
 
 def _floor_square(context: DiagnosisContext) -> float:

@@ -65,9 +65,9 @@ class Thresholds:
         moves="halved: named -0.053, outside +0.036; doubled: outside -0.071")
     unexplained_share: float = _threshold(0.2, "1", "share of the initial structure that must remain for something to "
         "be missing", _CALIBRATED, moves="halved: named -0.013; doubled: outside -0.036")
-    largest_prior_sigmas: float = _threshold(4.0, "1", "farthest that a named effect's fit may take a focal length or "
-        "an albedo from calibration and scene measurement, in their deviations", "theory: one normal error in 16 000 "
-        "is larger")
+    largest_prior_sigmas: float = _threshold(4.0, "1", "farthest that a named effect's fit may take geometry or "
+        "an albedo from what is stated beyond where the fit without it takes them, in the stated deviations",
+        "theory: one normal error in 16 000 is larger")
     largest_scene_error_reduced_chi2: float = _threshold(0.5, "noise variances", "largest excess of any shape that "
         "errors of the scene measurement leave, where no effect is named", _CALIBRATED,
         moves="doubled: outside -0.036")

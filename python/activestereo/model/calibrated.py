@@ -27,7 +27,7 @@ class MeasuredProjector(Projector):
 
 
 def calibrated(capture: Capture, model: SensorModel) -> Capture:
-    """The capture with the model's K, lenses, baseline, projector and pattern, where it has them.
+    """The capture with the model's K, lenses, baseline, projector, pattern and poses, where it has them.
 
     ValueError where the model is of images of another size.
     """
@@ -47,7 +47,10 @@ def calibrated(capture: Capture, model: SensorModel) -> Capture:
         old, image = rig.projector, pattern_image(model.pattern)
         measured = MeasuredProjector(old.pattern_path, model.pattern.K, old.left_to_projector, image)
         rig = replace(rig, projector=measured)
-    return replace(capture, rig=rig)
+    measured_of = {pose.stated.tobytes(): pose.measured for pose in model.poses}
+    poses = (measured_of.get(f.camera_to_world.tobytes(), f.camera_to_world) for f in capture.frames)
+    frames = tuple(replace(f, camera_to_world=pose) for f, pose in zip(capture.frames, poses, strict=True))
+    return replace(capture, rig=rig, frames=frames)
 
 
 def pattern_image(pattern: Pattern) -> NDArray[np.float32]:

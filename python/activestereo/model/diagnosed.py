@@ -12,6 +12,7 @@ from activestereo.model.model import (
     NOISE_TERMS,
     NUISANCES,
     Imager,
+    MeasuredPose,
     Pattern,
     Quantity,
     Rig,
@@ -44,13 +45,14 @@ def diagnosed_model(
     albedo: Mapping[str, float] | None = None,
     intervals: Mapping[tuple[str, str], Interval] | None = None,
     material_names: Sequence[str] = (),
+    poses: Sequence[MeasuredPose] = (),
 ) -> SensorModel:
     """The SensorModel of a diagnosis.
 
     effects: what was found. nuisances: values by names of model.model.NUISANCES. noise_model: None where no repeat
     gives it. albedo: {material name: factor on its nominal infrared
     albedo}. intervals: {(effect id or 'nuisances' or material name, parameter): 90 % interval}. material_names: of the
-    capture's scene, by id.
+    capture's scene, by id. poses: where views stand, where that is not where they are stated.
     """
     bounds, source = intervals or {}, f"diagnosis of {capture.name}"
 
@@ -70,6 +72,7 @@ def diagnosed_model(
         nuisances={
             name: quantity("nuisances", name, value, NUISANCES[name][0]) for name, value in (nuisances or {}).items()
         },
+        poses=tuple(poses),
         source=source,
     )
     for effect, parameters in effects.effects:

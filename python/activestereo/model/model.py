@@ -106,6 +106,14 @@ class Imager:
 
 
 @dataclass(frozen=True)
+class MeasuredPose:
+    """Where a view of the capture stands: 4x4 camera_to_world of the left camera, as stated and as measured."""
+
+    stated: NDArray[np.float64]
+    measured: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
 class ModelEffect:
     """An effect with its parameters. surfaces: names of the materials that show it, () = all; in place of the parameter
     of that name."""
@@ -117,8 +125,8 @@ class ModelEffect:
 
 @dataclass(frozen=True)
 class SensorModel:
-    """nuisances: names of NUISANCES; materials: {glTF name: {name of MATERIAL_FIELDS: Quantity}}; source: how the model
-    came to be."""
+    """nuisances: names of NUISANCES; materials: {glTF name: {name of MATERIAL_FIELDS: Quantity}}; poses: of the capture
+    that the model was found on, where they are not as it states; source: how the model came to be."""
 
     rig: Rig | None = None
     pattern: Pattern | None = None
@@ -126,6 +134,7 @@ class SensorModel:
     effects: tuple[ModelEffect, ...] = ()
     materials: Mapping[str, Mapping[str, Quantity]] = field(default_factory=dict)
     nuisances: Mapping[str, Quantity] = field(default_factory=dict)
+    poses: tuple[MeasuredPose, ...] = ()
     source: str = ""
 
     def with_effect(

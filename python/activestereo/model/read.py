@@ -20,6 +20,7 @@ from activestereo.model.model import (
     NOISE_TERMS,
     NUISANCES,
     Imager,
+    MeasuredPose,
     ModelEffect,
     Pattern,
     Quantity,
@@ -72,6 +73,10 @@ def _read(root: JsonObject, effects: dict[str, Effect]) -> SensorModel:
         if materials
         else {},
         nuisances=_fields(nuisances, NUISANCES) if nuisances else {},
+        poses=tuple(
+            MeasuredPose(entry.rigid_transform("stated"), entry.rigid_transform("measured"))
+            for entry in (root.objects("poses") if root.has("poses") else [])
+        ),
         source=_source(root),
     )
 

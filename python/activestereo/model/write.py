@@ -50,6 +50,8 @@ def model_json(model: SensorModel, pattern_file: str | None = None) -> dict[str,
     root["effects"] = [_effect(entry) for entry in model.effects]
     root["materials"] = {name: {f: _quantity(q) for f, q in fields.items()} for name, fields in model.materials.items()}
     root["nuisances"] = {name: _quantity(q) for name, q in model.nuisances.items()}
+    if model.poses:
+        root["poses"] = [{"stated": _numbers(p.stated), "measured": _numbers(p.measured)} for p in model.poses]
     return root
 
 

@@ -31,6 +31,8 @@ def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> 
     """Sections of diagnose.json's contents (report/schema/diagnose.schema.json). shown: effects whose residuals the
     page holds."""
     parts = [_verdict(diagnosis)]
+    if diagnosis.get("geometry"):
+        parts.append(section("What stands elsewhere than the capture says", _geometry(diagnosis["geometry"])))
     if diagnosis["ranking"]:
         parts.append(_ranking(diagnosis, shown))
     if diagnosis.get("depth", {}).get("ranking"):
@@ -54,6 +56,10 @@ def _verdict(diagnosis: dict[str, Any]) -> str:
     if diagnosis.get("residual_model"):
         parts.append(f"<h3>Model of what is left</h3>{_residual_model(diagnosis['residual_model'])}")
     return section("Which effect is missing", *parts)
+
+
+def _geometry(entries: Sequence[dict[str, Any]]) -> str:
+    return "<ul>" + "".join(f"<li>{text(entry['text'])}</li>" for entry in entries) + "</ul>"
 
 
 def _added(diagnosis: dict[str, Any]) -> str:

@@ -4,7 +4,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from activestereo.diagnose.answer.verdict_words import alike, error_text, headline, next_steps, rivals
+from activestereo.diagnose.answer.verdict_words import alike, error_text, geometry_words, headline, next_steps, rivals
 
 _SHOWN = 8
 _BAR = 40
@@ -36,6 +36,7 @@ def verdict_text(result: Mapping[str, Any]) -> str:
     lines = [headline(result), f"verdict: {result['verdict']}{added}"]
     if result.get("reason") and result["verdict"] != "undetermined":
         lines.append(result["reason"])
+    lines += geometry_words(result)
     lines += _errors(result)
     found = {entry["effect"]: entry for entry in result["ranking"]}
     lines += [f"{name}: {_values(found[name])}" for name in result["added"] if found.get(name, {}).get("parameters")]

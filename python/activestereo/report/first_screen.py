@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from activestereo.capture.capture import SIDES, Frame
 from activestereo.common.html_table import text
-from activestereo.diagnose.answer.verdict_words import error_text, headline, next_steps, rivals
+from activestereo.diagnose.answer.verdict_words import error_text, geometry_words, headline, next_steps, rivals
 from activestereo.report.charts import effects_chart
-from activestereo.report.diagnosis_text import parameter_text
 from activestereo.report.encode import data_address
 from activestereo.report.models import BASE, FOUND, ModelImages
 from activestereo.report.page import chart
@@ -48,7 +47,7 @@ def first_screen(
 
 
 def _errors(diagnosis: Mapping[str, Any]) -> str:
-    """The errors, what was found with its fitted values, and the effects that cannot be told apart."""
+    """The errors, and the effects that cannot be told apart."""
     before, after, floor = (
         diagnosis[key] for key in ("heldout_ir_rmse_before", "heldout_ir_rmse_after", "heldout_noise_floor")
     )
@@ -57,16 +56,11 @@ def _errors(diagnosis: Mapping[str, Any]) -> str:
         noise = "" if floor is None else f", noise alone gives {floor:.2f} DN"
         errors = f"{error_text(before, floor, 2)} before, {error_text(after, floor, 2)} after"
         said.append(f"Held-out error {errors}{noise}. ")
-    said += [f"Found: <b>{text(name)}</b>{_values(diagnosis, name)}. " for name in diagnosis["added"]]
+    said += [f"{text(words)} " for words in geometry_words(diagnosis)]
     if others := rivals(diagnosis):
         tags = "".join(f'<span class="tag">{text(name)}</span>' for name in others)
         said.append(f"This data cannot tell {text(diagnosis['ranking'][0]['effect'])} from {tags}")
     return "".join(said)
-
-
-def _values(diagnosis: Mapping[str, Any], effect: str) -> str:
-    entry = next((entry for entry in diagnosis["ranking"] if entry["effect"] == effect), None)
-    return "" if entry is None else "".join(f", {text(parameter_text(*item))}" for item in entry["parameters"].items())
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from activestereo.diagnose.channels.depth_engine import pose_error_nats
 from activestereo.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Remainder, Score
 from activestereo.diagnose.thresholds import THRESHOLDS
 from activestereo.diagnose.refine import Fitter
+from activestereo.diagnose.evidence.observation import NuisancePrior
 from activestereo.diagnose.refine.light import SCALES
 from activestereo.diagnose.score.intervals import interval
 from activestereo.diagnose.verdict import confidence
@@ -132,17 +133,20 @@ def test_unknown_is_what_has_structure_or_is_more_than_scene_errors_leave(excess
 
 
 def test_how_far_a_fit_takes_calibration_and_measurement_counts_the_farthest_in_its_own_deviations():
-    fitter = Fitter([], np.array([6e-4, 6e-4, 0.03]), 1)
+    fitter = Fitter([], NuisancePrior(np.zeros(3), np.array([6e-4, 6e-4, 0.03]), 1, 0.03), 1)
     phi = np.array([5.0, 9.0, 20.0, 6e-4, -1.8e-3, 0.06])  # scales and black level have no prior
     assert fitter.prior_sigmas(SimpleNamespace(phi=phi)) == pytest.approx(3.0)
-    assert Fitter([], np.array([]), 1).prior_sigmas(SimpleNamespace(phi=phi[:SCALES])) == 0.0
+    base = SimpleNamespace(phi=np.array([5.0, 9.0, 20.0, 0.0, -1.2e-3, 0.06]))
+    assert fitter.prior_sigmas(SimpleNamespace(phi=phi), base) == pytest.approx(1.0)  # what goes beyond the base's
+    nothing = NuisancePrior(np.array([]), np.array([]), 0, 0.03)
+    assert Fitter([], nothing, 1).prior_sigmas(SimpleNamespace(phi=phi[:SCALES])) == 0.0
 
 
 def test_what_a_scene_measurement_may_have_wrong_widens_an_interval():
     """An effect and a focal length that move the images alike: the data tell their sum, the scene measurement one of
     them."""
     sigma, weight = 6e-4, 1e10
-    fitter = Fitter([], np.array([sigma, sigma]), 1)
+    fitter = Fitter([], NuisancePrior(np.zeros(2), np.array([sigma, sigma]), 0, 0.03), 1)
     size = 1 + SCALES + 2
     alike = np.zeros(size)
     alike[[0, 1 + SCALES]] = 1.0, 1.0  # of the effect's parameter and the left camera's focal length

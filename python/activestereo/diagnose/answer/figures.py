@@ -25,27 +25,32 @@ Step: TypeAlias = tuple[Sequence[str], SensorModel]  # effects added, and the mo
 
 @dataclass(frozen=True)
 class ErrorsOfModels:
-    """The ImageErrors of models on a capture. base: renders the base model's light on all frames of a capture; seed and
-    engines as of compare(). progress: called with the fraction of a model that engines have rendered."""
+    """The ImageErrors of models on a capture, as it is stated, and on what was measured of it. base: renders the base
+    model's light on all frames of a capture; seed and engines as of compare(). progress: called with the fraction of a
+    model that engines have rendered."""
 
     capture: Capture
+    measured: Capture
     base: Callable[[Capture], Halves]
     seed: int = 0
     engines: Callable[[Capture], CaptureRenderer] | None = None
     progress: Progress | None = None
 
-    def given(self, model: Model | SensorModel | None) -> ImageErrors:
-        """Errors of the model that a diagnosis starts from. None: there is none; the base model's light is taken."""
+    def given(self, model: Model | SensorModel | None, measured: bool = False) -> ImageErrors:
+        """Errors of the model that a diagnosis starts from, on the capture as stated or as measured. None: there is
+        none; the base model's light is taken."""
+        own = self.measured if measured else self.capture
         if isinstance(model, SensorModel):
-            capture = calibrated(self.capture, model)
+            capture = calibrated(own, model)
             return self._under(model, capture, self.base(capture))
         engines = None if model is None else self.engines
-        base, given = self._own_base(), model or Model()
-        return image_errors(self.capture, given, base, self.seed, engines, progress=self.progress)
+        base = self._measured_base() if measured else self._own_base()
+        return image_errors(own, model or Model(), base, self.seed, engines, progress=self.progress)
 
     def found(self, model: SensorModel) -> ImageErrors:
-        """Errors of a model with the capture's own calibration and pattern."""
-        return self._under(model, self.capture, self._own_base())
+        """Errors of a model with the calibration, pattern and poses that it was found with."""
+        capture = calibrated(self.capture, model)
+        return self._under(model, capture, self.base(capture))
 
     def _under(self, model: SensorModel, capture: Capture, base: Halves) -> ImageErrors:
         names = surface_names(capture.scene_path)
@@ -55,6 +60,10 @@ class ErrorsOfModels:
     @computed_once
     def _own_base(self) -> Halves:
         return self.base(self.capture)
+
+    @computed_once
+    def _measured_base(self) -> Halves:
+        return self._own_base() if self.measured is self.capture else self.base(self.measured)
 
 
 def held_out_figures(
@@ -68,9 +77,12 @@ def held_out_figures(
     added, model = written
     before, after = errors.given(given), errors.found(model)
     way = [((), before), *((names, errors.found(m)) for names, m in between), *([(added, after)] if added else [])]
+    is_moved = errors.measured is not errors.capture
+    standing = errors.given(given, measured=True) if is_moved else before
     floors = {split: e["noise_floor_dn"] for split, e in after.by_split().items()}
     figures = {
         "heldout_ir_rmse_before": _rmse(before, "test"),
+        "heldout_ir_rmse_geometry": _rmse(standing, "test"),
         "heldout_ir_rmse_after": _rmse(after, "test"),
         "heldout_noise_floor": floors.get("test"),
         "train_noise_floor": floors.get("train"),

@@ -5,22 +5,24 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from activestereo.diagnose.evidence import Evidence
+from activestereo.diagnose.evidence import Evidence, Geometry
 from activestereo.diagnose.findings import Finding
+from activestereo.diagnose.refine.geometry_fit import standing
 from activestereo.diagnose.refine.light import DENSE, SCALES
 from activestereo.diagnose.refine.parameter_space import Solution
 from activestereo.effects import Model
 from activestereo.effects.core.scene_surfaces import material_of, scene_surfaces
 from activestereo.model import SensorModel, diagnosed_model
+from activestereo.model.model import MeasuredPose
 
-_NAMES = ("projector_scale", "ambient_scale", "black_dn", "focal_left", "focal_right")
+_NAMES = ("projector_scale", "ambient_scale", "black_dn")
 
 
 def found_model(evidence: Evidence, model: Model, solution: Solution, findings: Sequence[Finding]) -> SensorModel:
     """The capture's calibration and pattern with the effects of `model`, the nuisances and albedos of a fit under
     them, and the noise model where repeats gave it. findings: give the effects' intervals.
     """
-    surfaces = scene_surfaces(evidence.capture.scene_path)
+    geometry, surfaces = standing(evidence, solution), scene_surfaces(evidence.capture.scene_path)
     albedo = {
         material_of(surfaces[number].name): 1.0 + float(solution.phi[DENSE + index])
         for index, number in _albedo_surfaces(evidence).items()
@@ -32,14 +34,22 @@ def found_model(evidence: Evidence, model: Model, solution: Solution, findings: 
         for name, parameter in f.explanation.parameters.items()
     }
     return diagnosed_model(
-        evidence.capture,
+        geometry.capture(),
         model,
-        nuisances=dict(zip(_NAMES, map(float, solution.phi[: SCALES + 2]), strict=True)),
+        nuisances=dict(zip(_NAMES, map(float, solution.phi[:SCALES]), strict=True)),
         noise_model=evidence.noise_model if evidence.has_floor else None,
         albedo=albedo,
         intervals=intervals,
         material_names=[surface.name for surface in surfaces],
+        poses=_measured_poses(geometry),
     )
+
+
+def _measured_poses(geometry: Geometry) -> list[MeasuredPose]:
+    """Each pose that is not where it is stated."""
+    frames = zip(geometry.stated.frames, geometry.capture().frames, strict=True)
+    both = {s.camera_to_world.tobytes(): (s.camera_to_world, f.camera_to_world) for s, f in frames}
+    return [MeasuredPose(stated, measured) for stated, measured in both.values() if (stated != measured).any()]
 
 
 def _albedo_surfaces(evidence: Evidence) -> dict[int, int]:

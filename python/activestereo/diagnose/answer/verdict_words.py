@@ -8,6 +8,8 @@ from typing import Any
 
 # Beyond noise less than this share of the noise variance is no error whose fall could be told.
 _LEAST_EXCESS = 0.02
+# A stated uncertainty that a correction exceeds by so much was stated wrong.
+IMPOSSIBLE_SIGMAS = 10.0
 # With less of the error beyond noise gone, another effect is worth a search.
 _MOST = 0.8
 
@@ -18,11 +20,12 @@ def error_text(rmse_dn: float, floor_dn: float | None, decimals: int) -> str:
 
 
 def share_gone(result: Mapping[str, Any]) -> float | None:
-    """The share of the held-out squared error beyond noise that goes with what was added; None where it cannot be told.
-    """
+    """The share of the held-out squared error beyond noise that goes with what was added, the geometry as it was
+    measured; None where it cannot be told."""
     before, after, floor = (
         result[key] for key in ("heldout_ir_rmse_before", "heldout_ir_rmse_after", "heldout_noise_floor")
     )
+    before = result.get("heldout_ir_rmse_geometry", before)
     if before is None or after is None or floor is None or before**2 < (1.0 + _LEAST_EXCESS) * floor**2:
         return None
     return 1.0 - max(after**2 - floor**2, 0.0) / (before**2 - floor**2)
@@ -72,6 +75,18 @@ def headline(result: Mapping[str, Any]) -> str:
     return f"This data cannot tell what is missing{reason}."
 
 
+def geometry_words(result: Mapping[str, Any]) -> list[str]:
+    """Sentences on what stands elsewhere than the capture says, several views in one."""
+    entries = result.get("geometry", [])
+    views = [entry for entry in entries if entry["what"] == "view"]
+    said = [entry["text"] for entry in entries if entry["what"] != "view" or len(views) == 1]
+    if len(views) > 1:
+        moved, turned = (max(entry[key] for entry in views) for key in ("moved_mm", "turned_deg"))
+        places = f"up to {moved:.1f} mm ({turned:.2f} degrees) from where the capture says"
+        said.append(f"{len(views)} views stand {places}")
+    return [f"{words[0].upper()}{words[1:]}." for words in said]
+
+
 def _lowered(words: str) -> str:
     return words[0].lower() + words[1:]
 
@@ -86,6 +101,8 @@ def _left(result: Mapping[str, Any]) -> str:
 def next_steps(result: Mapping[str, Any]) -> list[str]:
     """Sentences on what to do with the answer, most useful first."""
     steps = [_measurement(advice) for advice in result["next_measurement"][:1]]
+    if any(entry["stated_sigmas"] > IMPOSSIBLE_SIGMAS for entry in result.get("geometry", [])):
+        steps.append("Calibrate the rig again, or state a larger \"uncertainty\" in capture.json.")
     if result["verdict"] == "effect":
         gone = share_gone(result)
         if gone is not None and gone < _MOST:

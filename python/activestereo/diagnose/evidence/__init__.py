@@ -2,6 +2,7 @@
 """The evidence of a diagnosis: measured images beside their rendered light, expected variances, tiles and folds."""
 
 from activestereo.diagnose.evidence.gather import gather
+from activestereo.diagnose.evidence.geometry import Geometry
 from activestereo.diagnose.evidence.observation import BLOCK_PX, FOLDS, TILE_PX, Evidence, Observation
 
-__all__ = ["BLOCK_PX", "FOLDS", "TILE_PX", "Evidence", "Observation", "gather"]
+__all__ = ["BLOCK_PX", "FOLDS", "TILE_PX", "Evidence", "Geometry", "Observation", "gather"]

@@ -13,6 +13,7 @@ from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
 from activestereo.compare.render import LayersOfFrames
 from activestereo.compare.unsteady_light import unsteady_light
 from activestereo.diagnose.evidence.focal_slope import focal_slope
+from activestereo.diagnose.evidence.geometry import Geometry, geometry_slopes
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.diagnose.evidence.model_discrepancy import edge_discrepancy
 from activestereo.diagnose.evidence.observation import (
@@ -38,8 +39,13 @@ _MOST_MEASURED = 0.5
 NoiseVariances = dict[tuple[int, str], float]
 
 
-def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0) -> Evidence:
-    """The Evidence of a capture and its rendered layers {frame id: {side: Layers}}. seed: rules every random choice."""
+def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Geometry | None = None) -> Evidence:
+    """The Evidence of a capture and its rendered layers {frame id: {side: Layers}}.
+
+    seed: rules every random choice. geometry: corrections that the capture has already; None = it is as stated.
+    """
+    geometry = geometry or Geometry.as_stated(capture)
+    places = geometry.places()
     measured_images = [
         MeasuredImage(
             f, side, View.of(capture, f, side, layers[f.id][side], seed), layers[f.id][side], capture.ir(f, side)
@@ -60,6 +66,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0) -> Evidence:
     tiles, count = _tiles(train)
     material_of = _material_of(capture)
     materials = _albedo_materials(train, material_of)
+    moving = geometry_slopes(measured_images, nuisances)
 
     def observation(measured_image: MeasuredImage) -> Observation:
         weight = weight_of(noise_model, edge_discrepancy_m, measured_image, expected[measured_image.key])
@@ -80,6 +87,8 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0) -> Evidence:
             fold,
             material,
             slope,
+            moving[measured_image.key],
+            len(SIDES) + len(materials) + places[measured_image.frame.id],
         )
 
     return Evidence(
@@ -93,6 +102,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0) -> Evidence:
         materials=len(materials),
         tiles=count,
         edge_discrepancy_m=edge_discrepancy_m,
+        geometry=geometry,
         seed=seed,
     )
 

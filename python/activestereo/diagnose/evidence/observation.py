@@ -15,6 +15,7 @@ from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.noise import NoiseModel
 from activestereo.compare.nuisances import Nuisances
+from activestereo.diagnose.evidence.geometry import TWIST, Geometry
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.diagnose.evidence.model_discrepancy import edge_slopes
 
@@ -23,9 +24,6 @@ TILE_PX = 16
 # What lies closer than this may share an error: cross-validation folds and standard errors go by blocks.
 BLOCK_PX = 32
 FOLDS = 4
-# A material's nominal albedo is believed to this relative deviation, a calibration's focal length to this one.
-ALBEDO_SIGMA = 0.03
-FOCAL_SIGMA = 6e-4
 
 
 @dataclass(frozen=True)
@@ -34,8 +32,9 @@ class Observation(MeasuredImage):
 
     weight: 1 / variance of the measurement, 1/DN^2. tile: each pixel's tile, numbered over all train
     observations, and fold: the tile's cross-validation fold (both -1 for test frames). material: index into the
-    albedo nuisances, -1 = none. focal_slope: DN per relative change of the focal length. pick: flat indices of the
-    pixels that count, None = all.
+    albedo nuisances, -1 = none. focal_slope: DN per relative change of the focal length. geometry_slopes: DN per
+    metre and radian, [12][height][width], of the numbers at geometry_places in NuisancePrior. pick: flat indices
+    of the pixels that count, None = all.
     """
 
     weight: np.ndarray
@@ -43,7 +42,20 @@ class Observation(MeasuredImage):
     fold: np.ndarray
     material: np.ndarray
     focal_slope: np.ndarray
+    geometry_slopes: np.ndarray
+    geometry_places: np.ndarray
     pick: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class NuisancePrior:
+    """A normal prior of the nuisances after scales and black level: both focal lengths, albedos, then
+    Geometry.twists(). value, sigma: [n]; materials: how many albedos; albedo_sigma: of any material."""
+
+    value: np.ndarray
+    sigma: np.ndarray
+    materials: int
+    albedo_sigma: float
 
 
 @dataclass(frozen=True)
@@ -53,7 +65,8 @@ class Evidence:
     nuisances: a first fit of projector scale, ambient scale and black level. noise_model: the photon-transfer noise
     model of the noise; has_floor: whether repeats gave it. noise_variances: {(frame id, side): DN^2}. materials: how
     many albedo nuisances there are. tiles: how many tiles. seed: rules every random choice. edge_discrepancy_m:
-    standard deviation of the positions of the scene's edges.
+    standard deviation of the positions of the scene's edges. geometry: corrections of the stated one that the capture
+    has here.
     """
 
     capture: Capture
@@ -66,14 +79,21 @@ class Evidence:
     materials: int
     tiles: int
     edge_discrepancy_m: float
+    geometry: Geometry
     seed: int = 0
 
-    @property
-    def prior_sigma(self) -> np.ndarray:
-        """Prior deviations of the nuisances that calibration and scene measurement tell: both cameras' focal lengths,
-        then albedos.
-        """
-        return np.concatenate([np.full(len(SIDES), FOCAL_SIGMA), np.full(self.materials, ALBEDO_SIGMA)])
+    def nuisance_prior(self) -> NuisancePrior:
+        """The calibration's and scene measurement's word on the nuisances, from where images were rendered; poses of
+        test frames alone stay where they were found."""
+        known = self.capture.uncertainty
+        twist = np.repeat([known.pose_m, known.pose_rad], TWIST // 2)
+        projector = np.repeat([known.projector_m, known.projector_rad], TWIST // 2)
+        focal, albedo = np.full(len(SIDES), known.focal), np.full(self.materials, known.albedo)
+        sigma = np.concatenate([focal, albedo, projector, *[twist] * len(self.geometry.poses)])
+        value = np.concatenate([-self.geometry.focal, np.zeros(self.materials), -self.geometry.twists()])
+        seen = np.unique(np.concatenate([o.geometry_places for o in self.train]))
+        value[np.setdiff1d(np.arange(len(SIDES) + self.materials, len(value)), seen)] = 0.0
+        return NuisancePrior(value, sigma, self.materials, known.albedo)
 
     @property
     def pixels(self) -> int:

@@ -5,7 +5,6 @@ than by another albedo.
 
 import numpy as np
 
-from activestereo.diagnose.evidence.observation import ALBEDO_SIGMA
 from activestereo.diagnose.refine.fitter import Fitter, signal
 from activestereo.diagnose.refine.light import SCALES
 from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solution
@@ -47,7 +46,7 @@ def _by_material(fitter: Fitter, space: ParameterSpace, theta: np.ndarray, phi: 
         for k in np.unique(material[material < MOST_MATERIALS]):
             here = material == k
             sums[k].add(rest[here], glow[here], weight[here])
-    return np.array([s.chi2() for s in sums])
+    return np.array([s.chi2(fitter.albedo_sigma) for s in sums])
 
 
 def on_explained(fitter: Fitter, solution: Solution, steps: int) -> Solution:
@@ -74,5 +73,5 @@ class _Sums:
         self._cross += float(weight @ (rest * glow))
         self._slope += float(weight @ glow**2)
 
-    def chi2(self) -> float:
-        return self._square - self._cross**2 / (self._slope + ALBEDO_SIGMA**-2) if self._slope > 0 else 0.0
+    def chi2(self, albedo_sigma: float) -> float:
+        return self._square - self._cross**2 / (self._slope + albedo_sigma**-2) if self._slope > 0 else 0.0

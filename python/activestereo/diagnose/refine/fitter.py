@@ -19,9 +19,9 @@ import numpy as np
 from activestereo.common.computed_once import computed_once
 from activestereo.common.normal_matrix import inverse_normal_matrix
 from activestereo.compare.nuisances import Nuisances
-from activestereo.diagnose.evidence.observation import FOLDS, Evidence, Observation
+from activestereo.diagnose.evidence.observation import FOLDS, Evidence, NuisancePrior, Observation
 from activestereo.diagnose.refine.fit_cache import FitCache, content_key, fit_key
-from activestereo.diagnose.refine.light import DENSE, SCALES, AllPixels, LightMemory, exposed
+from activestereo.diagnose.refine.light import SCALES, AllPixels, LightMemory, exposed
 from activestereo.diagnose.refine.normal_equations import Pixels, Sums
 from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solution
 from activestereo.effects import Light, Model
@@ -55,7 +55,7 @@ class ImageResidual(NamedTuple):
 class Fitter:
     """Fits over given observations.
 
-    prior_sigma: prior deviations of the nuisances that have one. fine=False, for scans: warps look up pixels alone, and
+    prior: what is known of the nuisances beforehand. fine=False, for scans: warps look up pixels alone, and
     sums are of no folds. memory: where fits are kept, or None. threads: that work on images at a time; a process that
     was made for fits (parallel_prefit.py) has one.
     """
@@ -63,7 +63,7 @@ class Fitter:
     def __init__(
         self,
         observations: Sequence[Observation],
-        prior_sigma: np.ndarray,
+        prior: NuisancePrior,
         tiles: int,
         fine: bool = True,
         memory: FitCache | None = None,
@@ -71,7 +71,7 @@ class Fitter:
     ) -> None:
         self.observations, self.memory, self.threads = observations, memory, min(threads, MOST_THREADS)
         self._fine = fine
-        self._prior_sigma = prior_sigma
+        self._nuisance_prior = prior
         self._tiles = tiles
         self._lights = LightMemory(observations)
         self._residuals: OrderedDict[int, tuple[Solution, list[ImageResidual]]] = OrderedDict()
@@ -79,7 +79,12 @@ class Fitter:
     @property
     def materials(self) -> int:
         """How many materials have an albedo nuisance."""
-        return len(self._prior_sigma) - (DENSE - SCALES)
+        return self._nuisance_prior.materials
+
+    @property
+    def albedo_sigma(self) -> float:
+        """The relative deviation that a stated albedo is believed to."""
+        return self._nuisance_prior.albedo_sigma
 
     @computed_once
     def _pixels(self) -> list[Pixels]:
@@ -87,7 +92,7 @@ class Fitter:
 
     @computed_once
     def _content(self) -> str:
-        return content_key(self.observations, self._prior_sigma, self._tiles, self._fine)
+        return content_key(self.observations, self._nuisance_prior, self._tiles, self._fine)
 
     def remembered(
         self, make: Callable[[], Mapping[str, np.ndarray]], space: ParameterSpace, *values: object
@@ -98,7 +103,7 @@ class Fitter:
         return self.memory.once(fit_key(self._content(), space, *values), make)
 
     def phi0(self, nuisances: Nuisances) -> np.ndarray:
-        return np.concatenate([nuisances.vector(), np.zeros(len(self._prior_sigma))])
+        return np.concatenate([nuisances.vector(), np.zeros(len(self._nuisance_prior.sigma))])
 
     def _side_by_side(self, work: Callable[[_In], _Out], items: Sequence[_In]) -> list[_Out]:
         """work(item) of each, by the threads."""
@@ -155,13 +160,17 @@ class Fitter:
 
         def rest(seen: tuple[Pixels, Light]) -> np.ndarray:
             pixels, light = seen
-            return pixels.measured - _with_focal(exposed(model, pixels, light, phi)[0], pixels, phi)
+            return pixels.measured - _moved(exposed(model, pixels, light, phi)[0], pixels, phi)
 
         return self._side_by_side(rest, list(zip(self._pixels(), lights, strict=True)))
 
     def _chi2(self, rests: Sequence[np.ndarray], phi: np.ndarray) -> float:
         squares = sum(float(((r * p.root_weight) ** 2).sum()) for p, r in zip(self._pixels(), rests, strict=True))
-        return squares + float(((phi[SCALES:] / self._prior_sigma) ** 2).sum())
+        return squares + float((self._strain(phi) ** 2).sum())
+
+    def _strain(self, phi: np.ndarray) -> np.ndarray:
+        """How far nuisances are from what is stated, in its deviations."""
+        return (phi[SCALES:] - self._nuisance_prior.value) / self._nuisance_prior.sigma
 
     def linearise(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> Sums:
         """Sums at (theta, phi). Columns: theta, then phi."""
@@ -214,7 +223,7 @@ class Fitter:
             columns += scale_columns or []
             none, is_right = np.zeros(image.shape), pixels.observation.view.is_right
             columns += [none, pixels.focal_slope] if is_right else [pixels.focal_slope, none]
-            return pixels, columns, pixels.measured - image - phi[SCALES + is_right] * pixels.focal_slope
+            return pixels, columns, pixels.measured - image - _displacement(pixels, phi)
 
         seen = ((i, pixels, light) for i, (pixels, light) in enumerate(zip(pixels_of, lights, strict=True)))
         if not isinstance(lights, Sequence):  # whoever asks may stop after any of them
@@ -240,9 +249,11 @@ class Fitter:
         pulls = [rows @ moment for moment in solution.sums.block_moment.values()]
         return sum(pull @ pull.T for pull in pulls) + (rows * prior) @ rows.T
 
-    def prior_sigmas(self, solution: Solution) -> float:
-        """How far a solution takes a nuisance that has a prior, the farthest, in the prior's deviations."""
-        return float(np.abs(solution.phi[SCALES:] / self._prior_sigma).max(initial=0.0))
+    def prior_sigmas(self, solution: Solution, base: Solution | None = None) -> float:
+        """How far a solution takes a nuisance that has a prior, the farthest, in the prior's deviations; with a base,
+        how much farther than that takes it."""
+        strain = np.abs(self._strain(solution.phi))
+        return float((strain if base is None else strain - np.abs(self._strain(base.phi))).max(initial=0.0))
 
     def inverse(self, solution: Solution) -> np.ndarray:
         """The inverse of the normal matrix with its priors, at a solution: (theta, phi) in rows and columns."""
@@ -255,7 +266,7 @@ class Fitter:
         """The damped Gauss-Newton step in (theta, phi)."""
         prior = self.prior(n_theta, space)
         offset = np.where(space.given, 0.0, theta - space.neutral)[:n_theta]
-        offset = np.concatenate([offset, np.zeros(SCALES), phi[SCALES:]])
+        offset = np.concatenate([offset, np.zeros(SCALES), phi[SCALES:] - self._nuisance_prior.value])
         gram, moment = sums.gram.sum(0) + np.diag(prior), sums.moment.sum(0) - prior * offset
         norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         scaled = gram / np.outer(norm, norm) + damping * np.eye(len(norm))
@@ -264,7 +275,7 @@ class Fitter:
     def prior(self, n_theta: int, space: ParameterSpace) -> np.ndarray:
         """Precisions of the priors: wide for effects, none for scales and black level, the albedo's own."""
         width = np.where(space.fixed, _FIXED_RANGES, _PRIOR_RANGES)[:n_theta] * (space.high - space.low)[:n_theta]
-        return np.concatenate([1.0 / width**2, np.zeros(SCALES), 1.0 / self._prior_sigma**2])
+        return np.concatenate([1.0 / width**2, np.zeros(SCALES), 1.0 / self._nuisance_prior.sigma**2])
 
     def nuisance_fit(
         self,
@@ -370,7 +381,7 @@ class Fitters:
         cls, evidence: Evidence, scanned: Sequence[Observation], memory: FitCache | None = None, threads: int = 1
     ) -> "Fitters":
         """scanned: the observations of a scan, see propose/scan.py."""
-        sized = evidence.prior_sigma, evidence.tiles
+        sized = evidence.nuisance_prior(), evidence.tiles
         train, test = (Fitter(o, *sized, memory=memory, threads=threads) for o in (evidence.train, evidence.test))
         return cls(train, test, Fitter(scanned, *sized, fine=False, memory=memory))
 
@@ -378,12 +389,19 @@ class Fitters:
 def signal(model: Model, observation: Observation, light: Light, phi: np.ndarray) -> np.ndarray:
     """Expected DN, float64 [height][width]."""
     pixels = AllPixels(observation)
-    image = _with_focal(exposed(model, pixels, light, phi)[0], pixels, phi)
+    image = _moved(exposed(model, pixels, light, phi)[0], pixels, phi)
     return image.reshape(observation.measured.shape)
 
 
-def _with_focal(image: np.ndarray, pixels: Pixels | AllPixels, phi: np.ndarray) -> np.ndarray:
-    """Clipped where the focal length moves it: the expected image itself ends at the range's ends already."""
-    view = pixels.observation.view
-    focal = phi[SCALES + view.is_right]
-    return np.minimum(np.maximum(image + focal * pixels.focal_slope, 0.0), view.max_dn) if focal else image
+def _moved(image: np.ndarray, pixels: Pixels | AllPixels, phi: np.ndarray) -> np.ndarray:
+    """Clipped where focal length and geometry move it: the expected image itself ends at the range's ends already."""
+    change = _displacement(pixels, phi)
+    return np.minimum(np.maximum(image + change, 0.0), pixels.observation.view.max_dn) if np.any(change) else image
+
+
+def _displacement(pixels: Pixels | AllPixels, phi: np.ndarray) -> np.ndarray:
+    """The change of an image by focal length and geometry, DN [n]; 0 where they are as rendered."""
+    o = pixels.observation
+    twists = phi[SCALES + o.geometry_places].astype(np.float32)
+    change = phi[SCALES + o.view.is_right] * pixels.focal_slope
+    return change + twists @ pixels.geometry_slopes if twists.any() else change

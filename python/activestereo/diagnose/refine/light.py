@@ -3,7 +3,7 @@
 again.
 
 The nuisances phi are projector scale, ambient scale and black level; then, with priors, both cameras' relative focal
-lengths and the materials' relative albedos.
+lengths, the materials' relative albedos, and twists of the geometry (evidence/geometry.py).
 """
 
 from collections import OrderedDict
@@ -80,6 +80,7 @@ class AllPixels:
         self.index = slice(None)
         self.measured, self.material = observation.measured.ravel(), observation.material.ravel()
         self.focal_slope = observation.focal_slope.ravel()
+        self.geometry_slopes = observation.geometry_slopes.reshape(-1, observation.measured.size)
 
     def of(self, image: np.ndarray) -> np.ndarray:
         return image.ravel()

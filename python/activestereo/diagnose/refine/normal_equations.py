@@ -9,6 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from activestereo.capture.capture import SIDES
 from activestereo.common.computed_once import computed_once
 from activestereo.diagnose.evidence.observation import BLOCK_PX, FOLDS, Observation
 
@@ -32,10 +33,14 @@ class Pixels:
         self.root_weight = np.sqrt(self.of(o.weight).astype(np.float64))
         self.material, self.tile = self.of(o.material), self.of(o.tile)
         self.focal_slope = self.of(o.focal_slope).astype(np.float64)
+        self.geometry_slopes = o.geometry_slopes.reshape(-1, o.measured.size)[:, self.index]
+        self.geometry = self.geometry_slopes * self.root_weight.astype(np.float32)
         bounds = np.searchsorted(label, np.arange(FOLDS + 1) * (materials + 1))
         self.folds = [slice(first, last) for first, last in zip(bounds, bounds[1:], strict=False)]
-        self._starts = np.flatnonzero(np.diff(label, prepend=-1))
-        self._labels, self._materials = label[self._starts], materials
+        starts = np.flatnonzero(np.diff(label, prepend=-1))
+        ends, self.materials = np.append(starts[1:], len(label)), materials
+        runs = zip(label[starts], starts, ends, strict=True)
+        self._runs = [(*divmod(number, materials + 1), slice(first, last)) for number, first, last in runs]
 
     def of(self, image: np.ndarray) -> np.ndarray:
         """An image's values."""
@@ -48,11 +53,18 @@ class Pixels:
         rows, columns = np.arange(height) // BLOCK_PX, np.arange(width) // BLOCK_PX
         return self.of(np.add.outer(rows * (width // BLOCK_PX + 1), columns))
 
-    def by_material(self, values: np.ndarray) -> np.ndarray:
-        """Sums of values [k][n], [k][folds][materials]."""
-        out = np.zeros((len(values), FOLDS * (self._materials + 1)))
-        out[:, self._labels] = np.add.reduceat(values, self._starts, axis=1)
-        return out.reshape(len(values), FOLDS, -1)[:, :, :-1]
+    @computed_once
+    def geometry_gram(self) -> np.ndarray:
+        """Products of the weighted slopes of the geometry, [folds][k][k]: no fit changes them."""
+        return np.stack([self.geometry[:, part] @ self.geometry[:, part].T for part in self.folds])
+
+    def by_material(self, values: np.ndarray, factor: np.ndarray) -> np.ndarray:
+        """Sums of values [k][n] times a factor [n], [k][folds][materials]."""
+        out = np.zeros((len(values), FOLDS, self.materials))
+        for fold, material, run in self._runs:
+            if material < self.materials:
+                out[:, fold, material] = values[:, run] @ factor[run]
+        return out
 
 
 Cluster: TypeAlias = tuple[str, bytes, bool]
@@ -101,43 +113,55 @@ class Sums:
     ) -> None:
         """Adds one observation.
 
-        columns: derivatives [k][n]; those by albedo live on their own material's pixels: a material's is the light it
-        sends, the columns of projector and ambient scale (n_theta and the next) times their scales.
+        columns: derivatives [k][n] but for those by albedos and by the geometry. The former live on their own
+        material's pixels: a material's is the light it sends, the columns of projector and ambient scale (n_theta and
+        the next) times their scales.
         """
-        dense = len(columns)
+        dense, materials, own = len(columns), pixels.materials, self._own_rows(pixels, columns)
         A, r = np.stack(columns), residual * pixels.root_weight
         A *= pixels.root_weight
-        squares = r * r
+        squares, single, geometry = r * r, np.vstack([A, r]).astype(np.float32), pixels.geometry
         self.tile_chi2 += np.bincount(pixels.tile, squares, minlength=len(self.tile_chi2))
         for f, part in enumerate(pixels.folds):
             here = A[:, part]
             self.gram[f, :dense, :dense] += here @ here.T
             self.moment[f, :dense] += here @ r[part]
+            *cross, force = single[:, part] @ geometry[:, part].T
+            self.gram[f, :dense, own] += np.array(cross).T
+            self.gram[f, own, :dense] += np.array(cross).T
+            self.gram[f][np.ix_(own, own)] += pixels.geometry_gram()[f]
+            self.moment[f, own] += force
             self.chi2[f] += squares[part].sum()
-        materials = self.moment.shape[1] - dense
         if materials:
             glow = A[n_theta] * phi[0] + A[n_theta + 1] * phi[1]
-            sums = pixels.by_material(np.concatenate([glow * A, [glow * glow, glow * r]]))
-            diagonal = np.arange(dense, dense + materials)
-            self.gram[:, diagonal, diagonal] += sums[-2]
-            self.moment[:, dense:] += sums[-1]
-            cross = np.moveaxis(sums[:-2], 0, 1)
-            self.gram[:, :dense, dense:] += cross
-            self.gram[:, dense:, :dense] += np.swapaxes(cross, 1, 2)
+            diagonal, rows = np.arange(dense, dense + materials), np.concatenate([np.arange(dense), own])
+            *sums, square, force = pixels.by_material(np.vstack([A, glow, r]), glow)
+            self.gram[:, diagonal, diagonal] += square
+            self.moment[:, diagonal] += force
+            of_geometry = pixels.by_material(geometry, glow.astype(np.float32))
+            both = np.moveaxis(np.concatenate([np.array(sums), of_geometry]), 0, 1)
+            self.gram[:, rows[:, None], diagonal] += both
+            self.gram[:, diagonal[:, None], rows] += np.swapaxes(both, 1, 2)
+
+    def _own_rows(self, pixels: Pixels, columns: list[np.ndarray]) -> np.ndarray:
+        """Where the geometry of an observation stands; columns: as of add()."""
+        return len(columns) - len(SIDES) + pixels.observation.geometry_places
 
     def add_blocks(
         self, pixels: Pixels, columns: list[np.ndarray], residual: np.ndarray, n_theta: int, phi: np.ndarray
     ) -> None:
         """Adds one observation to block_moment; arguments as of add()."""
-        dense, force, block = len(columns), residual * pixels.root_weight**2, pixels.block()
+        dense, materials = len(columns), pixels.materials
+        force, block = residual * pixels.root_weight**2, pixels.block()
         blocks = int(block.max()) + 1
         moment = np.zeros((self.moment.shape[1], blocks))
-        for j, column in enumerate(columns):
+        rows = [*range(dense), *self._own_rows(pixels, columns)]
+        for j, column in zip(rows, [*columns, *pixels.geometry_slopes], strict=True):
             moment[j] = np.bincount(block, column * force, minlength=blocks)
         glow = (columns[n_theta] * phi[0] + columns[n_theta + 1] * phi[1]) * force
         # Pixels of no material come last, and go.
-        label = np.where(pixels.material >= 0, pixels.material, len(moment) - dense) * blocks + block
-        by_material = np.bincount(label, glow, minlength=(len(moment) - dense + 1) * blocks)
-        moment[dense:] = by_material.reshape(-1, blocks)[:-1]
+        label = np.where(pixels.material >= 0, pixels.material, materials) * blocks + block
+        by_material = np.bincount(label, glow, minlength=(materials + 1) * blocks)
+        moment[dense : dense + materials] = by_material.reshape(-1, blocks)[:-1]
         cluster = cluster_of(pixels.observation)
         self.block_moment[cluster] = self.block_moment.get(cluster, 0.0) + moment

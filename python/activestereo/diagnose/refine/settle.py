@@ -22,7 +22,7 @@ def settled(evidence: Evidence, fitter: Fitter, explanation: Explanation) -> Exp
     """
     effect, start = explanation.effect, explanation.fitted
     observations = [replace(o, weight=evidence.weight(o, expected)) for o, expected, *_ in fitter.residuals(start)]
-    sized = evidence.prior_sigma, evidence.tiles
+    sized = evidence.nuisance_prior(), evidence.tiles
     own_weights = Fitter(observations, *sized, memory=fitter.memory, threads=fitter.threads)
     solution = own_weights.refine(start.space, start.theta, start.phi, _ROUNDS)
     found = intervals(own_weights, solution, effect)

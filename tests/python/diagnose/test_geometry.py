@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Views, projector and focal lengths that stand elsewhere than a capture states: their signature in the images by
+closed form, and that they are found, told and taken into account."""
+
+import json
+import shutil
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from lab_worlds import RememberingRenderer, WorldRenderer
+from activestereo.capture.capture import Uncertainty, read_capture
+from activestereo.capture.capture_json import CaptureError
+from activestereo.compare.layers import Layers
+from activestereo.compare.nuisances import Nuisances
+from activestereo.compare.render import render_frames
+from activestereo.diagnose.answer.geometry_json import geometry_json
+from activestereo.diagnose.answer.verdict_words import geometry_words
+from activestereo.diagnose.evidence.geometry import TWIST, Geometry, geometry_slopes, matrix_of
+from activestereo.diagnose.evidence.measured_image import MeasuredImage
+from activestereo.diagnose.refine.geometry_fit import _moving_beyond_others, gather_where_it_stands
+from activestereo.effects import Model
+from activestereo.effects.core.laws import example_view
+from activestereo.effects.core.view import transform
+from activestereo.model import SensorModel
+from activestereo.model.calibrated import calibrated
+from activestereo.model.model import MeasuredPose
+from activestereo.model.read import read_model
+from activestereo.model.write import write_model
+
+# Radians of phase per metre of the wall's albedo, and per pixel of the pattern.
+GRAIN, WAVE = 8.0, 0.06
+POSE = np.array([0.008, -0.006, 0.004, 0.008, -0.004, 0.006])
+PROJECTOR = np.array([0.002, 0.0012, -0.0016, 0.004, -0.005, 0.003])
+UNMOVED = np.eye(4)
+ROUGH = Uncertainty(pose_m=0.01, pose_rad=0.01, projector_m=0.002, projector_rad=0.005)
+
+
+def seen(view, camera=UNMOVED, projector=UNMOVED):
+    """(the View, its Layers) of a slanted, patterned wall, by closed form, after motions of the rig and of the
+    projector in its own frame."""
+    normal = np.array([0.35, -0.2, -1.0]) / np.linalg.norm([0.35, -0.2, -1.0])
+    to_camera = np.linalg.inv(camera)
+    n, there = to_camera[:3, :3] @ normal, transform(to_camera, np.array([0.0, 0.0, 0.7]))
+    x, y = view.rays()
+    rays = np.stack([x, y, np.ones_like(x)], axis=-1)
+    points = (n @ there / (rays @ n))[..., None] * rays
+    on_wall = transform(camera, points)
+    albedo = 0.5 + 0.2 * np.sin(GRAIN * on_wall[..., 0]) * np.cos(GRAIN * on_wall[..., 1])
+    to_projector = np.linalg.inv(projector) @ view.camera_to_projector
+    q = points - np.linalg.inv(to_projector)[:3, 3]
+    square = (q * q).sum(-1)
+    p, K = transform(to_projector, points), view.projector_K
+    u = K[0, 0] * p[..., 0] / p[..., 2] + K[0, 2]
+    v = K[1, 1] * p[..., 1] / p[..., 2] + K[1, 2]
+    flat = albedo * -(q @ n) / square**1.5 / np.pi
+    direct = flat * (0.5 + 0.4 * np.sin(WAVE * u) * np.cos(WAVE * v))
+    moved = replace(
+        view, depth_m=points[..., 2], normal=np.broadcast_to(n, points.shape), camera_to_projector=to_projector
+    )
+    zero = np.zeros(view.shape)
+    return moved, Layers(direct, zero, albedo, flat, points[..., 2], moved.normal, zero.astype(np.uint32))
+
+
+def test_slopes_are_those_of_a_wall_by_closed_form():
+    frame = replace(example_view("left").frame, exposure_s=1.0, gain=1.0, projector_power=1.0, ambient=None)
+    v, u = np.mgrid[0:400, 0:600]
+    pattern = (0.5 + 0.4 * np.sin(WAVE * u) * np.cos(WAVE * v)).astype(np.float32)
+    K = np.array([[300.0, 0.0, 300.0], [0.0, 300.0, 200.0], [0.0, 0.0, 1.0]])
+    view, layers = seen(replace(example_view("left"), frame=frame, pattern=pattern, projector_K=K))
+    shot = MeasuredImage(frame, "left", view, layers, layers.direct)
+    for nuisances, light in ((Nuisances(1.0, 0.0, 0.0), "direct"), (Nuisances(0.0, 1.0, 0.0), "ambient")):
+        slopes = geometry_slopes([shot], nuisances)[shot.key]
+        for number, slope in enumerate(slopes):
+            step = 1e-4 * np.eye(TWIST)[number % TWIST]
+            which = "projector" if number < TWIST else "camera"
+            there, back = (getattr(seen(view, **{which: matrix_of(s)})[1], light) for s in (step, -step))
+            truth = (there - back)[2:-2, 2:-2] / 2e-4
+            assert np.std(slope[2:-2, 2:-2] - truth) <= 0.06 * np.std(truth) + 1e-6, (light, number)
+
+
+def stated_wrong(capture):
+    """The capture with its first pose and its projector not where they are."""
+    first, rig = capture.frames[0].camera_to_world, capture.rig
+    wrong = first @ np.linalg.inv(matrix_of(POSE))
+    at_first = [(f.camera_to_world == first).all() for f in capture.frames]
+    poses = (wrong if is_first else f.camera_to_world for f, is_first in zip(capture.frames, at_first, strict=True))
+    frames = tuple(replace(f, camera_to_world=pose) for f, pose in zip(capture.frames, poses, strict=True))
+    projector = replace(rig.projector, left_to_projector=matrix_of(PROJECTOR) @ rig.projector.left_to_projector)
+    return replace(capture, rig=replace(rig, projector=projector), frames=frames, uncertainty=ROUGH)
+
+
+def displacement_px(twist):
+    """By how much a twist moves what stands half a metre before a camera of 100 pixels' focal length, on average."""
+    v, u = np.mgrid[-0.4:0.5:0.2, -0.4:0.5:0.2]
+    points = 0.5 * np.stack([u, v, np.ones_like(u)], axis=-1)
+    moved = twist[:3] + np.cross(twist[3:], points)
+    across = (moved[..., :2] - points[..., :2] / 0.5 * moved[..., 2:]) / 0.5
+    return 100.0 * np.sqrt((across**2).sum(-1).mean())
+
+
+@pytest.fixture(scope="module")
+def found(lab_world, lab_cache):
+    """The Evidence of a capture that is stated wrong, from where it stands."""
+    renderer = RememberingRenderer(WorldRenderer(lab_world, grid=3))
+    render = partial(render_frames, renderer=renderer, cache=lab_cache)
+    return gather_where_it_stands(stated_wrong(read_capture(lab_world.capture_path)), render, Model())
+
+
+def test_what_stands_elsewhere_is_found_and_told(found):
+    geometry = found.geometry
+    for corrected, truth in ((geometry.poses[0], POSE), (geometry.projector, PROJECTOR)):
+        assert displacement_px(corrected - truth) < 0.4 * displacement_px(truth)
+    assert max(map(displacement_px, geometry.poses[1:])) < 0.4 * displacement_px(POSE)
+    told = geometry_json(geometry)
+    assert {"projector", "view"} <= {entry["what"] for entry in told}
+    assert all(
+        "than the capture says" in words or "where the capture says" in words
+        for words in geometry_words({"geometry": told})
+    )
+
+
+def test_a_capture_that_stands_as_stated_is_left_as_it_is(lab_world, lab_cache):
+    capture = read_capture(lab_world.capture_path)
+    render = partial(render_frames, renderer=RememberingRenderer(WorldRenderer(lab_world, grid=3)), cache=lab_cache)
+    evidence = gather_where_it_stands(capture, render, Model())
+    assert evidence.capture is capture and geometry_json(evidence.geometry) == []
+
+
+def test_corrections_add_up_as_motions_do(lab_world):
+    geometry = Geometry.as_stated(read_capture(lab_world.capture_path))
+    poses, focal = len(geometry.poses), np.array([0.01, -0.02])
+    step = np.concatenate([PROJECTOR, *[POSE] * poses])
+    there = geometry.moved(focal, step)
+    assert there.moved(1.0 / (1.0 + focal) - 1.0, -step).twists() == pytest.approx(0.0, abs=1e-12)
+    moved = there.capture().frames[0].camera_to_world
+    assert moved == pytest.approx(geometry.stated.frames[0].camera_to_world @ matrix_of(POSE))
+
+
+def test_a_model_puts_the_views_that_it_was_found_on_where_they_stand(lab_world, tmp_path):
+    capture = read_capture(lab_world.capture_path)
+    stated = capture.frames[0].camera_to_world
+    write_model(tmp_path / "model.json", SensorModel(poses=(MeasuredPose(stated, stated @ matrix_of(POSE)),)))
+    there = calibrated(capture, read_model(tmp_path / "model.json"))
+    assert there.frames[0].camera_to_world == pytest.approx(stated @ matrix_of(POSE))
+    assert (there.frames[-1].camera_to_world == capture.frames[-1].camera_to_world).all()
+
+
+def test_a_moving_view_that_only_an_effect_could_displace_stays_where_it_is_stated(found):
+    moving = replace(found.capture.frames[0], camera_velocity=np.full(6, 0.1))
+    evidence = replace(found, capture=replace(found.capture, frames=(moving, *found.capture.frames[1:])))
+    evidence = replace(evidence, geometry=Geometry.as_stated(found.geometry.stated))
+    step = np.zeros(evidence.geometry.twists().shape)
+    step[TWIST : 2 * TWIST] = 0.03
+    assert _moving_beyond_others(evidence, step).tolist() == [True] + [False] * (len(step) // TWIST - 2)
+    step[2 * TWIST :] = 0.02  # the views at rest are off by as much
+    assert not _moving_beyond_others(evidence, step).any()
+
+
+def test_an_uncertainty_is_a_positive_number(lab_world, tmp_path):
+    folder = shutil.copytree(lab_world.capture_path, tmp_path / "capture")
+    file = folder / "capture.json"
+    values = json.loads(file.read_text())
+    file.write_text(json.dumps(values | {"uncertainty": {"pose_m": 0.01}}))
+    assert read_capture(folder).uncertainty == Uncertainty(pose_m=0.01)
+    file.write_text(json.dumps(values | {"uncertainty": {"pose_m": -1.0}}))
+    with pytest.raises(CaptureError, match="uncertainty.pose_m: is -1"):
+        read_capture(folder)
