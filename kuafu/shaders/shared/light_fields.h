@@ -6,6 +6,7 @@
 #define KUAFU_LIGHT_FIELDS_H
 
 #include "shared/arrays.h"
+#include "shared/lens_record.h"
 #include "shared/ray_queue.h"
 
 #ifdef __cplusplus
@@ -15,7 +16,7 @@ namespace kuafu {
 struct LightShape {
   uint texture;
   float radius_m;
-  float distortion[8];
+  LensRecord lens;
   float falloff;
   float focus_m;
   float range_m;
@@ -29,14 +30,13 @@ struct LightShape {
   vec2 focal;  // Projector: of K, pixels.
   vec2 centre;
   float skew;
-  float distortion_reach;  // Tangent of the angle up to which the distortion grows.
+  float lens_reach;  // Tangent of the angle up to which the distortion grows.
   uint first;  // Of light_cumulative: mesh: triangles; map: rows, whose columns follow.
   uint count;
   uint first_triangle;  // Of light_triangles.
   uint columns;  // Map.
   float half_texel;  // Map: of a row.
   float total;  // Mesh: sum of emission times area.
-  uint reserved;  // A multiple of 8 bytes.
 };
 KUAFU_ARRAY(LightShapeArray, LightShape, 4)
 
@@ -49,7 +49,7 @@ template <class Fields>
 void copy_fields(const Fields& s, LightShape& out) {
   out.texture = uint32_t(s.texture);
   out.radius_m = float(s.radius_m);
-  for (int i = 0; i < 8; ++i) out.distortion[i] = float(s.distortion[i]);
+  out.lens = lens_record(s.lens);
   out.falloff = float(s.falloff);
   out.focus_m = float(s.focus_m);
   out.range_m = float(s.range_m);
