@@ -32,15 +32,14 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "table.so"
 
 
-def record(dice: random.Random, count: int, terms: Any) -> plugin.records.Effect:
+def record(dice: random.Random, count: int, chain: Any) -> plugin.records.Effect:
     """A sound effect."""
     parameters = (plugin.records.Parameter * 3)(
         *(plugin.records.Parameter(n, b"1", b"", 0.0, 0.0, 1.0, 0.5) for n in (b"p", b"q", b"r"))
     )
-    header = plugin.records.Header(c.sizeof(plugin.records.Effect), plugin.records.TYPE_EFFECT)
+    header = plugin.records.Header(plugin.records.TYPE_EFFECT, c.sizeof(plugin.records.Effect), chain)
     apply = plugin.records.Apply(lambda *_: 0)
-    texts = (b"effect", b"f", b"s", b"s")
-    return plugin.records.Effect(header, *texts, 7, dice.randrange(3), count, 1, parameters, apply, terms)
+    return plugin.records.Effect(header, b"effect", b"f", b"s", b"s", 7, dice.randrange(3), count, 0, parameters, apply)
 
 
 def disturb(dice: random.Random, struct: Any) -> None:
