@@ -2,9 +2,12 @@
 // What the tables say of a public struct; struct_table.h has it for each (capi/generation).
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 namespace ks {
+
+#define KS_FIELD_END(type, field) static_cast<uint32_t>(offsetof(type, field) + sizeof(type::field))
 
 /// Bytes of a struct that must be zero.
 struct ReservedBytes {
@@ -12,7 +15,7 @@ struct ReservedBytes {
   uint32_t size;
 };
 
-/// reserved: what must be zero.
+/// ends: where each field ends, growing. reserved: what must be zero. neutral(): what the fields are that a caller's struct does not have.
 template <class T>
 struct StructInfo;
 

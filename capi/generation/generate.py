@@ -1,7 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Writes what follows from the tables of the public structs. `--check` changes nothing and fails where a committed file
-is stale."""
+is stale.
+
+Both fail where the tables break the promise of a release: capi/packaging/structs-*.txt has where each field lies for
+its callers. `--release 0.2` writes such a file for a new one."""
 
 from __future__ import annotations
 
@@ -67,12 +70,24 @@ def main() -> int:
     """0: all is as the tables have it. 1: a file is stale. 2: a table is wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="change nothing; name the stale files and fail")
-    check = parser.parse_args().check
+    parser.add_argument("--release", metavar="VERSION", help="write down where the fields lie, for good")
+    arguments = parser.parse_args()
+    check = arguments.check
     try:
         tables = read_tables()
         files = {path: licensed(path, text) for path, text in outputs(tables).items()}
     except TableError as error:
         print(error, file=sys.stderr)
+        return 2
+    if arguments.release:
+        files[f"capi/packaging/structs-{arguments.release}.txt"] = emit_abi.baseline(tables)
+    broken = [
+        f"{path.name}: {text}"
+        for path in sorted((ROOT / "capi/packaging").glob("structs-*.txt"))
+        for text in emit_abi.check_baseline(tables, path.read_text())
+    ]
+    if broken:
+        print("\n".join(broken), file=sys.stderr)
         return 2
     stale = {
         path: text for path, text in files.items() if not (ROOT / path).exists() or (ROOT / path).read_text() != text

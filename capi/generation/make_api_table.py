@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the tables of kuafu_get_api and simsense_get_api.
+"""Writes the tables of kuafu_get_api and simsense_get_api, and the lists of symbols with the version that brought each.
 
     python3 capi/generation/make_api_table.py [--check]
 
-The headers say which functions there are. A new one is appended to the table in api.h: a table only grows at its end. A
-function of the table that no header declares any more is refused. --check writes nothing and ends with 1 where a file
-is not up to date."""
+The headers say which functions there are. A new one is appended to capi/packaging/<library>.symbols with today's
+version, and to the table, whose order is the list's: a table only grows at its end. A listed function that no header
+declares any more is refused. --check writes nothing and ends with 1 where a file is not up to date."""
 
 import argparse
 import re
@@ -20,7 +20,7 @@ HEADER = """\
 /* SPDX-License-Identifier: Apache-2.0 */
 /* {library} as one table of functions, for hosts that open the library at run time:
  *
- *   void* library = dlopen("lib{library}.so.1", RTLD_NOW | RTLD_LOCAL);
+ *   void* library = dlopen("lib{library}.so.0", RTLD_NOW | RTLD_LOCAL);
  *   const {library}_api* api = (({library}_get_api_fn)dlsym(library, "{library}_get_api"))();
  *
  * The table only grows at its end. A host that was compiled against a later header asks before it uses a later entry:
@@ -92,25 +92,45 @@ def declared_functions(library: str) -> dict[str, Function]:
     return found
 
 
-def ordered_functions(library: str) -> list[Function]:
-    """The table's entries: those that it has, and then the new ones in the headers' order."""
-    functions = declared_functions(library)
-    path = ROOT / "capi/include" / library / "api.h"
-    listed = re.findall(r"\(\*(\w+)\)\(.*\);$", path.read_text(), re.MULTILINE) if path.exists() else []
-    names = [f"{library}_{name}" for name in listed if not name.endswith("_fn")]
-    gone = [name for name in names if name not in functions]
+def library_version(library: str) -> str:
+    text = (ROOT / "capi/include" / library / f"{library}.h").read_text()
+    numbers = [re.search(rf"{library.upper()}_VERSION_{part} (\d+)", text) for part in ("MAJOR", "MINOR")]
+    return ".".join(number.group(1) for number in numbers if number)
+
+
+def symbols_path(library: str) -> Path:
+    return ROOT / "capi/packaging" / f"{library}.symbols"
+
+
+def listed_symbols(library: str) -> dict[str, str]:
+    """Name and version of every function so far, in the table's order."""
+    path = symbols_path(library)
+    lines = path.read_text().splitlines() if path.exists() else []
+    return dict(line.split() for line in lines if line and not line.startswith("#"))
+
+
+def updated_symbols(library: str) -> dict[str, str]:
+    functions, listed = declared_functions(library), listed_symbols(library)
+    get_api = f"{library}_get_api"
+    gone = [name for name in listed if name not in functions and name != get_api]
     if gone:
-        sys.exit(f"no header declares {', '.join(gone)} any more; clients linked against it would fail")
-    return [functions[name] for name in dict.fromkeys([*names, *functions])]
+        names = ", ".join(gone)
+        sys.exit(f"{symbols_path(library)}: no header declares {names} any more; clients linked against it would fail")
+    version = library_version(library)
+    return listed | {name: version for name in [*functions, get_api] if name not in listed}
 
 
 def generated_files(library: str) -> dict[Path, str]:
-    ordered = ordered_functions(library)
-    pairs = [(function, function.name.removeprefix(f"{library}_")) for function in ordered]
+    functions, symbols = declared_functions(library), updated_symbols(library)
+    ordered = [functions[name] for name in symbols if name in functions]
+    short = [function.name.removeprefix(f"{library}_") for function in ordered]
+    pairs = list(zip(ordered, short, strict=True))
     members = "\n".join(f"  {f.result} (*{name})({f.parameters});" for f, name in pairs)
     entries = "\n".join(f"    .{name} = {f.name}," for f, name in pairs)
     words = {"library": library, "upper": library.upper(), "members": members, "entries": entries}
+    head = "# Every exported function and the version that brought it, in the order of the table of functions.\n"
     return {
+        symbols_path(library): head + "".join(f"{name} {version}\n" for name, version in symbols.items()),
         ROOT / "capi/include" / library / "api.h": HEADER.format(**words),
         ROOT / library / "src/api/api_table.cpp": SOURCE.format(**words),
     }

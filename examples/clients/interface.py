@@ -16,7 +16,7 @@ class Library:
     """libkuafu or libsimsense, whose functions are called by the names that they have in C."""
 
     def __init__(self, name: str) -> None:
-        self.name, self.library = name, c.CDLL(f"lib{name}.so.1")
+        self.name, self.library = name, c.CDLL(f"lib{name}.so.0")
         self.last_error = getattr(self.library, f"{name}_last_error")
         self.last_error.restype = c.c_char_p
 
@@ -53,7 +53,7 @@ class Library:
 
 
 class ks_header(c.Structure):
-    _fields_ = [("size_bytes", c.c_uint32), ("type", c.c_uint32)]
+    _fields_ = [("type", c.c_uint32), ("size_bytes", c.c_uint32), ("next", c.c_void_p)]
 
 
 SIMSENSE_TYPE_PARAMETERS = 0x2002
@@ -67,6 +67,7 @@ SIMSENSE_HOLES_KEEP = 0
 SIMSENSE_HOLES_LEFT = 1
 SIMSENSE_HOLES_BACKGROUND = 2
 SIMSENSE_TYPE_SIGNAL = 0x2005
+KUAFU_NONE = 0xffffffff
 KUAFU_TYPE_MATERIAL_DESC = 0x1003
 KUAFU_BSDF_GLTF = 0
 KUAFU_BSDF_PAPER = 1
@@ -75,8 +76,6 @@ KUAFU_ALPHA_MASK = 1
 KUAFU_ALPHA_BLEND = 2
 KUAFU_TYPE_OPTICS_DESC = 0x100d
 KUAFU_TYPE_MEDIUM_DESC = 0x1010
-KS_LENS_BROWN_CONRADY = 0
-KS_LENS_KANNALA_BRANDT = 1
 KUAFU_TYPE_CAMERA_DESC = 0x1006
 KUAFU_SHUTTER_GLOBAL = 0
 KUAFU_SHUTTER_ROLLING = 1
@@ -113,7 +112,6 @@ KUAFU_OUTPUT_PROJECTOR = 11
 KUAFU_OUTPUT_SRGB = 12
 KUAFU_OUTPUT_DEPTH = 16
 KUAFU_OUTPUT_NORMAL = 17
-KUAFU_NOTHING_HIT = 0xffffffff
 KUAFU_OUTPUT_INSTANCE_ID = 18
 KUAFU_OUTPUT_MATERIAL_ID = 19
 KUAFU_OUTPUT_SEMANTIC_ID = 20
@@ -408,11 +406,62 @@ class kuafu_medium_desc(c.Structure):
     ]
 
 
-class ks_lens(c.Structure):
+class kuafu_camera_desc(c.Structure):
+    type_id = KUAFU_TYPE_CAMERA_DESC
     _fields_ = [
-        ("model", c.c_uint32),
-        ("reserved", c.c_uint32),
+        ("header", ks_header),
+        ("width", c.c_uint32),
+        ("height", c.c_uint32),
+        ("k", c.c_double * 9),
+        ("camera_to_world", c.c_double * 16),
+        ("near_m", c.c_double),
+        ("far_m", c.c_double),
         ("distortion", c.c_double * 8),
+        ("lens_radius_m", c.c_double),
+        ("focus_m", c.c_double),
+        ("shutter", c.c_uint32),
+        ("readout", c.c_uint32),
+        ("exposure_s", c.c_double),
+        ("line_time_s", c.c_double),
+        ("linear_velocity", c.c_double * 3),
+        ("angular_velocity", c.c_double * 3),
+        ("reserved", c.c_double * 8),
+    ]
+
+
+class kuafu_light_desc(c.Structure):
+    type_id = KUAFU_TYPE_LIGHT_DESC
+    _fields_ = [
+        ("header", ks_header),
+        ("name", c.c_char_p),
+        ("kind", c.c_uint32),
+        ("environment", c.c_uint32),
+        ("intensity", c.c_float * 3),
+        ("ir_intensity", c.c_float),
+        ("light_to_world", c.c_double * 16),
+        ("texture", c.c_uint32),
+        ("light_group", c.c_uint32),
+        ("k", c.c_double * 9),
+        ("radius_m", c.c_double),
+        ("angle_rad", c.c_double),
+        ("inner_rad", c.c_double),
+        ("outer_rad", c.c_double),
+        ("size_m", c.c_double * 2),
+        ("distortion", c.c_double * 8),
+        ("falloff", c.c_double),
+        ("focus_m", c.c_double),
+        ("pattern_scale", c.c_double),
+        ("dots", c.c_void_p),
+        ("dot_count", c.c_uint32),
+        ("pattern_width", c.c_uint32),
+        ("pattern_height", c.c_uint32),
+        ("dot_sigma_px", c.c_float),
+        ("linear_velocity", c.c_double * 3),
+        ("angular_velocity", c.c_double * 3),
+        ("on_from_s", c.c_double),
+        ("on_until_s", c.c_double),
+        ("range_m", c.c_double),
+        ("dot_background", c.c_double),
     ]
 
 
@@ -549,6 +598,15 @@ class kuafu_render_summary(c.Structure):
     ]
 
 
+class simsense_camera(c.Structure):
+    _fields_ = [
+        ("width", c.c_uint32),
+        ("height", c.c_uint32),
+        ("k", c.c_double * 9),
+        ("distortion", c.c_double * 8),
+    ]
+
+
 class ks_buffer_create(c.Structure):
     type_id = KS_TYPE_BUFFER_CREATE
     _fields_ = [
@@ -669,64 +727,6 @@ class ks_stage_time(c.Structure):
     ]
 
 
-class kuafu_camera_desc(c.Structure):
-    type_id = KUAFU_TYPE_CAMERA_DESC
-    _fields_ = [
-        ("header", ks_header),
-        ("width", c.c_uint32),
-        ("height", c.c_uint32),
-        ("k", c.c_double * 9),
-        ("camera_to_world", c.c_double * 16),
-        ("near_m", c.c_double),
-        ("far_m", c.c_double),
-        ("lens", ks_lens),
-        ("lens_radius_m", c.c_double),
-        ("focus_m", c.c_double),
-        ("shutter", c.c_uint32),
-        ("readout", c.c_uint32),
-        ("exposure_s", c.c_double),
-        ("line_time_s", c.c_double),
-        ("linear_velocity", c.c_double * 3),
-        ("angular_velocity", c.c_double * 3),
-    ]
-
-
-class kuafu_light_desc(c.Structure):
-    type_id = KUAFU_TYPE_LIGHT_DESC
-    _fields_ = [
-        ("header", ks_header),
-        ("name", c.c_char_p),
-        ("kind", c.c_uint32),
-        ("environment", c.c_uint32),
-        ("intensity", c.c_float * 3),
-        ("ir_intensity", c.c_float),
-        ("light_to_world", c.c_double * 16),
-        ("texture", c.c_uint32),
-        ("light_group", c.c_uint32),
-        ("k", c.c_double * 9),
-        ("radius_m", c.c_double),
-        ("angle_rad", c.c_double),
-        ("inner_rad", c.c_double),
-        ("outer_rad", c.c_double),
-        ("size_m", c.c_double * 2),
-        ("lens", ks_lens),
-        ("falloff", c.c_double),
-        ("focus_m", c.c_double),
-        ("pattern_scale", c.c_double),
-        ("dots", c.c_void_p),
-        ("dot_count", c.c_uint32),
-        ("pattern_width", c.c_uint32),
-        ("pattern_height", c.c_uint32),
-        ("dot_sigma_px", c.c_float),
-        ("linear_velocity", c.c_double * 3),
-        ("angular_velocity", c.c_double * 3),
-        ("on_from_s", c.c_double),
-        ("on_until_s", c.c_double),
-        ("range_m", c.c_double),
-        ("dot_background", c.c_double),
-    ]
-
-
 class kuafu_output_desc(c.Structure):
     type_id = KUAFU_TYPE_OUTPUT_DESC
     _fields_ = [
@@ -734,23 +734,6 @@ class kuafu_output_desc(c.Structure):
         ("output", c.c_uint32),
         ("scale", c.c_float),
         ("buffer", c.c_void_p),
-        ("image", ks_image_desc),
-    ]
-
-
-class simsense_camera(c.Structure):
-    _fields_ = [
-        ("width", c.c_uint32),
-        ("height", c.c_uint32),
-        ("k", c.c_double * 9),
-        ("lens", ks_lens),
-    ]
-
-
-class simsense_image(c.Structure):
-    _fields_ = [
-        ("buffer", c.c_void_p),
-        ("host", c.c_void_p),
         ("image", ks_image_desc),
     ]
 
@@ -782,6 +765,14 @@ class simsense_rig_desc(c.Structure):
         ("back_end", c.c_uint32),
         ("low_memory", c.c_uint32),
         ("reserved", c.c_uint32),
+    ]
+
+
+class simsense_image(c.Structure):
+    _fields_ = [
+        ("buffer", c.c_void_p),
+        ("host", c.c_void_p),
+        ("image", ks_image_desc),
     ]
 
 

@@ -7,8 +7,9 @@ use std::os::raw::{c_char, c_void};
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct ks_header {
-    pub size_bytes: u32,
     pub r#type: u32,
+    pub size_bytes: u32,
+    pub next: *const c_void,
 }
 
 /// A struct with its defaults: `filled(kuafu_struct_init, KUAFU_TYPE_RENDER_DESC)`. The type is that of the struct T.
@@ -214,10 +215,59 @@ pub struct kuafu_medium_desc {
 
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct ks_lens {
-    pub model: u32,
-    pub reserved: u32,
+pub struct kuafu_camera_desc {
+    pub header: ks_header,
+    pub width: u32,
+    pub height: u32,
+    pub k: [f64; 9],
+    pub camera_to_world: [f64; 16],
+    pub near_m: f64,
+    pub far_m: f64,
     pub distortion: [f64; 8],
+    pub lens_radius_m: f64,
+    pub focus_m: f64,
+    pub shutter: u32,
+    pub readout: u32,
+    pub exposure_s: f64,
+    pub line_time_s: f64,
+    pub linear_velocity: [f64; 3],
+    pub angular_velocity: [f64; 3],
+    pub reserved: [f64; 8],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct kuafu_light_desc {
+    pub header: ks_header,
+    pub name: *const c_char,
+    pub kind: u32,
+    pub environment: u32,
+    pub intensity: [f32; 3],
+    pub ir_intensity: f32,
+    pub light_to_world: [f64; 16],
+    pub texture: u32,
+    pub light_group: u32,
+    pub k: [f64; 9],
+    pub radius_m: f64,
+    pub angle_rad: f64,
+    pub inner_rad: f64,
+    pub outer_rad: f64,
+    pub size_m: [f64; 2],
+    pub distortion: [f64; 8],
+    pub falloff: f64,
+    pub focus_m: f64,
+    pub pattern_scale: f64,
+    pub dots: *const c_void,
+    pub dot_count: u32,
+    pub pattern_width: u32,
+    pub pattern_height: u32,
+    pub dot_sigma_px: f32,
+    pub linear_velocity: [f64; 3],
+    pub angular_velocity: [f64; 3],
+    pub on_from_s: f64,
+    pub on_until_s: f64,
+    pub range_m: f64,
+    pub dot_background: f64,
 }
 
 #[repr(C)]
@@ -347,6 +397,15 @@ pub struct kuafu_render_summary {
 
 #[repr(C)]
 #[derive(Clone, Copy)]
+pub struct simsense_camera {
+    pub width: u32,
+    pub height: u32,
+    pub k: [f64; 9],
+    pub distortion: [f64; 8],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
 pub struct ks_buffer_create {
     pub header: ks_header,
     pub size_bytes: u64,
@@ -459,84 +518,11 @@ pub struct ks_stage_time {
 
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct kuafu_camera_desc {
-    pub header: ks_header,
-    pub width: u32,
-    pub height: u32,
-    pub k: [f64; 9],
-    pub camera_to_world: [f64; 16],
-    pub near_m: f64,
-    pub far_m: f64,
-    pub lens: ks_lens,
-    pub lens_radius_m: f64,
-    pub focus_m: f64,
-    pub shutter: u32,
-    pub readout: u32,
-    pub exposure_s: f64,
-    pub line_time_s: f64,
-    pub linear_velocity: [f64; 3],
-    pub angular_velocity: [f64; 3],
-}
-
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct kuafu_light_desc {
-    pub header: ks_header,
-    pub name: *const c_char,
-    pub kind: u32,
-    pub environment: u32,
-    pub intensity: [f32; 3],
-    pub ir_intensity: f32,
-    pub light_to_world: [f64; 16],
-    pub texture: u32,
-    pub light_group: u32,
-    pub k: [f64; 9],
-    pub radius_m: f64,
-    pub angle_rad: f64,
-    pub inner_rad: f64,
-    pub outer_rad: f64,
-    pub size_m: [f64; 2],
-    pub lens: ks_lens,
-    pub falloff: f64,
-    pub focus_m: f64,
-    pub pattern_scale: f64,
-    pub dots: *const c_void,
-    pub dot_count: u32,
-    pub pattern_width: u32,
-    pub pattern_height: u32,
-    pub dot_sigma_px: f32,
-    pub linear_velocity: [f64; 3],
-    pub angular_velocity: [f64; 3],
-    pub on_from_s: f64,
-    pub on_until_s: f64,
-    pub range_m: f64,
-    pub dot_background: f64,
-}
-
-#[repr(C)]
-#[derive(Clone, Copy)]
 pub struct kuafu_output_desc {
     pub header: ks_header,
     pub output: u32,
     pub scale: f32,
     pub buffer: *mut c_void,
-    pub image: ks_image_desc,
-}
-
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct simsense_camera {
-    pub width: u32,
-    pub height: u32,
-    pub k: [f64; 9],
-    pub lens: ks_lens,
-}
-
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct simsense_image {
-    pub buffer: *mut c_void,
-    pub host: *const c_void,
     pub image: ks_image_desc,
 }
 
@@ -566,6 +552,14 @@ pub struct simsense_rig_desc {
     pub back_end: u32,
     pub low_memory: u32,
     pub reserved: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct simsense_image {
+    pub buffer: *mut c_void,
+    pub host: *const c_void,
+    pub image: ks_image_desc,
 }
 
 #[repr(C)]
@@ -605,6 +599,7 @@ pub const SIMSENSE_HOLES_KEEP: u32 = 0;
 pub const SIMSENSE_HOLES_LEFT: u32 = 1;
 pub const SIMSENSE_HOLES_BACKGROUND: u32 = 2;
 pub const SIMSENSE_TYPE_SIGNAL: u32 = 0x2005;
+pub const KUAFU_NONE: u32 = 0xffffffff;
 pub const KUAFU_TYPE_MATERIAL_DESC: u32 = 0x1003;
 pub const KUAFU_BSDF_GLTF: u32 = 0;
 pub const KUAFU_BSDF_PAPER: u32 = 1;
@@ -613,8 +608,6 @@ pub const KUAFU_ALPHA_MASK: u32 = 1;
 pub const KUAFU_ALPHA_BLEND: u32 = 2;
 pub const KUAFU_TYPE_OPTICS_DESC: u32 = 0x100d;
 pub const KUAFU_TYPE_MEDIUM_DESC: u32 = 0x1010;
-pub const KS_LENS_BROWN_CONRADY: u32 = 0;
-pub const KS_LENS_KANNALA_BRANDT: u32 = 1;
 pub const KUAFU_TYPE_CAMERA_DESC: u32 = 0x1006;
 pub const KUAFU_SHUTTER_GLOBAL: u32 = 0;
 pub const KUAFU_SHUTTER_ROLLING: u32 = 1;
@@ -651,7 +644,6 @@ pub const KUAFU_OUTPUT_PROJECTOR: u32 = 11;
 pub const KUAFU_OUTPUT_SRGB: u32 = 12;
 pub const KUAFU_OUTPUT_DEPTH: u32 = 16;
 pub const KUAFU_OUTPUT_NORMAL: u32 = 17;
-pub const KUAFU_NOTHING_HIT: u32 = 0xffffffff;
 pub const KUAFU_OUTPUT_INSTANCE_ID: u32 = 18;
 pub const KUAFU_OUTPUT_MATERIAL_ID: u32 = 19;
 pub const KUAFU_OUTPUT_SEMANTIC_ID: u32 = 20;

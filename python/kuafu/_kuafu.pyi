@@ -225,17 +225,17 @@ class Material:
     ir_emission: float
     """Radiance in the infrared band. [>= 0 W/(sr m^2)]"""
     base_color_texture: int | None
-    """Its RGB multiplies base_color, its alpha that of base_color."""
+    """Its RGB multiplies base_color, its alpha that of base_color. [None by default]"""
     metallic_roughness_texture: int | None
-    """Its green channel multiplies roughness and transmission_roughness, its blue channel metallic."""
+    """Its green channel multiplies roughness and transmission_roughness, its blue channel metallic. [None by default]"""
     normal_texture: int | None
-    """Normals in tangent space, encoded as in glTF."""
+    """Normals in tangent space, encoded as in glTF. [None by default]"""
     emission_texture: int | None
-    """Its RGB multiplies emission."""
+    """Its RGB multiplies emission. [None by default]"""
     transmission_texture: int | None
-    """Its red channel multiplies transmission."""
+    """Its red channel multiplies transmission. [None by default]"""
     specular_texture: int | None
-    """Its alpha channel multiplies specular."""
+    """Its alpha channel multiplies specular. [None by default]"""
     transmission_roughness: float
     """Roughness of transmitted light; 0 is clear glass. For a material of a file it is the material's roughness. [0..1]"""
     diffuse_roughness: float
@@ -253,7 +253,7 @@ class Material:
     thin_walled: bool
     """Whether transmitted light crosses a thin sheet instead of entering a body. It then passes both faces at once and keeps its direction, with all reflections between the faces included. base_color is the colour after one crossing, and attenuation is not used."""
     ir_albedo_texture: int | None
-    """Its red channel multiplies ir_albedo, or 1 where ir_albedo is None. Without this texture and without ir_albedo the infrared band uses the red channel of base_color_texture."""
+    """Its red channel multiplies ir_albedo, or 1 where ir_albedo is None. Without this texture and without ir_albedo the infrared band uses the red channel of base_color_texture. [None by default]"""
     ir_roughness: float | None
     """Roughness in the infrared band. [0..1; None = roughness]"""
     ir_ior: float | None
@@ -273,7 +273,7 @@ class Material:
     ir_subsurface_radius_m: float | None
     """The same as subsurface_radius_m, in the infrared band. [> 0 m; None = red of subsurface_radius_m]"""
     ior_texture: int | None
-    """Its red channel R changes the index of refraction to 1 + (ior - 1) R."""
+    """Its red channel R changes the index of refraction to 1 + (ior - 1) R. [None by default]"""
     alpha_mode: Literal["opaque", "mask", "blend"]
     """What alpha means, which is that of base_color times those of base_color_texture and of the mesh's colors. It is the same in both bands. [opaque by default]"""
     alpha_cutoff: float
@@ -345,7 +345,7 @@ class Light:
     light_to_world: NDArray[np.float64]
     """Pose, row-major. +z is the optical axis, x points right and y down. [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 by default]"""
     texture: int | None
-    """Projector: the pattern, whose red channel is read linearly, or 0 where dots are given. All other kinds: an image that multiplies the light, or 0. It covers a rectangle, the square around a disk, or the square around a spot's outer cone; a point light reads it as an equirectangular map; a directional light repeats it as tiles of size_m."""
+    """Projector: the pattern, whose red channel is read linearly, or None where dots are given. All other kinds: an image that multiplies the light, or None. It covers a rectangle, the square around a disk, or the square around a spot's outer cone; a point light reads it as an equirectangular map; a directional light repeats it as tiles of size_m. [None by default]"""
     light_group: int
     """Light group of this light: KUAFU_OUTPUT_LIGHT_GROUP_0 + light_group receives it. A projector's light goes to the projector's two outputs instead. [0..3]"""
     k: NDArray[np.float64]
@@ -360,8 +360,6 @@ class Light:
     """Spot: half angle of the cone outside which there is no light; 0 <= inner < outer <= pi/2. [in rad; 0.7853981633974483 by default]"""
     size_m: tuple[float, float]
     """Rectangle: width and height. Directional with a texture: size of a tile. [in m]"""
-    lens_model: Literal["brown_conrady", "kannala_brandt"]
-    """Projector: distortion of the lens."""
     @property
     def distortion(self) -> tuple[float, float, float, float, float, float, float, float]: ...
     @distortion.setter
@@ -409,8 +407,6 @@ class Camera:
     """Surfaces nearer than this are invisible to the camera. [in m]"""
     far_m: float
     """Surfaces farther than this are invisible to the camera. [in m; inf by default]"""
-    lens_model: Literal["brown_conrady", "kannala_brandt"]
-    """Distortion of the lens. One that folds back within the image is refused."""
     @property
     def distortion(self) -> tuple[float, float, float, float, float, float, float, float]: ...
     @distortion.setter
@@ -760,7 +756,7 @@ class Renderer:
           the surfaces and by the scatter of the samples; 16 more rays per pixel then restore textures and edges.
           'oidn': Open Image Denoise, version 1 or 2, opened at run time on the host; KS_ERROR_UNSUPPORTED where it is
           not found.
-        projector: Id of the light to which projector_uv, projector_visibility and projector_geometry refer; 0 is the
+        projector: Id of the light to which projector_uv, projector_visibility and projector_geometry refer; None is the
           first projector of a view's environment.
         temporal_weight: For atrous: share of the light that is taken from this renderer's previous renders, 0..<1; 0
           uses this render only. The previous renders must have had as many views of the same size, and only light from

@@ -19,12 +19,12 @@ inline void bind_fields(py::class_<Material>& type) {
   vector(type, "emission", &S::emission, "Radiance in the visible band. In W/(sr m^2).");
   maybe(type, "ir_albedo", &S::ir_albedo, "Diffuse albedo (or metal reflectance) in the infrared band. None = red of base_color.");
   scalar(type, "ir_emission", &S::ir_emission, "Radiance in the infrared band. In W/(sr m^2).");
-  id(type, "base_color_texture", &S::base_color_texture, "Its RGB multiplies base_color, its alpha that of base_color.");
-  id(type, "metallic_roughness_texture", &S::metallic_roughness_texture, "Its green channel multiplies roughness and transmission_roughness, its blue channel metallic.");
-  id(type, "normal_texture", &S::normal_texture, "Normals in tangent space, encoded as in glTF.");
-  id(type, "emission_texture", &S::emission_texture, "Its RGB multiplies emission.");
-  id(type, "transmission_texture", &S::transmission_texture, "Its red channel multiplies transmission.");
-  id(type, "specular_texture", &S::specular_texture, "Its alpha channel multiplies specular.");
+  maybe(type, "base_color_texture", &S::base_color_texture, "Its RGB multiplies base_color, its alpha that of base_color.");
+  maybe(type, "metallic_roughness_texture", &S::metallic_roughness_texture, "Its green channel multiplies roughness and transmission_roughness, its blue channel metallic.");
+  maybe(type, "normal_texture", &S::normal_texture, "Normals in tangent space, encoded as in glTF.");
+  maybe(type, "emission_texture", &S::emission_texture, "Its RGB multiplies emission.");
+  maybe(type, "transmission_texture", &S::transmission_texture, "Its red channel multiplies transmission.");
+  maybe(type, "specular_texture", &S::specular_texture, "Its alpha channel multiplies specular.");
   scalar(type, "transmission_roughness", &S::transmission_roughness, "Roughness of transmitted light; 0 is clear glass. For a material of a file it is the material's roughness.");
   scalar(type, "diffuse_roughness", &S::diffuse_roughness, "Roughness of the diffuse base by Oren and Nayar's model in Fujii's form; 0 is Lambertian.");
   vector(type, "attenuation_color", &S::attenuation_color, "Colour that white light has after attenuation_distance_m inside the glass (KHR_materials_volume).");
@@ -33,7 +33,7 @@ inline void bind_fields(py::class_<Material>& type) {
   named(type, "bsdf", &S::bsdf, std::array<std::string_view, 2>{"gltf", "paper"}, 0, "How the base and the reflecting layer are combined.");
   scalar(type, "light_group", &S::light_group, "Light group of the light that the surface emits.");
   flag(type, "thin_walled", &S::thin_walled, "Whether transmitted light crosses a thin sheet instead of entering a body. It then passes both faces at once and keeps its direction, with all reflections between the faces included. base_color is the colour after one crossing, and attenuation is not used.");
-  id(type, "ir_albedo_texture", &S::ir_albedo_texture, "Its red channel multiplies ir_albedo, or 1 where ir_albedo is None. Without this texture and without ir_albedo the infrared band uses the red channel of base_color_texture.");
+  maybe(type, "ir_albedo_texture", &S::ir_albedo_texture, "Its red channel multiplies ir_albedo, or 1 where ir_albedo is None. Without this texture and without ir_albedo the infrared band uses the red channel of base_color_texture.");
   maybe(type, "ir_roughness", &S::ir_roughness, "Roughness in the infrared band. None = roughness.");
   maybe(type, "ir_ior", &S::ir_ior, "Index of refraction in the infrared band. None = ior.");
   maybe(type, "ir_transmission", &S::ir_transmission, "Transmission in the infrared band. None = transmission.");
@@ -43,7 +43,7 @@ inline void bind_fields(py::class_<Material>& type) {
   vector(type, "subsurface_radius_m", &S::subsurface_radius_m, "Mean free path below the surface. Values below 1e-4 of the distance to the world's origin are not resolved. Scattering is isotropic. Projector light that scattered below a surface belongs to the projector's indirect light, so that the direct light stays free of noise. In m.");
   maybe(type, "ir_subsurface_color", &S::ir_subsurface_color, "The same as subsurface_color, in the infrared band. None = red of subsurface_color.");
   maybe(type, "ir_subsurface_radius_m", &S::ir_subsurface_radius_m, "The same as subsurface_radius_m, in the infrared band. In m. None = red of subsurface_radius_m.");
-  id(type, "ior_texture", &S::ior_texture, "Its red channel R changes the index of refraction to 1 + (ior - 1) R.");
+  maybe(type, "ior_texture", &S::ior_texture, "Its red channel R changes the index of refraction to 1 + (ior - 1) R.");
   named(type, "alpha_mode", &S::alpha_mode, std::array<std::string_view, 3>{"opaque", "mask", "blend"}, 0, "What alpha means, which is that of base_color times those of base_color_texture and of the mesh's colors. It is the same in both bands.");
   scalar(type, "alpha_cutoff", &S::alpha_cutoff, "With KUAFU_ALPHA_MASK: the least alpha of what is there.");
   scalar(type, "normal_scale", &S::normal_scale, "Multiplies the x and y of normal_texture's normals.");
@@ -52,24 +52,24 @@ inline void bind_fields(py::class_<Material>& type) {
   scalar(type, "diffuse_transmission", &S::diffuse_transmission, "Share of the diffuse base whose light leaves on the other side of the surface, evenly in all directions (KHR_materials_diffuse_transmission): paper, leaves, lampshades. Both sides wear the dielectric layer. Unless the material is thin_walled, the other side is the inside of a body, which absorbs as attenuation_color says, but for the light of lamps that stand in it.");
   vector(type, "diffuse_transmission_color", &S::diffuse_transmission_color, "Colour of diffuse_transmission; base_color does not tint it.");
   scalar(type, "ir_diffuse_transmission_color", &S::ir_diffuse_transmission_color, "The same as diffuse_transmission_color, in the infrared band.");
-  id(type, "clearcoat_texture", &S::clearcoat_texture, "Its red channel multiplies clearcoat.");
-  id(type, "clearcoat_roughness_texture", &S::clearcoat_roughness_texture, "Its green channel multiplies clearcoat_roughness.");
-  id(type, "diffuse_transmission_texture", &S::diffuse_transmission_texture, "Its alpha multiplies diffuse_transmission.");
-  id(type, "diffuse_transmission_color_texture", &S::diffuse_transmission_color_texture, "Its RGB multiplies diffuse_transmission_color. In the infrared band it is its red channel, or nothing where ir_diffuse_transmission_color is given.");
+  maybe_plus_1(type, "clearcoat_texture", &S::clearcoat_texture, "Its red channel multiplies clearcoat.");
+  maybe_plus_1(type, "clearcoat_roughness_texture", &S::clearcoat_roughness_texture, "Its green channel multiplies clearcoat_roughness.");
+  maybe_plus_1(type, "diffuse_transmission_texture", &S::diffuse_transmission_texture, "Its alpha multiplies diffuse_transmission.");
+  maybe_plus_1(type, "diffuse_transmission_color_texture", &S::diffuse_transmission_color_texture, "Its RGB multiplies diffuse_transmission_color. In the infrared band it is its red channel, or nothing where ir_diffuse_transmission_color is given.");
   scalar(type, "anisotropy", &S::anisotropy, "How far the GGX lobes of metal and layer are drawn out along one direction, as brushed metal's are (KHR_materials_anisotropy): alpha grows to mix(alpha, 1, anisotropy^2) along it and stays what it is across. Glass and clear coat stay round. A mesh without texture coordinates has no direction, and stays round too.");
   scalar(type, "anisotropy_rotation_rad", &S::anisotropy_rotation_rad, "Angle of that direction from growing u, counter-clockwise, so that a quarter turn is against growing v. In rad.");
-  id(type, "anisotropy_texture", &S::anisotropy_texture, "Its red and green channels are the x and y of a direction, from -1 to 1, which anisotropy_rotation_rad turns; its blue channel multiplies anisotropy.");
+  maybe_plus_1(type, "anisotropy_texture", &S::anisotropy_texture, "Its red and green channels are the x and y of a direction, from -1 to 1, which anisotropy_rotation_rad turns; its blue channel multiplies anisotropy.");
   vector(type, "sheen_color", &S::sheen_color, "Colour of a lobe of fibres over all of the surface that is not transmission (KHR_materials_sheen): velvet, wool, dust. What lies below is dimmed by the larger of the lobe's two albedos, towards the eye and towards the light; a clear coat lies over it.");
   scalar(type, "sheen_roughness", &S::sheen_roughness, "Roughness of the fibres' directions; values below 0.07 are taken as 0.07.");
   scalar(type, "ir_sheen_color", &S::ir_sheen_color, "The same as sheen_color, in the infrared band.");
-  id(type, "sheen_color_texture", &S::sheen_color_texture, "Its RGB multiplies sheen_color. In the infrared band it is its red channel, or nothing where ir_sheen_color is given.");
-  id(type, "sheen_roughness_texture", &S::sheen_roughness_texture, "Its alpha multiplies sheen_roughness.");
+  maybe_plus_1(type, "sheen_color_texture", &S::sheen_color_texture, "Its RGB multiplies sheen_color. In the infrared band it is its red channel, or nothing where ir_sheen_color is given.");
+  maybe_plus_1(type, "sheen_roughness_texture", &S::sheen_roughness_texture, "Its alpha multiplies sheen_roughness.");
   scalar(type, "iridescence", &S::iridescence, "Share of the surface that wears a thin film, in which light interferes (KHR_materials_iridescence): soap, oil, tempered steel. It changes what metal, layer and glass reflect, in the infrared band by its light of 850 nm.");
   scalar(type, "iridescence_ior", &S::iridescence_ior, "Index of refraction of the film.");
   scalar(type, "iridescence_thickness_nm", &S::iridescence_thickness_nm, "Thickness of the film, or where iridescence_thickness_texture is 1. In nm.");
   scalar(type, "iridescence_least_thickness_nm", &S::iridescence_least_thickness_nm, "Thickness of the film where iridescence_thickness_texture is 0. In nm.");
-  id(type, "iridescence_texture", &S::iridescence_texture, "Its red channel multiplies iridescence.");
-  id(type, "iridescence_thickness_texture", &S::iridescence_thickness_texture, "Its green channel goes from iridescence_least_thickness_nm to iridescence_thickness_nm.");
+  maybe_plus_1(type, "iridescence_texture", &S::iridescence_texture, "Its red channel multiplies iridescence.");
+  maybe_plus_1(type, "iridescence_thickness_texture", &S::iridescence_thickness_texture, "Its green channel goes from iridescence_least_thickness_nm to iridescence_thickness_nm.");
   scalar(type, "dispersion", &S::dispersion, "20 over Abbe's number of smooth glass that bounds a body (KHR_materials_dispersion): how far its colours part. ior is that of light of 587.6 nm; the others follow by Cauchy's law for 611.4, 549.1 and 464.3 nm, the wavelengths of the primaries' hues, and in the infrared band, unless ir_ior is given, for 850 nm. Rough glass, sheets and shadow rays take ior for all colours.");
 }
 
@@ -105,7 +105,7 @@ inline void bind_fields(py::class_<Camera>& type) {
   square(type, "camera_to_world", &S::camera_to_world, "Pose at time 0, row-major.");
   scalar(type, "near_m", &S::near_m, "Surfaces nearer than this are invisible to the camera. In m.");
   scalar(type, "far_m", &S::far_m, "Surfaces farther than this are invisible to the camera. In m.");
-  lens(type, &S::lens, "Distortion of the lens. One that folds back within the image is refused.");
+  padded(type, "distortion", &S::distortion, "Lens distortion k1 k2 p1 p2 k3 k4 k5 k6 of Brown and Conrady, in OpenCV's order, from ideal to observed pixels. A distortion that folds back within the image is refused.");
   scalar(type, "lens_radius_m", &S::lens_radius_m, "Radius of the aperture of a thin lens; 0 is a pinhole. In m.");
   scalar(type, "focus_m", &S::focus_m, "Depth z of the plane that is in focus, > 0; INFINITY is allowed. It is not read for a pinhole. In m.");
   named(type, "shutter", &S::shutter, std::array<std::string_view, 2>{"global", "rolling"}, 0, "Kind of shutter.");
@@ -123,7 +123,7 @@ inline void bind_fields(py::class_<Light>& type) {
   vector(type, "intensity", &S::intensity, "Intensity in the visible band. Point, spot and projector: radiant intensity in W/sr. Directional: irradiance on a surface that faces the light, in W/m^2. Rectangle and disk: radiance in W/(sr m^2). A projector's is 0 by default, since an RGB camera does not see it.");
   maybe(type, "ir_intensity", &S::ir_intensity, "Intensity in the infrared band, in the same unit. None = red of intensity times kuafu_render_desc.ir_ambient_scale.");
   square(type, "light_to_world", &S::light_to_world, "Pose, row-major. +z is the optical axis, x points right and y down.");
-  id(type, "texture", &S::texture, "Projector: the pattern, whose red channel is read linearly, or 0 where dots are given. All other kinds: an image that multiplies the light, or 0. It covers a rectangle, the square around a disk, or the square around a spot's outer cone; a point light reads it as an equirectangular map; a directional light repeats it as tiles of size_m.");
+  maybe(type, "texture", &S::texture, "Projector: the pattern, whose red channel is read linearly, or None where dots are given. All other kinds: an image that multiplies the light, or None. It covers a rectangle, the square around a disk, or the square around a spot's outer cone; a point light reads it as an equirectangular map; a directional light repeats it as tiles of size_m.");
   scalar(type, "light_group", &S::light_group, "Light group of this light: KUAFU_OUTPUT_LIGHT_GROUP_0 + light_group receives it. A projector's light goes to the projector's two outputs instead.");
   square(type, "k", &S::k, "Projector: camera matrix in pixels of the pattern, row-major 3x3.");
   scalar(type, "radius_m", &S::radius_m, "Point: radius of the luminous sphere, 0 for a point. Disk: its radius. Projector: radius of its lens, which blurs the pattern by the radius |1/z - 1/focus_m| f. In m.");
@@ -131,7 +131,7 @@ inline void bind_fields(py::class_<Light>& type) {
   scalar(type, "inner_rad", &S::inner_rad, "Spot: half angle of the cone with full intensity; 0 <= inner < outer <= pi/2. In rad.");
   scalar(type, "outer_rad", &S::outer_rad, "Spot: half angle of the cone outside which there is no light; 0 <= inner < outer <= pi/2. In rad.");
   vector(type, "size_m", &S::size_m, "Rectangle: width and height. Directional with a texture: size of a tile. In m.");
-  lens(type, &S::lens, "Projector: distortion of the lens.");
+  padded(type, "distortion", &S::distortion, "Projector: the lens distortion k1 k2 p1 p2 k3 k4 k5 k6 of Brown and Conrady, in OpenCV's order.");
   scalar(type, "falloff", &S::falloff, "Projector: the intensity is multiplied by cos^falloff of the angle from the optical axis.");
   scalar(type, "focus_m", &S::focus_m, "Projector: distance at which the pattern is sharpest; with 0 it is sharp everywhere. In m.");
   scalar(type, "pattern_scale", &S::pattern_scale, "Projector: magnification of the pattern about the principal point, > 0; 1 changes nothing.");

@@ -204,17 +204,10 @@ class Image:
     def array(self) -> NDArray[Any]:
         """The view as a numpy array, without a copy."""
 class Camera:
-    """A camera. distortion: k1, k2, p1, p2[, k3[, k4, k5, k6]] of Brown and Conrady (OpenCV's order), or k1, k2, k3, k4 of a
-    fisheye lens (kannala_brandt)."""
+    """A pinhole camera with Brown and Conrady's distortion [k1, k2, p1, p2, k3, k4, k5, k6] (OpenCV's order); the last three make it
+    rational. Four, five or eight numbers are taken."""
 
-    def __init__(
-        self,
-        width: int,
-        height: int,
-        k: ArrayLike,
-        distortion: ArrayLike | None = None,
-        lens_model: Literal["brown_conrady", "kannala_brandt"] = "brown_conrady",
-    ) -> None: ...
+    def __init__(self, width: int, height: int, k: ArrayLike, distortion: ArrayLike | None = None) -> None: ...
     @property
     def width(self) -> int:
         """Width of the images, pixels."""
@@ -225,11 +218,8 @@ class Camera:
     def k(self) -> NDArray[np.float64]:
         """3x3, pixels; pixel centres are at integers."""
     @property
-    def lens_model(self) -> Literal["brown_conrady", "kannala_brandt"]:
-        """What distortion means."""
-    @property
     def distortion(self) -> tuple[float, float, float, float, float, float, float, float]:
-        """The coefficients, of which a fisheye lens has four; zeros of Brown and Conrady's are an ideal pinhole."""
+        """k1, k2, p1, p2, k3, k4, k5, k6 of Brown and Conrady; zeros are an ideal pinhole."""
 
 class Engine:
     """A stereo rig's depth engine. One thread at a time."""

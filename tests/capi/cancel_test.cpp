@@ -55,7 +55,7 @@ void add_sheet(kuafu_scene scene, uint32_t side) {
   mesh.positions = positions.data(), mesh.vertex_count = static_cast<uint32_t>(positions.size() / 3);
   mesh.indices = indices.data(), mesh.triangle_count = static_cast<uint32_t>(indices.size() / 3);
   uint32_t id = 0;
-  kuafu_instance_desc instance = kuafu_instance_desc_init(1);
+  kuafu_instance_desc instance = kuafu_instance_desc_init(0);
   ASSERT_EQ(kuafu_scene_add_mesh(scene, &mesh, &instance.mesh), KS_OK) << kuafu_last_error();
   ASSERT_EQ(kuafu_scene_add_instance(scene, &instance, &id), KS_OK) << kuafu_last_error();
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* kuafu as one table of functions, for hosts that open the library at run time:
  *
- *   void* library = dlopen("libkuafu.so.1", RTLD_NOW | RTLD_LOCAL);
+ *   void* library = dlopen("libkuafu.so.0", RTLD_NOW | RTLD_LOCAL);
  *   const kuafu_api* api = ((kuafu_get_api_fn)dlsym(library, "kuafu_get_api"))();
  *
  * The table only grows at its end. A host that was compiled against a later header asks before it uses a later entry:

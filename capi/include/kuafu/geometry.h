@@ -149,12 +149,12 @@ typedef struct kuafu_instance_desc {
   ks_header header;
   /* Name that kuafu_scene_instance_name returns; NULL is no name. */
   const char* name;
-  /* Id of the mesh. [an id; 0 is none] */
+  /* Id of the mesh. */
   uint32_t mesh;
   /* Index of the environment of the batch that contains this instance. [KUAFU_ALL_ENVIRONMENTS by default] */
   uint32_t environment;
-  /* Array [material_count], one material for each slot of the mesh. Where it is NULL or too short, or has a 0, a grey
-   * Lambertian material is used. */
+  /* Array [material_count], one material for each slot of the mesh. Where it is NULL or too short, a grey Lambertian
+   * material is used. */
   const uint32_t* materials;
   /* Length of materials. */
   uint32_t material_count;

@@ -5,7 +5,6 @@
  * integers, and depth is z. A 4x4 transform is row-major and named a_to_b: it maps coordinates in a to coordinates in b.
  * Errors: every function that can fail returns ks_status. kuafu_last_error() is the thread's last message, with the numbers and what to do. A failed call
  * leaves its objects as they were.
- * Ids: meshes, textures, materials, instances and lights are counted from 1 in the order in which they came; 0 is none.
  * Lifetime: a create function returns one reference, ..._retain takes another, and ..._release gives one back; ..._release(NULL) does nothing. An object
  * keeps those that it was made from, so that they may be released in any order.
  * Time: time 0 is the middle of the exposure of a view's middle line. If P is an object's pose at time 0 and [v, w] its twist, its pose at time t is
@@ -27,11 +26,11 @@
 #include "ks/status.h"
 #include "ks/sync.h"
 #include "kuafu/camera.h"
+#include "kuafu/optics.h"
 #include "kuafu/geometry.h"
 #include "kuafu/light.h"
 #include "kuafu/material.h"
 #include "kuafu/medium.h"
-#include "kuafu/optics.h"
 #include "kuafu/output.h"
 #include "kuafu/render.h"
 
@@ -110,11 +109,10 @@ KUAFU_API ks_status kuafu_scene_cancel_load(kuafu_scene scene);
 
 /* Poses what loaded glTF files animate (glTF 2.0 section 3.11) as it is at time_s: instances, lights and cameras of animated nodes, and the vertices of meshes
  * with skins or morph targets, as the functions of this interface that move them would. animation is less than animation_count of the summary, in the order
- * of the files; what this animation does not move stands as its file has it without animation, whatever was posed before. KUAFU_ALL_ANIMATIONS stands for all
+ * of the files; what this animation does not move stands as its file has it without animation, whatever was posed before. KUAFU_NONE stands for all
  * animations of all files; where two of them move the same property, the first one counts. Before its first keyframe and after its last an animation stands
  * still: for one that repeats, time_s is a remainder of kuafu_scene_animation_duration. time_s is finite. Objects that were removed are passed over. A node
  * that has a scale of 0 is hidden. An error, as where a vertex would have no finite place, leaves the scene as it was. */
-#define KUAFU_ALL_ANIMATIONS 0xffffffffu
 KUAFU_API ks_status kuafu_scene_animate(kuafu_scene scene, uint32_t animation, double time_s);
 /* Time of the last keyframe, in seconds. */
 KUAFU_API ks_status kuafu_scene_animation_duration(kuafu_scene scene, uint32_t animation, double* out);

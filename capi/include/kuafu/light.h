@@ -10,7 +10,7 @@
 #include <string.h>
 
 #include "ks/header.h"
-#include "ks/lens.h"
+#include "kuafu/material.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -59,10 +59,10 @@ typedef struct kuafu_light_desc {
   /* Pose, row-major. +z is the optical axis, x points right and y down. [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1
    * by default] */
   double light_to_world[16];
-  /* Projector: the pattern, whose red channel is read linearly, or 0 where dots are given. All other kinds: an image
-   * that multiplies the light, or 0. It covers a rectangle, the square around a disk, or the square around a spot's
-   * outer cone; a point light reads it as an equirectangular map; a directional light repeats it as tiles of size_m.
-   * [an id; 0 is none] */
+  /* Projector: the pattern, whose red channel is read linearly, or KUAFU_NONE where dots are given. All other kinds: an
+   * image that multiplies the light, or KUAFU_NONE. It covers a rectangle, the square around a disk, or the square
+   * around a spot's outer cone; a point light reads it as an equirectangular map; a directional light repeats it as
+   * tiles of size_m. [KUAFU_NONE by default] */
   uint32_t texture;
   /* Light group of this light: KUAFU_OUTPUT_LIGHT_GROUP_0 + light_group receives it. A projector's light goes to the
    * projector's two outputs instead. [0..3] */
@@ -81,8 +81,8 @@ typedef struct kuafu_light_desc {
   double outer_rad;
   /* Rectangle: width and height. Directional with a texture: size of a tile. [in m] */
   double size_m[2];
-  /* Projector: distortion of the lens. */
-  ks_lens lens;
+  /* Projector: the lens distortion k1 k2 p1 p2 k3 k4 k5 k6 of Brown and Conrady, in OpenCV's order. [-1000000..1000000] */
+  double distortion[8];
   /* Projector: the intensity is multiplied by cos^falloff of the angle from the optical axis. [>= 0] */
   double falloff;
   /* Projector: distance at which the pattern is sharpest; with 0 it is sharp everywhere. [>= 0 m] */
@@ -129,6 +129,7 @@ static inline kuafu_light_desc kuafu_light_desc_init(uint32_t kind) {
   s.light_to_world[5] = 1.0;
   s.light_to_world[10] = 1.0;
   s.light_to_world[15] = 1.0;
+  s.texture = KUAFU_NONE;
   s.k[0] = 1.0;
   s.k[4] = 1.0;
   s.k[8] = 1.0;
@@ -147,7 +148,7 @@ typedef struct kuafu_environment_desc {
    * ir_ambient_radiance (kuafu_render_desc)] */
   float ir_radiance;
   /* Equirectangular map that multiplies the radiance; the infrared band uses its red channel. Its middle column lies
-   * towards +z of the map's frame, its columns run towards +x, and its first row is -y (up). [an id; 0 is none] */
+   * towards +z of the map's frame, its columns run towards +x, and its first row is -y (up). [KUAFU_NONE by default] */
   uint32_t texture;
   /* Light group of the environment's light. [0..3] */
   uint32_t light_group;
@@ -159,6 +160,7 @@ static inline kuafu_environment_desc kuafu_environment_desc_init(void) {
   memset(&s, 0, sizeof s);
   s.header = ks_header_make(KUAFU_TYPE_ENVIRONMENT_DESC, KS_CAST(uint32_t, sizeof s));
   s.ir_radiance = NAN;
+  s.texture = KUAFU_NONE;
   s.map_to_world[0] = 1.0;
   s.map_to_world[4] = 1.0;
   s.map_to_world[8] = 1.0;

@@ -14,6 +14,9 @@
 extern "C" {
 #endif
 
+/* No texture, no mesh, ... */
+#define KUAFU_NONE 0xffffffffu
+
 #define KUAFU_TYPE_MATERIAL_DESC 0x1003u
 
 /* kuafu_material_desc.bsdf: How the base and the reflecting layer are combined. */
@@ -62,17 +65,18 @@ typedef struct kuafu_material_desc {
   float ir_albedo;
   /* Radiance in the infrared band. [>= 0 W/(sr m^2)] */
   float ir_emission;
-  /* Its RGB multiplies base_color, its alpha that of base_color. [an id; 0 is none] */
+  /* Its RGB multiplies base_color, its alpha that of base_color. [KUAFU_NONE by default] */
   uint32_t base_color_texture;
-  /* Its green channel multiplies roughness and transmission_roughness, its blue channel metallic. [an id; 0 is none] */
+  /* Its green channel multiplies roughness and transmission_roughness, its blue channel metallic. [KUAFU_NONE by
+   * default] */
   uint32_t metallic_roughness_texture;
-  /* Normals in tangent space, encoded as in glTF. [an id; 0 is none] */
+  /* Normals in tangent space, encoded as in glTF. [KUAFU_NONE by default] */
   uint32_t normal_texture;
-  /* Its RGB multiplies emission. [an id; 0 is none] */
+  /* Its RGB multiplies emission. [KUAFU_NONE by default] */
   uint32_t emission_texture;
-  /* Its red channel multiplies transmission. [an id; 0 is none] */
+  /* Its red channel multiplies transmission. [KUAFU_NONE by default] */
   uint32_t transmission_texture;
-  /* Its alpha channel multiplies specular. [an id; 0 is none] */
+  /* Its alpha channel multiplies specular. [KUAFU_NONE by default] */
   uint32_t specular_texture;
   /* Roughness of transmitted light; 0 is clear glass. For a material of a file it is the material's roughness. [0..1] */
   float transmission_roughness;
@@ -94,7 +98,7 @@ typedef struct kuafu_material_desc {
    * and attenuation is not used. */
   uint32_t thin_walled;
   /* Its red channel multiplies ir_albedo, or 1 where ir_albedo is NAN. Without this texture and without ir_albedo the
-   * infrared band uses the red channel of base_color_texture. [an id; 0 is none] */
+   * infrared band uses the red channel of base_color_texture. [KUAFU_NONE by default] */
   uint32_t ir_albedo_texture;
   /* Roughness in the infrared band. [0..1; NAN = roughness] */
   float ir_roughness;
@@ -118,7 +122,7 @@ typedef struct kuafu_material_desc {
   float ir_subsurface_color;
   /* The same as subsurface_radius_m, in the infrared band. [> 0 m; NAN = red of subsurface_radius_m] */
   float ir_subsurface_radius_m;
-  /* Its red channel R changes the index of refraction to 1 + (ior - 1) R. [an id; 0 is none] */
+  /* Its red channel R changes the index of refraction to 1 + (ior - 1) R. [KUAFU_NONE by default] */
   uint32_t ior_texture;
   /* What alpha means, which is that of base_color times those of base_color_texture and of the mesh's colors. It is the
    * same in both bands. [opaque by default] */
@@ -143,14 +147,14 @@ typedef struct kuafu_material_desc {
   float diffuse_transmission_color[3];
   /* The same as diffuse_transmission_color, in the infrared band. [0..1; 0 means the red of diffuse_transmission_color] */
   float ir_diffuse_transmission_color;
-  /* Its red channel multiplies clearcoat. [an id; 0 is none] */
+  /* Its red channel multiplies clearcoat. [1 + a texture's id; 0 is none] */
   uint32_t clearcoat_texture;
-  /* Its green channel multiplies clearcoat_roughness. [an id; 0 is none] */
+  /* Its green channel multiplies clearcoat_roughness. [1 + a texture's id; 0 is none] */
   uint32_t clearcoat_roughness_texture;
-  /* Its alpha multiplies diffuse_transmission. [an id; 0 is none] */
+  /* Its alpha multiplies diffuse_transmission. [1 + a texture's id; 0 is none] */
   uint32_t diffuse_transmission_texture;
   /* Its RGB multiplies diffuse_transmission_color. In the infrared band it is its red channel, or nothing where
-   * ir_diffuse_transmission_color is given. [an id; 0 is none] */
+   * ir_diffuse_transmission_color is given. [1 + a texture's id; 0 is none] */
   uint32_t diffuse_transmission_color_texture;
   /* How far the GGX lobes of metal and layer are drawn out along one direction, as brushed metal's are
    * (KHR_materials_anisotropy): alpha grows to mix(alpha, 1, anisotropy^2) along it and stays what it is across. Glass
@@ -159,7 +163,7 @@ typedef struct kuafu_material_desc {
   /* Angle of that direction from growing u, counter-clockwise, so that a quarter turn is against growing v. [in rad] */
   float anisotropy_rotation_rad;
   /* Its red and green channels are the x and y of a direction, from -1 to 1, which anisotropy_rotation_rad turns; its
-   * blue channel multiplies anisotropy. [an id; 0 is none] */
+   * blue channel multiplies anisotropy. [1 + a texture's id; 0 is none] */
   uint32_t anisotropy_texture;
   /* Colour of a lobe of fibres over all of the surface that is not transmission (KHR_materials_sheen): velvet, wool,
    * dust. What lies below is dimmed by the larger of the lobe's two albedos, towards the eye and towards the light; a
@@ -170,9 +174,9 @@ typedef struct kuafu_material_desc {
   /* The same as sheen_color, in the infrared band. [0..1; 0 means the red of sheen_color] */
   float ir_sheen_color;
   /* Its RGB multiplies sheen_color. In the infrared band it is its red channel, or nothing where ir_sheen_color is
-   * given. [an id; 0 is none] */
+   * given. [1 + a texture's id; 0 is none] */
   uint32_t sheen_color_texture;
-  /* Its alpha multiplies sheen_roughness. [an id; 0 is none] */
+  /* Its alpha multiplies sheen_roughness. [1 + a texture's id; 0 is none] */
   uint32_t sheen_roughness_texture;
   /* Share of the surface that wears a thin film, in which light interferes (KHR_materials_iridescence): soap, oil,
    * tempered steel. It changes what metal, layer and glass reflect, in the infrared band by its light of 850 nm. [0..1] */
@@ -183,9 +187,10 @@ typedef struct kuafu_material_desc {
   float iridescence_thickness_nm;
   /* Thickness of the film where iridescence_thickness_texture is 0. [0..100000 nm; 100 by default] */
   float iridescence_least_thickness_nm;
-  /* Its red channel multiplies iridescence. [an id; 0 is none] */
+  /* Its red channel multiplies iridescence. [1 + a texture's id; 0 is none] */
   uint32_t iridescence_texture;
-  /* Its green channel goes from iridescence_least_thickness_nm to iridescence_thickness_nm. [an id; 0 is none] */
+  /* Its green channel goes from iridescence_least_thickness_nm to iridescence_thickness_nm. [1 + a texture's id; 0 is
+   * none] */
   uint32_t iridescence_thickness_texture;
   /* 20 over Abbe's number of smooth glass that bounds a body (KHR_materials_dispersion): how far its colours part. ior
    * is that of light of 587.6 nm; the others follow by Cauchy's law for 611.4, 549.1 and 464.3 nm, the wavelengths of
@@ -205,10 +210,17 @@ static inline kuafu_material_desc kuafu_material_desc_init(void) {
   s.specular = 1.0f;
   s.ior = 1.5f;
   s.ir_albedo = NAN;
+  s.base_color_texture = KUAFU_NONE;
+  s.metallic_roughness_texture = KUAFU_NONE;
+  s.normal_texture = KUAFU_NONE;
+  s.emission_texture = KUAFU_NONE;
+  s.transmission_texture = KUAFU_NONE;
+  s.specular_texture = KUAFU_NONE;
   s.attenuation_color[0] = 1.0f;
   s.attenuation_color[1] = 1.0f;
   s.attenuation_color[2] = 1.0f;
   s.ir_attenuation_color = NAN;
+  s.ir_albedo_texture = KUAFU_NONE;
   s.ir_roughness = NAN;
   s.ir_ior = NAN;
   s.ir_transmission = NAN;
@@ -221,6 +233,7 @@ static inline kuafu_material_desc kuafu_material_desc_init(void) {
   s.subsurface_radius_m[2] = 0.001f;
   s.ir_subsurface_color = NAN;
   s.ir_subsurface_radius_m = NAN;
+  s.ior_texture = KUAFU_NONE;
   s.alpha_cutoff = 0.5f;
   s.normal_scale = 1.0f;
   s.diffuse_transmission_color[0] = 1.0f;

@@ -6,7 +6,6 @@
 #define KUAFU_LIGHT_FIELDS_H
 
 #include "shared/arrays.h"
-#include "shared/lens_record.h"
 #include "shared/ray_queue.h"
 
 #ifdef __cplusplus
@@ -16,7 +15,7 @@ namespace kuafu {
 struct LightShape {
   uint texture;
   float radius_m;
-  LensRecord lens;
+  float distortion[8];
   float falloff;
   float focus_m;
   float range_m;
@@ -30,13 +29,14 @@ struct LightShape {
   vec2 focal;  // Projector: of K, pixels.
   vec2 centre;
   float skew;
-  float lens_reach;  // Tangent of the angle up to which the distortion grows.
+  float distortion_reach;  // Tangent of the angle up to which the distortion grows.
   uint first;  // Of light_cumulative: mesh: triangles; map: rows, whose columns follow.
   uint count;
   uint first_triangle;  // Of light_triangles.
   uint columns;  // Map.
   float half_texel;  // Map: of a row.
   float total;  // Mesh: sum of emission times area.
+  uint reserved;  // A multiple of 8 bytes.
 };
 KUAFU_ARRAY(LightShapeArray, LightShape, 4)
 
@@ -49,7 +49,7 @@ template <class Fields>
 void copy_fields(const Fields& s, LightShape& out) {
   out.texture = uint32_t(s.texture);
   out.radius_m = float(s.radius_m);
-  out.lens = lens_record(s.lens);
+  for (int i = 0; i < 8; ++i) out.distortion[i] = float(s.distortion[i]);
   out.falloff = float(s.falloff);
   out.focus_m = float(s.focus_m);
   out.range_m = float(s.range_m);

@@ -6,7 +6,6 @@
 #define KUAFU_OPTICS_FIELDS_H
 
 #include "shared/arrays.h"
-#include "shared/lens_record.h"
 #include "shared/ray_queue.h"
 
 #ifdef __cplusplus
@@ -24,7 +23,8 @@ struct OpticsRecord {
   float cx;
   float cy;
   float skew;
-  LensRecord lens;
+  float distortion[8];  // k1 k2 p1 p2 k3 k4 k5 k6, where `distorts`.
+  uint distorts;
   uint psf_radius;  // Taps beside the middle one; 0: no blur.
   uint psf_kernels;  // First word of the kernels.
   float psf_kernels_per_variance;  // How many per px^2 from the middle's variance to the corners'; 0: one alone.

@@ -3,7 +3,6 @@
 // clang-format off
 #include "api/fields.h"
 
-#include "api/lens.h"
 #include "device/field_check.h"
 #include "scene/matrix.h"
 
@@ -20,12 +19,12 @@ void copy_fields(const kuafu_material_desc& s, MaterialFields& out) {
   for (int i = 0; i < 3; ++i) out.emission[i] = s.emission[i];
   out.ir_albedo = s.ir_albedo;
   out.ir_emission = s.ir_emission;
-  out.base_color_texture = s.base_color_texture - 1u;
-  out.metallic_roughness_texture = s.metallic_roughness_texture - 1u;
-  out.normal_texture = s.normal_texture - 1u;
-  out.emission_texture = s.emission_texture - 1u;
-  out.transmission_texture = s.transmission_texture - 1u;
-  out.specular_texture = s.specular_texture - 1u;
+  out.base_color_texture = s.base_color_texture;
+  out.metallic_roughness_texture = s.metallic_roughness_texture;
+  out.normal_texture = s.normal_texture;
+  out.emission_texture = s.emission_texture;
+  out.transmission_texture = s.transmission_texture;
+  out.specular_texture = s.specular_texture;
   out.transmission_roughness = s.transmission_roughness;
   out.diffuse_roughness = s.diffuse_roughness;
   for (int i = 0; i < 3; ++i) out.attenuation_color[i] = s.attenuation_color[i];
@@ -34,7 +33,7 @@ void copy_fields(const kuafu_material_desc& s, MaterialFields& out) {
   out.bsdf = static_cast<decltype(out.bsdf)>(s.bsdf);
   out.light_group = s.light_group;
   out.thin_walled = s.thin_walled != 0;
-  out.ir_albedo_texture = s.ir_albedo_texture - 1u;
+  out.ir_albedo_texture = s.ir_albedo_texture;
   out.ir_roughness = s.ir_roughness;
   out.ir_ior = s.ir_ior;
   out.ir_transmission = s.ir_transmission;
@@ -44,7 +43,7 @@ void copy_fields(const kuafu_material_desc& s, MaterialFields& out) {
   for (int i = 0; i < 3; ++i) out.subsurface_radius_m[i] = s.subsurface_radius_m[i];
   out.ir_subsurface_color = s.ir_subsurface_color;
   out.ir_subsurface_radius_m = s.ir_subsurface_radius_m;
-  out.ior_texture = s.ior_texture - 1u;
+  out.ior_texture = s.ior_texture;
   out.alpha_mode = static_cast<decltype(out.alpha_mode)>(s.alpha_mode);
   out.alpha_cutoff = s.alpha_cutoff;
   out.normal_scale = s.normal_scale;
@@ -85,12 +84,12 @@ void copy_fields(const MaterialFields& s, kuafu_material_desc& out) {
   for (int i = 0; i < 3; ++i) out.emission[i] = s.emission[i];
   out.ir_albedo = s.ir_albedo;
   out.ir_emission = s.ir_emission;
-  out.base_color_texture = s.base_color_texture + 1u;
-  out.metallic_roughness_texture = s.metallic_roughness_texture + 1u;
-  out.normal_texture = s.normal_texture + 1u;
-  out.emission_texture = s.emission_texture + 1u;
-  out.transmission_texture = s.transmission_texture + 1u;
-  out.specular_texture = s.specular_texture + 1u;
+  out.base_color_texture = s.base_color_texture;
+  out.metallic_roughness_texture = s.metallic_roughness_texture;
+  out.normal_texture = s.normal_texture;
+  out.emission_texture = s.emission_texture;
+  out.transmission_texture = s.transmission_texture;
+  out.specular_texture = s.specular_texture;
   out.transmission_roughness = s.transmission_roughness;
   out.diffuse_roughness = s.diffuse_roughness;
   for (int i = 0; i < 3; ++i) out.attenuation_color[i] = s.attenuation_color[i];
@@ -99,7 +98,7 @@ void copy_fields(const MaterialFields& s, kuafu_material_desc& out) {
   out.bsdf = static_cast<uint32_t>(s.bsdf);
   out.light_group = s.light_group;
   out.thin_walled = s.thin_walled ? 1 : 0;
-  out.ir_albedo_texture = s.ir_albedo_texture + 1u;
+  out.ir_albedo_texture = s.ir_albedo_texture;
   out.ir_roughness = s.ir_roughness;
   out.ir_ior = s.ir_ior;
   out.ir_transmission = s.ir_transmission;
@@ -109,7 +108,7 @@ void copy_fields(const MaterialFields& s, kuafu_material_desc& out) {
   for (int i = 0; i < 3; ++i) out.subsurface_radius_m[i] = s.subsurface_radius_m[i];
   out.ir_subsurface_color = s.ir_subsurface_color;
   out.ir_subsurface_radius_m = s.ir_subsurface_radius_m;
-  out.ior_texture = s.ior_texture + 1u;
+  out.ior_texture = s.ior_texture;
   out.alpha_mode = static_cast<uint32_t>(s.alpha_mode);
   out.alpha_cutoff = s.alpha_cutoff;
   out.normal_scale = s.normal_scale;
@@ -190,7 +189,7 @@ void copy_fields(const kuafu_camera_desc& s, Camera& out) {
   out.camera_to_world = from_row_major<4>(s.camera_to_world);
   out.near_m = s.near_m;
   out.far_m = s.far_m;
-  out.lens.distortion = to_distortion(s.lens);
+  for (int i = 0; i < 8; ++i) out.lens.distortion[i] = s.distortion[i];
   out.lens.lens_radius_m = s.lens_radius_m;
   out.lens.focus_m = s.focus_m;
   out.shutter.kind = static_cast<decltype(out.shutter.kind)>(s.shutter);
@@ -208,7 +207,7 @@ void copy_fields(const Camera& s, kuafu_camera_desc& out) {
   to_row_major<4>(s.camera_to_world, out.camera_to_world);
   out.near_m = s.near_m;
   out.far_m = s.far_m;
-  out.lens = to_lens(s.lens.distortion);
+  for (int i = 0; i < 8; ++i) out.distortion[i] = s.lens.distortion[i];
   out.lens_radius_m = s.lens.lens_radius_m;
   out.focus_m = s.lens.focus_m;
   out.shutter = static_cast<uint32_t>(s.shutter.kind);
@@ -226,7 +225,7 @@ void copy_fields(const kuafu_light_desc& s, Light& out) {
   for (int i = 0; i < 3; ++i) out.intensity[i] = s.intensity[i];
   out.ir_intensity = s.ir_intensity;
   out.light_to_world = from_row_major<4>(s.light_to_world);
-  out.texture = s.texture - 1u;
+  out.texture = s.texture;
   out.light_group = s.light_group;
   out.k = from_row_major<3>(s.k);
   out.radius_m = s.radius_m;
@@ -234,7 +233,7 @@ void copy_fields(const kuafu_light_desc& s, Light& out) {
   out.inner_rad = s.inner_rad;
   out.outer_rad = s.outer_rad;
   for (int i = 0; i < 2; ++i) out.size_m[i] = s.size_m[i];
-  out.lens = to_distortion(s.lens);
+  for (int i = 0; i < 8; ++i) out.distortion[i] = s.distortion[i];
   out.falloff = s.falloff;
   out.focus_m = s.focus_m;
   out.pattern_scale = s.pattern_scale;
@@ -256,7 +255,7 @@ void copy_fields(const Light& s, kuafu_light_desc& out) {
   for (int i = 0; i < 3; ++i) out.intensity[i] = s.intensity[i];
   out.ir_intensity = s.ir_intensity;
   to_row_major<4>(s.light_to_world, out.light_to_world);
-  out.texture = s.texture + 1u;
+  out.texture = s.texture;
   out.light_group = s.light_group;
   to_row_major<3>(s.k, out.k);
   out.radius_m = s.radius_m;
@@ -264,7 +263,7 @@ void copy_fields(const Light& s, kuafu_light_desc& out) {
   out.inner_rad = s.inner_rad;
   out.outer_rad = s.outer_rad;
   for (int i = 0; i < 2; ++i) out.size_m[i] = s.size_m[i];
-  out.lens = to_lens(s.lens);
+  for (int i = 0; i < 8; ++i) out.distortion[i] = s.distortion[i];
   out.falloff = s.falloff;
   out.focus_m = s.focus_m;
   out.pattern_scale = s.pattern_scale;
@@ -282,7 +281,7 @@ void copy_fields(const Light& s, kuafu_light_desc& out) {
 void copy_fields(const kuafu_environment_desc& s, Environment& out) {
   for (int i = 0; i < 3; ++i) out.radiance[i] = s.radiance[i];
   out.ir_radiance = s.ir_radiance;
-  out.texture = s.texture - 1u;
+  out.texture = s.texture;
   out.light_group = s.light_group;
   out.map_to_world = from_row_major<3>(s.map_to_world);
 }
@@ -290,7 +289,7 @@ void copy_fields(const kuafu_environment_desc& s, Environment& out) {
 void copy_fields(const Environment& s, kuafu_environment_desc& out) {
   for (int i = 0; i < 3; ++i) out.radiance[i] = s.radiance[i];
   out.ir_radiance = s.ir_radiance;
-  out.texture = s.texture + 1u;
+  out.texture = s.texture;
   out.light_group = s.light_group;
   to_row_major<3>(s.map_to_world, out.map_to_world);
 }
@@ -310,7 +309,7 @@ void copy_fields(const kuafu_texture_desc& s, Texture& out) {
 
 void copy_fields(const kuafu_instance_desc& s, Instance& out) {
   out.name = s.name == nullptr ? "" : s.name;
-  out.mesh = s.mesh - 1u;
+  out.mesh = s.mesh;
   out.environment = s.environment;
   out.semantic_id = s.semantic_id;
   out.local_to_world = from_row_major<4>(s.local_to_world);

@@ -73,7 +73,7 @@ void check_fields(const Medium& s, const std::string& owner) {
 }
 
 void check_fields(const Camera& s, const std::string& owner) {
-  ks::check_lens(owner + "lens.", s.lens.distortion.model, s.lens.distortion.k);
+  for (int i = 0; i < 8; ++i) ks::check_range({owner, "distortion", ""}, s.lens.distortion[i], -1000000.0, 1000000.0);
   ks::check_range({owner, "lens_radius_m", "m"}, s.lens.lens_radius_m, 0.0, INFINITY);
   ks::check_choice({owner, "shutter", ""}, uint32_t(s.shutter.kind), 0, std::array<const char*, 2>{"global", "rolling"});
   ks::check_choice({owner, "readout", ""}, uint32_t(s.shutter.readout), 0, std::array<const char*, 4>{"rows_down", "rows_up", "columns_right", "columns_left"});
@@ -89,7 +89,7 @@ void check_fields(const Light& s, const std::string& owner) {
   if (!std::isnan(s.ir_intensity)) ks::check_range({owner, "ir_intensity", ""}, s.ir_intensity, 0.0f, INFINITY);
   ks::check_range({owner, "light_group", ""}, s.light_group, 0.0, 3.0);
   ks::check_range({owner, "radius_m", "m"}, s.radius_m, 0.0, INFINITY);
-  ks::check_lens(owner + "lens.", s.lens.model, s.lens.k);
+  for (int i = 0; i < 8; ++i) ks::check_range({owner, "distortion", ""}, s.distortion[i], -1000000.0, 1000000.0);
   ks::check_range({owner, "falloff", ""}, s.falloff, 0.0, INFINITY);
   ks::check_range({owner, "focus_m", "m"}, s.focus_m, 0.0, INFINITY);
   ks::check_above({owner, "pattern_scale", ""}, s.pattern_scale, 0.0);

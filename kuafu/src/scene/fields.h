@@ -10,8 +10,6 @@
 #include <glm/glm.hpp>
 #include <string>
 
-#include "scene/distortion.h"
-
 namespace kuafu {
 
 struct MaterialFields {
@@ -160,6 +158,8 @@ struct OpticsFields {
   double veiling_glare_fraction = 0.0;
   /// Limit of fireflies, the lone pixels that a few rare paths make far too bright. A pixel of radiance, less what came straight from the projector (projector_direct), that is more than firefly_factor times the brightest of its eight neighbours is taken down to that neighbour; then the same with the eight pixels two away, so that pairs go as well. Each channel is judged by itself. What is taken away is lost, which makes indirect light a little darker where few samples meet caustics; 1.5 is what cameras' presets take.
   double firefly_factor = 0.0;
+  /// Whether it changes nothing.
+  [[nodiscard]] bool is_neutral() const { return vignetting_exponent == 0.0 && vignetting_polynomial == glm::dvec3(0.0) && defocus_lens_radius_m == 0.0 && psf_sigma_px == 0.0 && psf_corner_sigma_px == 0.0 && veiling_glare_fraction == 0.0 && firefly_factor == 0.0; }
 };
 
 struct Medium {
@@ -195,7 +195,7 @@ struct LightFields {
   float ir_intensity = NAN;
   /// Pose, row-major. +z is the optical axis, x points right and y down.
   glm::dmat4 light_to_world{1.0};
-  /// Projector: the pattern, whose red channel is read linearly, or 0 where dots are given. All other kinds: an image that multiplies the light, or 0. It covers a rectangle, the square around a disk, or the square around a spot's outer cone; a point light reads it as an equirectangular map; a directional light repeats it as tiles of size_m.
+  /// Projector: the pattern, whose red channel is read linearly, or KUAFU_NONE where dots are given. All other kinds: an image that multiplies the light, or KUAFU_NONE. It covers a rectangle, the square around a disk, or the square around a spot's outer cone; a point light reads it as an equirectangular map; a directional light repeats it as tiles of size_m.
   uint32_t texture = 0xffffffffu;
   /// Light group of this light: KUAFU_OUTPUT_LIGHT_GROUP_0 + light_group receives it. A projector's light goes to the projector's two outputs instead.
   uint32_t light_group = 0;
@@ -211,8 +211,8 @@ struct LightFields {
   double outer_rad = 0.7853981633974483;
   /// Rectangle: width and height. Directional with a texture: size of a tile.
   glm::dvec2 size_m{0.0, 0.0};
-  /// Projector: distortion of the lens.
-  Distortion lens;
+  /// Projector: the lens distortion k1 k2 p1 p2 k3 k4 k5 k6 of Brown and Conrady, in OpenCV's order.
+  double distortion[8]{};
   /// Projector: the intensity is multiplied by cos^falloff of the angle from the optical axis.
   double falloff = 0.0;
   /// Projector: distance at which the pattern is sharpest; with 0 it is sharp everywhere.

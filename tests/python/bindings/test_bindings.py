@@ -244,7 +244,7 @@ def test_what_is_removed_frees_its_memory(scene, renderer, device):
     material = scene.add_material(kuafu.Material(base_color_texture=texture))
     renderer.render(scene, CAMERA, spp=1)
     assert device.allocated_bytes > before + 512 * 512
-    with pytest.raises(ValueError, match=f"texture {texture + 1} .* is used by material {material + 1}"):
+    with pytest.raises(ValueError, match=f"texture {texture} .* is used by material {material}"):
         scene.remove_texture(texture)
     scene.remove_material(material)
     scene.remove_texture(texture)

@@ -62,20 +62,26 @@ def test_changed_tables(library: Path) -> None:
     own = c.CDLL(str(library))
     outcomes = {"read": 0, "refused": 0}
     for _ in range(3000):
+        terms = plugin.records.RandomTerms(
+            plugin.records.Header(plugin.records.TYPE_EFFECT_RANDOM_TERMS, c.sizeof(plugin.records.RandomTerms), None)
+        )
         term = plugin.records.RandomTerm(b"p", None, 0, 0)
+        terms.terms, terms.count = c.pointer(term), 1
         count = dice.randrange(1, 4)
-        effects = (plugin.records.Effect * 3)(*(record(dice, count, c.pointer(term)) for _ in range(3)))
+        effects = (plugin.records.Effect * 3)(*(record(dice, count, c.addressof(terms)) for _ in range(3)))
         for _ in range(dice.randrange(3)):
             disturb(
                 dice,
-                dice.choice([effects[0], effects[0], term, effects[0].parameters[0]])
+                dice.choice([effects[0], effects[0], terms, term, effects[0].parameters[0]])
                 if effects[0].parameters
                 else effects[0],
             )
-        if effects[0].random_terms and 1 < effects[0].random_term_count <= 64:
-            effects[0].random_term_count = 1  # more than there are, C cannot tell
+        if terms.terms and 1 < terms.count <= 64:
+            terms.count = 1  # more than there are, C cannot tell
         if effects[0].parameters and 3 < effects[0].parameter_count <= 64:
             effects[0].parameter_count = 3
+        if dice.random() < 0.1:
+            terms.header.type, terms.header.next = 3, c.addressof(terms)  # a chain without an end
         c.c_void_p.in_dll(own, "table").value = dice.choice([c.addressof(effects)] * 9 + [None])
         c.c_uint32.in_dll(own, "count").value = dice.choice([1, 1, 1, 1, 3, 0, 257, 2**32 - 1])
         try:

@@ -23,7 +23,6 @@ from activestereo.camera.auto_exposure import AutoExposure
 from activestereo.camera.config_limits import FRAME
 from activestereo.camera.matching import make_engine, signal_parameters
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.common.lens import is_distorting
 from activestereo.common.limits import POWER, Limits
 from activestereo.sensor.gbuffer.buffers import Floats, GBuffer, SurfaceTable, host_image, read_gbuffer
 from activestereo.sensor.gbuffer.cause import causes, hidden_from_right
@@ -69,7 +68,7 @@ class GBufferStereo:
         self._count = int(_ENVIRONMENTS.check("environments", environments))
         c = self._config
         for name in ("ir_distortion", "ir_distortion_right"):
-            if is_distorting(getattr(c, name) or (0.0,)):
+            if np.any(getattr(c, name) or 0.0):
                 raise ValueError(f"{name} is {getattr(c, name)}: G-buffers are of pinhole cameras: set it to zeros")
         self._table = SurfaceTable(materials)
         self._eyes = [eye_of(c, is_right) for is_right in (False, True)]
