@@ -34,15 +34,16 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) coherent buffer Cle
 /// [pairs][height][width] maps of the matcher, packed.
 struct CleanPush {
   CleanFloats disparity, confidence;
-  BytesAddress reason;      // REASON_*
-  CleanFloats x, y;         // padding stage: [height][width] where the rectified left pixels lie in their source
-  CleanWords parent, size;  // speckle stages: [pairs][height][width] union-find of islands; hole filling: parent is its result, as floats; edges: marks
+  BytesAddress reason;  // REASON_*
+  CleanFloats x, y;     // padding stage: [height][width] where the rectified left pixels lie in their source
+  CleanWords parent,
+      size;  // speckle stages: [pairs][height][width] union-find of islands; hole filling: parent is its result, as floats; edges: marks
   uint width, height;
   uint maps;  // MAPS_*
   float invalid;
-  uint step;          // SPECKLE_*, HOLES_PASS_* or EDGES_PASS_*: the pass of that stage
-  float max_diff_px;  // edges: from which on there is a step
-  uint max_size;      // edges: of the border
+  uint step;            // SPECKLE_*, HOLES_PASS_* or EDGES_PASS_*: the pass of that stage
+  float max_diff_px;    // edges: from which on there is a step
+  uint max_size;        // edges: of the border
   uint filling;         // HOLES_*
   uint x0, y0, x1, y1;  // region whose holes are filled
 };
