@@ -70,7 +70,7 @@ def _hide(args: argparse.Namespace, capture: Path) -> dict[str, Any]:
     """Writes the capture with an effect that the seed draws; returns the answer."""
     import numpy as np
 
-    from activestereo.benchmarks.inject.example_capture import write_example_capture
+    from activestereo.benchmarks.example_capture import write_example_capture
     from activestereo.benchmarks.inject.inject import plan, write_injected
     from activestereo.common.progress_bar import ProgressBar
 

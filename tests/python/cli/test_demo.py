@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from activestereo.benchmarks.inject import example_capture
+from activestereo.benchmarks import example_capture
 from activestereo.capture.capture import read_capture
 from activestereo.cli import demo, diagnose, main, simulate
 
