@@ -24,7 +24,7 @@ from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solutio
 from activestereo.diagnose.score.likelihood import design_effect
 from activestereo.effects import Model
 
-_MOST_ROUNDS = 4
+_MOST_ROUNDS = 2
 _ITERATIONS = 4
 # Images are rendered again where corrections change them by more than this share of the noise, in the quadratic mean.
 _LINEAR_SHARE = 0.1
