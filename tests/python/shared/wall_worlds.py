@@ -16,7 +16,7 @@ from activestereo.common.pattern import dots, make_pattern
 
 BASELINE_M, BLACK_DN, READ_DN, GAIN_DN_PER_E = 0.05, 5.0, 0.4, 0.02
 # Where the projector really stands in the left camera's frame, and where the rig believes that it does.
-PLACE_M, NOMINAL_PLACE_M = np.array([0.0293, 0.0004, -0.0012]), np.array([0.029, 0.0, 0.0])
+POSITION_M, NOMINAL_POSITION_M = np.array([0.0293, 0.0004, -0.0012]), np.array([0.029, 0.0, 0.0])
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class WallWorld:
     def textured(self, scene: kuafu.Scene) -> kuafu.Light:
         """The projector at its true place with the pattern as an image."""
         pose = np.eye(4)
-        pose[:3, 3] = PLACE_M
+        pose[:3, 3] = POSITION_M
         texture = scene.add_texture(make_pattern(self.config.pattern_design))
         return kuafu.Light(kind="projector", ir_intensity=3.0, texture=texture, k=self.projector_K, light_to_world=pose)
 
@@ -110,7 +110,7 @@ class WallWorld:
         width, height = self.config.ir_resolution
         camera = Camera(width, height, self.config.ir_intrinsic)
         left_to_right, left_to_projector = np.eye(4), np.eye(4)
-        left_to_right[0, 3], left_to_projector[:3, 3] = -BASELINE_M, -NOMINAL_PLACE_M
+        left_to_right[0, 3], left_to_projector[:3, 3] = -BASELINE_M, -NOMINAL_POSITION_M
         scene_file = folder.with_name(folder.name + "-scene.gltf")
         scene_file.write_text('{"asset": {"version": "2.0"}, "scenes": [{"nodes": []}], "scene": 0}')
         projector = Projector(Path("pattern.png"), self.projector_K, left_to_projector)
@@ -137,8 +137,8 @@ def seen_dots(
     ray = np.column_stack([(true[:, 0] - P[0, 2]) / P[0, 0], (true[:, 1] - P[1, 2]) / P[1, 1], np.ones(len(true))])
     pose = world.wall_pose(wall)
     normal = pose[:3, 2]
-    reach = ((pose[:3, 3] - PLACE_M) @ normal) / (ray @ normal)
-    points = PLACE_M + reach[:, None] * ray
+    reach = ((pose[:3, 3] - POSITION_M) @ normal) / (ray @ normal)
+    points = POSITION_M + reach[:, None] * ray
     points[:, 0] -= BASELINE_M if side == "right" else 0.0
     u, v = (K[i, i] * points[:, i] / points[:, 2] + K[i, 2] for i in (0, 1))
     width, height = world.config.ir_resolution
