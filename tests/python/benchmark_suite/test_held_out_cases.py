@@ -15,6 +15,7 @@ from virtual_sensor.held_out.depth import device_depth
 from virtual_sensor.held_out.lightmap import Lightmap
 from virtual_sensor.held_out.scene import draw_scene, texel_spacing
 from virtual_sensor.held_out.more import more_frames
+from virtual_sensor.held_out.optics import shading
 from virtual_sensor.held_out.case import SIDES, RAY_EFFECTS, Case
 from virtual_sensor.cylinder import Cylinder
 from virtual_sensor.solids import Box, Sphere
@@ -120,6 +121,13 @@ def test_hidden_effects_on_rays_leave_error(case, name):
     frame = case.frames[6]
     difference = case.hiding(hidden).expected(frame, "right", hidden) - case.expected(frame, "right", {})
     assert np.sqrt(np.mean(difference**2)) > 1.0
+
+
+def test_a_tool_is_held_to_the_power_of_cos_that_is_nearest_to_the_true_falloff(case):
+    held = oracle.scored_parameters(Case(case.seed, {"vignetting": {"exponent": 4.2}}))["vignetting"]["exponent"]
+    falloff, squared_cosine = (shading("left", {"vignetting": {"exponent": n}}, case.rig) for n in (4.2, 2.0))
+    ratio = {n: falloff / squared_cosine ** (n / 2) for n in (held, 4.2)}
+    assert held < 4.2 and np.std(ratio[held]) < 0.5 * np.std(ratio[4.2])
 
 
 def test_the_virtual_device_measures_the_distance(case):

@@ -44,10 +44,11 @@ def _through_lens(fine, side, hidden, rig):
         )
     if "ghost_image" in hidden:
         image = image + hidden["ghost_image"]["fraction"] * image[::-1, ::-1]
-    return image * _shading(side, hidden, rig)
+    return image * shading(side, hidden, rig)
 
 
-def _shading(side, hidden, rig):
+def shading(side, hidden, rig):
+    """The lens transmission relative to that on its axis, [HEIGHT][WIDTH]."""
     v, u = np.mgrid[0:HEIGHT, 0:WIDTH].astype(np.float64)
     r2 = ((u - (WIDTH - 1) / 2) ** 2 + (v - (HEIGHT - 1) / 2) ** 2) / rig.focal_px**2
     shading = np.ones((HEIGHT, WIDTH))

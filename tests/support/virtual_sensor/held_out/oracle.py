@@ -5,6 +5,7 @@ out."""
 import numpy as np
 
 from virtual_sensor.held_out.imager import MAX_DN, tone
+from virtual_sensor.held_out.optics import shading
 
 SIDES = ("left", "right")
 
@@ -65,14 +66,22 @@ def scored_parameters(world):
     return {name: _scored(world, name, dict(values)) for name, values in world.hidden.items()}
 
 
+def _best_power(x, y, exponents):
+    """The one of the exponents e with which a multiple of x^e fits y best."""
+    misfit = [np.sum((y - x**e * (y @ x**e) / (x**e @ x**e)) ** 2) for e in exponents]
+    return exponents[int(np.argmin(misfit))]
+
+
 def _scored(world, name, values):
     if name == "response_gamma":  # The power law that fits the true curve best over the first frame's own signal.
         signal = world.expected(world.frames[0], "left", {}) - world.sensor.black_dn
         x = signal[signal > 0.5]
-        y = tone(x, values["curvature"])
-        exponents = np.linspace(0.3, 1.2, 181)
-        misfit = [np.sum((y - x**e * (y @ x**e) / (x**e @ x**e)) ** 2) for e in exponents]
-        return {"log_exponent": float(np.log(exponents[int(np.argmin(misfit))]))}
+        return {"log_exponent": float(np.log(_best_power(x, tone(x, values["curvature"]), np.linspace(0.3, 1.2, 181))))}
+    if name == "vignetting":  # The power of cos that fits the true falloff best over the image.
+        falloff, squared_cosine = (
+            shading("left", {name: {"exponent": n}}, world.rig).ravel() for n in (values["exponent"], 2.0)
+        )
+        return {"exponent": 2.0 * float(_best_power(squared_cosine, falloff, np.linspace(0.0, 4.0, 801)))}
     if name == "gain_error":  # As a power of the nominal gain.
         gain = max(frame.gain for frame in world.frames)
         return {"log_gain": float(np.log1p(values["error"]) / np.log(gain))}
