@@ -25,6 +25,7 @@ fi
 base=${LINT_BASE:-$(git rev-parse --verify -q HEAD~1 || git rev-parse HEAD)}
 changed=$(git diff --name-only --diff-filter=d "$base" -- '*.cpp' | grep -Ev '^(tests|examples)/' | xargs -r grep -L '#include "frame/host_language.h"' || true)
 if [ -n "$changed" ]; then
+  configure -DACTIVESTEREO_UNITY=OFF  # a command for each source
   build_all
   mkdir -p build/lint  # clang reads nothing that GCC precompiled
   sed -E 's/-Winvalid-pch -include [^ ]+//' build/compile_commands.json >build/lint/compile_commands.json

@@ -44,7 +44,7 @@ configure() {
 # Both libraries, the programs beside them and the Python modules.
 build_product() {
   local first=()
-  [ -f "$root/build/CMakeCache.txt" ] || first=(-DACTIVESTEREO_TESTS=OFF -DACTIVESTEREO_BENCH=OFF -DACTIVESTEREO_UNITY_MODULES=ON)
+  [ -f "$root/build/CMakeCache.txt" ] || first=(-DACTIVESTEREO_TESTS=OFF -DACTIVESTEREO_BENCH=OFF -DACTIVESTEREO_UNITY=ON)
   configure "${first[@]}"
   cmake --build "$root/build" --target product
 }

@@ -9,7 +9,7 @@
 namespace kuafu {
 namespace {
 
-constexpr const char* extension_name = "KHR_draco_mesh_compression";
+constexpr const char* draco_extension = "KHR_draco_mesh_compression";
 
 const draco::PointAttribute* attribute_of(const draco::Mesh& mesh, const tinygltf::Value& ids, const std::string& name) {
   if (!ids.IsObject() || !ids.Has(name) || !ids.Get(name).IsNumber()) return nullptr;
@@ -27,10 +27,10 @@ DracoPrimitive& DracoPrimitive::operator=(DracoPrimitive&&) noexcept = default;
 
 std::optional<DracoPrimitive> DracoPrimitive::decode(Budget& budget, const tinygltf::Model& model, const tinygltf::Primitive& primitive,
                                                      const std::string& field) {
-  const auto found = primitive.extensions.find(extension_name);
+  const auto found = primitive.extensions.find(draco_extension);
   if (found == primitive.extensions.end()) return std::nullopt;
   const tinygltf::Value& extension = found->second;
-  const std::string user = field + ".extensions." + extension_name;
+  const std::string user = field + ".extensions." + draco_extension;
   if (!extension.Has("bufferView") || !extension.Get("bufferView").IsNumber() || !extension.Has("attributes"))
     ks::fail(KS_ERROR_FILE, "%s needs a bufferView and attributes", user.c_str());
   const Bytes bytes = view_bytes(model, extension.Get("bufferView").GetNumberAsInt(), user);

@@ -9,7 +9,7 @@
 namespace kuafu {
 namespace {
 
-constexpr const char* extension_name = "EXT_meshopt_compression";
+constexpr const char* meshopt_extension = "EXT_meshopt_compression";
 
 /// What the extension's object of a buffer view says.
 struct Compressed {
@@ -56,7 +56,7 @@ bool decode(const Compressed& c, const Bytes& from, std::vector<unsigned char>& 
 }
 
 void decode_view(Budget& budget, tinygltf::Model& model, size_t index, const tinygltf::Value& e) {
-  const std::string field = "bufferViews[" + std::to_string(index) + "].extensions." + extension_name;
+  const std::string field = "bufferViews[" + std::to_string(index) + "].extensions." + meshopt_extension;
   const Compressed c{.count = size_of(e, "count"),
                      .stride = size_of(e, "byteStride"),
                      .mode = text_of(e, "mode", ""),
@@ -78,14 +78,14 @@ void decode_view(Budget& budget, tinygltf::Model& model, size_t index, const tin
 }  // namespace
 
 bool read_compressed_views(nlohmann::json& root) {
-  const nlohmann::json::json_pointer extension(std::string("/extensions/") + extension_name);
+  const nlohmann::json::json_pointer extension(std::string("/extensions/") + meshopt_extension);
   bool changed = false;
   if (root.contains("bufferViews"))
     for (auto& view : root["bufferViews"]) {
       if (!view.contains(extension)) continue;
       const nlohmann::json& e = view.at(extension);
       for (const char* key : {"buffer", "byteLength"})
-        if (!e.contains(key)) ks::fail(KS_ERROR_FILE, "bufferViews: %s.%s is missing", extension_name, key);
+        if (!e.contains(key)) ks::fail(KS_ERROR_FILE, "bufferViews: %s.%s is missing", meshopt_extension, key);
       view["buffer"] = e["buffer"];
       view["byteOffset"] = e.value("byteOffset", uint64_t{0});
       view["byteLength"] = e["byteLength"];
@@ -104,7 +104,7 @@ bool read_compressed_views(nlohmann::json& root) {
 
 void decode_meshopt(Budget& budget, tinygltf::Model& model) {
   for (size_t i = 0; i < model.bufferViews.size(); ++i) {
-    const auto found = model.bufferViews[i].extensions.find(extension_name);
+    const auto found = model.bufferViews[i].extensions.find(meshopt_extension);
     if (found != model.bufferViews[i].extensions.end()) decode_view(budget, model, i, found->second);
   }
 }

@@ -15,14 +15,14 @@
 namespace kuafu {
 namespace {
 
-constexpr uint32_t group_miss = 2, group_hit = 3, group_count = 4;  // the first two are RtPipeline::Entry
+constexpr uint32_t group_miss = 2, group_hit = 3, shader_group_count = 4;  // the first two are RtPipeline::Entry
 
 struct Stage {
   VkShaderStageFlagBits stage;
   std::span<const uint32_t> spirv;
 };
 // One shader per group, in the order of groups; then what the hit group has beside it where there are cutouts.
-constexpr uint32_t stage_cutout = group_count, stage_count = group_count + 1;
+constexpr uint32_t stage_cutout = shader_group_count, stage_count = shader_group_count + 1;
 constexpr VkShaderStageFlags push_stages = VK_SHADER_STAGE_RAYGEN_BIT_KHR | VK_SHADER_STAGE_ANY_HIT_BIT_KHR;
 const std::array<Stage, stage_count> stages{{{VK_SHADER_STAGE_RAYGEN_BIT_KHR, trace_closest_rgen_spirv},
                                              {VK_SHADER_STAGE_RAYGEN_BIT_KHR, trace_occluded_rgen_spirv},
@@ -89,17 +89,17 @@ void RtPipeline::destroy() {
 void RtPipeline::create_pipeline() {
   const Modules modules(*device_);
   std::array<VkPipelineShaderStageCreateInfo, stage_count> shaders{};
-  std::array<VkRayTracingShaderGroupCreateInfoKHR, group_count> groups{};
+  std::array<VkRayTracingShaderGroupCreateInfoKHR, shader_group_count> groups{};
   for (uint32_t i = 0; i < stage_count; ++i) {
     shaders[i] = {VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO};
     shaders[i].stage = stages[i].stage;
     shaders[i].module = modules.handles[i];
     shaders[i].pName = "main";
   }
-  for (uint32_t i = 0; i < group_count; ++i) groups[i] = shader_group(i, cutouts_);
+  for (uint32_t i = 0; i < shader_group_count; ++i) groups[i] = shader_group(i, cutouts_);
   VkRayTracingPipelineCreateInfoKHR info{VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR};
-  info.stageCount = cutouts_ ? stage_count : group_count;
-  info.groupCount = group_count;
+  info.stageCount = cutouts_ ? stage_count : shader_group_count;
+  info.groupCount = shader_group_count;
   info.pStages = shaders.data();
   info.pGroups = groups.data();
   info.maxPipelineRayRecursionDepth = 1;
@@ -115,14 +115,14 @@ void RtPipeline::create_table() {
   VkPhysicalDeviceProperties2 all{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &facts};
   vkGetPhysicalDeviceProperties2(device_->physical(), &all);
   const uint64_t handle_bytes = facts.shaderGroupHandleSize, alignment = facts.shaderGroupBaseAlignment;
-  std::vector<std::byte> handles(group_count * handle_bytes);
+  std::vector<std::byte> handles(shader_group_count * handle_bytes);
   ks::check(
-      device_->vk().vkGetRayTracingShaderGroupHandlesKHR(device_->handle(), pipeline_, 0, group_count, handles.size(), handles.data()),
+      device_->vk().vkGetRayTracingShaderGroupHandlesKHR(device_->handle(), pipeline_, 0, shader_group_count, handles.size(), handles.data()),
       "vkGetRayTracingShaderGroupHandlesKHR");
   stride_ = round_up(handle_bytes, alignment);
-  table_ = ks::Buffer::create(device_, group_count * stride_ + alignment, 0, VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR);
+  table_ = ks::Buffer::create(device_, shader_group_count * stride_ + alignment, 0, VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR);
   table_address_ = round_up(table_->address(), alignment);
-  for (uint64_t i = 0; i < group_count; ++i)
+  for (uint64_t i = 0; i < shader_group_count; ++i)
     table_->write(table_address_ - table_->address() + i * stride_, &handles[i * handle_bytes], handle_bytes);
 }
 

@@ -25,12 +25,13 @@ Physical effects that the lab can add to its model.
 
 example:
   activestereo effect check my_effects.py
-  activestereo effect show projector_defocus -o defocus.png
+  activestereo effect show projector_defocus -o defocus.html
 """
 _SHOW = """\
 Draws a strip of each effect: one picture of a small world without it, with it at typical
-values, and the difference. Random effects are drawn once. EFFECT is an id of 'effect
-list', or a file with effects of your own, which are all drawn.
+values, and the difference; on a page, under a slider of its strength. Random effects are
+drawn once. EFFECT is an id of 'effect list', or a file with effects of your own, which
+are all drawn.
 """
 _CHECK = """\
 Loads the effects of FILE, a Python file with the decorator activestereo.effects.effect
@@ -66,7 +67,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     check.set_defaults(run=run_check)
     show = actions.add_parser("show", help="draw what an effect does", description=_SHOW, formatter_class=raw)
     show.add_argument("effects", nargs="+", metavar="EFFECT|FILE", help="ids, or files of your own effects")
-    show.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="the picture to write, PNG")
+    show.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="picture.png, or page.html")
     add_device(show)
     show.set_defaults(run=run_show)
     measure = actions.add_parser(
@@ -121,12 +122,14 @@ def run_measure(args: argparse.Namespace) -> None:
 
 
 def run_show(args: argparse.Namespace) -> None:
+    from activestereo.common.output_files import write_text
     from activestereo.compare.effect_strip import StripWorld
     from activestereo.compare.kuafu_renderer import KuafuRenderer
     from activestereo.compare.model_file import find, library
     from activestereo.effects import load_effects
     from activestereo.report.overview import write_figure
     from activestereo.report.strip_figure import strip_figure
+    from activestereo.report.strip_page import strip_page
 
     check_out_file(args.out)
     known = library()
@@ -134,8 +137,13 @@ def run_show(args: argparse.Namespace) -> None:
     for name in args.effects:
         chosen += load_effects(Path(name)).values() if Path(name).suffix else [find(known, name)]
     world = StripWorld(KuafuRenderer(args.device))
-    strips = [world.strip(effect) for effect in chosen]
-    write_figure(args.out, strip_figure(strips))
+    if args.out.suffix.lower() == ".html":
+        pages = [world.strengths(effect) for effect in chosen]
+        strips = [own[len(own) // 2] for own in pages]
+        write_text(args.out, strip_page(pages))
+    else:
+        strips = [world.strip(effect) for effect in chosen]
+        write_figure(args.out, strip_figure(strips))
     for strip in strips:
         change = float(np.sqrt(np.mean(strip.difference**2)))
         print(f"{strip.effect.id}: changes the picture by {change:.3g} {strip.unit} (root mean square)")

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 _SIDE = "right"
 _SCALE = 2.0
 _SAMPLES, _BOUNCES = 128, 2
+_STRENGTHS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
 _NUISANCES = Nuisances(projector_scale=120000.0, ambient_scale=9000.0, black_dn=5.0)
 
 
@@ -67,6 +68,16 @@ class StripWorld:
             return self._of_depth(effect, values)
         images = [self._image(model) for model in (Model(), Model().with_effect(effect, **values))]
         return EffectStrip(effect, values, "DN", *images)
+
+    def strengths(self, effect: Effect) -> list[EffectStrip]:
+        """EffectStrips from no effect over the typical values to twice their distance from neutral; what says where or
+        how stays."""
+        moved = [p for p in effect.parameters if not p.choice]
+        strips = []
+        for share in _STRENGTHS:
+            far = {p.name: p.neutral + share * (p.typical_value - p.neutral) for p in moved}
+            strips.append(self.strip(effect, {p.name: min(max(far[p.name], p.low), p.high) for p in moved}))
+        return strips
 
     def _image(self, model: Model) -> NDArray[np.float64]:
         view = self._views[_SIDE]

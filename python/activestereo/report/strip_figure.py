@@ -25,27 +25,36 @@ def strip_figure(strips: Sequence[EffectStrip]) -> Figure:
     figure = Figure(figsize=(3.35 * _PANEL_IN, len(strips) * (_PANEL_IN * aspect + 0.75)), layout="constrained")
     rows = np.atleast_1d(np.asarray(figure.subfigures(len(strips), 1), dtype=object))
     for row, strip in zip(rows, strips, strict=True):
-        row.suptitle(_title(strip), size=11, color=INK, x=0.01, ha="left")
+        title = f"{strip.effect.id}: {parameter_words(strip)}".removesuffix(": ")
+        row.suptitle(title, size=11, color=INK, x=0.01, ha="left")
         _panels(row, strip)
     return figure
 
 
-def _title(strip: EffectStrip) -> str:
+def parameter_words(strip: EffectStrip) -> str:
+    """The strip's parameters with their units."""
     units = {p.name: "" if p.unit == "1" else f" {p.unit}" for p in strip.effect.parameters}
     said = {name: value for name, value in strip.parameters.items() if name != SURFACES.name}
-    values = ", ".join(f"{name} {value:.4g}{units[name]}" for name, value in said.items())
-    return f"{strip.effect.id}: {values}" if values else strip.effect.id
+    return ", ".join(f"{name} {value:.4g}{units[name]}" for name, value in said.items())
+
+
+def strip_ranges(strip: EffectStrip) -> tuple[float, float]:
+    """(the picture's brightest shown value, the difference's largest), in the strip's unit."""
+    shown = lambda image: max(float(np.quantile(image, _SHOWN_QUANTILE)), 1e-6)  # noqa: E731
+    return shown(strip.without), shown(np.abs(strip.difference))
 
 
 def _panels(row: Figure, strip: EffectStrip) -> None:
     axes = row.subplots(1, 3)
     is_light = strip.unit == "DN"
-    high = max(float(np.quantile(strip.without, _SHOWN_QUANTILE)), 1e-6)
-    change = strip.difference
-    limit = max(float(np.quantile(np.abs(change), _SHOWN_QUANTILE)), 1e-6)
+    high, limit = strip_ranges(strip)
     span = {"cmap": "gray" if is_light else "viridis", "vmin": 0.0, "vmax": high}
     signed = {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit}
-    panels = (("without", strip.without, span), ("with it", strip.with_it, span), ("difference", change, signed))
+    panels = (
+        ("without", strip.without, span),
+        ("with it", strip.with_it, span),
+        ("difference", strip.difference, signed),
+    )
     for place, (name, image, style) in zip(axes, panels, strict=True):
         shown = place.imshow(image, interpolation="nearest", **style)
         place.set_title(name, size=10, color=MUTED, loc="left")

@@ -9,6 +9,8 @@ from activestereo.cli import main
 from activestereo.compare.effect_strip import StripWorld
 from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.effects import Stage, builtin
+from activestereo.report.strip_page import strip_page
+from chromium import Page, is_installed
 
 BLACK_DN = 5.0
 
@@ -50,6 +52,35 @@ def test_the_command_draws_a_row_for_each_effect(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "mine: changes the picture by 3 DN" in said
     assert sizes[1][0] == sizes[0][0] and sizes[1][1] == pytest.approx(2 * sizes[0][1], abs=2)
+
+
+def test_strengths_go_from_no_effect_over_the_typical_one_to_twice_as_much(world):
+    strips = world.strengths(builtin()["veiling_glare"])
+    typical = world.strip(builtin()["veiling_glare"])
+    assert np.array_equal(strips[0].with_it, strips[0].without)
+    assert strips[len(strips) // 2].parameters == typical.parameters
+    changes = [float(np.mean(np.abs(strip.difference))) for strip in strips]
+    assert changes == sorted(changes) and changes[-1] > 1.5 * changes[len(strips) // 2]
+
+
+@pytest.mark.skipif(not is_installed(), reason="no chromium: install Debian's package chromium to test the page")
+def test_the_slider_of_a_page_changes_its_pictures_and_words(world, tmp_path):
+    effect = builtin()["projector_defocus"]
+    file = tmp_path / "strip.html"
+    file.write_text(strip_page([world.strengths(effect)]))
+    with Page(file) as page:
+        seen = {"4": read(page)}
+        for value in ("0", "8"):
+            page.value(f"(() => {{ const s = document.querySelector('input'); s.value = '{value}'; s.oninput(); }})()")
+            seen[value] = read(page)
+    assert len({one[0] for one in seen.values()}) == 3 and seen["0"][0] == seen["0"][2]
+    assert f"{effect.parameters[0].name} {effect.parameters[0].typical_value:.4g}" in seen["4"][1]
+
+
+def read(page):
+    """The picture with the effect, the words below the slider, the picture without."""
+    without, with_it = "document.images[0].src", "document.images[1].src"
+    return page.value(with_it), page.value("document.querySelector('output').textContent"), page.value(without)
 
 
 def test_a_misspelt_effect_is_answered_before_the_render(tmp_path, capsys):

@@ -5,7 +5,7 @@ from."""
 import pytest
 
 from activestereo.report.diagnosis_text import diagnosis_text, verdict_text
-from activestereo.diagnose.answer.verdict_words import alike, headline, share_gone
+from activestereo.diagnose.answer.verdict_words import alike, headline, next_steps, share_gone
 from report_worlds import DIAGNOSIS
 
 
@@ -45,6 +45,16 @@ def test_a_sentence_for_each_verdict():
         "The images lack nothing; in the depth: the model lacks e."
     )
     assert headline(_result(verdict="undetermined", reason="it is dark")).endswith("missing: it is dark.")
+
+
+def test_what_differs_is_mended_where_it_is():
+    """A glossier table is no fault of the sensor."""
+    rows = [_row("specular") | {"family": "surface"}, _row("lens_psf"), _row("prnu")]
+    advice = [next_steps(_result(ranking=rows, added=added))[-1] for added in (["specular"], ["lens_psf", "prnu"])]
+    assert advice[0].startswith("Give the scene file's materials the values found, or simulate with it: ")
+    assert advice[1].startswith("Mend the sensor and record again, or simulate")
+    both = next_steps(_result(ranking=rows, added=["specular", "lens_psf"]))[-1]
+    assert both.startswith("Give the scene file's materials the values found; mend the sensor and record again, or")
 
 
 def test_ten_lines_then_the_table():

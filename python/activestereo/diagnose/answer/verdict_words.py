@@ -12,6 +12,15 @@ _LEAST_EXCESS = 0.02
 IMPOSSIBLE_SIGMAS = 10.0
 # With less of the error beyond noise gone, another effect is worth a search.
 _MOST = 0.8
+# What to do where an effect of a family was found; where it is none of these, the sensor is what differs.
+_REMEDIES = {
+    "surface": "Give the scene file's materials the values found",
+    "ambient light": "Give the scene file the light found, or shade the scene and record again",
+    "second projector": "Switch the second projector off and record again",
+    "medium": "Clear the air and record again",
+    "motion": "Hold the rig and the scene still and record again",
+    "camera geometry": "Calibrate the cameras again",
+}
 
 
 def error_text(rmse_dn: float, floor_dn: float | None, decimals: int) -> str:
@@ -107,12 +116,19 @@ def next_steps(result: Mapping[str, Any]) -> list[str]:
         gone = share_gone(result)
         if gone is not None and gone < _MOST:
             steps.append("More is left: add --greedy to look for further effects.")
-        steps.append("Mend the sensor and record again, or simulate with it: activestereo simulate --model model.json.")
+        steps.append(f"{_remedies(result)}, or simulate with it: activestereo simulate --model model.json.")
     elif result["verdict"] == "unknown":
         steps.insert(0, "Edit effect_stub.py, which holds a formula of what is left, and add --effects effect_stub.py.")
     elif result["verdict"] == "none":
         steps.insert(0, "Simulate with model.json, which holds scales and noise: activestereo simulate --model FILE.")
     return steps
+
+
+def _remedies(result: Mapping[str, Any]) -> str:
+    """Advice to mend what differs where it is: in the scene, the calibration or the sensor."""
+    families = {entry["effect"]: entry["family"] for entry in result["ranking"]}
+    said = [_REMEDIES.get(families.get(name, ""), "Mend the sensor and record again") for name in result["added"]]
+    return "; ".join([*said[:1], *(_lowered(words) for words in dict.fromkeys(said[1:]) if words != said[0])])
 
 
 def _measurement(advice: Any) -> str:
