@@ -9,8 +9,9 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Sequence
-from contextlib import nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext, suppress
+from pathlib import Path
 
 import activestereo
 from activestereo.cli import (
@@ -95,7 +96,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="backslashreplace")  # a file's name may be no UTF-8
     try:
         args = _parsed(_glued(sys.argv[1:] if arguments is None else arguments))
-        with outside_allowed() if args.allow_outside else nullcontext():
+        with outside_allowed() if args.allow_outside else nullcontext(), _no_empty_folder(getattr(args, "out", None)):
             _run(args)
         sys.stdout.flush()
     except KeyboardInterrupt:
@@ -132,6 +133,19 @@ def _run(args: argparse.Namespace) -> None:
     except SystemExit as error:  # no command of ours does that, but a user's effect may
         last = traceback.extract_tb(error.__traceback__)[-1]
         raise CommandError(f"{last.filename}, line {last.lineno}: sys.exit({error.code!r}) was called") from error
+
+
+@contextmanager
+def _no_empty_folder(out: Path | None) -> Iterator[None]:
+    """A block that fails takes the folders of `out` away that were not there and are empty."""
+    new = [] if out is None else [folder for folder in (out, *out.parents) if not os.path.lexists(folder)]
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            for folder in new:
+                folder.rmdir()
+        raise
 
 
 def _fault(error: Exception) -> str:

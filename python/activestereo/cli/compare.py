@@ -69,6 +69,12 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
+    from activestereo.capture.capture import read_capture
+
+    make_folder(args.out)
+    check_paper(args)
+    read_capture(args.capture)  # what is refused is refused before half a second of imports
+
     from activestereo.common.phases import Phases
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.compare.cache import LayerCache
@@ -80,8 +86,6 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.report.summary import summary_table
     from activestereo.report.write import WRITING, write_report
 
-    make_folder(args.out)
-    check_paper(args)
     effects = library(*args.effects)
     under_model = {} if args.model is None else _under_model(args, effects)
     times = PhaseTimes("compare" if args.model is None else "compare --model")

@@ -81,4 +81,20 @@ def test_depth_on_a_full_disk_leaves_no_file(tmp_path):
         capture_output=True, text=True, timeout=120,
     )  # fmt: skip
     assert result.returncode == 2 and str(out / "depth.npy") in result.stderr, result.stderr
-    assert not list(out.iterdir())
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("command", ["compare", "diagnose"])
+def test_a_refused_command_leaves_no_folder(command, tmp_path, capsys):
+    (tmp_path / "there").mkdir()
+    for out in (tmp_path / "there", tmp_path / "there/new", tmp_path / "new/below"):
+        assert main([command, str(tmp_path / "none"), "--out", str(out)]) == 2
+        assert f"{tmp_path / 'none'}" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.rglob("*")] == ["there"]
+
+
+def test_compare_refuses_a_capture_before_it_loads_what_renders(tmp_path):
+    code = "import sys; from activestereo.cli import main; main(sys.argv[1:]); print({'scipy', 'activestereo.compare.compare'} & set(sys.modules))"
+    arguments = ["compare", tmp_path / "none", "--out", tmp_path / "out"]
+    result = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=60)
+    assert "capture.json" in result.stderr and result.stdout == "set()\n"

@@ -7,6 +7,7 @@ import random
 import socket
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from activestereo.common.own_files import outside_allowed, own_file
 from activestereo.report.view.library import Library
 from activestereo.report.view.packing import packed, unpacked
 from activestereo.report.view.routes import Routes
+from activestereo.report.view.save import free_name
 from activestereo.report.view.server import ViewServer
 from activestereo.report.view.simulation import Pictures, Superseded
 
@@ -275,3 +277,16 @@ def test_a_later_setting_of_the_same_page_ends_an_earlier_one(tmp_path):
         thread.join(timeout=10)
     assert {key for key, (content, _) in answers.items() if content.get("superseded")} == {(1, 5), (1, 6)}
     assert answers[1, 7][1]["left"][0, 0] == 7.0 and answers[2, 1][1]["left"][0, 0] == 1.0
+
+
+def test_saves_at_one_time_have_names_of_their_own(tmp_path):
+    def save(number):
+        with free_name(tmp_path / "model.json") as path:
+            path.write_text(str(number))
+
+    with ThreadPoolExecutor(16) as pool:
+        list(pool.map(save, range(64)))
+    assert sorted(int(path.read_text()) for path in tmp_path.iterdir()) == list(range(64))
+    with pytest.raises(OSError), free_name(tmp_path / "other.json"):
+        raise OSError("a full disk")
+    assert not (tmp_path / "other.json").exists()

@@ -73,8 +73,8 @@ class Routes:
         source = self._library.source(given.get("entry"))
         simulation = _simulation(source)
         model, remark = saved_model(source.shot(_frame(given)), self._settings(given, simulation))
-        path = free_name(self._save_as)
-        write_model(path, model)
+        with free_name(self._save_as) as path:
+            write_model(path, model)
         return packed({"path": str(path), "remark": remark})
 
     def simulate(self, given: dict[str, Any]) -> bytes:

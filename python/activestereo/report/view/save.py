@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
@@ -38,10 +40,20 @@ def saved_model(shot: Shot, settings: Settings) -> tuple[SensorModel, str]:
     return model, ", ".join(remarks)
 
 
-def free_name(path: Path) -> Path:
-    """The path, or where it is there already the same with a number: model.json, model-2.json."""
+@contextmanager
+def free_name(path: Path) -> Iterator[Path]:
+    """The path, or where it is there already the same with a number: model.json, model-2.json. An empty file takes the
+    name before anybody else can, and goes where the block fails."""
     for number in range(1, _MOST_NUMBERS):
         name = path if number == 1 else path.with_name(f"{path.stem}-{number}{path.suffix}")
-        if not name.exists():
-            return name
+        try:
+            name.touch(exist_ok=False)
+        except FileExistsError:
+            continue
+        try:
+            yield name
+        except BaseException:
+            name.unlink()
+            raise
+        return
     raise ValueError(f"{path}: there are {_MOST_NUMBERS} files of this name: give another one with --out")
