@@ -40,9 +40,10 @@ def make_pattern(design: PatternDesign) -> np.ndarray:
     rows = np.rint(y).astype(int)[:, None] + offsets
     across = np.exp(-0.5 * ((columns - x[:, None]) / design.dot_sigma_px) ** 2)
     down = np.exp(-0.5 * ((rows - y[:, None]) / design.dot_sigma_px) ** 2)
-    image = np.zeros((design.height + 2 * reach, design.width + 2 * reach))
+    height, width = design.height + 2 * reach, design.width + 2 * reach
     patches = peak[:, None, None] * down[:, :, None] * across[:, None, :]
-    np.add.at(image, (rows[:, :, None] + reach, columns[:, None, :] + reach), patches)
+    places = (rows[:, :, None] + reach) * width + columns[:, None, :] + reach
+    image = np.bincount(places.ravel(), patches.ravel(), height * width).reshape(height, width)
     image = design.background + (1.0 - design.background) * image[reach:-reach, reach:-reach]
     return np.rint(255.0 * np.minimum(image, 1.0)).astype(np.uint8)
 

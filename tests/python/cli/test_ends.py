@@ -94,7 +94,8 @@ def test_a_refused_command_leaves_no_folder(command, tmp_path, capsys):
 
 
 def test_compare_refuses_a_capture_before_it_loads_what_renders(tmp_path):
-    code = "import sys; from activestereo.cli import main; main(sys.argv[1:]); print({'scipy', 'activestereo.compare.compare'} & set(sys.modules))"
+    code = "import sys; from activestereo.cli import main; main(sys.argv[1:]);"
+    code += "print({'scipy', 'activestereo.compare.compare'} & set(sys.modules))"
     arguments = ["compare", tmp_path / "none", "--out", tmp_path / "out"]
     result = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=60)
     assert "capture.json" in result.stderr and result.stdout == "set()\n"
