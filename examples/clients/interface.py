@@ -142,6 +142,10 @@ KUAFU_DENOISE_OIDN = 2
 KUAFU_GLASS_SHADOWS_STRAIGHT = 0
 KUAFU_GLASS_SHADOWS_BENT = 1
 KUAFU_TYPE_RENDER_SUMMARY = 0x100e
+KUAFU_TYPE_GBUFFER = 0x1011
+KUAFU_TYPE_GBUFFER_DESC = 0x1012
+KUAFU_GBUFFER_DEPTH_PLANAR = 0
+KUAFU_GBUFFER_DEPTH_RAY = 1
 SIMSENSE_FAULTS_PUBLISHED = 0x7f
 SIMSENSE_TYPE_RIG_DESC = 0x2001
 SIMSENSE_FAULT_RECTIFIED_SHRUNK = 0x01
@@ -595,6 +599,36 @@ class kuafu_render_summary(c.Structure):
         ("call_samples_per_pixel", c.c_uint32),
         ("relative_error", c.c_double),
         ("seconds", c.c_double),
+    ]
+
+
+class kuafu_gbuffer(c.Structure):
+    type_id = KUAFU_TYPE_GBUFFER
+    _fields_ = [
+        ("header", ks_header),
+        ("depth", c.c_void_p),
+        ("normal", c.c_void_p),
+        ("albedo", c.c_void_p),
+        ("material", c.c_void_p),
+    ]
+
+
+class kuafu_gbuffer_desc(c.Structure):
+    type_id = KUAFU_TYPE_GBUFFER_DESC
+    _fields_ = [
+        ("header", ks_header),
+        ("left_view", c.c_void_p),
+        ("right_view", c.c_void_p),
+        ("left", c.c_void_p),
+        ("right", c.c_void_p),
+        ("projector_depth", c.c_void_p),
+        ("laser_power", c.c_void_p),
+        ("ambient_radiance", c.c_void_p),
+        ("outputs", c.c_void_p),
+        ("output_count", c.c_uint32),
+        ("environment_count", c.c_uint32),
+        ("depth_kind", c.c_uint32),
+        ("reserved", c.c_uint32),
     ]
 
 

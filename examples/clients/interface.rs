@@ -397,6 +397,34 @@ pub struct kuafu_render_summary {
 
 #[repr(C)]
 #[derive(Clone, Copy)]
+pub struct kuafu_gbuffer {
+    pub header: ks_header,
+    pub depth: *mut c_void,
+    pub normal: *mut c_void,
+    pub albedo: *mut c_void,
+    pub material: *mut c_void,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct kuafu_gbuffer_desc {
+    pub header: ks_header,
+    pub left_view: *const c_void,
+    pub right_view: *const c_void,
+    pub left: *const c_void,
+    pub right: *const c_void,
+    pub projector_depth: *mut c_void,
+    pub laser_power: *const c_void,
+    pub ambient_radiance: *const c_void,
+    pub outputs: *const c_void,
+    pub output_count: u32,
+    pub environment_count: u32,
+    pub depth_kind: u32,
+    pub reserved: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
 pub struct simsense_camera {
     pub width: u32,
     pub height: u32,
@@ -674,6 +702,10 @@ pub const KUAFU_DENOISE_OIDN: u32 = 2;
 pub const KUAFU_GLASS_SHADOWS_STRAIGHT: u32 = 0;
 pub const KUAFU_GLASS_SHADOWS_BENT: u32 = 1;
 pub const KUAFU_TYPE_RENDER_SUMMARY: u32 = 0x100e;
+pub const KUAFU_TYPE_GBUFFER: u32 = 0x1011;
+pub const KUAFU_TYPE_GBUFFER_DESC: u32 = 0x1012;
+pub const KUAFU_GBUFFER_DEPTH_PLANAR: u32 = 0;
+pub const KUAFU_GBUFFER_DEPTH_RAY: u32 = 1;
 pub const SIMSENSE_FAULTS_PUBLISHED: u32 = 0x7f;
 pub const SIMSENSE_TYPE_RIG_DESC: u32 = 0x2001;
 pub const SIMSENSE_FAULT_RECTIFIED_SHRUNK: u32 = 0x01;
@@ -823,6 +855,7 @@ extern "C" {
     pub fn kuafu_renderer_wait(renderer: *mut c_void, sync: *const ks_sync, timeout_ns: u64) -> i32;
     pub fn kuafu_renderer_cancel(renderer: *mut c_void) -> i32;
     pub fn kuafu_renderer_export_timeline(renderer: *mut c_void, out: *mut ks_sync) -> i32;
+    pub fn kuafu_renderer_light_gbuffers(renderer: *mut c_void, scene: *mut c_void, desc: *const kuafu_gbuffer_desc) -> i32;
     pub fn kuafu_renderer_get_summary(renderer: *mut c_void, out: *mut kuafu_render_summary) -> i32;
     pub fn kuafu_renderer_get_stage_times(renderer: *mut c_void, times: *mut ks_stage_time, count: *mut u32) -> i32;
 }

@@ -812,6 +812,27 @@ class Renderer:
         """Starts a render on a thread of the library's and returns a Submission at once; arguments as render's, but
         progress. At most two are under way, a third waits for the first. Until they have ended, the scene cannot be
         changed."""
+    def light_gbuffers(
+        self,
+        scene: Scene,
+        cameras: Sequence[Camera],
+        outputs: Sequence[str] | Mapping[str, Image | Buffer | DTypeLike | None],
+        *,
+        left: Mapping[str, Buffer],
+        right: Mapping[str, Buffer] | None = None,
+        projector_depth: Buffer | None = None,
+        depth_kind: Literal["planar", "ray"] = "planar",
+        laser_power: ArrayLike | None = None,
+        ambient_radiance: ArrayLike | None = None,
+        optics: Optics | Mapping[str, Any] | Sequence[Optics | Mapping[str, Any]] | None = None,
+        environment_count: int = 1,
+    ) -> dict[str, NDArray[Any]]:
+        """Infrared pairs of surfaces that another renderer saw, {name: array [2 * environment_count, height, width, 1]},
+        all left views first; ValueError names environment, pixel and value of what cannot be. kuafu/gbuffer.h has the rest.
+        cameras: the left and the right one. outputs: as render's; radiance, projector_direct, depth, projector_visibility.
+        left, right: {name: Buffer} of depth, normal, albedo and material (1 + id). laser_power, ambient_radiance:
+          [environment_count].
+        """
     def cancel(self) -> None:
         """Ends what is under way, submitted or in another thread's call: CancelledError there. From any thread."""
 

@@ -128,6 +128,37 @@ class Renderer {
     return {submission, arguments.arrays};
   }
 
+  /// left, right: {name: Buffer} of depth, normal, albedo and material. numbers: by environment, or None.
+  py::dict light_gbuffers(Scene& scene, const Call& call, const py::dict& left, const py::object& right, const py::object& projector_depth,
+                          const std::string& depth_kind, const py::object& laser_power, const py::object& ambient_radiance,
+                          uint32_t environment_count) {
+    if (depth_kind != "planar" && depth_kind != "ray") raise_argument<Kuafu>("unknown depth_kind '" + depth_kind + "' (known: planar, ray)");
+    std::vector<kuafu_view_desc> views = read_views(call.cameras, "infrared", std::nullopt);
+    if (views.size() != 2) raise_argument<Kuafu>("a pair has two cameras, not " + std::to_string(views.size()));
+    const std::vector<Optics> optics = read_optics(call.optics, views.size());
+    for (size_t i = 0; i < optics.size(); ++i) views[i].optics = &optics[i].c;
+    std::vector<kuafu_output_desc> outputs;
+    py::dict arrays;
+    read_outputs(call, views, outputs, arrays, uint64_t{2} * environment_count);
+    const kuafu_gbuffer given[2] = {gbuffer_of(left), right.is_none() ? kuafu_gbuffer_init() : gbuffer_of(py::cast<py::dict>(right))};
+    const auto power = numbers_of(laser_power, environment_count, "laser_power"), ambient = numbers_of(ambient_radiance, environment_count, "ambient_radiance");
+    kuafu_gbuffer_desc desc = kuafu_gbuffer_desc_init();
+    desc.left_view = &views[0];
+    desc.right_view = &views[1];
+    desc.left = &given[0];
+    desc.right = right.is_none() ? nullptr : &given[1];
+    desc.projector_depth = projector_depth.is_none() ? nullptr : py::cast<Buffer<Kuafu>&>(projector_depth).get();
+    desc.laser_power = power.empty() ? nullptr : power.data();
+    desc.ambient_radiance = ambient.empty() ? nullptr : ambient.data();
+    desc.outputs = outputs.data();
+    desc.output_count = static_cast<uint32_t>(outputs.size());
+    desc.environment_count = environment_count;
+    desc.depth_kind = depth_kind == "ray" ? KUAFU_GBUFFER_DEPTH_RAY : KUAFU_GBUFFER_DEPTH_PLANAR;
+    const InUse<Kuafu> in_use(in_use_, "renderer"), scene_in_use(scene.in_use, "scene");
+    check_unlocked<Kuafu>([&] { return kuafu_renderer_light_gbuffers(get(), scene.get(), &desc); });
+    return arrays;
+  }
+
   /// false: it has not ended yet. Signals are heard while it waits.
   bool wait(const ks_sync& submission, double timeout_s) {
     const InUse<Kuafu> in_use(in_use_, "renderer");
@@ -143,7 +174,7 @@ class Renderer {
         : views(read_views(call.cameras, call.band, call.environments)), optics(read_optics(call.optics, views.size())) {
       read_previous_poses(call.previous_poses, views);
       for (size_t i = 0; i < optics.size(); ++i) views[i].optics = &optics[i].c;
-      renderer.read_outputs(call, views, outputs, arrays);
+      renderer.read_outputs(call, views, outputs, arrays, views.size());
       desc.views = views.data();
       desc.view_count = static_cast<uint32_t>(views.size());
       desc.outputs = outputs.data();
@@ -190,6 +221,29 @@ class Renderer {
     return optics;
   }
 
+  static kuafu_gbuffer gbuffer_of(const py::dict& images) {
+    kuafu_gbuffer out = kuafu_gbuffer_init();
+    for (const auto& [key, image] : images) {
+      const std::string name = py::str(key);
+      const auto buffer = [&, value = image] { return py::cast<Buffer<Kuafu>&>(value).get(); };
+      if (name == "depth") out.depth = buffer();
+      else if (name == "normal") out.normal = buffer();
+      else if (name == "albedo") out.albedo = buffer();
+      else if (name == "material") out.material = buffer();
+      else raise_argument<Kuafu>("unknown image '" + name + "' (known: depth, normal, albedo, material)");
+    }
+    return out;
+  }
+
+  static std::vector<float> numbers_of(const py::object& values, uint32_t count, const char* name) {
+    if (values.is_none()) return {};
+    const auto array = py::array_t<float, py::array::c_style | py::array::forcecast>::ensure(values);
+    if (!array) throw py::error_already_set();
+    if (array.ndim() != 1 || array.shape(0) != static_cast<py::ssize_t>(count))
+      raise_argument<Kuafu>(std::string(name) + " has shape " + std::string(py::str(array.attr("shape"))) + ", it must be (" + std::to_string(count) + ",)");
+    return {array.data(), array.data() + count};
+  }
+
   /// One pose for all views, or one for each.
   static void read_previous_poses(const py::object& poses, std::vector<kuafu_view_desc>& views) {
     if (poses.is_none()) return;
@@ -204,8 +258,8 @@ class Renderer {
   }
 
   /// `outputs`: names (buffers are made) or {name: dtype, Image or Buffer}. Fills the C descriptors and the arrays to return.
-  void read_outputs(const Call& call, const std::vector<kuafu_view_desc>& views, std::vector<kuafu_output_desc>& c_outputs,
-                    py::dict& arrays) const {
+  void read_outputs(const Call& call, const std::vector<kuafu_view_desc>& views, std::vector<kuafu_output_desc>& c_outputs, py::dict& arrays,
+                    uint64_t view_count) const {
     const py::object& outputs = call.outputs;
     for (const auto& [name, scale] : call.scales)
       if (!outputs.contains(name)) raise_argument<Kuafu>("scales has '" + name + "', which is no output of this call");
@@ -215,7 +269,7 @@ class Renderer {
       const std::string name = py::cast<std::string>(item);
       const Output& o = find_output(name);
       const uint32_t channels = o.channels ? o.channels : views[0].band == KUAFU_BAND_VISIBLE ? 3 : 1;
-      const std::vector<uint64_t> shape = {views.size(), views[0].camera.height, views[0].camera.width, channels};
+      const std::vector<uint64_t> shape = {view_count, views[0].camera.height, views[0].camera.width, channels};
       const Image<Kuafu> image = given ? given_image(outputs[item], o, shape) : new_image(o.format, shape);
       c_outputs.push_back(kuafu_output_desc_init(o.output, image.buffer->get(), image.c));
       if (const auto scale = call.scales.find(name); scale != call.scales.end()) c_outputs.back().scale = scale->second;
@@ -350,6 +404,21 @@ void bind_renderer(py::module_& module) {
       "Starts a render on a thread of the library's and returns a Submission at once; arguments as render's, but progress. At most two "
       "are\n"
       "under way, a third waits for the first. Until they have ended, the scene cannot be changed.");
+  renderer.def(
+      "light_gbuffers",
+      [](Renderer& r, Scene& scene, const py::object& cameras, const py::object& outputs, const py::dict& left, const py::object& right,
+         const py::object& projector_depth, const std::string& depth_kind, const py::object& laser_power, const py::object& ambient_radiance,
+         const py::object& optics, uint32_t environment_count) {
+        const Call call{cameras, outputs, "infrared", std::nullopt, optics, py::none(), {}, py::none()};
+        return r.light_gbuffers(scene, call, left, right, projector_depth, depth_kind, laser_power, ambient_radiance, environment_count);
+      },
+      py::arg("scene"), py::arg("cameras"), py::arg("outputs"), py::kw_only(), py::arg("left"), py::arg("right") = py::none(),
+      py::arg("projector_depth") = py::none(), py::arg("depth_kind") = "planar", py::arg("laser_power") = py::none(),
+      py::arg("ambient_radiance") = py::none(), py::arg("optics") = py::none(), py::arg("environment_count") = 1,
+      "Infrared pairs of surfaces that another renderer saw, {name: array [2 * environment_count, height, width, 1]}, all left views\n"
+      "first; ValueError names environment, pixel and value of what cannot be. kuafu/gbuffer.h has the rest.\n"
+      "cameras: the left and the right one. outputs: as render's; radiance, projector_direct, depth, projector_visibility.\n"
+      "left, right: {name: Buffer} of depth, normal, albedo and material (1 + id). laser_power, ambient_radiance: [environment_count].");
   renderer.def("cancel", &Renderer::cancel,
                "Ends what is under way, submitted or in another thread's call: CancelledError there. From any thread.");
 }

@@ -321,6 +321,26 @@ AT(kuafu_render_summary, call_samples_per_pixel, 20, 4);
 AT(kuafu_render_summary, relative_error, 24, 8);
 AT(kuafu_render_summary, seconds, 32, 8);
 
+SIZE(kuafu_gbuffer, 48);
+AT(kuafu_gbuffer, depth, 16, 8);
+AT(kuafu_gbuffer, normal, 24, 8);
+AT(kuafu_gbuffer, albedo, 32, 8);
+AT(kuafu_gbuffer, material, 40, 8);
+
+SIZE(kuafu_gbuffer_desc, 96);
+AT(kuafu_gbuffer_desc, left_view, 16, 8);
+AT(kuafu_gbuffer_desc, right_view, 24, 8);
+AT(kuafu_gbuffer_desc, left, 32, 8);
+AT(kuafu_gbuffer_desc, right, 40, 8);
+AT(kuafu_gbuffer_desc, projector_depth, 48, 8);
+AT(kuafu_gbuffer_desc, laser_power, 56, 8);
+AT(kuafu_gbuffer_desc, ambient_radiance, 64, 8);
+AT(kuafu_gbuffer_desc, outputs, 72, 8);
+AT(kuafu_gbuffer_desc, output_count, 80, 4);
+AT(kuafu_gbuffer_desc, environment_count, 84, 4);
+AT(kuafu_gbuffer_desc, depth_kind, 88, 4);
+AT(kuafu_gbuffer_desc, reserved, 92, 4);
+
 SIZE(simsense_camera, 144);
 AT(simsense_camera, width, 0, 4);
 AT(simsense_camera, height, 4, 4);

@@ -83,6 +83,7 @@ typedef struct kuafu_api {
   ks_status (*scene_animate)(kuafu_scene scene, uint32_t animation, double time_s);
   ks_status (*scene_animation_duration)(kuafu_scene scene, uint32_t animation, double* out);
   const char* (*scene_animation_name)(kuafu_scene scene, uint32_t animation);
+  ks_status (*renderer_light_gbuffers)(kuafu_renderer renderer, kuafu_scene scene, const kuafu_gbuffer_desc* desc);
 } kuafu_api;
 
 #define KUAFU_API_HAS(api, entry) ((api)->size_bytes >= offsetof(kuafu_api, entry) + sizeof((api)->entry))

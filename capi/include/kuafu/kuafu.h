@@ -33,6 +33,7 @@
 #include "kuafu/medium.h"
 #include "kuafu/output.h"
 #include "kuafu/render.h"
+#include "kuafu/gbuffer.h"
 
 #define KUAFU_VERSION_MAJOR 0
 #define KUAFU_VERSION_MINOR 2
@@ -204,6 +205,12 @@ KUAFU_API ks_status kuafu_renderer_cancel(kuafu_renderer renderer);
  * whether it succeeded or failed. On a device that the host has made it is a KS_SYNC_SEMAPHORE, which lives as long as the renderer; elsewhere a
  * KS_SYNC_TIMELINE_FD, whose file descriptor the caller closes and for which the device needs KS_CAP_TIMELINE_FD. */
 KUAFU_API ks_status kuafu_renderer_export_timeline(kuafu_renderer renderer, ks_sync* out);
+
+/* Renders infrared pairs of surfaces that another renderer saw: their light after one reflection by the scene's materials of its first projector's
+ * light, through the same patterns, beams and optics as a render's, and of the room's light as far as the images show what stands in its way. Nothing else
+ * of the scene counts. Images with a value that cannot be give KS_ERROR_INVALID_ARGUMENT, which names environment, pixel and value; the outputs' contents
+ * are then undefined. */
+KUAFU_API ks_status kuafu_renderer_light_gbuffers(kuafu_renderer renderer, kuafu_scene scene, const kuafu_gbuffer_desc* desc);
 
 /* Summary of the last render that succeeded. */
 KUAFU_API ks_status kuafu_renderer_get_summary(kuafu_renderer renderer, kuafu_render_summary* out);

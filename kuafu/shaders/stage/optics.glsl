@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage `optics`: what the camera's optics do to linear light, one step per launch, one element of it per invocation.
 uint pixels_per_view() { return push.width * push.height; }
-OpticsRecord optics_of(uint pixel) { return push.optics.at[pixel / pixels_per_view()]; }
 float field(uint position, uint length) { return length > 1u ? 2.0f * float(position) / float(length - 1u) - 1.0f : 0.0f; }
 
 /// (fx^2 + fy^2) / 2.
@@ -27,7 +26,7 @@ float indirect(uint word) {
 }
 
 void fireflies(uint pixel, int reach) {
-  float factor = optics_of(pixel).firefly_factor;
+  float factor = push.optics.at[pixel / pixels_per_view()].firefly_factor;
   if (factor == 0.0f) {
     copy_pixel(pixel);
     return;
@@ -49,7 +48,7 @@ void fireflies(uint pixel, int reach) {
 }
 
 void vignetting(uint pixel) {
-  OpticsRecord f = optics_of(pixel);
+  IN(OpticsRecord) f = push.optics.at[pixel / pixels_per_view()];
   uint column = pixel % push.width, row = pixel / push.width % push.height;
   float y = (float(row) - f.cy) / f.fy;
   vec2 p = vec2((float(column) - f.cx - f.skew * y) / f.fx, y);
@@ -67,12 +66,12 @@ float inverse_depth(uint pixel) {
 }
 
 /// Radius in pixels of the circle that a point at this depth becomes; half a pixel is a point.
-float circle_radius(OpticsRecord f, float inverse_z) {
+float circle_radius(IN(OpticsRecord) f, float inverse_z) {
   return clamp(f.defocus_px_m * abs(inverse_z - f.defocus_inverse_focus), 0.5f, float(optics_most_radius_px));
 }
 
 void circle_row(uint row) {
-  OpticsRecord f = push.optics.at[row / push.height];
+  IN(OpticsRecord) f = push.optics.at[row / push.height];
   float most = 0.5f;
   for (uint column = 0u; column < push.width; ++column) most = max(most, circle_radius(f, inverse_depth(row * push.width + column)));
   push.rows.at[row] = most;
@@ -86,7 +85,7 @@ float circle_share(float radius, float distance) {
 // Light is spread from its own circle. What lies behind a pixel's surface spreads no farther over it than that surface blurs itself, so a sharp edge
 // stays sharp before a blurred background; what lies before it spreads over it. Dividing by the sum of shares fills in for what is hidden.
 void defocus(uint pixel) {
-  OpticsRecord f = optics_of(pixel);
+  IN(OpticsRecord) f = push.optics.at[pixel / pixels_per_view()];
   if (f.defocus_px_m == 0.0f) {
     copy_pixel(pixel);
     return;
@@ -113,7 +112,7 @@ void defocus(uint pixel) {
 }
 
 /// Between two kernels of the table: their mixture has exactly the variance in between.
-float psf_weight(OpticsRecord f, uint column, uint row, uint distance) {
+float psf_weight(IN(OpticsRecord) f, uint column, uint row, uint distance) {
   uint word = f.psf_kernels + distance, stride = f.psf_radius + 1u;
   if (f.psf_kernels_per_variance == 0.0f) return push.kernels.at[word];
   float corner = f.psf_corner_sigma_px * field_square(column, row);
@@ -125,7 +124,7 @@ float psf_weight(OpticsRecord f, uint column, uint row, uint distance) {
 
 // Each source pixel spreads by its own kernel, whose sum is 1, so energy stays. Beyond the border the light is that of the border's pixel.
 void psf(uint pixel, bool along_row) {
-  OpticsRecord f = optics_of(pixel);
+  IN(OpticsRecord) f = push.optics.at[pixel / pixels_per_view()];
   int column = int(pixel % push.width), row = int(pixel / push.width % push.height), first_row = int(pixel / push.width) - row;
   int last_column = int(push.width) - 1, last_row = int(push.height) - 1, radius = int(f.psf_radius);
   float sum[3];
@@ -154,7 +153,7 @@ void view_mean(uint i) {
 }
 
 void veiling_glare(uint pixel) {
-  float fraction = optics_of(pixel).veiling_glare_fraction;
+  float fraction = push.optics.at[pixel / pixels_per_view()].veiling_glare_fraction;
   uint mean = (push.view_count * push.height + pixel / pixels_per_view()) * push.channels;
   for (uint c = 0u; c < push.channels; ++c) {
     uint word = pixel * push.channels + c;

@@ -70,6 +70,7 @@ constexpr kuafu_api table{
     .scene_animate = kuafu_scene_animate,
     .scene_animation_duration = kuafu_scene_animation_duration,
     .scene_animation_name = kuafu_scene_animation_name,
+    .renderer_light_gbuffers = kuafu_renderer_light_gbuffers,
 };
 
 }  // namespace

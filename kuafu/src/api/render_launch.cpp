@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "api/render_launch.h"
 
+#include <algorithm>
 #include <limits>
 
 #include "api/descriptors.h"
@@ -129,6 +130,21 @@ Launch read_launch(const kuafu_render_desc* desc, const std::shared_ptr<ks::Devi
   launch.wait = ks::point_of(device, d.wait);
   hold_images(launch);
   if (d.progress != nullptr) launch.cancelled = [f = d.progress, user = d.progress_user](float fraction) { return f(user, fraction) != 0; };
+  return launch;
+}
+
+Launch read_pair(const kuafu_render_desc& pair, uint32_t environments, const ks::Device& device) {
+  Launch launch;
+  read_views(pair, launch);
+  const ull pixels = ull(2) * environments * launch.width * launch.height;
+  if (pixels > std::numeric_limits<int32_t>::max())
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%u pairs of %u x %u are %llu pixels, at most 2^31 - 1 fit one call", environments, launch.width,
+             launch.height, pixels);
+  const View left = launch.views[0], right = launch.views[1];
+  launch.views.assign(size_t(2) * environments, right);
+  std::fill_n(launch.views.begin(), environments, left);
+  read_outputs(pair, device, launch);
+  hold_images(launch);
   return launch;
 }
 

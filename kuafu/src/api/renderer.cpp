@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "api/fields.h"
+#include "api/gbuffers.h"
 #include "api/handles.h"
 #include "api/render_launch.h"
 #include "api/render_outputs.h"
@@ -54,6 +55,14 @@ ks_status kuafu_renderer_render(kuafu_renderer renderer, kuafu_scene scene, cons
     kuafu::RenderQueue& images = *ks::object_of(renderer, "renderer");
     const std::shared_ptr<kuafu::DeviceScene>& owner = ks::object_of(scene, "scene");
     images.render(std::shared_ptr<const kuafu::Scene>(owner, &owner->scene), read_launch(images, owner->scene, desc));
+  });
+}
+
+ks_status kuafu_renderer_light_gbuffers(kuafu_renderer renderer, kuafu_scene scene, const kuafu_gbuffer_desc* desc) {
+  return ks::call([&] {
+    kuafu::RenderQueue& images = *ks::object_of(renderer, "renderer");
+    const std::shared_ptr<kuafu::DeviceScene>& owner = ks::object_of(scene, "scene");
+    images.light(std::shared_ptr<const kuafu::Scene>(owner, &owner->scene), kuafu::read_gbuffers(desc, owner->scene, images.device()));
   });
 }
 

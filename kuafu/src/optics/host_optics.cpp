@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/optics.h"
 
+#include <algorithm>
+#include <cstdlib>
+#include <vector>
+
 #include "frame/host_language.h"
 
 namespace kuafu {
@@ -13,9 +17,43 @@ struct OpticsStage {
 #include "stage/optics.glsl"
 };
 
+/// Stage `optics`, psf, of one channel under one kernel, for a part of a row: the same sums in the same order.
+void spread(const OpticsPush& push, uint32_t first, uint32_t end, std::vector<float>& padded) {
+  const int row = int(first / push.width), column = int(first % push.width), count = int(end - first), width = int(push.width);
+  const int in_view = row % int(push.height), last_row = int(push.height) - 1;
+  const OpticsRecord& f = push.optics.at[row / int(push.height)];
+  const int radius = int(f.psf_radius);
+  const auto light = [&](int down) { return push.from.at + ptrdiff_t(row + down) * width; };
+  if (push.step == optics_psf_columns) {
+    padded.resize(size_t(count + 2 * radius));
+    for (int x = -radius; x < count + radius; ++x) padded[size_t(x + radius)] = light(0)[clamp(column + x, 0, width - 1)];
+  }
+  float* sum = push.to.at + first;
+  std::fill_n(sum, count, 0.0f);
+  for (int k = -radius; k <= radius; ++k) {
+    const float weight = push.kernels.at[f.psf_kernels + uint32_t(std::abs(k))];
+    const float* from = push.step == optics_psf_columns ? &padded[size_t(k + radius)] : light(clamp(in_view + k, 0, last_row) - in_view) + column;
+    for (int x = 0; x < count; ++x) sum[x] += weight * from[x];
+  }
+}
+
+bool psf_by_rows(const OpticsPush& push, uint32_t first, uint32_t end) {
+  if ((push.step != optics_psf_columns && push.step != optics_psf_rows) || push.channels != 1) return false;
+  const uint32_t view_pixels = push.width * push.height;
+  for (uint32_t view = first / view_pixels; view * view_pixels < end; ++view)
+    if (push.optics.at[view].psf_kernels_per_variance != 0.0f) return false;
+  std::vector<float> padded;
+  for (uint32_t next = first; next < end; first = next) {
+    next = std::min(end, (first / push.width + 1) * push.width);
+    spread(push, first, next, padded);
+  }
+  return true;
+}
+
 }  // namespace
 
 void host::optics(const OpticsPush& push, uint32_t first, uint32_t end) {
+  if (psf_by_rows(push, first, end)) return;
   for (OpticsStage stage{push}; first < end; ++first) stage.optics(first);
 }
 

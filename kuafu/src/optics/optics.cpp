@@ -2,6 +2,7 @@
 #include "optics/optics.h"
 
 #include <algorithm>
+#include <cstring>
 
 #include "optics/gaussian.h"
 #include "scene/scene.h"
@@ -14,6 +15,8 @@ constexpr uint32_t light_kind_end = output_light_group + light_group_count;
 constexpr uint32_t varying_kernels = 32;  // between the middle's variance and the corners'
 
 double square(double x) { return x * x; }
+
+bool same(const OpticsFields& a, const OpticsFields& b) { return std::memcmp(&a, &b, sizeof a) == 0; }
 
 bool spreads(const Optics& optics) { return optics.psf_sigma_px > 0.0 || optics.psf_corner_sigma_px > 0.0; }
 bool limits_fireflies(const Optics& optics) { return optics.firefly_factor > 0.0; }
@@ -113,7 +116,13 @@ void CameraOptics::write_records(const Launch& launch) {
   std::vector<float> kernels = {1.0f};  // the kernel of views without blur
   for (size_t i = 0; i < launch.views.size(); ++i) {
     OpticsRecord record = optics_record(launch.views[i]);
-    add_kernels(launch.views[i].optics, record, kernels);
+    if (i > 0 && same(launch.views[i].optics, launch.views[i - 1].optics)) {  // a batch's views are alike
+      record.psf_radius = records[i - 1].psf_radius;
+      record.psf_kernels = records[i - 1].psf_kernels;
+      record.psf_kernels_per_variance = records[i - 1].psf_kernels_per_variance;
+    } else {
+      add_kernels(launch.views[i].optics, record, kernels);
+    }
     records[i] = record;
   }
   std::copy(kernels.begin(), kernels.end(), kernels_.resize(memory_, kernels.size()).begin());

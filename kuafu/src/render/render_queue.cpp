@@ -36,6 +36,12 @@ void RenderQueue::render(const std::shared_ptr<const Scene>& scene, Launch launc
   summary_ = renderer_.summary();
 }
 
+void RenderQueue::light(const std::shared_ptr<const Scene>& scene, const GbufferLaunch& gbuffers) {
+  (void)wait_for_ended(submitted_, UINT64_MAX);
+  renderer_.light(scene, gbuffers);
+  stage_times_ = renderer_.stage_times();
+}
+
 uint64_t RenderQueue::submit(std::shared_ptr<const Scene> scene, Launch launch, std::shared_ptr<const void> held) {
   heed_cancel(launch);
   const uint64_t number = submitted_ + 1;

@@ -39,4 +39,18 @@ void Renderer::render(const std::shared_ptr<const Scene>& scene, const Launch& l
   commands_ = std::move(commands);
 }
 
+void Renderer::light(const std::shared_ptr<const Scene>& scene, const GbufferLaunch& gbuffers) {
+  std::unique_ptr<ks::Commands> commands = commands_ ? std::move(commands_) : std::make_unique<ks::Commands>(device());
+  commands->reset_stage_times();
+  if (!gbuffers_) gbuffers_ = std::make_unique<GbufferLight>(parts_.paths.memory());
+  parts_.frame.fit(gbuffers.launch);
+  gbuffers_->run(*commands, scene, gbuffers, parts_.frame);
+  parts_.optics.run(*commands, gbuffers.launch, parts_.frame);
+  parts_.frame.deliver(*commands, gbuffers.launch);
+  commands->flush();
+  stage_times_ = commands->stage_times();
+  commands_ = std::move(commands);
+  gbuffers_->check(gbuffers);
+}
+
 }  // namespace kuafu

@@ -10,9 +10,8 @@ from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
 import simsense
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.window_statistics import mean_and_deviation
-from activestereo.sensor.gbuffer.buffers import Floats, GBuffer
-from activestereo.sensor.gbuffer.warp import in_front
 
+Floats = NDArray[np.float64]
 # A pixel has the first of these that holds, in this order but for 'measured'.
 CAUSES = (
     "measured",
@@ -29,7 +28,6 @@ CAUSES = (
     "not_unique",
     "checks",  # any other check of the matcher
 )
-_MIRROR_ROUGHNESS = 0.45
 # Two depths are two surfaces from so many pixels of disparity on.
 _EDGE_PX = 1.0
 # What a slanted surface's disparity changes by within a block, over its own; of tests/bench/bench_causes.py.
@@ -39,44 +37,47 @@ _SATURATED_SHARE = 0.1  # of the block
 
 
 def hidden_from_right(
-    config: StereoDepthSensorConfig, seen: GBuffer, right_inverse_depth: Floats
+    config: StereoDepthSensorConfig, inverse_depth: Floats, right_inverse_depth: Floats
 ) -> NDArray[np.bool_]:
-    """[E, height, width]: the part of the left view that something nearer hides from the right camera."""
-    column = _right_column(config, seen)
-    in_front_px = config.focal_baseline_px_m * in_front(right_inverse_depth, column, seen.inverse_depth)
-    return np.asarray((in_front_px > _HIDDEN_PX) & (column >= 0))
+    """[E, height, width]: the part of the left view that something nearer hides from the right camera; inverse depths,
+    1/m, of what the two see."""
+    column = _right_column(config, inverse_depth)
+    # What lies beside the right image is compared with its last column.
+    place = np.clip(np.rint(column), 0, column.shape[-1] - 1).astype(np.intp)
+    in_front = np.take_along_axis(right_inverse_depth, place, axis=-1) - inverse_depth
+    return np.asarray((config.focal_baseline_px_m * in_front > _HIDDEN_PX) & (column >= 0))
 
 
-def _right_column(config: StereoDepthSensorConfig, seen: GBuffer) -> Floats:
+def _right_column(config: StereoDepthSensorConfig, inverse_depth: Floats) -> Floats:
     """Columns of the right image where the left one's pixels lie."""
     k_left, k_right = config.ir_intrinsics(False)[0], config.ir_intrinsics(True)[0]
-    disparity = config.focal_baseline_px_m * seen.inverse_depth
+    disparity = config.focal_baseline_px_m * inverse_depth
     return np.asarray(np.arange(disparity.shape[-1]) - disparity + (k_right[0, 2] - k_left[0, 2]))
 
 
 def causes(
-    config: StereoDepthSensorConfig, seen: GBuffer, is_lit: NDArray[np.bool_], is_hidden: NDArray[np.bool_],
-    counts: NDArray[np.integer], reason: NDArray[np.uint8], black_dn: float, max_dn: float,
+    config: StereoDepthSensorConfig, inverse_depth: Floats, mirrors_or_is_glass: NDArray[np.bool_],
+    is_lit: NDArray[np.bool_], is_hidden: NDArray[np.bool_], counts: NDArray[np.integer], reason: NDArray[np.uint8],
+    black_dn: float, max_dn: float,
 ) -> NDArray[np.uint8]:  # fmt: skip
     """uint8 [E, height, width], an index into CAUSES. counts: the left image; is_hidden: from the right camera."""
-    own, near = config.focal_baseline_px_m * seen.inverse_depth, seen.inverse_depth
+    own = config.focal_baseline_px_m * inverse_depth
     block = (1, config.block_height, config.block_width)
     # A block compares census words, which look over its border.
     reach = (1, config.block_height + config.census_height - 1, config.block_width + config.census_width - 1)
     steps = maximum_filter(own, reach, mode="nearest") - minimum_filter(own, reach, mode="nearest")
     mean, deviation = mean_and_deviation(np.asarray(counts, np.float64) - black_dn, block)
     with np.errstate(divide="ignore"):
-        depth = 1.0 / near
-    is_shiny = (seen.metallic > 0.5) & (seen.roughness < _MIRROR_ROUGHNESS)
+        depth = 1.0 / inverse_depth
     floor_dn = max(float(config.min_texture_dn), 1.0)
     holds = {
         "measured": reason == simsense.REASONS.index("valid"),
-        "nothing": near == 0.0,
+        "nothing": inverse_depth == 0.0,
         "out_of_range": (depth < config.min_depth_m) | (depth > config.max_depth_m) | (own >= config.max_disparity),
-        "outside": _right_column(config, seen) < config.census_width // 2,  # the other pixel's census word is cut off
+        "outside": _right_column(config, inverse_depth) < config.census_width // 2,  # the other pixel's census word is cut off
         "occluded": is_hidden,
         "saturated": uniform_filter((counts >= max_dn).astype(np.float64), block, mode="nearest") > _SATURATED_SHARE,
-        "mirror_or_glass": is_shiny | (seen.transmission > 0.5),
+        "mirror_or_glass": mirrors_or_is_glass,
         "shadow": ~is_lit,
         "edge": (steps > _EDGE_PX + _SLANT * own) | maximum_filter(is_hidden, reach),  # of either camera's view
         "too_dark": mean < 2.0 * floor_dn,

@@ -14,15 +14,14 @@ from activestereo.common.pose import PoseLike, camera_to_camera
 _ASIDE_M, _TURNED_RAD = 5e-3, 0.02
 
 
-def beside_m(here: PoseLike, there: PoseLike, what: str) -> float:
-    """How far to the right of `here` a camera stands whose rows are aligned with it, metres."""
+def require_row(here: PoseLike, there: PoseLike, what: str) -> None:
+    """ValueError where a camera's rows are not aligned with those of one `here`."""
     place = np.linalg.inv(camera_to_camera(here, there))
     turned = float(np.arccos(np.clip((np.trace(place[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
     x, y, z = place[:3, 3].tolist()
     if turned > _TURNED_RAD or max(abs(y), abs(z)) > _ASIDE_M:
         text = f"{what} stands at {np.round([x, y, z], 4).tolist()} m, turned by {turned:.3f} rad, from the left camera"
         raise ValueError(f"{text}: G-buffers are warped along rows, which it has to share")
-    return float(x)
 
 
 def inverse_depth(depth: NDArray[Any]) -> NDArray[np.float64]:

@@ -8,11 +8,10 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from typing import Any, NamedTuple
+from os import PathLike
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,67 +20,67 @@ import kuafu
 import simsense
 from activestereo.camera.auto_exposure import AutoExposure
 from activestereo.camera.config_limits import FRAME
-from activestereo.camera.matching import make_engine, signal_parameters
+from activestereo.camera.matching import make_engine
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.limits import POWER, Limits
-from activestereo.sensor.gbuffer.buffers import Floats, GBuffer, SurfaceTable, host_image, read_gbuffer
+from activestereo.common.nearest import unknown
+from activestereo.effects.core.engine import EngineInputs
+from activestereo.effects.engines.world import copy_record
+from activestereo.model import SensorModel
 from activestereo.sensor.gbuffer.cause import causes, hidden_from_right
-from activestereo.sensor.gbuffer.light import ProjectedLight, eye_of, lit_by_projector
-from activestereo.sensor.gbuffer.rig import beside_m, inverse_depth
-from activestereo.sensor.gbuffer.warp import warped
+from activestereo.sensor.gbuffer.inputs import InputImages, host_image
+from activestereo.sensor.gbuffer.materials import MaterialNumbers
+from activestereo.sensor.gbuffer.rig import inverse_depth, require_row
+from activestereo.sensor.ir_link import IrLink
 from activestereo.sensor.radiance import checked_radiance
+from activestereo.sensor.rig_inputs import RigInputs
 
 _ENVIRONMENTS = Limits(1, 1_000_000, whole=True)
 _SEED = Limits(0, 2**64 - 1, whole=True)
-# What is rendered at a time, pixels: its arrays fit a processor's cache.
-_CHUNK_PX = 1 << 16
-
-
-class _Chunk(NamedTuple):
-    """Some environments: radiance of both eyes, all and the projector's, and what causes() takes."""
-
-    light: list[NDArray[np.float32]]
-    laser: list[NDArray[np.float32]]
-    seen: GBuffer
-    is_lit: NDArray[np.bool_]
-    is_hidden: NDArray[np.bool_]
+_RADIANCE = Limits(0.0, float(np.finfo(np.float32).max), "W/(sr m^2)")
+KINDS = ("planar", "ray")
+OUTPUTS = ("depth", "disparity", "ir_left", "ir_right", "valid", "cause")
+_OF_ENGINE = ("depth", "disparity", "ir_left", "ir_right")
+_IMAGES = ("depth", "normal", "albedo", "material")
 
 
 class GBufferStereo:
     """An active stereo sensor on depth, normals and albedo of its left infrared camera in E environments.
 
     config: a StereoDepthSensorConfig, which is copied, or a camera's name; 'converging' exposure is 'settled'. device:
-    where pairs are matched, as kuafu.Device has it; light is computed on the host. materials: kuafu.Materials by
-    number, whose infrared albedo, roughness, specular, metallic and transmission hold. Light that is reflected more
-    than once is not there: metal that mirrors and glass are named in 'cause'. ValueError for a configuration that has
-    lenses that distort, rows that are not aligned, or optics without a law here.
+    where light and depth are computed, as kuafu.Device has it. materials: kuafu.Materials by number. model: a SensorModel
+    or a model.json, whose effects on projector, cameras, imagers and depth engine act. Of light between surfaces there is
+    what the images show: metal that mirrors and glass are named in 'cause'. ValueError for a configuration or a model
+    that has lenses that distort, rows that are not aligned, or effects on images.
     """
 
     def __init__(
         self, config: StereoDepthSensorConfig | str = "D435", environments: int = 1,
         device: str | int | kuafu.Device = "auto", materials: Any = None,
+        model: SensorModel | str | PathLike[str] | None = None,
     ) -> None:  # fmt: skip
-        self._config = StereoDepthSensorConfig(config) if isinstance(config, str) else deepcopy(config)
-        if self._config.ir_exposure_mode == "converging":
-            self._config.ir_exposure_mode = "settled"
-        self._config.check()
-        self._count = int(_ENVIRONMENTS.check("environments", environments))
-        c = self._config
+        config = StereoDepthSensorConfig(config) if isinstance(config, str) else deepcopy(config)
+        if config.ir_exposure_mode == "converging":
+            config.ir_exposure_mode = "settled"
+        config.check()
         for name in ("ir_distortion", "ir_distortion_right"):
-            if np.any(getattr(c, name) or 0.0):
-                raise ValueError(f"{name} is {getattr(c, name)}: G-buffers are of pinhole cameras: set it to zeros")
-        self._table = SurfaceTable(materials)
-        self._eyes = [eye_of(c, is_right) for is_right in (False, True)]
-        self._baseline_m = beside_m(c.trans_pose_l, c.trans_pose_r, "the right infrared camera")
-        self._shift_px = float(self._eyes[1].k[0, 2] - self._eyes[0].k[0, 2])
-        self._projector_m = beside_m(c.trans_pose_l, c.pose_rgb_irproj, "the projector")
-        self._light = ProjectedLight(c)
+            if np.any(getattr(config, name) or 0.0):
+                raise ValueError(f"{name} is {getattr(config, name)}: G-buffers are of pinhole cameras: set it to zeros")
+        require_row(config.trans_pose_l, config.trans_pose_r, "the right infrared camera")
+        require_row(config.trans_pose_l, config.pose_rgb_irproj, "the projector")
+        self._count = int(_ENVIRONMENTS.check("environments", environments))
         device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
-        self._engine = make_engine(c, simsense.Device(device.info.device_uuid), self._count)
-        self._signal = signal_parameters(c)
-        self._engine.set_signal(self._signal, self._signal)
-        self._exposure, self._frame = AutoExposure(c), -1
-        self._max_dn = float(2 ** int(self._signal["bit_depth"]) - 1)
+        self._scene = kuafu.Scene(device)
+        self._materials = MaterialNumbers(self._scene, materials)
+        self._rig = RigInputs(config, self._scene, [None], model, None, takes_image_effects=False)
+        self._renderer = kuafu.Renderer(device)
+        self._views = [InputImages(device, self.shape, self._materials) for _ in range(2)]
+        self._shadows = InputImages(device, self.shape, self._materials)
+        own = simsense.Device(device.info.device_uuid)
+        width, height = config.ir_resolution
+        self._link = IrLink(device, own, width, height, count=self._count)
+        self._engine = make_engine(config, own, self._count)
+        self._exposure, self._frame = AutoExposure(config), -1
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -92,7 +91,7 @@ class GBufferStereo:
     @property
     def k(self) -> NDArray[np.float64]:
         """The 3x3 matrix of the left infrared camera, which depth, normals and albedo have to be of."""
-        return self._eyes[0].k.copy()
+        return np.array(self._config.ir_intrinsics(False)[0])
 
     def get_config(self) -> StereoDepthSensorConfig:
         """A copy."""
@@ -106,59 +105,72 @@ class GBufferStereo:
     def __call__(
         self, *, depth: Any, normal: Any = None, albedo: Any = None, material: Any = None, depth_kind: str = "planar",
         right: Mapping[str, Any] | None = None, projector: Any = None, ambient: ArrayLike | None = None,
-        laser_power: ArrayLike = 1.0, exposure: ArrayLike = 1.0,
+        laser_power: ArrayLike = 1.0, exposure: ArrayLike = 1.0, outputs: Sequence[str] = OUTPUTS,
     ) -> dict[str, NDArray[Any]]:  # fmt: skip
-        """One frame of all environments, from arrays of NumPy, torch, or what speaks DLPack.
+        """One frame. All images are [E, height, width], of NumPy, torch or DLPack, of the left infrared camera.
 
-        depth [E, height, width] metres along the axis ('planar') or the ray ('ray'), 0 or inf = nothing there; normal
-        [..., 3] unit, in the camera's axes (x right, y down, z forward), None = of the depth; albedo 0..1 or uint8, of
-        RGB the red channel is taken as the infrared's; material: numbers of `materials`. right: the same four of the
-        right infrared camera, else its view is warped from the left one, and what that does not see is the background
-        continued. projector: planar depth [E, height, width] of a camera like the left one in the
-        projector's place, for exact shadows. ambient: radiance from all sides, a number, [E] or [E, height, width]
-        W/(sr m^2), None = ir_ambient_radiance. laser_power, exposure: over the configuration's, a number or [E].
+        depth: metres, 0 or inf = nothing there; depth_kind: 'planar' (z) or 'ray' (along the ray). normal [..., 3]:
+        unit, in the camera's axes (x right, y down, z forward), None = found from depth. albedo: of infrared light, 0..1
+        or uint8, or [..., 3] of RGB, whose red is taken, a guess; needed where no materials are. material: numbers of
+        the sensor's materials; their ir_albedo counts more than the albedo image. right: the same images of the right
+        camera, a mapping; None = warped from the left one's, what that does not see is continued. projector: depth of a
+        camera like the left one in the projector's place, for its shadows; None = warped. ambient: radiance of the room,
+        W/(sr m^2), a number or [E], None = ir_ambient_radiance. laser_power, exposure: over the configuration's, a
+        number or [E]. outputs: which of OUTPUTS to return; 'cause' takes the host some time.
 
         Returns depth float32 metres in the left infrared camera, 0 = no measurement; disparity float32 pixels, -1;
         ir_left, ir_right as the imager counts; valid bool; cause uint8, an index into cause.CAUSES. ValueError names
         the environment and the value that cannot be; then no frame was taken.
         """
-        own = {"depth": depth, "normal": normal, "albedo": albedo, "material": material}
-        seen = read_gbuffer(own, self.shape, self._eyes[0].rays, depth_kind, self._table)
-        other = None
+        for name in outputs:
+            if name not in OUTPUTS:
+                raise ValueError(unknown("output", name, OUTPUTS))
+        if depth_kind not in KINDS:
+            raise ValueError(unknown("depth_kind", depth_kind, KINDS))
+        given = {"depth": depth, "normal": normal, "albedo": albedo, "material": material}
+        self._require(given, "")
+        own, other = self._views[0].put(given), None
         if right is not None:
-            if "depth" not in right:
-                raise ValueError("right has no 'depth'")
-            other = read_gbuffer(right, self.shape, self._eyes[1].rays, depth_kind, self._table)
-        hiding = None if projector is None else inverse_depth(host_image("projector", projector, self.shape))
-        power, share = self._per_environment("laser_power", laser_power), self._per_environment("exposure", exposure)
-        room = self._ambient(ambient)
+            self._require(right, "right ")
+            other = self._views[1].put({name: right.get(name) for name in _IMAGES})
+        hiding = None if projector is None else self._shadows.put({"depth": projector})["depth"]
+        numbers = {
+            "laser_power": self._per_environment("laser_power", laser_power, POWER),
+            "ambient_radiance": self._per_environment(
+                "ambient", self._rig.inputs().ambient_radiance if ambient is None else ambient, _RADIANCE
+            ),
+        }
+        share = self._per_environment("exposure", exposure, POWER)
         frame = int(FRAME.check("the frame", self._frame + 1))
-        c = self._config
-        intensity = power * c.projector_intensity * c.emitter_power(frame)
-        step = max(1, _CHUNK_PX // int(np.prod(self.shape[1:])))
+        inputs = self._rig.begin(frame)
+        self._rig.shine(np.eye(4)[None])
+        self._engine.set_signal(*self._rig.signals())
+        wants_cause = "cause" in outputs
+        targets: dict[str, Any] = {"radiance": self._link.target}
+        if inputs.speckle_of_laser:
+            targets["projector_direct"] = self._link.laser().target
+        if wants_cause:
+            targets |= {"depth": None, "projector_visibility": None}
 
-        def chunk_from(first: int) -> _Chunk:
-            part = slice(first, first + step)
-            views = [None if view is None else _part(view, part) for view in (seen, other)]
-            return self._chunk(views, None if hiding is None else hiding[part], intensity[part], room[part])
+        def lit(light: NDArray[np.float64]) -> dict[str, Any]:
+            return self._renderer.light_gbuffers(
+                self._scene, self._rig.ir_cameras(np.eye(4)[None]), targets, left=own, right=other,
+                projector_depth=hiding, depth_kind=depth_kind, optics=self._optics(), environment_count=self._count,
+                **{name: light * values for name, values in numbers.items()},
+            )  # fmt: skip
 
-        with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:  # NumPy works outside of Python's lock
-            chunks = list(threads.map(chunk_from, range(0, self._count, step)))
-        eyes = [np.concatenate([chunk.light[eye] for chunk in chunks]) for eye in (0, 1)]
-        lasers = [np.concatenate([chunk.laser[eye] for chunk in chunks]) for eye in (0, 1)]
-        light = np.array([np.float32(own) * self._light_of(left) for own, left in zip(share, eyes[0], strict=True)])
-        for images in (*eyes, *lasers):
-            images *= light[:, None, None]
-        apart = (lasers[0], lasers[1]) if c.ir_speckle_of_laser else (None, None)
+        seen = lit(share)
+        if self._exposure.mode != "fixed":  # light is linear: it is computed again as bright as the exposure makes it
+            left = self._link.images()[: self._count]
+            seen = lit(share * np.array([self._light_of(image, inputs) for image in left]))
         self._frame = frame
-        out = self._matched(eyes[0], eyes[1], *apart)
-        found = [
-            causes(c, chunk.seen, chunk.is_lit, chunk.is_hidden, counts, reason, self._black_dn, self._max_dn)
-            for chunk, counts, reason in zip(
-                chunks, _cut(out["ir_left"], step), _cut(out.pop("reason"), step), strict=True
-            )
-        ]
-        return out | {"valid": out["depth"] > 0.0, "cause": np.concatenate(found)}
+        names = [*_OF_ENGINE, *(["reason"] if wants_cause else [])]
+        found = self._matched([name for name in names if name in outputs or name == "reason" or wants_cause])
+        if wants_cause:
+            found["cause"] = self._causes(given, seen, found, inputs)
+        if "depth" in found:
+            found["valid"] = found["depth"] > 0.0
+        return {name: found[name] for name in outputs}
 
     def compute_depth_from(
         self, left: ArrayLike, right: ArrayLike, left_laser: ArrayLike | None = None,
@@ -168,76 +180,82 @@ class GBufferStereo:
         W/(sr m^2), as the next frame. *_laser: the projector's part, which alone has speckle; without, all has."""
         pair, lasers = checked_radiance(left, right, left_laser, right_laser, self.shape)
         self._frame += 1
-        return self._matched(*pair, lasers.get("left_laser"), lasers.get("right_laser"))
+        self._rig.begin(self._frame)
+        self._engine.set_signal(*self._rig.signals())
+        self._engine.set_parameters(frame_index=self._frame, scene_index=0)
+        if self._count == 1:  # an engine of one pair has no axis of pairs
+            pair = pair[0][0], pair[1][0]
+            lasers = {name: image[0] for name, image in lasers.items()}
+        return self._batched(self._engine.compute(*pair, (*_OF_ENGINE, "reason"), **lasers))
 
     # ---- inside ----
 
     @property
-    def _black_dn(self) -> float:
-        return float(self._signal["black_level_dn"])
+    def _config(self) -> StereoDepthSensorConfig:
+        return self._rig.config
 
-    def _chunk(
-        self, views: list[GBuffer | None], hiding: Floats | None, intensity: Floats, ambient: Floats
-    ) -> _Chunk:
-        left, right = views
-        assert left is not None
-        focal, (own, other) = float(self._eyes[0].k[0, 0]), self._eyes
-        beside = warped(left.inverse_depth, focal, self._baseline_m, self._shift_px)
-        if right is None:
-            right = left.taken(beside.inverse_depth, beside.pixel)
-        if hiding is None:
-            place = warped(left.inverse_depth, focal, self._projector_m)
-            hiding = np.where(place.seen, place.inverse_depth, 0.0)
-        lit = [
-            lit_by_projector(left, own, self._projector_m, 0.0, hiding),
-            lit_by_projector(right, other, self._projector_m - self._baseline_m, self._shift_px, hiding),
-        ]
-        found = [
-            self._light.seen(eye, view, is_lit, intensity, ambient)
-            for eye, view, is_lit in zip(self._eyes, (left, right), lit, strict=True)
-        ]
-        hidden = hidden_from_right(self._config, left, beside.inverse_depth)
-        return _Chunk([f[0] for f in found], [f[1] for f in found], left, lit[0], hidden)
+    def _require(self, given: Mapping[str, Any], whose: str) -> None:
+        """That the images say what surfaces are of."""
+        if given.get("depth") is None:
+            raise ValueError(f"{whose}depth is missing")
+        material = given.get("material")
+        if not self._materials.is_given:
+            if material is not None:
+                raise ValueError(f"{whose}material is given, but this sensor was made without materials=")
+            if given.get("albedo") is None:
+                raise ValueError(f"{whose}albedo is missing: give it, or material with materials= of the sensor")
+        elif material is None:
+            raise ValueError(f"{whose}material is missing: this sensor was made with materials=")
+        elif not getattr(material, "is_cuda", False):
+            numbers, depth = (host_image(whose + name, given[name], self.shape) for name in ("material", "depth"))
+            self._materials.require_known(numbers, depth)
 
-    def _matched(self, left: Any, right: Any, left_laser: Any, right_laser: Any) -> dict[str, NDArray[Any]]:
+    def _optics(self) -> list[kuafu.Optics]:
+        """Without the limit of fireflies, of which light on G-buffers has none."""
+        optics = [copy_record(one) for one in self._rig.infrared()["optics"]]
+        for one in optics:
+            one.firefly_factor = 0.0
+        return optics
+
+    def _matched(self, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+        link, is_laser_apart = self._link, self._rig.inputs().speckle_of_laser
+        link.deliver()
         self._engine.set_parameters(frame_index=self._frame, scene_index=0)
-        lasers = {} if left_laser is None else {"left_laser": left_laser, "right_laser": right_laser}
-        wanted = ("depth", "disparity", "ir_left", "ir_right", "reason")
-        if self._count == 1:  # an engine of one pair has no axis of pairs
-            left, right = left[0], right[0]
-            lasers = {name: image[0] for name, image in lasers.items()}
-        found = self._engine.compute(left, right, wanted, **lasers)
+        return self._batched(self._engine.compute(link.left, link.right, names, **link.lasers(is_laser_apart)))
+
+    def _batched(self, found: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         return {name: image.reshape(self.shape) for name, image in found.items()}
 
-    def _light_of(self, left: NDArray[np.float32]) -> np.float32:
-        if self._exposure.mode == "fixed":
-            return np.float32(1.0)
-        setting = self._exposure.after(self._config, self._signal, left, self._max_dn)
-        return np.float32(setting.light_s / self._exposure.start.light_s)
+    def _causes(
+        self, given: Mapping[str, Any], seen: Mapping[str, Any], found: dict[str, NDArray[Any]], inputs: EngineInputs
+    ) -> NDArray[np.uint8]:
+        near = inverse_depth(_read(seen["depth"])[..., 0])
+        own, beside = near[: self._count], near[self._count :]
+        is_lit = _read(seen["projector_visibility"])[: self._count, ..., 0] > 0.5
+        is_odd = np.zeros(self.shape, bool)
+        if given["material"] is not None:
+            is_odd = self._materials.mirrors_or_are_glass(host_image("material", given["material"], self.shape))
+        is_hidden = hidden_from_right(self._config, own, beside)
+        black_dn = float(inputs.left.signal["black_level_dn"])
+        return causes(
+            self._config, own, is_odd, is_lit, is_hidden, found["ir_left"], found.pop("reason"), black_dn, inputs.max_dn
+        )
 
-    def _per_environment(self, name: str, values: ArrayLike) -> Floats:
+    def _light_of(self, left: NDArray[np.float32], inputs: EngineInputs) -> float:
+        setting = self._exposure.after(self._config, inputs.left.signal, left, inputs.max_dn)
+        return setting.light_s / self._exposure.start.light_s
+
+    def _per_environment(self, name: str, values: ArrayLike, limits: Limits) -> NDArray[np.float64]:
         numbers = np.asarray(values, np.float64)
         if numbers.shape not in ((), (self._count,)):
             raise ValueError(f"{name} is {list(numbers.shape)}, expected a number or [{self._count}]")
         for n, value in enumerate(np.atleast_1d(numbers).tolist()):
-            POWER.check(f"{name} of environment {n}" if numbers.shape else name, value)
+            limits.check(f"{name} of environment {n}" if numbers.shape else name, value)
         return np.broadcast_to(numbers, (self._count,))
 
-    def _ambient(self, values: ArrayLike | None) -> Floats:
-        room = np.asarray(self._config.ir_ambient_radiance if values is None else values, np.float64)
-        if room.shape == (self._count,):
-            room = room[:, None, None]
-        if room.shape not in ((), (self._count, 1, 1), self.shape):
-            raise ValueError(f"ambient is {list(room.shape)}, expected a number, [{self._count}] or {list(self.shape)}")
-        if not (np.isfinite(room) & (room >= 0.0)).all():
-            raise ValueError(f"ambient is {float(room.min()):g} at least, expected finite radiances of 0 or more")
-        return np.broadcast_to(room, (self._count, *room.shape[1:]) if room.ndim else (self._count, 1, 1))
 
-
-def _part(view: GBuffer, part: slice) -> GBuffer:
-    return GBuffer(*(getattr(view, name)[part] for name in GBuffer.__dataclass_fields__))
-
-
-def _cut(image: NDArray[Any], step: int) -> list[NDArray[Any]]:
-    return [image[first : first + step] for first in range(0, len(image), step)]
-
+def _read(image: Any) -> NDArray[Any]:
+    """An output of the renderer, where it is an array of the host's or memory of a GPU's."""
+    if isinstance(image, np.ndarray):
+        return image
+    return np.asarray(image.buffer.read().view(image.dtype).reshape(image.shape))

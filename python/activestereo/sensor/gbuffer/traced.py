@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.effects.core.engine import EngineInputs
-from activestereo.sensor.gbuffer.buffers import SurfaceTable, read_gbuffer
 from activestereo.sensor.gbuffer.cause import causes, hidden_from_right
-from activestereo.sensor.gbuffer.light import eye_of
+from activestereo.sensor.gbuffer.materials import mirrors_or_is_glass
 from activestereo.sensor.gbuffer.rig import inverse_depth
 
 _NOTHING = 0xFFFFFFFF
@@ -41,17 +40,14 @@ def traced_causes(sensor: TracedSensor, reason: NDArray[np.uint8]) -> NDArray[np
     if not config.rectified or any(np.any(config.ir_intrinsics(is_right)[1]) for is_right in (False, True)):
         raise ValueError("causes are told of pairs that are matched as they come: rectified=True, and no distortion")
     inputs = sensor.engine_inputs()
-    images = {name: sensor.get_picture(name, "left")[None] for name in ("depth", "normal", "material_id")}
-    depth, numbers = images["depth"][..., 0], images["material_id"][..., 0].astype(np.int64)
-    own = np.unique(numbers[(depth > 0) & (numbers != _NOTHING)]).tolist()
-    table = SurfaceTable({number: sensor.scene.get_material(number) for number in own} or [kuafu.Material()])
-    depth = np.where(numbers == _NOTHING, np.float32(0.0), depth)
-    to_camera = np.linalg.inv(np.array(inputs.left.camera.camera_to_world))[:3, :3]
-    given = {"depth": depth, "normal": images["normal"] @ to_camera.T, "material": numbers}
-    eye = eye_of(config, is_right=False)
-    seen = read_gbuffer(given, depth.shape, eye.rays, "planar", table)
+    depth, numbers = (sensor.get_picture(name, "left")[None, ..., 0] for name in ("depth", "material_id"))
+    own = inverse_depth(np.where(numbers == _NOTHING, np.float32(0.0), depth))
+    is_odd = np.zeros(own.shape, bool)
+    for number in np.unique(numbers[own > 0]).tolist():
+        if mirrors_or_is_glass(sensor.scene.get_material(number)):
+            is_odd |= numbers == number
     beside = inverse_depth(sensor.get_picture("depth", "right")[None, ..., 0])
     is_lit = sensor.get_picture("projector_visibility", "left")[None, ..., 0] > 0.5
-    is_hidden = hidden_from_right(config, seen, beside)
+    is_hidden = hidden_from_right(config, own, beside)
     counts, black_dn = sensor.get_ir_measured()[0][None], float(inputs.left.signal["black_level_dn"])
-    return causes(config, seen, is_lit, is_hidden, counts, reason[None], black_dn, inputs.max_dn)[0]
+    return causes(config, own, is_odd, is_lit, is_hidden, counts, reason[None], black_dn, inputs.max_dn)[0]

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+// Light on the surfaces that another renderer saw: what its stage reads and writes, read by GLSL and C++ (scalar layout). Images are packed
+// [environment][row][column][channel].
+#ifndef KUAFU_GBUFFER_RECORD_H
+#define KUAFU_GBUFFER_RECORD_H
+
+#include "shared/wave.h"
+
+#ifdef __cplusplus
+namespace kuafu {
+#endif
+
+// The steps, in their order.
+KUAFU_CONST gbuffer_read = 0u;     // per pixel that was given: checked, its depth inverted
+KUAFU_CONST gbuffer_warp = 1u;     // per row: the views that were not given
+KUAFU_CONST gbuffer_light = 2u;    // per pixel of both cameras
+KUAFU_CONST gbuffer_cells = 3u;    // per cell of the cameras that were given
+KUAFU_CONST gbuffer_sky = 4u;      // the same
+KUAFU_CONST gbuffer_bounce = 5u;   // per pixel of both cameras
+
+// GbufferEye.given
+KUAFU_CONST gbuffer_has_depth = 1u;
+KUAFU_CONST gbuffer_has_normal = 2u;
+KUAFU_CONST gbuffer_has_albedo = 4u;
+KUAFU_CONST gbuffer_has_material = 8u;
+
+// What is wrong with a pixel: the low bits of a word of GbufferRecord.errors, above which its number stands.
+KUAFU_CONST gbuffer_error_bits = 4u;  // what, and above of which image: left, right, projector
+KUAFU_CONST gbuffer_bad_depth = 0u;
+KUAFU_CONST gbuffer_bad_normal = 1u;
+KUAFU_CONST gbuffer_bad_albedo = 2u;
+KUAFU_CONST gbuffer_bad_material = 3u;
+KUAFU_CONST gbuffer_no_error = 0xffffffffu;
+
+KUAFU_CONST gbuffer_cell_px = 4u;  // on a side of the cells in which light between surfaces is found
+
+/// What surfaces near one another exchange, by cell.
+struct GbufferCell {
+  float inverse_depth, laser, albedo;  // of what is there; the mean radiance of the projector's light, the mean share that is reflected
+  float room, indirect;                // what arrives: of the room's radiance as a share, and of surfaces' laser as a radiance
+};
+KUAFU_WRITTEN_ARRAY(GbufferCells, GbufferCell, 4)
+
+/// A projector's pattern as pixels of one size see it: [level][row][column], each level through beams as wide as pattern_level has them.
+struct PatternMeans {
+  FloatArray means;
+  uint width, height, levels;
+  float step_px;  // of the pattern, between two means
+};
+
+/// One camera, in all environments.
+struct GbufferEye {
+  FloatArray depth, normal, albedo;  // as given
+  UintArray material;
+  FloatArray inverse_depth;  // 1/m, 0 where nothing is
+  UintArray source;          // of a view that was not given: the left camera's pixel whose surface is there
+  ViewRecord view;
+  vec3 axis_x, axis_y, axis_z;  // of the camera, in the world
+  vec2 focal, centre;
+  uint given;                   // gbuffer_has_*
+  float projector_px_m;         // focal length times the way to the projector, along a row
+  float shift_px;               // of the principal point, to the right of the left camera's
+};
+
+struct GbufferRecord {
+  GbufferEye eyes[2];
+  FloatArray projector_depth;    // as a camera like the left one sees it from the projector's place
+  FloatArray projector_inverse;  // 1/m
+  FloatArray power, ambient;     // by environment: over the projector's intensity; the room's radiance, W/(sr m^2)
+  UintArray errors;              // by environment: the least word of what is wrong, or gbuffer_no_error
+  UintArray measured_albedo;     // by 1 + material: nonzero where it has an infrared albedo
+  FloatArray matt, lobes, laser; // [eye][environment][row][column]: shares of light from all sides that are reflected; radiance
+  GbufferCells cells;            // [eye][environment][row][column]
+  OutputArray outputs;
+  SceneReference scene;
+  PatternMeans pattern;
+  uint width, height, environments, materials;  // 1 + their number
+  uint cell_columns, cell_rows;
+  uint along_rays;       // nonzero: depths are distances from the camera's centre
+  uint projector_depth_given;
+  uint has_projector;    // nonzero: some light is one
+  uint reserved;
+  float baseline_px_m;   // focal length times baseline
+  float focal_px;
+};
+KUAFU_ARRAY(GbufferArray, GbufferRecord, 8)
+
+struct GbufferPush {
+  GbufferArray record;
+  uint step, count;  // gbuffer_*; invocations
+};
+
+#ifdef __cplusplus
+static_assert(sizeof(GbufferEye) == 176);
+static_assert(sizeof(GbufferRecord) == 520);
+static_assert(sizeof(GbufferPush) == 16);
+}  // namespace kuafu
+#endif
+#endif

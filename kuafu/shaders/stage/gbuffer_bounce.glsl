@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage `gbuffer`, light between surfaces, as far as the image shows them. Matt surfaces get the room's light over the horizons that the
+// depth image has about them, and from below the horizons what is seen there sends out (Jimenez et al., "Practical Realtime Strategies for
+// Accurate Indirect Occlusion", 2016). Lobes look along mirrored rays.
+const int horizon_slices = 4, horizon_steps = 7;
+const float horizon_growth = 1.75f;   // of the steps
+const float horizon_reach_m = 0.5f;   // what is farther away hides half of what it would, or less
+const int mirror_rays = 4, mirror_steps = 10;
+
+uint cells_per_view() { return push.record.at[0].cell_columns * push.record.at[0].cell_rows; }
+
+/// The middle pixel of a cell.
+GbufferPlace cell_place(uint i) {
+  GbufferPlace p;
+  uint view = i / cells_per_view(), cell = i - view * cells_per_view(), row = cell / push.record.at[0].cell_columns;
+  p.eye = view / push.record.at[0].environments;
+  p.environment = view - p.eye * push.record.at[0].environments;
+  p.row = min(row * gbuffer_cell_px + gbuffer_cell_px / 2u, push.record.at[0].height - 1u);
+  p.column = min((cell - row * push.record.at[0].cell_columns) * gbuffer_cell_px + gbuffer_cell_px / 2u, push.record.at[0].width - 1u);
+  p.pixel = (p.environment * push.record.at[0].height + p.row) * push.record.at[0].width + p.column;
+  return p;
+}
+
+void mean_of_cell(uint i) {
+  GbufferPlace p = cell_place(i);
+  uint first_row = p.row / gbuffer_cell_px * gbuffer_cell_px, first_column = p.column / gbuffer_cell_px * gbuffer_cell_px;
+  uint base = p.eye * pixels_per_eye() + p.environment * pixels_per_view();
+  float laser = 0.0f, albedo = 0.0f, count = 0.0f;
+  for (uint row = first_row; row < min(first_row + gbuffer_cell_px, push.record.at[0].height); ++row)
+    for (uint column = first_column; column < min(first_column + gbuffer_cell_px, push.record.at[0].width); ++column) {
+      uint at = base + row * push.record.at[0].width + column;
+      laser += push.record.at[0].laser.at[at];
+      albedo += push.record.at[0].matt.at[at];
+      count += 1.0f;
+    }
+  push.record.at[0].cells.at[i].inverse_depth = push.record.at[0].eyes[p.eye].inverse_depth.at[p.pixel];
+  push.record.at[0].cells.at[i].laser = laser / count;
+  push.record.at[0].cells.at[i].albedo = albedo / count;
+}
+
+/// Share of the light on a surface that comes, within a slice, from between the viewer's direction and a horizon at `angle` from it; the
+/// normal is tilted by `tilt` in the slice.
+float horizon_arc(float angle, float tilt) { return 0.25f * (-cos(2.0f * angle - tilt) + cos(tilt) + 2.0f * angle * sin(tilt)); }
+
+vec3 in_camera(IN(GbufferEye) eye, vec3 w) { return vec3(dot(eye.axis_x, w), dot(eye.axis_y, w), dot(eye.axis_z, w)); }
+
+vec3 seen_position(IN(GbufferEye) eye, vec2 pixel, float inverse) {
+  return vec3((pixel.x - eye.centre.x) / eye.focal.x, (pixel.y - eye.centre.y) / eye.focal.y, 1.0f) / inverse;
+}
+
+struct Horizon {
+  float room, laser, albedo;  // shares of the light: from the room; from surfaces, times their laser and their albedo
+};
+
+/// On one side of a slice, whose normal is `axis`; `side` is the way on the image, `tilt` the normal's in the slice, towards that side.
+Horizon look_along(IN(GbufferEye) eye, uint first_cell, vec3 here, vec3 to_camera, vec3 axis, vec2 pixel, vec2 side, float tilt) {
+  Horizon found = Horizon(0.0f, 0.0f, 0.0f);
+  float highest = min(tilt + 0.5f * pi, pi), open = horizon_arc(highest, tilt), reach = 1.0f;
+  for (int s = 0; s < horizon_steps; ++s) {
+    vec2 at = pixel + side * (reach * float(gbuffer_cell_px));
+    reach *= horizon_growth;
+    int column = int(floor(at.x)) / int(gbuffer_cell_px), row = int(floor(at.y)) / int(gbuffer_cell_px);
+    if (at.x < 0.0f || at.y < 0.0f || column >= int(push.record.at[0].cell_columns) || row >= int(push.record.at[0].cell_rows)) break;
+    uint cell = first_cell + uint(row) * push.record.at[0].cell_columns + uint(column);
+    float inverse = push.record.at[0].cells.at[cell].inverse_depth;
+    if (inverse == 0.0f) continue;
+    vec2 middle = (vec2(float(column), float(row)) + 0.5f) * float(gbuffer_cell_px);
+    vec3 way = seen_position(eye, middle, inverse) - here;
+    way -= axis * dot(way, axis);
+    float distance = length(way), angle = acos(clamp(dot(way, to_camera) / max(distance, 1e-6f), -1.0f, 1.0f));
+    float near = horizon_reach_m / (horizon_reach_m + max(distance - horizon_reach_m, 0.0f));
+    angle = mix(highest, angle, near * near);
+    if (!(angle < highest)) continue;
+    float rest = horizon_arc(angle, tilt), hidden = max(open - rest, 0.0f);
+    found.laser += hidden * push.record.at[0].cells.at[cell].laser;
+    found.albedo += hidden * push.record.at[0].cells.at[cell].albedo;
+    highest = angle;
+    open = rest;
+  }
+  found.room = open;
+  return found;
+}
+
+/// What arrives at a cell of the room's light and of surfaces' laser.
+void look_around(uint i) {
+  GbufferPlace p = cell_place(i);
+  IN(GbufferEye) eye = push.record.at[0].eyes[p.eye];
+  GbufferSurface s = surface_at_pixel(p);
+  push.record.at[0].cells.at[i].room = 1.0f;
+  push.record.at[0].cells.at[i].indirect = 0.0f;
+  if (s.inverse_depth == 0.0f) return;
+  vec2 pixel = vec2(float(p.column), float(p.row));
+  vec3 here = seen_position(eye, pixel, s.inverse_depth), to_camera = in_camera(eye, s.to_camera), normal = in_camera(eye, s.normal);
+  uint first_cell = i / cells_per_view() * cells_per_view();
+  Horizon sum = Horizon(0.0f, 0.0f, 0.0f);
+  float all = 0.0f;
+  for (int slice = 0; slice < horizon_slices; ++slice) {
+    vec2 side = unit_circle((float(slice) + 0.5f) * (0.5f / float(horizon_slices)));
+    vec3 across = vec3(side.x / eye.focal.x, side.y / eye.focal.y, 0.0f);
+    vec3 along = normalize(across - to_camera * dot(across, to_camera)), axis = cross(along, to_camera);
+    vec3 in_slice = normal - axis * dot(normal, axis);
+    float weight = length(in_slice), tilt = atan(dot(in_slice, along), dot(in_slice, to_camera));
+    Horizon a = look_along(eye, first_cell, here, to_camera, axis, pixel, side, tilt);
+    Horizon b = look_along(eye, first_cell, here, to_camera, axis, pixel, -side, -tilt);
+    sum.room += weight * (a.room + b.room);
+    sum.laser += weight * (a.laser + b.laser);
+    sum.albedo += weight * (a.albedo + b.albedo);
+    all += weight * (horizon_arc(min(tilt + 0.5f * pi, pi), tilt) + horizon_arc(min(-tilt + 0.5f * pi, pi), -tilt));
+  }
+  // Surfaces about it get as much of the room as it does, and of one another's light as they send to it.
+  float scale = 1.0f / max(all, 1e-6f), back = 1.0f / (1.0f - sum.albedo * scale);
+  push.record.at[0].cells.at[i].room = sum.room * scale * back;
+  push.record.at[0].cells.at[i].indirect = sum.laser * scale * back;
+}
+
+/// (room, indirect) at a pixel: of the cells about it, those that are of its surface.
+vec2 arriving_at(uint first_cell, IN(GbufferPlace) p, float inverse) {
+  vec2 place = vec2(float(p.column), float(p.row)) / float(gbuffer_cell_px) - 0.5f, base = floor(place), f = place - base, sum = vec2(0.0f);
+  float weights = 0.0f;
+  for (int k = 0; k < 4; ++k) {
+    int x = k & 1, y = k >> 1;
+    int column = clamp(int(base.x) + x, 0, int(push.record.at[0].cell_columns) - 1), row = clamp(int(base.y) + y, 0, int(push.record.at[0].cell_rows) - 1);
+    uint cell = first_cell + uint(row) * push.record.at[0].cell_columns + uint(column);
+    float apart = abs(push.record.at[0].cells.at[cell].inverse_depth - inverse) / inverse;
+    float weight = ((x == 1 ? f.x : 1.0f - f.x) * (y == 1 ? f.y : 1.0f - f.y) + 1e-3f) * (apart < 0.05f ? 1.0f : 1e-3f);
+    sum += weight * vec2(push.record.at[0].cells.at[cell].room, push.record.at[0].cells.at[cell].indirect);
+    weights += weight;
+  }
+  return sum / weights;
+}
+
+/// What comes along a ray: the light of the surface that it meets in the image, or the room's.
+float radiance_along(IN(GbufferEye) eye, uint first_cell, vec3 here, vec3 direction, float first_step_m, float ambient) {
+  float t = first_step_m;
+  for (int s = 0; s < mirror_steps; ++s) {
+    vec3 q = here + t * direction;
+    if (q.z < 1e-3f) break;
+    vec2 pixel = eye.centre + eye.focal * xy(q) / q.z;
+    if (pixel.x < -0.5f || pixel.y < -0.5f || pixel.x >= float(push.record.at[0].width) - 0.5f || pixel.y >= float(push.record.at[0].height) - 0.5f) break;
+    uint cell = first_cell + uint(pixel.y + 0.5f) / gbuffer_cell_px * push.record.at[0].cell_columns + uint(pixel.x + 0.5f) / gbuffer_cell_px;
+    float inverse = push.record.at[0].cells.at[cell].inverse_depth;
+    float behind = inverse > 0.0f ? q.z - 1.0f / inverse : -1.0f;
+    if (behind > 0.0f && behind < max(0.1f, 2.0f * t))
+      return push.record.at[0].cells.at[cell].laser + push.record.at[0].cells.at[cell].albedo * (push.record.at[0].cells.at[cell].room * ambient + push.record.at[0].cells.at[cell].indirect);
+    t *= 1.6f;
+  }
+  return ambient;
+}
+
+/// What comes from where a lobe looks.
+float mirrored_radiance(IN(GbufferEye) eye, uint first_cell, IN(GbufferSurface) s, float roughness, float ambient) {
+  vec3 normal = in_camera(eye, s.normal), to_camera = in_camera(eye, s.to_camera), here = in_camera(eye, s.position - eye.view.origin);
+  vec3 mirrored = normal * (2.0f * dot(normal, to_camera)) - to_camera;
+  Frame frame = frame_around(mirrored);
+  float step_m = 2.0f * float(gbuffer_cell_px) / (eye.focal.x * s.inverse_depth), sum = 0.0f;
+  for (int k = 0; k < mirror_rays; ++k) {
+    vec2 aside = unit_circle((float(k) + 0.5f) / float(mirror_rays)) * (roughness * roughness);
+    vec3 direction = normalize(to_world(frame, vec3(aside, 1.0f)));
+    sum += radiance_along(eye, first_cell, here, direction, step_m, ambient);
+  }
+  return sum / float(mirror_rays);
+}
+
+void bounce_pixel(uint i) {
+  GbufferPlace p = gbuffer_place(i), q = shown_place(p);
+  float ambient = push.record.at[0].ambient.at[p.environment], laser = push.record.at[0].laser.at[i], light = ambient;
+  if (push.record.at[0].eyes[p.eye].inverse_depth.at[p.pixel] > 0.0f) {
+    IN(GbufferEye) eye = push.record.at[0].eyes[q.eye];
+    uint first_cell = (q.eye * push.record.at[0].environments + q.environment) * cells_per_view();
+    vec2 arriving = arriving_at(first_cell, q, eye.inverse_depth.at[q.pixel]);
+    light = laser + push.record.at[0].matt.at[i] * (arriving.x * ambient + arriving.y);
+    float lobes = push.record.at[0].lobes.at[i];
+    if (lobes > 0.0f) {
+      GbufferSurface s = surface_at_pixel(p);
+      light += lobes * mirrored_radiance(eye, first_cell, s, push.record.at[0].scene.at[0].materials.at[s.material].roughness, ambient);
+    }
+  }
+  write_output(output_radiance, p, light);
+  write_output(output_radiance + 1u + group_projector_direct, p, laser);
+}
+
+void gbuffer_step(uint i) {
+  if (push.step == gbuffer_read) read_pixel(i);
+  else if (push.step == gbuffer_warp) warp_row(i);
+  else if (push.step == gbuffer_light) light_pixel(i);
+  else if (push.step == gbuffer_cells) mean_of_cell(i);
+  else if (push.step == gbuffer_sky) look_around(i);
+  else bounce_pixel(i);
+}

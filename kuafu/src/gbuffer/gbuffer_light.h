@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// Light on G-buffers: what infrared pairs see of surfaces that another renderer gives as depth, normals, albedos and materials. Takes the
+// place of paths; the frame, the optics and the caller's formats are those of every render. Thread rule: externally synchronised.
+#pragma once
+
+#include <array>
+#include <memory>
+
+#include "frame/frame.h"
+#include "frame/image_step.h"
+#include "gbuffer/pattern_stack.h"
+#include "shared/gbuffer_record.h"
+#include "tables/scene_tables.h"
+
+namespace kuafu {
+
+/// What is given of one camera, in all environments; packed, a null buffer is not given.
+struct GbufferImages {
+  std::shared_ptr<ks::Buffer> depth, normal, albedo, material;
+};
+
+/// A pair of rectified cameras in many environments. launch.views: all left ones, then all right ones.
+struct GbufferLaunch {
+  Launch launch;
+  std::array<GbufferImages, 2> given;
+  std::shared_ptr<ks::Buffer> projector_depth;
+  bool along_rays = false;
+  std::vector<float> power, ambient;  // by environment
+
+  [[nodiscard]] uint32_t environments() const { return uint32_t(launch.views.size() / 2); }
+};
+
+class GbufferLight {
+ public:
+  explicit GbufferLight(Memory memory);
+  /// Writes the frame's images. Call check() when the commands have run.
+  void run(ks::Commands& commands, const std::shared_ptr<const Scene>& scene, const GbufferLaunch& gbuffers, const Frame& frame);
+  /// Throws for what was wrong with the images, with the environment, the pixel and the value.
+  void check(const GbufferLaunch& gbuffers) const;
+
+ private:
+  void fit(const GbufferLaunch& gbuffers);
+  void prepare_pattern(const Scene& scene, const GbufferLaunch& gbuffers);
+  void write_record(const Scene& scene, const GbufferLaunch& gbuffers, const Frame& frame);
+  void write_eye(const GbufferLaunch& gbuffers, uint32_t eye, GbufferEye& record) const;
+
+  /// What the means of a pattern depend on.
+  struct PatternKey {
+    const Scene* scene = nullptr;
+    const Texture* image = nullptr;
+    uint64_t revision = 0;
+    glm::dvec2 pixel_px{0.0};
+    double diameter_px = 0.0;
+    bool operator==(const PatternKey&) const = default;
+  };
+
+  Memory memory_;
+  SceneTables tables_;
+  ImageStep<GbufferPush> step_;
+  MappedTable<GbufferRecord> record_;
+  MappedTable<float> power_, ambient_;
+  MappedTable<uint32_t> measured_;
+  std::shared_ptr<ks::Buffer> inverse_[2], source_, projector_inverse_, matt_, lobes_, laser_, cells_, errors_, means_;
+  PatternMeans pattern_{};
+  std::shared_ptr<const Scene> scene_;  // the tables know it by its address
+  PatternKey pattern_key_;
+  const Light* projector_ = nullptr;  // of this run
+  uint32_t materials_ = 0;
+};
+
+namespace host {
+/// Thread rule: any thread; ranges of a step are independent.
+void gbuffer(const GbufferPush& push, uint32_t first, uint32_t end);
+}  // namespace host
+
+}  // namespace kuafu

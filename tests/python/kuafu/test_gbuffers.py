@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Renderer.light_gbuffers: laws of warped views, of the projector's light and of the room's, the same on the host and in
+Vulkan compute, and bad images."""
+
+import numpy as np
+import pytest
+
+import kuafu
+from activestereo.effects.core.ggx import base_share, cosines_of, highlight
+
+FOCAL_PX, BASELINE_M, PROJECTOR_M = 100.0, 0.05, 0.03
+IMAGES = {"depth": np.float32, "normal": np.float32, "albedo": np.float32, "material": np.uint32}
+MATT = {"specular": 0.0, "roughness": 1.0, "ir_albedo": 0.5}
+
+
+def pose(x_m):
+    place = np.eye(4)
+    place[0, 3] = x_m
+    return place
+
+
+def lit(given, looks=MATT, baseline_m=BASELINE_M, ambient=0.0, tracer="auto", outputs=None, falloff=0.0, **more):
+    """Outputs [2, E, height, width] of one material's surfaces under a projector whose pattern is 1 everywhere, 3 W/sr;
+    given: images [E, height, width] of the left camera."""
+    device = kuafu.Device("cpu")
+    scene = kuafu.Scene(device)
+    scene.add_material(kuafu.Material(**looks))
+    pattern = scene.add_texture(np.full((64, 64), 255, np.uint8))
+    k = np.array([[10.0, 0, 31.5], [0, 10.0, 31.5], [0, 0, 1]])
+    scene.add_light(
+        kuafu.Light(kind="projector", texture=pattern, k=k, ir_intensity=3.0, falloff=falloff, light_to_world=pose(PROJECTOR_M))
+    )
+    count, height, width = given["depth"].shape
+    k = [[FOCAL_PX, 0, (width - 1) / 2], [0, FOCAL_PX, (height - 1) / 2], [0, 0, 1]]
+    cameras = [kuafu.Camera(width, height, k, camera_to_world=pose(x)) for x in (0.0, baseline_m)]
+    given = {"material": np.ones(given["depth"].shape)} | given
+    buffers = {}
+    for name, image in given.items():
+        buffers[name] = kuafu.Buffer(device, 4 * image.size, host_visible=True)
+        buffers[name].write(np.ascontiguousarray(image, IMAGES[name]))
+    found = kuafu.Renderer(device, tracer=tracer).light_gbuffers(
+        scene, cameras, outputs or ["radiance", "projector_direct", "depth", "projector_visibility"], left=buffers,
+        environment_count=count, ambient_radiance=np.full(count, ambient), **more,
+    )  # fmt: skip
+    return {name: np.array(image).reshape(2, count, height, width) for name, image in found.items()}
+
+
+def wall(*depths_m, shape=(24, 100)):
+    """Depth and normals of walls that face the camera, one for each environment."""
+    depth = np.repeat(np.array(depths_m, np.float32), np.prod(shape)).reshape(-1, *shape)
+    return {"depth": depth, "normal": np.broadcast_to(np.array([0.0, 0.0, -1.0]), (*depth.shape, 3))}
+
+
+@pytest.mark.parametrize("baseline_m", [0.05, -0.03])
+def test_a_tilted_plane_is_warped_into_the_plane_that_the_other_camera_sees(baseline_m):
+    """1/z of a plane is affine in the image: 1/z = a + b u seen from baseline_m beside it, u' = u - f B / z."""
+    u = np.arange(200.0)
+    depth = np.broadcast_to(1.0 / (0.8 + 0.002 * u), (2, 3, 200))
+    near = 1.0 / lit({"depth": depth}, baseline_m=baseline_m)["depth"][1]
+    slope = 0.002 / (1.0 - FOCAL_PX * baseline_m * 0.002)
+    expected = 0.8 + slope * (u + FOCAL_PX * baseline_m * 0.8)
+    between = (expected > 0.81) & (expected < 1.19)  # beyond, the border is continued
+    assert between.mean() > 0.8
+    np.testing.assert_allclose(near[..., between], np.broadcast_to(expected[between], near[..., between].shape), 1e-5)
+
+
+def test_what_a_near_thing_uncovers_is_continued_from_the_background():
+    """A block at 0.5 m before a wall at 1 m: each shifts by f B / z, 10 and 5 px; the difference is wall that is not seen."""
+    given = wall(1.0)
+    given["depth"][..., 40:60] = 0.5
+    right = lit(given)["depth"][1, 0, 12]
+    np.testing.assert_array_equal(np.flatnonzero(right == 0.5), np.arange(30, 50))
+    assert (right[50:] == 1.0).all()
+    mirrored = lit(given, baseline_m=-0.05)["depth"][1, 0, 12]
+    np.testing.assert_array_equal(np.flatnonzero(mirrored == 0.5), np.arange(50, 70))
+
+
+def test_a_near_thing_throws_a_shadow_away_from_the_projector():
+    """Of the wall behind a block the projector, 3 cm to the right, does not see what lies f B (1/z - 1/z0) to the left."""
+    given = wall(1.0)
+    given["depth"][..., 40:60] = 0.5
+    seen = lit(given)["projector_visibility"][0, 0, 12]
+    np.testing.assert_array_equal(np.flatnonzero(seen == 0.0), np.arange(37, 40))
+
+
+def light_on_wall(depth_m, row, column, shape=(24, 100)):
+    """(unit way to the projector, unit way to the left camera, distance) of a point of a wall."""
+    point = np.array([(column - (shape[1] - 1) / 2) / FOCAL_PX, (row - (shape[0] - 1) / 2) / FOCAL_PX, 1.0]) * depth_m
+    way = np.array([PROJECTOR_M, 0, 0]) - point
+    return way / np.linalg.norm(way), -point / np.linalg.norm(point), np.linalg.norm(way)
+
+
+def test_a_matt_wall_shines_as_lambert_and_the_square_of_the_distance_say():
+    found = lit(wall(0.5, 1.5), falloff=2.0, ambient=0.2)
+    laser = found["projector_direct"]
+    for n, depth_m in enumerate((0.5, 1.5)):
+        to_light, _, distance = light_on_wall(depth_m, 10, 80)
+        cosine = -to_light[2]  # at the wall and at the projector, which looks along the same axis
+        assert laser[0, n, 10, 80] == pytest.approx(0.5 / np.pi * 3.0 * cosine**3 / distance**2, rel=1e-4)
+    np.testing.assert_allclose(found["radiance"] - laser, 0.5 * 0.2, rtol=2e-2)  # no part of a wall hides the room
+
+
+def test_gloss_has_a_base_below_a_highlight():
+    roughness = 0.4
+    found = lit(wall(0.5), {"roughness": roughness, "ir_albedo": 0.5})["projector_direct"]
+    to_light, to_camera, distance = light_on_wall(0.5, 12, 52)
+    c = cosines_of(np.array([0.0, 0.0, -1.0]), to_light, to_camera)
+    f = 0.5 / np.pi * base_share(c.n_l, c.n_v, roughness, 1.0) + highlight(c, roughness)
+    assert found[0, 0, 12, 52] == pytest.approx(f * 3.0 * float(c.n_l) / distance**2, rel=0.02)  # both read tables
+
+
+def test_a_corner_gets_less_of_the_room_and_light_of_its_other_wall():
+    """A floor below a camera and a wall behind it, albedo a: at the edge half of the room is seen, and the wall's light
+    comes in its place, a geometric series: s / (1 - a (1 - s)) with s = 1/2."""
+    width, height = 160, 120
+    v = (np.arange(height) - (height - 1) / 2) / FOCAL_PX
+    depth = np.minimum(np.where(v > 0, 0.2 / np.maximum(v, 1e-9), np.inf), 0.8)
+    given = {"depth": np.broadcast_to(depth[None, :, None], (1, height, width))}
+    light = lit(given, ambient=1.0, laser_power=[0.0])["radiance"][0, 0, :, width // 2] / 0.5
+    edge = int(np.argmax(depth < 0.8))
+    assert light[edge : edge + 2] == pytest.approx(0.5 / (1.0 - 0.5 * 0.5), abs=0.12)
+    assert light[10] > 0.85  # far above the floor
+
+
+def test_the_host_and_vulkan_compute_agree():
+    random = np.random.default_rng(3)
+    depth = 0.6 + 0.2 * np.cumsum(random.normal(0, 0.01, (2, 48, 64)), axis=2)
+    depth[:, 10:30, 20:40] -= 0.2
+    albedo = random.uniform(0.1, 0.9, depth.shape)
+    looks = {"roughness": 0.3, "metallic": 0.3}
+    a, b = (lit({"depth": depth, "albedo": albedo}, looks, ambient=0.1, tracer=tracer) for tracer in ("auto", "compute"))
+    for name in a:
+        near = np.isclose(a[name], b[name], rtol=1e-4, atol=1e-5)
+        assert near.mean() > 0.999, name  # a ray may pass an edge on one side or the other
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"depth": np.nan}, r"environment 1, pixel \(7, 5\): depth is nan, expected metres"),
+        ({"depth": -1.0}, r"environment 1, pixel \(7, 5\): depth is -1"),
+        ({"normal": 2.0}, "environment 1, pixel .*: the length of normal is .*, expected unit vectors"),
+        ({"albedo": 1.5}, "environment 1, pixel .*: albedo is 1.5, expected 0 to 1"),
+        ({"material": 2}, "environment 1, pixel .*: material is 2, expected a number below 2"),
+    ],
+)
+def test_a_bad_value_is_named_with_its_environment(change, words):
+    given = {"albedo": np.full((3, 24, 100), 0.5), "material": np.ones((3, 24, 100))} | wall(0.5, 0.5, 0.5)
+    given = {name: np.array(image) for name, image in given.items()}
+    for name, value in change.items():
+        given[name][1, 5, 7] = value
+        given[name][2, 1, 1] = value
+    with pytest.raises(ValueError, match=words + r".*\(and in environments 2\)"):
+        lit(given)
+
+
+def test_infinite_depth_is_nothing():
+    given = wall(0.5)
+    given["depth"][0, 5, 7] = np.inf
+    found = lit(given, ambient=0.3)
+    assert found["depth"][0, 0, 5, 7] == 0.0 and found["radiance"][0, 0, 5, 7] == np.float32(0.3)
