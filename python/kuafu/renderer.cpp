@@ -132,7 +132,8 @@ class Renderer {
   py::dict light_gbuffers(Scene& scene, const Call& call, const py::dict& left, const py::object& right, const py::object& projector_depth,
                           const std::string& depth_kind, const py::object& laser_power, const py::object& ambient_radiance,
                           uint32_t environment_count) {
-    if (depth_kind != "planar" && depth_kind != "ray") raise_argument<Kuafu>("unknown depth_kind '" + depth_kind + "' (known: planar, ray)");
+    if (depth_kind != "planar" && depth_kind != "ray")
+      raise_argument<Kuafu>("unknown depth_kind '" + depth_kind + "' (known: planar, ray)");
     std::vector<kuafu_view_desc> views = read_views(call.cameras, "infrared", std::nullopt);
     if (views.size() != 2) raise_argument<Kuafu>("a pair has two cameras, not " + std::to_string(views.size()));
     const std::vector<Optics> optics = read_optics(call.optics, views.size());
@@ -141,7 +142,8 @@ class Renderer {
     py::dict arrays;
     read_outputs(call, views, outputs, arrays, uint64_t{2} * environment_count);
     const kuafu_gbuffer given[2] = {gbuffer_of(left), right.is_none() ? kuafu_gbuffer_init() : gbuffer_of(py::cast<py::dict>(right))};
-    const auto power = numbers_of(laser_power, environment_count, "laser_power"), ambient = numbers_of(ambient_radiance, environment_count, "ambient_radiance");
+    const auto power = numbers_of(laser_power, environment_count, "laser_power"),
+               ambient = numbers_of(ambient_radiance, environment_count, "ambient_radiance");
     kuafu_gbuffer_desc desc = kuafu_gbuffer_desc_init();
     desc.left_view = &views[0];
     desc.right_view = &views[1];
@@ -226,11 +228,16 @@ class Renderer {
     for (const auto& [key, image] : images) {
       const std::string name = py::str(key);
       const auto buffer = [&, value = image] { return py::cast<Buffer<Kuafu>&>(value).get(); };
-      if (name == "depth") out.depth = buffer();
-      else if (name == "normal") out.normal = buffer();
-      else if (name == "albedo") out.albedo = buffer();
-      else if (name == "material") out.material = buffer();
-      else raise_argument<Kuafu>("unknown image '" + name + "' (known: depth, normal, albedo, material)");
+      if (name == "depth")
+        out.depth = buffer();
+      else if (name == "normal")
+        out.normal = buffer();
+      else if (name == "albedo")
+        out.albedo = buffer();
+      else if (name == "material")
+        out.material = buffer();
+      else
+        raise_argument<Kuafu>("unknown image '" + name + "' (known: depth, normal, albedo, material)");
     }
     return out;
   }
@@ -240,7 +247,8 @@ class Renderer {
     const auto array = py::array_t<float, py::array::c_style | py::array::forcecast>::ensure(values);
     if (!array) throw py::error_already_set();
     if (array.ndim() != 1 || array.shape(0) != static_cast<py::ssize_t>(count))
-      raise_argument<Kuafu>(std::string(name) + " has shape " + std::string(py::str(array.attr("shape"))) + ", it must be (" + std::to_string(count) + ",)");
+      raise_argument<Kuafu>(std::string(name) + " has shape " + std::string(py::str(array.attr("shape"))) + ", it must be (" +
+                            std::to_string(count) + ",)");
     return {array.data(), array.data() + count};
   }
 
@@ -258,8 +266,8 @@ class Renderer {
   }
 
   /// `outputs`: names (buffers are made) or {name: dtype, Image or Buffer}. Fills the C descriptors and the arrays to return.
-  void read_outputs(const Call& call, const std::vector<kuafu_view_desc>& views, std::vector<kuafu_output_desc>& c_outputs, py::dict& arrays,
-                    uint64_t view_count) const {
+  void read_outputs(const Call& call, const std::vector<kuafu_view_desc>& views, std::vector<kuafu_output_desc>& c_outputs,
+                    py::dict& arrays, uint64_t view_count) const {
     const py::object& outputs = call.outputs;
     for (const auto& [name, scale] : call.scales)
       if (!outputs.contains(name)) raise_argument<Kuafu>("scales has '" + name + "', which is no output of this call");
@@ -407,8 +415,8 @@ void bind_renderer(py::module_& module) {
   renderer.def(
       "light_gbuffers",
       [](Renderer& r, Scene& scene, const py::object& cameras, const py::object& outputs, const py::dict& left, const py::object& right,
-         const py::object& projector_depth, const std::string& depth_kind, const py::object& laser_power, const py::object& ambient_radiance,
-         const py::object& optics, uint32_t environment_count) {
+         const py::object& projector_depth, const std::string& depth_kind, const py::object& laser_power,
+         const py::object& ambient_radiance, const py::object& optics, uint32_t environment_count) {
         const Call call{cameras, outputs, "infrared", std::nullopt, optics, py::none(), {}, py::none()};
         return r.light_gbuffers(scene, call, left, right, projector_depth, depth_kind, laser_power, ambient_radiance, environment_count);
       },

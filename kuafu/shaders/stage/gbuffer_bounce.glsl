@@ -5,7 +5,7 @@
 const int horizon_slices = 4, horizon_steps = 7;
 const float horizon_growth = 1.75f;   // of the steps
 const float horizon_reach_m = 0.5f;   // what is farther away hides half of what it would, or less
-const int mirror_rays = 4, mirror_steps = 10;
+const int mirror_rays = 4, mirror_steps = 12;
 
 uint cells_per_view() { return push.record.at[0].cell_columns * push.record.at[0].cell_rows; }
 
@@ -129,20 +129,56 @@ vec2 arriving_at(uint first_cell, IN(GbufferPlace) p, float inverse) {
   return sum / weights;
 }
 
+/// A point's place on the image, beyond whose border the border goes on.
+vec2 image_place(IN(GbufferEye) eye, vec3 q) {
+  vec2 most = vec2(float(push.record.at[0].width), float(push.record.at[0].height)) - 1.0f;
+  return clamp(eye.centre + eye.focal * xy(q) / q.z, vec2(0.0f), most);
+}
+
+/// How far a point lies behind what is seen there, metres; below 0: before it, or there is nothing.
+float behind_seen(IN(GbufferEye) eye, uint first_cell, vec3 q) {
+  vec2 pixel = image_place(eye, q);
+  uint cell = first_cell + uint(pixel.y + 0.5f) / gbuffer_cell_px * push.record.at[0].cell_columns + uint(pixel.x + 0.5f) / gbuffer_cell_px;
+  float inverse = push.record.at[0].cells.at[cell].inverse_depth;
+  return inverse > 0.0f ? q.z - 1.0f / inverse : -1.0f;
+}
+
+/// The light of what is seen about a place, as matt surfaces send it, of those cells whose depth is about `inverse`.
+float seen_radiance(uint first_cell, vec2 pixel, float inverse, float ambient) {
+  vec2 place = pixel / float(gbuffer_cell_px) - 0.5f, base = floor(place), f = place - base;
+  float sum = 0.0f, weights = 0.0f;
+  for (int k = 0; k < 4; ++k) {
+    int x = k & 1, y = k >> 1;
+    int column = clamp(int(base.x) + x, 0, int(push.record.at[0].cell_columns) - 1), row = clamp(int(base.y) + y, 0, int(push.record.at[0].cell_rows) - 1);
+    uint cell = first_cell + uint(row) * push.record.at[0].cell_columns + uint(column);
+    float there = push.record.at[0].cells.at[cell].inverse_depth;
+    float weight = ((x == 1 ? f.x : 1.0f - f.x) * (y == 1 ? f.y : 1.0f - f.y) + 1e-3f) * (there > 0.0f ? 1.0f : 0.0f) * (abs(there - inverse) < 0.15f * inverse ? 1.0f : 1e-3f);
+    sum += weight * (push.record.at[0].cells.at[cell].laser +
+                     push.record.at[0].cells.at[cell].albedo * (push.record.at[0].cells.at[cell].room * ambient + push.record.at[0].cells.at[cell].indirect));
+    weights += weight;
+  }
+  return weights > 0.0f ? sum / weights : ambient;
+}
+
 /// What comes along a ray: the light of the surface that it meets in the image, or the room's.
 float radiance_along(IN(GbufferEye) eye, uint first_cell, vec3 here, vec3 direction, float first_step_m, float ambient) {
-  float t = first_step_m;
+  float t = first_step_m, before = 0.0f;
   for (int s = 0; s < mirror_steps; ++s) {
     vec3 q = here + t * direction;
     if (q.z < 1e-3f) break;
-    vec2 pixel = eye.centre + eye.focal * xy(q) / q.z;
-    if (pixel.x < -0.5f || pixel.y < -0.5f || pixel.x >= float(push.record.at[0].width) - 0.5f || pixel.y >= float(push.record.at[0].height) - 0.5f) break;
-    uint cell = first_cell + uint(pixel.y + 0.5f) / gbuffer_cell_px * push.record.at[0].cell_columns + uint(pixel.x + 0.5f) / gbuffer_cell_px;
-    float inverse = push.record.at[0].cells.at[cell].inverse_depth;
-    float behind = inverse > 0.0f ? q.z - 1.0f / inverse : -1.0f;
-    if (behind > 0.0f && behind < max(0.1f, 2.0f * t))
-      return push.record.at[0].cells.at[cell].laser + push.record.at[0].cells.at[cell].albedo * (push.record.at[0].cells.at[cell].room * ambient + push.record.at[0].cells.at[cell].indirect);
-    t *= 1.6f;
+    float behind = behind_seen(eye, first_cell, q);
+    if (behind > 0.0f && behind < max(0.1f, 2.0f * t)) {
+      for (int half_step = 0; half_step < 3; ++half_step) {
+        float middle = 0.5f * (before + t);
+        bool beyond = behind_seen(eye, first_cell, here + middle * direction) > 0.0f;
+        t = beyond ? middle : t;
+        before = beyond ? before : middle;
+      }
+      q = here + t * direction;
+      return seen_radiance(first_cell, image_place(eye, q), 1.0f / q.z, ambient);
+    }
+    before = t;
+    t *= 1.5f;
   }
   return ambient;
 }

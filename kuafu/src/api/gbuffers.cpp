@@ -22,7 +22,8 @@ constexpr double most_aside_m = 5e-3, most_turned = 1e-2;  // of a right camera,
 std::shared_ptr<ks::Buffer> read_image(kuafu_buffer handle, const char* name, uint64_t words, const ks::Device& device) {
   if (handle == nullptr) return nullptr;
   const std::shared_ptr<ks::Buffer>& buffer = ks::object_of(handle, name);
-  if (buffer->device().get() != &device) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s: its buffer belongs to another device than the renderer", name);
+  if (buffer->device().get() != &device)
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s: its buffer belongs to another device than the renderer", name);
   if (buffer->size_bytes() < words * 4)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s has %llu bytes, the images of all environments need %llu", name,
              static_cast<unsigned long long>(buffer->size_bytes()), static_cast<unsigned long long>(words * 4));
@@ -34,7 +35,8 @@ GbufferImages read_images(const kuafu_gbuffer* desc, const char* name, uint64_t 
   const auto image = [&](kuafu_buffer buffer, const char* which, uint64_t channels) {
     return read_image(buffer, (std::string(name) + "." + which).c_str(), pixels * channels, device);
   };
-  GbufferImages images{image(d.depth, "depth", 1), image(d.normal, "normal", 3), image(d.albedo, "albedo", 1), image(d.material, "material", 1)};
+  GbufferImages images{image(d.depth, "depth", 1), image(d.normal, "normal", 3), image(d.albedo, "albedo", 1),
+                       image(d.material, "material", 1)};
   if (!images.depth) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s.depth is NULL: give the camera's depth", name);
   return images;
 }
@@ -87,7 +89,8 @@ GbufferLaunch read_gbuffers(const kuafu_gbuffer_desc* desc, const Scene& scene, 
   check_row(left, right);
   for (uint32_t kind = 0; kind < output_kind_count; ++kind)
     if (launch.outputs[kind].buffer && (possible_outputs >> kind & 1) == 0)
-      ks::fail(KS_ERROR_INVALID_ARGUMENT, "outputs has one that G-buffers have not: radiance, projector direct, depth and projector visibility");
+      ks::fail(KS_ERROR_INVALID_ARGUMENT,
+               "outputs has one that G-buffers have not: radiance, projector direct, depth and projector visibility");
   const uint64_t pixels = launch.pixel_count() / 2;
   if (pixels / d.environment_count >> (32 - gbuffer_error_bits) != 0)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "views of %u x %u pixels are too large: at most 2^28 pixels", launch.width, launch.height);
@@ -98,7 +101,8 @@ GbufferLaunch read_gbuffers(const kuafu_gbuffer_desc* desc, const Scene& scene, 
   out.power = read_numbers(d.laser_power, d.environment_count, 1.0f, "laser_power");
   const Environment& room = scene.environment();
   const Band band{.infrared = true, .ir_ambient_scale = as_render.ir_ambient_scale, .ir_ambient_radiance = as_render.ir_ambient_radiance};
-  out.ambient = read_numbers(d.ambient_radiance, d.environment_count, band.environment(room.radiance, room.ir_radiance).x, "ambient_radiance");
+  out.ambient =
+      read_numbers(d.ambient_radiance, d.environment_count, band.environment(room.radiance, room.ir_radiance).x, "ambient_radiance");
   return out;
 }
 

@@ -35,7 +35,8 @@ float value_at(const ks::Buffer& buffer, uint64_t word) {
 std::string complaint(const GbufferImages& images, uint32_t what, uint64_t pixel, uint32_t materials) {
   char text[160];
   if (what == gbuffer_bad_depth) {
-    std::snprintf(text, sizeof text, "depth is %g, expected metres from 0 on, 0 or inf = nothing there", double(value_at(*images.depth, pixel)));
+    std::snprintf(text, sizeof text, "depth is %g, expected metres from 0 on, 0 or inf = nothing there",
+                  double(value_at(*images.depth, pixel)));
   } else if (what == gbuffer_bad_normal) {
     float n[3];
     images.normal->read(pixel * 12, n, sizeof n);
@@ -54,7 +55,8 @@ std::string complaint(const GbufferImages& images, uint32_t what, uint64_t pixel
 
 GbufferLight::GbufferLight(Memory memory) : memory_(memory), tables_(memory), step_(memory, gbuffer_spirv, host::gbuffer) {}
 
-void GbufferLight::run(ks::Commands& commands, const std::shared_ptr<const Scene>& scene, const GbufferLaunch& gbuffers, const Frame& frame) {
+void GbufferLight::run(ks::Commands& commands, const std::shared_ptr<const Scene>& scene, const GbufferLaunch& gbuffers,
+                       const Frame& frame) {
   tables_.update(*scene, gbuffers.launch.band, 1, {});
   fit(gbuffers);
   prepare_pattern(*scene, gbuffers);
@@ -63,7 +65,8 @@ void GbufferLight::run(ks::Commands& commands, const std::shared_ptr<const Scene
   const Launch& launch = gbuffers.launch;
   const uint32_t pixels = launch.pixel_count(), eye_pixels = pixels / 2;
   const GbufferRecord& record = record_.resize(memory_, 1)[0];
-  const uint32_t given_eyes = gbuffers.given[1].depth ? 2 : 1, cells = given_eyes * gbuffers.environments() * record.cell_columns * record.cell_rows;
+  const uint32_t given_eyes = gbuffers.given[1].depth ? 2 : 1,
+                 cells = given_eyes * gbuffers.environments() * record.cell_columns * record.cell_rows;
   const auto step = [&](const char* name, uint32_t which, uint32_t count) {
     step_.run(commands, name, GbufferPush{.record = record_.address(), .step = which, .count = count});
   };
@@ -83,7 +86,8 @@ void GbufferLight::fit(const GbufferLaunch& gbuffers) {
   grow(memory_, source_, eye);
   grow(memory_, projector_inverse_, eye);
   for (auto* image : {&matt_, &lobes_, &laser_}) grow(memory_, *image, pixels);
-  grow(memory_, cells_, uint64_t(2) * gbuffers.environments() * cells_along(launch.width) * cells_along(launch.height) * (sizeof(GbufferCell) / 4));
+  grow(memory_, cells_,
+       uint64_t(2) * gbuffers.environments() * cells_along(launch.width) * cells_along(launch.height) * (sizeof(GbufferCell) / 4));
   const uint64_t error_bytes = uint64_t(gbuffers.environments()) * 4;
   if (!errors_ || errors_->size_bytes() < error_bytes) errors_ = ks::Buffer::create(memory_.device, error_bytes, KS_BUFFER_HOST_VISIBLE);
   std::memset(errors_->mapped(), 0xff, error_bytes);
@@ -104,7 +108,8 @@ void GbufferLight::prepare_pattern(const Scene& scene, const GbufferLaunch& gbuf
   const PatternStack stack = pattern_stack(image, key.pixel_px, diameter, memory_.device->workers());
   means_ = ks::Buffer::create_array(memory_.device, stack.means.size() * 4);
   means_->write(0, stack.means.data(), stack.means.size() * 4);
-  pattern_ = {.means = memory_.address(*means_), .width = stack.width, .height = stack.height, .levels = stack.levels, .step_px = stack.step_px};
+  pattern_ = {
+      .means = memory_.address(*means_), .width = stack.width, .height = stack.height, .levels = stack.levels, .step_px = stack.step_px};
   pattern_key_ = key;
 }
 
@@ -181,10 +186,11 @@ void GbufferLight::check(const GbufferLaunch& gbuffers) const {
   GbufferImages images = image == 2 ? GbufferImages{.depth = gbuffers.projector_depth} : gbuffers.given[image];
   constexpr const char* whose[] = {"", "right ", "projector's "};
   std::string others;
-  for (size_t i = 1; i < std::min(bad.size(), most_named + 1); ++i) others += (i == 1 ? " (and in environments " : ", ") + std::to_string(bad[i]);
+  for (size_t i = 1; i < std::min(bad.size(), most_named + 1); ++i)
+    others += (i == 1 ? " (and in environments " : ", ") + std::to_string(bad[i]);
   if (!others.empty()) others += bad.size() > most_named + 1 ? ", ...)" : ")";
-  ks::fail(KS_ERROR_INVALID_ARGUMENT, "environment %u, pixel (%u, %u): %s%s%s", bad[0], pixel % launch.width, pixel / launch.width, whose[image],
-           complaint(images, word & 3u, at, materials_).c_str(), others.c_str());
+  ks::fail(KS_ERROR_INVALID_ARGUMENT, "environment %u, pixel (%u, %u): %s%s%s", bad[0], pixel % launch.width, pixel / launch.width,
+           whose[image], complaint(images, word & 3u, at, materials_).c_str(), others.c_str());
 }
 
 }  // namespace kuafu

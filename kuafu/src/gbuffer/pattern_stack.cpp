@@ -98,7 +98,9 @@ Plane through_disc(const Plane& plane, double diameter_px, ks::ThreadPool& worke
 
 /// The side of the box whose means, looked up between `step` apart, spread a point as a pixel's square on the interpolated pattern does:
 /// (1 + box^2) / 12 + step^2 / 6 = 1 / 6 + pixel^2 / 12, in variances.
-double box_side(double pixel_px, double step_px) { return std::sqrt(std::max(1.0 + pixel_px * pixel_px - 2.0 * step_px * step_px, 0.0625)); }
+double box_side(double pixel_px, double step_px) {
+  return std::sqrt(std::max(1.0 + pixel_px * pixel_px - 2.0 * step_px * step_px, 0.0625));
+}
 
 }  // namespace
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A projector's pattern as pixels see it: means over a pixel's square and a beam's disc, for discs of several sizes (lib/pattern_mean.glsl).
-// Thread rule: pure functions.
+// A projector's pattern as pixels see it: means over a pixel's square and a beam's disc, for discs of several sizes
+// (lib/pattern_mean.glsl). Thread rule: pure functions.
 #pragma once
 
 #include <vector>

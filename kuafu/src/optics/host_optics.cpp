@@ -32,7 +32,8 @@ void spread(const OpticsPush& push, uint32_t first, uint32_t end, std::vector<fl
   std::fill_n(sum, count, 0.0f);
   for (int k = -radius; k <= radius; ++k) {
     const float weight = push.kernels.at[f.psf_kernels + uint32_t(std::abs(k))];
-    const float* from = push.step == optics_psf_columns ? &padded[size_t(k + radius)] : light(clamp(in_view + k, 0, last_row) - in_view) + column;
+    const float* from =
+        push.step == optics_psf_columns ? &padded[size_t(k + radius)] : light(clamp(in_view + k, 0, last_row) - in_view) + column;
     for (int x = 0; x < count; ++x) sum[x] += weight * from[x];
   }
 }

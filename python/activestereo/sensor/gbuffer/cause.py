@@ -10,6 +10,7 @@ from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
 import simsense
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.window_statistics import mean_and_deviation
+from activestereo.sensor.gbuffer.warp import in_front
 
 Floats = NDArray[np.float64]
 # A pixel has the first of these that holds, in this order but for 'measured'.
@@ -42,10 +43,8 @@ def hidden_from_right(
     """[E, height, width]: the part of the left view that something nearer hides from the right camera; inverse depths,
     1/m, of what the two see."""
     column = _right_column(config, inverse_depth)
-    # What lies beside the right image is compared with its last column.
-    place = np.clip(np.rint(column), 0, column.shape[-1] - 1).astype(np.intp)
-    in_front = np.take_along_axis(right_inverse_depth, place, axis=-1) - inverse_depth
-    return np.asarray((config.focal_baseline_px_m * in_front > _HIDDEN_PX) & (column >= 0))
+    in_front_px = config.focal_baseline_px_m * in_front(right_inverse_depth, column, inverse_depth)
+    return np.asarray((in_front_px > _HIDDEN_PX) & (column >= 0))
 
 
 def _right_column(config: StereoDepthSensorConfig, inverse_depth: Floats) -> Floats:
@@ -69,12 +68,13 @@ def causes(
     mean, deviation = mean_and_deviation(np.asarray(counts, np.float64) - black_dn, block)
     with np.errstate(divide="ignore"):
         depth = 1.0 / inverse_depth
+    column = _right_column(config, inverse_depth)
     floor_dn = max(float(config.min_texture_dn), 1.0)
     holds = {
         "measured": reason == simsense.REASONS.index("valid"),
         "nothing": inverse_depth == 0.0,
         "out_of_range": (depth < config.min_depth_m) | (depth > config.max_depth_m) | (own >= config.max_disparity),
-        "outside": _right_column(config, inverse_depth) < config.census_width // 2,  # the other pixel's census word is cut off
+        "outside": column < config.census_width // 2,  # the other pixel's census word is cut off
         "occluded": is_hidden,
         "saturated": uniform_filter((counts >= max_dn).astype(np.float64), block, mode="nearest") > _SATURATED_SHARE,
         "mirror_or_glass": mirrors_or_is_glass,

@@ -40,14 +40,14 @@ def _of_shape(name: str, image: Any, shape: tuple[int, ...]) -> Any:
 
 
 def red_of(name: str, image: Any, shape: tuple[int, ...]) -> Any:
-    """Of an image with three or four channels the first one, a guess of the infrared."""
+    """The first channel of an image with three or four, a guess of the infrared."""
     is_rgb = image.ndim > 2 and image.shape[-1] in (3, 4) and tuple(image.shape[-3:-1]) == shape[1:]
     image = _of_shape(name, image[..., 0] if is_rgb else image, shape)
     return image / 255.0 if str(image.dtype).endswith("uint8") else image
 
 
 class InputImages:
-    """What is given of one camera, [E, height, width]; each image's memory is made when it is first given."""
+    """Images of one camera, [E, height, width]; each one's memory is made when it is first given."""
 
     def __init__(self, device: kuafu.Device, shape: tuple[int, ...], materials: MaterialNumbers) -> None:
         self._device, self._shape, self._materials = device, shape, materials

@@ -51,7 +51,8 @@ class MaterialNumbers:
 
             self._ids_on_cuda = torch.from_numpy(self._ids.view(np.int32).copy()).to(numbers.device)
         last = len(self._ids) - 1
-        return self._ids_on_cuda[numbers.long().where((numbers >= 0) & (numbers < last), numbers.new_tensor(last).long())]
+        places = numbers.long()
+        return self._ids_on_cuda[places.where((places >= 0) & (places < last), places.new_tensor(last))]
 
     def mirrors_or_are_glass(self, numbers: NDArray[Any]) -> NDArray[np.bool_]:
         return self._is_odd[self._places(numbers)]

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from os import PathLike
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -48,10 +48,10 @@ class GBufferStereo:
     """An active stereo sensor on depth, normals and albedo of its left infrared camera in E environments.
 
     config: a StereoDepthSensorConfig, which is copied, or a camera's name; 'converging' exposure is 'settled'. device:
-    where light and depth are computed, as kuafu.Device has it. materials: kuafu.Materials by number. model: a SensorModel
-    or a model.json, whose effects on projector, cameras, imagers and depth engine act. Of light between surfaces there is
-    what the images show: metal that mirrors and glass are named in 'cause'. ValueError for a configuration or a model
-    that has lenses that distort, rows that are not aligned, or effects on images.
+    where light and depth are computed, as kuafu.Device has it. materials: kuafu.Materials by number. model: a
+    SensorModel or a model.json, whose effects on projector, cameras, imagers and depth engine act. Surfaces send light
+    to one another as far as the images show them; metal that mirrors and glass are named in 'cause'. ValueError for a
+    configuration or a model that has lenses that distort, rows that are not aligned, or effects on images.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class GBufferStereo:
         config.check()
         for name in ("ir_distortion", "ir_distortion_right"):
             if np.any(getattr(config, name) or 0.0):
-                raise ValueError(f"{name} is {getattr(config, name)}: G-buffers are of pinhole cameras: set it to zeros")
+                raise ValueError(f"{name} is {getattr(config, name)}: G-buffers are of pinholes: set it to zeros")
         require_row(config.trans_pose_l, config.trans_pose_r, "the right infrared camera")
         require_row(config.trans_pose_l, config.pose_rgb_irproj, "the projector")
         self._count = int(_ENVIRONMENTS.check("environments", environments))
@@ -81,6 +81,7 @@ class GBufferStereo:
         self._link = IrLink(device, own, width, height, count=self._count)
         self._engine = make_engine(config, own, self._count)
         self._exposure, self._frame = AutoExposure(config), -1
+        self._k = np.array(config.ir_intrinsics(False)[0])
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -91,7 +92,7 @@ class GBufferStereo:
     @property
     def k(self) -> NDArray[np.float64]:
         """The 3x3 matrix of the left infrared camera, which depth, normals and albedo have to be of."""
-        return np.array(self._config.ir_intrinsics(False)[0])
+        return self._k.copy()
 
     def get_config(self) -> StereoDepthSensorConfig:
         """A copy."""
@@ -103,18 +104,19 @@ class GBufferStereo:
         self._frame = -1
 
     def __call__(
-        self, *, depth: Any, normal: Any = None, albedo: Any = None, material: Any = None, depth_kind: str = "planar",
+        self, *, depth: Any, normal: Any = None, albedo: Any = None, material: Any = None,
+        depth_kind: Literal["planar", "ray"] = "planar",
         right: Mapping[str, Any] | None = None, projector: Any = None, ambient: ArrayLike | None = None,
         laser_power: ArrayLike = 1.0, exposure: ArrayLike = 1.0, outputs: Sequence[str] = OUTPUTS,
     ) -> dict[str, NDArray[Any]]:  # fmt: skip
         """One frame. All images are [E, height, width], of NumPy, torch or DLPack, of the left infrared camera.
 
         depth: metres, 0 or inf = nothing there; depth_kind: 'planar' (z) or 'ray' (along the ray). normal [..., 3]:
-        unit, in the camera's axes (x right, y down, z forward), None = found from depth. albedo: of infrared light, 0..1
-        or uint8, or [..., 3] of RGB, whose red is taken, a guess; needed where no materials are. material: numbers of
+        unit, in the camera's axes (x right, y down, z forward), None = found from depth. albedo: infrared, 0..1 or
+        uint8, or [..., 3] of RGB, whose red is taken, a guess; needed where no materials are. material: numbers of
         the sensor's materials; their ir_albedo counts more than the albedo image. right: the same images of the right
         camera, a mapping; None = warped from the left one's, what that does not see is continued. projector: depth of a
-        camera like the left one in the projector's place, for its shadows; None = warped. ambient: radiance of the room,
+        camera like the left one in the projector's place, for its shadows; None = warped. ambient: the room's radiance,
         W/(sr m^2), a number or [E], None = ir_ambient_radiance. laser_power, exposure: over the configuration's, a
         number or [E]. outputs: which of OUTPUTS to return; 'cause' takes the host some time.
 
@@ -186,7 +188,8 @@ class GBufferStereo:
         if self._count == 1:  # an engine of one pair has no axis of pairs
             pair = pair[0][0], pair[1][0]
             lasers = {name: image[0] for name, image in lasers.items()}
-        return self._batched(self._engine.compute(*pair, (*_OF_ENGINE, "reason"), **lasers))
+        own: dict[str, Any] = dict(lasers)
+        return self._batched(self._engine.compute(*pair, (*_OF_ENGINE, "reason"), **own))
 
     # ---- inside ----
 
@@ -221,7 +224,8 @@ class GBufferStereo:
         link, is_laser_apart = self._link, self._rig.inputs().speckle_of_laser
         link.deliver()
         self._engine.set_parameters(frame_index=self._frame, scene_index=0)
-        return self._batched(self._engine.compute(link.left, link.right, names, **link.lasers(is_laser_apart)))
+        lasers: dict[str, Any] = dict(link.lasers(is_laser_apart))
+        return self._batched(self._engine.compute(link.left, link.right, names, **lasers))
 
     def _batched(self, found: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         return {name: image.reshape(self.shape) for name, image in found.items()}

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A view from beside a camera, out of that camera's depth: rows shift by disparity, near surfaces hide far ones."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Neighbours whose depths differ by less than a surface would that is tilted so far (tangent) are one surface.
+_STEEPEST = 8.0
+# A pixel's stretch beyond this many is torn.
+_MOST_PIXELS = 3
+
+
+class Warped(NamedTuple):
+    """[E, height, width] each. seen: by the camera that was warped from; elsewhere the background is continued. pixel:
+    the flat index of the pixel there whose surface this is."""
+
+    inverse_depth: NDArray[np.float64]
+    pixel: NDArray[np.intp]
+    seen: NDArray[np.bool_]
+
+
+def warped(inverse_depth: NDArray[np.float64], focal_px: float, baseline_m: float, shift_px: float = 0.0) -> Warped:
+    """The view baseline_m to the right (negative: left) of a rectified camera with the same focal length, whose
+    principal point lies shift_px further right. inverse_depth [E, height, width], 1/m, 0 = infinitely far.
+
+    Where two pixels land on one, the nearer one lies further right before a shift to the left: written in the row's
+    order, the last one holds (McMillan 1997, occlusion-compatible order)."""
+    count, height, width = inverse_depth.shape
+    is_mirrored = baseline_m < 0
+    near = inverse_depth[..., ::-1] if is_mirrored else inverse_depth
+    u = np.arange(width, dtype=np.float64)
+    x = u - focal_px * abs(baseline_m) * near + (-shift_px if is_mirrored else shift_px)
+    rows = np.arange(count * height, dtype=np.intp).reshape(count, height, 1) * width
+
+    a, b = near[..., :-1], near[..., 1:]
+    # |za - zb| < tan * min(z) / f, in inverse depths.
+    is_one = np.abs(a - b) * focal_px <= _STEEPEST * np.minimum(a, b)
+    is_one |= (a == 0.0) & (b == 0.0)
+    left, right = x[..., :-1], x[..., 1:]
+    is_one &= right > left
+    first = np.ceil(left)
+    out = np.full((count, height, width), -1.0)
+    source = np.zeros((count, height, width), np.intp)
+    place = first[..., None] + np.arange(_MOST_PIXELS)
+    share = (place - left[..., None]) / np.where(is_one, right - left, 1.0)[..., None]
+    is_hit = is_one[..., None] & (share <= 1.0) & (place >= 0) & (place < width)
+    target = (rows[..., None] + np.where(is_hit, place, 0.0).astype(np.intp))[is_hit]
+    value = (a[..., None] + share * (b - a)[..., None])[is_hit]
+    column = (u[:-1, None] + (share > 0.5))[is_hit].astype(np.intp)
+    out.ravel()[target] = value
+    source.ravel()[target] = target // width * width + column
+
+    # Each pixel reaches half a pixel to its sides: at edges over what lies farther, and over gaps.
+    middle = np.rint(x)
+    inside = (middle >= 0) & (middle < width)
+    target = (rows + np.where(inside, middle, 0.0).astype(np.intp))[inside]
+    own, columns = near[inside], np.broadcast_to(u.astype(np.intp), near.shape)[inside]
+    is_nearer = own > out.ravel()[target] * (1.0 + _STEEPEST / focal_px)
+    target, own, columns = target[is_nearer], own[is_nearer], columns[is_nearer]
+    out.ravel()[target] = own
+    source.ravel()[target] = target // width * width + columns
+
+    seen = out >= 0.0
+    filled = _filled(out, seen)
+    value = np.take_along_axis(out, filled, axis=-1)
+    pixel = np.take_along_axis(source, filled, axis=-1)
+    if is_mirrored:
+        pixel = pixel // width * width + (width - 1 - pixel % width)
+        return Warped(np.maximum(value, 0.0)[..., ::-1], pixel[..., ::-1], seen[..., ::-1])
+    return Warped(np.maximum(value, 0.0), pixel, seen)
+
+
+def in_front(
+    beside: NDArray[np.float64], column: NDArray[np.float64], inverse_depth: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """1/m: by how much the inverse depth of what another camera sees exceeds that of each surface, which lies in this
+    column of its image; what lies beside the image is compared with the last column. beside: that camera's."""
+    place = np.clip(np.rint(column), 0, beside.shape[-1] - 1).astype(np.intp)
+    return np.take_along_axis(beside, place, axis=-1) - inverse_depth
+
+
+def _filled(inverse: NDArray[np.float64], seen: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Columns of the nearest seen pixels beside each, the farther surface of the two; its own where it is seen."""
+    width = inverse.shape[-1]
+    u = np.broadcast_to(np.arange(width), inverse.shape)
+    before = np.maximum.accumulate(np.where(seen, u, -1), axis=-1)
+    after = np.minimum.accumulate(np.where(seen, u, width)[..., ::-1], axis=-1)[..., ::-1]
+    has_before, has_after = before >= 0, after < width
+    before, after = np.where(has_before, before, 0), np.where(has_after, after, width - 1)
+    farther = np.take_along_axis(inverse, before, -1) <= np.take_along_axis(inverse, after, -1)
+    return np.where(seen, u, np.where(has_before & (farther | ~has_after), before, np.where(has_after, after, u)))
