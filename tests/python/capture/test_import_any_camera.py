@@ -38,8 +38,9 @@ def _import(recording, *more):
     return main(["import", str(recording), "-o", str(recording.parent / "rec"), "--depth-scale", "0.001", *more])
 
 
-def test_k_and_baseline_do_without_a_file_of_calibration(recording, capsys):
-    assert _import(recording, "--k", "300,301,211,119", "--baseline", "0.07", "--depth", "depth_laser") == 0
+@pytest.mark.parametrize("word", ["depth_laser", "laser"])
+def test_k_and_baseline_do_without_a_file_of_calibration(recording, capsys, word):
+    assert _import(recording, "--k", "300,301,211,119", "--baseline", "0.07", "--depth", word) == 0
     told = capsys.readouterr().out
     capture = read_capture(recording.parent / "rec")
     assert capture.rig.baseline_m == pytest.approx(0.07) and capture.rig.bit_depth == 8
@@ -48,6 +49,11 @@ def test_k_and_baseline_do_without_a_file_of_calibration(recording, capsys):
     assert capture.depth(capture.frames[1])[5, 5] == pytest.approx(1.5)
     assert "2 images are not used, such as view_17/img_depth_own.png" in told
     assert "nominal 5" not in told and "missing: no poses" in told
+
+
+def test_a_word_that_no_depth_has_is_told(recording, capsys):
+    assert _import(recording, "--sensor", "d435", "--depth", "faro") == 2
+    assert "0 PNG files have 'faro' in their names" in capsys.readouterr().err
 
 
 def test_what_nothing_tells_is_the_presets_and_said(recording, capsys):

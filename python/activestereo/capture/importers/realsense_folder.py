@@ -33,6 +33,7 @@ _STREAMS = {
 _NAMES = {"left": "Infrared 1", "right": "Infrared 2"}
 # Folders of frames that were taken with the projector off.
 _OFF = re.compile(r"(?:^|[ _-])off(?:$|[ _-])", re.I)
+_BETWEEN_WORDS = re.compile(r"[ _-]+")
 _LAST_NUMBER = re.compile(r"(\d+(?:\.\d+)?)(?!.*\d)")
 # Streams of one frame differ by less than this, milliseconds.
 SAME_FRAME_MS = 8.0
@@ -78,6 +79,12 @@ def frame_files(folder: Path, depth_word: str | None = None) -> list[FrameFiles]
     for number, view in enumerate(_views(folder)):
         is_on = not any(_OFF.search(part) for part in view.relative_to(folder).parts)
         out += [replace(entry, view=number, projector_on=is_on) for entry in _view_files(view, streams)]
+    if depth_word is not None and not any("depth" in entry.files for entry in out):
+        named = sum(bool(streams["depth"].search(file.name)) for file in folder.rglob("*.png"))
+        raise ValueError(
+            f"{folder}: {named} PNG files have '{depth_word}' in their names, and none of them the number or the name "
+            f"of one of the {len(out)} left images: name depth as the left image but for that word"
+        )
     return out
 
 
@@ -150,7 +157,7 @@ def _by_name(
     named: dict[str, dict[str, Path]] = {}
     for stream, files in by_stream.items():
         for file in files:
-            name = streams[stream].sub("", file.relative_to(folder).as_posix())
+            name = _without_stream(file.relative_to(folder).as_posix(), stream, streams[stream])
             if stream in named.setdefault(name, {}):
                 raise ValueError(f"{file}: is named as {named[name][stream]}, expected one image of a frame and stream")
             named[name][stream] = file
@@ -164,6 +171,12 @@ def _by_name(
                 )
     ordered = sorted((name for name in named if "left" in named[name]), key=_natural)
     return [FrameFiles(float(index), named[name]) for index, name in enumerate(ordered)]
+
+
+def _without_stream(name: str, stream: str, pattern: re.Pattern[str]) -> str:
+    """What names of one frame's files share: img_left.png and img_depth_laser.png have img_.png."""
+    rest = pattern.sub("", name)
+    return _BETWEEN_WORDS.sub("_", _STREAMS["depth"].sub("", rest) if stream == "depth" else rest)
 
 
 def _natural(name: str) -> list[tuple[int, str]]:
