@@ -16,6 +16,8 @@ from activestereo.capture.capture_json import CaptureError, JsonObject
 from activestereo.capture.images import image_size, read_color, read_gray
 from activestereo.common.limits import (
     BITS,
+    BLACK,
+    BLACK_DEVIATION,
     DEPTH_SCALE,
     EXPOSURE,
     GAIN,
@@ -91,7 +93,8 @@ class KnownLight:
 
 @dataclass(frozen=True)
 class Rig:
-    """The nominal calibration: what the user believes."""
+    """The nominal calibration: what the user believes. black_dn: the black level and its standard deviation where it
+    was measured, None: fits find it."""
 
     left: Camera
     right: Camera
@@ -100,6 +103,7 @@ class Rig:
     bit_depth: int = 8
     line_time_s: float | None = None
     color: ColorCamera | None = None
+    black_dn: tuple[float, float] | None = None
 
     def camera(self, side: str) -> Camera:
         return {"left": self.left, "right": self.right}[side]
@@ -287,6 +291,7 @@ def _read_light(entry: JsonObject) -> KnownLight:
 
 def _read_rig(entry: JsonObject) -> Rig:
     projector = entry.object("projector")
+    black_dn = entry.numbers("black_dn", [BLACK, BLACK_DEVIATION], optional=True) if entry.has("black_dn") else None
     readout = entry.object("readout", optional=True)
     return Rig(
         left=_read_camera(entry.object("left")),
@@ -298,6 +303,7 @@ def _read_rig(entry: JsonObject) -> Rig:
         bit_depth=entry.integer("bit_depth", BITS),
         line_time_s=readout.number("line_time_s", LINE_TIME, optional=True) if readout else None,
         color=_read_color(entry.object("color")) if entry.has("color") else None,
+        black_dn=None if black_dn is None else (float(black_dn[0]), float(black_dn[1])),
     )
 
 

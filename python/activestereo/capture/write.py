@@ -89,6 +89,8 @@ def _capture_json(capture: Capture) -> dict[str, Any]:
     }
     if rig.color is not None:
         root["rig"]["color"] = _camera_json(rig.color) | {"left_to_color": _flat(rig.color.left_to_color)}
+    if rig.black_dn is not None:
+        root["rig"]["black_dn"] = list(rig.black_dn)
     if capture.lights:
         root["lights"] = [
             {"name": light.name, "position_m": _flat(light.position_m), "radius_m": light.radius_m}

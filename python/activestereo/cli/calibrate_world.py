@@ -10,7 +10,7 @@ from activestereo.cli.arguments import CommandError, add_seed, integer_from
 
 _WORLD = """\
 A camera and a room from views with depth, without wall, rig or repeats: camera, poses,
-pattern and light, each with 90 % intervals and a picture in CAPTURE/measured.
+dots, exposures and albedo, each with 90 % intervals and a picture in CAPTURE/measured.
 
 RECORDING is a capture that 'activestereo import' made: two or more pairs of one device,
 dots on, each with depth in the left camera's pixels (the device's own or a laser's).
@@ -30,6 +30,8 @@ _STEPS = {
     "camera": "focal length, centre, baseline and rows from overlapping views, or a board that stands in them",
     "poses": "where overlapping views were taken from, by their depth",
     "dots": "the projector's dots and place from any scenes with depth",
+    "exposure": "each frame's exposure, the black level and the lens's falloff from views of known poses",
+    "albedo": "the scene: surfaces under their albedo and the room's light, from views of known poses and exposures",
 }
 _STEP_OF = {"dots": "pattern"}
 
@@ -41,8 +43,8 @@ def add_parts(parts: argparse._SubParsersAction) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     _add_arguments(world)
-    text = "steps whose part of the capture stays as it is: camera"
-    world.add_argument("--keep", choices=("camera",), action="append", default=[], help=text)
+    text = "a step whose part of the capture stays as it is; repeatable"
+    world.add_argument("--keep", choices=tuple(_STEPS)[:-1], action="append", default=[], help=text)
     world.set_defaults(run=_run, steps=None)
     for name, summary in _STEPS.items():
         text = f"One step of calibrate world: {summary}.\nThe rest of the capture stays as it is."
@@ -67,7 +69,8 @@ def _run(args: argparse.Namespace) -> None:
 
     if args.out.exists():
         raise CommandError(f"{args.out} exists already: a calibration writes a new folder")
-    steps = args.steps or tuple(step for step in STEPS if step not in args.keep)
+    kept = {_STEP_OF.get(name, name) for name in args.keep}
+    steps = args.steps or tuple(step for step in STEPS if step not in kept)
     with ProgressBar(f"measuring {args.recording.name}") as bar:
         lines = calibrate_world(args.recording, args.out, steps, args.test, args.seed, bar)
     print("\n".join(lines))

@@ -56,6 +56,8 @@ def _short(value: Any) -> str:
 ANY = Limits(-1e30, 1e30)
 # Standard deviations of stated numbers, in metres, radians or shares: nothing is known better than to one in 10^7.
 UNCERTAINTY = Limits(1e-7, 1.0)
+BLACK = Limits(-65535.0, 65535.0, "DN")
+BLACK_DEVIATION = Limits(1e-4, 65535.0, "DN")
 SPEED = Limits(-1e3, 1e3, "m/s")
 TURN_RATE = Limits(-1e3, 1e3, "rad/s")
 EXPOSURE = Limits(1e-9, 100.0, "s")

@@ -21,11 +21,12 @@ _ROUNDS = 5
 _STEP = 1e-3
 
 
-def fit_under_model(model: Any, observations: Sequence[Any], max_dn: float) -> Fit:
-    """observations: [(View, Light that falls on the sensor, measured DN, NaN where it is not to
-    count)]. Returns a Fit; ValueError where there is
-    nothing to fit."""
-    linear = fit_nuisances([(view.frame, light, measured) for view, light, measured in observations], max_dn)
+def fit_under_model(
+    model: Any, observations: Sequence[Any], max_dn: float, black_dn: tuple[float, float] | None = None
+) -> Fit:
+    """observations: [(View, Light that falls on the sensor, measured DN, NaN where it is not to count)]. black_dn: as
+    of fit_nuisances(). Returns a Fit; ValueError where there is nothing to fit."""
+    linear = fit_nuisances([(view.frame, light, measured) for view, light, measured in observations], max_dn, black_dn)
     if not model.effects:
         return linear
     theta, deviation = linear.nuisances.vector(), 0.0
@@ -34,17 +35,17 @@ def fit_under_model(model: Any, observations: Sequence[Any], max_dn: float) -> F
         if used == 0:
             raise ValueError("nothing to fit: every pixel of the train frames is clipped under this model")
         # In terms of the nuisances themselves, whose bounds are known: a step to where they end, not beyond.
-        theta, inverse, at_bound = solve_bounded(gram, moment + gram @ theta)
+        theta, inverse, at_bound = solve_bounded(gram, moment + gram @ theta, black_dn)
         deviation = np.sqrt(squares / used)
     errors = deviation * np.sqrt(np.maximum(np.diag(inverse), 0.0))
-    total = sum(measured.size for _, _, measured in observations)
+    total = sum(np.count_nonzero(np.isfinite(measured)) for _, _, measured in observations)
     return Fit(Nuisances(*map(float, theta)), Nuisances(*map(float, errors)), int(used), 1.0 - used / total, at_bound)
 
 
 def fit_train_frames(capture: Capture, model: Any, observations: Sequence[Any]) -> Fit:
     """fit_under_model() of what was observed in the capture. CaptureError names it where there is nothing to fit."""
     try:
-        return fit_under_model(model, observations, capture.rig.max_dn)
+        return fit_under_model(model, observations, capture.rig.max_dn, capture.rig.black_dn)
     except ValueError as error:
         raise CaptureError(f"{capture.path}: {error}") from error
 

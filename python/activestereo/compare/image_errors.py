@@ -105,7 +105,7 @@ def image_errors(
         for frame in capture.frames
         for side in SIDES
     }
-    counted = {key: _where_known(capture, view.frame, key[1], measured[key]) for key, view in views.items()}
+    counted = {key: _where_known(view, measured[key]) for key, view in views.items()}
     if engines is None:
         fit, expected = predict_under_model(capture, model, (layers, *halves), views, counted)
     else:
@@ -121,10 +121,9 @@ def image_errors(
     return ImageErrors(capture, model, layers, views, measured, fit, predictions, noise_variances, noise_model, sums)
 
 
-def _where_known(capture: Capture, frame: Frame, side: str, image: NDArray) -> NDArray:
+def _where_known(view: View, image: NDArray) -> NDArray:
     """The image with NaN where the scene is not known: what is not there to be expected counts nowhere."""
-    known = capture.known(frame, side)
-    return image if known is None else np.where(known, image, np.float32(np.nan))
+    return image if view.known is None else np.where(view.known, image, np.float32(np.nan))
 
 
 def _sums_of(measured: np.ndarray, halves: Sequence[np.ndarray], floor: Any) -> dict[str, Any]:

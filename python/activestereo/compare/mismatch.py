@@ -28,6 +28,8 @@ _MOST_SHIFT_PX = 4
 # Of what noise lets a correlation reach. Another pattern gives 0.05 at most; dots moved, blurred and dimmed by the
 # strongest effects of the library keep more than 0.4.
 _LEAST = 0.25
+# Below this share of it the rendered dots leave so much of the measured ones that it is said.
+_MUCH = 0.75
 _LEAST_DOTS = 1.0  # variance of the dots over that of noise, below which nothing is concluded
 
 Image = NDArray[np.generic]
@@ -71,6 +73,12 @@ class Match:
                 "and the projector's K and pose, or measure them by 'activestereo calibrate pattern'; no effect "
                 "explains this"
             ]
+        if self.pattern < _MUCH * self.possible:
+            return [
+                f"the pattern explains little: the rendered dots correlate {self.pattern:.2f} with the measured ones, "
+                f"of {self.possible:.2f} that noise would leave: measure it by 'activestereo calibrate pattern' or "
+                "'calibrate dots'; what an effect is found to explain may be the pattern's"
+            ]
         return []
 
 
@@ -103,6 +111,8 @@ def _one(
     left, right = (_fast(measured[key]) for key in keys)
     warp = warp_between(views[keys[0]], views[keys[1]])
     inside = warp.seen & (np.asarray(measured[keys[0]], dtype=np.float64) < views[keys[0]].max_dn - 1)
+    if (known := views[keys[0]].known) is not None:
+        inside &= known
     if inside.sum() < 1000:
         return None
     noise = 0.0 if noise_model is None else noise_model.mean_variance(np.asarray(measured[keys[0]]), frame.gain)

@@ -81,13 +81,15 @@ def predict(frame: Frame, layers: Images, nuisances: Nuisances, max_dn: float) -
     return np.clip(value, 0.0, max_dn)
 
 
-def fit_nuisances(observations: Sequence[tuple[Frame, Any, np.ndarray]], max_dn: float) -> Fit:
-    """observations: iterable of (frame, layers, measured DN, NaN where it is not to count). Returns a Fit; ValueError
-    where there is nothing to fit."""
+def fit_nuisances(
+    observations: Sequence[tuple[Frame, Any, np.ndarray]], max_dn: float, black_dn: tuple[float, float] | None = None
+) -> Fit:
+    """observations: iterable of (frame, layers, measured DN, NaN where it is not to count). black_dn: the measured
+    black level and its deviation, which is then held. Returns a Fit; ValueError where there is nothing to fit."""
     observations = list(observations)
     if not observations:
         raise ValueError("nothing to fit: the capture has no train frames")
-    total = sum(measured.size for _, _, measured in observations)
+    total = sum(np.count_nonzero(np.isfinite(measured)) for _, _, measured in observations)
     solution: np.ndarray | None = None
     deviation = 0.0
     at_bound: tuple[str, ...] = ()
@@ -102,8 +104,8 @@ def fit_nuisances(observations: Sequence[tuple[Frame, Any, np.ndarray]], max_dn:
             )
         if used == 0:
             raise ValueError("nothing to fit: every pixel of the train frames is clipped")
-        solution, inverse, at_bound = solve_bounded(gram, moment)
-        deviation = np.sqrt(max(0.0, energy - solution @ moment) / used)
+        solution, inverse, at_bound = solve_bounded(gram, moment, black_dn)
+        deviation = np.sqrt(max(0.0, energy + solution @ (gram @ solution - 2.0 * moment)) / used)
         if used == total:
             break  # nothing near the ends of the range: the linear fit is final
     assert solution is not None  # there is one round at least
@@ -137,13 +139,25 @@ def _normal_equations(
     return gram, moment, energy, used
 
 
-def solve_bounded(gram: np.ndarray, moment: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+def solve_bounded(
+    gram: np.ndarray, moment: np.ndarray, black_dn: tuple[float, float] | None = None
+) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     """(projector scale, ambient scale, black) of least squares with both scales at least 0, the inverse of their Gram
-    matrix, and the scales at that bound. A light that no train frame shows gets scale 0."""
+    matrix, and the scales at that bound. A light that no train frame shows gets scale 0. black_dn: as of
+    fit_nuisances()."""
+    if black_dn is not None:
+        scales, inverse, at_bound = _bounded(gram[:2, :2], moment[:2] - gram[:2, 2] * black_dn[0])
+        return np.append(scales, black_dn[0]), np.pad(inverse, (0, 1)), at_bound
+    return _bounded(gram, moment)
+
+
+def _bounded(gram: np.ndarray, moment: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+    """solve_bounded() of all unknowns that there are: both scales come first."""
+    size = len(moment)
     best: tuple[float, np.ndarray, np.ndarray, tuple[int, ...]] | None = None
     for fixed in ((), (0,), (1,), (0, 1)):
-        free = [j for j in range(3) if j not in fixed]
-        solution, inverse = np.zeros(3), np.zeros((3, 3))
+        free = [j for j in range(size) if j not in fixed]
+        solution, inverse = np.zeros(size), np.zeros((size, size))
         inverse[np.ix_(free, free)] = within = inverse_normal_matrix(gram[np.ix_(free, free)])
         solution[free] = within @ moment[free]
         explained = float(solution @ moment)

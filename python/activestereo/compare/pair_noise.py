@@ -48,6 +48,8 @@ def _rows(left: View, right: View, left_dn: NDArray, right_dn: NDArray) -> list[
     one_side = rest**2 / (kept * (1.0 + warp.interpolation_variance))
     slope = gaussian_gradient_magnitude(image, 1.0) + gaussian_gradient_magnitude(there, 1.0)
     usable = warp.seen & (image > 0) & (np.maximum(image, there) < left.max_dn - 1)
+    if left.known is not None:
+        usable &= left.known
     level = gaussian_filter(image, 1.0)
     if usable.sum() < _LEAST_PIXELS:
         return []

@@ -48,7 +48,7 @@ def where_it_fails(
             key, expected = (frame.id, side), predictions[frame.id, side]
             maps[key] = covariate_maps(views[key], layers[frame.id][side].material, expected, capture.rig.baseline_m)
             floor = _floor(expected, frame, noise_variances.get(key), noise_model)
-            infrared.append((key, measured[key] - expected, floor, _pose(frame, side)))
+            infrared.append((key, measured[key] - expected, floor, views[key].known, _pose(frame, side)))
     channels = residual_channels(infrared, [d for d in depths if d.frame.split == "train"], maps, seed)
     name_of = surface_text(capture.scene_path)
     return {
@@ -66,16 +66,17 @@ def where_it_fails(
 
 
 def residual_channels(
-    infrared: Sequence[tuple[ImageKey, np.ndarray, np.ndarray, bytes]],
+    infrared: Sequence[tuple[ImageKey, np.ndarray, np.ndarray, np.ndarray | None, bytes]],
     depths: Sequence[DepthFrame],
     maps: Mapping[ImageKey, dict[str, np.ndarray]],
     seed: int = 0,
 ) -> dict[str, tuple[Samples, str, bool]]:
-    """{channel: (Samples, unit, is there anything to explain)}. infrared: [(key, residual, floor, pose)]; depths:
-    DepthFrames; maps: {(frame id, side): covariates}."""
+    """{channel: (Samples, unit, is there anything to explain)}. infrared: [(key, residual, floor, where the scene is known
+    or None, pose)]; depths: DepthFrames; maps: {(frame id, side): covariates}."""
     images = {
         "infrared": [
-            ResidualImage(r, floor, np.ones(r.shape, bool), maps[key], pose) for key, r, floor, pose in infrared
+            ResidualImage(r, floor, np.ones(r.shape, bool) if known is None else known, maps[key], pose)
+            for key, r, floor, known, pose in infrared
         ]
     }
     images["disparity"], images["validity"] = [], []

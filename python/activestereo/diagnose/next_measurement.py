@@ -125,7 +125,7 @@ def _worst_pair(
     frames = [_changed(o.frame, **change) for o in observations]
     changed = [replace(o, frame=f, view=replace(o.view, frame=f)) for o, f in zip(observations, frames, strict=True)]
     # As many pixels as the train frames have: each view is recorded again.
-    copies = ranking.pixels / sum(o.measured.size if o.pick is None else len(o.pick) for o in observations)
+    copies = ranking.pixels / sum(o.pixels for o in observations)
     worst: tuple[float, tuple[str, ...]] = (np.inf, ())
     for first, second in combinations(members, 2):
         nats = left_between(evidence, changed, first.fitted, second.fitted, copies) / ranking.design_effect

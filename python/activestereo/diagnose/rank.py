@@ -350,7 +350,7 @@ def _prior_sigmas(context: DiagnosisContext, solution: Solution, base: BaseFit) 
 
 def _floor_square(context: DiagnosisContext) -> float:
     """The sum of squares that noise alone leaves of the train images, DN^2."""
-    return sum(context.evidence.noise_variances[o.key] * o.measured.size for o in context.evidence.train)
+    return sum(context.evidence.noise_variances[o.key] * o.pixels for o in context.evidence.train)
 
 
 def _variation(context: DiagnosisContext, solution: Solution) -> dict[str, float]:

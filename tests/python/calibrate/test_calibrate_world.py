@@ -80,7 +80,7 @@ def test_the_projector_stands_where_it_is(measured):
 
 def test_falloff_and_exposures_are_told_apart(measured):
     capture, _ = measured
-    light = capture.measured["light"]
+    light = capture.measured["exposure"]
     n, sd = light["vignetting_exponent"]
     assert abs(n - EXPONENT) < 2.5 * sd and sd < 0.4, (n, sd)
     assert light["log_scatter"][1] < 0.3 * light["log_scatter"][0]

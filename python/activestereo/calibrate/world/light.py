@@ -27,9 +27,14 @@ _SAME_SURFACE = 0.01  # views' depths that differ by less than this share are of
 _BLOCK_PX = 64
 _LEAST_RATIOS, _MOST_LOG_RATIO, _ROUNDS = 500, 3.0, 12
 _DARKEST = 1e-3
-# Four pairs of one D415's views scatter by 0.15 in the exponent and 0.35 DN in the black level, more than blocks of one
-# pair tell; in drawn rooms, dots that are taken out imperfectly bend the exponent by 0.3.
-_PAIR_EXPONENT, _PAIR_BLACK_DN = 0.25, 0.35
+# Four pairs of one D415's views scatter by 0.15 in the exponent, more than blocks of one pair tell; in drawn rooms,
+# dots that are taken out imperfectly bend the exponent by 0.3. What is left of them on dark surfaces bends the black
+# level by 1 to 2 DN.
+_PAIR_EXPONENT, _PAIR_BLACK_DN = 0.25, 1.5
+# A camera's counts end at its black level: at least this share of an image lies at its smallest count, and so many of
+# those beside it. Light and noise alone thin out towards dark.
+_LEAST_AT_FLOOR, _LEAST_STEP_AT_FLOOR = 1e-3, 0.2
+_FLOOR_DN = 0.4
 # What the pattern is taken to be between dots: this quantile of it is darkness, and the rest goes to the room.
 _BETWEEN_DOTS = 0.02
 
@@ -66,9 +71,23 @@ class LightEstimate:
         return np.asarray((1.0 + r2) ** (-0.5 * n), np.float32)
 
 
-def darkest_level(views: Sequence[SceneView]) -> float:
-    """The darkest thousandth of the views, DN: an upper bound."""
-    return float(min(np.quantile(view.left, _DARKEST) for view in views))
+def black_level(views: Sequence[SceneView]) -> tuple[float, float]:
+    """(black level, its deviation), DN, by the darkest places: the count at which images end, the median of those that
+    do; else anything up to the darkest thousandth of the views is alike."""
+    counts = [np.bincount(np.rint(eye).astype(int).ravel()) for view in views for eye in (view.left, view.right)]
+    floors = [floor for count in counts if (floor := _floor(count)) is not None]
+    if floors:
+        return float(np.median(floors)), float(np.hypot(_FLOOR_DN, np.std(floors) / np.sqrt(len(floors))))
+    darkest = float(min(np.quantile(view.left, _DARKEST) for view in views))
+    return 0.5 * darkest, max(darkest / np.sqrt(12.0), _FLOOR_DN)
+
+
+def _floor(count: NDArray[np.int64]) -> int | None:
+    """The smallest count of an image where it ends there abruptly. count: pixels of each."""
+    lowest = int(np.flatnonzero(count)[0])
+    beside = count[lowest + 1] if len(count) > lowest + 1 else 0
+    ends = count[lowest] > _LEAST_AT_FLOOR * count.sum() and count[lowest] > _LEAST_STEP_AT_FLOOR * beside
+    return lowest if ends and lowest > 0 else None
 
 
 def darkness(pattern: PatternEstimate) -> float:
@@ -112,21 +131,21 @@ def seen_by(first: LightView, second: LightView, a_to_b: Pose, K: NDArray[np.flo
 
 
 def solve_light(
-    views: Sequence[LightView], poses: Sequence[Pose], K: NDArray[np.float64], darkest_dn: float,
+    views: Sequence[LightView], poses: Sequence[Pose], K: NDArray[np.float64], believed: tuple[float, float],
     held: LightEstimate | None = None,
 ) -> LightEstimate:  # fmt: skip
     """Exposures, black level and exponent from the room's light on surfaces that several views see.
 
-    darkest_dn: what the black level is not above; held: an estimate whose black level and exponent are taken. A wrong
-    black level bends the ratios where surfaces are dark, so that it is told apart. Views that overlap no other have
-    exposure 1.
+    believed: black level and its deviation before the ratios are looked at; held: an estimate whose black level and
+    exponent are taken. A wrong black level bends the ratios where surfaces are dark, so that it is told apart. Views
+    that overlap no other have exposure 1.
     """
     n = len(views)
     pairs = [_ratios(views, poses, K, a, b) for a, b in itertools.combinations(range(n), 2)]
     rows = np.concatenate(pairs) if pairs else np.zeros((0, 6))
     if not len(rows):
         if held is None:
-            return LightEstimate(np.ones(n), np.full(n, np.inf), (darkest_dn, np.inf), None, (np.nan, np.nan))
+            return LightEstimate(np.ones(n), np.full(n, np.inf), believed, None, (np.nan, np.nan))
         return LightEstimate(np.ones(n), np.full(n, np.inf), held.black_dn, held.exponent, (np.nan, np.nan))
     first, second, here, there, lens, block = rows.T
     exposures = np.zeros((len(rows), n))
@@ -138,19 +157,18 @@ def solve_light(
         solution, errors, _ = _robust(exposures[:, 1:], ratio - lens * n_held, block)
         exposure = np.exp(np.r_[0.0, solution])
         return LightEstimate(exposure, np.r_[0.0, errors] * exposure, held.black_dn, held.exponent, (np.nan, np.nan))
-    black, free = 0.5 * darkest_dn, None
+    black, free = believed[0], None
+    most = believed[0] + 3.0 * believed[1]
     for _ in range(_ROUNDS):
         slope, ratio = _at_black(here, there, black)
         free = _robust(np.column_stack([exposures[:, 1:], lens, slope]), ratio, block)
-        before, black = black, float(np.clip(black - free[0][-1], 0.0, darkest_dn))
+        before, black = black, float(np.clip(black - free[0][-1], 0.0, most))
         if abs(black - before) < 0.02:
             break
     assert free is not None
     told = float(np.hypot(free[1][-1], _PAIR_BLACK_DN))
-    # Between nothing and the darkest pixel, all are alike before surfaces tell.
-    believed = darkest_dn / np.sqrt(12.0)
-    weight = np.array([told**-2, max(believed, 1e-3) ** -2])
-    black = float(weight @ (black, 0.5 * darkest_dn) / weight.sum())
+    weight = np.array([told**-2, believed[1] ** -2])
+    black = float(weight @ (black, believed[0]) / weight.sum())
     black_sd = float(weight.sum() ** -0.5)
     slope, ratio = _at_black(here, there, black)
     solution, errors, keep = _robust(np.column_stack([exposures[:, 1:], lens]), ratio, block)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the scene is known in each image: it was measured there, no edge is near, and a view that is not held out has
-seen it."""
+"""Where the scene is known in each image: it was measured there, no edge is near, and another view that is not held out
+has seen it: what one view alone saw is foretold by that view itself."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def known_masks(
     out: dict[tuple[int, str], Mask] = {}
     for k, view in enumerate(views):
         known = (view.depth_m > 0) & ~near_edges(view.depth_m, _EDGE_PX)
-        if not is_train[k]:
-            others = [j for j, used in enumerate(is_train) if used]
+        others = [j for j, used in enumerate(is_train) if used and j != k]
+        if others:
             known &= np.any(
                 [_sees(views[j], view, np.linalg.inv(poses[j]) @ poses[k], rig.left.K) for j in others], axis=0
             )

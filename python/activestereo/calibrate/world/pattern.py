@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
+from scipy.stats import t as student
 
 from activestereo.calibrate.world.views import Image, Mask, SceneView, blurred, correlation, points_of
 
@@ -26,9 +27,10 @@ _SLOW_PX, _RMS_PX = 4.0, 12.0
 _LEAST_RMS_DN, _RMS_FLOOR_DN = 1.0, 0.5
 # Dots are compared at this blur of the pattern's image, in its pixels.
 _BLUR = 1.0
-# The place is sought with a part of the samples, in steps of so many metres.
+# The place is sought with a part of the samples, and at first of the views, in steps of so many metres.
 _STEPS_M = np.array([1.0e-3, 1.0e-3, 3.0e-3])
 _SOUGHT_VIEWS = 8
+_WALK = 35
 _MOST_PIXELS = 250_000
 # Below this share of explained dots the views show no common pattern.
 _LEAST_R = 0.25
@@ -101,9 +103,10 @@ def _mean(total: Image, count: Image, least: float) -> Image:
 
 def recover_pattern(
     views: Sequence[SceneView], K: NDArray[np.float64], start: Vector, max_dn: float, seed: int = 0,
-    keep_place: bool = False, progress: Callable[[float], object] | None = None,
+    scenes: Sequence[int] | None = None, progress: Callable[[float], object] | None = None,
 ) -> PatternEstimate:  # fmt: skip
-    """The PatternEstimate of views under a K. start: the projector's nominal place in the left frame, m.
+    """The PatternEstimate of views under a K. start: the projector's nominal place in the left frame, m. scenes: a
+    number of each view's scene, for views of one scene err alike; None: each shows its own.
 
     ValueError where the views have no dots in common.
     """
@@ -115,10 +118,8 @@ def recover_pattern(
         )
     size = views[0].left.shape[1], views[0].left.shape[0]
     canvas = _Canvas(K, size)
-    place, covariance = np.asarray(start, float), np.zeros((3, 3))
-    if not keep_place:
-        chosen = [_some(f, rng) for f in fine[:: max(1, -(-len(fine) // _SOUGHT_VIEWS))]]
-        place, covariance = _sharpest(canvas, chosen, place, progress)
+    chosen = [_some(f, rng) for f in fine]
+    place, covariance = _sharpest(canvas, chosen, scenes or range(len(fine)), np.asarray(start, float), progress)
     sums = [canvas.sums(f, place) for f in fine]
     total, count = (np.sum([s[k] for s in sums], axis=0, dtype=np.float32) for k in (0, 1))
     r = {}
@@ -163,50 +164,58 @@ def sampled(image: Image, u: NDArray, v: NDArray) -> NDArray[np.float32]:
 
 
 def _sharpest(
-    canvas: _Canvas, views: Sequence[FineView], start: Vector, progress: Callable[[float], object] | None
-) -> tuple[Vector, NDArray[np.float64]]:
-    """(place, covariance): where the agreement between views is largest; the covariance by a jackknife over views."""
-    n, done = len(views), 0
+    canvas: _Canvas, views: Sequence[FineView], scenes: Sequence[int], start: Vector,
+    progress: Callable[[float], object] | None,
+) -> tuple[Vector, NDArray[np.float64]]:  # fmt: skip
+    """(place, covariance): where the agreement between views is largest; the covariance by a jackknife over scenes."""
+    numbers = sorted(set(scenes))
+    done, most = 0, _WALK + 19
 
-    def agreement(place: Vector) -> NDArray[np.float64]:
-        """[1 + n]: agreement of all views, and without each; what a view alone makes is taken out."""
+    def agreement(place: Vector, views: Sequence[FineView], left_out: bool) -> NDArray[np.float64]:
+        """Agreement of all views, and without each scene; what a view alone makes is taken out."""
         nonlocal done
         done += 1
         if progress:
-            progress(min(done / 55.0, 1.0))
-        pairs = [tuple(blurred(image, _BLUR) for image in canvas.sums(view, place)) for view in views]
-        total, count = (np.sum([p[k] for p in pairs], axis=0) for k in (0, 1))
-        each = [(t * t, c * c, t, c) for t, c in pairs]
-        square, count2 = (np.sum([e[k] for e in each], axis=0) for k in (0, 1))
-        out = [_agreement(total, count, square, count2)]
-        out += [_agreement(total - t, count - c, square - t2, count2 - c2) for t2, c2, t, c in each] if n > 2 else []
-        return np.array(out)
+            progress(min(done / most, 1.0))
+        whole = [np.zeros((canvas.height, canvas.width), np.float32) for _ in range(4)]
+        own = {number: [image.copy() for image in whole] for number in numbers} if left_out else {}
+        for view, number in zip(views, scenes, strict=False):
+            t, c = (blurred(image, _BLUR) for image in canvas.sums(view, place))
+            for k, image in enumerate((t, c, t * t, c * c)):
+                whole[k] += image
+                if left_out:
+                    own[number][k] += image
+        rest = ([all_of - part for all_of, part in zip(whole, parts, strict=True)] for parts in own.values())
+        return np.array([_agreement(*sums) for sums in (whole, *rest)])
 
-    # A coarse walk on all views, then one paraboloid for all of them and for each that is left out.
+    # A coarse walk on some views, then one paraboloid for all of them and for each scene that is left out.
+    some = views[:: max(1, -(-len(views) // _SOUGHT_VIEWS))]
     found = minimize(
-        lambda s: -agreement(start + s * _STEPS_M)[0],
+        lambda s: -agreement(start + s * _STEPS_M, some, False)[0],
         np.zeros(3),
         method="Nelder-Mead",
         options={
             "initial_simplex": np.vstack([np.zeros(3), 2.0 * np.eye(3)]),
             "xatol": 0.05,
             "fatol": 1e-5,
-            "maxfev": 35,
+            "maxfev": _WALK,
         },
     )
     middle = start + found.x * _STEPS_M
     design = np.array(
         [[i, j, k] for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if abs(i) + abs(j) + abs(k) <= 2]
     )
-    step = 0.4 * _STEPS_M
-    values = np.array([agreement(middle + d * step) for d in design])
+    step, n = 0.4 * _STEPS_M, len(numbers)
+    values = np.array([agreement(middle + d * step, views, n > 2) for d in design])
     peaks = np.array([_peak(design, column) for column in values.T])
     place = middle + peaks[0] * step
     if n < 3:
         return place, np.diag(_STEPS_M**2)
     left_out = peaks[1:] * step
     spread = left_out - left_out.mean(axis=0)
-    return place, (n - 1) / n * spread.T @ spread
+    # A deviation of few scenes is itself hardly known: intervals are Student's.
+    few = (student.ppf(0.95, n - 1) / 1.645) ** 2
+    return place, few * (n - 1) / n * spread.T @ spread
 
 
 def _agreement(total: Image, count: Image, square: Image, count2: Image) -> float:

@@ -43,22 +43,34 @@ class SceneView:
     agreement: float
 
 
-def read_views(capture: Capture, progress: Callable[[float], object] | None = None) -> list[SceneView]:
-    """The SceneViews of a capture's frames. ValueError says which frames cannot be used, and what to record instead."""
+def read_views(
+    capture: Capture, progress: Callable[[float], object] | None = None
+) -> tuple[list[SceneView], list[str]]:
+    """(the SceneViews of a capture's frames, why others cannot be used and what to record instead, a line each).
+    ValueError, of the first reason, where fewer than two can be used."""
     where = capture.path
     if not any(frame.depth_path for frame in capture.frames):
         raise ValueError(f"{where}: no frame has depth: record the depth stream, too, or a laser's depth of each view")
-    views = []
+    views, refused = [], []
     for k, frame in enumerate(capture.frames):
         if frame.depth_path is not None and frame.has_infrared and frame.projector_power > 0:
-            views.append(_read(capture, frame))
+            try:
+                views.append(_read(capture, frame))
+            except ValueError as error:
+                refused.append(str(error))
         if progress:
             progress((k + 1) / len(capture.frames))
+    if len(views) < 2 and refused:
+        raise ValueError(refused[0])
     if not views:
         raise ValueError(
             f"{where}: no frame has infrared images, depth and the projector on: record all three together"
         )
-    return views
+    if len(views) < 2:
+        raise ValueError(
+            f"{where}: one view with depth: record two or more that overlap, from places the camera turned to"
+        )
+    return views, [f"left out: {reason}" for reason in refused]
 
 
 def _read(capture: Capture, frame: Frame) -> SceneView:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a recording with depth to a capture that the lab can use: camera, poses, pattern and light, one after the other.
+"""From a recording with depth to a capture that the lab can use: camera, poses, pattern, exposures and albedo, one
+after the other.
 
 Each step replaces its own part of the capture and says in `measured` how well it is known; what the user knows better
 is kept by leaving its step out.
@@ -7,67 +8,35 @@ is kept by leaving its step out.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.calibrate.world.camera import CameraEstimate, camera_from_boards, camera_from_overlaps
 from activestereo.calibrate.world.eyes import eyes_of
-from activestereo.calibrate.world.light import darkest_level, darkness, light_view, merged_textures, solve_light
-from activestereo.calibrate.world.masks import known_masks
-from activestereo.calibrate.world.mesh import write_scene
-from activestereo.calibrate.world.overlaps import Overlap, Surface
-from activestereo.calibrate.world.pattern import PatternEstimate, recover_pattern
+from activestereo.calibrate.world.light import darkness
+from activestereo.calibrate.world.light_steps import Progress, albedo_step, exposure_step
+from activestereo.calibrate.world.pattern import recover_pattern
 from activestereo.calibrate.world.pictures import write_pictures
 from activestereo.calibrate.world.poses import PoseEstimate, group_views, solve_poses
-from activestereo.calibrate.world.views import SceneView, read_views
-from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
+from activestereo.calibrate.world.state import World
+from activestereo.calibrate.world.views import read_views
+from activestereo.capture.capture import SIDES, Frame, read_capture
 from activestereo.capture.write import write_capture
 from activestereo.common.output_files import write_png
 from activestereo.common.progress_bar import part_of
 
-STEPS = ("camera", "poses", "pattern", "light")
+STEPS = ("camera", "poses", "pattern", "exposure", "albedo")
+# Steps that compare the surfaces of all views.
+_OF_SURFACES = ("camera", "poses")
 # Inverse covariances of (f, cx, cy) around the nominal camera: hardly known, and held.
 _HARDLY_KNOWN, _HELD = np.diag([1 / 40.0**2] * 3), np.diag([1e8] * 3)
 _LEAST_ON = 0.85
 _Z90 = 1.645
-
-Progress = Callable[[float], object] | None
-
-
-@dataclass
-class World:
-    """A capture on its way. lines: what each step found, for the user."""
-
-    capture: Capture
-    views: list[SceneView]
-    pattern: NDArray[np.uint8]
-    lines: list[str] = field(default_factory=list)
-    surfaces: list[Surface] = field(default_factory=list)
-    overlaps: list[Overlap] = field(default_factory=list)
-    groups: list[list[int]] = field(default_factory=list)
-    poses: PoseEstimate | None = None
-    dots: PatternEstimate | None = None
-    masks: dict[tuple[int, str], NDArray[np.bool_]] = field(default_factory=dict)
-
-    @property
-    def K(self) -> NDArray[np.float64]:
-        return self.capture.rig.left.K
-
-    @property
-    def where(self) -> str:
-        return str(self.capture.path)
-
-    def note(self, name: str, values: dict[str, Any], line: str) -> None:
-        """Keeps what a step measured."""
-        self.capture = replace(self.capture, measured={**self.capture.measured, name: values})
-        self.lines.append(line)
-
 
 def calibrate_world(
     recording: Path, out: Path, steps: Sequence[str] = STEPS, test: Sequence[int] = (), seed: int = 0,
@@ -77,7 +46,8 @@ def calibrate_world(
     pictures of each step in `out`/measured. Returns what was found, a line each.
 
     test: ids of frames that are held out: their pose and exposure are measured, and nothing is measured on them.
-    ValueError says in one line why a recording cannot be used, and what to record instead.
+    ValueError says in one line why a recording cannot be used, and what to record instead; what could be measured is
+    written all the same.
     """
     capture = read_capture(recording)
     unknown = sorted(set(test) - {frame.id for frame in capture.frames})
@@ -87,18 +57,25 @@ def calibrate_world(
         )
     frames = tuple(replace(f, split="test" if f.id in test or f.split == "test" else "train") for f in capture.frames)
     capture = replace(capture, frames=frames)
-    views = read_views(capture, part_of(progress, 0.0, 0.1))
-    if len(views) < 2:
-        raise ValueError(
-            f"{recording}: one view with depth: record two or more that overlap, from places the camera turned to"
-        )
+    views, refused = read_views(capture, part_of(progress, 0.0, 0.1))
     pattern = np.rint(255 * capture.rig.projector.pattern()).astype(np.uint8)
-    world = World(capture, views, pattern)
-    world.surfaces, world.overlaps, world.groups = group_views(views, world.K, seed, part_of(progress, 0.1, 0.35))
+    world = World(capture, views, pattern, refused)
+    failed: ValueError | None = None
+    if not set(_OF_SURFACES).isdisjoint(steps):
+        world.surfaces, world.overlaps, world.groups = group_views(views, world.K, seed, part_of(progress, 0.1, 0.35))
     with TemporaryDirectory() as temporary:
         for step in (s for s in STEPS if s in steps):
-            _STEP[step](world, seed, Path(temporary), part_of(progress, *_SHARE[step]))
+            if failed is None or step == "pattern":  # which needs no step before it
+                try:
+                    _STEP[step](world, seed, Path(temporary), part_of(progress, *_SHARE[step]))
+                except ValueError as error:
+                    failed = failed or error
+        if failed is not None and world.capture.measured == capture.measured:
+            raise failed
         _write(world, out, Path(temporary))
+    if failed is not None:
+        new = ", ".join(name for name, value in world.capture.measured.items() if value != capture.measured.get(name))
+        raise ValueError(f"{failed}; {new}, which could be measured, in {out}")
     return world.lines
 
 
@@ -181,7 +158,9 @@ def _pattern(world: World, seed: int, folder: Path, progress: Progress) -> None:
     test = {f.id for f in world.capture.frames if f.split == "test"}
     views = [v for v in world.views if v.frame.split == "train" and v.frame.id not in test]
     start = np.linalg.inv(rig.projector.left_to_projector)[:3, 3]
-    dots = recover_pattern(views, world.K, start, rig.max_dn, seed, progress=progress)
+    scene = {world.views[i].frame.id: number for number, group in enumerate(world.groups) for i in group}
+    scenes = [scene[v.frame.id] for v in views] if scene else None
+    dots = recover_pattern(views, world.K, start, rig.max_dn, seed, scenes, progress)
     world.dots = dots
     light = np.nan_to_num(dots.image + darkness(dots), nan=0.0).clip(0.0)
     world.pattern = np.rint(np.minimum(255.0 * light / np.quantile(light[light > 0], 0.9995), 255.0)).astype(np.uint8)
@@ -204,61 +183,20 @@ def _pattern(world: World, seed: int, folder: Path, progress: Progress) -> None:
     world.note("pattern", values, line)
 
 
-def _light(world: World, seed: int, folder: Path, progress: Progress) -> None:
-    if world.poses is None or world.dots is None:
-        raise ValueError("the light is measured with the poses and the pattern: take these steps in one run")
-    group, poses = world.poses.views, world.poses.view_to_world
-    darkest = darkest_level([world.views[i] for i in group])
-    lights = [light_view(world.views[i], world.K, world.dots) for i in group]
-    is_train = [world.views[i].frame.split == "train" for i in group]
-    train = [k for k, used in enumerate(is_train) if used]
-    if len(train) < 1:
-        raise ValueError(f"{world.where}: every view of the scene is held out: leave some to measure its light on")
-    estimate = solve_light([lights[k] for k in train], [poses[k] for k in train], world.K, darkest)
-    exposure = dict(zip(train, estimate.exposure, strict=True))
-    for k in (k for k in range(len(group)) if k not in exposure):
-        both = solve_light([lights[train[0]], lights[k]], [poses[train[0]], poses[k]], world.K, darkest, estimate)
-        exposure[k] = float(both.exposure[1]) * exposure[train[0]]
-    textures = []
-    for done in range(len(train)):
-        textures.append(merged_textures(done, [lights[j] for j in train], [poses[j] for j in train], estimate, world.K))
-        if progress:
-            progress((done + 1) / len(train) * 0.7)
-    scene = folder / "scene.glb"
-    own = [world.views[group[k]] for k in train]
-    triangles = write_scene(scene, own, [poses[k] for k in train], textures, world.capture.rig.left)
-    first = world.views[group[train[0]]].frame
-    times = {world.views[group[k]].frame.id: first.exposure_s * e for k, e in exposure.items()}
-    frames = tuple(replace(f, exposure_s=times[f.id]) for f in world.capture.frames if f.id in times)
-    world.capture = replace(world.capture, scene_path=scene, frames=frames)
-    world.masks = known_masks([world.views[i] for i in group], poses, is_train, world.capture.rig)
-    share = float(np.mean([mask.mean() for mask in world.masks.values()]))
-    spread = np.concatenate([t.deviation[np.isfinite(t.deviation)][::37] for t in textures])
-    values = {
-        "black_dn": [x if np.isfinite(x) else None for x in estimate.black_dn],
-        "exposure_s": {str(k): v for k, v in times.items()},
-        "exposure_deviation": estimate.exposure_deviation.tolist()
-        if np.isfinite(estimate.exposure_deviation).all()
-        else None,
-        "vignetting_exponent": None if estimate.exponent is None else list(estimate.exponent),
-        "log_scatter": list(estimate.scatter) if np.isfinite(estimate.scatter[0]) else None,
-        "room_relative_deviation": float(np.median(spread)) if spread.size else None,
-    }
-    line = f"light: {triangles} triangles under albedo and room light; known in {100 * share:.0f} % of the images"
-    if estimate.exponent is None:
-        line += "; no overlaps: the lens's falloff cannot be told from the surfaces"
-    else:
-        n, sd = estimate.exponent
-        line += (
-            f"; in overlaps light falls as cos^{n:.2f} +- {_Z90 * sd:.2f} of the angle (90 %): log-ratios scatter by "
-            f"{estimate.scatter[0]:.3f} without, {estimate.scatter[1]:.3f} with, at a black level of "
-            f"{estimate.black_dn[0]:.2f} +- {_Z90 * estimate.black_dn[1]:.2f} DN; the textures are without it"
-        )
-    world.note("light", values, line)
-
-
-_STEP = {"camera": _camera, "poses": _poses, "pattern": _pattern, "light": _light}
-_SHARE = {"camera": (0.35, 0.45), "poses": (0.45, 0.5), "pattern": (0.5, 0.85), "light": (0.85, 1.0)}
+_STEP = {
+    "camera": _camera,
+    "poses": _poses,
+    "pattern": _pattern,
+    "exposure": exposure_step,
+    "albedo": albedo_step,
+}
+_SHARE = {
+    "camera": (0.35, 0.45),
+    "poses": (0.45, 0.5),
+    "pattern": (0.5, 0.85),
+    "exposure": (0.85, 0.9),
+    "albedo": (0.9, 1.0),
+}
 
 
 def _write(world: World, out: Path, folder: Path) -> None:
@@ -266,6 +204,7 @@ def _write(world: World, out: Path, folder: Path) -> None:
     dtype = np.uint8 if capture.rig.bit_depth <= 8 else np.uint16
     frames: Sequence[Frame] = [f for f in capture.frames if f.has_infrared]
     images = {(f.id, eye): whole.ir(f, eye).astype(dtype) for f in frames for eye in SIDES}
+    known = {(f.id, eye): mask for f in frames for eye in SIDES if (mask := whole.known(f, eye)) is not None}
     depths, colors = {}, {}
     for frame in capture.frames:
         depth, color = whole.depth(frame), whole.color(frame)
@@ -273,7 +212,7 @@ def _write(world: World, out: Path, folder: Path) -> None:
             depths[frame.id] = np.rint(depth / frame.depth_scale).astype(np.uint16)
         if color is not None:
             colors[frame.id] = color
-    write_capture(out, capture, images, world.pattern, depths, colors, world.masks)
+    write_capture(out, capture, images, world.pattern, depths, colors, known | world.masks)
     write_pictures(out / "measured", world.views, world.K, world.poses, world.masks)
     if world.dots is not None:
         write_png(out / "measured" / "pattern.png", world.pattern)

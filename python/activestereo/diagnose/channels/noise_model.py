@@ -90,7 +90,7 @@ class NoiseModelChannel(JudgingChannel):
         term, *more = effect.random_terms
         if more:
             return "the noise model is judged one term at a time, and its descriptor names several"
-        if not self._evidence.has_floor:
+        if not self._evidence.capture.repeats("train"):
             return _NO_REPEATS
         if term.shared_by is SharedBy.ROW:
             return _rows(self._evidence.train, term.parameter, self._thresholds.row_correlation)

@@ -10,6 +10,7 @@ from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.gain_noise import noise_model_at_other_gains
 from activestereo.compare.noise import NoiseModel, frame_noise_variances
 from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
+from activestereo.compare.pair_noise import pair_noise_model
 from activestereo.compare.render import LayersOfFrames
 from activestereo.compare.unsteady_light import unsteady_light
 from activestereo.diagnose.evidence.focal_slope import focal_slope
@@ -28,8 +29,8 @@ from activestereo.effects import View
 from activestereo.effects.core.scene_surfaces import scene_surfaces
 
 _BLOCK_TILES = BLOCK_PX // TILE_PX
-# Noise of captures without repeats: the paper's gamma speckle (k = 60) and a read noise of 1 DN. No effect is named
-# on its basis.
+# Noise where neither repeats nor the two cameras tell it: the paper's gamma speckle (k = 60) and a read noise of 1 DN.
+# No effect is named on its basis.
 _ASSUMED_NOISE = (1.0, 0.0, 1.0 / 60.0)
 # A material that covers less than this share of the train frames has no albedo nuisance.
 _SMALLEST_MATERIAL = 0.002
@@ -54,7 +55,8 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Ge
         for side in SIDES
     ]
     train, test = ([s for s in measured_images if s.frame.split == split] for split in ("train", "test"))
-    nuisances = fit_nuisances([(s.frame, s.layers, s.measured) for s in train], capture.rig.max_dn).nuisances
+    seen = [(s.frame, s.layers, s.where_known()) for s in train]
+    nuisances = fit_nuisances(seen, capture.rig.max_dn, capture.rig.black_dn).nuisances
     noise_variances, noise_model, has_floor = _noise(capture, measured_images, nuisances)
     expected = _expected(measured_images, noise_variances, nuisances, capture.rig.max_dn)
     predicted = {s.key: predict(s.frame, s.layers, nuisances, capture.rig.max_dn) for s in train}
@@ -89,6 +91,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Ge
             slope,
             moving[measured_image.key],
             len(SIDES) + len(materials) + places[measured_image.frame.id],
+            None if measured_image.view.known is None else np.flatnonzero(measured_image.view.known),
         )
 
     return Evidence(
@@ -110,16 +113,19 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Ge
 def _noise(
     capture: Capture, measured_images: Sequence[MeasuredImage], nuisances: Nuisances
 ) -> tuple[NoiseVariances, NoiseModel, bool]:
-    """(each image's noise variance, noise model, whether repeats gave them)."""
+    """(each image's noise variance, noise model, whether repeats gave them, or each frame's two cameras)."""
     no_noise = unsteady_light({s.key: (s.frame, s.layers, s.measured) for s in measured_images})
     noise_variances, noise_model = frame_noise_variances(capture, nuisances.black_dn, no_noise)
     if noise_model is not None:
         return {key: max(v[0], ROUNDING_VARIANCE) for key, v in noise_variances.items()}, noise_model, True
-    noise_model = NoiseModel(*_ASSUMED_NOISE, nuisances.black_dn)
+    of_key = {s.key: s for s in measured_images}
+    both = [(of_key[f.id, "left"], of_key[f.id, "right"]) for f in capture.split("train")]
+    by_eyes = pair_noise_model([(a.view, b.view, a.measured, b.measured) for a, b in both], nuisances.black_dn)
+    noise_model = by_eyes or NoiseModel(*_ASSUMED_NOISE, nuisances.black_dn)
     return (
         {s.key: max(noise_model.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in measured_images},
         noise_model,
-        False,
+        by_eyes is not None,
     )
 
 
@@ -160,7 +166,7 @@ def _expected(
         images = [predict(s.frame, s.layers, nuisances, max_dn) for s in group]
         mean = np.mean([s.measured for s in group], axis=0)
         noise = np.mean([noise_variances[s.key] for s in group])
-        square = np.mean([(s.measured - image) ** 2 for s, image in zip(group, images, strict=True)])
+        square = np.mean([np.nanmean((s.where_known() - image) ** 2) for s, image in zip(group, images, strict=True)])
         share = _MOST_MEASURED * max(0.0, 1.0 - noise / max(square, 1e-12))
         expected |= {s.key: image + share * (mean - image) for s, image in zip(group, images, strict=True)}
     return expected

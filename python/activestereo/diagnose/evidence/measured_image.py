@@ -20,6 +20,10 @@ class MeasuredImage:
     layers: Layers
     measured: np.ndarray
 
+    def where_known(self) -> np.ndarray:
+        """The measured image with NaN where the scene is not known."""
+        return self.measured if self.view.known is None else np.where(self.view.known, self.measured, np.nan)
+
     @property
     def key(self) -> tuple[int, str]:
         return self.frame.id, self.side

@@ -48,7 +48,7 @@ def edge_discrepancy(
     for o in observations:
         if not o.frame.is_moving and o.frame.projector_power > 0:
             slope = edge_slopes(o, images[o.key])
-            edge = slope > 0
+            edge = slope > 0 if o.view.known is None else (slope > 0) & o.view.known
             variance = noise_model.variance(images[o.key], o.frame.gain)
             excess += ((o.measured - images[o.key]) ** 2 - variance)[edge].sum()
             slopes += (slope[edge].astype(np.float64) ** 2).sum()

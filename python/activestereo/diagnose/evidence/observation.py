@@ -3,8 +3,9 @@
 their noise.
 
 The *noise floor* of an image is its mean temporal variance in DN^2: what a perfect model would leave of the squared
-error. It comes from repeated frames of a static view (activestereo.compare.noise). Every figure named `reduced_chi2`
-is a mean square in units of that variance.
+error. It comes from repeated frames of a static view (activestereo.compare.noise), or where there are none from the
+difference of each frame's two cameras (activestereo.compare.pair_noise), an upper bound. Every figure named
+`reduced_chi2` is a mean square in units of that variance.
 """
 
 from dataclasses import dataclass
@@ -46,16 +47,28 @@ class Observation(MeasuredImage):
     geometry_places: np.ndarray
     pick: np.ndarray | None = None
 
+    @property
+    def picked(self) -> np.ndarray | slice:
+        """What takes the pixels that count out of a flat image."""
+        return slice(None) if self.pick is None else self.pick
+
+    @property
+    def pixels(self) -> int:
+        """The number of pixels that count."""
+        return self.measured.size if self.pick is None else len(self.pick)
+
 
 @dataclass(frozen=True)
 class NuisancePrior:
     """A normal prior of the nuisances after scales and black level: both focal lengths, albedos, then
-    Geometry.twists(). value, sigma: [n]; materials: how many albedos; albedo_sigma: of any material."""
+    Geometry.twists(). value, sigma: [n]; materials: how many albedos; albedo_sigma: of any material. black_dn: the
+    measured black level and its deviation, or None: it is free."""
 
     value: np.ndarray
     sigma: np.ndarray
     materials: int
     albedo_sigma: float
+    black_dn: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -63,10 +76,10 @@ class Evidence:
     """All observations of a capture.
 
     nuisances: a first fit of projector scale, ambient scale and black level. noise_model: the photon-transfer noise
-    model of the noise; has_floor: whether repeats gave it. noise_variances: {(frame id, side): DN^2}. materials: how
-    many albedo nuisances there are. tiles: how many tiles. seed: rules every random choice. edge_discrepancy_m:
-    standard deviation of the positions of the scene's edges. geometry: corrections of the stated one that the capture
-    has here.
+    model of the noise; has_floor: whether repeats gave it, or the two cameras of each frame. noise_variances: {(frame
+    id, side): DN^2}. materials: how many albedo nuisances there are. tiles: how many tiles. seed: rules every random
+    choice. edge_discrepancy_m: standard deviation of the positions of the scene's edges. geometry: corrections of the
+    stated one that the capture has here.
     """
 
     capture: Capture
@@ -93,32 +106,35 @@ class Evidence:
         value = np.concatenate([-self.geometry.focal, np.zeros(self.materials), -self.geometry.twists()])
         seen = np.unique(np.concatenate([o.geometry_places for o in self.train]))
         value[np.setdiff1d(np.arange(len(SIDES) + self.materials, len(value)), seen)] = 0.0
-        return NuisancePrior(value, sigma, self.materials, known.albedo)
+        return NuisancePrior(value, sigma, self.materials, known.albedo, self.capture.rig.black_dn)
 
     @property
     def pixels(self) -> int:
         """The number of train pixels."""
-        return sum(o.measured.size for o in self.train)
+        return sum(o.pixels for o in self.train)
 
     @property
     def tile_pixels(self) -> np.ndarray:
         """Pixels of each tile."""
-        return np.bincount(np.concatenate([o.tile.ravel() for o in self.train]), minlength=self.tiles)
+        return np.bincount(np.concatenate([o.tile.ravel()[o.picked] for o in self.train]), minlength=self.tiles)
 
     def floor_variance(self, observations: tuple[Observation, ...]) -> float:
         """The observations' mean noise floor, DN^2."""
         return float(np.mean([self.noise_variances[o.key] for o in observations]))
 
     def weight(self, observation: Observation, expected_dn: np.ndarray) -> np.ndarray:
-        """1 / variance of an observation's pixels, float32, from their expected values."""
+        """1 / variance of an observation's pixels, float32, from their expected values; 0 where the scene is not
+        known."""
         return weight_of(self.noise_model, self.edge_discrepancy_m, observation, expected_dn)
 
 
 def weight_of(
     noise_model: NoiseModel, edge_discrepancy_m: float, observation: MeasuredImage, expected_dn: np.ndarray
 ) -> np.ndarray:
-    """1 / variance of pixels: the noise model's variance, and at edges what their misplacement adds."""
+    """1 / variance of pixels: the noise model's variance, and at edges what their misplacement adds; 0 where the scene
+    is not known."""
     variance = np.maximum(noise_model.variance(expected_dn, observation.frame.gain), ROUNDING_VARIANCE)
     if edge_discrepancy_m > 0:
         variance = variance + (edge_discrepancy_m * edge_slopes(observation, expected_dn)) ** 2
-    return (1.0 / variance).astype(np.float32)
+    known = observation.view.known
+    return (1.0 / variance).astype(np.float32) * (np.float32(1.0) if known is None else known)

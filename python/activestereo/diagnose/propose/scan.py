@@ -61,7 +61,8 @@ def scan_observations(observations: Sequence[Observation], seed: int = 0) -> tup
         if o is left or (o.side == "right" and setting not in seen):
             seen |= {setting} if o.side == "right" else set()
             rng = np.random.Generator(np.random.PCG64([_SEED, len(chosen), seed]))
-            picked = np.sort(rng.permutation(o.measured.size)[: int(_PICKED_SHARE * o.measured.size)])
+            picked = np.sort(rng.permutation(o.pixels)[: int(_PICKED_SHARE * o.pixels)])
+            picked = picked if o.pick is None else o.pick[picked]
             chosen.append(replace(o, pick=picked))
     return tuple(chosen)
 

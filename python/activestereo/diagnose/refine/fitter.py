@@ -30,6 +30,8 @@ from activestereo.effects import Light, Model
 # wide.
 _PRIOR_RANGES = 3.0
 _FIXED_RANGES = 1e-7
+# A measured black level is held to this share of its deviation.
+_HELD = 1e-3
 # Levenberg's damping: its start, its growth and fall, and where a fit gives up.
 _DAMPING, _DAMPING_STEP, _LEAST_RAISED, _MOST_DAMPING = 1e-3, 10.0, 1e-2, 10.0
 # chi2 per pixel that no model is expected to go below: the noise is known to a few percent.
@@ -44,7 +46,8 @@ _SomePixels = TypeVar("_SomePixels", Pixels, AllPixels)
 
 
 class ImageResidual(NamedTuple):
-    """One observation under a solution; images [height][width] in DN. projector: the projector's direct light."""
+    """One observation under a solution; images [height][width] in DN. projector: the projector's direct light;
+    residual: 0 where the scene is not known."""
 
     observation: Observation
     expected: np.ndarray
@@ -103,7 +106,9 @@ class Fitter:
         return self.memory.once(fit_key(self._content(), space, *values), make)
 
     def phi0(self, nuisances: Nuisances) -> np.ndarray:
-        return np.concatenate([nuisances.vector(), np.zeros(len(self._nuisance_prior.sigma))])
+        known = self._nuisance_prior.black_dn
+        scales = nuisances.vector() if known is None else [*nuisances.vector()[:-1], known[0]]
+        return np.concatenate([scales, np.zeros(len(self._nuisance_prior.sigma))])
 
     def _side_by_side(self, work: Callable[[_In], _Out], items: Sequence[_In]) -> list[_Out]:
         """work(item) of each, by the threads."""
@@ -145,7 +150,8 @@ class Fitter:
             o, light = self.observations[i], self._lights(model, i, self._fine)
             image = signal(model, o, light, solution.phi)
             dots = solution.phi[0] * o.frame.exposure_gain * o.frame.projector_power * light.direct
-            return ImageResidual(o, image, dots, o.measured - image)
+            residual = o.measured - image if o.view.known is None else np.where(o.view.known, o.measured - image, 0.0)
+            return ImageResidual(o, image, dots, residual)
 
         return self._side_by_side(residual, range(len(self.observations)))
 
@@ -171,6 +177,10 @@ class Fitter:
     def _strain(self, phi: np.ndarray) -> np.ndarray:
         """How far nuisances are from what is stated, in its deviations."""
         return (phi[SCALES:] - self._nuisance_prior.value) / self._nuisance_prior.sigma
+
+    def _black_offset(self, phi: np.ndarray) -> float:
+        known = self._nuisance_prior.black_dn
+        return 0.0 if known is None else float(phi[SCALES - 1]) - known[0]
 
     def linearise(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> Sums:
         """Sums at (theta, phi). Columns: theta, then phi."""
@@ -246,6 +256,7 @@ class Fitter:
         """
         n = len(solution.theta)
         rows, prior = self.inverse(solution)[:n], self.prior(n, solution.space)
+        prior[n + SCALES - 1] /= _HELD**2
         pulls = [rows @ moment for moment in solution.sums.block_moment.values()]
         return sum(pull @ pull.T for pull in pulls) + (rows * prior) @ rows.T
 
@@ -266,16 +277,20 @@ class Fitter:
         """The damped Gauss-Newton step in (theta, phi)."""
         prior = self.prior(n_theta, space)
         offset = np.where(space.given, 0.0, theta - space.neutral)[:n_theta]
-        offset = np.concatenate([offset, np.zeros(SCALES), phi[SCALES:] - self._nuisance_prior.value])
+        scales = [*np.zeros(SCALES - 1), self._black_offset(phi)]
+        offset = np.concatenate([offset, scales, phi[SCALES:] - self._nuisance_prior.value])
         gram, moment = sums.gram.sum(0) + np.diag(prior), sums.moment.sum(0) - prior * offset
         norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         scaled = gram / np.outer(norm, norm) + damping * np.eye(len(norm))
         return np.linalg.lstsq(scaled, moment / norm, rcond=1e-10)[0] / norm
 
     def prior(self, n_theta: int, space: ParameterSpace) -> np.ndarray:
-        """Precisions of the priors: wide for effects, none for scales and black level, the albedo's own."""
+        """Precisions of the priors: wide for effects, none for scales, the albedo's own. A measured black level is
+        held: what a model lacks bends it by more than its deviation."""
+        known = self._nuisance_prior.black_dn
+        scales = [*np.zeros(SCALES - 1), 0.0 if known is None else (_HELD * known[1]) ** -2]
         width = np.where(space.fixed, _FIXED_RANGES, _PRIOR_RANGES)[:n_theta] * (space.high - space.low)[:n_theta]
-        return np.concatenate([1.0 / width**2, np.zeros(SCALES), 1.0 / self._nuisance_prior.sigma**2])
+        return np.concatenate([1.0 / width**2, scales, 1.0 / self._nuisance_prior.sigma**2])
 
     def nuisance_fit(
         self,

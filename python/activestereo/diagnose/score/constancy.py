@@ -37,7 +37,7 @@ def varying_reduced_chi2(fitter: Fitter, rows: Sequence[ImageResidual], solution
         gram[np.ix_(places, places)] += x @ x.T
         moment[places] += x @ (residual * np.sqrt(o.weight)).ravel()
     alike = _explained(gram[:_ALIKE, :_ALIKE], moment[:_ALIKE])
-    return (_explained(gram, moment) - alike) / sum(row[3].size for row in rows)
+    return (_explained(gram, moment) - alike) / sum(row.observation.pixels for row in rows)
 
 
 def _without(fitter: Fitter, solution: Solution, effect: Effect) -> list[np.ndarray]:

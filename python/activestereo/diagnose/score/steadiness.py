@@ -34,7 +34,8 @@ def _apart(row: ImageResidual, view: Sequence[ImageResidual]) -> float:
     """Mean square of the difference from the mean of the view's other frames, in units of its variance."""
     others = [other for other in view if other is not row]
     difference = row.residual - np.mean([other.residual for other in others], axis=0)
-    variance = 1.0 / row.observation.weight + sum(1.0 / o.observation.weight for o in others) / len(others) ** 2
+    with np.errstate(divide="ignore"):  # the weight is 0 where the scene is not known
+        variance = 1.0 / row.observation.weight + sum(1.0 / o.observation.weight for o in others) / len(others) ** 2
     return float((difference**2 / variance).mean())
 
 

@@ -27,7 +27,8 @@ def local_structure(rows: Sequence[ImageResidual]) -> float:
 
     It is unbiased up to the ridge, which holds it down: near 0, of either sign, where the residual is noise.
     """
-    return sum(image_structure(row) * row[3].size for row in rows) / sum(row[3].size for row in rows)
+    pixels = [row.observation.pixels for row in rows]
+    return sum(image_structure(row) * n for row, n in zip(rows, pixels, strict=True)) / sum(pixels)
 
 
 def image_structure(row: ImageResidual) -> float:
@@ -42,7 +43,7 @@ def image_structure(row: ImageResidual) -> float:
     norm = np.sqrt(np.maximum(0.5 * np.einsum("tii->ti", grams[0] + grams[1]), 1e-30))
     a, b = (_fit(gram, columns, y, norm) for gram, (columns, y) in zip(grams, halves, strict=True))
     agreed = np.einsum("ti,tij,tj->t", a, grams[0] + grams[1], b)
-    return float(agreed.sum() / target.size)
+    return float(agreed.sum() / target.size * row.residual.size / o.pixels)
 
 
 def _tiles(values: np.ndarray) -> np.ndarray:

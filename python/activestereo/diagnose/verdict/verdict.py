@@ -23,7 +23,7 @@ def verdict_of(first: Ranking, last: Ranking, has_floor: bool) -> str:
     """The verdict: EFFECT, NONE, UNKNOWN or UNDETERMINED.
 
     first: the ranking on top of the given model; last: on top of the model that was found. has_floor: whether the noise
-    was measured from repeats.
+    was measured.
     """
     best = first.best
     if best is None or not is_named(first):

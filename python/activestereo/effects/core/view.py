@@ -43,7 +43,8 @@ class View:
     """One camera of one frame. Arrays are [height][width]; depth 0 = nothing there; normal [height][width][3], unit,
     camera coordinates; a_to_b maps coordinates in a to those in b; distortion: of the nominal camera, see
     activestereo/common/lens.py; material: index in the scene file, or None; ambient_bounced: the share of the ambient
-    light that comes over other surfaces, or None where it is not known. Disparity and depth effects get the left
+    light that comes over other surfaces, or None where it is not known; known: where the scene is known, bool, None:
+    everywhere. Disparity and depth effects get the left
     camera's view.
     """
 
@@ -63,6 +64,7 @@ class View:
     baseline_m: float = 0.05
     material: np.ndarray | None = None
     ambient_bounced: np.ndarray | None = None
+    known: np.ndarray | None = None
 
     @classmethod
     def of(cls, capture: Capture, frame: Frame, side: str, layers: RenderedSurfaces, seed: int = 0) -> View:
@@ -86,6 +88,7 @@ class View:
             baseline_m=rig.baseline_m,
             material=np.asarray(layers.material),
             ambient_bounced=_bounced_share(layers.ambient, getattr(layers, "ambient_direct", None)),
+            known=capture.known(frame, side),
         )
 
     @property

@@ -25,7 +25,7 @@ def fitted_nuisances(capture: Capture, renderer: KuafuRenderer) -> dict[str, Qua
     frames = _chosen(capture)
     layers = render_frames(capture, renderer, _SAMPLES, _BOUNCES, cache=LayerCache(), frames=frames)
     seen = [(f, layers[f.id][side], capture.ir(f, side)) for f in frames for side in SIDES]
-    values = vars(fit_nuisances(seen, capture.rig.max_dn).nuisances)
+    values = vars(fit_nuisances(seen, capture.rig.max_dn, capture.rig.black_dn).nuisances)
     return {name: Quantity(float(value), unit=NUISANCES[name][0], source=_SOURCE) for name, value in values.items()}
 
 
