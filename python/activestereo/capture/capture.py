@@ -171,7 +171,8 @@ class Frame:
 class Uncertainty:
     """Standard deviations of what a capture states, of each coordinate: poses of views, the projector's pose, focal
     lengths and albedos (relative). The defaults are those of a good hand-eye and rig calibration and of albedos by
-    comparison with a reference card."""
+    comparison with a reference card. exposure: of each frame's exposure (relative), which a comparison fits, then;
+    None: exposures are as stated."""
 
     pose_m: float = 1e-3
     pose_rad: float = 1.5e-3
@@ -179,6 +180,7 @@ class Uncertainty:
     projector_rad: float = 1e-3
     focal: float = 6e-4
     albedo: float = 0.03
+    exposure: float | None = None
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from activestereo.capture.capture import SIDES, Capture, ImageKey
 from activestereo.common.input_files import read_bytes
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache, scene_digest
-from activestereo.compare.fit_model import fit_train_frames
+from activestereo.compare.fit_model import fit_with_exposures
 from activestereo.compare.kuafu_renderer import engine_version
 from activestereo.compare.layers import Layers
 from activestereo.compare.nuisances import Fit, Nuisances
@@ -42,6 +42,7 @@ class EngineModel:
             tuple((e, p) for e, p in model.effects if e.engine is None and e.randomness is Randomness.NONE)
         )
         self._imager = ExpectedImager(capture.rig.left.width, capture.rig.left.height, capture.rig.max_dn)
+        self._exposures = {frame.id: frame.exposure_s for frame in capture.frames}
         self._signals = {
             (frame.id, side): part.signal
             for frame in capture.frames
@@ -58,10 +59,10 @@ class EngineModel:
     def signal(self, light: Light, view: View, nuisances: Nuisances) -> NDArray[np.float64]:
         """Expected DN [height][width], black level included."""
         frame, signal = view.frame, self._signals[view.frame.id, view.side]
-        level = 1.0 if frame.ambient is None else frame.ambient
+        level, share = 1.0 if frame.ambient is None else frame.ambient, frame.exposure_s / self._exposures[frame.id]
         value = (
-            nuisances.projector_scale * frame.projector_power * light.projector
-            + nuisances.ambient_scale * level * light.ambient
+            share * nuisances.projector_scale * frame.projector_power * light.projector
+            + share * nuisances.ambient_scale * level * light.ambient
         )
         black = signal["black_level_dn"] + nuisances.black_dn
         counts = self._imager.one(np.maximum(value, 0.0), signal | {"black_level_dn": black}).astype(np.float64)
@@ -141,14 +142,10 @@ def predict_in_engines(
         share = part_of(progress, half / 2, (half + 1) / 2)
         seen = renderer.lights(model, scene_measurement=scene_measurement, progress=share, half=half)
         halves.append({k: engine.light(seen[k], layers[k[0]][k[1]].flat, view) for k, view in views.items()})
-    train = [
-        (views[f.id, side], mean_light(*(lights[f.id, side] for lights in halves)), measured[f.id, side])
-        for f in capture.split("train")
-        for side in SIDES
-    ]
-    fit = fit_train_frames(capture, engine, train)
+    means = {key: mean_light(*(lights[key] for lights in halves)) for key in views}
+    fit, exposed = fit_with_exposures(capture, engine, means, views, measured)
     return fit, {
-        key: [engine.signal(lights[key], view, fit.nuisances) for lights in halves] for key, view in views.items()
+        key: [engine.signal(lights[key], view, fit.nuisances) for lights in halves] for key, view in exposed.items()
     }
 
 

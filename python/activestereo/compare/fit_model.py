@@ -5,6 +5,7 @@ nuisances.py; and the images that are expected with them."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from activestereo.effects.core.model import Model
     from activestereo.effects.core.view import View
 
-_ROUNDS = 5
+_ROUNDS, _EXPOSURE_ROUNDS = 5, 3
 _STEP = 1e-3
 
 
@@ -50,6 +51,36 @@ def fit_train_frames(capture: Capture, model: Any, observations: Sequence[Any]) 
         raise CaptureError(f"{capture.path}: {error}") from error
 
 
+def fit_with_exposures(
+    capture: Capture, model: Any, lights: Mapping[ImageKey, Any], views: Mapping[ImageKey, View],
+    measured: Mapping[ImageKey, np.ndarray],
+) -> tuple[Fit, dict[ImageKey, View]]:  # fmt: skip
+    """(fit_train_frames(), the views): with the exposures that fit best, of test frames, too, where the capture states
+    that they are not exact. lights: {(frame id, side): what falls on the sensor}."""
+    keys = [(frame.id, side) for frame in capture.split("train") for side in SIDES]
+    seen = dict(views)
+    fit = fit_train_frames(capture, model, [(seen[key], lights[key], measured[key]) for key in keys])
+    for _ in range(_EXPOSURE_ROUNDS if capture.uncertainty.exposure else 0):
+        for frame in capture.frames:
+            own = {side: (frame.id, side) for side in SIDES}
+            share = _exposure_share(model, [(seen[key], lights[key], measured[key]) for key in own.values()], fit)
+            for key in own.values():
+                exposed = replace(seen[key].frame, exposure_s=share * seen[key].frame.exposure_s)
+                seen[key] = replace(seen[key], frame=exposed)
+        fit = fit_train_frames(capture, model, [(seen[key], lights[key], measured[key]) for key in keys])
+    return fit, seen
+
+
+def _exposure_share(model: Any, observations: Sequence[Any], fit: Fit) -> float:
+    """By what one frame's light is to be multiplied; 1 where nothing tells it."""
+    both = np.zeros(2)
+    for view, light, measured in observations:
+        expected = model.signal(light, view, fit.nuisances) - fit.nuisances.black_dn
+        keep = (expected > 0.0) & (measured < view.max_dn - 1)  # of what is not known, NaN, it does not hold
+        both += expected[keep] @ (measured[keep] - fit.nuisances.black_dn), expected[keep] @ expected[keep]
+    return float(both[0] / both[1]) if both.min() > 0.0 else 1.0
+
+
 def predict_under_model(
     capture: Capture,
     model: Model,
@@ -64,12 +95,10 @@ def predict_under_model(
     views and measured: {(frame id, side): View and DN}. ValueError where there is nothing to fit.
     """
     lights = [{key: model.light(of[key[0]][key[1]], view) for key, view in views.items()} for of in layers]
-    keys = [(frame.id, side) for frame in capture.split("train") for side in SIDES]
-    train = [(views[key], lights[0][key], measured[key]) for key in keys]
-    fit = fit_train_frames(capture, model, train)
+    fit, seen = fit_with_exposures(capture, model, lights[0], views, measured)
     wanted = lights[1:] or lights
     return fit, {
-        key: [model.signal(light[key], view, fit.nuisances) for light in wanted] for key, view in views.items()
+        key: [model.signal(light[key], view, fit.nuisances) for light in wanted] for key, view in seen.items()
     }
 
 

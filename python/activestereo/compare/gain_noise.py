@@ -73,6 +73,8 @@ def _slope(
         signal = np.maximum(mean - noise_model.black_dn, 0.0)
         known = noise_model.variance(mean, o.frame.gain) + missing * signal**2
         alike = (np.abs(image[:, 1:] - image[:, :-1]) < _ALIKE * mean) & (mean < o.view.max_dn - 1)
+        if (scene := o.view.known) is not None:
+            alike &= scene[:, 1:] & scene[:, :-1]
         pair = np.minimum(0.5 * (rest[:, 1:] - rest[:, :-1]) ** 2, _OUTLIER * known)
         lever, weight = lever_of(o, signal), 1.0 / np.maximum(known, ROUNDING_VARIANCE) ** 2
         top += (weight * lever * (pair - known))[alike].sum()

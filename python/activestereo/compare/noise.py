@@ -73,7 +73,8 @@ class NoiseModel:
 def repeat_statistics(
     capture: Capture, split: str | None = None, drift: Mapping[tuple[int, str], np.ndarray] | None = None
 ) -> list[Repeats]:
-    """Pixelwise mean and unbiased variance of every repeat group and camera: [(frames, camera, mean, variance)], DN.
+    """Pixelwise mean and unbiased variance of every repeat group and camera: [(frames, camera, mean, variance)], DN,
+    NaN where the scene is not known.
 
     drift: {(frame id, side): what is known to differ between repeats, DN [height][width]}, taken out of the images.
     """
@@ -82,6 +83,8 @@ def repeat_statistics(
     for frames in capture.repeats(split).values():
         for side in SIDES:
             stack = np.stack([capture.ir(frame, side) - known.get((frame.id, side), 0.0) for frame in frames])
+            if (scene := capture.known(frames[0], side)) is not None:
+                stack[:, ~scene] = np.nan
             statistics.append((frames, side, stack.mean(axis=0), stack.var(axis=0, ddof=1)))
     return statistics
 
@@ -175,7 +178,7 @@ def frame_noise_variances(
     noise_variances: dict[tuple[int, str], tuple[float, str]] = {}
     for frames, side, _, variance in statistics:
         for frame in frames:
-            noise_variances[frame.id, side] = (float(variance.mean()), "repeats")
+            noise_variances[frame.id, side] = (float(np.nanmean(variance)), "repeats")
     for frame in capture.frames:
         for side in SIDES:
             if (frame.id, side) not in noise_variances:

@@ -71,8 +71,8 @@ def residual_channels(
     maps: Mapping[ImageKey, dict[str, np.ndarray]],
     seed: int = 0,
 ) -> dict[str, tuple[Samples, str, bool]]:
-    """{channel: (Samples, unit, is there anything to explain)}. infrared: [(key, residual, floor, where the scene is known
-    or None, pose)]; depths: DepthFrames; maps: {(frame id, side): covariates}."""
+    """{channel: (Samples, unit, is there anything to explain)}. infrared: [(key, residual, floor, where the scene
+    is known or None, pose)]; depths: DepthFrames; maps: {(frame id, side): covariates}."""
     images = {
         "infrared": [
             ResidualImage(r, floor, np.ones(r.shape, bool) if known is None else known, maps[key], pose)

@@ -9,6 +9,8 @@ from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View
 
+_LEAST_COSINE2 = 1e-6
+
 
 @moves("projector.pattern_scale", "projector.distortion")
 def _engine(inputs: EngineInputs, scale: float, per_k: float) -> None:
@@ -48,7 +50,7 @@ def _before(u: np.ndarray, v: np.ndarray, K: np.ndarray, growth: float) -> tuple
     y = (v - K[1, 2]) / K[1, 1]
     x = (u - K[0, 2] - K[0, 1] * y) / K[0, 0]
     square = x * x + y * y
-    # Sine s = t / sqrt(1 + t^2) of the tangent t; of s / growth the tangent again.
-    ratio = 1.0 / np.sqrt(growth**2 * (1.0 + square) - square)
+    # Sine s = t / sqrt(1 + t^2) of the tangent t; of s / growth the tangent again. No light went beyond a right angle.
+    ratio = 1.0 / np.sqrt(np.maximum(growth**2 * (1.0 + square) - square, _LEAST_COSINE2))
     x, y = x * ratio, y * ratio
     return K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]

@@ -2,12 +2,20 @@
 """Room light that was measured on surfaces: the lab's ambient layer is the scene's emission, with no bounce added; and
 what a mask hides counts in no fit and no error."""
 
-import numpy as np
+from dataclasses import replace
+from types import SimpleNamespace
 
-from activestereo.capture.capture import Frame
+import numpy as np
+import pytest
+
+from activestereo.capture.capture import SIDES, Frame, Uncertainty
+from activestereo.compare.fit_model import fit_with_exposures
 from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.compare.layers import RenderRequest, ViewCamera
 from activestereo.compare.nuisances import fit_nuisances
+from activestereo.effects import Light as Seen
+from activestereo.effects import Model
+from activestereo.effects.core.laws import example_view
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.meshes import sheet
 
@@ -58,3 +66,28 @@ def test_what_is_not_known_is_not_fitted():
     fit = fit_nuisances([(frame, light, foreign)], 255.0)
     np.testing.assert_allclose(fit.nuisances.vector(), (100, 50, 4), atol=1e-6)
     assert fit.pixels == 20 * 40
+
+
+@pytest.mark.parametrize("stated", [None, 0.05])
+def test_exposures_that_are_not_exact_are_fitted_of_held_out_frames_too(stated):
+    rng = np.random.default_rng(0)
+    frames = [Frame(k, None, None, 0.0, 1.0, np.eye(4), "test" if k == 2 else "train") for k in range(3)]
+    view = example_view()
+    lights, views, measured = {}, {}, {}
+    for frame, share in zip(frames, (1.0, 1.2, 0.7), strict=True):
+        for side in SIDES:
+            images = rng.uniform(0.1, 1, (4, *view.shape))
+            lights[frame.id, side] = Seen.of_images(images)
+            views[frame.id, side] = replace(view, frame=frame, side=side)
+            measured[frame.id, side] = 4 + share * (50 * (images[0] + images[1]) + 30 * images[2])
+    capture = SimpleNamespace(
+        path="capture", frames=frames, split=lambda name: [f for f in frames if f.split == name],
+        uncertainty=Uncertainty(exposure=stated), rig=SimpleNamespace(max_dn=255, black_dn=(4.0, 0.1)),
+    )  # fmt: skip
+    fit, seen = fit_with_exposures(capture, Model(), lights, views, measured)
+    times = np.array([seen[k, "left"].frame.exposure_s for k in range(3)])
+    if stated is None:
+        assert (times == 1.0).all()
+    else:
+        np.testing.assert_allclose(times / times[0], (1.0, 1.2, 0.7), rtol=1e-3)
+        assert fit.nuisances.black_dn == 4.0

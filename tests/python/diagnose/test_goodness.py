@@ -30,6 +30,7 @@ def row(image, residual, **frame):
         side="left",
         frame=SimpleNamespace(**frame),
         weight=np.full(SHAPE, NOISE_DN**-2),
+        pixels=image.size,
         view=SimpleNamespace(once=lambda *_: np.zeros(SHAPE, bool), max_dn=255),
     )
     return ImageResidual(o, image, image - 20.0, residual)

@@ -29,8 +29,8 @@ _LEAST_RATIOS, _MOST_LOG_RATIO, _ROUNDS = 500, 3.0, 12
 _DARKEST = 1e-3
 # Four pairs of one D415's views scatter by 0.15 in the exponent, more than blocks of one pair tell; in drawn rooms,
 # dots that are taken out imperfectly bend the exponent by 0.3. What is left of them on dark surfaces bends the black
-# level by 1 to 2 DN.
-_PAIR_EXPONENT, _PAIR_BLACK_DN = 0.25, 1.5
+# level by 1 DN and more.
+_PAIR_EXPONENT, _PAIR_BLACK_DN = 0.25, 1.0
 # A camera's counts end at its black level: at least this share of an image lies at its smallest count, and so many of
 # those beside it. Light and noise alone thin out towards dark.
 _LEAST_AT_FLOOR, _LEAST_STEP_AT_FLOOR = 1e-3, 0.2

@@ -20,9 +20,12 @@ from activestereo.calibrate.world.light import (
 )
 from activestereo.calibrate.world.masks import known_masks
 from activestereo.calibrate.world.mesh import write_scene
+from activestereo.calibrate.world.pictures import albedo_picture, exposure_picture, known_picture
 from activestereo.calibrate.world.state import World
 
 _Z90 = 1.645
+# Overlaps tell exposures no better than this, relative.
+_LEAST_EXPOSURE = 0.005
 
 Progress = Callable[[float], object] | None
 
@@ -31,12 +34,12 @@ def exposure_step(world: World, seed: int, folder: Path, progress: Progress) -> 
     """Measures each frame's exposure, the black level and the lens's falloff by places that several views see."""
     views, poses = world.scene_views()
     train = _train(world)
-    known = world.capture.rig.black_dn if "exposure" not in world.capture.measured else None
-    believed = known or black_level([view for view in world.views if view.frame.split == "train"])
+    given = world.capture.rig.black_dn if "exposure" not in world.capture.measured else None
+    believed = given or black_level([view for view in world.views if view.frame.split == "train"])
     lights = [light_view(view, world.K, world.projected()) for view in views]
     estimate = solve_light([lights[k] for k in train], [poses[k] for k in train], world.K, believed)
-    if known is not None:
-        estimate = replace(estimate, black_dn=known)
+    if given is not None:
+        estimate = replace(estimate, black_dn=given)
     exposure, deviation = (
         dict(zip(train, values, strict=True)) for values in (estimate.exposure, estimate.exposure_deviation)
     )
@@ -47,7 +50,9 @@ def exposure_step(world: World, seed: int, folder: Path, progress: Progress) -> 
     times = {views[k].frame.id: first * e for k, e in exposure.items()}
     frames = tuple(replace(f, exposure_s=times.get(f.id, f.exposure_s)) for f in world.capture.frames)
     rig = replace(world.capture.rig, black_dn=estimate.black_dn)
-    world.capture = replace(world.capture, frames=frames, rig=rig)
+    known = [sd / exposure[k] for k, sd in deviation.items() if np.isfinite(sd) and sd > 0]
+    uncertainty = replace(world.capture.uncertainty, exposure=max(float(np.max(known, initial=0.0)), _LEAST_EXPOSURE))
+    world.capture = replace(world.capture, frames=frames, rig=rig, uncertainty=uncertainty)
     values = {
         "black_dn": list(estimate.black_dn),
         "exposure_s": {str(frame): time for frame, time in times.items()},
@@ -58,6 +63,9 @@ def exposure_step(world: World, seed: int, folder: Path, progress: Progress) -> 
         "log_scatter": list(estimate.scatter) if np.isfinite(estimate.scatter[0]) else None,
     }
     world.note("exposure", values, _exposure_line(estimate, times, first))
+    if len(train) > 1:
+        own = [views[k] for k in train]
+        world.pictures["exposure"] = exposure_picture(own, [poses[k] for k in train], world.K, estimate)
 
 
 def _exposure_line(estimate: LightEstimate, times: dict[int, float], first: float) -> str:
@@ -94,6 +102,7 @@ def albedo_step(world: World, seed: int, folder: Path, progress: Progress) -> No
     triangles = write_scene(scene, own, [poses[k] for k in train], textures, world.capture.rig.left)
     world.capture = replace(world.capture, scene_path=scene)
     world.masks = known_masks(views, poses, [k in train for k in range(len(views))], world.capture.rig)
+    world.pictures |= {"albedo": albedo_picture(textures), "known": known_picture(views, world.masks)}
     share = float(np.mean([mask.mean() for mask in world.masks.values()]))
     spread = np.concatenate([t.deviation[np.isfinite(t.deviation)][::37] for t in textures])
     deviation = float(np.median(spread)) if spread.size else None

@@ -10,47 +10,68 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.calibrate.world.poses import PoseEstimate
-from activestereo.calibrate.world.views import SceneView, points_of
+from activestereo.calibrate.world.light import LightEstimate, Textures
+from activestereo.calibrate.world.overlaps import Pose
+from activestereo.calibrate.world.views import Image, SceneView, points_of
 from activestereo.common.output_files import write_png
 
 _CHECKER_PX = 40
+_SMALL = np.s_[::2, ::2]
 
 
-def write_pictures(
-    folder: Path, views: Sequence[SceneView], K: NDArray[np.float64], poses: PoseEstimate | None,
-    masks: Mapping[tuple[int, str], NDArray[np.bool_]],
-) -> None:  # fmt: skip
-    """Makes the folder with poses.png, the first view and the next one drawn from its place in a checker, and
-    known.png, each view's left image, dark where the scene is not known."""
+def poses_picture(views: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Fields of the first view and of the next one from the first's place, in a checker: contours run on where poses
+    and K are right."""
+    return _gray(_checker([view.left for view in views[:2]], views, poses, K))
+
+
+def exposure_picture(
+    views: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64], light: LightEstimate
+) -> NDArray[np.uint8]:
+    """The same of the light above black without exposure and falloff: fields are equally bright where those are
+    right."""
+    images = []
+    for view, exposure in zip(views[:2], light.exposure, strict=False):
+        tangent = points_of(np.ones_like(view.depth_m), K)[..., :2]
+        lens = exposure * light.falloff((tangent**2).sum(axis=-1))
+        images.append(np.asarray((view.left - light.black_dn[0]) / lens, np.float32))
+    return _gray(_checker(images, views, poses, K))
+
+
+def albedo_picture(textures: Sequence[Textures]) -> NDArray[np.uint8]:
+    """Albedo on the left and room light on the right, a row for each view."""
+    kinds = [np.vstack([getattr(t, name)[_SMALL] for t in textures]) for name in ("albedo", "room")]
+    return np.hstack([_gray(kind) for kind in kinds])
+
+
+def known_picture(
+    views: Sequence[SceneView], masks: Mapping[tuple[int, str], NDArray[np.bool_]]
+) -> NDArray[np.uint8]:
+    """Each view's left image, dark where the scene is not known."""
+    rows = [np.where(masks[v.frame.id, "left"], 1.0, 0.3) * _gray(v.left) for v in views]
+    return np.vstack(rows).astype(np.uint8)[_SMALL]
+
+
+def write_pictures(folder: Path, pictures: Mapping[str, NDArray[np.uint8]]) -> None:
+    """Makes the folder with a PNG file of each picture."""
     folder.mkdir()
-    if poses is not None:
-        write_png(folder / "poses.png", _checker(views, K, poses))
-    known = [
-        _gray(view.left) * np.where(masks[view.frame.id, "left"], 1.0, 0.3)
-        for view in views
-        if (view.frame.id, "left") in masks
-    ]
-    if known:
-        write_png(folder / "known.png", np.vstack(known).astype(np.uint8)[::2, ::2])
+    for name, picture in pictures.items():
+        write_png(folder / f"{name}.png", picture)
 
 
-def _checker(views: Sequence[SceneView], K: NDArray[np.float64], estimate: PoseEstimate) -> NDArray[np.uint8]:
-    """Fields of the first view and of the one that overlaps it most, from the first's place: contours run on."""
-    poses = dict(zip(estimate.views, estimate.view_to_world, strict=True))
-    first = estimate.views[0]
-    widest = max((o for o in estimate.overlaps if first in (o.a, o.b)), key=lambda o: o.seen)
-    other = widest.b if widest.a == first else widest.a
-    here, there = views[first], views[other]
-    to = np.linalg.inv(poses[other]) @ poses[first]
-    moved = points_of(here.depth_m, K) @ to[:3, :3].T.astype(np.float32) + to[:3, 3].astype(np.float32)
+def _checker(
+    images: Sequence[Image], views: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64]
+) -> Image:
+    """Fields of the first image and of the second one as seen from the first's place."""
+    to = np.linalg.inv(poses[1]) @ poses[0]
+    moved = points_of(views[0].depth_m, K) @ to[:3, :3].T.astype(np.float32) + to[:3, 3].astype(np.float32)
     z = np.maximum(moved[..., 2], 1e-3)
     column, row = K[0, 0] * moved[..., 0] / z + K[0, 2], K[1, 1] * moved[..., 1] / z + K[1, 2]
-    seen = cv2.remap(_gray(there.left), column.astype(np.float32), row.astype(np.float32), cv2.INTER_LINEAR)
-    v, u = np.mgrid[0 : here.left.shape[0], 0 : here.left.shape[1]] // _CHECKER_PX
-    return np.where(((u + v) % 2 == 0) | (seen == 0), _gray(here.left), seen).astype(np.uint8)
+    seen = cv2.remap(images[1], column.astype(np.float32), row.astype(np.float32), cv2.INTER_LINEAR)
+    v, u = np.mgrid[0 : seen.shape[0], 0 : seen.shape[1]] // _CHECKER_PX
+    return np.where(((u + v) % 2 == 0) | (seen == 0), images[0], seen).astype(np.float32)
 
 
-def _gray(image: NDArray[np.float32]) -> NDArray[np.float32]:
+def _gray(image: Image) -> NDArray[np.uint8]:
     """0..255, the brightest hundredth white."""
-    return np.clip(image * (255.0 / max(float(np.percentile(image, 99)), 1.0)), 0, 255).astype(np.float32)
+    return np.clip(image * (255.0 / max(float(np.percentile(image, 99)), 1e-6)), 0, 255).astype(np.uint8)

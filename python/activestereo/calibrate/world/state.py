@@ -23,7 +23,7 @@ _LIT_PX = 41
 @dataclass
 class World:
     """A capture on its way. lines: what each step found, for the user; surfaces, overlaps, groups: of views, where
-    steps compare their surfaces; poses, dots: as steps of this run measured them."""
+    steps compare their surfaces; poses, dots: as steps of this run measured them; pictures: by their names."""
 
     capture: Capture
     views: list[SceneView]
@@ -35,6 +35,7 @@ class World:
     poses: PoseEstimate | None = None
     dots: PatternEstimate | None = None
     masks: dict[tuple[int, str], NDArray[np.bool_]] = field(default_factory=dict)
+    pictures: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
 
     @property
     def K(self) -> NDArray[np.float64]:

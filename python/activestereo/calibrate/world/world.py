@@ -21,13 +21,12 @@ from activestereo.calibrate.world.eyes import eyes_of
 from activestereo.calibrate.world.light import darkness
 from activestereo.calibrate.world.light_steps import Progress, albedo_step, exposure_step
 from activestereo.calibrate.world.pattern import recover_pattern
-from activestereo.calibrate.world.pictures import write_pictures
+from activestereo.calibrate.world.pictures import poses_picture, write_pictures
 from activestereo.calibrate.world.poses import PoseEstimate, group_views, solve_poses
 from activestereo.calibrate.world.state import World
 from activestereo.calibrate.world.views import read_views
 from activestereo.capture.capture import SIDES, Frame, read_capture
 from activestereo.capture.write import write_capture
-from activestereo.common.output_files import write_png
 from activestereo.common.progress_bar import part_of
 
 STEPS = ("camera", "poses", "pattern", "exposure", "albedo")
@@ -126,6 +125,7 @@ def _poses(world: World, seed: int, folder: Path, progress: Progress) -> None:
             )
     covariance = _with_camera(world, group, estimate)
     world.poses = estimate
+    world.pictures["poses"] = poses_picture(*world.scene_views(), world.K)
     pose_of = {world.views[i].frame.id: p for i, p in zip(group, estimate.view_to_world, strict=True)}
     frames = tuple(replace(f, camera_to_world=pose_of[f.id]) for f in world.capture.frames if f.id in pose_of)
     others = sorted(f.id for f in world.capture.frames if f.id not in pose_of)
@@ -164,6 +164,7 @@ def _pattern(world: World, seed: int, folder: Path, progress: Progress) -> None:
     world.dots = dots
     light = np.nan_to_num(dots.image + darkness(dots), nan=0.0).clip(0.0)
     world.pattern = np.rint(np.minimum(255.0 * light / np.quantile(light[light > 0], 0.9995), 255.0)).astype(np.uint8)
+    world.pictures["pattern"] = world.pattern
     left_to_projector = np.eye(4)
     left_to_projector[:3, 3] = -dots.place
     projector = replace(rig.projector, K=dots.K, left_to_projector=left_to_projector)
@@ -213,9 +214,7 @@ def _write(world: World, out: Path, folder: Path) -> None:
         if color is not None:
             colors[frame.id] = color
     write_capture(out, capture, images, world.pattern, depths, colors, known | world.masks)
-    write_pictures(out / "measured", world.views, world.K, world.poses, world.masks)
-    if world.dots is not None:
-        write_png(out / "measured" / "pattern.png", world.pattern)
+    write_pictures(out / "measured", world.pictures)
 
 
 def _ids(frames: Sequence[Frame]) -> str:

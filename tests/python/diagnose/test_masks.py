@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a capture's masks hide counts in no part of a diagnosis, and a measured black level is held."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from activestereo.capture.capture import read_capture
+from activestereo.capture.images import read_gray, write_gray
+from activestereo.compare.cache import LayerCache
+from activestereo.compare.render import render_frames
+from activestereo.diagnose.evidence import gather
+from activestereo.diagnose.refine import Fitters, ParameterSpace
+from activestereo.diagnose.propose.scan import scan_observations
+from activestereo.effects import Model, builtin
+from lab_worlds import WorldRenderer
+from virtual_sensor.world import make_world
+
+HIDDEN = np.s_[20:70, 90:150]
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    return make_world(tmp_path_factory.mktemp("world"), size=(160, 90), grid=2, bounces=1)
+
+
+def masked(world, folder, spoiled):
+    """The world's capture with a mask over HIDDEN, and something foreign below it where it is spoiled."""
+    path = shutil.copytree(world.capture_path, folder)
+    content = json.loads((path / "capture.json").read_text())
+    known = np.full((90, 160), 255, np.uint8)
+    known[HIDDEN] = 0
+    write_gray(path / "known.png", known)
+    for frame in content["frames"]:
+        for side in ("left", "right"):
+            frame[f"{side}_mask"] = "known.png"
+            if spoiled:
+                image = read_gray(path / frame[side], key=side).copy()
+                image[HIDDEN] = 255 - image[HIDDEN]
+                write_gray(path / frame[side], image)
+    (path / "capture.json").write_text(json.dumps(content))
+    return path
+
+
+def fitted(world, path, tmp_path):
+    capture = read_capture(path)
+    renderer = WorldRenderer(world, grid=2, bounces=1)
+    evidence = gather(capture, render_frames(capture, renderer, cache=LayerCache(tmp_path / "cache"), scale=2))
+    fitters = Fitters.of(evidence, scan_observations(evidence.train))
+    space = ParameterSpace.of(Model(), builtin()["vignetting"])
+    return evidence, fitters, fitters.train.refine(space, space.start, fitters.train.phi0(evidence.nuisances), 4)
+
+
+def test_what_a_mask_hides_counts_nowhere(world, tmp_path):
+    clean = fitted(world, masked(world, tmp_path / "clean", spoiled=False), tmp_path)
+    spoiled = fitted(world, masked(world, tmp_path / "spoiled", spoiled=True), tmp_path)
+    count = 160 * 90 - 50 * 60
+    for evidence, fitters, solution in (clean, spoiled):
+        assert evidence.pixels == evidence.tile_pixels.sum() == count * len(evidence.train)
+        for row in fitters.train.residuals(solution):
+            assert not row.residual[HIDDEN].any() and not row.observation.weight[HIDDEN].any()
+        assert all(o.view.known.ravel()[o.pick].all() for o in fitters.scan.observations)
+    np.testing.assert_allclose(spoiled[2].phi[:3], clean[2].phi[:3], rtol=0.01)
+    assert spoiled[2].sums.total == pytest.approx(clean[2].sums.total, rel=0.03)
+
+
+def test_a_measured_black_level_is_held_and_its_deviation_told(world, tmp_path):
+    path = shutil.copytree(world.capture_path, tmp_path / "capture")
+    content = json.loads((path / "capture.json").read_text())
+    found = []
+    for black in (None, [3.0, 0.2], [3.0, 0.8]):
+        content["rig"] |= {} if black is None else {"black_dn": black}
+        (path / "capture.json").write_text(json.dumps(content))
+        evidence, fitters, solution = fitted(world, path, tmp_path)
+        found.append((evidence.nuisances.black_dn, solution.phi[2], fitters.train.covariance(solution)[0, 0]))
+    assert abs(found[0][1] - 3.0) > 0.2
+    for first, last, _ in found[1:]:
+        assert first == 3.0 and last == pytest.approx(3.0, abs=0.01)
+    narrow, wide = found[1][2], found[2][2]
+    assert wide > narrow
