@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a capture's masks hide counts in no part of a diagnosis, and a measured black level is held."""
+"""Pixels that a capture's masks hide count in no part of a diagnosis, and a measured black level is held."""
 
 import json
 import shutil

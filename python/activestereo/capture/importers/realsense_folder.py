@@ -174,7 +174,7 @@ def _by_name(
 
 
 def _without_stream(name: str, stream: str, pattern: re.Pattern[str]) -> str:
-    """What names of one frame's files share: img_left.png and img_depth_laser.png have img_.png."""
+    """The part of a name that one frame's files share: img_.png of img_left.png and img_depth_laser.png."""
     rest = pattern.sub("", name)
     return _BETWEEN_WORDS.sub("_", _STREAMS["depth"].sub("", rest) if stream == "depth" else rest)
 
