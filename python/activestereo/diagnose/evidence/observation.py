@@ -47,9 +47,8 @@ class Observation(MeasuredImage):
     geometry_places: np.ndarray
     pick: np.ndarray | None = None
 
-    @property
     def picked(self) -> np.ndarray | slice:
-        """What takes the pixels that count out of a flat image."""
+        """The index that takes the pixels that count out of a flat image."""
         return slice(None) if self.pick is None else self.pick
 
     @property
@@ -116,7 +115,7 @@ class Evidence:
     @property
     def tile_pixels(self) -> np.ndarray:
         """Pixels of each tile."""
-        return np.bincount(np.concatenate([o.tile.ravel()[o.picked] for o in self.train]), minlength=self.tiles)
+        return np.bincount(np.concatenate([o.tile.ravel()[o.picked()] for o in self.train]), minlength=self.tiles)
 
     def floor_variance(self, observations: tuple[Observation, ...]) -> float:
         """The observations' mean noise floor, DN^2."""

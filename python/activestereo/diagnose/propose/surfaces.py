@@ -38,7 +38,7 @@ def _by_material(fitter: Fitter, space: ParameterSpace, theta: np.ndarray, phi: 
     """chi2 of every material, each with an albedo of its own."""
     sums, model = [_Sums() for _ in range(MOST_MATERIALS)], space.model(theta)
     for o, light in zip(fitter.observations, fitter.lights(space, theta), strict=True):
-        pick = o.picked
+        pick = o.picked()
         surfaces = np.zeros(o.view.shape, dtype=np.int64) if o.view.material is None else o.view.material
         material, weight = surfaces.ravel()[pick], o.weight.ravel()[pick]
         image = signal(model, o, light, phi)
