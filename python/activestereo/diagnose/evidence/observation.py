@@ -115,7 +115,8 @@ class Evidence:
     @property
     def tile_pixels(self) -> np.ndarray:
         """Pixels of each tile."""
-        return np.bincount(np.concatenate([o.tile.ravel()[o.picked()] for o in self.train]), minlength=self.tiles)
+        tiles = [o.tile.ravel() if o.pick is None else o.tile.ravel()[o.pick] for o in self.train]
+        return np.bincount(np.concatenate(tiles), minlength=self.tiles)
 
     def floor_variance(self, observations: tuple[Observation, ...]) -> float:
         """The observations' mean noise floor, DN^2."""
