@@ -283,6 +283,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
             """A field under SAPIEN's name."""
             if name in _OWN_NAMES:
                 return getattr(self, _OWN_NAMES[name])
+            if name.startswith("__"):  # what Python asks for, as for a copy: nothing to guess
+                raise AttributeError(name)
             raise AttributeError(self._unknown(name))
 
     def __setattr__(self, name: str, value: Any) -> None:
