@@ -48,7 +48,8 @@ def run(args: argparse.Namespace) -> None:
     scene, report = args.out / "table_top.gltf", args.out / "report"
     write_table_top(scene)
     device = ["--device", str(args.device)]
-    _step(args, 1, ["simulate", str(scene), "--sensor", "d435", "--out", str(args.out / "simulated"), *device])
+    simulated = str(args.out / "simulated")
+    _step(args, 1, ["simulate", str(scene), "--sensor", "d435", "--spp", "8", "--out", simulated, *device])
     answer = _hide(args, capture)
     _step(args, 3, ["diagnose", str(capture), "--no-refine", "--spp", "32", "--out", str(report), *device])
     values = ", ".join(f"{name} = {value:.3g}" for name, value in answer["parameters"].items())

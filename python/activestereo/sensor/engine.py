@@ -115,7 +115,8 @@ class SensorEngine:
                 picture.has_rgb = True
             cameras, seen = self.rig.ir_cameras(rigs), self.rig.infrared()
             targets = picture.link.targets(taken.is_laser_apart)
-            self._render("ir", cameras, targets, taken, part_of(progress, share, 1.0), seen)
+            if self.image_effects is None or not self.image_effects.make_light:
+                self._render("ir", cameras, targets, taken, part_of(progress, share, 1.0), seen)
         except BaseException:
             self._under_way.let_end()
             self.rig.darken()
@@ -328,7 +329,8 @@ class SensorEngine:
                 if not self._under_way:
                     self.rig.darken()
             if self.image_effects is not None:
-                self.image_effects.on_light(picture.link)
+                is_laser_apart = picture.taken is not None and picture.taken.is_laser_apart
+                self.image_effects.on_light(picture.link, is_laser_apart)
             if not self.rig.is_one:
                 expose_each(picture, self._auto, self.config, self.rig.inputs())
             picture.link.deliver()

@@ -64,12 +64,19 @@ class ImageEffects:
     def names(self) -> list[str]:
         return [effect.id for effect, _ in self._effects]
 
-    def on_light(self, link: IrLink) -> None:
-        """Changes the pair of radiance, up to the charge that it makes."""
+    @property
+    def make_light(self) -> bool:
+        """Whether on_light() renders and writes the whole pair of radiance."""
+        return bool(self._of(Stage.PROJECTOR, Stage.OPTICS).effects)
+
+    def on_light(self, link: IrLink, is_laser_apart: bool) -> None:
+        """Changes the pair of radiance, up to the charge that it makes. is_laser_apart: the link has the part of the
+        light that is the laser's, too."""
         before, charge = self._of(Stage.PROJECTOR, Stage.OPTICS), self._of(Stage.CHARGE, Stage.CHARGE)
         if not before.effects and not charge.effects:
             return
         inputs, images = self._sensor.engine_inputs(), link.images()
+        lasers = link.laser().images() if is_laser_apart else None
         power = 0.0 if inputs.projector is None else float(inputs.projector.ir_intensity or 0.0)
         lights = _LIGHT if power > 0.0 else _LIGHT[:1]
         names = _GEOMETRY + lights if before.effects else _GEOMETRY
@@ -80,6 +87,8 @@ class ImageEffects:
                 ambient = max(inputs.ambient_radiance, 1e-30)
                 light = before.light(_light(seen, power, ambient), view, random=True)
                 images[i] = power * light.projector + ambient * light.ambient
+                if lasers is not None:
+                    lasers[i] = power * light.projector
             if charge.effects:
                 signal = part.signal
                 dn = (
@@ -90,6 +99,8 @@ class ImageEffects:
                 )
                 images[i] = charge.digital(images[i] * dn, view, 0.0, random=True) / dn if dn > 0 else images[i]
         link.put(images)
+        if lasers is not None:
+            link.laser().put(lasers)
 
     def depth(
         self, engine: simsense.Engine, pair: tuple[Any, Any], outputs: tuple[str, ...], **lasers: Any

@@ -2,6 +2,7 @@
 """A sensor under a model: the engines get what the model says, and the scene is given back."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -120,6 +121,38 @@ def test_a_users_effect_acts_at_its_stage_and_says_what_it_costs(config, scene):
         dimmed = pair_of(config, scene, model)
     lit = plain[1] < 250
     np.testing.assert_allclose((dimmed[1] - 5.0)[lit], 0.6 * (plain[1] - 5.0)[lit], atol=1e-2)
+
+
+@pytest.mark.parametrize("is_laser_apart", [False, True])
+def test_an_effect_on_light_changes_the_laser_s_part_as_the_whole(config, scene, is_laser_apart):
+    """Half of the projector's light, which alone has speckle or has none: the room's light stays."""
+
+    @effect(
+        "half_laser",
+        stage=Stage.PROJECTOR,
+        family="x",
+        source="x",
+        parameters=[Parameter("share", "1", neutral=1.0, low=0.0, high=1.0, typical=0.1)],
+    )
+    def half_laser(light, view, share):
+        """Less of the projector's light arrives."""
+        return replace(light, direct=share * light.direct, indirect=share * light.indirect, flat=share * light.flat)
+
+    def taken(model, laser_mw):
+        config.laser_power_mw, config.ir_speckle_of_laser = laser_mw, is_laser_apart
+        sensor = StereoDepthSensor(config, scene, pose=POSE, model=model)
+        sensor.take_picture(infrared_only=True)
+        picture = sensor._engine.picture()
+        images = [picture.link.images().copy()]
+        images += [picture.link.laser().images().copy()] if is_laser_apart else []
+        sensor.close()
+        return images
+
+    with pytest.warns(ModelCostWarning, match="half_laser"):
+        found = taken(SensorModel().with_effect(half_laser, {"share": Quantity(0.5)}), config.laser_power_mw)
+    expected = taken(None, 0.5 * config.laser_power_mw)
+    for image, other in zip(found, expected, strict=True):
+        assert image.mean() == pytest.approx(other.mean(), rel=0.02)
 
 
 @pytest.mark.parametrize(("name", "values"), [("quantisation", {"step_dn": 16.0}), ("post_filter", {"step_px": 0.5})])
