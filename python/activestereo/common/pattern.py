@@ -43,7 +43,7 @@ def make_pattern(design: PatternDesign) -> np.ndarray:
     height, width = design.height + 2 * reach, design.width + 2 * reach
     patches = peak[:, None, None] * down[:, :, None] * across[:, None, :]
     places = (rows[:, :, None] + reach) * width + columns[:, None, :] + reach
-    image = np.bincount(places.ravel(), patches.ravel(), height * width).reshape(height, width)
+    image: np.ndarray = np.bincount(places.ravel(), patches.ravel(), height * width).reshape(height, width)
     image = design.background + (1.0 - design.background) * image[reach:-reach, reach:-reach]
     return np.rint(255.0 * np.minimum(image, 1.0)).astype(np.uint8)
 
