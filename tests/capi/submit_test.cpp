@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <map>
+#include <memory>
 #include <thread>
 #include <vector>
 
@@ -14,11 +16,20 @@ namespace {
 constexpr uint64_t forever = UINT64_MAX, millisecond = 1000000;
 constexpr uint32_t hours = 100000000;  // samples
 
+/// One of each tracer for all tests, which leave it at rest: its shaders are compiled once.
+SmallRender& shared_render(uint32_t tracer) {
+  static std::map<uint32_t, std::unique_ptr<SmallRender>> kept;
+  std::unique_ptr<SmallRender>& render = kept[tracer];
+  if (!render || render->renderer == nullptr) render = std::make_unique<SmallRender>(tracer);
+  return *render;
+}
+
 class Submit : public testing::TestWithParam<uint32_t> {
  protected:
-  SmallRender render{GetParam()};
+  SmallRender& render = shared_render(GetParam());
   void SetUp() override {
     SKIP_IF(render.device ? "" : kuafu_last_error());
+    render.desc.seed = 0;
     render.expect_works();
   }
   ks_sync submit(uint32_t samples, uint64_t seed = 0) {

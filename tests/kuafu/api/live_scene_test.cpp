@@ -99,13 +99,13 @@ double resident_mib() {
 /// What the heap has given out. Resident pages cannot tell a small leak: freed pieces keep theirs, more or fewer of them in each run.
 double heap_mib() { return double(mallinfo2().uordblks) / (1 << 20); }
 
-// A mesh and a texture left behind in every round would be 320 MiB; a table's entry per id is about 3 kB.
+// A mesh and a texture left behind in every round would be 100 MiB; a table's entry per id is about 3 kB.
 #if defined(__SANITIZE_ADDRESS__)
 constexpr double most_resident_growth_mib = 512;  // the sanitizer keeps what is freed for a while
 #else
 constexpr double most_resident_growth_mib = 64;
 #endif
-constexpr double most_heap_growth_mib = 6;
+constexpr double most_heap_growth_mib = 2;
 
 uint64_t allocated_bytes() {
   uint64_t bytes = 0;
@@ -200,7 +200,7 @@ class LiveMemory : public testing::TestWithParam<uint32_t> {};
 INSTANTIATE_TEST_SUITE_P(Tracers, LiveMemory, testing::ValuesIn(tracers),
                          [](const auto& info) { return std::string(info.param == KUAFU_TRACER_AUTO ? "Auto" : "Compute"); });
 
-TEST_P(LiveMemory, AThousandRoundsOfAddRenderRemoveLeaveItFlat) {
+TEST_P(LiveMemory, HundredsOfRoundsOfAddRenderRemoveLeaveItFlat) {
   World world(GetParam());
   furnish(world);
   world.desc().samples_per_pixel = 1;
@@ -210,7 +210,7 @@ TEST_P(LiveMemory, AThousandRoundsOfAddRenderRemoveLeaveItFlat) {
   (void)world.render({small}, {KUAFU_OUTPUT_RADIANCE});
   const double resident = resident_mib(), heap = heap_mib();
   const uint64_t allocated = allocated_bytes();
-  const int rounds = GetParam() == KUAFU_TRACER_AUTO ? 1000 : 200;  // each round of the slow one costs as much as five
+  const int rounds = GetParam() == KUAFU_TRACER_AUTO ? 300 : 200;  // each round of the slow one costs as much as five
   for (int round = 0; round < rounds; ++round) round_of_all(world, ball, round);
   (void)world.render({small}, {KUAFU_OUTPUT_RADIANCE});  // the device learns of the last removal
   EXPECT_LT(heap_mib() - heap, most_heap_growth_mib);

@@ -86,6 +86,7 @@ TEST_P(Accumulation, calls_for_aovs_alone_leave_it_as_it_is) {
 TEST_P(Accumulation, begins_anew_after_a_call_without_it_and_with_other_sizes) {
   const auto count = [](std::map<uint32_t, Pixels> images) { return images[KUAFU_OUTPUT_SAMPLE_COUNT].id_at(0, 0, 0); };
   const std::vector<uint32_t> which = {KUAFU_OUTPUT_RADIANCE, KUAFU_OUTPUT_SAMPLE_COUNT};
+  EXPECT_EQ(count(render(4, false, which)), 4u);
   EXPECT_EQ(count(render(4, true, which)), 4u);
   EXPECT_EQ(count(render(4, true, which)), 8u);
   EXPECT_EQ(count(render(4, true, which, 9)), 4u);

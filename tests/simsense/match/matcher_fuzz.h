@@ -65,7 +65,7 @@ class Fuzz {
     p.census_noise_dn = one_of({0, 0, 2, 30, 255});
     return p;
   }
-  /// Those that only the CPU knows, mixed with the others.
+  /// With what extends the published matcher.
   MatchParameters all_parameters(bool block) {
     MatchParameters p = parameters(block);
     if (in(0, 1)) {
