@@ -137,7 +137,7 @@ template <class Api>
 void bind_device(py::module_& module) {
   using Info = DeviceInfo<Api>;
   const auto bytes16 = [](const uint8_t* uuid) { return py::bytes(reinterpret_cast<const char*>(uuid), 16); };
-  py::class_<Info>(module, "DeviceInfo", "What a device is and can do.")
+  py::class_<Info>(module, "DeviceInfo", "Properties of a device.")
       .def_property_readonly("name", [](const Info& i) { return std::string(i.c.name); })
       .def_property_readonly("driver", [](const Info& i) { return std::string(i.c.driver); })
       .def_property_readonly(

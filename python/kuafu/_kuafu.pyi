@@ -31,7 +31,7 @@ class CancelledError(Error):
 
 
 class DeviceInfo:
-    """What a device is and can do."""
+    """Properties of a device."""
 
     @property
     def name(self) -> str:
@@ -62,7 +62,7 @@ class DeviceInfo:
         """Whether the library can use the device."""
     @property
     def capabilities(self) -> list[str]:
-        """What the library may ask of it: exports, imports, ray tracing pipelines."""
+        """Capabilities that the library may ask of it: exports, imports, ray tracing pipelines."""
     @property
     def memory_bytes(self) -> int:
         """Size of its largest own heap."""
@@ -89,7 +89,7 @@ class Device:
         """Every Vulkan device, usable or not."""
     @property
     def info(self) -> DeviceInfo:
-        """What the device is and can do."""
+        """The device's properties."""
     @property
     def copied_bytes(self) -> int:
         """Bytes copied between buffers, or between host memory and buffers, since the device was created."""
@@ -606,7 +606,7 @@ class Scene:
     def set_instance_poses(self, ids: ArrayLike, local_to_world: ArrayLike) -> None:
         """Moves many at once: ids [n], local_to_world [n, 4, 4]. Where one is refused, none has moved."""
     def set_instance_velocity(self, id: int, linear: Sequence[float], angular: Sequence[float] = ...) -> None:
-        """What it does while a shutter is open, m/s and rad/s in its own frame (local_to_world's rotation without
+        """Sets its motion while a shutter is open, m/s and rad/s in its own frame (local_to_world's rotation without
         its scale)."""
     def set_instance_materials(self, id: int, materials: Sequence[int]) -> None:
         """Replaces the materials of an instance, one for each part of its mesh."""
@@ -651,14 +651,14 @@ class Scene:
         """The name that the material was given or loaded with."""
 
 class RenderSummary:
-    """What the last render did."""
+    """Figures of a render."""
 
     @property
     def samples_per_pixel(self) -> int:
         """In the images."""
     @property
     def call_samples_per_pixel(self) -> int:
-        """Of those, this call's."""
+        """This call's part of those."""
     @property
     def relative_error(self) -> float:
         """NaN where none was aimed at."""
@@ -687,7 +687,7 @@ class Renderer:
         """{stage: milliseconds} of the last render."""
     @property
     def summary(self) -> RenderSummary:
-        """What the last render came to: a RenderSummary."""
+        """The last render's RenderSummary."""
     def render(
         self,
         scene: Scene,
@@ -837,7 +837,7 @@ class Renderer:
         """Ends what is under way, submitted or in another thread's call: CancelledError there. From any thread."""
 
 class Submission:
-    """What Renderer.submit has begun."""
+    """A render that Renderer.submit has begun."""
 
     @property
     def ended(self) -> bool:

@@ -32,7 +32,7 @@ class CancelledError(Error):
 
 
 class DeviceInfo:
-    """What a device is and can do."""
+    """Properties of a device."""
 
     @property
     def name(self) -> str:
@@ -63,7 +63,7 @@ class DeviceInfo:
         """Whether the library can use the device."""
     @property
     def capabilities(self) -> list[str]:
-        """What the library may ask of it: exports, imports, ray tracing pipelines."""
+        """Capabilities that the library may ask of it: exports, imports, ray tracing pipelines."""
     @property
     def memory_bytes(self) -> int:
         """Size of its largest own heap."""
@@ -90,7 +90,7 @@ class Device:
         """Every Vulkan device, usable or not."""
     @property
     def info(self) -> DeviceInfo:
-        """What the device is and can do."""
+        """The device's properties."""
     @property
     def copied_bytes(self) -> int:
         """Bytes copied between buffers, or between host memory and buffers, since the device was created."""
@@ -431,7 +431,7 @@ class Engine:
         """Ends the compute that another thread is in: CancelledError there. From any thread."""
 
 class Submission:
-    """What Engine.submit has begun."""
+    """A computation that Engine.submit has begun."""
 
     def wait(self, timeout_s: float | None = None) -> dict[str, NDArray[Any]]:
         """Blocks until the outputs may be read, and returns them. TimeoutError where it has not ended after timeout_s:

@@ -170,7 +170,7 @@ class StereoDepthSensorBatch(SensorResults):
         return np.concatenate([points, self.get_rgb()], axis=-1) if with_rgb else points
 
     def get_cuda(self, name: str, device: int = 0) -> CudaArray:
-        """What get_<name>() has, in CUDA memory and without a copy, as float32, uint8, uint16 or uint32: 'depth',
+        """The array of get_<name>() in CUDA memory, without a copy, as float32, uint8, uint16 or uint32: 'depth',
         'disparity', 'ir_left', 'ir_right' (of ir_measured), a map of get_depth_map(), 'rgba8', 'true_depth',
         'instance_ids' or 'material_ids'; or 'radiance', the light that get_rgb() encodes. torch.as_tensor(array,
         device="cuda") takes it. The next take_picture() or compute_depth() writes into the same memory. device: which
@@ -198,7 +198,7 @@ class StereoDepthSensorBatch(SensorResults):
 
     @property
     def allocated_bytes(self) -> int:
-        """What the buffers of this batch's devices hold now: scene, renderer, depth engine and images."""
+        """Bytes in the buffers of this batch's devices now: scene, renderer, depth engine and images."""
         return sum(e.scene.device.allocated_bytes + e.matcher.device.allocated_bytes for e in self._engines)
 
     @property

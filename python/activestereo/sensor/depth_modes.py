@@ -59,7 +59,7 @@ class DepthCamera:
         self.sensors.restart(seed)
 
     def take(self) -> NDArray[np.float32]:
-        """What the camera gives now, 0 = no measurement."""
+        """Depths in metres [E, height, width] that the cameras measure now, 0 = no measurement."""
         if self.mode in ("raster", "full"):
             self.sensors.take_picture(infrared_only=True)
             self.sensors.compute_depth()

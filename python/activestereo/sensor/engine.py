@@ -294,7 +294,7 @@ class SensorEngine:
         )
 
     def _prepare(self, place: NDArray[np.float64]) -> Taken:
-        """What changes from picture to picture: exposure, emitter, and, where a sensor has moved, static speckle."""
+        """Sets what changes from picture to picture: exposure, emitter, static speckle where a sensor has moved."""
         if self._next_setting is not None:
             self.rig.set_exposure(self._next_setting)
             self._next_setting = None
@@ -345,7 +345,7 @@ class SensorEngine:
             raise
 
     def _turn(self) -> None:
-        """What was rendered are the pictures now; of a pipelined engine those before give their memory to the next."""
+        """Makes the rendered pictures the present ones; in a pipelined engine those before give the next their memory."""
         if self._next.taken is None:
             return
         self._maps.clear()

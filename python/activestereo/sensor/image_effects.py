@@ -30,7 +30,7 @@ _LIGHT = ("ambient", "albedo", "projector_direct", "projector_indirect", "projec
 
 
 class Sensor(Protocol):
-    """What is asked of a StereoDepthSensor."""
+    """The part of a StereoDepthSensor that effects use."""
 
     projector_to_world: NDArray[np.float64]
     frame_index: int
@@ -80,9 +80,9 @@ class ImageEffects:
         power = 0.0 if inputs.projector is None else float(inputs.projector.ir_intensity or 0.0)
         lights = _LIGHT if power > 0.0 else _LIGHT[:1]
         names = _GEOMETRY + lights if before.effects else _GEOMETRY
-        for i, (eye, part) in enumerate(zip(SIDES, inputs.sides, strict=True)):
-            seen = self._sensor.get_pictures(names, eye)
-            view = self._view(eye, inputs, seen)
+        for i, (side, part) in enumerate(zip(SIDES, inputs.sides, strict=True)):
+            seen = self._sensor.get_pictures(names, side)
+            view = self._view(side, inputs, seen)
             if before.effects:
                 ambient = max(inputs.ambient_radiance, 1e-30)
                 light = before.light(_light(seen, power, ambient), view, random=True)
@@ -124,9 +124,9 @@ class ImageEffects:
 
     def _counts(self, model: Model, images: list[NDArray]) -> list[NDArray]:
         out, inputs = [], self._sensor.engine_inputs()
-        for eye, part, image in zip(SIDES, inputs.sides, images, strict=True):
+        for side, part, image in zip(SIDES, inputs.sides, images, strict=True):
             black = part.signal["black_level_dn"]
-            view = self._view(eye, inputs, self._sensor.get_pictures(_GEOMETRY, eye))
+            view = self._view(side, inputs, self._sensor.get_pictures(_GEOMETRY, side))
             value = model.digital(image.astype(np.float64) - black, view, black, random=True)
             out.append(np.rint(value).astype(image.dtype))
         return out
@@ -150,14 +150,14 @@ class ImageEffects:
             "depth_rgb": registered(depth, k, left_to_rectified, self._sensor.get_config()),
         }
 
-    def _view(self, eye: str, inputs: EngineInputs, seen: Pictures) -> View:
+    def _view(self, side: str, inputs: EngineInputs, seen: Pictures) -> View:
         config = self._sensor.get_config()
-        k, distortion = config.ir_intrinsics(eye == "right")
+        k, distortion = config.ir_intrinsics(side == "right")
         left, right = (part.camera.camera_to_world for part in inputs.sides)
-        own = right if eye == "right" else left
+        own = right if side == "right" else left
         projector = inputs.projector
         return View(
-            side=eye,
+            side=side,
             K=k,
             depth_m=seen["depth"][..., 0].astype(np.float64),
             normal=seen["normal"].astype(np.float64) @ own[:3, :3],

@@ -74,9 +74,9 @@ def exposed_anew(
     if inputs is None or effects.effects or scene_measurement != SceneMeasurement():
         return None
     inputs.frame = replace(inputs.frame, exposure_s=config.ir_camera_exposure)
-    for eye in inputs.sides:
-        eye.signal = _signal(config, inputs.frame)
-        eye.camera.exposure_s = config.ir_camera_exposure
+    for side in inputs.sides:
+        side.signal = _signal(config, inputs.frame)
+        side.camera.exposure_s = config.ir_camera_exposure
     return inputs
 
 
@@ -148,7 +148,7 @@ def _projector(
 
 
 def _bounds(summary: kuafu.SceneSummary) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Of the scene and the sensor."""
+    """Corners of the box, metres, that holds the scene and the sensor."""
     corners = [summary.bounds_min_m, summary.bounds_max_m] if summary.triangle_count else []
     points = np.array([*corners, _RGB_POSE.p])
     return tuple(points.min(axis=0) - _MARGIN_M), tuple(points.max(axis=0) + _MARGIN_M)

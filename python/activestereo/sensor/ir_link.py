@@ -62,8 +62,8 @@ class IrLink:
         else:
             with self._source.export(shared) as desc:
                 self._sink = simsense.Buffer.import_(engine_device, desc)
-        eye_shape = (height, width) if count == 1 else (count, height, width)
-        self.left, self.right = (self._sink.image(np.float32, eye_shape, eye * size_bytes // 2) for eye in (0, 1))
+        shape = (height, width) if count == 1 else (count, height, width)
+        self.left, self.right = (self._sink.image(np.float32, shape, side * size_bytes // 2) for side in (0, 1))
 
     def laser(self) -> IrLink:
         """A second pair of memory beside this one, for the part of the light that is the laser's; made when it is first
@@ -73,7 +73,7 @@ class IrLink:
         return self._laser
 
     def targets(self, is_laser_apart: bool) -> dict[str, kuafu.Image]:
-        """What a render fills, by kuafu's name of the output."""
+        """Memory that a render fills, by kuafu's name of the output."""
         return {"radiance": self.target} | ({"projector": self.laser().target} if is_laser_apart else {})
 
     def lasers(self, is_laser_apart: bool) -> dict[str, simsense.Image]:
@@ -90,7 +90,7 @@ class IrLink:
         return np.asarray(self._seen(1)[0])
 
     def put(self, images: np.ndarray) -> None:
-        """What was changed in `images`."""
+        """Sends the changes in `images` to the renderer's memory."""
         if self._is_on_gpu:
             self._source.write(images)
 

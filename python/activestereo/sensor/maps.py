@@ -98,5 +98,5 @@ class Maps:
         return found
 
     def _shape_of(self, image: Any) -> tuple[int, ...]:
-        """Of a map of one sensor, or of several with their number in front."""
+        """The shape of one sensor's map, or of several with their number in front."""
         return (*self._engine.shape, *image.shape[1 if prod(self._engine.shape) > 1 else 0 :])

@@ -21,7 +21,7 @@ METADATA = "activestereo"
 
 @dataclass(frozen=True)
 class OnnxInterface:
-    """What a network wants and gives. left, right: names of its inputs, float32 [1, channels, height, width], whose
+    """A network's inputs and outputs. left, right: names of its inputs, float32 [1, channels, height, width], whose
     values are (counts of 0..255 - mean) / std; multiple: height and width are padded to multiples of it, at the right
     and below. disparity, confidence: names of its outputs, [1, (1,) height, width]; disparities times scale are pixels,
     and confidences 0..1; "" = there are none."""

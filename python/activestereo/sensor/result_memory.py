@@ -17,7 +17,7 @@ _MOST_FREE = 2  # of a result: the caller holds one while the next is computed
 
 
 class Kind(NamedTuple):
-    """Of a result of one environment."""
+    """Shape and type of a result of one environment."""
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
@@ -49,7 +49,7 @@ class ResultMemory:
 
 
 class _Lent:
-    """What an array and all its views keep alive."""
+    """Memory that an array and all its views keep alive."""
 
     def __init__(self, memory: NDArray[Any]) -> None:
         self.__array_interface__ = memory.__array_interface__
@@ -73,7 +73,7 @@ class JoinedResults:
         self._lock = threading.Lock()
 
     def begin(self) -> None:
-        """Of the next picture: none of its results has been taken."""
+        """Forgets the results of the picture before: none of the next one's has been taken."""
         self._whole, self._taken = {}, set()
 
     def part(self, number: int) -> PartOfResults:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What sensors have of their last pictures: the RGB cameras' images and the depth engine's maps."""
+"""Results of sensors' last pictures: the RGB cameras' images and the depth engine's maps."""
 
 from __future__ import annotations
 

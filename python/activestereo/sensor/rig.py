@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What sensors put into their scene: projectors, a model's lights, materials and medium; all of it is taken out
+"""A scene's part that is the sensors': projectors, a model's lights, materials and medium; all of it is taken out
 again."""
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ class _RigLight:
 
 
 class Rig:
-    """What sensors of one kind have in their scene. environments: each sensor's; None: its lights are seen by all.
-    Materials that a model changes are the model's until leave(). laser_power: of each sensor, over the inputs'."""
+    """The lights and materials of like sensors in their scene. environments: each sensor's; None: its lights are seen
+    by all. Materials that a model changes are the model's until leave(). laser_power: of each sensor, over the inputs'.
+    """
 
     def __init__(
         self, scene: kuafu.Scene, environments: Sequence[int | None], pattern: NDArray[np.uint8] | None

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What both engines are told of like sensors: inputs by configuration, model, velocity and conditions, and the cameras
-and lights that follow from them."""
+"""Like sensors as both engines are told of them: inputs by configuration, model, velocity and conditions, and the
+cameras and lights that follow from them."""
 
 from __future__ import annotations
 

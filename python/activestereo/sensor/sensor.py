@@ -129,7 +129,7 @@ class StereoDepthSensor(SensorResults):
         """[left, right] float32 [height, width] in 0..1: what linear imagers would count without noise and dark
         current, over full scale."""
         light, signals = self._engine.light(), self._engine.picture().signals
-        return [linear_counts(*eye) for eye in zip(light, signals, strict=True)]
+        return [linear_counts(*side) for side in zip(light, signals, strict=True)]
 
     def get_depth_map(self, name: str) -> NDArray[Any]:
         """One of the config's depth_maps, of the (rectified) left infrared camera: 'confidence' float32 [height, width]
@@ -148,8 +148,8 @@ class StereoDepthSensor(SensorResults):
         return np.hstack([points, self.get_rgb()[v, u]]) if with_rgb else points
 
     def get_cuda(self, name: str) -> CudaArray:
-        """What get_<name>() has, in CUDA memory and without a copy, of a sensor made with on_cuda: the names and the
-        rest are as StereoDepthSensorBatch.get_cuda() has them."""
+        """The array of get_<name>() in CUDA memory, without a copy, of a sensor made with on_cuda; names, types and
+        errors are those of StereoDepthSensorBatch.get_cuda()."""
         return self._cuda(self._engine, name)
 
     def get_picture(self, name: str, camera: str = "rgb") -> NDArray[Any]:
@@ -178,8 +178,8 @@ class StereoDepthSensor(SensorResults):
         self._place.local = Pose(as_matrix(pose))
 
     def set_velocity(self, linear: ArrayLike, angular: ArrayLike = (0.0, 0.0, 0.0)) -> None:
-        """What the whole sensor, projector included, does while its shutters are open, m/s and rad/s in the left
-        infrared camera's own frame (x right, y down, z forward): pose(t) = pose exp(t [linear, angular]), as
+        """Moves the whole sensor, projector included, while its shutters are open: m/s and rad/s in the left infrared
+        camera's own frame (x right, y down, z forward): pose(t) = pose exp(t [linear, angular]), as
         camera_velocity of captures; zeros = it stands still. It moves nothing from one picture to the next:
         set_local_pose() does, and is the pose in the middle of the exposure."""
         self._engine.set_twist(checked_twist(linear, angular))
@@ -190,8 +190,8 @@ class StereoDepthSensor(SensorResults):
         return twist[:3].copy(), twist[3:].copy()
 
     def set_conditions(self, temperature_c: float | None = None, time_s: float = 0.0) -> None:
-        """What a model's effects may depend on: the sensor's temperature (None: that of its signal) and the seconds
-        since it was switched on; of the pictures that follow."""
+        """Sets what a model's effects may depend on in the pictures that follow: the sensor's temperature (None: that
+        of its signal) and the seconds since it was switched on."""
         if temperature_c is not None:
             TEMPERATURE.check("temperature_c", temperature_c)
         TIME.check("time_s", time_s)

@@ -181,8 +181,8 @@ class SimulatedCamera:
 
     def infrared_pair(self) -> list[NDArray[np.uint8]]:
         """[left, right], as the imagers count."""
-        eyes = self._ready().get_ir_measured()
-        return [np.asarray(eye if eye.dtype == np.uint8 else eye >> 8, np.uint8) for eye in eyes]
+        images = self._ready().get_ir_measured()
+        return [np.asarray(image if image.dtype == np.uint8 else image >> 8, np.uint8) for image in images]
 
     def rgb(self) -> NDArray[np.uint8]:
         """[height, width, 3]."""

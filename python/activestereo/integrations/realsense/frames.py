@@ -165,8 +165,8 @@ class composite_frame(frame):
 
     def get_infrared_frame(self, index: int = 0) -> frame | None:
         """The first one where the index is 0."""
-        eyes = (one for one in self._frames if one.profile.stream_type() == stream.infrared)
-        return next((one for one in eyes if index in (0, one.profile.stream_index())), None)
+        infrared = (one for one in self._frames if one.profile.stream_type() == stream.infrared)
+        return next((one for one in infrared if index in (0, one.profile.stream_index())), None)
 
     def foreach(self, callback: Callable[[frame], object]) -> None:
         for one in self._frames:
