@@ -345,7 +345,7 @@ class SensorEngine:
             raise
 
     def _turn(self) -> None:
-        """Makes the rendered pictures the present ones; in a pipelined engine those before give the next their memory."""
+        """Makes the rendered pictures the present ones; the next of a pipelined engine take the memory of the last."""
         if self._next.taken is None:
             return
         self._maps.clear()

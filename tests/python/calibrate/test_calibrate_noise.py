@@ -18,10 +18,12 @@ from activestereo.model import read_model
 _SIZE = (40, 64)
 
 
-def clean_image(seed: int, low: float = 0.4, high: float = 110.0) -> np.ndarray:
+def clean_image(
+    seed: int, low: float = 0.4, high: float = 110.0, size: tuple[int, int] = _SIZE
+) -> np.ndarray:
     """Counts above black: levels spread over the range, in blocks."""
     rng = np.random.default_rng(seed)
-    return np.exp(rng.uniform(np.log(low), np.log(high), _SIZE))
+    return np.exp(rng.uniform(np.log(low), np.log(high), size))
 
 
 def drawn(
@@ -142,7 +144,7 @@ def folder(tmp_path):
     """12 frames of a view as PNG files."""
     path = tmp_path / "view"
     path.mkdir()
-    for i, image in enumerate(drawn(GammaModel(5.0, 0.8, 5.0), clean_image(3), 12, 4)):
+    for i, image in enumerate(drawn(GammaModel(5.0, 0.8, 5.0), clean_image(3, size=(10, 16)), 12, 4)):
         write_gray(path / f"{i:03d}.png", image)
     return path
 
@@ -217,7 +219,7 @@ def test_bad_repeats_are_refused_in_one_line(folder, tmp_path, capsys):
     out.write_text("{}")
     folder2 = tmp_path / "again"
     folder2.mkdir()
-    for i, image in enumerate(drawn(GammaModel(5.0, 0.8, 5.0), clean_image(3), 10, 4)):
+    for i, image in enumerate(drawn(GammaModel(5.0, 0.8, 5.0), clean_image(3, size=(10, 16)), 10, 4)):
         write_gray(folder2 / f"{i}.png", image)
     assert "give another file to -o" in _refused(["calibrate", "noise", folder2, "-o", out], capsys)
     assert out.read_text() == "{}"

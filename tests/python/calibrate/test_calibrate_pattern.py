@@ -223,14 +223,14 @@ def test_spots_whose_middles_lie_outside_are_found():
 
 
 def test_intervals_of_dim_walls_hold_the_truth():
-    """Dots of 2 to 12 DN under the noise of 12 repeats, of which the far wall's weakest are lost. 18 intervals of 90 %
-    hold 16 truths on average, below 13 by chance in less than one run of 150."""
+    """Dots of 2 to 12 DN under the noise of 12 repeats, of which the far wall's weakest are lost. 12 intervals of 90 %
+    hold 11 truths on average, below 8 by chance in less than one run of 200."""
     left_K, dots_K = (
         np.array([[213.5, 0, 79.5], [0, 213.5, 59.5], [0, 0, 1.0]]),
         np.array([[400.0, 0, 250], [0, 400.0, 200], [0, 0, 1]]),
     )
     place, baseline_m, scores = np.array([0.0293, 0.0004, -0.0012]), 0.05, []
-    for seed in range(6):
+    for seed in range(4):
         rng = np.random.default_rng(seed)
         u, v = (
             part.ravel() + rng.uniform(-5, 5, part.size)
@@ -248,7 +248,7 @@ def test_intervals_of_dim_walls_hold_the_truth():
         assert len(pairs) > 200
         scores.append((found - place) / error)
     scores = np.array(scores)
-    assert np.sum(np.abs(scores) < 1.6449) >= 13
+    assert np.sum(np.abs(scores) < 1.6449) >= 8
     assert 0.5 < np.sqrt(np.mean(scores**2)) < 1.5  # nor are they wide for nothing
 
 

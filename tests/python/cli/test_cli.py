@@ -5,7 +5,9 @@ import os
 import struct
 import subprocess
 import zlib
+from functools import partial
 
+import command_line
 import numpy as np
 import pytest
 from moving_wall import write_moving_wall
@@ -15,17 +17,22 @@ K = "120,0,79.5,0,120,47.5,0,0,1"
 
 
 @pytest.fixture(scope="session")
-def run(build):
+def process(build):
     """Runs build/bin/activestereo from nowhere in particular, without any environment of ours."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
 
-    def run(*arguments, **changes):
+    def process(*arguments, **changes):
         command = [str(build / "bin" / "activestereo"), *map(str, arguments)]
         return subprocess.run(
             command, capture_output=True, text=True, cwd="/", env={**environment, **changes}, timeout=300
         )
 
-    return run
+    return process
+
+
+@pytest.fixture
+def run(capsys):
+    return partial(command_line.run_here, capsys)
 
 
 @pytest.fixture(scope="module")
@@ -86,21 +93,21 @@ def test_help_of_each_command(run):
             assert word in result.stdout, (command, word)
 
 
-def test_devices(run, device):
-    result = run("devices")
+def test_devices(process, device):
+    result = process("devices")
     assert result.returncode == 0 and not result.stderr
     assert device.info.name in result.stdout and "usable" in result.stdout
 
 
-def test_without_a_driver_it_says_what_to_install(run, table_top, tmp_path):
+def test_without_a_driver_it_says_what_to_install(process, table_top, tmp_path):
     missing = {"VK_ICD_FILENAMES": "/nonexistent.json", "VK_DRIVER_FILES": "/nonexistent.json"}
-    assert_refused(run("devices", **missing), "apt install", "mesa-vulkan-drivers")
-    assert_refused(run("simulate", table_top, "--out", tmp_path / "out", **missing), "mesa-vulkan-drivers")
+    assert_refused(process("devices", **missing), "apt install", "mesa-vulkan-drivers")
+    assert_refused(process("simulate", table_top, "--out", tmp_path / "out", **missing), "mesa-vulkan-drivers")
 
 
-def test_simulate_writes_all_files(run, table_top, tmp_path):
+def test_simulate_writes_all_files(process, table_top, tmp_path):
     out = tmp_path / "deep" / "out"
-    result = run(
+    result = process(
         "simulate",
         table_top,
         "--sensor",
@@ -192,8 +199,8 @@ def test_simulate_from_a_given_pose(run, table_top, tmp_path):
     assert (true[:10] == 0).all() and (true[-10:] > 0).all()
 
 
-def test_depth_of_a_pair(run, pair, tmp_path):
-    result = run(
+def test_depth_of_a_pair(process, pair, tmp_path):
+    result = process(
         "depth",
         pair / "left.png",
         pair / "right.png",
@@ -389,9 +396,8 @@ def test_simulate_refuses_what_is_wrong(run, table_top, tmp_path):
     assert_refused(run("simulate", table_top, "--resolution", "400x400", *out), "400x226")
     assert_refused(run("simulate", table_top, "--camera", "3", *out), "--camera 3")
     assert_refused(run("simulate", table_top, "--camera-to-world", "1,2,3", *out), "16")
-    assert_refused(
-        run("simulate", table_top, "--camera-to-world", ",".join(["2"] * 16), *out), "2, 2, 2, 2", "expected 0, 0, 0, 1"
-    )
+    twos = ",".join(["2"] * 16)
+    assert_refused(run("simulate", table_top, "--camera-to-world", twos, *out), "2, 2, 2, 2", "expected 0, 0, 0, 1")
     twice_as_large = "2,0,0,0, 0,2,0,0, 0,0,2,0, 0,0,0,1"
     assert_refused(run("simulate", table_top, "--camera-to-world", twice_as_large, *out), "rotation")
     assert_refused(run("simulate", table_top, "--ir-distortion", "0.1,0.2", *out), "4 or 5 or 8")

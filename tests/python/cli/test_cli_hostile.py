@@ -5,22 +5,18 @@ import argparse
 import os
 import struct
 import subprocess
+from functools import partial
 
 import numpy as np
 import pytest
+from command_line import run_here
 
 K = "120,120,20,15"
 
 
 @pytest.fixture
-def run(build):
-    def run(*arguments: object, **changes: str) -> subprocess.CompletedProcess:
-        command = [str(build / "bin" / "activestereo"), *map(str, arguments)]
-        return subprocess.run(
-            command, capture_output=True, text=True, cwd="/", env={**os.environ, **changes}, timeout=300
-        )
-
-    return run
+def run(capsys):
+    return partial(run_here, capsys)
 
 
 def one_line(result: subprocess.CompletedProcess, status: int = 2) -> str:
@@ -96,9 +92,10 @@ def test_a_name_of_two_lines_is_told_in_one(run, arguments):
     assert r"a\nb" in one_line(run(*arguments))
 
 
-def test_a_name_that_is_no_utf8_is_told(run, tmp_path):
-    folder = tmp_path / "\udcff"
-    result = run("capture", "check", folder, PYTHONIOENCODING="utf-8")
+def test_a_name_that_is_no_utf8_is_told(build, tmp_path):
+    command = [build / "bin" / "activestereo", "capture", "check", tmp_path / "\udcff"]
+    environment = {**os.environ, "PYTHONIOENCODING": "utf-8"}
+    result = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=300)
     assert r"\udcff" in one_line(result, 1) and r"\udcff" in result.stdout
 
 

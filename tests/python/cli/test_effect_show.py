@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 
 from activestereo.cli import main
-from activestereo.compare.effect_strip import StripWorld
+from activestereo.compare import effect_strip
 from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.effects import Stage, builtin
 from activestereo.report.strip_page import strip_page
@@ -17,7 +17,9 @@ BLACK_DN = 5.0
 
 @pytest.fixture(scope="module")
 def world(lab_cache):
-    return StripWorld(KuafuRenderer("cpu"), lab_cache)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(effect_strip, "_SAMPLES", 16)
+        return effect_strip.StripWorld(KuafuRenderer("cpu"), lab_cache)
 
 
 @pytest.mark.parametrize("name", builtin())

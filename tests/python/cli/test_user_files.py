@@ -3,8 +3,6 @@
 
 import os
 import platform
-import subprocess
-import sys
 
 import pytest
 from PIL import Image
@@ -14,8 +12,8 @@ from activestereo.capture.capture_json import CaptureError
 from activestereo.capture.images import read_gray
 from activestereo.common.input_files import DEEPEST_JSON, MOST_TEXT_BYTES, read_json, read_text, read_toml
 from activestereo.common.output_files import new_folder, write_text, written_together
+from command_line import run_here
 
-COMMAND = [sys.executable, "-m", "activestereo"]
 # Commands whose words FILE, and OUT for a file to write, are replaced.
 READ = [
     "generate CAPTURE/scene.gltf --out NEW --ranges FILE",
@@ -39,36 +37,34 @@ def fifo(tmp_path_factory):
     return path
 
 
-def ended(words, lab_world, file, new):
+def ended(capsys, words, lab_world, file, new):
     words = words.replace("FILE", str(file)).replace("CAPTURE", str(lab_world.capture_path)).replace("NEW", str(new))
-    return subprocess.run([*COMMAND, *words.split()], capture_output=True, text=True, timeout=60)
+    return run_here(capsys, *words.split())
 
 
 @pytest.mark.parametrize("words", READ)
-def test_a_pipe_is_refused_at_once(words, lab_world, fifo, tmp_path):
-    result = ended(words, lab_world, fifo, tmp_path / "new.json")
+def test_a_pipe_is_refused_at_once(words, lab_world, fifo, tmp_path, capsys):
+    result = ended(capsys, words, lab_world, fifo, tmp_path / "new.json")
     assert result.returncode == 2, result.stderr
     assert str(fifo) in result.stderr and "Traceback" not in result.stderr
 
 
 @pytest.mark.parametrize("words", [words for words in READ if "depth" not in words])
-def test_brackets_without_end_are_told_with_the_file(words, lab_world, tmp_path):
+def test_brackets_without_end_are_told_with_the_file(words, lab_world, tmp_path, capsys):
     path = tmp_path / "deep.json"
     path.write_text("[" * 100_000 + "]" * 100_000)
-    result = ended(words, lab_world, path, tmp_path / "new.json")
+    result = ended(capsys, words, lab_world, path, tmp_path / "new.json")
     assert result.returncode == 2 and str(path) in result.stderr
     assert "recursion" not in result.stderr and "Traceback" not in result.stderr
 
 
 @pytest.mark.parametrize("target", ["/dev/full", "FIFO", "LOOP"])
-def test_a_target_that_is_no_file_is_refused_before_the_work(target, lab_world, fifo, tmp_path):
+def test_a_target_that_is_no_file_is_refused_before_the_work(target, fifo, tmp_path, capsys):
     loop = tmp_path / "loop.json"
     loop.symlink_to(loop)
     path = {"FIFO": fifo, "LOOP": loop}.get(target, target)
     frames = tmp_path / "no_frames_are_looked_at"
-    result = subprocess.run(
-        [*COMMAND, "calibrate", "noise", frames, "-o", path], capture_output=True, text=True, timeout=60
-    )
+    result = run_here(capsys, "calibrate", "noise", frames, "-o", path)
     assert result.returncode == 2 and str(path) in result.stderr and str(frames) not in result.stderr
     assert os.path.lexists(path) and (target != "LOOP" or loop.is_symlink())
 

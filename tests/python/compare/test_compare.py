@@ -26,7 +26,7 @@ from virtual_sensor.sensor import expected
 
 @pytest.fixture(scope="module")
 def comparison(lab_world, lab_cache):
-    return compare(lab_world.capture_path, renderer=WorldRenderer(lab_world, grid=6), cache=lab_cache)
+    return compare(lab_world.capture_path, renderer=WorldRenderer(lab_world, grid=3), cache=lab_cache)
 
 
 def test_the_fit_finds_what_the_world_was_made_with(lab_world, comparison):
@@ -66,7 +66,7 @@ def test_the_right_model_leaves_little_to_explain(comparison):
 
 def test_a_wrong_scene_leaves_much_to_explain(lab_world, comparison, tmp_path):
     wrong = replace(lab_world, solids=tuple(s for s in lab_world.solids if s.name != "ball"))
-    scores = compare(lab_world.capture_path, renderer=WorldRenderer(wrong), cache=LayerCache(tmp_path)).scores
+    scores = compare(lab_world.capture_path, renderer=WorldRenderer(wrong, grid=2), cache=LayerCache(tmp_path)).scores
     for split in ("train", "test"):
         assert scores["ir"][split]["explainable_rmse_dn"] > 3 * comparison.scores["ir"][split]["explainable_rmse_dn"]
 
@@ -77,10 +77,10 @@ def test_rmse_pools_squares_over_cameras_and_frames(comparison):
     assert comparison.scores["ir"]["train"]["rmse_dn"] == pytest.approx(pooled)
 
 
-def test_saturated_pixels_do_not_bias_the_fit(lab_world):
+def test_saturated_pixels_do_not_bias_the_fit(lab_world, lab_cache):
     """The same light measured by a sensor that clips a tenth of the dots gives the same scales."""
     capture = read_capture(lab_world.capture_path)
-    layers = render_frames(capture, WorldRenderer(lab_world), cache=LayerCache(lab_world.capture_path.parent / "own"))
+    layers = render_frames(capture, WorldRenderer(lab_world), cache=lab_cache)
     truth, limit = Nuisances(9.0e4, 3.0e3, 4.0), 60.0
     rng = np.random.default_rng(5)
     observations = []
@@ -92,9 +92,9 @@ def test_saturated_pixels_do_not_bias_the_fit(lab_world):
     np.testing.assert_allclose(fit.nuisances.vector(), truth.vector(), rtol=4e-3)
 
 
-def test_fit_without_clipping_is_plain_least_squares(comparison, lab_world, tmp_path):
+def test_fit_without_clipping_is_plain_least_squares(comparison, lab_world, lab_cache):
     capture = comparison.capture
-    layers = render_frames(capture, WorldRenderer(lab_world), cache=LayerCache(tmp_path))
+    layers = render_frames(capture, WorldRenderer(lab_world), cache=lab_cache)
     train = [(f, layers[f.id][side], capture.ir(f, side)) for f in capture.split("train") for side in ("left", "right")]
     rows = np.concatenate(
         [
@@ -182,7 +182,7 @@ def test_an_effect_that_the_world_has_makes_the_error_fall(lab_world, comparison
     model = Model().with_effect(gamma, log_exponent=np.log(0.8))
     copy = Path(shutil.copytree(lab_world.capture_path, tmp_path / "copy"))
     capture = read_capture(copy)
-    renderer = RememberingRenderer(WorldRenderer(lab_world, grid=6))
+    renderer = RememberingRenderer(WorldRenderer(lab_world, grid=3))
     layers = render_frames(capture, renderer, cache=LayerCache(tmp_path / "cache"), scale=WARP_SCALE)
     truth, rng = Nuisances(9.0e4, 3.0e3, 4.0), np.random.default_rng(8)
     for frame in capture.frames:

@@ -26,16 +26,21 @@ from virtual_sensor.world import dot_pattern, make_world
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
-    return make_world(tmp_path_factory.mktemp("world"), size=(160, 90), grid=2, bounces=1)
+    return make_world(tmp_path_factory.mktemp("world"), size=(128, 72), grid=2)
 
 
-def warnings_of(path, renderer, tmp_path):
-    scores = compare(path, renderer=renderer, cache=LayerCache(tmp_path / "cache")).scores
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    return LayerCache(tmp_path_factory.mktemp("cache"))
+
+
+def warnings_of(path, world, cache):
+    scores = compare(path, renderer=WorldRenderer(world, grid=2), cache=cache).scores
     return scores["warnings"], scores
 
 
-def test_the_right_world_has_no_warning(world, tmp_path):
-    warnings, scores = warnings_of(world.capture_path, WorldRenderer(world, grid=2, bounces=1), tmp_path)
+def test_the_right_world_has_no_warning(world, cache):
+    warnings, scores = warnings_of(world.capture_path, world, cache)
     assert warnings == [] and scores["fit"]["at_bound"] == []
     match = scores["match"]
     assert (
@@ -44,11 +49,11 @@ def test_the_right_world_has_no_warning(world, tmp_path):
     )
 
 
-def test_another_pattern_is_said_first(world, tmp_path):
+def test_another_pattern_is_said_first(world, cache, tmp_path):
     path = shutil.copytree(world.capture_path, tmp_path / "capture")
     pattern = dot_pattern(320, 200, 900, 99)
     write_gray(path / "pattern.png", pattern)
-    warnings, scores = warnings_of(path, WorldRenderer(world, grid=2, bounces=1), tmp_path)
+    warnings, scores = warnings_of(path, world, cache)
     assert warnings[0].startswith("the pattern does not match: the rendered dots correlate ")
     assert summary_table(scores).startswith("warning: the pattern does not match")
 
@@ -57,17 +62,17 @@ def test_another_scene_is_said_first(world, tmp_path):
     wrong = replace(
         world, solids=tuple(replace(s, centre=(s.centre[0], s.centre[1] + 0.15, s.centre[2])) for s in world.solids)
     )
-    warnings, _ = warnings_of(world.capture_path, WorldRenderer(wrong, grid=2, bounces=1), tmp_path)
+    warnings, _ = warnings_of(world.capture_path, wrong, LayerCache(tmp_path / "cache"))
     assert warnings[0].startswith("geometry does not match: at the scene's depth the cameras' dots correlate ")
 
 
-def test_exchanged_cameras_are_told_from_another_scene(world, tmp_path):
+def test_exchanged_cameras_are_told_from_another_scene(world, cache, tmp_path):
     path = shutil.copytree(world.capture_path, tmp_path / "capture")
     content = json.loads((path / "capture.json").read_text())
     for frame in content["frames"]:
         frame["left"], frame["right"] = frame["right"], frame["left"]
     (path / "capture.json").write_text(json.dumps(content))
-    warnings, _ = warnings_of(path, WorldRenderer(world, grid=2, bounces=1), tmp_path)
+    warnings, _ = warnings_of(path, world, cache)
     assert warnings[0].startswith("the cameras are exchanged")
 
 
@@ -84,28 +89,28 @@ def test_scales_are_those_of_non_negative_least_squares():
         )
 
 
-def test_a_scale_at_its_bound_is_told(world, tmp_path):
+def test_a_scale_at_its_bound_is_told(world, cache, tmp_path):
     """A frame that is darker where more of the room's light falls."""
     path = shutil.copytree(world.capture_path, tmp_path / "capture")
     capture = read_capture(path)
-    layers = render_frames(capture, WorldRenderer(world, grid=2, bounces=1), cache=LayerCache(tmp_path / "own"))
+    layers = render_frames(capture, WorldRenderer(world, grid=2), cache=cache)
     for frame in capture.frames:
         for side in ("left", "right"):
             light = layers[frame.id][side].ambient
             darker = 60.0 - 40.0 * light / light.max() + 0.5 * capture.ir(frame, side)
             write_gray(frame.path(side), np.clip(np.rint(darker), 0, 255).astype(np.uint8))
-    warnings, scores = warnings_of(path, WorldRenderer(world, grid=2, bounces=1), tmp_path)
+    warnings, scores = warnings_of(path, world, cache)
     assert scores["fit"]["nuisances"]["ambient_scale"] == 0.0 and scores["fit"]["nuisances"]["projector_scale"] > 0.0
     assert warnings[-1].startswith("the ambient scale is at its bound, 0")
 
 
-def test_a_pair_without_repeats_tells_its_noise(world, tmp_path):
+def test_a_pair_without_repeats_tells_its_noise(world, cache, tmp_path):
     path = shutil.copytree(world.capture_path, tmp_path / "capture")
     content = json.loads((path / "capture.json").read_text())
     for frame in content["frames"]:
         frame["repeat_group"] = None
     (path / "capture.json").write_text(json.dumps(content))
-    _, scores = warnings_of(path, WorldRenderer(world, grid=2, bounces=1), tmp_path)
+    _, scores = warnings_of(path, world, cache)
     capture = read_capture(path)
     for split in ("train", "test"):
         score = scores["ir"][split]
@@ -124,10 +129,10 @@ def test_a_pair_without_repeats_tells_its_noise(world, tmp_path):
         assert score["noise_floor_dn"] == pytest.approx(np.sqrt(np.mean(squares)), rel=0.3)
 
 
-def test_a_pair_without_a_smooth_place_tells_nothing(world):
+def test_a_pair_without_a_smooth_place_tells_nothing(world, cache):
     capture = read_capture(world.capture_path)
-    layers = render_frames(capture, WorldRenderer(world, grid=2, bounces=1))
+    layers = render_frames(capture, WorldRenderer(world, grid=2), cache=cache)
     frame = capture.frames[0]
     views = [View.of(capture, frame, side, layers[frame.id][side]) for side in ("left", "right")]
-    black = np.zeros((90, 160), np.uint8)
+    black = np.zeros((72, 128), np.uint8)
     assert pair_noise_model([(*views, black, black)], 5.0) is None

@@ -28,7 +28,7 @@ def layers(tmp_path_factory):
 
 def test_a_device_that_is_the_model_is_at_the_floor(world, layers, tmp_path):
     copy = with_device_depth(world, tmp_path / "capture", ids=(0, 2, 4))
-    scores = compare(copy, renderer=WorldRenderer(world, grid=4), cache=layers).scores
+    scores = compare(copy, renderer=WorldRenderer(world, grid=3), cache=layers).scores
     for split in ("train", "test"):
         depth = scores["depth"][split]
         assert depth["fill_measured"] > 0.6
@@ -44,7 +44,7 @@ def test_a_stretched_device_shows_its_bias(world, layers, tmp_path):
     plain, stretched = (
         compare(
             with_device_depth(world, tmp_path / name, ids=(0, 4), stretch=s),
-            renderer=WorldRenderer(world, grid=4),
+            renderer=WorldRenderer(world, grid=3),
             cache=layers,
         )
         for name, s in (("plain", 1.0), ("stretched", 1.04))
@@ -59,7 +59,7 @@ def test_a_stretched_device_shows_its_bias(world, layers, tmp_path):
 
 def test_repeated_device_frames_give_the_floor(world, layers, tmp_path):
     copy = with_device_depth(world, tmp_path / "capture", ids=(0, 1))
-    comparison = compare(copy, renderer=WorldRenderer(world, grid=4), cache=layers)
+    comparison = compare(copy, renderer=WorldRenderer(world, grid=3), cache=layers)
     a, b = comparison.depths
     error, both = a.disparity_error(a.measured, b.measured)
     depth = comparison.scores["depth"]["train"]
@@ -69,7 +69,7 @@ def test_repeated_device_frames_give_the_floor(world, layers, tmp_path):
 
 
 def test_without_device_depth_there_are_no_depth_scores(world, layers):
-    scores = compare(world.capture_path, renderer=WorldRenderer(world, grid=4), cache=layers).scores
+    scores = compare(world.capture_path, renderer=WorldRenderer(world, grid=3), cache=layers).scores
     assert scores["depth"] == {}
     assert {t["channel"] for t in scores["where"]} == {"infrared"}
 

@@ -46,7 +46,7 @@ def shaded(dn, side):
 @pytest.fixture(scope="module")
 def hidden_shading(lab_world, lab_cache, tmp_path_factory):
     folder = altered(lab_world, tmp_path_factory.mktemp("shading") / "capture", shaded)
-    return folder, diagnose(folder, effects=EFFECTS, renderer=WorldRenderer(lab_world, grid=6), cache=lab_cache)
+    return folder, diagnose(folder, effects=EFFECTS, renderer=WorldRenderer(lab_world, grid=3), cache=lab_cache)
 
 
 def test_a_hidden_lens_shading_is_named_and_its_exponent_found(hidden_shading):
@@ -70,7 +70,7 @@ def test_the_complete_model_has_the_scales_that_were_fitted_with_what_was_found(
     without, under_it = (
         lab.compare().scores["fit"]["nuisances"]
         for lab in (
-            Lab(folder, model, renderer=WorldRenderer(lab_world, grid=6), cache=lab_cache)
+            Lab(folder, model, renderer=WorldRenderer(lab_world, grid=3), cache=lab_cache)
             for model in (None, diagnosis.model)
         )
     )
@@ -79,7 +79,7 @@ def test_the_complete_model_has_the_scales_that_were_fitted_with_what_was_found(
 
 
 def test_nothing_is_named_where_nothing_is_hidden(lab_world, lab_cache):
-    renderer = WorldRenderer(lab_world, grid=6)
+    renderer = WorldRenderer(lab_world, grid=3)
     result = diagnose(lab_world.capture_path, effects=EFFECTS, renderer=renderer, cache=lab_cache).result
     assert (result["verdict"], result["added"]) == ("none", [])
     assert result["heldout_ir_rmse_after"] == result["heldout_ir_rmse_before"]
@@ -95,7 +95,7 @@ def test_pixel_gains_are_told_from_offsets_and_smooth_shading(lab_world, lab_cac
 
     folder = altered(lab_world, tmp_path / "capture", change)
     effects = {name: e for name, e in builtin().items() if name in (*FEW, "fixed_pattern_noise", "hot_pixels")}
-    renderer = WorldRenderer(lab_world, grid=6)
+    renderer = WorldRenderer(lab_world, grid=3)
     first = diagnose(folder, effects=effects, renderer=renderer, cache=lab_cache).result["ranking"][0]
     assert first["effect"] == "prnu"
     assert first["parameters"]["sigma"]["value"] == pytest.approx(0.15, rel=0.15)
@@ -138,7 +138,7 @@ def test_depth_alone_ends_in_undetermined(lab_world, tmp_path):
 
 def test_a_lab_adds_what_it_found_and_its_error_falls(hidden_shading, lab_world, lab_cache):
     folder, _ = hidden_shading
-    lab = Lab(folder, renderer=WorldRenderer(lab_world, grid=6), cache=lab_cache)
+    lab = Lab(folder, renderer=WorldRenderer(lab_world, grid=3), cache=lab_cache)
     lab.effects = EFFECTS
     before = lab.compare().scores["ir"]["test"]["rmse_dn"]
     lab.diagnose()

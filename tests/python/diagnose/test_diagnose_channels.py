@@ -58,7 +58,7 @@ def result(lab_world, lab_cache, tmp_path_factory):
         "my_noise": replace(EFFECTS["read_noise"], id="my_noise"),
         "no_word": replace(EFFECTS["prnu"], id="no_word", judged=()),
     }
-    return diagnose(capture, effects=effects, renderer=WorldRenderer(lab_world, grid=6), cache=lab_cache).result
+    return diagnose(capture, effects=effects, renderer=WorldRenderer(lab_world, grid=3), cache=lab_cache).result
 
 
 def test_a_users_static_effect_is_ranked_and_found(result):

@@ -61,9 +61,9 @@ STRENGTH = {
         "intensity_m2": 12.0, "x_m": 0.2, "y_m": 0.7, "z_m": 0.6, "azimuth_rad": -2.91, "elevation_rad": -0.64
     },
 }  # fmt: skip
-# By default every fourth, from the projector to the depth engine; all with ACTIVESTEREO_FULL=1 (about 3 s of a core
+# By default every sixth, from the projector to the depth engine; all with ACTIVESTEREO_FULL=1 (about 3 s of a core
 # each).
-TRIED = list(STRENGTH) if os.environ.get("ACTIVESTEREO_FULL") else list(STRENGTH)[::4]
+TRIED = list(STRENGTH) if os.environ.get("ACTIVESTEREO_FULL") else list(STRENGTH)[::6]
 STATED = {"shot_noise": "read_noise", "speckle_temporal": "read_noise", "read_noise": "shot_noise"}
 ALWAYS = ("radial_distortion", "lens_psf", "vignetting", "response_gamma", "prnu", "row_noise")
 

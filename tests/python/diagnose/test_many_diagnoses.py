@@ -17,7 +17,7 @@ from activestereo.diagnose.evidence import gather
 from activestereo.effects import Model, builtin
 from activestereo.effects.engines import CaptureRenderer
 
-TIMES = 200 if os.environ.get("ACTIVESTEREO_FULL") else 5
+TIMES = 200 if os.environ.get("ACTIVESTEREO_FULL") else 3
 HAZE = {"extinction_per_m": 0.6, "backscatter": 1.0, "housing_m": 0.05}
 EFFECTS = [builtin()[name] for name in ("haze", "vignetting")]
 

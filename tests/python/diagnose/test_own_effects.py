@@ -37,7 +37,7 @@ def shaded(dn, side):
 
 @pytest.fixture(scope="module")
 def renderer(lab_world):
-    return WorldRenderer(lab_world, grid=6)
+    return WorldRenderer(lab_world, grid=3)
 
 
 @pytest.fixture(scope="module")

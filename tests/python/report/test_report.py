@@ -11,7 +11,7 @@ import pytest
 
 import activestereo.lab
 from schema_check import violations
-from activestereo.report import explorer
+from activestereo.report import explorer, write
 from activestereo.report.diagnosis import diagnosis_sections
 from activestereo.report.diagnosis_text import diagnosis_text
 from activestereo.report.encode import encoded_image
@@ -183,10 +183,13 @@ def test_a_diagnosis_in_the_folder_is_shown(comparison, tmp_path):
     assert "a second distance" in words and "14.2" in words and "6.21 DN → 2.51 DN" in words
 
 
-def test_a_damaged_or_foreign_diagnosis_is_left_out(comparison, tmp_path):
-    for content in ("{", "[]", json.dumps(DIAGNOSIS | {"capture": "another"})):
+def test_a_damaged_or_foreign_diagnosis_is_left_out(comparison, tmp_path, monkeypatch):
+    shown = []
+    monkeypatch.setattr(write, "report_page", lambda comparison, diagnosis, *more: shown.append(diagnosis) or "")
+    for content in ("{", "[]", json.dumps(DIAGNOSIS | {"capture": "another"}), json.dumps(DIAGNOSIS)):
         (tmp_path / "diagnose.json").write_text(content)
-        assert "Which effect is missing" not in write_report(comparison, tmp_path)[1].read_text()
+        write_report(comparison, tmp_path)
+    assert shown == [None, None, None, DIAGNOSIS]
 
 
 def test_an_empty_diagnosis_has_a_page_too(comparison):

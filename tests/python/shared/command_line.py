@@ -1,9 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The commands of the command line, as the parser has them."""
+"""The commands of the command line, as the parser has them, and run in this process."""
 
 import argparse
+import signal
+from subprocess import CompletedProcess
 
-from activestereo.cli import make_parser
+from activestereo.cli import main, make_parser
+
+_PATIENCE_S = 60
+
+
+def run_here(capsys, *words):
+    """The command's status and what it wrote, without the second that a process takes to start; TimeoutError where it
+    waits."""
+
+    def end(number, frame):
+        raise TimeoutError(f"{words} is at work after {_PATIENCE_S} s")
+
+    before = signal.signal(signal.SIGALRM, end)
+    signal.alarm(_PATIENCE_S)
+    try:
+        status = main([str(word) for word in words])
+    except SystemExit as ended:
+        status = ended.code
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+    return CompletedProcess(words, status, *capsys.readouterr())
 
 
 def leaves(parser=None):

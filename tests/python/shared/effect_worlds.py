@@ -31,12 +31,9 @@ def seen(side="right", left_to_world=POSE, baseline_m=0.05, projector_K=PROJECTO
     camera = left_to_world @ (shift(baseline_m) if side == "right" else np.eye(4))
     source_pose = left_to_world @ shift(0.015)
 
-    def cast(pattern, bounces):
-        source = PatternSource(source_pose[:3, 3], source_pose[:3, :3], projector_K, pattern)
-        return look(table_top(), SIZE, CAMERA_K, camera, source, seed=3, grid=6, bounces=bounces)
-
-    view, flat = cast(pattern, bounces), cast(np.ones_like(pattern), 0)
-    return Light(view.direct, view.indirect, view.sky, flat.direct), (view.depth, view.normal @ camera[:3, :3])
+    source = PatternSource(source_pose[:3, 3], source_pose[:3, :3], projector_K, pattern)
+    view = look(table_top(), SIZE, CAMERA_K, camera, source, seed=3, grid=6, bounces=bounces)
+    return Light(view.direct, view.indirect, view.sky, view.flat), (view.depth, view.normal @ camera[:3, :3])
 
 
 def view_of(geometry, side="right"):

@@ -22,7 +22,7 @@ class WorldRenderer:
     """Renders a world's solids by closed form, grid x grid rays a pixel; equal requests give equal noise. Counts its
     calls."""
 
-    def __init__(self, world, grid=4, bounces=3):
+    def __init__(self, world, grid=4, bounces=1):
         self._world, self._grid, self._bounces = world, grid, bounces
         self.version = f"analytic worlds 1, {grid} x {grid} rays, {bounces} bounces"
         self.calls = 0
@@ -33,20 +33,12 @@ class WorldRenderer:
         return tuple(self._layers(camera, request, seed + i) for i, camera in enumerate(request.cameras))
 
     def _layers(self, camera, request, seed):
-        view = self._look(camera, request, seed, request.pattern.astype(np.float64), self._bounces)
-        flat = self._look(camera, request, seed, np.ones(request.pattern.shape), 0)
-        direct, indirect, ambient, flat, depth = (
-            image.astype(np.float32) for image in (view.direct, view.indirect, view.sky, flat.direct, view.depth)
-        )
-        return Layers(
-            direct, indirect, ambient, flat, depth, view.normal.astype(np.float32), view.index.astype(np.uint32)
-        )
-
-    def _look(self, camera, request, seed, pattern, bounces):
-        pose = request.projector_to_world
-        source = PatternSource(pose[:3, 3], pose[:3, :3], request.projector_K, pattern)
-        size = (camera.width, camera.height)
-        return look(self._world.solids, size, camera.K, camera.camera_to_world, source, seed, self._grid, bounces)
+        pose, size = request.projector_to_world, (camera.width, camera.height)
+        source = PatternSource(pose[:3, 3], pose[:3, :3], request.projector_K, request.pattern.astype(np.float64))
+        solids, grid, bounces = self._world.solids, self._grid, self._bounces
+        view = look(solids, size, camera.K, camera.camera_to_world, source, seed, grid, bounces)
+        images = (view.direct, view.indirect, view.sky, view.flat, view.depth, view.normal)
+        return Layers(*(image.astype(np.float32) for image in images), view.index.astype(np.uint32))
 
 
 class RememberingRenderer:

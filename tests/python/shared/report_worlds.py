@@ -50,7 +50,7 @@ def make_ball_comparison(folder: Path) -> Comparison:
     world = make_world(folder / "world", size=(160, 90), grid=3)
     capture = with_device_depth(world, folder / "capture", ids=(0, 2, 4))
     wrong = replace(world, solids=tuple(s for s in world.solids if s.name != "ball"))
-    return compare(capture, renderer=WorldRenderer(wrong, grid=3), cache=LayerCache(folder / "cache"))
+    return compare(capture, renderer=WorldRenderer(wrong, grid=2), cache=LayerCache(folder / "cache"))
 
 
 def decoded(layer: dict) -> np.ndarray:

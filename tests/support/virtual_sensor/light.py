@@ -25,7 +25,8 @@ def closest(solids, origins, directions):
 
 
 def projector_irradiance(solids, points, normals, projector):
-    """Irradiance of unoccluded pattern light: I cos / d^2, bilinear in the pattern, zero outside it."""
+    """Irradiance [2][n] of unoccluded projector light, I cos / d^2: of its pattern, bilinear and zero outside it, and
+    of a pattern that is 1 everywhere."""
     from_source = points - projector.position
     distance = np.linalg.norm(from_source, axis=1)
     direction = from_source / distance[:, None]
@@ -33,35 +34,38 @@ def projector_irradiance(solids, points, normals, projector):
     with np.errstate(divide="ignore", invalid="ignore"):
         u = projector.K[0, 0] * local[:, 0] / local[:, 2] + projector.K[0, 2]
         v = projector.K[1, 1] * local[:, 1] / local[:, 2] + projector.K[1, 2]
-    intensity = np.where(local[:, 2] > 0, bilinear(projector.pattern, u, v), 0.0)
     cosine = -np.einsum("ij,ij->i", normals, direction)
-    lit = (intensity > 0) & (cosine > 0)
-    irradiance = np.zeros(len(points))
-    origin = np.broadcast_to(projector.position, (lit.sum(), 3))
-    seen = closest(solids, origin, direction[lit])[0] > distance[lit] - 1e-6
-    irradiance[lit] = (intensity * cosine / distance**2)[lit] * seen
+    lit = np.flatnonzero((local[:, 2] > 0) & (cosine > 0) & _inside(projector.pattern, u, v))
+    origin = np.broadcast_to(projector.position, (len(lit), 3))
+    lit = lit[closest(solids, origin, direction[lit])[0] > distance[lit] - 1e-6]
+    irradiance = np.zeros((2, len(points)))
+    irradiance[:, lit] = cosine[lit] / distance[lit] ** 2 * bilinear(projector.pattern, u[lit], v[lit])
     return irradiance
 
 
-def bilinear(image, u, v):
-    """Value at (u, v), pixel centres at integers; samples outside the image count as zero."""
+def _inside(image, u, v):
+    """Where a bilinear look-up meets a pixel."""
     height, width = image.shape
-    inside = (u > -1) & (v > -1) & (u < width) & (v < height)
-    u, v = np.where(inside, u, 0.0), np.where(inside, v, 0.0)
-    padded = np.pad(image, 1)
+    return (u > -1) & (v > -1) & (u < width) & (v < height)
+
+
+def bilinear(image, u, v):
+    """Values [2][n] inside at (u, v), pixel centres at integers, of the image and of one that is 1; samples outside
+    count as zero."""
+    stack = np.pad(np.stack([image, np.ones_like(image)]), ((0, 0), (1, 1), (1, 1)))
     i, j = np.floor(u).astype(int), np.floor(v).astype(int)
     a, b = u - i, v - j
     i, j = i + 1, j + 1
-    value = (padded[j, i] * (1 - a) + padded[j, i + 1] * a) * (1 - b)
-    value += (padded[j + 1, i] * (1 - a) + padded[j + 1, i + 1] * a) * b
-    return np.where(inside, value, 0.0)
+    value = (stack[:, j, i] * (1 - a) + stack[:, j, i + 1] * a) * (1 - b)
+    return value + (stack[:, j + 1, i] * (1 - a) + stack[:, j + 1, i + 1] * a) * b
 
 
-def radiance(solids, origins, directions, projector, rng, bounces):
-    """(direct projector, indirect projector, sky) radiance along each ray, sky radiance 1; and t, normal, index of the
-    first hit. One cosine-distributed path per ray."""
+def radiance(solids, origins, directions, projector, numbers, bounces):
+    """[4][n]: direct and indirect projector, sky, and direct projector under a pattern of 1: radiance along each ray,
+    sky radiance 1; and t, normal, index of the first hit. One cosine-distributed path per ray, by the numbers in 0..1
+    [bounces + 1][2][n]."""
     count = len(origins)
-    direct, indirect, sky = np.zeros(count), np.zeros(count), np.zeros(count)
+    direct, indirect, sky, flat = lights = np.zeros((4, count))
     weight = np.ones(count)
     first = None
     alive = np.arange(count)
@@ -75,10 +79,12 @@ def radiance(solids, origins, directions, projector, rng, bounces):
             break  # this last ray only asks whether the sky is seen
         alive, weight, normal, albedo = alive[hit], weight[hit] * albedo[hit], normal[hit], albedo[hit]
         points = origins[hit] + t[hit, None] * directions[hit] + _LIFT * normal
-        light = weight / np.pi * projector_irradiance(solids, points, normal, projector)
+        light, under_ones = weight / np.pi * projector_irradiance(solids, points, normal, projector)
         (direct if depth == 0 else indirect)[alive] += light
-        origins, directions = points, _cosine_direction(normal, rng.uniform()[alive], rng.uniform()[alive])
-    return direct, indirect, sky, first
+        if depth == 0:
+            flat[alive] = under_ones
+        origins, directions = points, _cosine_direction(normal, *numbers[depth][:, alive])
+    return lights, first
 
 
 def _cosine_direction(normal, a, b):

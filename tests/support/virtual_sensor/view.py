@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The image of one pinhole camera of a world: every pixel is the mean over a grid of jittered subpixel rays."""
+"""The image of one pinhole camera of a world: every pixel is the mean over a grid of jittered subpixel rays, whose
+paths spread over all directions by a lattice with a random shift in each pixel (Cranley and Patterson 1976)."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from virtual_sensor.light import radiance
+from virtual_sensor.light import closest, radiance
 from virtual_sensor.pcg import Pcg
 
 
@@ -21,11 +22,13 @@ class PatternSource:
 
 @dataclass(frozen=True)
 class View:
-    """Images [height][width] of the three lights, and depth, normal (world) and solid index at the pixel centres."""
+    """Images [height][width] of the three lights, of the direct one under a pattern of 1, and depth, normal (world) and
+    solid index at the pixel centres."""
 
     direct: np.ndarray
     indirect: np.ndarray
     sky: np.ndarray
+    flat: np.ndarray
     depth: np.ndarray
     normal: np.ndarray
     index: np.ndarray
@@ -36,19 +39,29 @@ def look(solids, size, K, camera_to_world, projector, seed, grid=4, bounces=4):
     width, height = size
     rng = Pcg(width * height, seed)
     columns, rows = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
-    sums = np.zeros((3, width * height))
+    shifts = np.stack([rng.uniform() for _ in range(2 * (bounces + 1))])
+    steps = lattice_steps(len(shifts))[:, None]
+    sums = np.zeros((4, width * height))
     for j in range(grid):
         for i in range(grid):
             u = columns.ravel() - 0.5 + (i + rng.uniform()) / grid
             v = rows.ravel() - 0.5 + (j + rng.uniform()) / grid
             origins, directions, _ = _rays(u, v, K, camera_to_world)
-            sums += radiance(solids, origins, directions, projector, rng, bounces)[:3]
-    direct, indirect, sky = (sums / grid**2).reshape(3, height, width)
+            numbers = (shifts + (j * grid + i) * steps) % 1.0
+            sums += radiance(solids, origins, directions, projector, numbers.reshape(bounces + 1, 2, -1), bounces)[0]
+    lights = (sums / grid**2).reshape(4, height, width)
     origins, directions, cosine = _rays(columns.ravel(), rows.ravel(), K, camera_to_world)
-    t, normal, index = radiance(solids, origins, directions, projector, rng, 0)[3]
+    t, normal, _, index = closest(solids, origins, directions)
     depth = np.where(np.isfinite(t), t * cosine, 0.0)
-    return View(direct, indirect, sky, depth.reshape(height, width), normal.reshape(height, width, 3),
-                index.reshape(height, width))  # fmt: skip
+    return View(*lights, depth.reshape(height, width), normal.reshape(height, width, 3), index.reshape(height, width))
+
+
+def lattice_steps(dimensions):
+    """Powers of 1 / g, where g^(dimensions + 1) = g + 1: the golden ratio's kin, whose multiples spread evenly."""
+    g = 2.0
+    for _ in range(60):
+        g = (1.0 + g) ** (1.0 / (dimensions + 1))
+    return g ** -np.arange(1.0, dimensions + 1)
 
 
 def _rays(u, v, K, camera_to_world):

@@ -59,7 +59,7 @@ def look_at(eye, target):
     return pose
 
 
-def make_world(folder, seed=1, size=(106, 60), sensor=None, grid=4, bounces=3):
+def make_world(folder, seed=1, size=(106, 60), sensor=None, grid=4, bounces=1):
     """Captures the table-top at folder/capture and returns its World. Two poses train, one test, each twice; one frame
     without projector and one of half the exposure, as a careful user records them."""
     sensor = sensor or Sensor(projector_scale=9.0e4, ambient_scale=3.0e3)
