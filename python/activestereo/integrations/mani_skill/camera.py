@@ -12,15 +12,12 @@ import torch
 from mani_skill.sensors.camera import Camera, CameraConfig
 
 import kuafu
-from activestereo.common.computed_once import computed_once
 from activestereo.integrations.mani_skill.config import StereoDepthCameraConfig
+from activestereo.integrations.mani_skill.observations import Observations
 from activestereo.integrations.mani_skill.world import ManiSkillWorld
 from activestereo.sensor.batch import StereoDepthSensorBatch
 from activestereo.sensor.cuda_memory import CudaError
-from activestereo.sensor.cuda_tensor import cuda_tensor, wait_for
-
-_MM = 1000.0
-_FARTHEST_MM = 32767.0
+from activestereo.sensor.cuda_tensor import wait_for
 
 
 class _CameraMounts:
@@ -62,24 +59,24 @@ class StereoDepthCamera(Camera):
         super().__init__(camera_config, scene, articulation)  # a SAPIEN camera, for pose and parameters
         self._scene = scene
         self._world: ManiSkillWorld | None = None
-        self._sensors: StereoDepthSensorBatch | None = None
+        self._observations: Observations | None = None
         self._begun: _Begun | None = None
 
     @property
     def sensors(self) -> StereoDepthSensorBatch:
         """The sensors behind it, which have more: the infrared pair, true depth. RuntimeError before the first
         capture()."""
-        if self._sensors is None:
+        if self._observations is None:
             raise RuntimeError("no picture yet: call capture() first")
-        return self._sensors
+        return self._observations.sensors
 
     def capture(self) -> None:
         """Brings the sensors' scene to the present state. Images are rendered when get_obs() asks for them."""
         if self._world is None:
             self._world = ManiSkillWorld.of(self._scene, self.config.device)
-            self._sensors = self._made(self._world)
+            self._observations = self._made(self._world)
             if self.config.pipelined:
-                self._world.pipelined.add(self._sensors)
+                self._world.pipelined.add(self.sensors)
         self._world.update()
 
     def get_obs(
@@ -95,19 +92,20 @@ class StereoDepthCamera(Camera):
         """{modality: [E, height, width, channels]} on the simulation's device. ValueError for normal and albedo."""
         if normal or albedo:
             raise ValueError("a stereo depth camera has rgb, depth, position and segmentation, not normal or albedo")
-        sensors, out = self.sensors, {}
+        sensors, seen, out = self.sensors, self._observations, {}
+        assert self._world is not None and seen is not None
         self._take_picture(rgb or segmentation)
         if rgb:
-            out["rgb"] = self._taken("rgba8")[..., :3].contiguous()
+            out["rgb"] = seen.rgb()
         if depth or position:
             sensors.compute_depth()
-            found = (self._taken("depth") * _MM).clamp(max=_FARTHEST_MM).round()
+            depth_mm = seen.depth_mm()
         if depth:
-            out["depth"] = found.to(torch.int16)[..., None]
+            out["depth"] = depth_mm.to(torch.int16)[..., None]
         if position:
-            out["position"] = self._positions(found)
+            out["position"] = seen.positions(depth_mm)
         if segmentation:
-            out["segmentation"] = self._segmentation()
+            out["segmentation"] = seen.segmentation(self._world.bodies.semantic_id_table)
         return {name: wait_for(image).to(self._scene.device) for name, image in out.items()}
 
     def get_params(self) -> dict[str, torch.Tensor]:
@@ -116,29 +114,22 @@ class StereoDepthCamera(Camera):
         begun = self._begun
         return begun.params if begun is not None and self._serves(begun) else super().get_params()
 
-    def _made(self, world: ManiSkillWorld) -> StereoDepthSensorBatch:
+    def _made(self, world: ManiSkillWorld) -> Observations:
         config = self.config.native(self.camera.get_intrinsic_matrix()[0].cpu().numpy().astype(np.float64))
         mounts = _CameraMounts(self.camera, world.scene)
-        is_there = self._scene.device.type == "cuda"
-        self._on_cuda = is_there if self.config.on_cuda is None else self.config.on_cuda
+        pipelined, is_there = self.config.pipelined, self._scene.device.type == "cuda"
+        on_cuda = is_there if self.config.on_cuda is None else self.config.on_cuda
         try:
-            return StereoDepthSensorBatch(config, mounts, on_cuda=self._on_cuda, pipelined=self.config.pipelined)
+            return Observations(StereoDepthSensorBatch(config, mounts, on_cuda=on_cuda, pipelined=pipelined), on_cuda)
         except CudaError as error:
             if self.config.on_cuda:
                 raise
             warnings.warn(f"observations pass through the host: {error}", stacklevel=3)
-            self._on_cuda = False
-            return StereoDepthSensorBatch(config, mounts, pipelined=self.config.pipelined)
-
-    def _taken(self, name: str) -> torch.Tensor:
-        """The images of the sensors' get_<name>(), where observations are made."""
-        if self._on_cuda:
-            return cuda_tensor(self.sensors.get_cuda(name))
-        return torch.from_numpy(getattr(self.sensors, f"get_{name}")())
+            return Observations(StereoDepthSensorBatch(config, mounts, pipelined=pipelined), False)
 
     def _serves(self, begun: _Begun) -> bool:
         """Whether the picture that was begun is the next observation's: not after a reset(), nor where it failed."""
-        return begun.reset is self._reset and self._sensors is not None and self._sensors.has_next
+        return begun.reset is self._reset and self.sensors.has_next
 
     @property
     def _reset(self) -> torch.Tensor:
@@ -154,29 +145,6 @@ class StereoDepthCamera(Camera):
             return
         serves = begun is not None and self._serves(begun) and (begun.has_rgb or not with_rgb)
         self._begun = None
-        sensors.take_picture(infrared_only=not with_rgb)
-        if not serves:
+        for _ in range(1 if serves else 2):
             sensors.take_picture(infrared_only=not with_rgb)
         self._begun = _Begun(self._reset, with_rgb, super().get_params())
-
-    def _positions(self, depth_mm: torch.Tensor) -> torch.Tensor:
-        """int16 [E, height, width, 3] millimetres in the camera's OpenGL axes: x right, y up, z backward."""
-        points = self._rays() * depth_mm[..., None]
-        return points.clamp(-_FARTHEST_MM, _FARTHEST_MM).round().to(torch.int16)
-
-    @computed_once
-    def _rays(self) -> torch.Tensor:
-        """float32 [height, width, 3]: in the same axes, where pixels look, with z = -1."""
-        config = self.sensors.get_config()
-        k, (width, height) = config.rgb_intrinsic, config.rgb_resolution
-        v, u = np.indices((height, width))
-        rays = np.stack([(u - k[0, 2]) / k[0, 0], -(v - k[1, 2]) / k[1, 1], -np.ones(u.shape)], axis=-1)
-        return torch.from_numpy(rays.astype(np.float32)).to(self._taken("depth").device)
-
-    def _segmentation(self) -> torch.Tensor:
-        """int16 [E, height, width, 1]: ManiSkill's per_scene_id, 0 = nothing there."""
-        assert self._world is not None
-        ids = torch.from_numpy(self._world.bodies.semantic_id_table.astype(np.int16))
-        instances = self._taken("instance_ids").view(torch.int32)  # of which what is beyond 2^31 is negative
-        known = torch.where(instances < 0, len(ids) - 1, instances.clamp(max=len(ids) - 1))
-        return ids.to(instances.device)[known][..., None]

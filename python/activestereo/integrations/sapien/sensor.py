@@ -12,16 +12,17 @@ from numpy.typing import NDArray
 
 import activestereo
 from activestereo.common.pose import as_matrix
-from activestereo.integrations.sapien.config import check_config, native_config, own_value
+from activestereo.integrations.sapien.config import check_config, native_config
 from activestereo.integrations.sapien.cuda_results import CopiedResults, CudaResults
 from activestereo.integrations.sapien.device_array import DeviceArray
+from activestereo.integrations.sapien.parameters import Parameters
 from activestereo.integrations.sapien.scene import SapienScene
 
 # SAPIEN's Color pictures are coded with this exponent.
 _GAMMA = 2.2
 
 
-class StereoDepthSensor:
+class StereoDepthSensor(Parameters):
     """One RGB camera, two infrared cameras and a projector on an entity of a SAPIEN scene.
 
     config: SAPIEN's StereoDepthSensorConfig or ours, which has more fields. mount_entity: a sapien.Entity, in a scene
@@ -127,38 +128,7 @@ class StereoDepthSensor:
             raise RuntimeError("no picture yet: call take_picture() first")
         return self._sensor
 
-    # Parameters: TypeError for what SAPIEN refuses.
-
-    def set_ir_noise(self, ir_speckle_noise: float, ir_thermal_noise: float) -> None:
-        self._set("set_ir_noise", ir_speckle_noise=ir_speckle_noise, ir_thermal_noise=ir_thermal_noise)
-
-    def set_census_window_size(self, census_width: int, census_height: int) -> None:
-        self._set("set_census_window_size", census_width=census_width, census_height=census_height)
-
-    def set_matching_block_size(self, block_width: int, block_height: int) -> None:
-        self._set("set_matching_block_size", block_width=block_width, block_height=block_height)
-
-    def set_penalties(self, p1_penalty: int, p2_penalty: int) -> None:
-        self._set("set_penalties", p1_penalty=p1_penalty, p2_penalty=p2_penalty)
-
-    def set_uniqueness_ratio(self, uniqueness_ratio: int) -> None:
-        self._set("set_uniqueness_ratio", uniqueness_ratio=uniqueness_ratio)
-
-    def set_lr_max_diff(self, lr_max_diff: int) -> None:
-        self._set("set_lr_max_diff", lr_max_diff=lr_max_diff)
-
     def _cuda_results(self) -> CudaResults | CopiedResults:
         if self._cuda is None:
             self._cuda = CudaResults(self.native()) if self._on_cuda else CopiedResults(self.native())
         return self._cuda
-
-    def _set(self, setter: str, **changes: Any) -> None:
-        """setter: our sensor's method that takes these."""
-        changed = deepcopy(self._config)
-        for name, value in changes.items():
-            setattr(changed, name, value)
-        check_config(changed)
-        if self._sensor is not None:
-            getattr(self._sensor, setter)(*(own_value(name, value) for name, value in changes.items()))
-        for name, value in changes.items():
-            setattr(self._config, name, value)
