@@ -62,8 +62,8 @@ class IrLink:
         else:
             with self._source.export(shared) as desc:
                 self._sink = simsense.Buffer.import_(engine_device, desc)
-        shape = (height, width) if count == 1 else (count, height, width)
-        self.left, self.right = (self._sink.image(np.float32, shape, side * size_bytes // 2) for side in (0, 1))
+        side_shape = (height, width) if count == 1 else (count, height, width)
+        self.left, self.right = (self._sink.image(np.float32, side_shape, side * size_bytes // 2) for side in (0, 1))
 
     def laser(self) -> IrLink:
         """A second pair of memory beside this one, for the part of the light that is the laser's; made when it is first
