@@ -25,7 +25,7 @@ CHAPTERS = {
 }
 HEAD = """# Benchmarks
 
-`make_page.py` writes this page from [results](results), where a run's figures are entered. Compare within one table
+`make_page.py` writes this page from [results](results). Compare within one table
 only. `cmake -DACTIVESTEREO_BENCH=ON` builds the C++ programs; Python's need `PYTHONPATH=build/python`.
 """
 PICTURES = {
