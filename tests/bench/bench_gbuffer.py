@@ -8,8 +8,9 @@ Differences of disparity are medians over what both measure. Each is divided by 
 light with other noise have, and of these ratios the median over all worlds is printed, with the tenth and the ninetieth
 percentile. holes: intersection over union; truth: the error to the true disparity, over the traced picture's own.
 systematic: px on matt things, the imagers' noise switched off. seen: 'left' has the left camera's images alone, 'all'
-also the right camera's and the projector's. Afterwards both take --environments pictures of 128x128 in turns, the
-tracer with 4 samples; the least of the rounds counts for each.
+also the right camera's and the projector's; 'traced again' is a traced picture with other samples and other noise,
+beside which nothing can be expected to be better. Afterwards both take --environments pictures of 128x128 in turns, the
+tracer with 4 samples; the least of the rounds counts for each. 'on the device' has images there and leaves depth there.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import numpy as np
 from gbuffer_worlds import KINDS, World
 from numpy.typing import NDArray
 
+import simsense
 from activestereo import GBufferStereo, Mounts, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
 
 from activestereo.common.pose import as_matrix
@@ -33,11 +35,11 @@ _NO_NOISE = {"shot_noise": 0.0, "adc_noise_dn": 0.0, "prnu": 0.0, "speckle_shape
 _LEAST_PX = 50  # of a kind, for a median
 
 
-def compared(seed: int, scale: float, samples: int) -> dict[str, dict[str, float]]:
+def compared(seed: int, scale: float, samples: int, device: str | int) -> dict[str, dict[str, float]]:
     """{seen: {measure: ratio}} of one world."""
     config = StereoDepthSensorConfig("D435").scaled(scale)
     config.samples_per_pixel = samples
-    world = World.draw(seed)
+    world = World.draw(seed, device)
     with StereoDepthSensor(config, world.scene, pose=world.pose) as sensor:
         sensor.take_picture(infrared_only=True)
         sensor.compute_depth()
@@ -52,12 +54,17 @@ def compared(seed: int, scale: float, samples: int) -> dict[str, dict[str, float
     truth = np.divide(config.focal_baseline_px_m, left["depth"], where=pixels, out=np.zeros_like(left["depth"]))
     silent = StereoDepthSensorConfig("D435").scaled(scale)
     silent.ir_signal = dict(silent.ir_signal) | _NO_NOISE
-    found: dict[str, dict[str, float]] = {}
+    config.render_seed += 1
+    with StereoDepthSensor(config, world.scene, pose=world.pose) as sensor:
+        sensor.take_picture(infrared_only=True)
+        light = [image.copy() for image in sensor._engine.picture().link.images()]
+        lasers = [image.copy() for image in sensor._engine.picture().link.laser().images()]
+        taken = sensor.compute_depth_from(*light, *lasers, frame_index=_OTHER_NOISE)["disparity"]
+    found = {"traced again": _ratios(taken, traced, again, truth, kind)}
     for seen, more in (("left", {}), ("all", {"right": right, "projector": projector})):
         own = {"ambient": config.ir_ambient_radiance + world.room_w_per_sr_m2, **left, **more}
-        taken, still = (
-            GBufferStereo(c, materials=world.materials(), device="cpu")(**own)["disparity"][0] for c in (config, silent)
-        )
+        sensors = (GBufferStereo(c, materials=world.materials(), device=device) for c in (config, silent))
+        taken, still = (sensor(**own, outputs=("disparity",))["disparity"][0] for sensor in sensors)
         found[seen] = _ratios(taken, traced, again, truth, kind)
         both = (still > 0) & (quiet > 0) & (kind == 0)
         found[seen]["systematic, px"] = float(np.median(np.abs(still - quiet)[both]))
@@ -96,15 +103,15 @@ def _iou(a: Image, b: Image) -> float:
     return float((a & b).sum() / max((a | b).sum(), 1))
 
 
-def timed(environments: int, rounds: int, seed: int) -> dict[str, float]:
+def timed(environments: int, rounds: int, seed: int, device: str | int) -> dict[str, float]:
     """Milliseconds per pair to depth, of 128x128."""
     config = StereoDepthSensorConfig("D435").resized(128, 128)
     config.samples_per_pixel = 4
-    world = World.draw(seed)
+    world = World.draw(seed, device)
     with StereoDepthSensor(config, world.scene, pose=world.pose) as sensor:
         given = world.gbuffers(sensor)
     batch = StereoDepthSensorBatch(config, Mounts(world.scene, np.stack([as_matrix(world.pose)] * environments)))
-    ours = GBufferStereo(config, environments, device="cpu", materials=world.materials())
+    ours = GBufferStereo(config, environments, device=device, materials=world.materials())
     many = {name: np.ascontiguousarray(np.broadcast_to(i, (environments, *i.shape))) for name, i in given.items()}
 
     def traced() -> None:
@@ -113,8 +120,8 @@ def timed(environments: int, rounds: int, seed: int) -> dict[str, float]:
 
     turns: dict[str, Callable[[], Any]] = {
         "traced, 4 samples": traced,
-        "GBufferStereo": lambda: ours(**many, ambient=0.1),
-        "of that, matching": lambda: ours.compute_depth_from(*batch.get_ir_radiance()),
+        "GBufferStereo": lambda: ours(**many, ambient=0.1, outputs=("depth",)),
+        "on the device": _on_the_device(ours, many),
     }
     least = dict.fromkeys(turns, float("inf"))
     for turn in range(rounds + 1):
@@ -126,6 +133,26 @@ def timed(environments: int, rounds: int, seed: int) -> dict[str, float]:
     return {name: 1e3 * seconds / environments for name, seconds in least.items()}
 
 
+def _on_the_device(sensor: GBufferStereo, images: dict[str, Image]) -> Callable[[], Any]:
+    """Light and depth of images that the renderer has, to depth in the engine's memory."""
+    sensor(**images, ambient=0.1, outputs=("depth",))
+    engine, link, count = sensor._engine, sensor._link, sensor.shape[0]
+    memory = simsense.Buffer(engine.device, 4 * int(np.prod(sensor.shape)), host_visible=link.memory == "host")
+    depth = memory.image(np.float32, sensor.shape)
+    given = dict(sensor._views[0]._buffers)
+    targets = {"radiance": link.target, "projector_direct": link.laser().target}
+    cameras, optics = sensor._rig.ir_cameras(np.eye(4)[None]), sensor._optics()
+
+    def work() -> None:
+        sensor._renderer.light_gbuffers(
+            sensor._scene, cameras, targets, left=given, optics=optics, environment_count=count,
+            ambient_radiance=np.full(count, 0.1),
+        )  # fmt: skip
+        engine.compute(link.left, link.right, {"depth": depth}, **link.lasers(True))
+
+    return work
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", default="1:6", help="FIRST:END, the end not among them (default 1:6)")
@@ -133,9 +160,11 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=64, help="of the traced pictures (default 64)")
     parser.add_argument("--environments", type=int, default=32, help="of the timed batch (default 32)")
     parser.add_argument("--rounds", type=int, default=5, help="of the timing, 0 = none (default 5)")
+    parser.add_argument("--device", default="cpu", help="as kuafu.Device has it (default cpu)")
     args = parser.parse_args()
+    device = int(args.device) if args.device.isdigit() else args.device
     first, end = (int(number) for number in args.seeds.split(":"))
-    worlds = [compared(seed, args.scale, args.samples) for seed in range(first, end)]
+    worlds = [compared(seed, args.scale, args.samples, device) for seed in range(first, end)]
     for seen in worlds[0]:
         names = dict.fromkeys(name for world in worlds for name in world[seen])
         print(f"seen: {seen}, {len(worlds)} worlds")
@@ -143,9 +172,9 @@ def main() -> None:
             low, middle, high = np.percentile([w[seen][name] for w in worlds if name in w[seen]], (10, 50, 90))
             print(f"  {name:16} {middle:7.3f}  ({low:.3f} to {high:.3f})")
     if args.rounds:
-        times = timed(args.environments, args.rounds, first)
+        times = timed(args.environments, args.rounds, first, device)
         for name, milliseconds in times.items():
-            print(f"{name:18} {milliseconds:8.2f} ms per pair")
+            print(f"{name:18} {milliseconds:9.4f} ms per pair, {1e3 / milliseconds:8.0f} pairs/s")
         print(f"ratio {times['traced, 4 samples'] / times['GBufferStereo']:.2f}")
 
 

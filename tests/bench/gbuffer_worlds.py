@@ -37,9 +37,9 @@ class World:
     room_w_per_sr_m2: float
 
     @classmethod
-    def draw(cls, seed: int) -> World:
+    def draw(cls, seed: int, device: str | int = "cpu") -> World:
         random = np.random.default_rng([seed, 7])
-        scene, kinds = kuafu.Scene(kuafu.Device("cpu")), {}
+        scene, kinds = kuafu.Scene(kuafu.Device(device)), {}
         room = float(random.uniform(*_ROOM))
         scene.set_environment((room, room, room))
         bodies, meshes = Bodies(scene, 1), [add_mesh(scene, s()) for s in (solids.box, solids.sphere, solids.cylinder)]

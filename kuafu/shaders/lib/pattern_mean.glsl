@@ -16,9 +16,10 @@ float pattern_level(float diameter_px) {
 float pattern_mean_of_level(IN(PatternMeans) p, uint level, vec2 place) {
   vec2 base = floor(place), f = place - base;
   int x = int(base.x), y = int(base.y), width = int(p.width);
-  if (x < 0 || y < 0 || x + 1 >= width || y + 1 >= int(p.height)) return 0.0f;
-  int first = (int(level) * int(p.height) + y) * width + x;
-  return mix(mix(p.means.at[first], p.means.at[first + 1], f.x), mix(p.means.at[first + width], p.means.at[first + width + 1], f.x), f.y);
+  bool inside = x >= 0 && y >= 0 && x + 1 < width && y + 1 < int(p.height);
+  int first = inside ? (int(level) * int(p.height) + y) * width + x : 0;
+  float value = mix(mix(p.means.at[first], p.means.at[first + 1], f.x), mix(p.means.at[first + width], p.means.at[first + width + 1], f.x), f.y);
+  return inside ? value : 0.0f;
 }
 
 /// As lib/light_shape.glsl's `projected`; `away` is the way from the projector to the surface.

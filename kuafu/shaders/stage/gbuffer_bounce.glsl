@@ -2,8 +2,8 @@
 // Stage `gbuffer`, light between surfaces, as far as the image shows them. Matt surfaces get the room's light over the horizons that the
 // depth image has about them, and from below the horizons what is seen there sends out (Jimenez et al., "Practical Realtime Strategies for
 // Accurate Indirect Occlusion", 2016). Lobes look along mirrored rays.
-const int horizon_slices = 4, horizon_steps = 7;
-const float horizon_growth = 1.75f;   // of the steps
+const int horizon_slices = 4, horizon_steps = 5;
+const float horizon_growth = 2.2f;    // of the steps
 const float horizon_reach_m = 0.5f;   // what is farther away hides half of what it would, or less
 const int mirror_rays = 4, mirror_steps = 12;
 
@@ -197,8 +197,8 @@ float mirrored_radiance(IN(GbufferEye) eye, uint first_cell, IN(GbufferSurface) 
   return sum / float(mirror_rays);
 }
 
-void bounce_pixel(uint i) {
-  GbufferPlace p = gbuffer_place(i), q = shown_place(p);
+void bounce_pixel(uint i, IN(GbufferPlace) p) {
+  GbufferPlace q = shown_place(p);
   float ambient = push.record.at[0].ambient.at[p.environment], laser = push.record.at[0].laser.at[i], light = ambient;
   if (push.record.at[0].eyes[p.eye].inverse_depth.at[p.pixel] > 0.0f) {
     IN(GbufferEye) eye = push.record.at[0].eyes[q.eye];
@@ -221,5 +221,5 @@ void gbuffer_step(uint i) {
   else if (push.step == gbuffer_light) light_pixel(i);
   else if (push.step == gbuffer_cells) mean_of_cell(i);
   else if (push.step == gbuffer_sky) look_around(i);
-  else bounce_pixel(i);
+  else bounce_pixel(i, gbuffer_place(i));
 }

@@ -47,6 +47,14 @@ void fireflies(uint pixel, int reach) {
   }
 }
 
+/// 1 / sqrt(square)^exponent; a lens' usual exponents go without a call.
+float power_of_cosine(float square, float exponent) {
+  float cosine = inversesqrt(square);
+  if (exponent == 3.0f) return cosine * cosine * cosine;
+  if (exponent == 4.0f) return cosine * cosine * cosine * cosine;
+  return pow(square, -0.5f * exponent);
+}
+
 void vignetting(uint pixel) {
   IN(OpticsRecord) f = push.optics.at[pixel / pixels_per_view()];
   uint column = pixel % push.width, row = pixel / push.width % push.height;
@@ -56,7 +64,7 @@ void vignetting(uint pixel) {
   float r2 = field_square(column, row);
   vec3 a = f.vignetting_polynomial;
   float factor = max(0.0f, 1.0f + r2 * (a.x + r2 * (a.y + r2 * a.z)));
-  factor *= pow(1.0f + dot(p, p), -0.5f * f.vignetting_exponent);
+  factor *= power_of_cosine(1.0f + dot(p, p), f.vignetting_exponent);
   for (uint c = 0u; c < push.channels; ++c) push.to.at[pixel * push.channels + c] *= factor;
 }
 

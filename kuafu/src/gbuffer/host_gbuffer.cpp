@@ -71,6 +71,22 @@ bool are_matt(const VertexLanes& lanes) {
   return most == 0.0f;
 }
 
+/// Of pixel i, the one after `before`.
+Gbuffer::GbufferPlace next_place(Gbuffer& stage, Gbuffer::GbufferPlace before, uint i) {
+  if (before.column + 1 == stage.push.record.at[0].width) return stage.gbuffer_place(i);
+  ++before.column;
+  ++before.pixel;
+  return before;
+}
+
+void bounce_pixels(Gbuffer& stage, uint first, uint end) {
+  Gbuffer::GbufferPlace place = stage.gbuffer_place(first);
+  for (uint i = first; i < end; ++i) {
+    if (i > first) place = next_place(stage, place, i);
+    stage.bounce_pixel(i, place);
+  }
+}
+
 void light_pixels(Gbuffer& stage, uint first, uint end) {
   const Vec2Array table = stage.push.record.at[0].scene.at[0].specular_albedo;
   VertexLanes lanes{};
@@ -79,7 +95,7 @@ void light_pixels(Gbuffer& stage, uint first, uint end) {
   for (; first < end; first += lane_count) {
     const uint count = min(lane_count, end - first);
     for (uint l = 0; l < count; ++l) {
-      places[l] = stage.gbuffer_place(first + l);
+      places[l] = l > 0 ? next_place(stage, places[l - 1], first + l) : stage.gbuffer_place(first);
       vertices[l] = stage.vertex_at(places[l]);
       put(vertices[l], lanes, l);
     }
@@ -96,6 +112,7 @@ void light_pixels(Gbuffer& stage, uint first, uint end) {
 void host::gbuffer(const GbufferPush& push, uint32_t first, uint32_t end) {
   Gbuffer stage{push};
   if (push.step == gbuffer_light) return light_pixels(stage, first, end);
+  if (push.step == gbuffer_bounce) return bounce_pixels(stage, first, end);
   for (; first < end; ++first) stage.gbuffer_step(first);
 }
 

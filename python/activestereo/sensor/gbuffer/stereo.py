@@ -162,9 +162,9 @@ class GBufferStereo:
             )  # fmt: skip
 
         seen = lit(share)
-        if self._exposure.mode != "fixed":  # light is linear: it is computed again as bright as the exposure makes it
+        if self._exposure.mode != "fixed":
             left = self._link.images()[: self._count]
-            seen = lit(share * np.array([self._light_of(image, inputs) for image in left]))
+            self._brighten([self._light_of(image, inputs) for image in left], inputs.speckle_of_laser)
         self._frame = frame
         names = [*_OF_ENGINE, *(["reason"] if wants_cause else [])]
         found = self._matched([name for name in names if name in outputs or name == "reason" or wants_cause])
@@ -244,6 +244,13 @@ class GBufferStereo:
         return causes(
             self._config, own, is_odd, is_lit, is_hidden, found["ir_left"], found.pop("reason"), black_dn, inputs.max_dn
         )
+
+    def _brighten(self, factors: Sequence[float], is_laser_apart: bool) -> None:
+        """Brings each environment's images to its exposure."""
+        for link in [self._link, self._link.laser()] if is_laser_apart else [self._link]:
+            images = link.images()
+            images *= np.tile(np.asarray(factors, np.float32), 2)[:, None, None]
+            link.put(images)
 
     def _light_of(self, left: NDArray[np.float32], inputs: EngineInputs) -> float:
         setting = self._exposure.after(self._config, inputs.left.signal, left, inputs.max_dn)
