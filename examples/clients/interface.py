@@ -835,4 +835,5 @@ class simsense_compute_desc(c.Structure):
         ("left_laser", simsense_image),
         ("right_laser", simsense_image),
         ("wait", c.c_void_p),
+        ("noise_seeds", c.c_void_p),
     ]

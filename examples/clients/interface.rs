@@ -614,6 +614,7 @@ pub struct simsense_compute_desc {
     pub left_laser: simsense_image,
     pub right_laser: simsense_image,
     pub wait: *const c_void,
+    pub noise_seeds: *const c_void,
 }
 
 pub const SIMSENSE_TYPE_PARAMETERS: u32 = 0x2002;

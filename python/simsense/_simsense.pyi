@@ -405,6 +405,7 @@ class Engine:
         left_laser: NDArray[Any] | Image | None = None,
         right_laser: NDArray[Any] | Image | None = None,
         rgb: NDArray[np.uint8] | Image | None = None,
+        noise_seeds: Sequence[int] | None = None,
         progress: Callable[[float], object] | None = None,
     ) -> dict[str, NDArray[Any]]:
         """left, right: uint8, uint16 or float32 arrays [height, width] or [batch, height, width] of any strides, or
@@ -412,7 +413,8 @@ class Engine:
         points, confidence, reason, points_colored; or {name: array or Image} to fill those; or {name: dtype}
         (depth in uint16 or int16 millimetres, disparity in int16 sixteenths). left_laser, right_laser: the part
         of left and right that is laser light, in their unit: it alone has speckle. Both or none: all has. rgb:
-        uint8 [height, width, 3] of the RGB camera, for points_colored. REASONS has the names of reason's values.
+        uint8 [height, width, 3] of the RGB camera, for points_colored. noise_seeds: [batch], each pair's own, under
+        which it has the same noise anywhere in a batch. REASONS has the names of reason's values.
         Returns {name: array}, shaped like the input. progress(fraction: float) may return True to cancel
         (CancelledError)."""
     def submit(
@@ -424,6 +426,7 @@ class Engine:
         left_laser: NDArray[Any] | Image | None = None,
         right_laser: NDArray[Any] | Image | None = None,
         rgb: NDArray[np.uint8] | Image | None = None,
+        noise_seeds: Sequence[int] | None = None,
     ) -> Submission:
         """compute() that returns at once where all images are simsense.Images and the back end is Vulkan; else when
         all is done. Returns a Submission: its wait() returns what compute() would."""

@@ -149,7 +149,7 @@ class Engine {
 
   /// What a call reads; all but the first two may be None.
   struct Inputs {
-    py::object left, right, left_laser, right_laser, rgb;
+    py::object left, right, left_laser, right_laser, rgb, noise_seeds;
   };
 
   py::dict compute(const Inputs& inputs, const py::object& outputs, const py::object& callback) {
@@ -195,6 +195,7 @@ class Engine {
   struct Call {
     std::vector<py::object> keep;
     std::vector<simsense_output_desc> outputs;
+    std::vector<uint64_t> noise_seeds;
     py::dict results;
     simsense_compute_desc desc = simsense_compute_desc_init();
   };
@@ -205,6 +206,10 @@ class Engine {
     call.desc.right = input(inputs.right, "right", call.keep);
     if (!inputs.left_laser.is_none()) call.desc.left_laser = input(inputs.left_laser, "left_laser", call.keep);
     if (!inputs.right_laser.is_none()) call.desc.right_laser = input(inputs.right_laser, "right_laser", call.keep);
+    if (!inputs.noise_seeds.is_none()) call.noise_seeds = py::cast<std::vector<uint64_t>>(inputs.noise_seeds);
+    if (!call.noise_seeds.empty() && call.noise_seeds.size() != rig_.batch_count)
+      raise_argument<Simsense>(std::to_string(call.noise_seeds.size()) + " noise_seeds for " + std::to_string(rig_.batch_count) + " pairs");
+    call.desc.noise_seeds = call.noise_seeds.empty() ? nullptr : call.noise_seeds.data();
     read_outputs(outputs, call.desc.left.image.dim_count == 3, call.outputs, call.results, call.keep);
     call.desc.outputs = call.outputs.data();
     call.desc.output_count = static_cast<uint32_t>(call.outputs.size());
@@ -380,29 +385,30 @@ void bind_engine(py::module_& module) {
       .def(
           "compute",
           [](Engine& self, const py::object& left, const py::object& right, const py::object& outputs, const py::object& left_laser,
-             const py::object& right_laser, const py::object& rgb, const py::object& progress) {
-            return self.compute({left, right, left_laser, right_laser, rgb}, outputs, progress);
+             const py::object& right_laser, const py::object& rgb, const py::object& noise_seeds, const py::object& progress) {
+            return self.compute({left, right, left_laser, right_laser, rgb, noise_seeds}, outputs, progress);
           },
           py::arg("left"), py::arg("right"), py::arg("outputs") = py::make_tuple("depth"), py::kw_only(),
           py::arg("left_laser") = py::none(), py::arg("right_laser") = py::none(), py::arg("rgb") = py::none(),
-          py::arg("progress") = py::none(),
+          py::arg("noise_seeds") = py::none(), py::arg("progress") = py::none(),
           "left, right: uint8, uint16 or float32 arrays [height, width] or [batch, height, width] of any strides, or Images. outputs: "
           "names of disparity, depth,\n"
           "depth_rgb, ir_left, ir_right, rectified_left, rectified_right, points, confidence, reason, points_colored; or\n"
           "{name: array or Image} to fill those; or {name: dtype} (depth in uint16 or int16 millimetres, disparity in int16 sixteenths).\n"
           "left_laser, right_laser: the part of left and right that is laser light, in their unit: it alone has speckle. Both or none: all "
           "has.\n"
-          "rgb: uint8 [height, width, 3] of the RGB camera, for points_colored. REASONS has the names of reason's values.\n"
+          "rgb: uint8 [height, width, 3] of the RGB camera, for points_colored. noise_seeds: [batch], each pair's own, under which it has\n"
+          "the same noise anywhere in a batch. REASONS has the names of reason's values.\n"
           "Returns {name: array}, shaped like the input. progress(fraction: float) may return True to cancel (CancelledError).")
       .def(
           "submit",
           [](const py::object& self, const py::object& left, const py::object& right, const py::object& outputs,
-             const py::object& left_laser, const py::object& right_laser, const py::object& rgb) {
-            const auto [sync, results] = self.cast<Engine&>().submit({left, right, left_laser, right_laser, rgb}, outputs);
+             const py::object& left_laser, const py::object& right_laser, const py::object& rgb, const py::object& noise_seeds) {
+            const auto [sync, results] = self.cast<Engine&>().submit({left, right, left_laser, right_laser, rgb, noise_seeds}, outputs);
             return Submission{self, sync, results};
           },
           py::arg("left"), py::arg("right"), py::arg("outputs"), py::kw_only(), py::arg("left_laser") = py::none(),
-          py::arg("right_laser") = py::none(), py::arg("rgb") = py::none(),
+          py::arg("right_laser") = py::none(), py::arg("rgb") = py::none(), py::arg("noise_seeds") = py::none(),
           "compute() that returns at once where all images are simsense.Images and the back end is Vulkan; else when all is done.\n"
           "Returns a Submission: its wait() returns what compute() would.")
       .def("cancel", &Engine::cancel, "Ends the compute that another thread is in: CancelledError there. From any thread.")

@@ -370,7 +370,7 @@ AT(simsense_output_desc, output, 16, 4);
 AT(simsense_output_desc, reserved, 20, 4);
 AT(simsense_output_desc, image, 24, 128);
 
-SIZE(simsense_compute_desc, 696);
+SIZE(simsense_compute_desc, 704);
 AT(simsense_compute_desc, left, 16, 128);
 AT(simsense_compute_desc, right, 144, 128);
 AT(simsense_compute_desc, outputs, 272, 8);
@@ -382,6 +382,7 @@ AT(simsense_compute_desc, rgb, 304, 128);
 AT(simsense_compute_desc, left_laser, 432, 128);
 AT(simsense_compute_desc, right_laser, 560, 128);
 AT(simsense_compute_desc, wait, 688, 8);
+AT(simsense_compute_desc, noise_seeds, 696, 8);
 
 SIZE(ks_buffer_create, 32);
 AT(ks_buffer_create, size_bytes, 16, 8);

@@ -111,6 +111,10 @@ typedef struct simsense_compute_desc {
    * or KS_SYNC_SEMAPHORE. NULL and KS_SYNC_HOST wait for nothing. On a Vulkan device of the library's own the queue
    * waits, which cannot be cancelled; else the call waits, so that others must make it happen. */
   const ks_sync* wait;
+  /* Array of as many as the engine's batch_count: the seed of each pair's noise, in place of
+   * simsense_parameters.noise_seed. A pair then has the same noise wherever it stands in the batch. NULL: the
+   * parameters' seed, and other noise for each pair. */
+  const uint64_t* noise_seeds;
 } simsense_compute_desc;
 static inline simsense_compute_desc simsense_compute_desc_init(void) {
   simsense_compute_desc s;

@@ -52,6 +52,7 @@ simsense::ComputeRequest read_request(const simsense::Engine& engine, const sims
   if (is_given(known.right_laser)) request.lasers[1] = read_image(known.right_laser, "right laser image");
   if (is_given(known.rgb)) request.rgb = read_image(known.rgb, "rgb image");
   request.outputs = read_outputs(known.outputs, known.output_count);
+  if (known.noise_seeds) request.noise_seeds.assign(known.noise_seeds, known.noise_seeds + engine.batch_count());
   request.progress = known.progress;
   request.progress_user = known.progress_user;
   request.wait = ks::point_of(engine.device(), known.wait);

@@ -187,6 +187,7 @@ struct StructInfo<simsense_compute_desc> {
       KS_FIELD_END(simsense_compute_desc, left_laser),
       KS_FIELD_END(simsense_compute_desc, right_laser),
       KS_FIELD_END(simsense_compute_desc, wait),
+      KS_FIELD_END(simsense_compute_desc, noise_seeds),
   };
   static constexpr std::array<ReservedBytes, 1> reserved = {{{offsetof(simsense_compute_desc, reserved), sizeof(simsense_compute_desc::reserved)}}};
   static simsense_compute_desc neutral() {

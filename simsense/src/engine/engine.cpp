@@ -53,7 +53,7 @@ void Engine::set_signal(const simsense_signal& left, const simsense_signal& righ
 
 void Engine::compute(const ComputeRequest& request) {
   const ks::Interrupt interrupt([this, before = wishes_.load()](float) { return wishes_ != before; });
-  const StageSettings settings(rig_, parameters_, imagers_);
+  const StageSettings settings(rig_, parameters_, imagers_, request.noise_seeds);
   check_request(request, rig_, settings);
   stage_times_.clear();
   if (on_device_) {
@@ -75,7 +75,7 @@ ks_sync Engine::submit(const ComputeRequest& request) {
     return sync;
   }
   const ks::Interrupt interrupt([this, before = wishes_.load()](float) { return wishes_ != before; });
-  const StageSettings settings(rig_, parameters_, imagers_);
+  const StageSettings settings(rig_, parameters_, imagers_, request.noise_seeds);
   check_request(request, rig_, settings);
   stage_times_.clear();
   sync.value = submit_to_device(request, settings);

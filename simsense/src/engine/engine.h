@@ -27,6 +27,7 @@ class Engine {
   void set_signal(const simsense_signal& left, const simsense_signal& right);
   [[nodiscard]] const simsense_signal& signal(uint32_t eye) const { return imagers_[eye].signal(); }
   [[nodiscard]] const StereoGeometry& geometry() const { return rig_.rectification.geometry; }
+  [[nodiscard]] uint32_t batch_count() const { return rig_.rig.batch_count; }
 
   void compute(const ComputeRequest& request);
   /// compute() that returns before the work is done where that is possible: on a GPU with all images in its buffers. What the result says

@@ -23,6 +23,7 @@ struct ComputeRequest {
     ImageArgument image;
   };
   std::vector<Output> outputs;
+  std::vector<uint64_t> noise_seeds;  // of each pair; empty: the parameters'
   ks_progress_fn progress = nullptr;
   void* progress_user = nullptr;
   ks::TimelinePoint wait;  // what comes before its buffers are read or written

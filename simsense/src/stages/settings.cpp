@@ -18,11 +18,12 @@ Region wanted_region(const simsense_parameters& p, uint32_t width, uint32_t heig
   return {p.roi_x, p.roi_y, p.roi_x + p.roi_width, p.roi_y + p.roi_height};
 }
 
-StageSettings::StageSettings(const PreparedRig& rig, const simsense_parameters& p, const Imager (&both)[2])
+StageSettings::StageSettings(const PreparedRig& rig, const simsense_parameters& p, const Imager (&both)[2], std::span<const uint64_t> seeds)
     : imagers(both),
       wide(both[0].is_wide() || both[1].is_wide()),
       noise_seed(p.noise_seed),
       frame_index(p.frame_index),
+      noise_seeds(seeds),
       remaps_nearest((rig.rig.faults & SIMSENSE_FAULT_REMAP_NEAREST) != 0),
       drops_padding(!rig.rectification.is_identity() && !(rig.rig.faults & SIMSENSE_FAULT_PADDING_MATCHED)),
       match(match_parameters(p)),
@@ -41,6 +42,7 @@ StageSettings::StageSettings(const PreparedRig& rig, const simsense_parameters& 
 
 NoiseKey StageSettings::noise_key(uint32_t pair, uint32_t eye) const {
   const simsense_signal& s = imagers[eye].signal();
+  if (!noise_seeds.empty()) return {noise_seeds[pair], frame_index, s.scene_index, s.first_view, eye};
   return {noise_seed, frame_index, s.scene_index, s.first_view + pair, eye};
 }
 

@@ -2,6 +2,8 @@
 // What the stages of one call do: the rules that follow from rig, parameters and imagers, worked out once for both back ends. Plain values.
 #pragma once
 
+#include <span>
+
 #include "checks/edges.h"
 #include "checks/reason.h"
 #include "checks/texture.h"
@@ -16,11 +18,13 @@ namespace simsense {
 
 struct StageSettings {
   /// parameters: checked. imagers: outlive this.
-  StageSettings(const PreparedRig& rig, const simsense_parameters& parameters, const Imager (&imagers)[2]);
+  StageSettings(const PreparedRig& rig, const simsense_parameters& parameters, const Imager (&imagers)[2],
+                std::span<const uint64_t> noise_seeds = {});
 
   const Imager (&imagers)[2];
   bool wide;  // the matcher sees 16-bit images, because either imager gives them
   uint64_t noise_seed, frame_index;
+  std::span<const uint64_t> noise_seeds;  // of each pair, where they have their own; outlive this
 
   bool remaps_nearest;  // of the rectification: the nearest pixel, else bilinear
   bool drops_padding;   // what was matched where the rectified image shows nothing is invalid

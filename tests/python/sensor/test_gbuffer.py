@@ -46,6 +46,22 @@ def test_depth_of_walls_is_right_in_every_environment_and_again_under_the_same_s
         np.testing.assert_array_equal(image, again[name], err_msg=name)
 
 
+def test_an_environment_has_the_same_bits_at_any_place_under_its_seed(config):
+    given = wall(config, [0.4, 0.7], 2)
+    first, second = (GBufferStereo(config, environments=2) for _ in range(2))
+    first.restart([5, 9])
+    second.restart([9, 5])
+    outs = first(**given), second(**{name: image[::-1] for name, image in given.items()})
+    for name, image in outs[0].items():
+        np.testing.assert_array_equal(image, outs[1][name][::-1], err_msg=name)
+    first.restart([5, 6])
+    again = first(**given)["ir_left"]
+    np.testing.assert_array_equal(again[0], outs[0]["ir_left"][0])
+    assert (again[1] != outs[0]["ir_left"][1]).mean() > 0.1
+    with pytest.raises(ValueError, match="3 seeds for 2 environments"):
+        first.restart([1, 2, 3])
+
+
 def test_depth_along_rays_is_what_planar_depth_is(config):
     planar = GBufferStereo(config)
     given = wall(config, 0.8)

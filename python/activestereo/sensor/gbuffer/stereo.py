@@ -81,6 +81,7 @@ class GBufferStereo:
         self._link = IrLink(device, own, width, height, count=self._count)
         self._engine = make_engine(config, own, self._count)
         self._exposure, self._frame = AutoExposure(config), -1
+        self._seeds: list[int] | None = None
         self._k = np.array(config.ir_intrinsics(False)[0])
 
     @property
@@ -98,9 +99,17 @@ class GBufferStereo:
         """A copy."""
         return deepcopy(self._config)
 
-    def restart(self, seed: int) -> None:
-        """The next call is frame 0 under this seed: from here on all noise is as it was after the same restart."""
-        self._engine.set_parameters(noise_seed=int(_SEED.check("the seed", seed)))
+    def restart(self, seed: int | Sequence[int]) -> None:
+        """The next call is frame 0 under this seed: from here on all noise is as it was after the same restart. seed: a
+        number, or one for each environment, which then has that noise at any place among the others."""
+        if isinstance(seed, int):
+            self._engine.set_parameters(noise_seed=int(_SEED.check("the seed", seed)))
+            self._seeds = None
+        else:
+            seeds = [int(_SEED.check(f"the seed of environment {n}", value)) for n, value in enumerate(seed)]
+            if len(seeds) != self._count:
+                raise ValueError(f"{len(seeds)} seeds for {self._count} environments")
+            self._seeds = seeds
         self._frame = -1
 
     def __call__(
@@ -188,7 +197,7 @@ class GBufferStereo:
         if self._count == 1:  # an engine of one pair has no axis of pairs
             pair = pair[0][0], pair[1][0]
             lasers = {name: image[0] for name, image in lasers.items()}
-        own: dict[str, Any] = dict(lasers)
+        own: dict[str, Any] = dict(lasers) | {"noise_seeds": self._seeds}
         return self._batched(self._engine.compute(*pair, (*_OF_ENGINE, "reason"), **own))
 
     # ---- inside ----
@@ -224,8 +233,8 @@ class GBufferStereo:
         link, is_laser_apart = self._link, self._rig.inputs().speckle_of_laser
         link.deliver()
         self._engine.set_parameters(frame_index=self._frame, scene_index=0)
-        lasers: dict[str, Any] = dict(link.lasers(is_laser_apart))
-        return self._batched(self._engine.compute(link.left, link.right, names, **lasers))
+        own: dict[str, Any] = dict(link.lasers(is_laser_apart)) | {"noise_seeds": self._seeds}
+        return self._batched(self._engine.compute(link.left, link.right, names, **own))
 
     def _batched(self, found: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         return {name: image.reshape(self.shape) for name, image in found.items()}
