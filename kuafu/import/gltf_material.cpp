@@ -63,7 +63,7 @@ Material GltfMaterials::read(const tinygltf::Material& from, const std::string& 
   };
   to.base_color_texture = texture(pbr.baseColorTexture, true, "baseColorTexture");
   to.metallic_roughness_texture = texture(pbr.metallicRoughnessTexture, false, "metallicRoughnessTexture");
-  if (from.normalTexture.scale != 0.0) to.normal_texture = texture(from.normalTexture, false, "normalTexture");  // 0: all flat
+  to.normal_texture = texture(from.normalTexture, false, "normalTexture");
   to.normal_scale = static_cast<float>(from.normalTexture.scale);
   to.emission_texture = texture(from.emissiveTexture, true, "emissiveTexture");
   to.alpha_mode = alpha_mode(from.alphaMode, field);
@@ -154,8 +154,9 @@ void GltfMaterials::read_lobes(const tinygltf::Material& from, const std::string
     to.clearcoat_roughness = number("clearcoatRoughnessFactor", 0);
     to.clearcoat_texture = texture("clearcoatTexture");
     to.clearcoat_roughness_texture = texture("clearcoatRoughnessTexture");
-    if (to.clearcoat > 0.0f && (e->Has("clearcoatNormalTexture") || from.normalTexture.index >= 0))
-      import_.warn(field + ": the clear coat has the normals of the surface below it; clearcoatNormalTexture is ignored");
+    to.clearcoat_normal_texture = texture("clearcoatNormalTexture");
+    if (e->Has("clearcoatNormalTexture"))
+      to.clearcoat_normal_scale = static_cast<float>(number_of(e->Get("clearcoatNormalTexture"), "scale", 1.0));
   }
   if ((e = extension_of(from, "KHR_materials_diffuse_transmission")) != nullptr) {
     to.diffuse_transmission = number("diffuseTransmissionFactor", 0);

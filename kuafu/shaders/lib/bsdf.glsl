@@ -109,7 +109,7 @@ float layer_albedo_mean(IN(Bsdf) b, Vec2Array table) {
 float coat_albedo(IN(Bsdf) b, Vec2Array table, vec3 w) {
   float layer = b.coat == 0.0f ? 0.0f : b.coat * layer_albedo_towards(b, table, w);
   if (!wears_clearcoat(b.clearcoat)) return layer;
-  float over = clearcoat_albedo(b.clearcoat, table, abs(w.z));
+  float over = clearcoat_albedo(b.clearcoat, table, clearcoat_cosine(b.clearcoat, w));
   return over + (1.0f - over) * layer;
 }
 
@@ -240,7 +240,7 @@ Bsdf make_bsdf(IN(MaterialPoint) m, Vec2Array table, vec3 wo, bool front) {
     b.lobe_albedo = lobe_albedo(table, lobe_cosine(b.alphas, b.alpha, wo), b.roughness);
     if (!is_mirror(b)) set_multiple(b, m, table);
   }
-  b.clearcoat = make_clearcoat(m, table, wo.z, 1.0f - (1.0f - m.metallic) * m.transmission);
+  b.clearcoat = make_clearcoat(m, table, wo, 1.0f - (1.0f - m.metallic) * m.transmission);
   b.sheen = make_sheen(m, table, wo.z, 1.0f - (1.0f - m.metallic) * m.transmission);
   b.coat_albedo = 0.0f;
   b.base_scale = 1.0f;
@@ -285,7 +285,7 @@ float diffuse_shape(float roughness, vec3 wo, vec3 wi) {
   return (1.0f + roughness * s / max(t, 1e-6f)) / (pi + (pi / 2.0f - 2.0f / 3.0f) * roughness);
 }
 
-/// What the layers let through to the base and from it, towards the eye and towards w.
+/// What the layers let through to the base and from it, towards the viewer and towards w.
 float through_layers(IN(Bsdf) b, Vec2Array table, vec3 w) {
   float left = wears_sheen(b.sheen) ? under_sheen(b.sheen, table, abs(w.z)) : 1.0f;
   if (b.coat == 0.0f && !wears_clearcoat(b.clearcoat)) return left;
@@ -331,11 +331,11 @@ Spectrum bsdf_evaluate(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 wi, vec3 chanc
     float rest = max(1.0f - b.lobe_albedo.x - b.lobe_albedo.y, 0.0f) * max(1.0f - e_i.x - e_i.y, 0.0f);
     lobe += b.multiple * (rest * b.multiple_scale * wi.z / pi);
     if (wears_sheen(b.sheen)) lobe *= under_sheen(b.sheen, table, wi.z);
-    f += wears_clearcoat(b.clearcoat) ? lobe * under_clearcoat(b.clearcoat, table, wi.z) : lobe;
+    f += wears_clearcoat(b.clearcoat) ? lobe * under_clearcoat(b.clearcoat, table, wi) : lobe;
     pdf += chances.y * density;
   }
   if (wears_sheen(b.sheen)) {
-    f += evaluate_sheen(b.sheen, table, wo, wi) * (wears_clearcoat(b.clearcoat) ? under_clearcoat(b.clearcoat, table, wi.z) : 1.0f);
+    f += evaluate_sheen(b.sheen, table, wo, wi) * (wears_clearcoat(b.clearcoat) ? under_clearcoat(b.clearcoat, table, wi) : 1.0f);
     pdf += chances.x * b.sheen.chance / (2.0f * pi);
   }
   if (has_clearcoat_lobe(b.clearcoat)) {
@@ -405,7 +405,8 @@ BsdfSample sample_opaque(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 chances, vec
 BsdfSample sample_mirror(IN(Bsdf) b, vec3 wo, vec3 chances, bool lobe) {
   BsdfSample s = BsdfSample(vec3(-xy(wo), wo.z), Spectrum(0.0f), 0.0f, true, false);
   if (!lobe) {
-    s.weight = Spectrum(clearcoat_mirror(b.clearcoat, wo.z) / b.clearcoat.chance);
+    s.direction = reflect(-wo, b.clearcoat.normal);
+    s.weight = Spectrum(clearcoat_mirror(b.clearcoat, wo) / b.clearcoat.chance);
     return s;
   }
   s.weight = lobe_fresnel(b, wo.z) / chances.y;
@@ -444,8 +445,10 @@ BsdfSample bsdf_sample(IN(Bsdf) b, Vec2Array table, vec3 wo, vec3 chances, vec2 
     transmitted = g.transmitted;
   } else if (lobe && is_drawn_out(b.alphas)) {
     direction = reflect(-wo, sample_visible_normal_along(wo, b.alphas, u));
-  } else if (lobe || over) {
-    direction = reflect(-wo, sample_visible_normal(wo, over ? b.clearcoat.alpha : b.alpha, u));
+  } else if (over) {
+    direction = sample_clearcoat(b.clearcoat, wo, u);
+  } else if (lobe) {
+    direction = reflect(-wo, sample_visible_normal(wo, b.alpha, u));
   } else {
     if (chances.x == 0.0f) return none_sampled;
     direction = sample_base(b, chances, u, choice - chances.z - chances.y, transmitted);

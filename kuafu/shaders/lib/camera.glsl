@@ -22,7 +22,7 @@ struct CameraRay {
 vec3 image_point_direction(IN(ViewRecord) view, IN(CameraRecord) camera, vec2 image_point) {
   if ((camera.flags & camera_distorts) == 0u) return view.axis_0 + image_point.x * view.axis_u + image_point.y * view.axis_v;
   float y = (image_point.y - camera.centre.y) / camera.focal.y;
-  vec2 p = undistort(camera.distortion, vec2((image_point.x - camera.centre.x - camera.skew * y) / camera.focal.x, y));
+  vec2 p = undistort(camera.lens, vec2((image_point.x - camera.centre.x - camera.skew * y) / camera.focal.x, y));
   return camera.axis_x * p.x + camera.axis_y * p.y + camera.axis_z;
 }
 

@@ -48,8 +48,8 @@ vec3 sample_cone(float one_minus_cos, vec2 u) {
 bool pattern_pixel(IN(LightShape) s, vec3 d, OUT(vec2) pixel) {
   if (d.z <= 0.0f) return false;
   vec2 p = xy(d) / d.z;
-  if (dot(p, p) > s.distortion_reach * s.distortion_reach) return false;
-  vec2 q = distort(s.distortion, p);
+  if (dot(p, p) > s.lens_reach * s.lens_reach) return false;
+  vec2 q = distort(s.lens, p);
   pixel = vec2(s.focal.x * q.x + s.skew * q.y + s.centre.x, s.focal.y * q.y + s.centre.y);
   return true;
 }

@@ -16,6 +16,7 @@ struct MaterialPoint {
   float transmission_roughness, diffuse_roughness;
   float subsurface;  // share of the diffuse base
   float clearcoat, clearcoat_roughness;
+  vec3 clearcoat_normal;  // world; in the shading frame for a BSDF
   float diffuse_transmission;  // share of the diffuse base, and
   Spectrum beyond;             // its colour
   float anisotropy;
@@ -49,20 +50,20 @@ void texture_tangents(IN(TextureRecord) t, IN(Surface) s, OUT(vec3) tangent_u, O
 }
 
 // Tangent-space normal map of glTF: x along growing u, y against growing v (v points down).
-void apply_normal_map(IN(SceneAddresses) scene, IN(MaterialRecord) m, INOUT(Surface) s) {
-  if (m.normal_texture == no_texture) return;
-  vec3 map = xyz(material_texel(scene, m.normal_texture, s.place)) * 2.0f - 1.0f;
-  if ((features & feature_lookups) != 0u) map = vec3(map.x * m.normal_scale, map.y * m.normal_scale, map.z);
+vec3 mapped_normal(IN(SceneAddresses) scene, uint texture, float scale, IN(Surface) s) {
+  if (texture == no_texture) return s.shading_normal;
+  vec3 map = xyz(material_texel(scene, texture, s.place)) * 2.0f - 1.0f;
+  map = vec3(map.x * scale, map.y * scale, map.z);
   vec3 tangent_u, tangent_v;
-  texture_tangents(scene.textures.at[m.normal_texture], s, tangent_u, tangent_v);
+  texture_tangents(scene.textures.at[texture], s, tangent_u, tangent_v);
   vec3 tangent = tangent_u - s.shading_normal * dot(tangent_u, s.shading_normal);
   float length_squared = dot(tangent, tangent);
-  if (length_squared == 0.0f) return;
+  if (length_squared == 0.0f) return s.shading_normal;
   tangent *= inversesqrt(length_squared);
   vec3 bitangent = cross(s.shading_normal, tangent);
   if (dot(bitangent, tangent_v) > 0.0f) bitangent = -bitangent;
   vec3 n = normalize(tangent * map.x + bitangent * map.y + s.shading_normal * max(map.z, 1e-3f));
-  if (dot(n, s.geometric_normal) > 0.0f) s.shading_normal = n;
+  return dot(n, s.geometric_normal) > 0.0f ? n : s.shading_normal;
 }
 
 /// The direction of anisotropy: KHR_materials_anisotropy's, in the tangent space of its texture's coordinates, or the normal map's. 0: there is none.
@@ -173,6 +174,7 @@ MaterialPoint load_material(IN(SceneAddresses) scene, IN(MaterialRecord) m, INOU
     p.diffuse_roughness = m.diffuse_roughness;
   }
   load_lobes(m, p);
+  p.clearcoat_normal = s.shading_normal;
   if ((features & feature_lookups) != 0u && m.colored != 0u) p.base *= band_of(xyz(s.color));
   if (m.textured == 0u) {
     if ((features & feature_anisotropy) != 0u) load_anisotropy(scene, m, s, p);
@@ -191,7 +193,9 @@ MaterialPoint load_material(IN(SceneAddresses) scene, IN(MaterialRecord) m, INOU
   p.coat = p.specular * m.coat;
   p.ior = 1.0f + (p.ior - 1.0f) * material_texel(scene, m.ior_texture, s.place).r;
   if ((features & feature_lobe_textures) != 0u) read_lobe_textures(scene, m, s.place, p);
-  apply_normal_map(scene, m, s);
+  if ((features & feature_clearcoat) != 0u && m.clearcoat > 0.0f)
+    p.clearcoat_normal = mapped_normal(scene, m.clearcoat_normal_texture, m.clearcoat_normal_scale, s);
+  s.shading_normal = mapped_normal(scene, m.normal_texture, (features & feature_lookups) != 0u ? m.normal_scale : 1.0f, s);
   if ((features & feature_anisotropy) != 0u) load_anisotropy(scene, m, s, p);
   return p;
 }

@@ -11,7 +11,7 @@ bool project_to_image(MotionView view, CameraPose pose, vec3 position, OUT(vec2)
   vec3 way = position - pose.origin;
   vec3 d = vec3(dot(pose.axis_x, way), dot(pose.axis_y, way), dot(pose.axis_z, way));
   if (d.z <= 0.0f) return false;
-  vec2 p = distort(view.distortion, xy(d) / d.z);
+  vec2 p = distort(view.lens, xy(d) / d.z);
   image_point = vec2(view.focal.x * p.x + view.skew * p.y + view.centre.x, view.focal.y * p.y + view.centre.y);
   return true;
 }

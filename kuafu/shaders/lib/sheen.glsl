@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A lobe of fibres (KHR_materials_sheen) over all of a surface but its glass: Estevez and Kulla, "Production Friendly Microfacet Sheen BRDF", 2017.
-// Where its albedo would be above 1, as at grazing angles with low roughness, it is divided by it, for the eye and for the light. Lobes below are
+// Where its albedo would be above 1, as at grazing angles with low roughness, it is divided by it, for the viewer and for the light. Lobes below are
 // dimmed by the larger of its two albedos, as those below a clear coat.
 #ifndef KUAFU_SHEEN_GLSL
 #define KUAFU_SHEEN_GLSL

@@ -88,10 +88,14 @@ void load_vertex(uint i, INOUT(Path) path, OUT(Vertex) vertex) {
 }
 
 void set_bsdf(INOUT(Vertex) vertex) {
+  if ((features & feature_clearcoat) != 0u) {
+    vec3 normal = to_local(vertex.frame, vertex.material.clearcoat_normal * (vertex.front ? 1.0f : -1.0f));
+    vertex.material.clearcoat_normal = normal_in_view(normal, vertex.wo, true);
+  }
   vertex.bsdf = make_bsdf(vertex.material, push.scene.at[0].specular_albedo, vertex.wo, vertex.front);
   vertex.chances = lobe_chances(vertex.bsdf);
   if (!can_walk() || !vertex.from_below) return;
-  // Seen through the layer by the light alone: what the layer keeps from the eye was taken where the path entered.
+  // Seen through the layer by the light alone: what the layer keeps from the viewer was taken where the path entered.
   vertex.bsdf.layer = vertex.bsdf.coat_albedo = 0.0f;
   vertex.bsdf.multiple = Spectrum(0.0f);
   vertex.bsdf.clearcoat.share = vertex.bsdf.clearcoat.chance = 0.0f;

@@ -100,10 +100,10 @@ TEST_P(Alpha, an_opaque_material_pays_no_heed_to_alpha_and_one_that_changes_is_f
   const auto depth = [&] { return world.render({view_at({0, 0, 0}, 4, 4, 4)}, {KUAFU_OUTPUT_DEPTH})[KUAFU_OUTPUT_DEPTH].at(0, 1, 1); };
   EXPECT_NEAR(depth(), 1, 1e-5);
   kuafu_material_desc masked = with_alpha(KUAFU_ALPHA_MASK, 0);
-  ok(kuafu_scene_set_material(world.scene(), 0, &masked));
+  ok(kuafu_scene_set_material(world.scene(), 1, &masked));
   EXPECT_NEAR(depth(), 2, 1e-5);
   masked.base_color[3] = 1;
-  ok(kuafu_scene_set_material(world.scene(), 0, &masked));
+  ok(kuafu_scene_set_material(world.scene(), 1, &masked));
   EXPECT_NEAR(depth(), 1, 1e-5);
 }
 
@@ -140,7 +140,7 @@ std::vector<double> light_past(uint32_t tracer, uint32_t glass_shadows, std::opt
   world.desc().glass_shadows = glass_shadows;
   std::vector<double> means;
   for (const kuafu_material_desc& sheet : sheets) {
-    if (sheet_x) ok(kuafu_scene_set_material(world.scene(), 0, &sheet));
+    if (sheet_x) ok(kuafu_scene_set_material(world.scene(), 1, &sheet));
     // Bent light comes in pencils, each of which meets a sheet or does not: a view and seeds for hundreds of them.
     double sum = 0;
     for (uint32_t seed = 0; seed < seeds_of(tracer); ++seed) {

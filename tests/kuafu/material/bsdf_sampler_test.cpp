@@ -29,6 +29,7 @@ MaterialPoint point(float metallic, float transmission, float roughness, float t
   MaterialPoint m{};
   m.base = 0.7f;
   m.carries = 1.0f;
+  m.clearcoat_normal = vec3(0, 0, 1);
   m.metallic = metallic;
   m.transmission = transmission;
   m.roughness = roughness;
@@ -133,6 +134,12 @@ MaterialPoint coated(MaterialPoint m, float weight, float roughness) {
   m.clearcoat = weight;
   m.clearcoat_roughness = roughness;
   return m;
+}
+
+TEST(BsdfSampler, a_clear_coat_with_normals_of_its_own) {
+  MaterialPoint m = coated(point(0.5f, 0, 0.4f, 0), 0.8f, 0.3f);
+  m.clearcoat_normal = direction(std::cos(0.4), 2);
+  check(m, 0.7, true);
 }
 
 TEST(BsdfSampler, a_clear_coat) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Brushed metal, fibres, thin films and dispersive glass as images show them, on both kinds of tracer.
+#include "kuafu/material/fresnel.h"
 #include "kuafu/world.h"
 
 namespace laws {
@@ -22,7 +23,7 @@ kuafu_material_desc white(float metallic) {
 
 constexpr uint8_t texel[4] = {51, 102, 153, 204};  // 0.2, 0.4, 0.6 and 0.8
 
-/// What the fields of lobes name it by: its number and 1.
+/// Its id.
 uint32_t add_texel(World& world) {
   kuafu_texture_desc t = kuafu_texture_desc_init();
   t.texels = texel;
@@ -31,7 +32,7 @@ uint32_t add_texel(World& world) {
   t.format = KS_FORMAT_U8;
   uint32_t id = 0;
   ok(kuafu_scene_add_texture(world.scene(), &t, &id));
-  return id + 1;
+  return id;
 }
 
 /// A lobe's texture, and what says the same as its one texel without it.
@@ -142,6 +143,34 @@ TEST(LobeTextures, of_one_texel_are_their_factors) {
   }
 }
 
+// A smooth coat over black in even light, seen at 1.3 from the mesh's normal: Fresnel's reflectance at its own normal, which a map may tilt
+// by 0.5 towards the viewer, and which the base's map does not.
+TEST(Clearcoat, has_normals_of_its_own) {
+  enum class Map { none, of_the_coat, of_the_base };
+  const auto seen = [](Map map, uint32_t tracer) {
+    World world(tracer);
+    const float normal[3] = {float(0.5 + 0.5 * std::sin(0.5)), 0.5f, float(0.5 + 0.5 * std::cos(0.5))};
+    kuafu_texture_desc t = kuafu_texture_desc_init();
+    t.texels = normal;
+    t.width = t.height = 1;
+    t.channels = 3;
+    t.format = KS_FORMAT_F32;
+    kuafu_material_desc m = lambert(0);
+    m.clearcoat = 1;
+    if (map != Map::none)
+      ok(kuafu_scene_add_texture(world.scene(), &t, map == Map::of_the_coat ? &m.clearcoat_normal_texture : &m.normal_texture));
+    world.add(textured_plane(), m, placed({0, 0, 1}, 1.3));
+    world.set_environment(1.0f);
+    world.desc().samples_per_pixel = 64;
+    return world.radiance(view_at({0, 0, 0}, 8, 8, 20000)).mean();
+  };
+  for (const uint32_t tracer : {KUAFU_TRACER_AUTO, KUAFU_TRACER_COMPUTE}) {
+    EXPECT_NEAR(seen(Map::none, tracer), reflectance(1.3, 1.5), 2e-3);
+    EXPECT_NEAR(seen(Map::of_the_coat, tracer), reflectance(0.8, 1.5), 2e-3);
+    EXPECT_NEAR(seen(Map::of_the_base, tracer), reflectance(1.3, 1.5), 2e-3);
+  }
+}
+
 // Light from the left and from below, seen from before: facets tilt along the brushing's direction, which a quarter turn brings to the
 // other.
 TEST(Anisotropy, follows_the_texture_coordinates_and_turns) {
@@ -179,7 +208,7 @@ TEST(Anisotropy, turns_counter_clockwise_by_its_rotation_and_by_its_texture) {
     t.format = KS_FORMAT_U8;
     uint32_t id = 0;
     if (textured) ok(kuafu_scene_add_texture(world.scene(), &t, &id));
-    if (textured) m.anisotropy_texture = id + 1;
+    if (textured) m.anisotropy_texture = id;
     world.add(textured_plane(), m, placed({0, 0, 1}));
     world.add_point(lamp, 1);
     world.desc().samples_per_pixel = 4;

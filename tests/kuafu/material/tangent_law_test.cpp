@@ -58,7 +58,7 @@ void expect_normals(uint32_t tracer, const std::vector<Wall>& walls) {
   World world(tracer);
   const Folder folder;
   file_of(walls).write_glb(folder / "walls.glb");
-  ok(kuafu_scene_load(world.scene(), (folder / "walls.glb").c_str(), nullptr));
+  ok(kuafu_scene_load(world.scene(), (folder / "walls.glb").c_str(), nullptr, nullptr));
   const auto view = view_at({0, 0, 0}, wall_pixels * uint32_t(walls.size()), wall_pixels, wall_pixels * 50);
   const Pixels normal = world.render({view}, {KUAFU_OUTPUT_NORMAL})[KUAFU_OUTPUT_NORMAL];
   for (size_t i = 0; i < walls.size(); ++i)
@@ -99,7 +99,7 @@ TEST(Tangents, turn_brushed_metal) {
                               {"extensions", {{"KHR_materials_anisotropy", {{"anisotropyStrength", 0.8}}}}}};
     const Folder folder;
     w.write_glb(folder / "wall.glb");
-    ok(kuafu_scene_load(world.scene(), (folder / "wall.glb").c_str(), nullptr));
+    ok(kuafu_scene_load(world.scene(), (folder / "wall.glb").c_str(), nullptr, nullptr));
     world.add_point(lamp, 1e4f);
     world.desc().samples_per_pixel = 4;
     return world.radiance(view_at({0, 0, 0}, 4, 4, 20000)).mean();

@@ -180,7 +180,7 @@ TEST_P(TextureLookup, normals_are_scaled_and_turn_with_the_image) {
       (turned ? wall.uvs_1 : wall.uvs) = Wall::corners(0, 1);
       wall.add_to(world, m);
       const Pixels normal = world.render({view_at({0, 0, 0}, 8, 8, 100)}, {KUAFU_OUTPUT_NORMAL})[KUAFU_OUTPUT_NORMAL];
-      const double s = scale == 0 ? 1 : scale, slope = (2 * 191 / 255.0 - 1) * s, across = (2 * 128 / 255.0 - 1) * s;
+      const double slope = (2 * 191 / 255.0 - 1) * scale, across = (2 * 128 / 255.0 - 1) * scale;
       const double length = std::sqrt(slope * slope + across * across + 1);
       const uint32_t along = turned ? 1 : 0;  // u' grows with v, which is the world's y
       EXPECT_NEAR(normal.at(0, 4, 4, along), slope / length, 1e-3) << "scale " << scale << " turned " << turned;

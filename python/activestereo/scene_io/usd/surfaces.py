@@ -112,7 +112,10 @@ class Surfaces:
         coat = self._number(shader, "clearcoat", 0.0)
         if coat > 0.0:
             rough = self._number(shader, "clearcoatRoughness", 0.01)
-            extensions["KHR_materials_clearcoat"] = {"clearcoatFactor": coat, "clearcoatRoughnessFactor": rough}
+            fields_of_coat = {"clearcoatFactor": coat, "clearcoatRoughnessFactor": rough}
+            if "normalTexture" in fields:  # a UsdPreviewSurface has one normal for both
+                fields_of_coat["clearcoatNormalTexture"] = fields["normalTexture"]
+            extensions["KHR_materials_clearcoat"] = fields_of_coat
         strength = max(fields["emissiveFactor"])
         if strength > 1.0:
             fields["emissiveFactor"] = [c / strength for c in fields["emissiveFactor"]]
