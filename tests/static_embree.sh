@@ -6,7 +6,7 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 tree=build/static_embree
-library=$tree/lib/libkuafu.so.0
+library=$tree/lib/libkuafu.so.1
 
 fail() {
   echo "static_embree: $*" >&2

@@ -2,6 +2,7 @@
 #include "device/field_check.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 
@@ -51,6 +52,12 @@ void check_choice(const FieldName& field, uint32_t value, uint32_t first, std::s
   std::string list = "one of ";
   for (size_t i = 0; i < names.size(); ++i) list += (i == 0 ? "" : ", ") + std::string(names[i]) + " (" + std::to_string(first + i) + ")";
   refuse(field, std::to_string(value), list);
+}
+
+void check_lens(const std::string& owner, uint32_t model, std::span<const double> distortion) {
+  check_choice({owner, "model", ""}, model, 0, std::array{"brown_conrady", "kannala_brandt"});
+  for (size_t i = 0; i < distortion.size(); ++i)
+    check_range({owner, ("distortion[" + std::to_string(i) + "]").c_str(), ""}, distortion[i], -1e6, 1e6);
 }
 
 }  // namespace ks

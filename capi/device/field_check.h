@@ -25,5 +25,7 @@ void check_finite(const FieldName& field, double value);
 void check_allowed(const FieldName& field, uint32_t value, std::span<const uint32_t> allowed);
 /// One of `names`, which count from `first`.
 void check_choice(const FieldName& field, uint32_t value, uint32_t first, std::span<const char* const> names);
+/// A ks_lens.
+void check_lens(const std::string& owner, uint32_t model, std::span<const double> distortion);
 
 }  // namespace ks

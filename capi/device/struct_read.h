@@ -16,13 +16,12 @@ namespace ks {
 /// A struct as this library knows it.
 struct KnownStruct {
   size_t size_bytes;
-  std::span<const uint32_t> ends;
   std::span<const ReservedBytes> reserved;
 };
 
 template <class T>
 KnownStruct known_struct() {
-  return {sizeof(T), StructInfo<T>::ends, StructInfo<T>::reserved};
+  return {sizeof(T), StructInfo<T>::reserved};
 }
 
 /// The caller's header, checked: right type and a length that a struct can have.
@@ -33,10 +32,10 @@ void read_struct_bytes(const void* from, uint32_t type, const char* name, const 
 void write_struct_bytes(void* to, uint32_t type, const char* name, const KnownStruct& known, const void* value);
 void check_embedded_bytes(const void* value, uint32_t type, const char* name, const KnownStruct& known);
 
-/// A copy in our layout; fields that an older caller does not have are neutral.
+/// A copy in our layout; fields that an older caller does not have are 0.
 template <class T>
 [[nodiscard]] T read_struct(const T* from, uint32_t type, const char* name) {
-  T out = StructInfo<T>::neutral();
+  T out{};
   read_struct_bytes(from, type, name, known_struct<T>(), &out);
   return out;
 }

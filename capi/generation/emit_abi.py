@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The checks that keep the C ABI: how each struct lies, what a missing field means, the exported initialiser, and the
-test of every offset."""
+"""The parts that keep the C ABI: which bytes must be zero, the exported initialiser, and the test of every offset."""
 
 from __future__ import annotations
 
-from emit_c import assignments, embedded_structs, layout
+from emit_c import layout
 from emit_cpp import banner
 from table import Struct, TableError, Tables
 from words import GENERATED, c_comment
@@ -42,37 +41,26 @@ def _reserved(struct: Struct, tables: Tables) -> list[str]:
     return out
 
 
-def _info(struct: Struct, tables: Tables) -> list[str]:
-    name = struct.name
-    ends = [f"      KS_FIELD_END({name}, {f.name})," for f in struct.fields]
-    reserved = _reserved(struct, tables)
-    neutral = assignments(struct, "s", "neutral", embedded_structs(tables))
-    return [
-        "template <>", f"struct StructInfo<{name}> {{",
-        "  static constexpr uint32_t ends[] = {", *ends, "  };",
-        f"  static constexpr std::array<ReservedBytes, {len(reserved)}> reserved = "
-        f"{{{{{', '.join(reserved)}}}}};" if reserved
-        else "  static constexpr std::array<ReservedBytes, 0> reserved = {};",
-        f"  static {name} neutral() {{", f"    {name} s{{}};",
-        f"    s.header = ks_header_make({struct.type_name}, sizeof s);",
-        *(f"    {line}" for line in neutral), "    return s;", "  }", "};", "",
-    ]  # fmt: skip
-
-
 def struct_table(tables: Tables, library: str) -> str:
-    """How the structs lie and what their missing fields mean, for ks::read_struct."""
+    """The bytes of the structs that must be zero, for ks::read_struct."""
     structs = [s for s in tables.of(library) if s.type_id is not None and not s.plugin]
     public = (
         ["ks/buffer.h", "ks/device.h", "ks/image.h", "ks/sync.h"] if library == "ks" else [f"{library}/{library}.h"]
     )
-    text = [*banner(*structs, note="How the public structs lie, and what a field means that a caller's struct "
-                                   "does not have yet."),
+    text = [*banner(*structs, note="Bytes of the public structs that must be zero."),
             "// NOLINTBEGIN(bugprone-sizeof-expression): where a field is a pointer, its own size is meant",
-            "#pragma once", "",
-            "#include <array>", "#include <cmath>", "#include <cstddef>", "", '#include "device/struct_info.h"',
+            "#pragma once", "", "#include <array>", "#include <cstddef>", "", '#include "device/struct_info.h"',
             *(f'#include "{name}"' for name in public), "", "namespace ks {", ""]  # fmt: skip
     for s in structs:
-        text += _info(s, tables)
+        reserved = _reserved(s, tables)
+        value = f"{{{{{', '.join(reserved)}}}}}" if reserved else "{}"
+        text += [
+            "template <>",
+            f"struct StructInfo<{s.name}> {{",
+            f"  static constexpr std::array<ReservedBytes, {len(reserved)}> reserved = {value};",
+            "};",
+            "",
+        ]
     return "\n".join([*text, "}  // namespace ks", "", "// NOLINTEND(bugprone-sizeof-expression)", ""])
 
 
@@ -129,48 +117,3 @@ def layout_test(tables: Tables) -> str:
             *(f"AT({s.name}, {name}, {at}, {length});" for name, at, length in fields),
         ]
     return "\n".join([*text, ""])
-
-
-def baseline(tables: Tables) -> str:
-    """One line for each field: what callers that were compiled today hold on to."""
-    lines = []
-    for s in tables.structs.values():
-        *fields, (_, size, _) = layout(s, tables, COUNTS)
-        lines += [
-            f"{s.name} {'embedded' if s.embedded else 'size'} {size}",
-            *(f"{s.name}.{name} {at} {length}" for name, at, length in fields),
-        ]
-    return "\n".join([*lines, ""])
-
-
-def _was_reserved(name: str, place: list[str], today: dict[str, list[str]]) -> bool:
-    """Whether a reserved field has become one of the same size, whose neutral value is then checked."""
-    struct, field = name.split(".")
-    return field.startswith("reserved") and any(
-        now == place for other, now in today.items() if other.startswith(f"{struct}.")
-    )
-
-
-def check_baseline(tables: Tables, text: str) -> list[str]:
-    """The rules that today's tables break against a baseline: moved fields, embedded structs that grew, appended fields
-    whose neutral value is not 0."""
-    today = dict(line.rsplit(" ", 2)[0:1] + [line.rsplit(" ", 2)[1:]] for line in baseline(tables).splitlines())
-    then = dict(line.rsplit(" ", 2)[0:1] + [line.rsplit(" ", 2)[1:]] for line in text.splitlines())
-    broken = [
-        f"{name} was at {old} and is {today.get(name, 'gone')}"
-        for name, old in then.items()
-        if "." in name and today.get(name) != old and not _was_reserved(name, old, today)
-    ]
-    for name, (kind, size) in then.items():
-        if "." not in name and kind == "embedded" and today.get(name, ("", ""))[1] != size:
-            broken.append(f"{name} stands inside other structs and must stay {size} bytes long")
-    for s in tables.structs.values():
-        if s.name in then:
-            broken += [
-                f"{s.name}.{f.name} is younger than the baseline: its neutral value must be 0"
-                for f in s.fields
-                if f"{s.name}.{f.name}" not in then
-                and f.neutral not in (0, 0.0, None)
-                and f.neutral != next(iter(f.values), 0)
-            ]
-    return broken

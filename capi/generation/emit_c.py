@@ -47,19 +47,17 @@ def _is_zero(value: object) -> bool:
     return value is None or (isinstance(value, (int, float)) and value == 0)
 
 
-def assignments(
-    struct: Struct, variable: str, of: str = "default", embedded: frozenset[str] = frozenset()
-) -> list[str]:
-    """C statements that give a zeroed struct its defaults (or its neutral values) where these are not 0."""
+def assignments(struct: Struct, variable: str, embedded: frozenset[str] = frozenset()) -> list[str]:
+    """C statements that give a zeroed struct its defaults where these are not 0."""
     out = []
     for f in struct.fields:
-        value = f.default if f.neutral == "any" else getattr(f, of)
+        value = f.default
         if f.type == "choice":
             value = f.prefix + value.upper() if value != next(iter(f.values)) or f.first else None
         kind = f.type if f.type in SCALARS else "uint32"
         if f.type in embedded and f.name not in struct.init:
             out.append(f"{variable}.{f.name} = {f.type}_init();")
-        elif f.name in struct.init and of == "default":
+        elif f.name in struct.init:
             out.append(f"{variable}.{f.name} = {f.name};")
         elif isinstance(value, list):
             nonzero = [(i, v) for i, v in enumerate(value) if not _is_zero(v)]
@@ -129,7 +127,7 @@ def field_bytes(field: Field, tables: Tables, counts: dict[str, int]) -> tuple[i
     elif field.type in SCALARS:
         size = align = SCALARS[field.type][1]
     elif field.type in tables.structs:
-        size, align = layout(tables.structs[field.type], tables, counts)[-1][1], 8
+        size, align = layout(tables.structs[field.type], tables, counts)[-1][1], 8  # each has a field of 8 bytes
     else:
         size = align = 8  # a handle
     count = counts.get(field.count, field.count) if isinstance(field.count, str) else field.count
@@ -138,7 +136,7 @@ def field_bytes(field: Field, tables: Tables, counts: dict[str, int]) -> tuple[i
 
 def layout(struct: Struct, tables: Tables, counts: dict[str, int]) -> list[tuple[str, int, int]]:
     """(name, offset, bytes) of each field; at the end ('', sizeof, 0)."""
-    at, widest, out = (16, 8, []) if struct.type_id is not None else (0, 1, [])
+    at, widest, out = (8, 4, []) if struct.type_id is not None else (0, 1, [])
     for f in struct.fields:
         size, align = field_bytes(f, tables, counts)
         at = (at + align - 1) // align * align

@@ -61,7 +61,9 @@ def checks(struct: Struct, copied: bool = False) -> list[str]:
         if not f.check or (copied and not f.copy):
             continue
         value = f"s.{f.member}" if copied else f"s.{f.name}"
-        if f.count == 1:
+        if f.type == "ks_lens":
+            out.append(f'ks::check_lens(owner + "{f.name}.", {value}.model, {value}.k);')
+        elif f.count == 1:
             out += _check(f, f"uint32_t({value})" if copied and f.values else value)
         else:
             out += [f"for (int i = 0; i < {f.count}; ++i) {line}" for line in _check(f, f"{value}[i]")]

@@ -33,7 +33,7 @@ class Library:
     """libkuafu or libsimsense, whose functions are called by the names that they have in C."""
 
     def __init__(self, name: str) -> None:
-        self.name, self.library = name, c.CDLL(f"lib{name}.so.0")
+        self.name, self.library = name, c.CDLL(f"lib{name}.so.1")
         self.last_error = getattr(self.library, f"{name}_last_error")
         self.last_error.restype = c.c_char_p
 
@@ -70,7 +70,7 @@ class Library:
 
 
 class ks_header(c.Structure):
-    _fields_ = [("type", c.c_uint32), ("size_bytes", c.c_uint32), ("next", c.c_void_p)]
+    _fields_ = [("size_bytes", c.c_uint32), ("type", c.c_uint32)]
 
 '''
 RUST_HEAD = """//! The structs and constants of kuafu.h and simsense.h. Copy this file; `kuafu_struct_init` and \
@@ -81,9 +81,8 @@ use std::os::raw::{c_char, c_void};
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct ks_header {
-    pub r#type: u32,
     pub size_bytes: u32,
-    pub next: *const c_void,
+    pub r#type: u32,
 }
 
 /// A struct with its defaults: `filled(kuafu_struct_init, KUAFU_TYPE_RENDER_DESC)`. The type is that of the struct T.

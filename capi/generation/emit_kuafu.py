@@ -17,8 +17,7 @@ VECTORS = {
     ("double", 2): "glm::dvec2",
     ("double", 3): "glm::dvec3",
 }
-# In the records, no id is 0xffffffff.
-ID_TYPES = ("id", "id_plus_1")
+# Ids count from 1 and 0 is none; in the records they are indices, and none is 0xffffffff.
 MATRICES = {(3, 3): "glm::dmat3", (4, 4): "glm::dmat4"}
 
 
@@ -46,7 +45,8 @@ def _enum(field: Field) -> str:
 
 
 def _record_type(field: Field) -> str:
-    simple = {"text": "std::string", "flag": "bool", "choice": _enum(field), "id": "uint32_t", "id_plus_1": "uint32_t"}
+    simple = {"text": "std::string", "flag": "bool", "choice": _enum(field), "id": "uint32_t", "index": "uint32_t",
+              "ks_lens": "Distortion"}  # fmt: skip
     if field.type in simple:
         return simple[field.type]
     if field.shape:
@@ -61,8 +61,10 @@ def _record_default(field: Field) -> str:
         return " = true" if field.default else " = false"
     if field.type == "choice":
         return f" = {_enum(field)}::{field.default}"
-    if field.type in ID_TYPES:
+    if field.type in ("id", "index"):
         return " = 0xffffffffu"
+    if field.type == "ks_lens":
+        return ""
     if field.shape:
         return "{1.0}"
     if field.count != 1:
@@ -81,33 +83,18 @@ def _member(field: Field) -> list[str]:
     return [*out, f"  {_record_type(field)} {field.name}{suffix}{default};"]
 
 
-def _is_neutral(struct: Struct) -> list[str]:
-    parts = []
-    for f in struct.fields:
-        if f.neutral != "any":
-            value = (
-                f"{_record_type(f)}({c_literal(f.type, f.neutral)})" if f.count != 1 else c_literal(f.type, f.neutral)
-            )
-            parts.append(f"{f.name} == {value}")
-    return [
-        "  /// Whether it changes nothing.",
-        f"  [[nodiscard]] bool is_neutral() const {{ return {' && '.join(parts)}; }}",
-    ]
-
-
 def fields_h(tables: Tables) -> str:
     """kuafu/src/scene/fields.h"""
     records = _records(tables)
     text = [*banner(*records, note="The scene's records: what the public structs say, in the renderer's "
                                    "types."), "#pragma once", "",
             "#include <cmath>", "#include <cstdint>", "#include <glm/glm.hpp>", "#include <string>", "",
-            "namespace kuafu {", ""]  # fmt: skip
+            '#include "scene/distortion.h"', "", "namespace kuafu {", ""]  # fmt: skip
     for s in records:
         text.append(f"struct {s.scene} {{")
         for f in s.fields:
             if f.copy and f.member == f.name:
                 text += _member(f)
-        text += _is_neutral(s) if s.has_neutral else []
         text += ["};", ""]
     text.append(
         "// Each field by itself: throws KS_ERROR_INVALID_ARGUMENT with the owner, the field, the value and what "
@@ -115,7 +102,7 @@ def fields_h(tables: Tables) -> str:
     )
     text += [f"struct {s.record};" for s in _checked(tables) if s.record]
     text += [f"void check_fields(const {_record_of(s)}& s, const std::string& owner);" for s in _checked(tables)]
-    ids = [f.name for f in tables.structs["kuafu_material_desc"].fields if f.type in ID_TYPES]
+    ids = [f.name for f in tables.structs["kuafu_material_desc"].fields if f.type == "id"]
     text += ["", "/// Pointers to the fields of a material that name textures.", "template <class "
                                                                                  "M>", "auto texture_ids(M& m) {",
              f"  return std::array{{{', '.join('&m.' + name for name in ids)}}};", "}"]  # fmt: skip
@@ -161,8 +148,10 @@ def _to_record(field: Field) -> str:
         return f"out.{member} = static_cast<decltype(out.{member})>(s.{name});"
     if field.shape:
         return f"out.{member} = from_row_major<{field.shape[0]}>(s.{name});"
-    if field.type == "id_plus_1":
+    if field.type == "id":
         return f"out.{member} = s.{name} - 1u;"
+    if field.type == "ks_lens":
+        return f"out.{member} = to_distortion(s.{name});"
     if field.count != 1:
         return f"for (int i = 0; i < {field.count}; ++i) out.{member}[i] = s.{name}[i];"
     return f"out.{member} = s.{name};"
@@ -178,8 +167,10 @@ def _to_desc(field: Field) -> str:
         return f"out.{name} = static_cast<uint32_t>(s.{member});"
     if field.shape:
         return f"to_row_major<{field.shape[0]}>(s.{member}, out.{name});"
-    if field.type == "id_plus_1":
+    if field.type == "id":
         return f"out.{name} = s.{member} + 1u;"
+    if field.type == "ks_lens":
+        return f"out.{name} = to_lens(s.{member});"
     if field.count != 1:
         return f"for (int i = 0; i < {field.count}; ++i) out.{name}[i] = s.{member}[i];"
     return f"out.{name} = s.{member};"
@@ -215,6 +206,7 @@ def copies_cpp(tables: Tables) -> str:
         *banner(*copied, *checked),
         '#include "api/fields.h"',
         "",
+        '#include "api/lens.h"',
         '#include "device/field_check.h"',
         '#include "scene/matrix.h"',
         "",
@@ -287,26 +279,26 @@ def python_fields_h(tables: Tables) -> str:
 
 
 def _property(struct: Struct, f: Field) -> str:
-    doc = f.doc.replace("KUAFU_NONE", "None").replace("NAN", "None").replace('"', "'")
+    doc = f.doc.replace("NAN", "None").replace('"', "'")
     if f.unit:
         doc += f" In {f.unit}."
     if f.nan:
         doc += f" None = {f.nan.replace('NAN', 'None')}."
     member = f'type, "{f.name}", &S::{f.name}'
+    if f.type == "ks_lens":
+        return f'lens(type, &S::{f.name}, "{doc}");'
     if f.values:
         names = ", ".join(f'"{v}"' for v in f.values)
         return f'named({member}, std::array<std::string_view, {len(f.values)}>{{{names}}}, {f.first}, "{doc}");'
     kind = (
         "maybe"
         if f.nan or f.none
-        else "maybe_plus_1"
-        if f.type == "id_plus_1"
+        else "id"
+        if f.type == "id"
         else "flag"
         if f.type == "flag"
         else "square"
         if f.shape
-        else "padded"
-        if f.lengths
         else "vector"
         if f.count != 1
         else "scalar"

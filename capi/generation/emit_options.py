@@ -15,7 +15,7 @@ from words import GENERATED, WIDTH, number, python_words, range_text
 
 def named(struct: Struct) -> Struct:
     """The struct with what Python gives by keyword alone: no array, no pointer, no struct inside."""
-    kinds = ("flag", "choice", "bits", "id", "float", "double", "uint32", "int32", "uint64", "text")
+    kinds = ("flag", "choice", "bits", "id", "index", "float", "double", "uint32", "int32", "uint64", "text")
     return dataclasses.replace(
         struct, fields=[f for f in struct.fields if f.python and f.count == 1 and f.type in kinds]
     )
@@ -29,7 +29,7 @@ def _fields_h(name: str, structs: dict[str, Struct], include: str, documented: s
         for f in named(s).fields:
             if f.type == "text":
                 continue
-            kind = f.type if f.type in ("flag", "choice", "bits", "id") else "number"
+            kind = f.type if f.type in ("flag", "choice", "bits", "id", "index") else "number"
             names = "{" + ", ".join(f'"{v}"' for v in f.values) + "}"
             one = f', "{f.one}"' if f.one else ""
             for given in filter(None, (f.name, f.short)):
@@ -78,7 +78,7 @@ def literal(field: Field) -> str:
     value = field.default
     if field.type == "flag":
         return str(bool(value))
-    if field.type in ("bits", "text", "id"):
+    if field.type in ("bits", "text", "id", "index"):
         return "()" if field.type == "bits" else "None"
     if isinstance(value, float) and not math.isfinite(value):
         return "None" if math.isnan(value) else f'float("{value}")'

@@ -5,23 +5,13 @@ from __future__ import annotations
 
 from emit_python import page_default
 from table import Field, Struct, Tables
-from words import GENERATED, number, range_text
+from words import GENERATED, range_text
 
 
 def _shape(field: Field) -> str:
     if field.shape:
         return "[" + "][".join(map(str, field.shape)) + "]"
     return "" if field.count == 1 else f"[{field.count}]"
-
-
-def _neutral(field: Field) -> str:
-    if (
-        isinstance(field.neutral, (int, float))
-        and field.neutral == field.default
-        or isinstance(field.neutral, (str, list))
-    ):
-        return ""
-    return "" if field.neutral is None or field.neutral != field.neutral else number(field.neutral)
 
 
 def _plain(text: str) -> str:
@@ -33,13 +23,13 @@ def _row(field: Field) -> str:
     kind = " \\| ".join(f"`{v}`" for v in field.values) if field.values else f"`{field.type}{_shape(field)}`"
     where = ", ".join(name for name, there in (("extras", field.extras),) if there)
     text = _plain(field.doc) + (f" (NAN: {field.nan})" if field.nan else "") + (f" *{where}*" if where else "")
-    cells = [f"`{field.name}`", kind, range_text(field), field.unit, page_default(field), _neutral(field), text]
+    cells = [f"`{field.name}`", kind, range_text(field), field.unit, page_default(field), text]
     return f"| {' | '.join(cells)} |"
 
 
 def _section(struct: Struct) -> list[str]:
     reach = [f"Reachable in: {struct.reach}.", ""] if struct.reach else []
-    head = ["| field | type | range | unit | default | neutral, if another | what it is |", "|--|--|--|--|--|--|--|"]
+    head = ["| field | type | range | unit | default | what it is |", "|--|--|--|--|--|--|"]
     return [
         f"## {struct.name}",
         _plain(struct.doc),
@@ -54,8 +44,7 @@ def _section(struct: Struct) -> list[str]:
 def page(tables: Tables) -> str:
     """capi/generation/reference.md"""
     text = ["<!-- " + GENERATED.format("*.toml") + " -->", "# Public structs, field by field",
-            "Neutral is what a field means to a caller whose header did not have it yet: no effect, or what the "
-            "library did before.",
+            "An id counts from 1, and 0 is none.",
             "Fields marked *extras* are read from a glTF material's extras under their names.", ""]  # fmt: skip
     for struct in tables.structs.values():
         text += _section(struct)

@@ -64,7 +64,7 @@ def records(tables: Tables) -> str:
         names = ", ".join(f'"{name}"' for name in f.values)
         text.append(f"{f.name.upper()} = ({names})")
     text += ["", "", "class Header(c.Structure):", '    """ks_header"""', "",
-             '    _fields_ = [("type", c.c_uint32), ("size_bytes", c.c_uint32), ("next", c.c_void_p)]']  # fmt: skip
+             '    _fields_ = [("size_bytes", c.c_uint32), ("type", c.c_uint32)]']  # fmt: skip
     for s in structs:
         text += ["", "", APPLY.rstrip()] if any(f.type == "ks_effect_apply_fn" for f in s.fields) else []
         text += _class(s, tables)

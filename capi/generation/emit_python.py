@@ -19,7 +19,7 @@ def scalar_type(field: Field) -> str:
     kind = {"float": "float", "double": "float", "flag": "bool", "text": "str"}.get(field.type, "int")
     if field.type == "text":
         return "str | None"
-    return f"{kind} | None" if field.nan or field.none or field.type == "id_plus_1" else kind
+    return f"{kind} | None" if field.nan or field.none or field.type == "id" else kind
 
 
 def _annotation(field: Field) -> str:
@@ -37,9 +37,10 @@ def _stub_fields(struct: Struct) -> list[str]:
     for f in struct.fields:
         if not f.python or f.type == "text":
             continue
-        if f.lengths:  # given shorter than it is read
-            out += ["@property", f"def {f.name}(self) -> {_annotation(f)}: ...", f"@{f.name}.setter",
-                    f"def {f.name}(self, values: Sequence[float]) -> None: ..."]  # fmt: skip
+        if f.type == "ks_lens":
+            out += ['lens_model: Literal["brown_conrady", "kannala_brandt"]', f'"""{_prose(f)}"""',
+                    "@property", f"def distortion(self) -> tuple[{', '.join(['float'] * 8)}]: ...",
+                    "@distortion.setter", "def distortion(self, values: Sequence[float]) -> None: ..."]  # fmt: skip
             continue
         out += [f"{f.name}: {_annotation(f)}", f'"""{_prose(f)}"""']
     return out

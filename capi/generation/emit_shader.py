@@ -6,11 +6,11 @@ from __future__ import annotations
 from emit_cpp import banner
 from table import Field, Struct, TableError, Tables
 
-WORDS = {"float": 1, "uint": 1, "vec2": 2, "vec3": 3, "vec4": 4}
+WORDS = {"float": 1, "uint": 1, "vec2": 2, "vec3": 3, "vec4": 4, "LensRecord": 9}
 # Type in a table: type in GLSL, and in C++ beside glm. Shaders have no doubles.
 TYPES = {
     "float": "float", "double": "float", "uint32": "uint", "flag": "uint", "choice": "uint", "id": "uint",
-    "id_plus_1": "uint",
+    "index": "uint", "ks_lens": "LensRecord",
 }  # fmt: skip
 
 
@@ -50,6 +50,8 @@ def _copy(field: Field) -> str:
     kind, count = _split(_type(field))
     if count > 1:
         return f"  for (int i = 0; i < {count}; ++i) out.{field.name}[i] = float(s.{field.member}[i]);"
+    if kind == "LensRecord":
+        return f"  out.{field.name} = lens_record(s.{field.member});"
     return f"  out.{field.name} = {'uint32_t' if kind == 'uint' else kind}(s.{field.member});"
 
 
@@ -62,7 +64,9 @@ def _record(struct: Struct) -> str:
     guard = f"KUAFU_{_stem(struct).upper()}_FIELDS_H"
     text = [*banner(struct, note="Read by GLSL and C++ (scalar layout). What a field means says the public header; "
                                  "values are those of the band being rendered."),
-            f"#ifndef {guard}", f"#define {guard}", "", '#include "shared/arrays.h"', '#include "shared/ray_queue.h"',
+            f"#ifndef {guard}", f"#define {guard}", "", '#include "shared/arrays.h"',
+            *(['#include "shared/lens_record.h"'] if any("LensRecord" in full for _, full, _ in members) else []),
+            '#include "shared/ray_queue.h"',
             "", "#ifdef __cplusplus",
             "namespace kuafu {", "#endif", "", f"struct {struct.shader} {{"]  # fmt: skip
     text += [_member(*member) for member in members]

@@ -1,15 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes what follows from the tables of the public structs. `--check` changes nothing and fails where a committed file
-is stale.
-
-Both fail where the tables break the promise of a release: capi/packaging/structs-*.txt has where each field lies for
-its callers. `--release 0.2` writes such a file for a new one."""
+"""Writes what follows from the tables of the public structs and is committed: headers, stubs, pages. `--check` changes
+nothing and fails where such a file is stale. `--build FOLDER`, which CMake calls, writes the rest."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 
 import emit_abi
 import emit_c
@@ -21,6 +19,7 @@ import emit_page
 import emit_plugin
 import emit_python
 import emit_shader
+import make_api_table
 from table import FOLDER, TableError, Tables, read_tables
 from words import licensed
 
@@ -28,22 +27,35 @@ ROOT = FOLDER.parents[1]
 
 
 def outputs(tables: Tables) -> dict[str, str]:
-    """Path from the repository's root: text, of every generated file."""
+    """Path from the repository's root: text, of every committed file."""
     embedded = emit_c.embedded_structs(tables)
     files = {f"capi/include/{entry.path}": emit_c.header(entry, embedded) for entry in tables.headers}
     emit_abi.check_no_padding(tables)
     for library in ("kuafu", "simsense"):
-        files[f"{library}/src/api/struct_table.h"] = emit_abi.struct_table(tables, library)
-        files[f"{library}/src/api/struct_init.cpp"] = emit_abi.struct_init(tables, library)
         sources = (ROOT / f"python/{library}/_{library}.pyi.in", ROOT / "python/bindings/shared.pyi.in")
         files[f"python/{library}/_{library}.pyi"] = emit_python.stub(
             tables, library, *(path.read_text() for path in sources)
         )
     callers = [f"capi/include/{entry.path}" for entry in tables.headers if not any(s.plugin for s in entry.structs)]
     headers = {path: files[path] for path in callers}
-    return files | emit_shader.records(tables) | {
+    return files | {
         "examples/clients/interface.py": emit_ffi.python_structs(tables, headers),
         "examples/clients/interface.rs": emit_ffi.rust_structs(tables, headers),
+        "python/activestereo/common/matcher_table.py": emit_options.matcher_table(tables),
+        "python/activestereo/common/render_table.py": emit_options.render_table(tables),
+        "python/activestereo/effects/core/plugin_records.py": emit_plugin.records(tables),
+        "capi/generation/reference.md": emit_page.page(tables),
+    }
+
+
+def build_outputs(tables: Tables) -> dict[str, str]:
+    """Path from the build's folder of generated files: text, of every file that only the build needs."""
+    files = emit_shader.records(tables)
+    for library in ("kuafu", "simsense"):
+        files[f"{library}/src/api/struct_table.h"] = emit_abi.struct_table(tables, library)
+        files[f"{library}/src/api/struct_init.cpp"] = emit_abi.struct_init(tables, library)
+        files[f"{library}/src/api/api_table.cpp"] = make_api_table.source(library)
+    return files | {
         "capi/device/struct_table.h": emit_abi.struct_table(tables, "ks"),
         "tests/capi/abi_layout_tables.c": emit_abi.layout_test(tables),
         "simsense/src/parameters/fields.h": emit_cpp.simsense_fields_h(tables),
@@ -52,17 +64,13 @@ def outputs(tables: Tables) -> dict[str, str]:
         "simsense/shaders/shared/match_constants.glsl": emit_cpp.simsense_match_constants_glsl(tables),
         "python/simsense/fields.h": emit_options.simsense_fields_h(tables),
         "python/kuafu/options.h": emit_options.kuafu_options_h(tables),
-        "python/activestereo/common/matcher_table.py": emit_options.matcher_table(tables),
-        "python/activestereo/common/render_table.py": emit_options.render_table(tables),
-        "python/activestereo/effects/core/plugin_records.py": emit_plugin.records(tables),
+        "python/kuafu/fields.h": emit_kuafu.python_fields_h(tables),
         "kuafu/src/scene/fields.h": emit_kuafu.fields_h(tables),
         "kuafu/src/scene/fields.cpp": emit_kuafu.fields_cpp(tables),
         "kuafu/src/api/fields.h": emit_kuafu.copies_h(tables),
         "kuafu/src/api/fields.cpp": emit_kuafu.copies_cpp(tables),
         "kuafu/import/material_extras.h": emit_kuafu.extras_h(tables),
         "kuafu/import/material_extras.inc": emit_kuafu.extras_schema(tables),
-        "python/kuafu/fields.h": emit_kuafu.python_fields_h(tables),
-        "capi/generation/reference.md": emit_page.page(tables),
     }
 
 
@@ -70,35 +78,28 @@ def main() -> int:
     """0: all is as the tables have it. 1: a file is stale. 2: a table is wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="change nothing; name the stale files and fail")
-    parser.add_argument("--release", metavar="VERSION", help="write down where the fields lie, for good")
+    parser.add_argument("--build", metavar="FOLDER", type=Path, help="write what only the build needs into this folder")
     arguments = parser.parse_args()
-    check = arguments.check
+    folder = arguments.build or ROOT
     try:
         tables = read_tables()
-        files = {path: licensed(path, text) for path, text in outputs(tables).items()}
+        made = build_outputs(tables) if arguments.build else outputs(tables)
     except TableError as error:
         print(error, file=sys.stderr)
         return 2
-    if arguments.release:
-        files[f"capi/packaging/structs-{arguments.release}.txt"] = emit_abi.baseline(tables)
-    broken = [
-        f"{path.name}: {text}"
-        for path in sorted((ROOT / "capi/packaging").glob("structs-*.txt"))
-        for text in emit_abi.check_baseline(tables, path.read_text())
-    ]
-    if broken:
-        print("\n".join(broken), file=sys.stderr)
-        return 2
+    files = {path: licensed(path, text) for path, text in made.items()}
     stale = {
-        path: text for path, text in files.items() if not (ROOT / path).exists() or (ROOT / path).read_text() != text
+        path: text
+        for path, text in files.items()
+        if not (folder / path).exists() or (folder / path).read_text() != text
     }
-    if check:
+    if arguments.check:
         for path in stale:
             print(f"{path} is not what the tables say: run python3 capi/generation/generate.py", file=sys.stderr)
         return 1 if stale else 0
     for path, text in stale.items():
-        (ROOT / path).parent.mkdir(parents=True, exist_ok=True)
-        (ROOT / path).write_text(text)
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_text(text)
         print(f"written: {path}")
     return 0
 

@@ -25,18 +25,18 @@ SCALARS = {
     "flag": ("uint32_t", 4),  # nonzero is yes
     "choice": ("uint32_t", 4),  # one of `values`
     "bits": ("uint32_t", 4),  # some of `values`, or'ed
-    "id": ("uint32_t", 4),  # `none` (a constant's name) is no id
-    "id_plus_1": ("uint32_t", 4),  # 0 is no id
+    "id": ("uint32_t", 4),  # counts from 1; 0 is none
+    "index": ("uint32_t", 4),  # counts from 0; `none` (a constant's name) is none
     "text": ("const char*", 8),
 }
 FIELD_KEYS = set(
-    "type doc count shape default neutral range above allowed zero_means unit group values prefix first none nan "
+    "type doc count shape default range above allowed zero_means unit group values prefix first none nan "
     "config match kernel pair"
-    " python extras check reserved copy lengths option short one member shader".split()
+    " python extras check reserved copy option short one member shader".split()
 )
 STRUCT_KEYS = set(
     "struct type_id doc what reach init fields python scene record read_back checked plugin embedded "
-    "has_neutral shader derived steps".split()
+    "shader derived steps".split()
 )
 
 
@@ -46,8 +46,7 @@ class TableError(Exception):
 
 @dataclass
 class Field:
-    """One field of a public struct. `default` is what _init gives; `neutral` what a missing field means: no effect, or
-    as it was before."""
+    """One field of a public struct. `default` is what _init gives."""
 
     name: str
     type: str
@@ -55,7 +54,6 @@ class Field:
     count: int | str = 1
     shape: tuple[int, ...] = ()
     default: Any = None
-    neutral: Any = None
     range: tuple[float, float] | None = None
     above: float | None = None  # must be > this
     allowed: tuple[int, ...] = ()
@@ -65,7 +63,7 @@ class Field:
     values: dict[str, str] = field(default_factory=dict)
     prefix: str = ""
     first: int = 0
-    none: str = ""  # constant that means "no id"
+    none: str = ""  # constant that means "no index"
     nan: str = ""  # what NaN means
     pair: str = ""  # name of the WIDTHxHEIGHT option that sets this and the next field
     config: bool = True  # in a sensor's configuration
@@ -80,7 +78,6 @@ class Field:
     check: bool = True
     copy: bool = True  # copied between the public struct and the scene's record
     member: str = ""  # where it is in the record, if not under its name: "optics.focus_m"
-    lengths: tuple[int, ...] = ()  # a vector that may be given shorter in Python
     reserved: bool = False
 
     @property
@@ -122,7 +119,6 @@ class Struct:
     shader: str = ""  # name of the record that shaders read
     derived: dict[str, list[str]] = field(default_factory=dict)  # [type, doc] of what that has beside the fields
     steps: dict[str, str] = field(default_factory=dict)  # what its stage does, one launch each
-    has_neutral: bool = False  # its record can say whether it changes anything
 
     @property
     def library(self) -> str:
@@ -152,7 +148,7 @@ def _read_field(source: str, name: str, entry: dict[str, Any]) -> Field:
     _require("type" in entry, source, name, "it has no type")
     out = Field(name=name, type=entry["type"])
     for key in entry:
-        setattr(out, key, tuple(entry[key]) if key in ("shape", "range", "allowed", "lengths") else entry[key])
+        setattr(out, key, tuple(entry[key]) if key in ("shape", "range", "allowed") else entry[key])
     out.doc = " ".join(out.doc.split())
     if out.shape:
         out.count = math.prod(out.shape)
@@ -171,8 +167,6 @@ def _read_field(source: str, name: str, entry: dict[str, Any]) -> Field:
         _require(out.default in out.values, source, name, f"default '{out.default}' is none of {list(out.values)}")
     if out.default is None and (out.type in SCALARS and out.type != "text"):
         out.default = _zero(out.type)
-    if out.neutral is None:
-        out.neutral = out.default
     if out.range and not isinstance(out.default, (str, list)) and not math.isnan(out.default):
         zero = out.zero_means is not None and out.default == 0
         _require(
@@ -209,7 +203,6 @@ def read_struct(path: Path) -> Struct:
             "checked",
             "plugin",
             "embedded",
-            "has_neutral",
             "shader",
             "derived",
             "steps",

@@ -99,7 +99,7 @@ def facts(field: Field) -> str:
 
 def sentence(field: Field) -> str:
     """The whole doc of a field: what it is, then the facts."""
-    more = "1 + a texture's id; 0 is none" if field.type == "id_plus_1" else facts(field)
+    more = "an id; 0 is none" if field.type == "id" else facts(field)
     if field.reserved:
         return "Must be 0."
     return " ".join(filter(None, [field.doc, f"[{more}]" if more else ""]))
@@ -108,7 +108,6 @@ def sentence(field: Field) -> str:
 def python_words(text: str) -> str:
     """A doc with C's constants as Python names them: KUAFU_DENOISE_ATROUS is atrous."""
     for c, python in (
-        ("KUAFU_NONE", "None"),
         ("KUAFU_ALL_ENVIRONMENTS", "None"),
         ("NULL", "None"),
         ("NAN", "None"),

@@ -13,6 +13,7 @@ function(ks_add_shaders target shader_dir)
   endforeach()
   file(GLOB entries CONFIGURE_DEPENDS ${shader_dir}/entry/*.comp ${shader_dir}/entry/*.rgen ${shader_dir}/entry/*.rchit ${shader_dir}/entry/*.rahit ${shader_dir}/entry/*.rmiss)
   set(out_dir ${CMAKE_CURRENT_BINARY_DIR}/shaders)
+  file(RELATIVE_PATH generated ${PROJECT_SOURCE_DIR} ${shader_dir})
   set(headers)
   foreach(entry ${entries})
     get_filename_component(stem ${entry} NAME)
@@ -40,7 +41,7 @@ function(ks_add_shaders target shader_dir)
       add_custom_command(
         OUTPUT ${header}
         COMMAND ${CMAKE_COMMAND} -E make_directory ${out_dir}/spirv
-        COMMAND ${GLSLANG_VALIDATOR} -V --quiet ${optimise} ${definition} --target-env vulkan1.2 -I${shader_dir} --depfile ${header}.d --vn ${name}_spirv -o ${header} ${entry}
+        COMMAND ${GLSLANG_VALIDATOR} -V --quiet ${optimise} ${definition} --target-env vulkan1.2 -I${shader_dir} -I${KS_GENERATED}/${generated} --depfile ${header}.d --vn ${name}_spirv -o ${header} ${entry}
         DEPENDS ${entry}
         DEPFILE ${header}.d
         COMMENT "SPIR-V ${name}"

@@ -37,14 +37,14 @@ static void render_pair(const char* scene_file) {
   kuafu_buffer buffer = NULL;
   KUAFU(kuafu_device_create(NULL, &device));
   KUAFU(kuafu_scene_create(device, &scene));
-  KUAFU(kuafu_scene_load(scene, scene_file, NULL));
+  KUAFU(kuafu_scene_load(scene, scene_file, NULL, NULL));
   add_projector(scene);
   kuafu_view_desc views[2] = {kuafu_view_desc_init(), kuafu_view_desc_init()};
-  for (int eye = 0; eye < 2; ++eye) {
-    views[eye].band = KUAFU_BAND_INFRARED;
-    views[eye].camera.width = width, views[eye].camera.height = height;
-    memcpy(views[eye].camera.k, camera_k, sizeof camera_k);
-    views[eye].camera.camera_to_world[3] = eye * baseline_m;
+  for (int side = 0; side < 2; ++side) {
+    views[side].band = KUAFU_BAND_INFRARED;
+    views[side].camera.width = width, views[side].camera.height = height;
+    memcpy(views[side].camera.k, camera_k, sizeof camera_k);
+    views[side].camera.camera_to_world[3] = side * baseline_m;
   }
   const ks_buffer_create create = ks_buffer_create_init(sizeof pair, KS_BUFFER_HOST_VISIBLE);
   KUAFU(kuafu_buffer_create(device, &create, &buffer));

@@ -31,14 +31,14 @@ void add_projector(const kuafu::Scene& scene) {
 std::vector<float> rendered_pair(const char* scene_file) {
   const kuafu::Device device;
   const kuafu::Scene scene(device);
-  kuafu::check(kuafu_scene_load(scene, scene_file, nullptr));
+  kuafu::check(kuafu_scene_load(scene, scene_file, nullptr, nullptr));
   add_projector(scene);
   std::array<kuafu_view_desc, 2> views{kuafu_view_desc_init(), kuafu_view_desc_init()};
-  for (size_t eye = 0; eye < 2; ++eye) {
-    views[eye].band = KUAFU_BAND_INFRARED;
-    views[eye].camera.width = width, views[eye].camera.height = height;
-    std::copy(camera_k.begin(), camera_k.end(), views[eye].camera.k);
-    views[eye].camera.camera_to_world[3] = double(eye) * baseline_m;
+  for (size_t side = 0; side < 2; ++side) {
+    views[side].band = KUAFU_BAND_INFRARED;
+    views[side].camera.width = width, views[side].camera.height = height;
+    std::copy(camera_k.begin(), camera_k.end(), views[side].camera.k);
+    views[side].camera.camera_to_world[3] = double(side) * baseline_m;
   }
   std::vector<float> pair(size_t{2} * height * width);
   const kuafu::Buffer buffer(device, pair.size() * sizeof(float), KS_BUFFER_HOST_VISIBLE);

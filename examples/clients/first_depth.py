@@ -38,7 +38,7 @@ def rendered_pair(kuafu: ks.Library, scene_file: str) -> Any:
     """Two cameras of floats, in counts."""
     device = kuafu.make("kuafu_device_create", None)
     scene = kuafu.make("kuafu_scene_create", device)
-    kuafu.call("kuafu_scene_load", scene, scene_file.encode(), None)
+    kuafu.call("kuafu_scene_load", scene, scene_file.encode(), None, None)
     add_projector(kuafu, scene)
     pair, views = (Side * 2)(), (ks.kuafu_view_desc * 2)(*(view_of_side(kuafu, side) for side in range(2)))
     create = kuafu.struct(ks.ks_buffer_create, size_bytes=c.sizeof(pair), flags=ks.KS_BUFFER_HOST_VISIBLE)

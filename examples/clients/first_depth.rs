@@ -16,7 +16,7 @@ unsafe fn rendered_pair(scene_file: &str) -> Vec<f32> {
     let (mut device, mut scene, mut renderer, mut buffer) = (null_mut(), null_mut(), null_mut(), null_mut());
     ok(kuafu_device_create(null(), &mut device));
     ok(kuafu_scene_create(device, &mut scene));
-    ok(kuafu_scene_load(scene, CString::new(scene_file).unwrap().as_ptr(), null()));
+    ok(kuafu_scene_load(scene, CString::new(scene_file).unwrap().as_ptr(), null(), null()));
     let mut state = 1u64; // of Knuth's linear congruential generator, for u and v of dots in a pattern of 640x480
     let mut below = |size: u64| {
         state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -31,9 +31,9 @@ unsafe fn rendered_pair(scene_file: &str) -> Vec<f32> {
     (projector.pattern_width, projector.pattern_height) = (640, 480);
     ok(kuafu_scene_add_light(scene, &projector, &mut 0));
     let mut views: [kuafu_view_desc; 2] = [filled(kuafu_struct_init, KUAFU_TYPE_VIEW_DESC); 2];
-    for (eye, view) in views.iter_mut().enumerate() {
+    for (side, view) in views.iter_mut().enumerate() {
         (view.band, view.camera.width, view.camera.height, view.camera.k) = (KUAFU_BAND_INFRARED, WIDTH as u32, HEIGHT as u32, CAMERA_K);
-        view.camera.camera_to_world[3] = eye as f64 * BASELINE_M;
+        view.camera.camera_to_world[3] = side as f64 * BASELINE_M;
     }
     let mut create: ks_buffer_create = filled(kuafu_struct_init, KS_TYPE_BUFFER_CREATE);
     (create.size_bytes, create.flags) = (4 * pair.len() as u64, KS_BUFFER_HOST_VISIBLE);

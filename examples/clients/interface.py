@@ -16,7 +16,7 @@ class Library:
     """libkuafu or libsimsense, whose functions are called by the names that they have in C."""
 
     def __init__(self, name: str) -> None:
-        self.name, self.library = name, c.CDLL(f"lib{name}.so.0")
+        self.name, self.library = name, c.CDLL(f"lib{name}.so.1")
         self.last_error = getattr(self.library, f"{name}_last_error")
         self.last_error.restype = c.c_char_p
 
@@ -53,21 +53,20 @@ class Library:
 
 
 class ks_header(c.Structure):
-    _fields_ = [("type", c.c_uint32), ("size_bytes", c.c_uint32), ("next", c.c_void_p)]
+    _fields_ = [("size_bytes", c.c_uint32), ("type", c.c_uint32)]
 
 
 SIMSENSE_TYPE_PARAMETERS = 0x2002
+SIMSENSE_CENSUS_CENTER_SYMMETRIC = 0
+SIMSENSE_CENSUS_PLAIN = 1
 SIMSENSE_SUBPIXEL_NONE = 0
 SIMSENSE_SUBPIXEL_PARABOLA = 1
 SIMSENSE_SUBPIXEL_EQUIANGULAR = 2
 SIMSENSE_SUBPIXEL_EQUIANGULAR_SUMMED = 3
-SIMSENSE_CENSUS_CENTER_SYMMETRIC = 0
-SIMSENSE_CENSUS_PLAIN = 1
 SIMSENSE_HOLES_KEEP = 0
 SIMSENSE_HOLES_LEFT = 1
 SIMSENSE_HOLES_BACKGROUND = 2
 SIMSENSE_TYPE_SIGNAL = 0x2005
-KUAFU_NONE = 0xffffffff
 KUAFU_TYPE_MATERIAL_DESC = 0x1003
 KUAFU_BSDF_GLTF = 0
 KUAFU_BSDF_PAPER = 1
@@ -76,6 +75,8 @@ KUAFU_ALPHA_MASK = 1
 KUAFU_ALPHA_BLEND = 2
 KUAFU_TYPE_OPTICS_DESC = 0x100d
 KUAFU_TYPE_MEDIUM_DESC = 0x1010
+KS_LENS_BROWN_CONRADY = 0
+KS_LENS_KANNALA_BRANDT = 1
 KUAFU_TYPE_CAMERA_DESC = 0x1006
 KUAFU_SHUTTER_GLOBAL = 0
 KUAFU_SHUTTER_ROLLING = 1
@@ -112,6 +113,7 @@ KUAFU_OUTPUT_PROJECTOR = 11
 KUAFU_OUTPUT_SRGB = 12
 KUAFU_OUTPUT_DEPTH = 16
 KUAFU_OUTPUT_NORMAL = 17
+KUAFU_NOTHING_HIT = 0xffffffff
 KUAFU_OUTPUT_INSTANCE_ID = 18
 KUAFU_OUTPUT_MATERIAL_ID = 19
 KUAFU_OUTPUT_SEMANTIC_ID = 20
@@ -238,38 +240,38 @@ class simsense_parameters(c.Structure):
         ("header", ks_header),
         ("noise_seed", c.c_uint64),
         ("frame_index", c.c_uint64),
+        ("roi_x", c.c_uint32),
+        ("roi_y", c.c_uint32),
+        ("roi_width", c.c_uint32),
+        ("roi_height", c.c_uint32),
         ("census_width", c.c_uint32),
         ("census_height", c.c_uint32),
+        ("census_kind", c.c_uint32),
+        ("census_contrast", c.c_float),
+        ("census_noise_dn", c.c_uint32),
+        ("min_disparity", c.c_int32),
         ("max_disparity", c.c_uint32),
         ("block_width", c.c_uint32),
         ("block_height", c.c_uint32),
         ("p1", c.c_uint32),
         ("p2", c.c_uint32),
+        ("p2_full_gradient_dn", c.c_uint32),
+        ("path_count", c.c_uint32),
+        ("subpixel", c.c_uint32),
         ("uniqueness_ratio", c.c_uint32),
         ("lr_max_diff", c.c_int32),
         ("median_size", c.c_uint32),
-        ("subpixel", c.c_uint32),
-        ("min_depth_m", c.c_float),
-        ("max_depth_m", c.c_float),
-        ("depth_dilation", c.c_uint32),
-        ("census_kind", c.c_uint32),
-        ("min_disparity", c.c_int32),
-        ("path_count", c.c_uint32),
-        ("p2_full_gradient_dn", c.c_uint32),
         ("speckle_max_size", c.c_uint32),
         ("speckle_max_diff_px", c.c_float),
-        ("hole_filling", c.c_uint32),
-        ("low_texture_dn", c.c_uint32),
-        ("roi_x", c.c_uint32),
-        ("roi_y", c.c_uint32),
-        ("roi_width", c.c_uint32),
-        ("roi_height", c.c_uint32),
-        ("splat_size", c.c_uint32),
-        ("census_contrast", c.c_float),
-        ("census_noise_dn", c.c_uint32),
         ("min_texture_dn", c.c_uint32),
         ("edge_step_px", c.c_float),
         ("right_border_px", c.c_uint32),
+        ("low_texture_dn", c.c_uint32),
+        ("hole_filling", c.c_uint32),
+        ("min_depth_m", c.c_float),
+        ("max_depth_m", c.c_float),
+        ("depth_dilation", c.c_uint32),
+        ("splat_size", c.c_uint32),
     ]
 
 
@@ -317,66 +319,68 @@ class kuafu_material_desc(c.Structure):
         ("header", ks_header),
         ("name", c.c_char_p),
         ("base_color", c.c_float * 4),
+        ("base_color_texture", c.c_uint32),
         ("metallic", c.c_float),
         ("roughness", c.c_float),
-        ("specular", c.c_float),
-        ("ior", c.c_float),
-        ("transmission", c.c_float),
-        ("emission", c.c_float * 3),
-        ("ir_albedo", c.c_float),
-        ("ir_emission", c.c_float),
-        ("base_color_texture", c.c_uint32),
         ("metallic_roughness_texture", c.c_uint32),
-        ("normal_texture", c.c_uint32),
-        ("emission_texture", c.c_uint32),
-        ("transmission_texture", c.c_uint32),
+        ("specular", c.c_float),
         ("specular_texture", c.c_uint32),
-        ("transmission_roughness", c.c_float),
+        ("ior", c.c_float),
+        ("ior_texture", c.c_uint32),
         ("diffuse_roughness", c.c_float),
-        ("attenuation_color", c.c_float * 3),
-        ("ir_attenuation_color", c.c_float),
-        ("attenuation_distance_m", c.c_float),
         ("bsdf", c.c_uint32),
-        ("light_group", c.c_uint32),
-        ("thin_walled", c.c_uint32),
+        ("ir_albedo", c.c_float),
         ("ir_albedo_texture", c.c_uint32),
         ("ir_roughness", c.c_float),
         ("ir_ior", c.c_float),
+        ("normal_texture", c.c_uint32),
+        ("normal_scale", c.c_float),
+        ("alpha_mode", c.c_uint32),
+        ("alpha_cutoff", c.c_float),
+        ("emission", c.c_float * 3),
+        ("emission_texture", c.c_uint32),
+        ("ir_emission", c.c_float),
+        ("light_group", c.c_uint32),
+        ("transmission", c.c_float),
+        ("transmission_texture", c.c_uint32),
+        ("transmission_roughness", c.c_float),
+        ("thin_walled", c.c_uint32),
+        ("attenuation_color", c.c_float * 3),
+        ("attenuation_distance_m", c.c_float),
+        ("dispersion", c.c_float),
         ("ir_transmission", c.c_float),
         ("ir_transmission_roughness", c.c_float),
+        ("ir_attenuation_color", c.c_float),
+        ("diffuse_transmission", c.c_float),
+        ("diffuse_transmission_texture", c.c_uint32),
+        ("diffuse_transmission_color", c.c_float * 3),
+        ("diffuse_transmission_color_texture", c.c_uint32),
+        ("ir_diffuse_transmission_color", c.c_float),
         ("subsurface", c.c_float),
         ("subsurface_color", c.c_float * 3),
         ("subsurface_radius_m", c.c_float * 3),
         ("ir_subsurface_color", c.c_float),
         ("ir_subsurface_radius_m", c.c_float),
-        ("ior_texture", c.c_uint32),
-        ("alpha_mode", c.c_uint32),
-        ("alpha_cutoff", c.c_float),
-        ("normal_scale", c.c_float),
         ("clearcoat", c.c_float),
-        ("clearcoat_roughness", c.c_float),
-        ("diffuse_transmission", c.c_float),
-        ("diffuse_transmission_color", c.c_float * 3),
-        ("ir_diffuse_transmission_color", c.c_float),
         ("clearcoat_texture", c.c_uint32),
+        ("clearcoat_roughness", c.c_float),
         ("clearcoat_roughness_texture", c.c_uint32),
-        ("diffuse_transmission_texture", c.c_uint32),
-        ("diffuse_transmission_color_texture", c.c_uint32),
+        ("clearcoat_normal_texture", c.c_uint32),
+        ("clearcoat_normal_scale", c.c_float),
         ("anisotropy", c.c_float),
         ("anisotropy_rotation_rad", c.c_float),
         ("anisotropy_texture", c.c_uint32),
         ("sheen_color", c.c_float * 3),
-        ("sheen_roughness", c.c_float),
-        ("ir_sheen_color", c.c_float),
         ("sheen_color_texture", c.c_uint32),
+        ("sheen_roughness", c.c_float),
         ("sheen_roughness_texture", c.c_uint32),
+        ("ir_sheen_color", c.c_float),
         ("iridescence", c.c_float),
+        ("iridescence_texture", c.c_uint32),
         ("iridescence_ior", c.c_float),
         ("iridescence_thickness_nm", c.c_float),
         ("iridescence_least_thickness_nm", c.c_float),
-        ("iridescence_texture", c.c_uint32),
         ("iridescence_thickness_texture", c.c_uint32),
-        ("dispersion", c.c_float),
     ]
 
 
@@ -410,62 +414,11 @@ class kuafu_medium_desc(c.Structure):
     ]
 
 
-class kuafu_camera_desc(c.Structure):
-    type_id = KUAFU_TYPE_CAMERA_DESC
+class ks_lens(c.Structure):
     _fields_ = [
-        ("header", ks_header),
-        ("width", c.c_uint32),
-        ("height", c.c_uint32),
-        ("k", c.c_double * 9),
-        ("camera_to_world", c.c_double * 16),
-        ("near_m", c.c_double),
-        ("far_m", c.c_double),
+        ("model", c.c_uint32),
+        ("reserved", c.c_uint32),
         ("distortion", c.c_double * 8),
-        ("lens_radius_m", c.c_double),
-        ("focus_m", c.c_double),
-        ("shutter", c.c_uint32),
-        ("readout", c.c_uint32),
-        ("exposure_s", c.c_double),
-        ("line_time_s", c.c_double),
-        ("linear_velocity", c.c_double * 3),
-        ("angular_velocity", c.c_double * 3),
-        ("reserved", c.c_double * 8),
-    ]
-
-
-class kuafu_light_desc(c.Structure):
-    type_id = KUAFU_TYPE_LIGHT_DESC
-    _fields_ = [
-        ("header", ks_header),
-        ("name", c.c_char_p),
-        ("kind", c.c_uint32),
-        ("environment", c.c_uint32),
-        ("intensity", c.c_float * 3),
-        ("ir_intensity", c.c_float),
-        ("light_to_world", c.c_double * 16),
-        ("texture", c.c_uint32),
-        ("light_group", c.c_uint32),
-        ("k", c.c_double * 9),
-        ("radius_m", c.c_double),
-        ("angle_rad", c.c_double),
-        ("inner_rad", c.c_double),
-        ("outer_rad", c.c_double),
-        ("size_m", c.c_double * 2),
-        ("distortion", c.c_double * 8),
-        ("falloff", c.c_double),
-        ("focus_m", c.c_double),
-        ("pattern_scale", c.c_double),
-        ("dots", c.c_void_p),
-        ("dot_count", c.c_uint32),
-        ("pattern_width", c.c_uint32),
-        ("pattern_height", c.c_uint32),
-        ("dot_sigma_px", c.c_float),
-        ("linear_velocity", c.c_double * 3),
-        ("angular_velocity", c.c_double * 3),
-        ("on_from_s", c.c_double),
-        ("on_until_s", c.c_double),
-        ("range_m", c.c_double),
-        ("dot_background", c.c_double),
     ]
 
 
@@ -491,11 +444,11 @@ class kuafu_scene_summary(c.Structure):
         ("instance_count", c.c_uint32),
         ("light_count", c.c_uint32),
         ("camera_count", c.c_uint32),
+        ("animation_count", c.c_uint32),
+        ("reserved", c.c_uint32),
         ("triangle_count", c.c_uint64),
         ("bounds_min_m", c.c_double * 3),
         ("bounds_max_m", c.c_double * 3),
-        ("animation_count", c.c_uint32),
-        ("reserved", c.c_uint32),
     ]
 
 
@@ -507,12 +460,12 @@ class kuafu_mesh_desc(c.Structure):
         ("positions", c.c_void_p),
         ("normals", c.c_void_p),
         ("uvs", c.c_void_p),
+        ("uvs_1", c.c_void_p),
+        ("colors", c.c_void_p),
         ("indices", c.c_void_p),
         ("slots", c.c_void_p),
         ("vertex_count", c.c_uint32),
         ("triangle_count", c.c_uint32),
-        ("uvs_1", c.c_void_p),
-        ("colors", c.c_void_p),
     ]
 
 
@@ -629,15 +582,6 @@ class kuafu_gbuffer_desc(c.Structure):
         ("environment_count", c.c_uint32),
         ("depth_kind", c.c_uint32),
         ("reserved", c.c_uint32),
-    ]
-
-
-class simsense_camera(c.Structure):
-    _fields_ = [
-        ("width", c.c_uint32),
-        ("height", c.c_uint32),
-        ("k", c.c_double * 9),
-        ("distortion", c.c_double * 8),
     ]
 
 
@@ -761,6 +705,64 @@ class ks_stage_time(c.Structure):
     ]
 
 
+class kuafu_camera_desc(c.Structure):
+    type_id = KUAFU_TYPE_CAMERA_DESC
+    _fields_ = [
+        ("header", ks_header),
+        ("width", c.c_uint32),
+        ("height", c.c_uint32),
+        ("k", c.c_double * 9),
+        ("camera_to_world", c.c_double * 16),
+        ("near_m", c.c_double),
+        ("far_m", c.c_double),
+        ("lens", ks_lens),
+        ("lens_radius_m", c.c_double),
+        ("focus_m", c.c_double),
+        ("shutter", c.c_uint32),
+        ("readout", c.c_uint32),
+        ("exposure_s", c.c_double),
+        ("line_time_s", c.c_double),
+        ("linear_velocity", c.c_double * 3),
+        ("angular_velocity", c.c_double * 3),
+    ]
+
+
+class kuafu_light_desc(c.Structure):
+    type_id = KUAFU_TYPE_LIGHT_DESC
+    _fields_ = [
+        ("header", ks_header),
+        ("name", c.c_char_p),
+        ("kind", c.c_uint32),
+        ("environment", c.c_uint32),
+        ("intensity", c.c_float * 3),
+        ("ir_intensity", c.c_float),
+        ("texture", c.c_uint32),
+        ("light_group", c.c_uint32),
+        ("light_to_world", c.c_double * 16),
+        ("linear_velocity", c.c_double * 3),
+        ("angular_velocity", c.c_double * 3),
+        ("on_from_s", c.c_double),
+        ("on_until_s", c.c_double),
+        ("radius_m", c.c_double),
+        ("size_m", c.c_double * 2),
+        ("angle_rad", c.c_double),
+        ("inner_rad", c.c_double),
+        ("outer_rad", c.c_double),
+        ("range_m", c.c_double),
+        ("k", c.c_double * 9),
+        ("lens", ks_lens),
+        ("falloff", c.c_double),
+        ("focus_m", c.c_double),
+        ("pattern_scale", c.c_double),
+        ("dots", c.c_void_p),
+        ("dot_count", c.c_uint32),
+        ("pattern_width", c.c_uint32),
+        ("pattern_height", c.c_uint32),
+        ("dot_sigma_px", c.c_float),
+        ("dot_background", c.c_double),
+    ]
+
+
 class kuafu_output_desc(c.Structure):
     type_id = KUAFU_TYPE_OUTPUT_DESC
     _fields_ = [
@@ -768,6 +770,23 @@ class kuafu_output_desc(c.Structure):
         ("output", c.c_uint32),
         ("scale", c.c_float),
         ("buffer", c.c_void_p),
+        ("image", ks_image_desc),
+    ]
+
+
+class simsense_camera(c.Structure):
+    _fields_ = [
+        ("width", c.c_uint32),
+        ("height", c.c_uint32),
+        ("k", c.c_double * 9),
+        ("lens", ks_lens),
+    ]
+
+
+class simsense_image(c.Structure):
+    _fields_ = [
+        ("buffer", c.c_void_p),
+        ("host", c.c_void_p),
         ("image", ks_image_desc),
     ]
 
@@ -802,14 +821,6 @@ class simsense_rig_desc(c.Structure):
     ]
 
 
-class simsense_image(c.Structure):
-    _fields_ = [
-        ("buffer", c.c_void_p),
-        ("host", c.c_void_p),
-        ("image", ks_image_desc),
-    ]
-
-
 class simsense_output_desc(c.Structure):
     type_id = SIMSENSE_TYPE_OUTPUT_DESC
     _fields_ = [
@@ -826,14 +837,14 @@ class simsense_compute_desc(c.Structure):
         ("header", ks_header),
         ("left", simsense_image),
         ("right", simsense_image),
+        ("left_laser", simsense_image),
+        ("right_laser", simsense_image),
+        ("rgb", simsense_image),
         ("outputs", c.c_void_p),
         ("output_count", c.c_uint32),
         ("reserved", c.c_uint32),
         ("progress", c.c_void_p),
         ("progress_user", c.c_void_p),
-        ("rgb", simsense_image),
-        ("left_laser", simsense_image),
-        ("right_laser", simsense_image),
         ("wait", c.c_void_p),
         ("noise_seeds", c.c_void_p),
     ]

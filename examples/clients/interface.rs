@@ -7,9 +7,8 @@ use std::os::raw::{c_char, c_void};
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct ks_header {
-    pub r#type: u32,
     pub size_bytes: u32,
-    pub next: *const c_void,
+    pub r#type: u32,
 }
 
 /// A struct with its defaults: `filled(kuafu_struct_init, KUAFU_TYPE_RENDER_DESC)`. The type is that of the struct T.
@@ -46,38 +45,38 @@ pub struct simsense_parameters {
     pub header: ks_header,
     pub noise_seed: u64,
     pub frame_index: u64,
+    pub roi_x: u32,
+    pub roi_y: u32,
+    pub roi_width: u32,
+    pub roi_height: u32,
     pub census_width: u32,
     pub census_height: u32,
+    pub census_kind: u32,
+    pub census_contrast: f32,
+    pub census_noise_dn: u32,
+    pub min_disparity: i32,
     pub max_disparity: u32,
     pub block_width: u32,
     pub block_height: u32,
     pub p1: u32,
     pub p2: u32,
+    pub p2_full_gradient_dn: u32,
+    pub path_count: u32,
+    pub subpixel: u32,
     pub uniqueness_ratio: u32,
     pub lr_max_diff: i32,
     pub median_size: u32,
-    pub subpixel: u32,
-    pub min_depth_m: f32,
-    pub max_depth_m: f32,
-    pub depth_dilation: u32,
-    pub census_kind: u32,
-    pub min_disparity: i32,
-    pub path_count: u32,
-    pub p2_full_gradient_dn: u32,
     pub speckle_max_size: u32,
     pub speckle_max_diff_px: f32,
-    pub hole_filling: u32,
-    pub low_texture_dn: u32,
-    pub roi_x: u32,
-    pub roi_y: u32,
-    pub roi_width: u32,
-    pub roi_height: u32,
-    pub splat_size: u32,
-    pub census_contrast: f32,
-    pub census_noise_dn: u32,
     pub min_texture_dn: u32,
     pub edge_step_px: f32,
     pub right_border_px: u32,
+    pub low_texture_dn: u32,
+    pub hole_filling: u32,
+    pub min_depth_m: f32,
+    pub max_depth_m: f32,
+    pub depth_dilation: u32,
+    pub splat_size: u32,
 }
 
 #[repr(C)]
@@ -123,66 +122,68 @@ pub struct kuafu_material_desc {
     pub header: ks_header,
     pub name: *const c_char,
     pub base_color: [f32; 4],
+    pub base_color_texture: u32,
     pub metallic: f32,
     pub roughness: f32,
-    pub specular: f32,
-    pub ior: f32,
-    pub transmission: f32,
-    pub emission: [f32; 3],
-    pub ir_albedo: f32,
-    pub ir_emission: f32,
-    pub base_color_texture: u32,
     pub metallic_roughness_texture: u32,
-    pub normal_texture: u32,
-    pub emission_texture: u32,
-    pub transmission_texture: u32,
+    pub specular: f32,
     pub specular_texture: u32,
-    pub transmission_roughness: f32,
+    pub ior: f32,
+    pub ior_texture: u32,
     pub diffuse_roughness: f32,
-    pub attenuation_color: [f32; 3],
-    pub ir_attenuation_color: f32,
-    pub attenuation_distance_m: f32,
     pub bsdf: u32,
-    pub light_group: u32,
-    pub thin_walled: u32,
+    pub ir_albedo: f32,
     pub ir_albedo_texture: u32,
     pub ir_roughness: f32,
     pub ir_ior: f32,
+    pub normal_texture: u32,
+    pub normal_scale: f32,
+    pub alpha_mode: u32,
+    pub alpha_cutoff: f32,
+    pub emission: [f32; 3],
+    pub emission_texture: u32,
+    pub ir_emission: f32,
+    pub light_group: u32,
+    pub transmission: f32,
+    pub transmission_texture: u32,
+    pub transmission_roughness: f32,
+    pub thin_walled: u32,
+    pub attenuation_color: [f32; 3],
+    pub attenuation_distance_m: f32,
+    pub dispersion: f32,
     pub ir_transmission: f32,
     pub ir_transmission_roughness: f32,
+    pub ir_attenuation_color: f32,
+    pub diffuse_transmission: f32,
+    pub diffuse_transmission_texture: u32,
+    pub diffuse_transmission_color: [f32; 3],
+    pub diffuse_transmission_color_texture: u32,
+    pub ir_diffuse_transmission_color: f32,
     pub subsurface: f32,
     pub subsurface_color: [f32; 3],
     pub subsurface_radius_m: [f32; 3],
     pub ir_subsurface_color: f32,
     pub ir_subsurface_radius_m: f32,
-    pub ior_texture: u32,
-    pub alpha_mode: u32,
-    pub alpha_cutoff: f32,
-    pub normal_scale: f32,
     pub clearcoat: f32,
-    pub clearcoat_roughness: f32,
-    pub diffuse_transmission: f32,
-    pub diffuse_transmission_color: [f32; 3],
-    pub ir_diffuse_transmission_color: f32,
     pub clearcoat_texture: u32,
+    pub clearcoat_roughness: f32,
     pub clearcoat_roughness_texture: u32,
-    pub diffuse_transmission_texture: u32,
-    pub diffuse_transmission_color_texture: u32,
+    pub clearcoat_normal_texture: u32,
+    pub clearcoat_normal_scale: f32,
     pub anisotropy: f32,
     pub anisotropy_rotation_rad: f32,
     pub anisotropy_texture: u32,
     pub sheen_color: [f32; 3],
-    pub sheen_roughness: f32,
-    pub ir_sheen_color: f32,
     pub sheen_color_texture: u32,
+    pub sheen_roughness: f32,
     pub sheen_roughness_texture: u32,
+    pub ir_sheen_color: f32,
     pub iridescence: f32,
+    pub iridescence_texture: u32,
     pub iridescence_ior: f32,
     pub iridescence_thickness_nm: f32,
     pub iridescence_least_thickness_nm: f32,
-    pub iridescence_texture: u32,
     pub iridescence_thickness_texture: u32,
-    pub dispersion: f32,
 }
 
 #[repr(C)]
@@ -215,59 +216,10 @@ pub struct kuafu_medium_desc {
 
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct kuafu_camera_desc {
-    pub header: ks_header,
-    pub width: u32,
-    pub height: u32,
-    pub k: [f64; 9],
-    pub camera_to_world: [f64; 16],
-    pub near_m: f64,
-    pub far_m: f64,
+pub struct ks_lens {
+    pub model: u32,
+    pub reserved: u32,
     pub distortion: [f64; 8],
-    pub lens_radius_m: f64,
-    pub focus_m: f64,
-    pub shutter: u32,
-    pub readout: u32,
-    pub exposure_s: f64,
-    pub line_time_s: f64,
-    pub linear_velocity: [f64; 3],
-    pub angular_velocity: [f64; 3],
-    pub reserved: [f64; 8],
-}
-
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct kuafu_light_desc {
-    pub header: ks_header,
-    pub name: *const c_char,
-    pub kind: u32,
-    pub environment: u32,
-    pub intensity: [f32; 3],
-    pub ir_intensity: f32,
-    pub light_to_world: [f64; 16],
-    pub texture: u32,
-    pub light_group: u32,
-    pub k: [f64; 9],
-    pub radius_m: f64,
-    pub angle_rad: f64,
-    pub inner_rad: f64,
-    pub outer_rad: f64,
-    pub size_m: [f64; 2],
-    pub distortion: [f64; 8],
-    pub falloff: f64,
-    pub focus_m: f64,
-    pub pattern_scale: f64,
-    pub dots: *const c_void,
-    pub dot_count: u32,
-    pub pattern_width: u32,
-    pub pattern_height: u32,
-    pub dot_sigma_px: f32,
-    pub linear_velocity: [f64; 3],
-    pub angular_velocity: [f64; 3],
-    pub on_from_s: f64,
-    pub on_until_s: f64,
-    pub range_m: f64,
-    pub dot_background: f64,
 }
 
 #[repr(C)]
@@ -291,11 +243,11 @@ pub struct kuafu_scene_summary {
     pub instance_count: u32,
     pub light_count: u32,
     pub camera_count: u32,
+    pub animation_count: u32,
+    pub reserved: u32,
     pub triangle_count: u64,
     pub bounds_min_m: [f64; 3],
     pub bounds_max_m: [f64; 3],
-    pub animation_count: u32,
-    pub reserved: u32,
 }
 
 #[repr(C)]
@@ -306,12 +258,12 @@ pub struct kuafu_mesh_desc {
     pub positions: *const c_void,
     pub normals: *const c_void,
     pub uvs: *const c_void,
+    pub uvs_1: *const c_void,
+    pub colors: *const c_void,
     pub indices: *const c_void,
     pub slots: *const c_void,
     pub vertex_count: u32,
     pub triangle_count: u32,
-    pub uvs_1: *const c_void,
-    pub colors: *const c_void,
 }
 
 #[repr(C)]
@@ -421,15 +373,6 @@ pub struct kuafu_gbuffer_desc {
     pub environment_count: u32,
     pub depth_kind: u32,
     pub reserved: u32,
-}
-
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct simsense_camera {
-    pub width: u32,
-    pub height: u32,
-    pub k: [f64; 9],
-    pub distortion: [f64; 8],
 }
 
 #[repr(C)]
@@ -546,11 +489,84 @@ pub struct ks_stage_time {
 
 #[repr(C)]
 #[derive(Clone, Copy)]
+pub struct kuafu_camera_desc {
+    pub header: ks_header,
+    pub width: u32,
+    pub height: u32,
+    pub k: [f64; 9],
+    pub camera_to_world: [f64; 16],
+    pub near_m: f64,
+    pub far_m: f64,
+    pub lens: ks_lens,
+    pub lens_radius_m: f64,
+    pub focus_m: f64,
+    pub shutter: u32,
+    pub readout: u32,
+    pub exposure_s: f64,
+    pub line_time_s: f64,
+    pub linear_velocity: [f64; 3],
+    pub angular_velocity: [f64; 3],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct kuafu_light_desc {
+    pub header: ks_header,
+    pub name: *const c_char,
+    pub kind: u32,
+    pub environment: u32,
+    pub intensity: [f32; 3],
+    pub ir_intensity: f32,
+    pub texture: u32,
+    pub light_group: u32,
+    pub light_to_world: [f64; 16],
+    pub linear_velocity: [f64; 3],
+    pub angular_velocity: [f64; 3],
+    pub on_from_s: f64,
+    pub on_until_s: f64,
+    pub radius_m: f64,
+    pub size_m: [f64; 2],
+    pub angle_rad: f64,
+    pub inner_rad: f64,
+    pub outer_rad: f64,
+    pub range_m: f64,
+    pub k: [f64; 9],
+    pub lens: ks_lens,
+    pub falloff: f64,
+    pub focus_m: f64,
+    pub pattern_scale: f64,
+    pub dots: *const c_void,
+    pub dot_count: u32,
+    pub pattern_width: u32,
+    pub pattern_height: u32,
+    pub dot_sigma_px: f32,
+    pub dot_background: f64,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
 pub struct kuafu_output_desc {
     pub header: ks_header,
     pub output: u32,
     pub scale: f32,
     pub buffer: *mut c_void,
+    pub image: ks_image_desc,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct simsense_camera {
+    pub width: u32,
+    pub height: u32,
+    pub k: [f64; 9],
+    pub lens: ks_lens,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct simsense_image {
+    pub buffer: *mut c_void,
+    pub host: *const c_void,
     pub image: ks_image_desc,
 }
 
@@ -584,14 +600,6 @@ pub struct simsense_rig_desc {
 
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct simsense_image {
-    pub buffer: *mut c_void,
-    pub host: *const c_void,
-    pub image: ks_image_desc,
-}
-
-#[repr(C)]
-#[derive(Clone, Copy)]
 pub struct simsense_output_desc {
     pub header: ks_header,
     pub output: u32,
@@ -605,30 +613,29 @@ pub struct simsense_compute_desc {
     pub header: ks_header,
     pub left: simsense_image,
     pub right: simsense_image,
+    pub left_laser: simsense_image,
+    pub right_laser: simsense_image,
+    pub rgb: simsense_image,
     pub outputs: *const c_void,
     pub output_count: u32,
     pub reserved: u32,
     pub progress: *mut c_void,
     pub progress_user: *const c_void,
-    pub rgb: simsense_image,
-    pub left_laser: simsense_image,
-    pub right_laser: simsense_image,
     pub wait: *const c_void,
     pub noise_seeds: *const c_void,
 }
 
 pub const SIMSENSE_TYPE_PARAMETERS: u32 = 0x2002;
+pub const SIMSENSE_CENSUS_CENTER_SYMMETRIC: u32 = 0;
+pub const SIMSENSE_CENSUS_PLAIN: u32 = 1;
 pub const SIMSENSE_SUBPIXEL_NONE: u32 = 0;
 pub const SIMSENSE_SUBPIXEL_PARABOLA: u32 = 1;
 pub const SIMSENSE_SUBPIXEL_EQUIANGULAR: u32 = 2;
 pub const SIMSENSE_SUBPIXEL_EQUIANGULAR_SUMMED: u32 = 3;
-pub const SIMSENSE_CENSUS_CENTER_SYMMETRIC: u32 = 0;
-pub const SIMSENSE_CENSUS_PLAIN: u32 = 1;
 pub const SIMSENSE_HOLES_KEEP: u32 = 0;
 pub const SIMSENSE_HOLES_LEFT: u32 = 1;
 pub const SIMSENSE_HOLES_BACKGROUND: u32 = 2;
 pub const SIMSENSE_TYPE_SIGNAL: u32 = 0x2005;
-pub const KUAFU_NONE: u32 = 0xffffffff;
 pub const KUAFU_TYPE_MATERIAL_DESC: u32 = 0x1003;
 pub const KUAFU_BSDF_GLTF: u32 = 0;
 pub const KUAFU_BSDF_PAPER: u32 = 1;
@@ -637,6 +644,8 @@ pub const KUAFU_ALPHA_MASK: u32 = 1;
 pub const KUAFU_ALPHA_BLEND: u32 = 2;
 pub const KUAFU_TYPE_OPTICS_DESC: u32 = 0x100d;
 pub const KUAFU_TYPE_MEDIUM_DESC: u32 = 0x1010;
+pub const KS_LENS_BROWN_CONRADY: u32 = 0;
+pub const KS_LENS_KANNALA_BRANDT: u32 = 1;
 pub const KUAFU_TYPE_CAMERA_DESC: u32 = 0x1006;
 pub const KUAFU_SHUTTER_GLOBAL: u32 = 0;
 pub const KUAFU_SHUTTER_ROLLING: u32 = 1;
@@ -673,6 +682,7 @@ pub const KUAFU_OUTPUT_PROJECTOR: u32 = 11;
 pub const KUAFU_OUTPUT_SRGB: u32 = 12;
 pub const KUAFU_OUTPUT_DEPTH: u32 = 16;
 pub const KUAFU_OUTPUT_NORMAL: u32 = 17;
+pub const KUAFU_NOTHING_HIT: u32 = 0xffffffff;
 pub const KUAFU_OUTPUT_INSTANCE_ID: u32 = 18;
 pub const KUAFU_OUTPUT_MATERIAL_ID: u32 = 19;
 pub const KUAFU_OUTPUT_SEMANTIC_ID: u32 = 20;
@@ -815,7 +825,7 @@ extern "C" {
     pub fn kuafu_scene_create(device: *mut c_void, out: *mut *mut c_void) -> i32;
     pub fn kuafu_scene_retain(scene: *mut c_void);
     pub fn kuafu_scene_release(scene: *mut c_void);
-    pub fn kuafu_scene_load(scene: *mut c_void, path: *const c_char, root_to_world: *const f64) -> i32;
+    pub fn kuafu_scene_load(scene: *mut c_void, path: *const c_char, name: *const c_char, root_to_world: *const f64) -> i32;
     pub fn kuafu_scene_cancel_load(scene: *mut c_void) -> i32;
     pub fn kuafu_scene_animate(scene: *mut c_void, animation: u32, time_s: f64) -> i32;
     pub fn kuafu_scene_animation_duration(scene: *mut c_void, animation: u32, out: *mut f64) -> i32;

@@ -82,21 +82,21 @@ static kuafu_scene make_scene(kuafu_device device) {
   return scene;
 }
 
-/* Both eyes in one call, [2][height][width] floats, radiance times `scale` as counts. */
+/* Both cameras in one call, [2][height][width] floats, radiance times `scale` as counts. */
 static void render_pair(kuafu_device device, kuafu_scene scene, kuafu_buffer pair) {
   const uint64_t shape[4] = {2, height, width, 1};
   kuafu_view_desc views[2];
   kuafu_output_desc output = kuafu_output_desc_init(KUAFU_OUTPUT_RADIANCE, pair, ks_image_desc_packed(KS_FORMAT_F32, 4, shape));
   kuafu_render_desc render = kuafu_render_desc_init();
   kuafu_renderer renderer = NULL;
-  int eye;
-  for (eye = 0; eye < 2; ++eye) {
-    views[eye] = kuafu_view_desc_init();
-    views[eye].band = KUAFU_BAND_INFRARED;
-    views[eye].camera.width = width;
-    views[eye].camera.height = height;
-    memcpy(views[eye].camera.k, camera_k, sizeof camera_k);
-    views[eye].camera.camera_to_world[3] = eye * baseline_m;
+  int side;
+  for (side = 0; side < 2; ++side) {
+    views[side] = kuafu_view_desc_init();
+    views[side].band = KUAFU_BAND_INFRARED;
+    views[side].camera.width = width;
+    views[side].camera.height = height;
+    memcpy(views[side].camera.k, camera_k, sizeof camera_k);
+    views[side].camera.camera_to_world[3] = side * baseline_m;
   }
   output.scale = 200.0f;
   render.views = views;

@@ -16,7 +16,7 @@ namespace ks_python {
 
 template <class Struct>
 struct Field {
-  enum class Kind { number, flag, choice, bits, id };
+  enum class Kind { number, flag, choice, bits, id, index };
   const char* name;
   std::variant<float Struct::*, double Struct::*, uint32_t Struct::*, int32_t Struct::*, uint64_t Struct::*> member;
   Kind kind = Kind::number;
@@ -55,7 +55,8 @@ py::object number_of(const Field<Struct>& field, const py::handle& value) {
   if (field.kind == Kind::bits) return py::int_(bits_of<Api>(field, value));
   if (field.kind == Kind::choice && py::isinstance<py::str>(value)) return py::int_(index_of<Api>(field, py::cast<std::string>(value)));
   if (field.kind == Kind::flag) return py::int_(py::cast<bool>(value) ? 1 : 0);
-  if (field.kind == Kind::id && value.is_none()) return py::int_(0xffffffffu);
+  if (field.kind == Kind::id) return value.is_none() ? py::int_(0) : py::int_(py::cast<uint32_t>(value) + 1);
+  if (field.kind == Kind::index && value.is_none()) return py::int_(0xffffffffu);
   return py::reinterpret_borrow<py::object>(value);
 }
 

@@ -208,60 +208,80 @@ class Material:
     name: str
     base_color: tuple[float, float, float, float]
     """Linear RGB and alpha. [0..1; 1, 1, 1, 1 by default]"""
+    base_color_texture: int | None
+    """Its RGB multiplies base_color, its alpha that of base_color."""
     metallic: float
     """0 is a dielectric, 1 a metal. [0..1]"""
     roughness: float
     """Its square is the alpha of GGX. [0..1; 1 by default]"""
+    metallic_roughness_texture: int | None
+    """Its green channel multiplies roughness and transmission_roughness, its blue channel metallic."""
     specular: float
     """Weight of the reflecting layer. With specular 0 and metallic 0 the surface is exactly Lambertian. [0..1; 1 by default]"""
+    specular_texture: int | None
+    """Its alpha channel multiplies specular."""
     ior: float
     """Index of refraction. [>= 1; 1.5 by default]"""
-    transmission: float
-    """Share of the light entering the base that passes through it, as in glass. [0..1]"""
-    emission: tuple[float, float, float]
-    """Radiance in the visible band. [>= 0 W/(sr m^2)]"""
-    ir_albedo: float | None
-    """Diffuse albedo (or metal reflectance) in the infrared band. [0..1; None = red of base_color]"""
-    ir_emission: float
-    """Radiance in the infrared band. [>= 0 W/(sr m^2)]"""
-    base_color_texture: int | None
-    """Its RGB multiplies base_color, its alpha that of base_color. [None by default]"""
-    metallic_roughness_texture: int | None
-    """Its green channel multiplies roughness and transmission_roughness, its blue channel metallic. [None by default]"""
-    normal_texture: int | None
-    """Normals in tangent space, encoded as in glTF. [None by default]"""
-    emission_texture: int | None
-    """Its RGB multiplies emission. [None by default]"""
-    transmission_texture: int | None
-    """Its red channel multiplies transmission. [None by default]"""
-    specular_texture: int | None
-    """Its alpha channel multiplies specular. [None by default]"""
-    transmission_roughness: float
-    """Roughness of transmitted light; 0 is clear glass. For a material of a file it is the material's roughness. [0..1]"""
+    ior_texture: int | None
+    """Its red channel R changes the index of refraction to 1 + (ior - 1) R."""
     diffuse_roughness: float
     """Roughness of the diffuse base by Oren and Nayar's model in Fujii's form; 0 is Lambertian. [0..1]"""
-    attenuation_color: tuple[float, float, float]
-    """Colour that white light has after attenuation_distance_m inside the glass (KHR_materials_volume). [0..1; 1, 1, 1 by default]"""
-    ir_attenuation_color: float | None
-    """The same as attenuation_color, in the infrared band. [0..1; None = red of attenuation_color]"""
-    attenuation_distance_m: float
-    """Distance for attenuation_color; with 0 nothing is absorbed. [>= 0 m]"""
     bsdf: Literal["gltf", "paper"]
     """How the base and the reflecting layer are combined. [gltf by default]"""
-    light_group: int
-    """Light group of the light that the surface emits. [0..3]"""
-    thin_walled: bool
-    """Whether transmitted light crosses a thin sheet instead of entering a body. It then passes both faces at once and keeps its direction, with all reflections between the faces included. base_color is the colour after one crossing, and attenuation is not used."""
+    ir_albedo: float | None
+    """Diffuse albedo (or metal reflectance) in the infrared band. [0..1; None = red of base_color]"""
     ir_albedo_texture: int | None
-    """Its red channel multiplies ir_albedo, or 1 where ir_albedo is None. Without this texture and without ir_albedo the infrared band uses the red channel of base_color_texture. [None by default]"""
+    """Its red channel multiplies ir_albedo, or 1 where ir_albedo is None. Without this texture and without ir_albedo the infrared band uses the red channel of base_color_texture."""
     ir_roughness: float | None
     """Roughness in the infrared band. [0..1; None = roughness]"""
     ir_ior: float | None
     """Index of refraction in the infrared band. [>= 1; None = ior]"""
+    normal_texture: int | None
+    """Normals in tangent space, encoded as in glTF."""
+    normal_scale: float
+    """Multiplies the x and y of normal_texture's normals. [-1000..1000; 1 by default]"""
+    alpha_mode: Literal["opaque", "mask", "blend"]
+    """What alpha means, which is that of base_color times those of base_color_texture and of the mesh's colors. It is the same in both bands. [opaque by default]"""
+    alpha_cutoff: float
+    """With mask: the least alpha of what is there. [>= 0; 0.5 by default]"""
+    emission: tuple[float, float, float]
+    """Radiance in the visible band. [>= 0 W/(sr m^2)]"""
+    emission_texture: int | None
+    """Its RGB multiplies emission."""
+    ir_emission: float
+    """Radiance in the infrared band. [>= 0 W/(sr m^2)]"""
+    light_group: int
+    """Light group of the light that the surface emits. [0..3]"""
+    transmission: float
+    """Share of the light entering the base that passes through it, as in glass. [0..1]"""
+    transmission_texture: int | None
+    """Its red channel multiplies transmission."""
+    transmission_roughness: float
+    """Roughness of transmitted light; 0 is clear glass. For a material of a file it is the material's roughness. [0..1]"""
+    thin_walled: bool
+    """Whether transmitted light crosses a thin sheet instead of entering a body. It then passes both faces at once and keeps its direction, with all reflections between the faces included. base_color is the colour after one crossing, and attenuation is not used."""
+    attenuation_color: tuple[float, float, float]
+    """Colour that white light has after attenuation_distance_m inside the glass (KHR_materials_volume). [0..1; 1, 1, 1 by default]"""
+    attenuation_distance_m: float
+    """Distance for attenuation_color; with 0 nothing is absorbed. [>= 0 m]"""
+    dispersion: float
+    """20 over Abbe's number of smooth glass that bounds a body (KHR_materials_dispersion): how far its colours part. ior is that of light of 587.6 nm; the others follow by Cauchy's law for 611.4, 549.1 and 464.3 nm, the wavelengths of the primaries' hues, and in the infrared band, unless ir_ior is given, for 850 nm. Rough glass, sheets and shadow rays take ior for all colours. [>= 0]"""
     ir_transmission: float | None
     """Transmission in the infrared band. [0..1; None = transmission]"""
     ir_transmission_roughness: float | None
     """Roughness of transmitted light in the infrared band. [0..1; None = transmission_roughness]"""
+    ir_attenuation_color: float | None
+    """The same as attenuation_color, in the infrared band. [0..1; None = red of attenuation_color]"""
+    diffuse_transmission: float
+    """Share of the diffuse base whose light leaves on the other side of the surface, evenly in all directions (KHR_materials_diffuse_transmission): paper, leaves, lampshades. Both sides wear the dielectric layer. Unless the material is thin_walled, the other side is the inside of a body, which absorbs as attenuation_color says, but for the light of lamps that stand in it. [0..1]"""
+    diffuse_transmission_texture: int | None
+    """Its alpha multiplies diffuse_transmission."""
+    diffuse_transmission_color: tuple[float, float, float]
+    """Colour of diffuse_transmission; base_color does not tint it. [0..1; 1, 1, 1 by default]"""
+    diffuse_transmission_color_texture: int | None
+    """Its RGB multiplies diffuse_transmission_color. In the infrared band it is its red channel, or nothing where ir_diffuse_transmission_color is given."""
+    ir_diffuse_transmission_color: float | None
+    """The same as diffuse_transmission_color, in the infrared band. [0..1; None = red of diffuse_transmission_color]"""
     subsurface: float
     """Share of the diffuse base whose light scatters below the surface. The surface must be closed, and the effect is rendered for rays from outside. [0..1]"""
     subsurface_color: tuple[float, float, float]
@@ -272,32 +292,18 @@ class Material:
     """The same as subsurface_color, in the infrared band. [0..1; None = red of subsurface_color]"""
     ir_subsurface_radius_m: float | None
     """The same as subsurface_radius_m, in the infrared band. [> 0 m; None = red of subsurface_radius_m]"""
-    ior_texture: int | None
-    """Its red channel R changes the index of refraction to 1 + (ior - 1) R. [None by default]"""
-    alpha_mode: Literal["opaque", "mask", "blend"]
-    """What alpha means, which is that of base_color times those of base_color_texture and of the mesh's colors. It is the same in both bands. [opaque by default]"""
-    alpha_cutoff: float
-    """With mask: the least alpha of what is there. [>= 0; 0.5 by default]"""
-    normal_scale: float
-    """Multiplies the x and y of normal_texture's normals. [-1000..1000; 0 means 1; 1 by default]"""
     clearcoat: float
-    """Weight of a clear coat over all of the surface that is not transmission: a reflecting layer of index 1.5 with a roughness of its own (KHR_materials_clearcoat). What lies below receives and gives off the light that the coat transmits. The coat has the normals of the surface, normal_texture's too, is the same in both bands, and does not dim emission. [0..1]"""
-    clearcoat_roughness: float
-    """Roughness of the clear coat. [0..1]"""
-    diffuse_transmission: float
-    """Share of the diffuse base whose light leaves on the other side of the surface, evenly in all directions (KHR_materials_diffuse_transmission): paper, leaves, lampshades. Both sides wear the dielectric layer. Unless the material is thin_walled, the other side is the inside of a body, which absorbs as attenuation_color says, but for the light of lamps that stand in it. [0..1]"""
-    diffuse_transmission_color: tuple[float, float, float]
-    """Colour of diffuse_transmission; base_color does not tint it. [0..1; 1, 1, 1 by default]"""
-    ir_diffuse_transmission_color: float
-    """The same as diffuse_transmission_color, in the infrared band. [0..1; 0 means the red of diffuse_transmission_color]"""
+    """Weight of a clear coat over all of the surface that is not transmission: a reflecting layer of index 1.5 with a roughness of its own (KHR_materials_clearcoat). What lies below receives and gives off the light that the coat transmits. The coat has the mesh's normals, or those of clearcoat_normal_texture, and not those of normal_texture. It is the same in both bands, and does not dim emission. [0..1]"""
     clearcoat_texture: int | None
     """Its red channel multiplies clearcoat."""
+    clearcoat_roughness: float
+    """Roughness of the clear coat. [0..1]"""
     clearcoat_roughness_texture: int | None
     """Its green channel multiplies clearcoat_roughness."""
-    diffuse_transmission_texture: int | None
-    """Its alpha multiplies diffuse_transmission."""
-    diffuse_transmission_color_texture: int | None
-    """Its RGB multiplies diffuse_transmission_color. In the infrared band it is its red channel, or nothing where ir_diffuse_transmission_color is given."""
+    clearcoat_normal_texture: int | None
+    """Normals of the coat in tangent space, encoded as in glTF."""
+    clearcoat_normal_scale: float
+    """Multiplies the x and y of clearcoat_normal_texture's normals. [-1000..1000; 1 by default]"""
     anisotropy: float
     """How far the GGX lobes of metal and layer are drawn out along one direction, as brushed metal's are (KHR_materials_anisotropy): alpha grows to mix(alpha, 1, anisotropy^2) along it and stays what it is across. Glass and clear coat stay round. A mesh without texture coordinates has no direction, and stays round too. [0..1]"""
     anisotropy_rotation_rad: float
@@ -305,29 +311,27 @@ class Material:
     anisotropy_texture: int | None
     """Its red and green channels are the x and y of a direction, from -1 to 1, which anisotropy_rotation_rad turns; its blue channel multiplies anisotropy."""
     sheen_color: tuple[float, float, float]
-    """Colour of a lobe of fibres over all of the surface that is not transmission (KHR_materials_sheen): velvet, wool, dust. What lies below is dimmed by the larger of the lobe's two albedos, towards the eye and towards the light; a clear coat lies over it. [0..1]"""
-    sheen_roughness: float
-    """Roughness of the fibres' directions; values below 0.07 are taken as 0.07. [0..1]"""
-    ir_sheen_color: float
-    """The same as sheen_color, in the infrared band. [0..1; 0 means the red of sheen_color]"""
+    """Colour of a lobe of fibres over all of the surface that is not transmission (KHR_materials_sheen): velvet, wool, dust. What lies below is dimmed by the larger of the lobe's two albedos, towards the viewer and towards the light; a clear coat lies over it. [0..1]"""
     sheen_color_texture: int | None
     """Its RGB multiplies sheen_color. In the infrared band it is its red channel, or nothing where ir_sheen_color is given."""
+    sheen_roughness: float
+    """Roughness of the fibres' directions; values below 0.07 are taken as 0.07. [0..1]"""
     sheen_roughness_texture: int | None
     """Its alpha multiplies sheen_roughness."""
+    ir_sheen_color: float | None
+    """The same as sheen_color, in the infrared band. [0..1; None = red of sheen_color]"""
     iridescence: float
     """Share of the surface that wears a thin film, in which light interferes (KHR_materials_iridescence): soap, oil, tempered steel. It changes what metal, layer and glass reflect, in the infrared band by its light of 850 nm. [0..1]"""
+    iridescence_texture: int | None
+    """Its red channel multiplies iridescence."""
     iridescence_ior: float
-    """Index of refraction of the film. [>= 1; 0 means 1.3; 1.3 by default]"""
+    """Index of refraction of the film. [>= 1; 1.3 by default]"""
     iridescence_thickness_nm: float
     """Thickness of the film, or where iridescence_thickness_texture is 1. [0..100000 nm; 400 by default]"""
     iridescence_least_thickness_nm: float
     """Thickness of the film where iridescence_thickness_texture is 0. [0..100000 nm; 100 by default]"""
-    iridescence_texture: int | None
-    """Its red channel multiplies iridescence."""
     iridescence_thickness_texture: int | None
     """Its green channel goes from iridescence_least_thickness_nm to iridescence_thickness_nm."""
-    dispersion: float
-    """20 over Abbe's number of smooth glass that bounds a body (KHR_materials_dispersion): how far its colours part. ior is that of light of 587.6 nm; the others follow by Cauchy's law for 611.4, 549.1 and 464.3 nm, the wavelengths of the primaries' hues, and in the infrared band, unless ir_ior is given, for 850 nm. Rough glass, sheets and shadow rays take ior for all colours. [>= 0]"""
     def __init__(self, **fields: Any) -> None: ...
 
 class Light:
@@ -342,24 +346,36 @@ class Light:
     """Intensity in the visible band. Point, spot and projector: radiant intensity in W/sr. Directional: irradiance on a surface that faces the light, in W/m^2. Rectangle and disk: radiance in W/(sr m^2). A projector's is 0 by default, since an RGB camera does not see it. [>= 0]"""
     ir_intensity: float | None
     """Intensity in the infrared band, in the same unit. [>= 0; None = red of intensity times kuafu_render_desc.ir_ambient_scale]"""
-    light_to_world: NDArray[np.float64]
-    """Pose, row-major. +z is the optical axis, x points right and y down. [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 by default]"""
     texture: int | None
-    """Projector: the pattern, whose red channel is read linearly, or None where dots are given. All other kinds: an image that multiplies the light, or None. It covers a rectangle, the square around a disk, or the square around a spot's outer cone; a point light reads it as an equirectangular map; a directional light repeats it as tiles of size_m. [None by default]"""
+    """Projector: the pattern, whose red channel is read linearly, or 0 where dots are given. All other kinds: an image that multiplies the light, or 0. It covers a rectangle, the square around a disk, or the square around a spot's outer cone; a point light reads it as an equirectangular map; a directional light repeats it as tiles of size_m."""
     light_group: int
     """Light group of this light: KUAFU_OUTPUT_LIGHT_GROUP_0 + light_group receives it. A projector's light goes to the projector's two outputs instead. [0..3]"""
-    k: NDArray[np.float64]
-    """Projector: camera matrix in pixels of the pattern, row-major 3x3. [1, 0, 0, 0, 1, 0, 0, 0, 1 by default]"""
+    light_to_world: NDArray[np.float64]
+    """Pose, row-major. +z is the optical axis, x points right and y down. [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 by default]"""
+    linear_velocity: tuple[float, float, float]
+    """Linear part of the twist in the light's own frame: pose(t) = light_to_world exp(t [linear, angular]). [-1000000..1000000 m/s]"""
+    angular_velocity: tuple[float, float, float]
+    """Angular part of the same twist. [-1000000..1000000 rad/s]"""
+    on_from_s: float
+    """Time at which the light is switched on within a frame; where it equals on_until_s the light is always on. [in s]"""
+    on_until_s: float
+    """Time at which the light is switched off. [in s]"""
     radius_m: float
     """Point: radius of the luminous sphere, 0 for a point. Disk: its radius. Projector: radius of its lens, which blurs the pattern by the radius |1/z - 1/focus_m| f. [>= 0 m]"""
+    size_m: tuple[float, float]
+    """Rectangle: width and height. Directional with a texture: size of a tile. [in m]"""
     angle_rad: float
     """Directional: half angle of the disc in the sky, at most pi/2; 0 is parallel light. [in rad]"""
     inner_rad: float
     """Spot: half angle of the cone with full intensity; 0 <= inner < outer <= pi/2. [in rad]"""
     outer_rad: float
     """Spot: half angle of the cone outside which there is no light; 0 <= inner < outer <= pi/2. [in rad; 0.7853981633974483 by default]"""
-    size_m: tuple[float, float]
-    """Rectangle: width and height. Directional with a texture: size of a tile. [in m]"""
+    range_m: float
+    """Point without a radius, and spot: distance at which the light ends. The intensity is multiplied by max(0, 1 - (d / range_m)^4), as KHR_lights_punctual recommends. No real lamp does that. [>= 0 m; 0 means endless]"""
+    k: NDArray[np.float64]
+    """Projector: camera matrix in pixels of the pattern, row-major 3x3. [1, 0, 0, 0, 1, 0, 0, 0, 1 by default]"""
+    lens_model: Literal["brown_conrady", "kannala_brandt"]
+    """Projector: distortion of the lens."""
     @property
     def distortion(self) -> tuple[float, float, float, float, float, float, float, float]: ...
     @distortion.setter
@@ -376,16 +392,6 @@ class Light:
     """Height in pixels of the image of the dots. [in px]"""
     dot_sigma_px: float
     """Standard deviation of each dot, > 0 where there are dots. [in px]"""
-    linear_velocity: tuple[float, float, float]
-    """Linear part of the twist in the light's own frame: pose(t) = light_to_world exp(t [linear, angular]). [-1000000..1000000 m/s]"""
-    angular_velocity: tuple[float, float, float]
-    """Angular part of the same twist. [-1000000..1000000 rad/s]"""
-    on_from_s: float
-    """Time at which the light is switched on within a frame; where it equals on_until_s the light is always on. [in s]"""
-    on_until_s: float
-    """Time at which the light is switched off. [in s]"""
-    range_m: float
-    """Point without a radius, and spot: distance at which the light ends. The intensity is multiplied by max(0, 1 - (d / range_m)^4), as KHR_lights_punctual recommends. No real lamp does that. [>= 0 m; 0 means endless]"""
     dot_background: float
     """Value of the dots' image beside them: light that the projector throws everywhere within its field. [>= 0]"""
     dots: NDArray[np.float32]
@@ -407,6 +413,8 @@ class Camera:
     """Surfaces nearer than this are invisible to the camera. [in m]"""
     far_m: float
     """Surfaces farther than this are invisible to the camera. [in m; inf by default]"""
+    lens_model: Literal["brown_conrady", "kannala_brandt"]
+    """Distortion of the lens. One that folds back within the image is refused."""
     @property
     def distortion(self) -> tuple[float, float, float, float, float, float, float, float]: ...
     @distortion.setter
@@ -525,11 +533,17 @@ class Scene:
     def summary(self) -> SceneSummary:
         """How much is in the scene, and where."""
     def load(
-        self, path: str | PathLike[str], root_to_world: ArrayLike | None = None, *, time_s: float | None = None
+        self,
+        path: str | PathLike[str],
+        root_to_world: ArrayLike | None = None,
+        *,
+        time_s: float | None = None,
+        name: str | PathLike[str] | None = None,
     ) -> None:
         """Appends a .gltf, .glb, .obj, .dae, .stl or .ply file. root_to_world: 4x4. time_s: animate(time_s) then, else
-        what is animated stands as it does without animation. Raises FileError, or MissingFileError where there is
-        none."""
+        what is animated stands as it does without animation. name: what messages call the file, for a copy of the
+        user's. USD, and glTF whose textures are KTX2 alone, loads activestereo.load_scene_file. Raises FileError, or
+        MissingFileError where there is none."""
     def animate(self, time_s: float, animation: int | None = None) -> None:
         """Poses what glTF files animate (nodes with their instances, lights and cameras, skins, morph targets) as it is
         at time_s; what the animation does not move stands as without it. animation: below summary.animation_count;
@@ -756,7 +770,7 @@ class Renderer:
           the surfaces and by the scatter of the samples; 16 more rays per pixel then restore textures and edges.
           'oidn': Open Image Denoise, version 1 or 2, opened at run time on the host; KS_ERROR_UNSUPPORTED where it is
           not found.
-        projector: Id of the light to which projector_uv, projector_visibility and projector_geometry refer; None is the
+        projector: Id of the light to which projector_uv, projector_visibility and projector_geometry refer; 0 is the
           first projector of a view's environment.
         temporal_weight: For atrous: share of the light that is taken from this renderer's previous renders, 0..<1; 0
           uses this render only. The previous renders must have had as many views of the same size, and only light from

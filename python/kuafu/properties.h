@@ -7,6 +7,7 @@
 #include <cmath>
 #include <string_view>
 
+#include "bindings/lens.h"
 #include "records.h"
 
 namespace ks_python {
@@ -45,20 +46,20 @@ void maybe(py::class_<Record>& type, const char* name, float Desc::*member, cons
       [member](Record& r, std::optional<float> value) { r.c.*member = value.value_or(NAN); }, doc);
 }
 
-/// 0xffffffff in C (KUAFU_NONE, KUAFU_ALL_ENVIRONMENTS), None in Python.
+/// KUAFU_ALL_ENVIRONMENTS in C, None in Python.
 template <class Record, class Desc>
-void maybe(py::class_<Record>& type, const char* name, uint32_t Desc::*member, const char* doc = "Texture id, or None.") {
+void maybe(py::class_<Record>& type, const char* name, uint32_t Desc::*member, const char* doc) {
   type.def_property(
-      name, [member](const Record& r) { return r.c.*member == KUAFU_NONE ? std::optional<uint32_t>() : r.c.*member; },
-      [member](Record& r, std::optional<uint32_t> value) { r.c.*member = value.value_or(KUAFU_NONE); }, doc);
+      name, [member](const Record& r) { return r.c.*member == KUAFU_ALL_ENVIRONMENTS ? std::optional<uint32_t>() : r.c.*member; },
+      [member](Record& r, std::optional<uint32_t> value) { r.c.*member = value.value_or(KUAFU_ALL_ENVIRONMENTS); }, doc);
 }
 
-/// 1 + an id, or 0 in C; an id, or None in Python.
+/// An id, which counts from 1 and is 0 for none in C; a number from 0, or None, in Python.
 template <class Record, class Desc>
-void maybe_plus_1(py::class_<Record>& type, const char* name, uint32_t Desc::*member, const char* doc) {
+void id(py::class_<Record>& type, const char* name, uint32_t Desc::*member, const char* doc) {
   type.def_property(
       name, [member](const Record& r) { return r.c.*member == 0 ? std::optional<uint32_t>() : r.c.*member - 1; },
-      [member](Record& r, std::optional<uint32_t> value) { r.c.*member = value.value_or(KUAFU_NONE) + 1; }, doc);
+      [member](Record& r, std::optional<uint32_t> value) { r.c.*member = value ? *value + 1 : 0; }, doc);
 }
 
 /// 0 and 1 in C, a bool in Python.
@@ -84,18 +85,16 @@ void named(py::class_<Record>& type, const char* name, uint32_t Desc::*member, c
       doc);
 }
 
-/// Coefficients of a lens: 4, 5 or all 8 of them, the others 0.
+/// A lens as two properties: its model, and its coefficients, 4, 5 or all 8 of them.
 template <class Record, class Desc>
-void padded(py::class_<Record>& type, const char* name, double (Desc::*member)[8], const char* doc) {
+void lens(py::class_<Record>& type, ks_lens Desc::*member, const char* doc) {
   type.def_property(
-      name, [member](const Record& r) { return py::tuple(py::cast(std::to_array(r.c.*member))); },
-      [member, name](Record& r, const std::vector<double>& values) {
-        if (values.size() != 4 && values.size() != 5 && values.size() != 8)
-          raise_argument<Kuafu>(std::string(name) + " has " + std::to_string(values.size()) + " numbers, it needs 4, 5 or 8");
-        std::ranges::fill(r.c.*member, 0.0);
-        std::ranges::copy(values, r.c.*member);
-      },
-      doc);
+      "lens_model", [member](const Record& r) { return lens_models.at((r.c.*member).model); },
+      [member](Record& r, const std::string& name) { (r.c.*member).model = read_lens_model<Kuafu>(name); }, doc);
+  type.def_property(
+      "distortion", [member](const Record& r) { return py::tuple(py::cast(std::to_array((r.c.*member).distortion))); },
+      [member](Record& r, const std::vector<double>& values) { read_distortion<Kuafu>(values, r.c.*member); },
+      "Its coefficients: 4, 5 or 8 of Brown and Conrady's, 4 of a fisheye lens.");
 }
 
 }  // namespace ks_python

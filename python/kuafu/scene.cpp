@@ -6,33 +6,45 @@
 
 #include <pybind11/stl/filesystem.h>
 
+#include <algorithm>
+
 namespace ks_python {
 namespace {
 
+/// Python numbers what is in a scene from 0, C from 1.
+uint32_t id_of(uint32_t number) { return number + 1; }
+uint32_t number_of(uint32_t id) { return id - 1; }
+
+std::vector<uint32_t> ids_of(std::vector<uint32_t> numbers) {
+  std::ranges::transform(numbers, numbers.begin(), id_of);
+  return numbers;
+}
+
 template <ks_status (*call)(kuafu_scene, uint32_t)>
-void remove(Scene& s, uint32_t id) {
+void remove(Scene& s, uint32_t number) {
   const InUse<Kuafu> in_use(s.in_use, "scene");
-  check<Kuafu>(call(s.get(), id));
+  check<Kuafu>(call(s.get(), id_of(number)));
 }
 
 using Floats = py::array_t<float, py::array::c_style | py::array::forcecast>;
 using Vector3 = std::array<double, 3>;
 using Indices = py::array_t<uint32_t, py::array::c_style | py::array::forcecast>;
 
-void load(Scene& scene, const std::filesystem::path& path, const py::object& root_to_world, std::optional<double> time_s) {
+void load(Scene& scene, const std::filesystem::path& path, const py::object& root_to_world, std::optional<double> time_s,
+          const std::optional<std::filesystem::path>& name) {
   double root[16];
   read_matrix<Kuafu>(root_to_world, "root_to_world", root, 16);
   const InUse<Kuafu> in_use(scene.in_use, "scene");
-  const Outcome outcome =
-      run_interruptibly<Kuafu>([&] { return kuafu_scene_load(scene.get(), path.c_str(), root_to_world.is_none() ? nullptr : root); },
-                               [&] { return kuafu_scene_cancel_load(scene.get()); });
+  const Outcome outcome = run_interruptibly<Kuafu>(
+      [&] { return kuafu_scene_load(scene.get(), path.c_str(), name ? name->c_str() : nullptr, root_to_world.is_none() ? nullptr : root); },
+      [&] { return kuafu_scene_cancel_load(scene.get()); });
   check_file<Kuafu>(outcome.status, outcome.message, path);
-  if (time_s) check<Kuafu>(kuafu_scene_animate(scene.get(), KUAFU_NONE, *time_s));
+  if (time_s) check<Kuafu>(kuafu_scene_animate(scene.get(), KUAFU_ALL_ANIMATIONS, *time_s));
 }
 
 void animate(Scene& scene, double time_s, std::optional<uint32_t> animation) {
   const InUse<Kuafu> in_use(scene.in_use, "scene");
-  check<Kuafu>(kuafu_scene_animate(scene.get(), animation.value_or(KUAFU_NONE), time_s));
+  check<Kuafu>(kuafu_scene_animate(scene.get(), animation.value_or(KUAFU_ALL_ANIMATIONS), time_s));
 }
 
 double animation_duration_s(const Scene& scene, uint32_t animation) {
@@ -88,7 +100,7 @@ uint32_t add_mesh(Scene& scene, const std::optional<Floats>& positions, const py
   const InUse<Kuafu> in_use(scene.in_use, "scene");
   uint32_t id = 0;
   check<Kuafu>(kuafu_scene_add_mesh(scene.get(), &mesh, &id));
-  return id;
+  return number_of(id);
 }
 
 void update_mesh(Scene& scene, uint32_t id, const std::optional<Floats>& positions, const std::optional<Floats>& normals) {
@@ -96,7 +108,7 @@ void update_mesh(Scene& scene, uint32_t id, const std::optional<Floats>& positio
   if (!p) raise_argument<Kuafu>("a mesh needs positions");
   const float* n = rows(normals, "normals", 3, positions->shape(0));
   const InUse<Kuafu> in_use(scene.in_use, "scene");
-  check<Kuafu>(kuafu_scene_update_mesh(scene.get(), id, p, n, static_cast<uint32_t>(positions->shape(0))));
+  check<Kuafu>(kuafu_scene_update_mesh(scene.get(), id_of(id), p, n, static_cast<uint32_t>(positions->shape(0))));
 }
 
 /// How materials read a texture, in Python's words.
@@ -150,24 +162,25 @@ uint32_t add_texture(Scene& scene, const py::array& texels, bool srgb, const std
   uint32_t id = 0;
   with_texture(scene, texels, {wrap, filter, uv_set, uv_transform}, srgb, name,
                [&](const kuafu_texture_desc& t) { return kuafu_scene_add_texture(scene.get(), &t, &id); });
-  return id;
+  return number_of(id);
 }
 
 void set_texture(Scene& scene, uint32_t id, const py::array& texels, bool srgb, const std::string& name,
                  const std::array<std::string, 2>& wrap, const std::string& filter, uint32_t uv_set,
                  const std::optional<std::array<std::array<float, 3>, 2>>& uv_transform) {
   with_texture(scene, texels, {wrap, filter, uv_set, uv_transform}, srgb, name,
-               [&](const kuafu_texture_desc& t) { return kuafu_scene_set_texture(scene.get(), id, &t); });
+               [&](const kuafu_texture_desc& t) { return kuafu_scene_set_texture(scene.get(), id_of(id), &t); });
 }
 
 uint32_t add_instance(Scene& scene, uint32_t mesh, const std::vector<uint32_t>& materials, const py::object& local_to_world,
                       const std::optional<uint32_t>& environment, uint32_t semantic_id, const std::string& name,
                       const Vector3& linear_velocity, const Vector3& angular_velocity) {
-  kuafu_instance_desc instance = kuafu_instance_desc_init(mesh);
+  kuafu_instance_desc instance = kuafu_instance_desc_init(id_of(mesh));
   instance.name = name.c_str();
   instance.environment = environment_of(environment);
-  instance.materials = materials.data();
-  instance.material_count = static_cast<uint32_t>(materials.size());
+  const std::vector<uint32_t> ids = ids_of(materials);
+  instance.materials = ids.data();
+  instance.material_count = static_cast<uint32_t>(ids.size());
   instance.semantic_id = semantic_id;
   read_matrix<Kuafu>(local_to_world, "local_to_world", instance.local_to_world, 16);
   std::ranges::copy(linear_velocity, instance.linear_velocity);
@@ -175,37 +188,39 @@ uint32_t add_instance(Scene& scene, uint32_t mesh, const std::vector<uint32_t>& 
   const InUse<Kuafu> in_use(scene.in_use, "scene");
   uint32_t id = 0;
   check<Kuafu>(kuafu_scene_add_instance(scene.get(), &instance, &id));
-  return id;
+  return number_of(id);
 }
 
 void set_instance_pose(Scene& scene, uint32_t id, const py::object& local_to_world) {
   double pose[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
   read_matrix<Kuafu>(local_to_world, "local_to_world", pose, 16);
   const InUse<Kuafu> in_use(scene.in_use, "scene");
-  check<Kuafu>(kuafu_scene_set_instance_pose(scene.get(), id, pose));
+  check<Kuafu>(kuafu_scene_set_instance_pose(scene.get(), id_of(id), pose));
 }
 
 using Matrices = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
 void set_instance_poses(Scene& scene, const py::object& given_ids, const Matrices& local_to_world) {
-  const std::optional<Indices> ids = whole_numbers(given_ids, "ids");
-  const uint32_t* numbers = rows(ids, "ids", 1, -1);
+  const std::optional<Indices> given = whole_numbers(given_ids, "ids");
+  const uint32_t* numbers = rows(given, "ids", 1, -1);
   const bool shaped = local_to_world.ndim() == 3 && local_to_world.shape(1) == 4 && local_to_world.shape(2) == 4;
-  if (!numbers || !shaped || local_to_world.shape(0) != ids->shape(0))
+  if (!numbers || !shaped || local_to_world.shape(0) != given->shape(0))
     raise_argument<Kuafu>("local_to_world has shape " + std::string(py::str(local_to_world.attr("shape"))) + ", it needs (" +
-                          (numbers ? std::to_string(ids->shape(0)) : "n") + ", 4, 4): one for each of ids");
+                          (numbers ? std::to_string(given->shape(0)) : "n") + ", 4, 4): one for each of ids");
+  const std::vector<uint32_t> ids = ids_of({numbers, numbers + given->shape(0)});
   const InUse<Kuafu> in_use(scene.in_use, "scene");
-  check<Kuafu>(kuafu_scene_set_instance_poses(scene.get(), numbers, local_to_world.data(), static_cast<uint32_t>(ids->shape(0))));
+  check<Kuafu>(kuafu_scene_set_instance_poses(scene.get(), ids.data(), local_to_world.data(), static_cast<uint32_t>(ids.size())));
 }
 
 void set_instance_velocity(Scene& scene, uint32_t id, const Vector3& linear, const Vector3& angular) {
   const InUse<Kuafu> in_use(scene.in_use, "scene");
-  check<Kuafu>(kuafu_scene_set_instance_velocity(scene.get(), id, linear.data(), angular.data()));
+  check<Kuafu>(kuafu_scene_set_instance_velocity(scene.get(), id_of(id), linear.data(), angular.data()));
 }
 
 void set_instance_materials(Scene& scene, uint32_t id, const std::vector<uint32_t>& materials) {
   const InUse<Kuafu> in_use(scene.in_use, "scene");
-  check<Kuafu>(kuafu_scene_set_instance_materials(scene.get(), id, materials.data(), static_cast<uint32_t>(materials.size())));
+  const std::vector<uint32_t> ids = ids_of(materials);
+  check<Kuafu>(kuafu_scene_set_instance_materials(scene.get(), id_of(id), ids.data(), static_cast<uint32_t>(ids.size())));
 }
 
 void set_environment(Scene& scene, const std::array<float, 3>& radiance, std::optional<float> ir_radiance,
@@ -213,7 +228,7 @@ void set_environment(Scene& scene, const std::array<float, 3>& radiance, std::op
   kuafu_environment_desc environment = kuafu_environment_desc_init();
   std::copy(radiance.begin(), radiance.end(), environment.radiance);
   if (ir_radiance) environment.ir_radiance = *ir_radiance;
-  if (texture) environment.texture = *texture;
+  if (texture) environment.texture = id_of(*texture);
   environment.light_group = light_group;
   read_matrix<Kuafu>(map_to_world, "map_to_world", environment.map_to_world, 9);
   const InUse<Kuafu> in_use(scene.in_use, "scene");
@@ -265,7 +280,7 @@ void bind_materials_and_lights(SceneType& type) {
         const kuafu_material_desc desc = m.desc();
         uint32_t id = 0;
         check<Kuafu>(kuafu_scene_add_material(s.get(), &desc, &id));
-        return id;
+        return number_of(id);
       },
       py::arg("material"));
   type.def(
@@ -273,14 +288,14 @@ void bind_materials_and_lights(SceneType& type) {
       [](Scene& s, uint32_t id, const Material& m) {
         const InUse<Kuafu> in_use(s.in_use, "scene");
         const kuafu_material_desc desc = m.desc();
-        check<Kuafu>(kuafu_scene_set_material(s.get(), id, &desc));
+        check<Kuafu>(kuafu_scene_set_material(s.get(), id_of(id), &desc));
       },
       py::arg("id"), py::arg("material"));
   type.def(
       "get_material",
       [](const Scene& s, uint32_t id) {
         Material m;
-        check<Kuafu>(kuafu_scene_get_material(s.get(), id, &m.c));
+        check<Kuafu>(kuafu_scene_get_material(s.get(), id_of(id), &m.c));
         m.name = text_of(m.c.name);
         return m;
       },
@@ -292,7 +307,7 @@ void bind_materials_and_lights(SceneType& type) {
         const kuafu_light_desc desc = l.desc();
         uint32_t id = 0;
         check<Kuafu>(kuafu_scene_add_light(s.get(), &desc, &id));
-        return id;
+        return number_of(id);
       },
       py::arg("light"));
   type.def(
@@ -300,7 +315,7 @@ void bind_materials_and_lights(SceneType& type) {
       [](Scene& s, uint32_t id, const Light& l) {
         const InUse<Kuafu> in_use(s.in_use, "scene");
         const kuafu_light_desc desc = l.desc();
-        check<Kuafu>(kuafu_scene_set_light(s.get(), id, &desc));
+        check<Kuafu>(kuafu_scene_set_light(s.get(), id_of(id), &desc));
       },
       py::arg("id"), py::arg("light"));
   type.def(
@@ -314,14 +329,14 @@ void bind_materials_and_lights(SceneType& type) {
           if (!light) raise_argument<Kuafu>("one of lights is None");
           descs.push_back(light->desc());
         }
-        check<Kuafu>(kuafu_scene_set_lights(s.get(), ids.data(), descs.data(), static_cast<uint32_t>(ids.size())));
+        check<Kuafu>(kuafu_scene_set_lights(s.get(), ids_of(ids).data(), descs.data(), static_cast<uint32_t>(ids.size())));
       },
       py::arg("ids"), py::arg("lights"), "Replaces many at once. Where one is refused, none has changed.");
   type.def(
       "get_light",
       [](const Scene& s, uint32_t id) {
         Light l;
-        check<Kuafu>(kuafu_scene_get_light(s.get(), id, &l.c));
+        check<Kuafu>(kuafu_scene_get_light(s.get(), id_of(id), &l.c));
         l.name = text_of(l.c.name);
         l.dots.assign(l.c.dots, l.c.dots + size_t{3} * l.c.dot_count);
         return l;
@@ -334,13 +349,17 @@ void bind_materials_and_lights(SceneType& type) {
 
 void bind_scene(py::module_& module) {
   bind_summary(module);
-  SceneType type(module, "Scene", "Meshes, textures, materials, instances and lights. Ids are stable and not reused.");
+  SceneType type(module, "Scene",
+                 "Meshes, textures, materials, instances and lights, each kind numbered from 0. Numbers are stable and not reused.");
   type.def(py::init<std::shared_ptr<Device<Kuafu>>>(), py::arg("device").none(false))
       .def_property_readonly("device", [](const Scene& s) { return s.device; })
       .def_property_readonly("summary", &summary)
       .def("load", &load, py::arg("path"), py::arg("root_to_world") = py::none(), py::kw_only(), py::arg("time_s") = py::none(),
+           py::arg("name") = py::none(),
            "Appends a .gltf, .glb, .obj, .dae, .stl or .ply file. root_to_world: 4x4. time_s: animate(time_s) then, else what is animated "
-           "stands as it does without animation. Raises FileError, or MissingFileError where there is none.")
+           "stands as it does without animation. name: what messages call the file, for a copy of the user's. USD, and glTF whose textures "
+           "are "
+           "KTX2 alone, loads activestereo.load_scene_file. Raises FileError, or MissingFileError where there is none.")
       .def("animate", &animate, py::arg("time_s"), py::arg("animation") = py::none(),
            "Poses what glTF files animate (nodes with their instances, lights and cameras, skins, morph targets) as it is at time_s; what "
            "the "
@@ -398,9 +417,11 @@ void bind_scene(py::module_& module) {
            "The fog, smoke or dusty air around what stands in the scene; None: clear air.")
       .def("camera", &camera, py::arg("index"), "A camera that a file brought.")
       .def(
-          "instance_name", [](const Scene& s, uint32_t id) { return text_of(kuafu_scene_instance_name(s.get(), id)); }, py::arg("id"))
+          "instance_name", [](const Scene& s, uint32_t id) { return text_of(kuafu_scene_instance_name(s.get(), id_of(id))); },
+          py::arg("id"))
       .def(
-          "material_name", [](const Scene& s, uint32_t id) { return text_of(kuafu_scene_material_name(s.get(), id)); }, py::arg("id"));
+          "material_name", [](const Scene& s, uint32_t id) { return text_of(kuafu_scene_material_name(s.get(), id_of(id))); },
+          py::arg("id"));
   bind_materials_and_lights(type);
 }
 

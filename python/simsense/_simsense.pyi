@@ -204,10 +204,17 @@ class Image:
     def array(self) -> NDArray[Any]:
         """The view as a numpy array, without a copy."""
 class Camera:
-    """A pinhole camera with Brown and Conrady's distortion [k1, k2, p1, p2, k3, k4, k5, k6] (OpenCV's order); the last three make it
-    rational. Four, five or eight numbers are taken."""
+    """A camera. distortion: k1, k2, p1, p2[, k3[, k4, k5, k6]] of Brown and Conrady (OpenCV's order), or k1, k2, k3, k4 of a
+    fisheye lens (kannala_brandt)."""
 
-    def __init__(self, width: int, height: int, k: ArrayLike, distortion: ArrayLike | None = None) -> None: ...
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        k: ArrayLike,
+        distortion: ArrayLike | None = None,
+        lens_model: Literal["brown_conrady", "kannala_brandt"] = "brown_conrady",
+    ) -> None: ...
     @property
     def width(self) -> int:
         """Width of the images, pixels."""
@@ -218,8 +225,11 @@ class Camera:
     def k(self) -> NDArray[np.float64]:
         """3x3, pixels; pixel centres are at integers."""
     @property
+    def lens_model(self) -> Literal["brown_conrady", "kannala_brandt"]:
+        """What distortion means."""
+    @property
     def distortion(self) -> tuple[float, float, float, float, float, float, float, float]:
-        """k1, k2, p1, p2, k3, k4, k5, k6 of Brown and Conrady; zeros are an ideal pinhole."""
+        """The coefficients, of which a fisheye lens has four; zeros of Brown and Conrady's are an ideal pinhole."""
 
 class Engine:
     """A stereo rig's depth engine. One thread at a time."""
@@ -240,38 +250,38 @@ class Engine:
         low_memory: bool = False,
         noise_seed: int = ...,
         frame_index: int = ...,
+        roi_x: int = ...,
+        roi_y: int = ...,
+        roi_width: int = ...,
+        roi_height: int = ...,
         census_width: int = ...,
         census_height: int = ...,
+        census_kind: Literal["center_symmetric", "plain"] | int = ...,
+        census_contrast: float = ...,
+        census_noise_dn: int = ...,
+        min_disparity: int = ...,
         max_disparity: int = ...,
         block_width: int = ...,
         block_height: int = ...,
         p1: int = ...,
         p2: int = ...,
+        p2_full_gradient_dn: int = ...,
+        path_count: int = ...,
+        subpixel: Literal["none", "parabola", "equiangular", "equiangular_summed"] | int = ...,
         uniqueness_ratio: int = ...,
         lr_max_diff: int = ...,
         median_size: int = ...,
-        subpixel: Literal["none", "parabola", "equiangular", "equiangular_summed"] | int = ...,
-        min_depth_m: float = ...,
-        max_depth_m: float = ...,
-        depth_dilation: bool = ...,
-        census_kind: Literal["center_symmetric", "plain"] | int = ...,
-        min_disparity: int = ...,
-        path_count: int = ...,
-        p2_full_gradient_dn: int = ...,
         speckle_max_size: int = ...,
         speckle_max_diff_px: float = ...,
-        hole_filling: Literal["keep", "left", "background"] | int = ...,
-        low_texture_dn: int = ...,
-        roi_x: int = ...,
-        roi_y: int = ...,
-        roi_width: int = ...,
-        roi_height: int = ...,
-        splat_size: int = ...,
-        census_contrast: float = ...,
-        census_noise_dn: int = ...,
         min_texture_dn: int = ...,
         edge_step_px: float = ...,
         right_border_px: int = ...,
+        low_texture_dn: int = ...,
+        hole_filling: Literal["keep", "left", "background"] | int = ...,
+        min_depth_m: float = ...,
+        max_depth_m: float = ...,
+        depth_dilation: bool = ...,
+        splat_size: int = ...,
         exposure_s: float = ...,
         responsivity_e: float = ...,
         speckle_shape: float = ...,
@@ -320,38 +330,38 @@ class Engine:
         *,
         noise_seed: int = ...,
         frame_index: int = ...,
+        roi_x: int = ...,
+        roi_y: int = ...,
+        roi_width: int = ...,
+        roi_height: int = ...,
         census_width: int = ...,
         census_height: int = ...,
+        census_kind: Literal["center_symmetric", "plain"] | int = ...,
+        census_contrast: float = ...,
+        census_noise_dn: int = ...,
+        min_disparity: int = ...,
         max_disparity: int = ...,
         block_width: int = ...,
         block_height: int = ...,
         p1: int = ...,
         p2: int = ...,
+        p2_full_gradient_dn: int = ...,
+        path_count: int = ...,
+        subpixel: Literal["none", "parabola", "equiangular", "equiangular_summed"] | int = ...,
         uniqueness_ratio: int = ...,
         lr_max_diff: int = ...,
         median_size: int = ...,
-        subpixel: Literal["none", "parabola", "equiangular", "equiangular_summed"] | int = ...,
-        min_depth_m: float = ...,
-        max_depth_m: float = ...,
-        depth_dilation: bool = ...,
-        census_kind: Literal["center_symmetric", "plain"] | int = ...,
-        min_disparity: int = ...,
-        path_count: int = ...,
-        p2_full_gradient_dn: int = ...,
         speckle_max_size: int = ...,
         speckle_max_diff_px: float = ...,
-        hole_filling: Literal["keep", "left", "background"] | int = ...,
-        low_texture_dn: int = ...,
-        roi_x: int = ...,
-        roi_y: int = ...,
-        roi_width: int = ...,
-        roi_height: int = ...,
-        splat_size: int = ...,
-        census_contrast: float = ...,
-        census_noise_dn: int = ...,
         min_texture_dn: int = ...,
         edge_step_px: float = ...,
         right_border_px: int = ...,
+        low_texture_dn: int = ...,
+        hole_filling: Literal["keep", "left", "background"] | int = ...,
+        min_depth_m: float = ...,
+        max_depth_m: float = ...,
+        depth_dilation: bool = ...,
+        splat_size: int = ...,
         exposure_s: float = ...,
         responsivity_e: float = ...,
         speckle_shape: float = ...,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Engine and Camera: a rig and named parameters in, disparity and depth arrays out.
 #include "bindings/array_pool.h"
+#include "bindings/lens.h"
 #include "bindings/wait.h"
 #include "settings.h"
 
@@ -261,7 +262,7 @@ class Engine {
     return shape;
   }
 
-  /// An imager of more than 8 bits gives uint16; rectified, both eyes have the deeper one's.
+  /// An imager of more than 8 bits gives uint16; rectified, both images have the deeper one's.
   [[nodiscard]] uint32_t format_of_output(const Output& o) const {
     if (o.format != KS_FORMAT_U8 || o.output == SIMSENSE_OUTPUT_REASON) return o.format;
     const Settings s = settings();
@@ -310,30 +311,28 @@ struct Submission {
   }
 };
 
-/// Four, five or eight coefficients, as OpenCV and kuafu take them; None is no lens.
-void read_lens(const py::object& value, simsense_camera& camera) {
-  const Doubles array = value.is_none() ? Doubles() : Doubles::ensure(value);
-  const py::ssize_t count = array && (array.size() == 4 || array.size() == 5) ? array.size() : 8;
-  read_matrix<Simsense>(value, "distortion", camera.distortion, count);
-}
-
 void bind_camera(py::module_& module) {
   using C = simsense_camera;
-  py::class_<C>(module, "Camera", "A pinhole camera with Brown-Conrady distortion [k1, k2, p1, p2, k3, k4, k5, k6].")
-      .def(py::init([](const py::object& width, const py::object& height, const py::object& k, const py::object& distortion) {
+  py::class_<C>(module, "Camera",
+                "A camera; distortion: 4, 5 or 8 coefficients of Brown and Conrady's, or 4 of a fisheye lens; None is no lens.")
+      .def(py::init([](const py::object& width, const py::object& height, const py::object& k, const py::object& distortion,
+                       const std::string& lens_model) {
              C camera = {};
              camera.width = read_as<Simsense, uint32_t>(width, "width", "a number of pixels");
              camera.height = read_as<Simsense, uint32_t>(height, "height", "a number of pixels");
              read_required_matrix<Simsense>(k, "k", camera.k, 9);
-             read_lens(distortion, camera);
+             camera.lens.model = read_lens_model<Simsense>(lens_model);
+             if (!distortion.is_none())
+               read_distortion<Simsense>(read_as<Simsense, std::vector<double>>(distortion, "distortion", "a sequence of numbers"),
+                                         camera.lens);
              return camera;
            }),
-           py::arg("width"), py::arg("height"), py::arg("k"), py::arg("distortion") = py::none())
+           py::arg("width"), py::arg("height"), py::arg("k"), py::arg("distortion") = py::none(), py::arg("lens_model") = "brown_conrady")
       .def_readonly("width", &C::width)
       .def_readonly("height", &C::height)
       .def_property_readonly("k", [](const C& c) { return matrix(c.k, 3, 3); })
-      .def_property_readonly("distortion",
-                             [](const C& c) { return py::tuple(py::cast(std::vector<double>(c.distortion, c.distortion + 8))); });
+      .def_property_readonly("lens_model", [](const C& c) { return lens_models.at(c.lens.model); })
+      .def_property_readonly("distortion", [](const C& c) { return py::tuple(py::cast(std::to_array(c.lens.distortion))); });
 }
 
 }  // namespace
@@ -361,7 +360,7 @@ void bind_engine(py::module_& module) {
            "Blocks until the outputs may be read, and returns them. TimeoutError where it has not ended after timeout_s: it goes on.");
   py::class_<Engine>(
       module, "Engine",
-      "A stereo rig's depth engine. Parameters are those of simsense_parameters, and of simsense_signal for both eyes, by name; see "
+      "A stereo rig's depth engine. Parameters are those of simsense_parameters, and of simsense_signal for both cameras, by name; see "
       "Engine.parameters.\n"
       "census_kind ('center_symmetric', 'plain'), subpixel ('none', 'parabola', 'equiangular', 'equiangular_summed') and hole_filling\n"
       "('keep', 'left', 'background') may be given by name or by number.\n"

@@ -6,9 +6,9 @@
 
 namespace ks_python {
 
-inline void set_signal(simsense_signal& signal, const py::object& changes, const char* eye) {
+inline void set_signal(simsense_signal& signal, const py::object& changes, const char* side) {
   if (!py::isinstance<py::dict>(changes))
-    raise_argument<Simsense>(std::string(eye) + " must be a dict of parameters, not " + std::string(py::repr(changes)));
+    raise_argument<Simsense>(std::string(side) + " must be a dict of parameters, not " + std::string(py::repr(changes)));
   for (const auto& [key, value] : py::reinterpret_borrow<py::dict>(changes)) {
     const std::string name = py::str(key);
     if (!set_field<Simsense>(signal, signal_fields, name, value))
@@ -33,7 +33,7 @@ struct Settings {
   simsense_parameters parameters = simsense_parameters_init();
   simsense_signal left = simsense_signal_init(), right = simsense_signal_init();
 
-  /// A signal's name means both eyes.
+  /// A signal's name means both cameras.
   void change(const std::string& name, const py::handle& value) {
     if (set_field<Simsense>(parameters, parameter_fields, name, value)) return;
     if (!set_field<Simsense>(left, signal_fields, name, value))

@@ -121,15 +121,14 @@ def test_public_ks_headers_declare_no_function():
 
 def test_bindings_use_only_the_public_headers():
     allowed_folders = {"ks", *LIBRARIES, "pybind11"}
+    others = C99_HEADERS | {"cxxabi.h", "unistd.h", "fields.h", "options.h"}  # the last two by capi/generation
     seen = []
     for path in sources("python", NATIVE_SUFFIXES):
         for include in includes(path):
             parts = pathlib.PurePosixPath(include).parts
             standard = len(parts) == 1 and "." not in include
             own = any((base / include).exists() for base in (path.parent, ROOT / "python"))
-            if not (
-                standard or own or parts[0] in allowed_folders or include in C99_HEADERS | {"cxxabi.h", "unistd.h"}
-            ):
+            if not (standard or own or parts[0] in allowed_folders or include in others):
                 seen.append(f"{name_of(path)}: {include}")
     assert not seen
 
@@ -197,16 +196,13 @@ def test_generated_files_are_up_to_date(generator):
     assert said.returncode == 0, said.stdout + said.stderr
 
 
-def test_libraries_export_the_listed_symbols_under_their_version(library):
+def test_libraries_export_what_the_frozen_headers_declare_under_its_version(library):
     name, path = library
-    listed = [
-        line.split()
-        for line in (ROOT / f"capi/packaging/{name}.symbols").read_text().splitlines()
-        if not line.startswith("#")
-    ]
+    frozen = (ROOT / "tests/capi/baseline/1.0/include" / name / "api.h").read_text()
+    promised = {f"{name}_{entry}" for entry in re.findall(r"^  .*\(\*(\w+)\)", frozen, re.MULTILINE)}
     table = run("nm", "-D", "--defined-only", "--with-symbol-versions", str(path))
     exported = dict(re.findall(r" [TR] (\w+)@@(\w+\.\w+)", table.replace(f"{name.upper()}_", "")))
-    assert exported == dict(listed)
+    assert len(promised) > 10 and promised <= {symbol for symbol, version in exported.items() if version == "1.0"}
 
 
 def test_libraries_link_neither_vulkan_nor_each_other(library):

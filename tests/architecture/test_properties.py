@@ -15,7 +15,7 @@ PURE = {
     "str", "sum", "tuple", "zip",
     "arange", "array", "asarray", "astype", "bincount", "concatenate", "copy", "floor", "full", "matrix", "mean",
     "norm", "ravel", "reshape", "stack", "tolist", "zeros",
-    "asdict", "data_ptr", "element_size", "items", "replace", "stride", "values",
+    "asdict", "data_ptr", "element_size", "is_distorting", "items", "replace", "stride", "values",
     "EngineFault", "Nuisances", "Remainder", "RuntimeError", "ValueError",
     "_of", "_reach", "camera_to_world", "get_global_pose", "of_parameters", "sum_of",
 }  # fmt: skip

@@ -52,6 +52,36 @@ doc = "The light is multiplied by 10^-neutral_density."
 void optics(uint i) {
   if (push.step == optics_neutral_density) neutral_density(i);""")],
     }),
+    "a matcher option": ("speckle_growth_px", {
+        f"{TABLES}/simsense_parameters.toml": [("_OUTSIDE. 0 switches this check off.\"\"\"", """\
+_OUTSIDE. 0 switches this check off.\"\"\"
+
+[fields.speckle_growth_px]
+type = "uint64"
+range = [0, 100]
+unit = "px"
+doc = "Speckles may be this much larger than speckle_max_size."
+""")],
+        "simsense/src/stages/settings.cpp": [
+            ("speckle_max_size(p.speckle_max_size)",
+             "speckle_max_size(p.speckle_max_size + static_cast<uint32_t>(p.speckle_growth_px))")],
+    }),
+    "a function of the C interface": ("kuafu_scene_light_name", {
+        "capi/include/kuafu/kuafu.h": [
+            ("KUAFU_API ks_status kuafu_scene_add_light(", """\
+/* Name of a light, as kuafu_scene_instance_name returns names. */
+KUAFU_API const char* kuafu_scene_light_name(kuafu_scene scene, uint32_t id);
+KUAFU_API ks_status kuafu_scene_add_light(""")],
+        "kuafu/src/api/scene.cpp": [
+            ("ks_status kuafu_scene_add_light(", """\
+const char* kuafu_scene_light_name(kuafu_scene scene, uint32_t id) {
+  const char* name = nullptr;
+  (void)ks::call([&] { name = live(scene_of(scene).lights(), "light", id).name.c_str(); });
+  return name;
+}
+
+ks_status kuafu_scene_add_light(""")],
+    }),
     "an effect": ("grey_filter", {"python/activestereo/effects/grey_filter.py": [("", '''"""A grey filter."""
 
 import numpy as np
@@ -128,8 +158,13 @@ def test_the_recipe_names_the_files_of_the_addition(recipe: str) -> None:
 
 def test_nothing_else_written_by_hand_knows_the_additions(copy: Path) -> None:
     before = {path: path.read_bytes() for path in copy.rglob("*") if path.is_file()}
+    run(sys.executable, copy / "capi/generation/make_api_table.py")
     written = run(sys.executable, copy / "capi/generation/generate.py")
-    assert "kuafu/shaders/shared/material_fields.h" in written
+    assert "capi/include/kuafu/material.h" in written
+    made = copy.parent / "generated"
+    run(sys.executable, copy / "capi/generation/generate.py", "--build", made)
+    assert "emission_boost" in (made / "kuafu/shaders/shared/material_fields.h").read_text()
+    assert "kuafu_scene_light_name" in (made / "kuafu/src/api/api_table.cpp").read_text()
     for name, files in ADDITIONS.values():
         known = {str(p.relative_to(copy)) for p, text in before.items() if name.encode() in text}
         assert known == set(files)
@@ -138,6 +173,7 @@ def test_nothing_else_written_by_hand_knows_the_additions(copy: Path) -> None:
 def test_what_was_added_renders(copy: Path) -> None:
     if not os.environ.get("ACTIVESTEREO_FULL"):
         pytest.skip("compiles the renderer: ACTIVESTEREO_FULL=1 (tests/run.sh --full) does")
+    run(sys.executable, copy / "capi/generation/make_api_table.py")
     run(sys.executable, copy / "capi/generation/generate.py")
     launcher = ["-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"] if shutil.which("ccache") else []
     ccache = {**os.environ, "CCACHE_BASEDIR": str(copy), "CCACHE_NOHASHDIR": "1"}

@@ -27,7 +27,7 @@ simsense::ImageArgument image(const void* host, uint32_t format, uint64_t rows, 
 simsense_rig_desc rig_with_lenses() {
   simsense_rig_desc rig = crooked_rig(width, height, 0.7 * width);
   rig.rgb = camera(rgb_width, rgb_height, 0.7 * rgb_width);
-  rig.rgb.distortion[0] = 0.05;
+  rig.rgb.lens.distortion[0] = 0.05;
   set_pose(rig.left_to_rgb, 0.002, -0.003, 0.001, 0.015, 0, 0);
   return rig;
 }

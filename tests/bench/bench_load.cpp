@@ -80,7 +80,7 @@ double load_ms(kuafu_device device, const std::string& path) {
   kuafu_scene scene = nullptr;
   ok(kuafu_scene_create(device, &scene));
   const double start = now_ms();
-  ok(kuafu_scene_load(scene, path.c_str(), nullptr));
+  ok(kuafu_scene_load(scene, path.c_str(), nullptr, nullptr));
   const double ms = now_ms() - start;
   kuafu_scene_release(scene);
   return ms;

@@ -15,7 +15,6 @@
 
 SIZE(ks_status, 4);
 
-SIZE(ks_header, 16);
-AT(ks_header, type, 0);
-AT(ks_header, size_bytes, 4);
-AT(ks_header, next, 8);
+SIZE(ks_header, 8);
+AT(ks_header, size_bytes, 0);
+AT(ks_header, type, 4);

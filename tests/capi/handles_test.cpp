@@ -190,14 +190,11 @@ TYPED_TEST(Handles, StructsOfOlderAndNewerCallersAreUnderstood) {
   ks_buffer_create garbage = ks_buffer_create_init(64, 0);
   garbage.header.type = KS_TYPE_SYNC;
   EXPECT_EQ(TypeParam::buffer_create(this->device_, &garbage, &buffer), KS_ERROR_INVALID_ARGUMENT);
-  for (const uint32_t size : {0u, 8u, 0xffffffffu}) {
+  for (const uint32_t size : {0u, 4u, 0xffffffffu}) {
     garbage = ks_buffer_create_init(64, 0);
     garbage.header.size_bytes = size;
     EXPECT_EQ(TypeParam::buffer_create(this->device_, &garbage, &buffer), KS_ERROR_INVALID_ARGUMENT) << size;
   }
-  garbage = ks_buffer_create_init(64, 0);
-  garbage.header.next = &newer.known.header;
-  EXPECT_EQ(TypeParam::buffer_create(this->device_, &garbage, &buffer), KS_ERROR_UNSUPPORTED);
 }
 
 TYPED_TEST(Handles, LastErrorBelongsToItsThread) {

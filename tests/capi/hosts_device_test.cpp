@@ -183,7 +183,7 @@ class Chain : public testing::Test {
     const uint32_t indices[] = {0, 1, 2, 0, 2, 3};
     kuafu_mesh_desc mesh = kuafu_mesh_desc_init();
     mesh.positions = positions, mesh.vertex_count = 4, mesh.indices = indices, mesh.triangle_count = 2;
-    kuafu_instance_desc instance = kuafu_instance_desc_init(0);
+    kuafu_instance_desc instance = kuafu_instance_desc_init(1);
     uint32_t id = 0;
     ASSERT_EQ(kuafu_scene_create(renderer_side_, &scene_), KS_OK);
     ASSERT_EQ(kuafu_scene_add_mesh(scene_, &mesh, &instance.mesh), KS_OK);

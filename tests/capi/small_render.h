@@ -26,7 +26,7 @@ struct SmallRender {
     const uint32_t indices[] = {0, 1, 2};
     kuafu_mesh_desc mesh = kuafu_mesh_desc_init();
     mesh.positions = positions, mesh.vertex_count = 3, mesh.indices = indices, mesh.triangle_count = 1;
-    kuafu_instance_desc instance = kuafu_instance_desc_init(0);
+    kuafu_instance_desc instance = kuafu_instance_desc_init(1);
     kuafu_environment_desc environment = kuafu_environment_desc_init();
     for (float& r : environment.radiance) r = 1.0f;
     kuafu_renderer_desc renderer_desc{};

@@ -49,20 +49,6 @@ TEST(Structs, ExportedInitialisersAreTheInlineOnes) {
   expect_same(simsense_struct_init, SIMSENSE_TYPE_COMPUTE_DESC, simsense_compute_desc_init());
 }
 
-TEST(Structs, AChainThatPointsAnywhereIsRefusedAndNotFollowed) {
-  ks_buffer_create create = ks_buffer_create_init(64, KS_BUFFER_HOST_VISIBLE);
-  create.header.next = reinterpret_cast<const ks_header*>(uintptr_t(0xaaaaaaaaaaaaaaa8));
-  ks_device_desc desc = ks_device_desc_init();
-  desc.header.next = create.header.next;
-  kuafu_device device = nullptr;
-  EXPECT_EQ(kuafu_device_create(&desc, &device), KS_ERROR_UNSUPPORTED);
-  EXPECT_TRUE(says(kuafu_last_error(), "header.next is not NULL")) << kuafu_last_error();
-  SmallRender render(KUAFU_TRACER_AUTO);
-  if (!render.device) GTEST_SKIP() << kuafu_last_error();
-  kuafu_buffer buffer = nullptr;
-  EXPECT_EQ(kuafu_buffer_create(render.device, &create, &buffer), KS_ERROR_UNSUPPORTED);
-}
-
 TEST(Structs, AnInitialiserServesShorterAndLongerStructs) {
   ks_sync sync;
   std::memset(&sync, 0xaa, sizeof sync);
@@ -89,33 +75,30 @@ struct Scene {
   }
 };
 
-TEST(Structs, AMissingFieldIsNeutral) {
+TEST(Structs, AMissingFieldIsZero) {
   const Scene s;
   kuafu_material_desc old = kuafu_material_desc_init();
-  old.header.size_bytes = offsetof(kuafu_material_desc, ir_albedo_texture);
-  old.ir_albedo_texture = 99;  // not of the caller's struct
-  old.subsurface_radius_m[0] = -1.0f;
+  old.header.size_bytes = offsetof(kuafu_material_desc, iridescence_least_thickness_nm);
+  ASSERT_EQ(old.header.size_bytes % sizeof(void*), 0u) << "pick a field that begins there";
+  old.iridescence_least_thickness_nm = 99;  // not of the caller's struct
   uint32_t id = 0;
   ASSERT_EQ(kuafu_scene_add_material(s.scene, &old, &id), KS_OK) << kuafu_last_error();
   kuafu_material_desc read = kuafu_material_desc_init();
   ASSERT_EQ(kuafu_scene_get_material(s.scene, id, &read), KS_OK);
-  EXPECT_EQ(read.ir_albedo_texture, KUAFU_NONE);
-  EXPECT_EQ(read.ior_texture, KUAFU_NONE);
-  EXPECT_TRUE(std::isnan(read.ir_roughness));
-  EXPECT_EQ(read.subsurface_radius_m[0], 1e-3f);
+  EXPECT_EQ(read.iridescence_least_thickness_nm, 0.0f);
 }
 
-TEST(Structs, NoStructEndsInsideOfAField) {
+TEST(Structs, NoStructEndsInsideOfAPointer) {
   const Scene s;
   uint32_t id = 0;
-  for (uint32_t size = sizeof(ks_header); size < sizeof(kuafu_texture_desc); ++size) {
+  for (uint32_t size = 0; size < sizeof(kuafu_texture_desc); ++size) {
     kuafu_texture_desc texture = kuafu_texture_desc_init();
     const uint8_t texel = 0;
     texture.texels = &texel;
     texture.header.size_bytes = size;
     EXPECT_EQ(kuafu_scene_add_texture(s.scene, &texture, &id), KS_ERROR_INVALID_ARGUMENT) << size;
-    if (size % 4 != 0) {
-      EXPECT_TRUE(says(kuafu_last_error(), "inside of a field")) << kuafu_last_error();
+    if (size % 8 != 0 || size == 0) {
+      EXPECT_TRUE(says(kuafu_last_error(), "bytes long: fill it")) << kuafu_last_error();
     }
   }
 }
@@ -126,7 +109,7 @@ TEST(Structs, AnOutputThatEndsInsideOfAFieldIsRefusedAndReadsNothingBeyond) {
   for (uint32_t size = 0; size < sizeof render.output; ++size) {
     render.output.header.size_bytes = size;
     const ks_status status = kuafu_renderer_render(render.renderer, render.scene, &render.desc);
-    if (size % 4 != 0 || size < offsetof(kuafu_output_desc, image)) {
+    if (size % 8 != 0 || size < offsetof(kuafu_output_desc, image)) {
       EXPECT_EQ(status, KS_ERROR_INVALID_ARGUMENT) << size;
     }
   }
@@ -200,7 +183,7 @@ TEST(Structs, ReservedFieldsMustBeZero) {
   texture.format = KS_FORMAT_U8;
   texture.reserved = 1;
   EXPECT_EQ(kuafu_scene_add_texture(s.scene, &texture, &id), KS_ERROR_VERSION);
-  EXPECT_TRUE(says(kuafu_last_error(), "byte 92")) << kuafu_last_error();
+  EXPECT_TRUE(says(kuafu_last_error(), "byte 84")) << kuafu_last_error();
 }
 
 }  // namespace

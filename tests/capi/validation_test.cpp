@@ -69,7 +69,7 @@ TEST(ValidationOfSimsense, HasNothingToSayOfAMatch) {
     camera->width = camera->height = side;
     camera->k[0] = camera->k[4] = 60, camera->k[2] = camera->k[5] = 31.5, camera->k[8] = 1;
   }
-  rig.left.distortion[0] = 0.01;  // so that the pair is rectified
+  rig.left.lens.distortion[0] = 0.01;  // so that the pair is rectified
   rig.left_to_right[3] = -0.05, rig.back_end = SIMSENSE_BACK_END_VULKAN;
   simsense_parameters parameters = simsense_parameters_init();
   parameters.max_disparity = 16;

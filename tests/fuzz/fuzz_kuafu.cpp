@@ -50,7 +50,7 @@ class Calls {
     static constexpr uint32_t indices[] = {0, 1, 2};
     kuafu_mesh_desc mesh = kuafu_mesh_desc_init();
     mesh.positions = positions, mesh.vertex_count = 3, mesh.indices = indices, mesh.triangle_count = 1;
-    const kuafu_instance_desc instance = kuafu_instance_desc_init(0);
+    const kuafu_instance_desc instance = kuafu_instance_desc_init(1);
     uint32_t id = 0;
     (void)kuafu_scene_add_mesh(scenes_.latest(), &mesh, &id);
     (void)kuafu_scene_add_instance(scenes_.latest(), &instance, &id);
@@ -204,7 +204,7 @@ class Calls {
         return;
       }
       case 3: {
-        const std::array<uint32_t, 4> materials{id(), id(), KUAFU_NONE, 0};
+        const std::array<uint32_t, 4> materials{id(), id(), 0, 1};
         kuafu_instance_desc instance = kuafu_instance_desc_init(id());
         bytes_.disturb(instance);
         instance.name = nullptr;
@@ -224,7 +224,7 @@ class Calls {
       }
       default: {
         static constexpr const char* paths[] = {"", "/", "/dev/null", "nowhere.glb", "a\n.glb", "/dev/null/a.obj", ".glb", "/etc/hostname"};
-        (void)kuafu_scene_load(scene(), bytes_.below(16) == 0 ? nullptr : paths[bytes_.below(8)], pose());
+        (void)kuafu_scene_load(scene(), bytes_.below(16) == 0 ? nullptr : paths[bytes_.below(8)], paths[bytes_.below(8)], pose());
       }
     }
   }
@@ -292,7 +292,7 @@ class Calls {
       default:
         bytes_.disturb(summary), (void)kuafu_scene_get_summary(scene(), &summary);
         double seconds = bytes_.below(2) == 0 ? 0.5 : NAN;
-        (void)kuafu_scene_animate(scene(), bytes_.below(2) == 0 ? KUAFU_NONE : id(), seconds);
+        (void)kuafu_scene_animate(scene(), bytes_.below(2) == 0 ? KUAFU_ALL_ANIMATIONS : id(), seconds);
         (void)kuafu_scene_animation_duration(scene(), id(), &seconds), (void)kuafu_scene_animation_name(scene(), id());
     }
   }

@@ -52,7 +52,7 @@ static void render(const kuafu_api* api, const char* scene_path) {
   choice.select = KS_SELECT_CPU;
   check(api->device_create(&choice, &device), api->last_error());
   check(api->scene_create(device, &scene), api->last_error());
-  check(api->scene_load(scene, scene_path, NULL), api->last_error());
+  check(api->scene_load(scene, scene_path, NULL, NULL), api->last_error());
   memset(&desc, 0, sizeof desc);
   desc.header = ks_header_make(KUAFU_TYPE_RENDERER_DESC, (uint32_t)sizeof desc);
   desc.tracer = KUAFU_TRACER_EMBREE;
@@ -104,7 +104,7 @@ static void match(const simsense_api* api) {
   rig.left.k[2] = 63.5;
   rig.left.k[5] = 47.5;
   rig.left.k[8] = 1;
-  rig.left.distortion[0] = 0.05;
+  rig.left.lens.distortion[0] = 0.05;
   rig.right = rig.left;
   rig.left_to_right[3] = -0.05;
   rig.left_to_right[0] = rig.left_to_right[5] = cos(0.01);

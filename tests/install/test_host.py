@@ -61,7 +61,7 @@ def in_host(folder: pathlib.Path, names: list[str]) -> subprocess.CompletedProce
     (folder / "wall.obj").write_text(WALL)
     sources = [ROOT / "tests/install/host.c", folder / "stubs.s"]
     run("cc", "-std=c99", "-rdynamic", *sources, "-I", ROOT / "capi/include", "-ldl", "-lm", "-o", folder / "host")
-    libraries = [BUILD / "lib" / f"lib{name}.so.0" for name in ("kuafu", "simsense")]
+    libraries = [BUILD / "lib" / f"lib{name}.so.1" for name in ("kuafu", "simsense")]
     return subprocess.run([folder / "host", *libraries, folder / "wall.obj"], capture_output=True, text=True)
 
 

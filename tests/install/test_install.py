@@ -62,8 +62,8 @@ def test_headers_please_clang_with_every_cast_visible(tmp_path: pathlib.Path, la
 
 def test_components_hold_what_they_are_named_for(tmp_path):
     expected = {
-        "kuafu": {"lib/libkuafu.so.0", "lib/kuafu/kuafu-import-gltf"},
-        "simsense": {"lib/libsimsense.so.0"},
+        "kuafu": {"lib/libkuafu.so.1", "lib/kuafu/kuafu-import-gltf"},
+        "simsense": {"lib/libsimsense.so.1"},
         "dev": {
             "lib/libkuafu.so",
             "include/ks/header.h",
@@ -142,7 +142,7 @@ def test_project_that_takes_this_one_in(tmp_path):
     )
     assert "libkuafu.so" in run("ninja", "-C", tmp_path, "-t", "commands", "kuafu")
     for library in ("kuafu", "simsense"):
-        made = tmp_path / f"activestereo/{library}/CMakeFiles/{library}.dir/src/api/api_table.cpp.o"
+        made = tmp_path / f"activestereo/{library}/CMakeFiles/{library}.dir/src/api/device.cpp.o"
         made.parent.mkdir(parents=True, exist_ok=True)
         compiles = run("ninja", "-C", tmp_path, "-t", "commands", made.relative_to(tmp_path)).splitlines()[-1]
         subprocess.run(compiles, shell=True, cwd=tmp_path, check=True)
@@ -171,7 +171,7 @@ def test_debian_packages_name_what_they_need(tmp_path):
     assert "libhwy1" in needs["libsimsense0"]
     assert "libkuafu0 (= 0.2.0), libsimsense0 (= 0.2.0)" in needs["libactivestereo-dev"]
     held = run("dpkg-deb", "-c", next(tmp_path.glob("libkuafu0_*.deb")))
-    assert "./usr/lib/libkuafu.so.0" in held
+    assert "./usr/lib/libkuafu.so.1" in held
     assert "./usr/share/doc/libkuafu0/copyright" in held
 
 

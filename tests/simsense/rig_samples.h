@@ -57,8 +57,8 @@ inline simsense_rig_desc crooked_rig(uint32_t width = 320, uint32_t height = 240
   rig.right.k[5] += 3;
   const double left_lens[5] = {-0.05, 0.01, 4e-4, -3e-4, 0.002}, right_lens[5] = {-0.03, 0.02, -2e-4, 5e-4, 0};
   for (int i = 0; i < 5; ++i) {
-    rig.left.distortion[i] = left_lens[i];
-    rig.right.distortion[i] = right_lens[i];
+    rig.left.lens.distortion[i] = left_lens[i];
+    rig.right.lens.distortion[i] = right_lens[i];
   }
   set_pose(rig.left_to_right, 0.015, -0.02, 0.01, -0.05, 0.001, -0.0015);
   return rig;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Status codes shared by kuafu and simsense. 0 is success, > 0 is benign, < 0 is an error.
+/* Status codes shared by kuafu and simsense. 0 is success, < 0 is an error.
  * The text of the last error of the calling thread is kuafu_last_error() / simsense_last_error(). */
 #ifndef KS_STATUS_H
 #define KS_STATUS_H
@@ -9,7 +9,6 @@
 typedef int32_t ks_status;
 
 #define KS_OK 0
-#define KS_NOT_READY 1 /* returned by nothing: a submission that still runs is KS_ERROR_TIMEOUT, also where the timeout was 0 */
 #define KS_ERROR_INVALID_ARGUMENT (-1)
 #define KS_ERROR_INVALID_STATE (-2)
 #define KS_ERROR_UNSUPPORTED (-3)
@@ -27,7 +26,6 @@ typedef int32_t ks_status;
 static inline const char* ks_status_name(ks_status status) {
   switch (status) {
     case KS_OK: return "ok";
-    case KS_NOT_READY: return "not ready";
     case KS_ERROR_INVALID_ARGUMENT: return "invalid argument";
     case KS_ERROR_INVALID_STATE: return "invalid state";
     case KS_ERROR_UNSUPPORTED: return "unsupported";

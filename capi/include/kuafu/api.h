@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* kuafu as one table of functions, for hosts that open the library at run time:
  *
- *   void* library = dlopen("libkuafu.so.0", RTLD_NOW | RTLD_LOCAL);
+ *   void* library = dlopen("libkuafu.so.1", RTLD_NOW | RTLD_LOCAL);
  *   const kuafu_api* api = ((kuafu_get_api_fn)dlsym(library, "kuafu_get_api"))();
  *
  * The table only grows at its end. A host that was compiled against a later header asks before it uses a later entry:
@@ -39,7 +39,7 @@ typedef struct kuafu_api {
   ks_status (*scene_create)(kuafu_device device, kuafu_scene* out);
   void (*scene_retain)(kuafu_scene scene);
   void (*scene_release)(kuafu_scene scene);
-  ks_status (*scene_load)(kuafu_scene scene, const char* path, const double* root_to_world);
+  ks_status (*scene_load)(kuafu_scene scene, const char* path, const char* name, const double* root_to_world);
   ks_status (*scene_get_summary)(kuafu_scene scene, kuafu_scene_summary* out);
   ks_status (*scene_add_mesh)(kuafu_scene scene, const kuafu_mesh_desc* desc, uint32_t* id);
   ks_status (*scene_update_mesh)(kuafu_scene scene, uint32_t id, const float* positions, const float* normals, uint32_t vertex_count);

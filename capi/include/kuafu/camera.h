@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "ks/header.h"
+#include "ks/lens.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -53,9 +54,8 @@ typedef struct kuafu_camera_desc {
   double near_m;
   /* Surfaces farther than this are invisible to the camera. [in m; inf by default] */
   double far_m;
-  /* Lens distortion k1 k2 p1 p2 k3 k4 k5 k6 of Brown and Conrady, in OpenCV's order, from ideal to observed pixels. A
-   * distortion that folds back within the image is refused. [-1000000..1000000] */
-  double distortion[8];
+  /* Distortion of the lens. One that folds back within the image is refused. */
+  ks_lens lens;
   /* Radius of the aperture of a thin lens; 0 is a pinhole. [>= 0 m] */
   double lens_radius_m;
   /* Depth z of the plane that is in focus, > 0; INFINITY is allowed. It is not read for a pinhole. [in m] */
@@ -73,8 +73,6 @@ typedef struct kuafu_camera_desc {
   double linear_velocity[3];
   /* Angular part w of the same twist. [-1000000..1000000 rad/s] */
   double angular_velocity[3];
-  /* Must be 0. */
-  double reserved[8];
 } kuafu_camera_desc;
 static inline kuafu_camera_desc kuafu_camera_desc_init(void) {
   kuafu_camera_desc s;

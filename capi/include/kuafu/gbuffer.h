@@ -37,7 +37,7 @@ typedef struct kuafu_gbuffer {
   /* float32 [E][H][W], 0..1: infrared albedo of surfaces whose material has no ir_albedo. NULL: the materials'
    * base_color. */
   kuafu_buffer albedo;
-  /* uint32 [E][H][W], 1 + the id of a material of the scene; 0 is matt and grey. NULL: all are. */
+  /* uint32 [E][H][W]: ids of materials of the scene; 0 is matt and grey. NULL: all are. */
   kuafu_buffer material;
 } kuafu_gbuffer;
 static inline kuafu_gbuffer kuafu_gbuffer_init(void) {

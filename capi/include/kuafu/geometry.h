@@ -53,16 +53,16 @@ typedef struct kuafu_scene_summary {
   uint32_t light_count;
   /* Number of cameras that were loaded from files. */
   uint32_t camera_count;
+  /* Number of animations of loaded files. */
+  uint32_t animation_count;
+  /* Must be 0. */
+  uint32_t reserved;
   /* Number of triangles of all instances. */
   uint64_t triangle_count;
   /* Lower corner of the box in the world that contains all instances; +inf where there is none. [in m] */
   double bounds_min_m[3];
   /* Upper corner of that box; -inf where there is no instance. [in m] */
   double bounds_max_m[3];
-  /* Number of animations of loaded files. */
-  uint32_t animation_count;
-  /* Must be 0. */
-  uint32_t reserved;
 } kuafu_scene_summary;
 static inline kuafu_scene_summary kuafu_scene_summary_init(void) {
   kuafu_scene_summary s;
@@ -82,6 +82,12 @@ typedef struct kuafu_mesh_desc {
   const float* normals;
   /* Array [vertex_count][2] of texture coordinates, v downwards as in glTF, or NULL. */
   const float* uvs;
+  /* Array [vertex_count][2] of a second set of texture coordinates, for textures with uv_set 1, or NULL for 0
+   * everywhere. */
+  const float* uvs_1;
+  /* Array [vertex_count][4] of linear RGBA, each >= 0, or NULL for 1 everywhere. They multiply base_color and its
+   * alpha; in the infrared band their red channel does, unless the material has an ir_albedo or an ir_albedo_texture. */
+  const float* colors;
   /* Array [triangle_count][3]. */
   const uint32_t* indices;
   /* Array [triangle_count] of indices into the instance's materials, or NULL for 0 everywhere. */
@@ -90,12 +96,6 @@ typedef struct kuafu_mesh_desc {
   uint32_t vertex_count;
   /* Number of triangles. */
   uint32_t triangle_count;
-  /* Array [vertex_count][2] of a second set of texture coordinates, for textures with uv_set 1, or NULL for 0
-   * everywhere. */
-  const float* uvs_1;
-  /* Array [vertex_count][4] of linear RGBA, each >= 0, or NULL for 1 everywhere. They multiply base_color and its
-   * alpha; in the infrared band their red channel does, unless the material has an ir_albedo or an ir_albedo_texture. */
-  const float* colors;
 } kuafu_mesh_desc;
 static inline kuafu_mesh_desc kuafu_mesh_desc_init(void) {
   kuafu_mesh_desc s;
@@ -149,12 +149,12 @@ typedef struct kuafu_instance_desc {
   ks_header header;
   /* Name that kuafu_scene_instance_name returns; NULL is no name. */
   const char* name;
-  /* Id of the mesh. */
+  /* Id of the mesh. [an id; 0 is none] */
   uint32_t mesh;
   /* Index of the environment of the batch that contains this instance. [KUAFU_ALL_ENVIRONMENTS by default] */
   uint32_t environment;
-  /* Array [material_count], one material for each slot of the mesh. Where it is NULL or too short, a grey Lambertian
-   * material is used. */
+  /* Array [material_count], one material for each slot of the mesh. Where it is NULL or too short, or has a 0, a grey
+   * Lambertian material is used. */
   const uint32_t* materials;
   /* Length of materials. */
   uint32_t material_count;

@@ -5,6 +5,7 @@
  * integers, and depth is z. A 4x4 transform is row-major and named a_to_b: it maps coordinates in a to coordinates in b.
  * Errors: every function that can fail returns ks_status. kuafu_last_error() is the thread's last message, with the numbers and what to do. A failed call
  * leaves its objects as they were.
+ * Ids: meshes, textures, materials, instances and lights are counted from 1 in the order in which they came; 0 is none.
  * Lifetime: a create function returns one reference, ..._retain takes another, and ..._release gives one back; ..._release(NULL) does nothing. An object
  * keeps those that it was made from, so that they may be released in any order.
  * Time: time 0 is the middle of the exposure of a view's middle line. If P is an object's pose at time 0 and [v, w] its twist, its pose at time t is
@@ -26,11 +27,11 @@
 #include "ks/status.h"
 #include "ks/sync.h"
 #include "kuafu/camera.h"
-#include "kuafu/optics.h"
 #include "kuafu/geometry.h"
 #include "kuafu/light.h"
 #include "kuafu/material.h"
 #include "kuafu/medium.h"
+#include "kuafu/optics.h"
 #include "kuafu/output.h"
 #include "kuafu/render.h"
 #include "kuafu/gbuffer.h"
@@ -101,19 +102,20 @@ KUAFU_API void kuafu_scene_release(kuafu_scene scene);
  * materials of .obj, .dae, .stl and .ply files. root_to_world is a row-major 4x4 transform that is applied to every node; NULL is the identity. An error
  * names the file and the field, and the scene is then unchanged. Contents that the renderer ignores, such as unknown extensions, are reported to the
  * device's log as a warning. A point light's candela are read as W/sr. Of an .mtl file Kd, map_Kd, Ks, Ke, Ns, Ni, d, illum, Pr and Pm are read. A glTF
- * material may have further fields in its extras (kuafu_material_desc). Nodes, skins and morph targets stand as they do without animation, until
+ * material may have further fields in its extras (kuafu_material_desc). name is what messages call the file, for a copy of the user's; NULL is path. Nodes, skins and morph targets stand as they do without animation, until
  * kuafu_scene_animate is called. */
-KUAFU_API ks_status kuafu_scene_load(kuafu_scene scene, const char* path, const double* root_to_world);
+KUAFU_API ks_status kuafu_scene_load(kuafu_scene scene, const char* path, const char* name, const double* root_to_world);
 
 /* Ends a load that another thread is in: it gives KS_ERROR_CANCELLED soon, and the scene is unchanged. Any thread may call it at any time. */
 KUAFU_API ks_status kuafu_scene_cancel_load(kuafu_scene scene);
 
 /* Poses what loaded glTF files animate (glTF 2.0 section 3.11) as it is at time_s: instances, lights and cameras of animated nodes, and the vertices of meshes
  * with skins or morph targets, as the functions of this interface that move them would. animation is less than animation_count of the summary, in the order
- * of the files; what this animation does not move stands as its file has it without animation, whatever was posed before. KUAFU_NONE stands for all
+ * of the files; what this animation does not move stands as its file has it without animation, whatever was posed before. KUAFU_ALL_ANIMATIONS stands for all
  * animations of all files; where two of them move the same property, the first one counts. Before its first keyframe and after its last an animation stands
  * still: for one that repeats, time_s is a remainder of kuafu_scene_animation_duration. time_s is finite. Objects that were removed are passed over. A node
  * that has a scale of 0 is hidden. An error, as where a vertex would have no finite place, leaves the scene as it was. */
+#define KUAFU_ALL_ANIMATIONS 0xffffffffu
 KUAFU_API ks_status kuafu_scene_animate(kuafu_scene scene, uint32_t animation, double time_s);
 /* Time of the last keyframe, in seconds. */
 KUAFU_API ks_status kuafu_scene_animation_duration(kuafu_scene scene, uint32_t animation, double* out);

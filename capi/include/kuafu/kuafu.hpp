@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /* kuafu for C++17: owners of its handles, and errors as exceptions. Structs, constants and all other functions are those of kuafu.h:
  *
- *   kuafu::Device device;  kuafu::Scene scene(device);  kuafu::check(kuafu_scene_load(scene, "room.glb", nullptr));
+ *   kuafu::Device device;  kuafu::Scene scene(device);  kuafu::check(kuafu_scene_load(scene, "room.glb", nullptr, nullptr));
  *
  * Every constructor throws ks::Error. Copies share the object; the threading rules of kuafu.h hold. */
 #ifndef KUAFU_KUAFU_HPP

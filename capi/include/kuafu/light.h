@@ -10,7 +10,7 @@
 #include <string.h>
 
 #include "ks/header.h"
-#include "kuafu/material.h"
+#include "ks/lens.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -56,22 +56,33 @@ typedef struct kuafu_light_desc {
   /* Intensity in the infrared band, in the same unit. [>= 0; NAN = red of intensity times
    * kuafu_render_desc.ir_ambient_scale] */
   float ir_intensity;
-  /* Pose, row-major. +z is the optical axis, x points right and y down. [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1
-   * by default] */
-  double light_to_world[16];
-  /* Projector: the pattern, whose red channel is read linearly, or KUAFU_NONE where dots are given. All other kinds: an
-   * image that multiplies the light, or KUAFU_NONE. It covers a rectangle, the square around a disk, or the square
-   * around a spot's outer cone; a point light reads it as an equirectangular map; a directional light repeats it as
-   * tiles of size_m. [KUAFU_NONE by default] */
+  /* Projector: the pattern, whose red channel is read linearly, or 0 where dots are given. All other kinds: an image
+   * that multiplies the light, or 0. It covers a rectangle, the square around a disk, or the square around a spot's
+   * outer cone; a point light reads it as an equirectangular map; a directional light repeats it as tiles of size_m.
+   * [an id; 0 is none] */
   uint32_t texture;
   /* Light group of this light: KUAFU_OUTPUT_LIGHT_GROUP_0 + light_group receives it. A projector's light goes to the
    * projector's two outputs instead. [0..3] */
   uint32_t light_group;
-  /* Projector: camera matrix in pixels of the pattern, row-major 3x3. [1, 0, 0, 0, 1, 0, 0, 0, 1 by default] */
-  double k[9];
+  /* Pose, row-major. +z is the optical axis, x points right and y down. [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1
+   * by default] */
+  double light_to_world[16];
+  /* Linear part of the twist in the light's own frame: pose(t) = light_to_world exp(t [linear, angular]).
+   * [-1000000..1000000 m/s] */
+  double linear_velocity[3];
+  /* Angular part of the same twist. [-1000000..1000000 rad/s] */
+  double angular_velocity[3];
+  /* Time at which the light is switched on within a frame; where it equals on_until_s the light is always on. [in s] */
+  double on_from_s;
+  /* Time at which the light is switched off. [in s] */
+  double on_until_s;
+
+  /* -- shapes -- */
   /* Point: radius of the luminous sphere, 0 for a point. Disk: its radius. Projector: radius of its lens, which blurs
    * the pattern by the radius |1/z - 1/focus_m| f. [>= 0 m] */
   double radius_m;
+  /* Rectangle: width and height. Directional with a texture: size of a tile. [in m] */
+  double size_m[2];
   /* Directional: half angle of the disc in the sky, at most pi/2; 0 is parallel light. [in rad] */
   double angle_rad;
   /* Spot: half angle of the cone with full intensity; 0 <= inner < outer <= pi/2. [in rad] */
@@ -79,10 +90,15 @@ typedef struct kuafu_light_desc {
   /* Spot: half angle of the cone outside which there is no light; 0 <= inner < outer <= pi/2. [in rad;
    * 0.7853981633974483 by default] */
   double outer_rad;
-  /* Rectangle: width and height. Directional with a texture: size of a tile. [in m] */
-  double size_m[2];
-  /* Projector: the lens distortion k1 k2 p1 p2 k3 k4 k5 k6 of Brown and Conrady, in OpenCV's order. [-1000000..1000000] */
-  double distortion[8];
+  /* Point without a radius, and spot: distance at which the light ends. The intensity is multiplied by max(0, 1 - (d /
+   * range_m)^4), as KHR_lights_punctual recommends. No real lamp does that. [>= 0 m; 0 means endless] */
+  double range_m;
+
+  /* -- projector -- */
+  /* Projector: camera matrix in pixels of the pattern, row-major 3x3. [1, 0, 0, 0, 1, 0, 0, 0, 1 by default] */
+  double k[9];
+  /* Projector: distortion of the lens. */
+  ks_lens lens;
   /* Projector: the intensity is multiplied by cos^falloff of the angle from the optical axis. [>= 0] */
   double falloff;
   /* Projector: distance at which the pattern is sharpest; with 0 it is sharp everywhere. [>= 0 m] */
@@ -103,18 +119,6 @@ typedef struct kuafu_light_desc {
   uint32_t pattern_height;
   /* Standard deviation of each dot, > 0 where there are dots. [in px] */
   float dot_sigma_px;
-  /* Linear part of the twist in the light's own frame: pose(t) = light_to_world exp(t [linear, angular]).
-   * [-1000000..1000000 m/s] */
-  double linear_velocity[3];
-  /* Angular part of the same twist. [-1000000..1000000 rad/s] */
-  double angular_velocity[3];
-  /* Time at which the light is switched on within a frame; where it equals on_until_s the light is always on. [in s] */
-  double on_from_s;
-  /* Time at which the light is switched off. [in s] */
-  double on_until_s;
-  /* Point without a radius, and spot: distance at which the light ends. The intensity is multiplied by max(0, 1 - (d /
-   * range_m)^4), as KHR_lights_punctual recommends. No real lamp does that. [>= 0 m; 0 means endless] */
-  double range_m;
   /* Value of the dots' image beside them: light that the projector throws everywhere within its field. [>= 0] */
   double dot_background;
 } kuafu_light_desc;
@@ -129,11 +133,10 @@ static inline kuafu_light_desc kuafu_light_desc_init(uint32_t kind) {
   s.light_to_world[5] = 1.0;
   s.light_to_world[10] = 1.0;
   s.light_to_world[15] = 1.0;
-  s.texture = KUAFU_NONE;
+  s.outer_rad = 0.7853981633974483;
   s.k[0] = 1.0;
   s.k[4] = 1.0;
   s.k[8] = 1.0;
-  s.outer_rad = 0.7853981633974483;
   s.pattern_scale = 1.0;
   return s;
 }
@@ -148,7 +151,7 @@ typedef struct kuafu_environment_desc {
    * ir_ambient_radiance (kuafu_render_desc)] */
   float ir_radiance;
   /* Equirectangular map that multiplies the radiance; the infrared band uses its red channel. Its middle column lies
-   * towards +z of the map's frame, its columns run towards +x, and its first row is -y (up). [KUAFU_NONE by default] */
+   * towards +z of the map's frame, its columns run towards +x, and its first row is -y (up). [an id; 0 is none] */
   uint32_t texture;
   /* Light group of the environment's light. [0..3] */
   uint32_t light_group;
@@ -160,7 +163,6 @@ static inline kuafu_environment_desc kuafu_environment_desc_init(void) {
   memset(&s, 0, sizeof s);
   s.header = ks_header_make(KUAFU_TYPE_ENVIRONMENT_DESC, KS_CAST(uint32_t, sizeof s));
   s.ir_radiance = NAN;
-  s.texture = KUAFU_NONE;
   s.map_to_world[0] = 1.0;
   s.map_to_world[4] = 1.0;
   s.map_to_world[8] = 1.0;

@@ -14,9 +14,6 @@
 extern "C" {
 #endif
 
-/* No texture, no mesh, ... */
-#define KUAFU_NONE 0xffffffffu
-
 #define KUAFU_TYPE_MATERIAL_DESC 0x1003u
 
 /* kuafu_material_desc.bsdf: How the base and the reflecting layer are combined. */
@@ -46,68 +43,107 @@ typedef struct kuafu_material_desc {
   ks_header header;
   /* Name that kuafu_scene_material_name returns; NULL is no name. */
   const char* name;
+
+  /* -- base and reflecting layer -- */
   /* Linear RGB and alpha. [0..1; 1, 1, 1, 1 by default] */
   float base_color[4];
+  /* Its RGB multiplies base_color, its alpha that of base_color. [an id; 0 is none] */
+  uint32_t base_color_texture;
   /* 0 is a dielectric, 1 a metal. [0..1] */
   float metallic;
   /* Its square is the alpha of GGX. [0..1; 1 by default] */
   float roughness;
+  /* Its green channel multiplies roughness and transmission_roughness, its blue channel metallic. [an id; 0 is none] */
+  uint32_t metallic_roughness_texture;
   /* Weight of the reflecting layer. With specular 0 and metallic 0 the surface is exactly Lambertian. [0..1; 1 by
    * default] */
   float specular;
+  /* Its alpha channel multiplies specular. [an id; 0 is none] */
+  uint32_t specular_texture;
   /* Index of refraction. [>= 1; 1.5 by default] */
   float ior;
-  /* Share of the light entering the base that passes through it, as in glass. [0..1] */
-  float transmission;
-  /* Radiance in the visible band. [>= 0 W/(sr m^2)] */
-  float emission[3];
-  /* Diffuse albedo (or metal reflectance) in the infrared band. [0..1; NAN = red of base_color] */
-  float ir_albedo;
-  /* Radiance in the infrared band. [>= 0 W/(sr m^2)] */
-  float ir_emission;
-  /* Its RGB multiplies base_color, its alpha that of base_color. [KUAFU_NONE by default] */
-  uint32_t base_color_texture;
-  /* Its green channel multiplies roughness and transmission_roughness, its blue channel metallic. [KUAFU_NONE by
-   * default] */
-  uint32_t metallic_roughness_texture;
-  /* Normals in tangent space, encoded as in glTF. [KUAFU_NONE by default] */
-  uint32_t normal_texture;
-  /* Its RGB multiplies emission. [KUAFU_NONE by default] */
-  uint32_t emission_texture;
-  /* Its red channel multiplies transmission. [KUAFU_NONE by default] */
-  uint32_t transmission_texture;
-  /* Its alpha channel multiplies specular. [KUAFU_NONE by default] */
-  uint32_t specular_texture;
-  /* Roughness of transmitted light; 0 is clear glass. For a material of a file it is the material's roughness. [0..1] */
-  float transmission_roughness;
+  /* Its red channel R changes the index of refraction to 1 + (ior - 1) R. [an id; 0 is none] */
+  uint32_t ior_texture;
   /* Roughness of the diffuse base by Oren and Nayar's model in Fujii's form; 0 is Lambertian. [0..1] */
   float diffuse_roughness;
-  /* Colour that white light has after attenuation_distance_m inside the glass (KHR_materials_volume). [0..1; 1, 1, 1 by
-   * default] */
-  float attenuation_color[3];
-  /* The same as attenuation_color, in the infrared band. [0..1; NAN = red of attenuation_color] */
-  float ir_attenuation_color;
-  /* Distance for attenuation_color; with 0 nothing is absorbed. [>= 0 m] */
-  float attenuation_distance_m;
   /* How the base and the reflecting layer are combined. [gltf by default] */
   uint32_t bsdf;
-  /* Light group of the light that the surface emits. [0..3] */
-  uint32_t light_group;
-  /* Whether transmitted light crosses a thin sheet instead of entering a body. It then passes both faces at once and
-   * keeps its direction, with all reflections between the faces included. base_color is the colour after one crossing,
-   * and attenuation is not used. */
-  uint32_t thin_walled;
+  /* Diffuse albedo (or metal reflectance) in the infrared band. [0..1; NAN = red of base_color] */
+  float ir_albedo;
   /* Its red channel multiplies ir_albedo, or 1 where ir_albedo is NAN. Without this texture and without ir_albedo the
-   * infrared band uses the red channel of base_color_texture. [KUAFU_NONE by default] */
+   * infrared band uses the red channel of base_color_texture. [an id; 0 is none] */
   uint32_t ir_albedo_texture;
   /* Roughness in the infrared band. [0..1; NAN = roughness] */
   float ir_roughness;
   /* Index of refraction in the infrared band. [>= 1; NAN = ior] */
   float ir_ior;
+
+  /* -- normals and alpha -- */
+  /* Normals in tangent space, encoded as in glTF. [an id; 0 is none] */
+  uint32_t normal_texture;
+  /* Multiplies the x and y of normal_texture's normals. [-1000..1000; 1 by default] */
+  float normal_scale;
+  /* What alpha means, which is that of base_color times those of base_color_texture and of the mesh's colors. It is the
+   * same in both bands. [opaque by default] */
+  uint32_t alpha_mode;
+  /* With KUAFU_ALPHA_MASK: the least alpha of what is there. [>= 0; 0.5 by default] */
+  float alpha_cutoff;
+
+  /* -- emission -- */
+  /* Radiance in the visible band. [>= 0 W/(sr m^2)] */
+  float emission[3];
+  /* Its RGB multiplies emission. [an id; 0 is none] */
+  uint32_t emission_texture;
+  /* Radiance in the infrared band. [>= 0 W/(sr m^2)] */
+  float ir_emission;
+  /* Light group of the light that the surface emits. [0..3] */
+  uint32_t light_group;
+
+  /* -- glass -- */
+  /* Share of the light entering the base that passes through it, as in glass. [0..1] */
+  float transmission;
+  /* Its red channel multiplies transmission. [an id; 0 is none] */
+  uint32_t transmission_texture;
+  /* Roughness of transmitted light; 0 is clear glass. For a material of a file it is the material's roughness. [0..1] */
+  float transmission_roughness;
+  /* Whether transmitted light crosses a thin sheet instead of entering a body. It then passes both faces at once and
+   * keeps its direction, with all reflections between the faces included. base_color is the colour after one crossing,
+   * and attenuation is not used. */
+  uint32_t thin_walled;
+  /* Colour that white light has after attenuation_distance_m inside the glass (KHR_materials_volume). [0..1; 1, 1, 1 by
+   * default] */
+  float attenuation_color[3];
+  /* Distance for attenuation_color; with 0 nothing is absorbed. [>= 0 m] */
+  float attenuation_distance_m;
+  /* 20 over Abbe's number of smooth glass that bounds a body (KHR_materials_dispersion): how far its colours part. ior
+   * is that of light of 587.6 nm; the others follow by Cauchy's law for 611.4, 549.1 and 464.3 nm, the wavelengths of
+   * the primaries' hues, and in the infrared band, unless ir_ior is given, for 850 nm. Rough glass, sheets and shadow
+   * rays take ior for all colours. [>= 0] */
+  float dispersion;
   /* Transmission in the infrared band. [0..1; NAN = transmission] */
   float ir_transmission;
   /* Roughness of transmitted light in the infrared band. [0..1; NAN = transmission_roughness] */
   float ir_transmission_roughness;
+  /* The same as attenuation_color, in the infrared band. [0..1; NAN = red of attenuation_color] */
+  float ir_attenuation_color;
+
+  /* -- light that passes the base -- */
+  /* Share of the diffuse base whose light leaves on the other side of the surface, evenly in all directions
+   * (KHR_materials_diffuse_transmission): paper, leaves, lampshades. Both sides wear the dielectric layer. Unless the
+   * material is thin_walled, the other side is the inside of a body, which absorbs as attenuation_color says, but for
+   * the light of lamps that stand in it. [0..1] */
+  float diffuse_transmission;
+  /* Its alpha multiplies diffuse_transmission. [an id; 0 is none] */
+  uint32_t diffuse_transmission_texture;
+  /* Colour of diffuse_transmission; base_color does not tint it. [0..1; 1, 1, 1 by default] */
+  float diffuse_transmission_color[3];
+  /* Its RGB multiplies diffuse_transmission_color. In the infrared band it is its red channel, or nothing where
+   * ir_diffuse_transmission_color is given. [an id; 0 is none] */
+  uint32_t diffuse_transmission_color_texture;
+  /* The same as diffuse_transmission_color, in the infrared band. [0..1; NAN = red of diffuse_transmission_color] */
+  float ir_diffuse_transmission_color;
+
+  /* -- light below the surface -- */
   /* Share of the diffuse base whose light scatters below the surface. The surface must be closed, and the effect is
    * rendered for rays from outside. [0..1] */
   float subsurface;
@@ -122,40 +158,25 @@ typedef struct kuafu_material_desc {
   float ir_subsurface_color;
   /* The same as subsurface_radius_m, in the infrared band. [> 0 m; NAN = red of subsurface_radius_m] */
   float ir_subsurface_radius_m;
-  /* Its red channel R changes the index of refraction to 1 + (ior - 1) R. [KUAFU_NONE by default] */
-  uint32_t ior_texture;
-  /* What alpha means, which is that of base_color times those of base_color_texture and of the mesh's colors. It is the
-   * same in both bands. [opaque by default] */
-  uint32_t alpha_mode;
-  /* With KUAFU_ALPHA_MASK: the least alpha of what is there. [>= 0; 0.5 by default] */
-  float alpha_cutoff;
-  /* Multiplies the x and y of normal_texture's normals. [-1000..1000; 0 means 1; 1 by default] */
-  float normal_scale;
+
+  /* -- clear coat -- */
   /* Weight of a clear coat over all of the surface that is not transmission: a reflecting layer of index 1.5 with a
    * roughness of its own (KHR_materials_clearcoat). What lies below receives and gives off the light that the coat
-   * transmits. The coat has the normals of the surface, normal_texture's too, is the same in both bands, and does not
-   * dim emission. [0..1] */
+   * transmits. The coat has the mesh's normals, or those of clearcoat_normal_texture, and not those of normal_texture.
+   * It is the same in both bands, and does not dim emission. [0..1] */
   float clearcoat;
+  /* Its red channel multiplies clearcoat. [an id; 0 is none] */
+  uint32_t clearcoat_texture;
   /* Roughness of the clear coat. [0..1] */
   float clearcoat_roughness;
-  /* Share of the diffuse base whose light leaves on the other side of the surface, evenly in all directions
-   * (KHR_materials_diffuse_transmission): paper, leaves, lampshades. Both sides wear the dielectric layer. Unless the
-   * material is thin_walled, the other side is the inside of a body, which absorbs as attenuation_color says, but for
-   * the light of lamps that stand in it. [0..1] */
-  float diffuse_transmission;
-  /* Colour of diffuse_transmission; base_color does not tint it. [0..1; 1, 1, 1 by default] */
-  float diffuse_transmission_color[3];
-  /* The same as diffuse_transmission_color, in the infrared band. [0..1; 0 means the red of diffuse_transmission_color] */
-  float ir_diffuse_transmission_color;
-  /* Its red channel multiplies clearcoat. [1 + a texture's id; 0 is none] */
-  uint32_t clearcoat_texture;
-  /* Its green channel multiplies clearcoat_roughness. [1 + a texture's id; 0 is none] */
+  /* Its green channel multiplies clearcoat_roughness. [an id; 0 is none] */
   uint32_t clearcoat_roughness_texture;
-  /* Its alpha multiplies diffuse_transmission. [1 + a texture's id; 0 is none] */
-  uint32_t diffuse_transmission_texture;
-  /* Its RGB multiplies diffuse_transmission_color. In the infrared band it is its red channel, or nothing where
-   * ir_diffuse_transmission_color is given. [1 + a texture's id; 0 is none] */
-  uint32_t diffuse_transmission_color_texture;
+  /* Normals of the coat in tangent space, encoded as in glTF. [an id; 0 is none] */
+  uint32_t clearcoat_normal_texture;
+  /* Multiplies the x and y of clearcoat_normal_texture's normals. [-1000..1000; 1 by default] */
+  float clearcoat_normal_scale;
+
+  /* -- anisotropy -- */
   /* How far the GGX lobes of metal and layer are drawn out along one direction, as brushed metal's are
    * (KHR_materials_anisotropy): alpha grows to mix(alpha, 1, anisotropy^2) along it and stays what it is across. Glass
    * and clear coat stay round. A mesh without texture coordinates has no direction, and stays round too. [0..1] */
@@ -163,40 +184,38 @@ typedef struct kuafu_material_desc {
   /* Angle of that direction from growing u, counter-clockwise, so that a quarter turn is against growing v. [in rad] */
   float anisotropy_rotation_rad;
   /* Its red and green channels are the x and y of a direction, from -1 to 1, which anisotropy_rotation_rad turns; its
-   * blue channel multiplies anisotropy. [1 + a texture's id; 0 is none] */
+   * blue channel multiplies anisotropy. [an id; 0 is none] */
   uint32_t anisotropy_texture;
+
+  /* -- sheen -- */
   /* Colour of a lobe of fibres over all of the surface that is not transmission (KHR_materials_sheen): velvet, wool,
-   * dust. What lies below is dimmed by the larger of the lobe's two albedos, towards the eye and towards the light; a
-   * clear coat lies over it. [0..1] */
+   * dust. What lies below is dimmed by the larger of the lobe's two albedos, towards the viewer and towards the light;
+   * a clear coat lies over it. [0..1] */
   float sheen_color[3];
+  /* Its RGB multiplies sheen_color. In the infrared band it is its red channel, or nothing where ir_sheen_color is
+   * given. [an id; 0 is none] */
+  uint32_t sheen_color_texture;
   /* Roughness of the fibres' directions; values below 0.07 are taken as 0.07. [0..1] */
   float sheen_roughness;
-  /* The same as sheen_color, in the infrared band. [0..1; 0 means the red of sheen_color] */
-  float ir_sheen_color;
-  /* Its RGB multiplies sheen_color. In the infrared band it is its red channel, or nothing where ir_sheen_color is
-   * given. [1 + a texture's id; 0 is none] */
-  uint32_t sheen_color_texture;
-  /* Its alpha multiplies sheen_roughness. [1 + a texture's id; 0 is none] */
+  /* Its alpha multiplies sheen_roughness. [an id; 0 is none] */
   uint32_t sheen_roughness_texture;
+  /* The same as sheen_color, in the infrared band. [0..1; NAN = red of sheen_color] */
+  float ir_sheen_color;
+
+  /* -- thin film -- */
   /* Share of the surface that wears a thin film, in which light interferes (KHR_materials_iridescence): soap, oil,
    * tempered steel. It changes what metal, layer and glass reflect, in the infrared band by its light of 850 nm. [0..1] */
   float iridescence;
-  /* Index of refraction of the film. [>= 1; 0 means 1.3; 1.3 by default] */
+  /* Its red channel multiplies iridescence. [an id; 0 is none] */
+  uint32_t iridescence_texture;
+  /* Index of refraction of the film. [>= 1; 1.3 by default] */
   float iridescence_ior;
   /* Thickness of the film, or where iridescence_thickness_texture is 1. [0..100000 nm; 400 by default] */
   float iridescence_thickness_nm;
   /* Thickness of the film where iridescence_thickness_texture is 0. [0..100000 nm; 100 by default] */
   float iridescence_least_thickness_nm;
-  /* Its red channel multiplies iridescence. [1 + a texture's id; 0 is none] */
-  uint32_t iridescence_texture;
-  /* Its green channel goes from iridescence_least_thickness_nm to iridescence_thickness_nm. [1 + a texture's id; 0 is
-   * none] */
+  /* Its green channel goes from iridescence_least_thickness_nm to iridescence_thickness_nm. [an id; 0 is none] */
   uint32_t iridescence_thickness_texture;
-  /* 20 over Abbe's number of smooth glass that bounds a body (KHR_materials_dispersion): how far its colours part. ior
-   * is that of light of 587.6 nm; the others follow by Cauchy's law for 611.4, 549.1 and 464.3 nm, the wavelengths of
-   * the primaries' hues, and in the infrared band, unless ir_ior is given, for 850 nm. Rough glass, sheets and shadow
-   * rays take ior for all colours. [>= 0] */
-  float dispersion;
 } kuafu_material_desc;
 static inline kuafu_material_desc kuafu_material_desc_init(void) {
   kuafu_material_desc s;
@@ -210,21 +229,20 @@ static inline kuafu_material_desc kuafu_material_desc_init(void) {
   s.specular = 1.0f;
   s.ior = 1.5f;
   s.ir_albedo = NAN;
-  s.base_color_texture = KUAFU_NONE;
-  s.metallic_roughness_texture = KUAFU_NONE;
-  s.normal_texture = KUAFU_NONE;
-  s.emission_texture = KUAFU_NONE;
-  s.transmission_texture = KUAFU_NONE;
-  s.specular_texture = KUAFU_NONE;
+  s.ir_roughness = NAN;
+  s.ir_ior = NAN;
+  s.normal_scale = 1.0f;
+  s.alpha_cutoff = 0.5f;
   s.attenuation_color[0] = 1.0f;
   s.attenuation_color[1] = 1.0f;
   s.attenuation_color[2] = 1.0f;
-  s.ir_attenuation_color = NAN;
-  s.ir_albedo_texture = KUAFU_NONE;
-  s.ir_roughness = NAN;
-  s.ir_ior = NAN;
   s.ir_transmission = NAN;
   s.ir_transmission_roughness = NAN;
+  s.ir_attenuation_color = NAN;
+  s.diffuse_transmission_color[0] = 1.0f;
+  s.diffuse_transmission_color[1] = 1.0f;
+  s.diffuse_transmission_color[2] = 1.0f;
+  s.ir_diffuse_transmission_color = NAN;
   s.subsurface_color[0] = 1.0f;
   s.subsurface_color[1] = 1.0f;
   s.subsurface_color[2] = 1.0f;
@@ -233,12 +251,8 @@ static inline kuafu_material_desc kuafu_material_desc_init(void) {
   s.subsurface_radius_m[2] = 0.001f;
   s.ir_subsurface_color = NAN;
   s.ir_subsurface_radius_m = NAN;
-  s.ior_texture = KUAFU_NONE;
-  s.alpha_cutoff = 0.5f;
-  s.normal_scale = 1.0f;
-  s.diffuse_transmission_color[0] = 1.0f;
-  s.diffuse_transmission_color[1] = 1.0f;
-  s.diffuse_transmission_color[2] = 1.0f;
+  s.clearcoat_normal_scale = 1.0f;
+  s.ir_sheen_color = NAN;
   s.iridescence_ior = 1.3f;
   s.iridescence_thickness_nm = 400.0f;
   s.iridescence_least_thickness_nm = 100.0f;

@@ -32,12 +32,13 @@ typedef struct kuafu_buffer_t* kuafu_buffer;
  * the median lit pixel's green, over all views of the call, at a quarter of white, to 1 part in 256. Negative light and NaN become 0. Offset and strides of the
  * image are multiples of 4 bytes. */
 #define KUAFU_OUTPUT_SRGB 12u
-/* AOVs (arbitrary output variables) describe what the ray through the pixel's centre hits. Where it hits nothing, positions are NaN, ids are KUAFU_NONE, and
+/* AOVs (arbitrary output variables) describe what the ray through the pixel's centre hits. Where it hits nothing, positions are NaN, ids are KUAFU_NOTHING_HIT, and
  * all others are 0. */
 #define KUAFU_OUTPUT_DEPTH 16u             /* 1: z in metres, 0 = nothing hit */
 #define KUAFU_OUTPUT_NORMAL 17u            /* 3: shading normal in the world's frame, 0 = nothing hit */
-#define KUAFU_OUTPUT_INSTANCE_ID 18u       /* 1, id: instance id, KUAFU_NONE = nothing hit */
-#define KUAFU_OUTPUT_MATERIAL_ID 19u       /* 1, id: material id, KUAFU_NONE = nothing hit */
+#define KUAFU_NOTHING_HIT 0xffffffffu      /* in the next three outputs */
+#define KUAFU_OUTPUT_INSTANCE_ID 18u       /* 1, id: the instance, counted from 0: its id less 1 */
+#define KUAFU_OUTPUT_MATERIAL_ID 19u       /* 1, id: the material in the same way; KUAFU_NOTHING_HIT is also the grey default */
 #define KUAFU_OUTPUT_SEMANTIC_ID 20u       /* 1, id: kuafu_instance_desc.semantic_id */
 #define KUAFU_OUTPUT_POSITION 21u          /* 3: position in the world, metres */
 #define KUAFU_OUTPUT_ALBEDO 22u            /* C: base colour in the view's band: diffuse albedo, or a metal's reflectance */
@@ -63,7 +64,7 @@ typedef struct kuafu_output_desc {
   /* Factor by which numbers are multiplied. 0 means 1 for F32 and F16, 255 for U8 and 65535 for U16, so that 1.0 is the
    * full range, and an exposure of its own for KUAFU_OUTPUT_SRGB. U8 and U16 are rounded and clamped, and NaN becomes
    * 0; F16 is clamped to +-65504. Ids are not scaled. An id of the scene that does not fit its format is an error, and
-   * KUAFU_NONE is the format's largest number. */
+   * KUAFU_NOTHING_HIT is the format's largest number. */
   float scale;
   /* Buffer that is written. */
   kuafu_buffer buffer;

@@ -155,8 +155,7 @@ typedef struct kuafu_render_desc {
    * The same inputs give the same bits. [none by default] */
   uint32_t denoise;
   /* Id of the light to which KUAFU_OUTPUT_PROJECTOR_UV, KUAFU_OUTPUT_PROJECTOR_VISIBILITY and
-   * KUAFU_OUTPUT_PROJECTOR_GEOMETRY refer; KUAFU_NONE is the first projector of a view's environment. [KUAFU_NONE by
-   * default] */
+   * KUAFU_OUTPUT_PROJECTOR_GEOMETRY refer; 0 is the first projector of a view's environment. [an id; 0 is none] */
   uint32_t projector;
   /* For KUAFU_DENOISE_ATROUS: share of the light that is taken from this renderer's previous renders, 0..<1; 0 uses
    * this render only. The previous renders must have had as many views of the same size, and only light from the same
@@ -194,7 +193,6 @@ static inline kuafu_render_desc kuafu_render_desc_init(void) {
   s.ir_ambient_scale = 0.05f;
   s.ir_ambient_radiance = 0.002f;
   s.glass_surfaces = 8u;
-  s.projector = KUAFU_NONE;
   return s;
 }
 

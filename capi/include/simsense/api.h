@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* simsense as one table of functions, for hosts that open the library at run time:
  *
- *   void* library = dlopen("libsimsense.so.0", RTLD_NOW | RTLD_LOCAL);
+ *   void* library = dlopen("libsimsense.so.1", RTLD_NOW | RTLD_LOCAL);
  *   const simsense_api* api = ((simsense_get_api_fn)dlsym(library, "simsense_get_api"))();
  *
  * The table only grows at its end. A host that was compiled against a later header asks before it uses a later entry:

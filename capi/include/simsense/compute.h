@@ -38,7 +38,7 @@ typedef struct simsense_buffer_t* simsense_buffer;
 #define SIMSENSE_REASON_VALID 0u
 #define SIMSENSE_REASON_NOT_UNIQUE 1u     /* another disparity fits nearly as well */
 #define SIMSENSE_REASON_OUTSIDE 2u        /* its match would lie outside the right image */
-#define SIMSENSE_REASON_OCCLUDED 3u       /* the match of the right image differs: the point is seen by the left eye only, or the match is wrong */
+#define SIMSENSE_REASON_OCCLUDED 3u       /* the match of the right image differs: the point is seen by the left camera only, or the match is wrong */
 #define SIMSENSE_REASON_ISOLATED 4u       /* most pixels around it are invalid, so that the median filter dropped it */
 #define SIMSENSE_REASON_SPECKLE 5u        /* part of an isolated region that is too small */
 #define SIMSENSE_REASON_OUT_OF_RANGE 6u   /* measured, but not within min_depth_m .. max_depth_m, or at infinity */
@@ -88,6 +88,15 @@ typedef struct simsense_compute_desc {
   simsense_image left;
   /* Right images, in the same form. */
   simsense_image right;
+  /* The part of the left image that is laser light, in the same unit: uint8, uint16 or float32 [N,H,W]. Only coherent
+   * light has speckle (Goodman, Speckle Phenomena in Optics). Values are clamped to 0..left. Where both buffer and host
+   * are NULL, all light has speckle. Give it for both images or for none. */
+  simsense_image left_laser;
+  /* The same for the right image. */
+  simsense_image right_laser;
+  /* Colour images, uint8 [N,H_rgb,W_rgb,3], needed only for SIMSENSE_OUTPUT_POINTS_COLORED. There are none where both
+   * buffer and host are NULL. */
+  simsense_image rgb;
   /* Array [output_count]. */
   const simsense_output_desc* outputs;
   /* Length of outputs. */
@@ -98,15 +107,6 @@ typedef struct simsense_compute_desc {
   ks_progress_fn progress;
   /* Given to progress. */
   void* progress_user;
-  /* Colour images, uint8 [N,H_rgb,W_rgb,3], needed only for SIMSENSE_OUTPUT_POINTS_COLORED. There are none where both
-   * buffer and host are NULL. */
-  simsense_image rgb;
-  /* The part of the left image that is laser light, in the same unit: uint8, uint16 or float32 [N,H,W]. Only coherent
-   * light has speckle (Goodman, Speckle Phenomena in Optics). Values are clamped to 0..left. Where both buffer and host
-   * are NULL, all light has speckle. Give it for both eyes or for none. */
-  simsense_image left_laser;
-  /* The same for the right image. */
-  simsense_image right_laser;
   /* What must have happened before a buffer is read or written: KS_SYNC_TIMELINE_FD (the caller closes it, at any time)
    * or KS_SYNC_SEMAPHORE. NULL and KS_SYNC_HOST wait for nothing. On a Vulkan device of the library's own the queue
    * waits, which cannot be cancelled; else the call waits, so that others must make it happen. */

@@ -15,6 +15,12 @@ extern "C" {
 
 #define SIMSENSE_TYPE_PARAMETERS 0x2002u
 
+/* simsense_parameters.census_kind: Which pixels of the window are compared for the census. */
+/* Each pixel of the window is compared with its mirror image about the centre; at most 32 comparisons. */
+#define SIMSENSE_CENSUS_CENTER_SYMMETRIC 0u
+/* Each pixel is compared with the centre; at most 62 comparisons (9x7). */
+#define SIMSENSE_CENSUS_PLAIN 1u
+
 /* simsense_parameters.subpixel: How the position of a match between whole disparities is found. */
 /* Whole disparities only. */
 #define SIMSENSE_SUBPIXEL_NONE 0u
@@ -27,12 +33,6 @@ extern "C" {
 #define SIMSENSE_SUBPIXEL_EQUIANGULAR 2u
 /* The same V through the aggregated costs everywhere: a third less noise, and about half of the parabola's bias. */
 #define SIMSENSE_SUBPIXEL_EQUIANGULAR_SUMMED 3u
-
-/* simsense_parameters.census_kind: Which pixels of the window are compared for the census. */
-/* Each pixel of the window is compared with its mirror image about the centre; at most 32 comparisons. */
-#define SIMSENSE_CENSUS_CENTER_SYMMETRIC 0u
-/* Each pixel is compared with the centre; at most 62 comparisons (9x7). */
-#define SIMSENSE_CENSUS_PLAIN 1u
 
 /* simsense_parameters.hole_filling: What replaces invalid pixels. Filled values are guesses. */
 /* Invalid pixels stay invalid. */
@@ -51,16 +51,41 @@ typedef struct simsense_parameters {
 
   /* -- noise of the imagers, see simsense_signal -- */
   /* Seed of the noise. Each random number depends on the seed, the frame or scene index where the noise has one, the
-   * view, the eye, the pixel and the kind of noise. */
+   * view, left or right, the pixel and the kind of noise. */
   uint64_t noise_seed;
   /* Index of the frame, which selects the temporal noise. Increase it for each new frame of the same scene. */
   uint64_t frame_index;
 
-  /* -- matching -- */
+  /* -- region of interest, in the rectified left image -- */
+  /* Left edge of the region of interest in the rectified left image. Pixels outside are not searched and are invalid.
+   * [in px] */
+  uint32_t roi_x;
+  /* Upper edge of the region of interest. [in px] */
+  uint32_t roi_y;
+  /* Width of the region of interest; width and height 0 mean the whole image. [in px] */
+  uint32_t roi_width;
+  /* Height of the region of interest. [in px] */
+  uint32_t roi_height;
+
+  /* -- census -- */
   /* Width of the census window in pixels, odd. [7 by default] */
   uint32_t census_width;
   /* Height of the census window in pixels, odd. [7 by default] */
   uint32_t census_height;
+  /* Which pixels of the window are compared for the census. [center_symmetric by default] */
+  uint32_t census_kind;
+  /* Two counts differ, for the census, only where their difference exceeds this share of the range of counts in the
+   * window and 2 pixels around it; smaller differences are noise between dots. With 0 every difference counts, as in
+   * the published SimSense. [0..1; 0.0625 by default] */
+  float census_contrast;
+  /* Two counts differ, for the census, only where their difference also exceeds this many counts; it is used where
+   * census_contrast is not 0. Dark surfaces, where only the imager's noise differs, then have no measurement instead of
+   * wrong ones. [0..255 DN] */
+  uint32_t census_noise_dn;
+
+  /* -- matching -- */
+  /* First disparity searched: the range is min_disparity .. min_disparity + max_disparity - 1. [-1024..4096 px] */
+  int32_t min_disparity;
   /* Number of disparities that are searched, beginning at min_disparity. [16..1024 px; 128 by default] */
   uint32_t max_disparity;
   /* Width in pixels, odd, of the block over which costs are summed; width times height is at most 256, and 1x1 sums
@@ -73,6 +98,15 @@ typedef struct simsense_parameters {
   uint32_t p1;
   /* Penalty for a larger change of disparity; p1 < p2 < 224. [32 by default] */
   uint32_t p2;
+  /* Where neighbouring counts differ by g, more than this number, p2 is reduced to p2 * this / g, but not below p1
+   * (Hirschmueller 2008). With 0 p2 is the same everywhere. [in DN] */
+  uint32_t p2_full_gradient_dn;
+  /* Number of paths along which costs are aggregated: 4, or 8 with the diagonals. [4 or 8; 4 by default] */
+  uint32_t path_count;
+  /* How the position of a match between whole disparities is found. [equiangular by default] */
+  uint32_t subpixel;
+
+  /* -- checks of the disparity -- */
   /* Percentage by which the best match must be better than the second best; 0 switches this check off. [0..100 percent;
    * 15 by default] */
   uint32_t uniqueness_ratio;
@@ -81,56 +115,10 @@ typedef struct simsense_parameters {
   int32_t lr_max_diff;
   /* Side of the median filter on the disparity; 1 is no filter. [1, 3, 5 or 7 px; 3 by default] */
   uint32_t median_size;
-  /* How the position of a match between whole disparities is found. [equiangular by default] */
-  uint32_t subpixel;
-
-  /* -- depth -- */
-  /* Smallest depth that is kept: min_depth_m <= z < max_depth_m. [>= 0 m] */
-  float min_depth_m;
-  /* Depth from which on measurements are dropped; INFINITY keeps all. [in m; 10 by default] */
-  float max_depth_m;
-  /* Whether each registered point also covers the pixels above and to the left (2x2), which closes small holes that
-   * registration makes; the same as splat_size 2. */
-  uint32_t depth_dilation;
-
-  /* -- more of matching -- */
-  /* Which pixels of the window are compared for the census. [center_symmetric by default] */
-  uint32_t census_kind;
-  /* First disparity searched: the range is min_disparity .. min_disparity + max_disparity - 1. [-1024..4096 px] */
-  int32_t min_disparity;
-  /* Number of paths along which costs are aggregated: 4, or 8 with the diagonals. [4 or 8; 0 means 4; 4 by default] */
-  uint32_t path_count;
-  /* Where neighbouring counts differ by g, more than this number, p2 is reduced to p2 * this / g, but not below p1
-   * (Hirschmueller 2008). With 0 p2 is the same everywhere. [in DN] */
-  uint32_t p2_full_gradient_dn;
   /* Largest number of pixels of an isolated region that is dropped; 0 drops none. [in px] */
   uint32_t speckle_max_size;
   /* Largest difference between neighbouring disparities of one region. [>= 0 px; 1 by default] */
   float speckle_max_diff_px;
-  /* What replaces invalid pixels. Filled values are guesses. [keep by default] */
-  uint32_t hole_filling;
-  /* Invalid pixels whose census window has a range of at most this many counts are given the reason
-   * SIMSENSE_REASON_LOW_TEXTURE. Nothing else changes. [in DN; 4 by default] */
-  uint32_t low_texture_dn;
-  /* Left edge of the region of interest in the rectified left image. Pixels outside are not searched and are invalid.
-   * [in px] */
-  uint32_t roi_x;
-  /* Upper edge of the region of interest. [in px] */
-  uint32_t roi_y;
-  /* Width of the region of interest; width and height 0 mean the whole image. [in px] */
-  uint32_t roi_width;
-  /* Height of the region of interest. [in px] */
-  uint32_t roi_height;
-  /* Number of pixels that each registered point covers in x and in y. [0..15 px; 0 means 1; 1 by default] */
-  uint32_t splat_size;
-  /* Two counts differ, for the census, only where their difference exceeds this share of the range of counts in the
-   * window and 2 pixels around it; smaller differences are noise between dots. With 0 every difference counts, as in
-   * the published SimSense. [0..1; 0.0625 by default] */
-  float census_contrast;
-  /* Two counts differ, for the census, only where their difference also exceeds this many counts; it is used where
-   * census_contrast is not 0. Dark surfaces, where only the imager's noise differs, then have no measurement instead of
-   * wrong ones. [0..255 DN] */
-  uint32_t census_noise_dn;
   /* No measurement in squares of 31 pixels in which no two counts of the left image differ by at least this much, but
    * for 5 pixels along their edges; the reason is SIMSENSE_REASON_LOW_TEXTURE. Rounding alone makes differences of one
    * count, which 2 refuses: what the paths carry into black surfaces goes. 0 switches this check off. [0..65535 DN] */
@@ -142,6 +130,22 @@ typedef struct simsense_parameters {
   /* No measurement whose match lies within this many pixels of the right image's left or right edge, where windows are
    * cut; the reason is SIMSENSE_REASON_OUTSIDE. 0 switches this check off. [0..65535 px] */
   uint32_t right_border_px;
+  /* Invalid pixels whose census window has a range of at most this many counts are given the reason
+   * SIMSENSE_REASON_LOW_TEXTURE. Nothing else changes. [in DN; 4 by default] */
+  uint32_t low_texture_dn;
+  /* What replaces invalid pixels. Filled values are guesses. [keep by default] */
+  uint32_t hole_filling;
+
+  /* -- depth and registration -- */
+  /* Smallest depth that is kept: min_depth_m <= z < max_depth_m. [>= 0 m] */
+  float min_depth_m;
+  /* Depth from which on measurements are dropped; INFINITY keeps all. [in m; 10 by default] */
+  float max_depth_m;
+  /* Whether each registered point also covers the pixels above and to the left (2x2), which closes small holes that
+   * registration makes; the same as splat_size 2. */
+  uint32_t depth_dilation;
+  /* Number of pixels that each registered point covers in x and in y. [1..15 px; 1 by default] */
+  uint32_t splat_size;
 } simsense_parameters;
 static inline simsense_parameters simsense_parameters_init(void) {
   simsense_parameters s;
@@ -149,21 +153,21 @@ static inline simsense_parameters simsense_parameters_init(void) {
   s.header = ks_header_make(SIMSENSE_TYPE_PARAMETERS, KS_CAST(uint32_t, sizeof s));
   s.census_width = 7u;
   s.census_height = 7u;
+  s.census_contrast = 0.0625f;
   s.max_disparity = 128u;
   s.block_width = 7u;
   s.block_height = 7u;
   s.p1 = 8u;
   s.p2 = 32u;
+  s.path_count = 4u;
+  s.subpixel = SIMSENSE_SUBPIXEL_EQUIANGULAR;
   s.uniqueness_ratio = 15u;
   s.lr_max_diff = 1;
   s.median_size = 3u;
-  s.subpixel = SIMSENSE_SUBPIXEL_EQUIANGULAR;
-  s.max_depth_m = 10.0f;
-  s.path_count = 4u;
   s.speckle_max_diff_px = 1.0f;
   s.low_texture_dn = 4u;
+  s.max_depth_m = 10.0f;
   s.splat_size = 1u;
-  s.census_contrast = 0.0625f;
   return s;
 }
 

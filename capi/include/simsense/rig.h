@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "ks/header.h"
+#include "ks/lens.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -48,8 +49,7 @@ extern "C" {
 /* Vulkan compute; KS_ERROR_UNSUPPORTED where the device does not support it. */
 #define SIMSENSE_BACK_END_VULKAN 2u
 
-/* A pinhole camera with Brown and Conrady's distortion, as kuafu_camera_desc has it. It is embedded in
- * simsense_rig_desc, so that it can never grow. */
+/* A camera. It is embedded in simsense_rig_desc, so that it can never grow. */
 typedef struct simsense_camera {
   /* Width of its images; 0 means that there is no such camera. [in px] */
   uint32_t width;
@@ -57,9 +57,8 @@ typedef struct simsense_camera {
   uint32_t height;
   /* Camera matrix, row-major. [in px] */
   double k[9];
-  /* Lens distortion k1 k2 p1 p2 k3 k4 k5 k6 of Brown and Conrady, in OpenCV's order, from ideal to observed pixels; k4
-   * k5 k6 make it rational. Pixels of the rectified image whose rays lie beyond the fold of the lens are invalid. */
-  double distortion[8];
+  /* Its lens. Pixels of the rectified image whose rays lie beyond the fold of the lens are invalid. */
+  ks_lens lens;
 } simsense_camera;
 
 /* The stereo rig. It is fixed for the life of an engine. */

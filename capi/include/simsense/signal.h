@@ -19,7 +19,8 @@ extern "C" {
  * counts = clamp(round(input)). Charge is in electrons (e-) and counts in digital numbers (DN) of the given bit depth;
  * with the initial gains of 1 an electron is a count. Gains, noise terms and their estimation follow EMVA 1288. A
  * random value is the quantile of its distribution at a uniform random number of its own, so that noise changes
- * smoothly with its parameters. Fixed patterns depend only on seed, view, eye and pixel. NaN in the input is read as 0. */
+ * smoothly with its parameters. Fixed patterns depend only on seed, view, camera and pixel. NaN in the input is read as
+ * 0. */
 typedef struct simsense_signal {
   ks_header header;
 

@@ -26,7 +26,7 @@ struct MotionView {
   CameraPose now, previous;
   vec2 focal, centre;  // of K, pixels
   float skew;
-  float distortion[8];  // k1 k2 p1 p2 k3 k4 k5 k6
+  LensRecord lens;
 };
 KUAFU_ARRAY(MotionViewArray, MotionView, 4)
 
@@ -39,7 +39,7 @@ KUAFU_ARRAY(AovReference, AovAddresses, 8)
 
 #ifdef __cplusplus
 static_assert(sizeof(ProjectorRecord) == sizeof(LightRecord) + sizeof(LightShape) + 8);
-static_assert(sizeof(MotionView) == 148);
+static_assert(sizeof(MotionView) == 152);
 static_assert(sizeof(AovAddresses) == 24);
 }  // namespace kuafu
 #endif

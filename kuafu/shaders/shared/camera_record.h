@@ -3,6 +3,7 @@
 #ifndef KUAFU_CAMERA_RECORD_H
 #define KUAFU_CAMERA_RECORD_H
 
+#include "shared/lens_record.h"
 #include "shared/motion_record.h"
 
 #ifdef __cplusplus
@@ -13,14 +14,12 @@ KUAFU_CONST camera_distorts = 1u;
 KUAFU_CONST camera_has_lens = 2u;
 KUAFU_CONST camera_moves = 4u;
 
-KUAFU_CONST undistort_steps = 20u;  // of Newton, at most; a lens of a camera needs three
-
 struct CameraRecord {
   vec3 axis_x, axis_y, axis_z;  // world directions of the camera's axes at t = 0
   MotionRecord motion;
   vec2 focal, centre;  // of K, pixels
   float skew;
-  float distortion[8];  // k1 k2 p1 p2 k3 k4 k5 k6
+  LensRecord lens;
   float lens_radius_m;
   float inverse_focus;      // 1/m; 0: focused at infinity
   vec2 seconds_per_pixel;   // rolling shutter: along columns and rows
@@ -30,7 +29,7 @@ struct CameraRecord {
 KUAFU_ARRAY(CameraArray, CameraRecord, 4)
 
 #ifdef __cplusplus
-static_assert(sizeof(CameraRecord) == 152);
+static_assert(sizeof(CameraRecord) == 156);
 }  // namespace kuafu
 #endif
 #endif

@@ -60,7 +60,7 @@ void vignetting(uint pixel) {
   uint column = pixel % push.width, row = pixel / push.width % push.height;
   float y = (float(row) - f.cy) / f.fy;
   vec2 p = vec2((float(column) - f.cx - f.skew * y) / f.fx, y);
-  if (f.distorts != 0u) p = undistort(f.distortion, p);
+  p = undistort(f.lens, p);
   float r2 = field_square(column, row);
   vec3 a = f.vignetting_polynomial;
   float factor = max(0.0f, 1.0f + r2 * (a.x + r2 * (a.y + r2 * a.z)));

@@ -84,6 +84,7 @@ Instance to_instance(const kuafu_instance_desc& desc) {
   Instance instance;
   copy_fields(desc, instance);
   instance.materials = array<uint32_t>(desc.materials, desc.material_count, "materials");
+  for (uint32_t& material : instance.materials) --material;  // ids count from 1; none is 0xffffffff
   return instance;
 }
 

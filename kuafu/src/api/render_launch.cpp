@@ -118,7 +118,7 @@ Launch read_launch(const kuafu_render_desc* desc, const std::shared_ptr<ks::Devi
   launch.first_sample = d.first_sample;
   launch.max_bounces = d.max_bounces;
   launch.seed = d.seed;
-  launch.projector = d.projector;
+  launch.projector = d.projector - 1;  // an id; none is 0xffffffff
   launch.accumulate = d.accumulate != 0;
   launch.max_seconds = d.max_seconds;
   launch.relative_error = d.relative_error;

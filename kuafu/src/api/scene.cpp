@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The scene functions of kuafu's C API: each reads its structs, calls Scene, and turns errors into statuses.
+#include <algorithm>
 #include <cmath>
 
 #include "api/descriptors.h"
@@ -32,11 +33,22 @@ T& required(T* pointer, const char* name) {
   return *pointer;
 }
 
+/// Callers count ids from 1, and 0 is none; the scene counts from 0, and none is 0xffffffff.
+uint32_t index_of(uint32_t id) { return id - 1; }
+uint32_t id_of(uint32_t index) { return index + 1; }
+
+std::vector<uint32_t> indices_of(const uint32_t* ids, uint32_t count) {
+  std::vector<uint32_t> out(ids, ids + count);
+  std::ranges::transform(out, out.begin(), index_of);
+  return out;
+}
+
 template <class T>
 const T& live(const std::vector<std::optional<T>>& table, const char* kind, uint32_t id) {
-  if (id >= table.size() || !table[id])
+  const uint32_t index = index_of(id);
+  if (index >= table.size() || !table[index])
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "there is no %s %u, or it was removed (ids go to %zu)", kind, id, table.size());
-  return *table[id];
+  return *table[index];
 }
 
 template <class T>
@@ -114,12 +126,13 @@ void kuafu_scene_retain(kuafu_scene scene) { ks::retain(scene, "scene"); }
 
 void kuafu_scene_release(kuafu_scene scene) { ks::release(scene, "scene"); }
 
-ks_status kuafu_scene_load(kuafu_scene scene, const char* path, const double* root_to_world) {
+ks_status kuafu_scene_load(kuafu_scene scene, const char* path, const char* name, const double* root_to_world) {
   return ks::call([&] {
     kuafu::DeviceScene& owner = changeable_owner(scene);
     const ks::Interrupt interrupt([&owner, before = owner.load_wishes.load()](float) { return owner.load_wishes != before; });
     const glm::dmat4 root = root_to_world == nullptr ? glm::dmat4(1.0) : kuafu::from_row_major<4>(root_to_world);
-    for (const std::string& warning : kuafu::load_file(owner.scene, &required(path, "path"), root))
+    const kuafu::LoadOptions options = kuafu::load_options_from_environment();
+    for (const std::string& warning : kuafu::load_file(owner.scene, &required(path, "path"), root, options, name == nullptr ? "" : name))
       owner.device->log(KS_LOG_WARNING, "%s", warning.c_str());
   });
 }
@@ -148,56 +161,59 @@ ks_status kuafu_scene_get_summary(kuafu_scene scene, kuafu_scene_summary* out) {
 
 ks_status kuafu_scene_add_mesh(kuafu_scene scene, const kuafu_mesh_desc* desc, uint32_t* id) {
   return ks::call([&] {
-    required(id, "id") = KUAFU_NONE;
-    *id = changeable(scene).add_mesh(kuafu::to_mesh(ks::read_struct(desc, KUAFU_TYPE_MESH_DESC, "mesh desc")));
+    required(id, "id") = 0;
+    *id = id_of(changeable(scene).add_mesh(kuafu::to_mesh(ks::read_struct(desc, KUAFU_TYPE_MESH_DESC, "mesh desc"))));
   });
 }
 
 ks_status kuafu_scene_update_mesh(kuafu_scene scene, uint32_t id, const float* positions, const float* normals, uint32_t vertex_count) {
   return ks::call([&] {
-    changeable(scene).update_mesh_positions(id, kuafu::to_vectors(&required(positions, "positions"), vertex_count),
+    changeable(scene).update_mesh_positions(index_of(id), kuafu::to_vectors(&required(positions, "positions"), vertex_count),
                                             kuafu::to_vectors(normals, vertex_count));
   });
 }
 
 ks_status kuafu_scene_add_texture(kuafu_scene scene, const kuafu_texture_desc* desc, uint32_t* id) {
   return ks::call([&] {
-    required(id, "id") = KUAFU_NONE;
-    *id = changeable(scene).add_texture(kuafu::to_texture(ks::read_struct(desc, KUAFU_TYPE_TEXTURE_DESC, "texture desc")));
+    required(id, "id") = 0;
+    *id = id_of(changeable(scene).add_texture(kuafu::to_texture(ks::read_struct(desc, KUAFU_TYPE_TEXTURE_DESC, "texture desc"))));
   });
 }
 
 ks_status kuafu_scene_set_texture(kuafu_scene scene, uint32_t id, const kuafu_texture_desc* desc) {
-  return ks::call(
-      [&] { changeable(scene).set_texture(id, kuafu::to_texture(ks::read_struct(desc, KUAFU_TYPE_TEXTURE_DESC, "texture desc"))); });
+  return ks::call([&] {
+    changeable(scene).set_texture(index_of(id), kuafu::to_texture(ks::read_struct(desc, KUAFU_TYPE_TEXTURE_DESC, "texture desc")));
+  });
 }
 
 ks_status kuafu_scene_add_material(kuafu_scene scene, const kuafu_material_desc* desc, uint32_t* id) {
   return ks::call([&] {
-    required(id, "id") = KUAFU_NONE;
-    *id = changeable(scene).add_material(to_material(desc));
+    required(id, "id") = 0;
+    *id = id_of(changeable(scene).add_material(to_material(desc)));
   });
 }
 
 ks_status kuafu_scene_set_material(kuafu_scene scene, uint32_t id, const kuafu_material_desc* desc) {
-  return ks::call([&] { changeable(scene).set_material(id, to_material(desc)); });
+  return ks::call([&] { changeable(scene).set_material(index_of(id), to_material(desc)); });
 }
 
 ks_status kuafu_scene_get_material(kuafu_scene scene, uint32_t id, kuafu_material_desc* out) {
   return ks::call([&] {
-    ks::write_struct(out, kuafu::to_desc(kuafu::there(scene_of(scene).materials(), "material", id)), KUAFU_TYPE_MATERIAL_DESC, "out");
+    ks::write_struct(out, kuafu::to_desc(kuafu::there(scene_of(scene).materials(), "material", index_of(id))), KUAFU_TYPE_MATERIAL_DESC,
+                     "out");
   });
 }
 
 ks_status kuafu_scene_add_instance(kuafu_scene scene, const kuafu_instance_desc* desc, uint32_t* id) {
   return ks::call([&] {
-    required(id, "id") = KUAFU_NONE;
-    *id = changeable(scene).add_instance(kuafu::to_instance(ks::read_struct(desc, KUAFU_TYPE_INSTANCE_DESC, "instance desc")));
+    required(id, "id") = 0;
+    *id = id_of(changeable(scene).add_instance(kuafu::to_instance(ks::read_struct(desc, KUAFU_TYPE_INSTANCE_DESC, "instance desc"))));
   });
 }
 
 ks_status kuafu_scene_set_instance_pose(kuafu_scene scene, uint32_t id, const double* local_to_world) {
-  return ks::call([&] { changeable(scene).set_instance_pose(id, kuafu::from_row_major<4>(&required(local_to_world, "local_to_world"))); });
+  return ks::call(
+      [&] { changeable(scene).set_instance_pose(index_of(id), kuafu::from_row_major<4>(&required(local_to_world, "local_to_world"))); });
 }
 
 ks_status kuafu_scene_set_instance_poses(kuafu_scene scene, const uint32_t* ids, const double* local_to_world, uint32_t count) {
@@ -207,19 +223,20 @@ ks_status kuafu_scene_set_instance_poses(kuafu_scene scene, const uint32_t* ids,
     (void)required(ids, "ids"), (void)required(local_to_world, "local_to_world");
     std::vector<glm::dmat4> poses(count);
     for (uint32_t i = 0; i < count; ++i) poses[i] = kuafu::from_row_major<4>(local_to_world + size_t{16} * i);
-    changed.set_instance_poses({ids, count}, poses);
+    changed.set_instance_poses(indices_of(ids, count), poses);
   });
 }
 
 ks_status kuafu_scene_set_instance_velocity(kuafu_scene scene, uint32_t id, const double* linear, const double* angular) {
-  return ks::call(
-      [&] { changeable(scene).set_instance_velocity(id, kuafu::to_twist(&required(linear, "linear"), &required(angular, "angular"))); });
+  return ks::call([&] {
+    changeable(scene).set_instance_velocity(index_of(id), kuafu::to_twist(&required(linear, "linear"), &required(angular, "angular")));
+  });
 }
 
 ks_status kuafu_scene_set_instance_materials(kuafu_scene scene, uint32_t id, const uint32_t* materials, uint32_t material_count) {
   return ks::call([&] {
     if (material_count > 0) (void)required(materials, "materials");
-    changeable(scene).set_instance_materials(id, std::vector<uint32_t>(materials, materials + material_count));
+    changeable(scene).set_instance_materials(index_of(id), indices_of(materials, material_count));
   });
 }
 
@@ -228,19 +245,19 @@ ks_status kuafu_scene_next_frame(kuafu_scene scene) {
 }
 
 ks_status kuafu_scene_remove_mesh(kuafu_scene scene, uint32_t id) {
-  return ks::call([&] { changeable(scene).remove_mesh(id); });
+  return ks::call([&] { changeable(scene).remove_mesh(index_of(id)); });
 }
 
 ks_status kuafu_scene_remove_texture(kuafu_scene scene, uint32_t id) {
-  return ks::call([&] { changeable(scene).remove_texture(id); });
+  return ks::call([&] { changeable(scene).remove_texture(index_of(id)); });
 }
 
 ks_status kuafu_scene_remove_material(kuafu_scene scene, uint32_t id) {
-  return ks::call([&] { changeable(scene).remove_material(id); });
+  return ks::call([&] { changeable(scene).remove_material(index_of(id)); });
 }
 
 ks_status kuafu_scene_remove_instance(kuafu_scene scene, uint32_t id) {
-  return ks::call([&] { changeable(scene).remove_instance(id); });
+  return ks::call([&] { changeable(scene).remove_instance(index_of(id)); });
 }
 
 const char* kuafu_scene_instance_name(kuafu_scene scene, uint32_t id) {
@@ -251,19 +268,19 @@ const char* kuafu_scene_instance_name(kuafu_scene scene, uint32_t id) {
 
 const char* kuafu_scene_material_name(kuafu_scene scene, uint32_t id) {
   const char* name = nullptr;
-  (void)ks::call([&] { name = kuafu::there(scene_of(scene).materials(), "material", id).name.c_str(); });
+  (void)ks::call([&] { name = kuafu::there(scene_of(scene).materials(), "material", index_of(id)).name.c_str(); });
   return name;
 }
 
 ks_status kuafu_scene_add_light(kuafu_scene scene, const kuafu_light_desc* desc, uint32_t* id) {
   return ks::call([&] {
-    required(id, "id") = KUAFU_NONE;
-    *id = changeable(scene).add_light(to_light(desc));
+    required(id, "id") = 0;
+    *id = id_of(changeable(scene).add_light(to_light(desc)));
   });
 }
 
 ks_status kuafu_scene_set_light(kuafu_scene scene, uint32_t id, const kuafu_light_desc* desc) {
-  return ks::call([&] { changeable(scene).set_light(id, to_light(desc)); });
+  return ks::call([&] { changeable(scene).set_light(index_of(id), to_light(desc)); });
 }
 
 ks_status kuafu_scene_set_lights(kuafu_scene scene, const uint32_t* ids, const kuafu_light_desc* descs, uint32_t count) {
@@ -274,7 +291,7 @@ ks_status kuafu_scene_set_lights(kuafu_scene scene, const uint32_t* ids, const k
     std::vector<kuafu::Light> lights(count);
     for (uint32_t i = 0; i < count; ++i)
       lights[i] = kuafu::to_light(kuafu::element(&required(descs, "descs"), i, KUAFU_TYPE_LIGHT_DESC, "light desc"));
-    changed.set_lights({ids, count}, lights);
+    changed.set_lights(indices_of(ids, count), lights);
   });
 }
 
@@ -284,7 +301,7 @@ ks_status kuafu_scene_get_light(kuafu_scene scene, uint32_t id, kuafu_light_desc
 }
 
 ks_status kuafu_scene_remove_light(kuafu_scene scene, uint32_t id) {
-  return ks::call([&] { changeable(scene).remove_light(id); });
+  return ks::call([&] { changeable(scene).remove_light(index_of(id)); });
 }
 
 ks_status kuafu_scene_set_environment(kuafu_scene scene, const kuafu_environment_desc* desc) {

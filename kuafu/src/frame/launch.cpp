@@ -83,7 +83,7 @@ CameraRecord camera_record(const View& view) {
   r.focal = {float(view.k[0][0]), float(view.k[1][1])};
   r.centre = glm::vec2(view.k[2]);
   r.skew = float(view.k[1][0]);
-  std::ranges::copy(view.lens.distortion, r.distortion);
+  r.lens = lens_record(view.lens.distortion);
   r.lens_radius_m = float(view.lens.lens_radius_m);
   r.inverse_focus = view.lens.lens_radius_m > 0.0 ? float(1.0 / view.lens.focus_m) : 0.0f;
   r.seconds_per_pixel = seconds_per_pixel(view.shutter);
@@ -100,7 +100,7 @@ MotionView motion_view(const View& view) {
   m.focal = {float(view.k[0][0]), float(view.k[1][1])};
   m.centre = glm::vec2(view.k[2]);
   m.skew = float(view.k[1][0]);
-  std::ranges::copy(view.lens.distortion, m.distortion);
+  m.lens = lens_record(view.lens.distortion);
   return m;
 }
 

@@ -120,7 +120,7 @@ CameraRecord camera_record(const View& view);
 MotionView motion_view(const View& view);
 
 /// What stage `generate` needs of a view. The key of its samples depends on seed, camera and environment, and not on the view's place in
-/// the batch: a view has the same bits whether it is rendered alone or with others, and two eyes draw different samples.
+/// the batch: a view has the same bits whether it is rendered alone or with others, and the left and right cameras draw different samples.
 ViewRecord view_record(const Launch& launch, const View& view);
 
 }  // namespace kuafu

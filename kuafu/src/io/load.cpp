@@ -69,7 +69,8 @@ ImportAnswer read(const std::filesystem::path& path, const glm::dmat4& root_to_w
 }  // namespace
 
 std::vector<std::string> load_file(Scene& scene, const std::filesystem::path& path, const glm::dmat4& root_to_world,
-                                   const LoadOptions& options) {
+                                   const LoadOptions& options, const std::string& name) {
+  const std::string shown = name.empty() ? path.string() : name;
   check_affine(root_to_world, "root_to_world");
   ImportAnswer answer;
   try {
@@ -77,9 +78,9 @@ std::vector<std::string> load_file(Scene& scene, const std::filesystem::path& pa
   } catch (const ks::Error& error) {
     // What is an invalid argument to Scene is an invalid file here.
     const bool content = error.status() == KS_ERROR_INVALID_ARGUMENT;
-    ks::fail(content ? KS_ERROR_FILE : error.status(), "%s: %s", path.c_str(), error.what());
+    ks::fail(content ? KS_ERROR_FILE : error.status(), "%s: %s", shown.c_str(), error.what());
   }
-  for (std::string& warning : answer.warnings) warning = path.string() + ": " + warning;
+  for (std::string& warning : answer.warnings) warning = shown + ": " + warning;
   scene.append(std::move(answer.scene));
   return std::move(answer.warnings);
 }

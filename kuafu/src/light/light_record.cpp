@@ -35,18 +35,15 @@ void set_projector(LightEntry& e, const Light& light, const Scene& scene, const 
   for (int row = 0; row < 3; ++row) e.record.world_to_pixel[row] = glm::vec3(to_pixel[row]);
 }
 
-/// Distorted radius of a ray whose tangent of the angle to the axis is r.
-double distorted(const double* d, double r) {
-  const double r2 = r * r;
-  return r * (1 + r2 * (d[0] + r2 * (d[1] + r2 * d[4]))) / (1 + r2 * (d[5] + r2 * (d[6] + r2 * d[7])));
-}
-
-/// Beyond it the polynomial folds back, and would show the pattern twice.
-double distortion_reach(const double* d) {
+/// Tangent of the angle from the axis beyond which the lens folds back, and would show the pattern twice.
+double lens_reach(const Distortion& lens) {
   constexpr double step = 1e-3, last = 20, everywhere = 1e18;
-  if (std::all_of(d, d + 8, [](double k) { return k == 0.0; })) return everywhere;  // a batch of environments has many such
+  if (!distorts(lens)) return everywhere;  // a batch of environments has many such
+  Distortion radial = lens;
+  if (lens.model == lens_brown_conrady) radial.k[2] = radial.k[3] = 0;
+  const auto distorted = [&](double r) { return distort(radial, {r, 0}).x; };
   double r = 0;
-  while (r < last && distorted(d, r + step) > distorted(d, r)) r += step;
+  while (r < last && distorted(r + step) > distorted(r)) r += step;
   return r < last ? r : everywhere;
 }
 
@@ -56,9 +53,8 @@ void set_lens(LightEntry& e, const Light& light) {
   s.focal = glm::vec2(k[0][0], k[1][1]);
   s.centre = glm::vec2(k[2][0], k[2][1]);
   s.skew = float(k[1][0]);
-  s.distortion_reach = float(distortion_reach(light.distortion));
-  e.shaped = light.falloff > 0 || (light.focus_m > 0 && light.radius_m > 0) ||
-             std::ranges::any_of(light.distortion, [](double k) { return k != 0; });
+  s.lens_reach = float(lens_reach(light.lens));
+  e.shaped = light.falloff > 0 || (light.focus_m > 0 && light.radius_m > 0) || distorts(light.lens);
 }
 
 double power_of(const Light& light, double brightness, double world_radius_m) {

@@ -22,9 +22,9 @@ float single_albedo(float albedo) {
 /// (n - 1) / (ior - 1) - 1 at 850 nm for a dispersion of 1: Cauchy's law, as lib/dispersion.glsl has it for the visible band.
 constexpr float cauchy_part_850 = -0.0396032f;
 
-/// A colour that has its own in the infrared band, where that is not 0, and then no texture.
+/// A colour that may have its own in the infrared band, and then no texture.
 void take_infrared(glm::vec3& color, uint32_t& texture, float infrared) {
-  if (infrared == 0.0f) {
+  if (std::isnan(infrared)) {
     color = glm::vec3(color.r);
     return;
   }
@@ -71,10 +71,8 @@ MaterialRecord material_record(const Material& material, uint32_t id, const Band
   r.alpha = m.base_color.a;
   r.alpha_texture = material.base_color_texture;
   r.colored = !band.infrared || (material.ir_albedo_texture == none && std::isnan(material.ir_albedo)) ? 1 : 0;
-  if (m.normal_scale == 0.0f) r.normal_scale = 1.0f;
   r.anisotropy_cos = std::cos(m.anisotropy_rotation_rad);
   r.anisotropy_sin = std::sin(m.anisotropy_rotation_rad);
-  if (m.iridescence_ior == 0.0f) r.iridescence_ior = 1.3f;
   r.needs = material_features(m);
   return r;
 }
@@ -83,7 +81,7 @@ uint32_t material_features(const Material& m) {
   const bool body = m.thin_walled || m.attenuation_distance_m > 0.0f;  // that differs from clear glass
   const bool special = m.diffuse_roughness > 0.0f || (m.transmission > 0.0f && (m.transmission_roughness > 0.0f || body)) ||
                        (m.diffuse_transmission > 0.0f && body);
-  const bool scaled = m.normal_texture != none && m.normal_scale != 0.0f && m.normal_scale != 1.0f;
+  const bool scaled = m.normal_texture != none && m.normal_scale != 1.0f;
   return (special ? feature_materials : 0) | (scaled ? feature_lookups : 0) |
          (m.alpha_mode != Material::AlphaMode::opaque ? feature_cutouts | feature_lookups : 0) |
          (m.subsurface > 0.0f ? feature_subsurface : 0) | (m.clearcoat > 0.0f ? feature_clearcoat : 0) |

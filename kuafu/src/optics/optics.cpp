@@ -53,8 +53,7 @@ OpticsRecord optics_record(const View& view) {
   r.cx = float(view.k[2][0]);
   r.cy = float(view.k[2][1]);
   r.skew = float(view.k[1][0]);
-  r.distorts = distorts(view.lens.distortion) ? 1 : 0;
-  std::ranges::copy(view.lens.distortion, r.distortion);
+  r.lens = lens_record(view.lens.distortion);
   r.defocus_px_m = float(optics.defocus_lens_radius_m * 0.5 * (view.k[0][0] + view.k[1][1]));
   r.defocus_inverse_focus = optics.defocuses() ? float(1.0 / optics.defocus_focus_m) : 0.0f;
   return r;
@@ -65,7 +64,7 @@ OpticsRecord optics_record(const View& view) {
 uint32_t held_for_optics(const Launch& launch) {
   bool any = false, defocus = false, fireflies = false;
   for (const View& view : launch.views) {
-    any = any || !view.optics.is_neutral();
+    any = any || steps_of(view.optics) != 0;
     defocus = defocus || view.optics.defocuses();
     fireflies = fireflies || limits_fireflies(view.optics);
   }

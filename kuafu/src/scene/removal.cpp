@@ -17,8 +17,8 @@ void take_out(T& entry) {
 
 [[noreturn]] void fail_used(const char* kind, uint32_t id, const std::string& name, const char* by, size_t user,
                             const std::string& user_name, const char* what_to_do) {
-  ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s %u '%s' is used by %s %zu '%s': %s first", kind, id, name.c_str(), by, user, user_name.c_str(),
-           what_to_do);
+  ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s %u '%s' is used by %s %zu '%s': %s first", kind, id + 1, name.c_str(), by, user + 1,
+           user_name.c_str(), what_to_do);
 }
 
 bool uses(const Material& m, uint32_t texture) {

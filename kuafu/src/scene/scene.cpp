@@ -63,9 +63,9 @@ void Scene::check_references(const Environment& environment) const {
 void Scene::check_materials(const std::vector<uint32_t>& ids) const {
   for (size_t i = 0; i < ids.size(); ++i)
     if (ids[i] != none && ids[i] >= materials_.size())
-      ks::fail(KS_ERROR_INVALID_ARGUMENT, "materials[%zu] is %u, but the scene has %zu materials", i, ids[i], materials_.size());
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "materials[%zu] is %u, but the scene has %zu materials", i, ids[i] + 1, materials_.size());
     else if (ids[i] != none && materials_[ids[i]].removed)
-      ks::fail(KS_ERROR_INVALID_ARGUMENT, "materials[%zu] is %u, which was removed", i, ids[i]);
+      ks::fail(KS_ERROR_INVALID_ARGUMENT, "materials[%zu] is %u, which was removed", i, ids[i] + 1);
 }
 
 uint32_t Scene::add_mesh(Mesh mesh) {

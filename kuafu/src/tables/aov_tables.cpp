@@ -35,8 +35,7 @@ void AovTables::update(const Scene& scene, const Launch& launch) {
 void AovTables::write_projectors(const Scene& scene, const Launch& launch) {
   const uint32_t id = launch.projector;
   if (id != none && (id >= scene.lights().size() || !is_projector(scene.lights()[id])))
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "projector is %u, but the scene has no such projector: give a projector's light id or KUAFU_NONE",
-             id);
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "projector is %u, but the scene has no such projector: give a projector's light id or 0", id + 1);
   const auto records = projectors_.resize(memory_, launch.environment_count());
   for (uint32_t e = 0; e < records.size(); ++e) {
     records[e] = {};

@@ -81,7 +81,11 @@ def _views(capture: Capture, frames: list[Frame]) -> list[View]:
 def _pinhole(image: NDArray[np.floating], camera: Camera) -> NDArray[np.float32]:
     image = np.asarray(image, np.float32)
     if not camera.is_pinhole:
-        image = cv2.undistort(image, camera.K, camera.distortion).reshape(image.shape)
+        if len(camera.distortion) == 4:
+            plain = cv2.fisheye.undistortImage(image, camera.K, camera.distortion, Knew=camera.K)
+        else:
+            plain = cv2.undistort(image, camera.K, camera.distortion)
+        image = plain.reshape(image.shape)
     return image
 
 

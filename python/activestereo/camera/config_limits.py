@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import kuafu
 import simsense
+from activestereo.common.lens import LENGTHS
 from activestereo.common.limits import (
     ANY,
     DISTORTION,
@@ -230,8 +231,8 @@ def _list_fault(values: Any, limits: Sequence[Limits]) -> str | None:
 
 def _lens_fault(values: Any) -> str | None:
     count = np.size(values)
-    if count not in (5, 8):
-        return f"is {values!r}, expected 5 numbers, or 8 of a rational lens"
+    if count not in LENGTHS:
+        return f"is {values!r}, expected 5 numbers, 8 of a rational lens or 4 of a fisheye lens"
     return _list_fault(values, [DISTORTION] * count)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 import simsense
 from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.lens import is_distorting, lens_fields
 from activestereo.common.matcher_table import MATCHER, RIG
 from activestereo.common.parameter import Parameter
 from activestereo.common.pose import Pose, camera_to_camera
@@ -89,13 +90,13 @@ def make_engine(config: StereoDepthSensorConfig, device: simsense.Device, batch_
     """A depth engine of the configuration's rig and parameters, for batch_count pairs at a time."""
     (width, height), (rgb_width, rgb_height) = config.ir_resolution, config.rgb_resolution
     (k_left, lens_left), (k_right, lens_right) = config.ir_intrinsics(False), config.ir_intrinsics(True)
-    is_distorted = bool(np.any(lens_left) or np.any(lens_right))
+    is_distorted = is_distorting(lens_left) or is_distorting(lens_right)
     return simsense.Engine(
         device,
-        simsense.Camera(width, height, k_left, lens_left),
-        simsense.Camera(width, height, k_right, lens_right),
+        simsense.Camera(width, height, k_left, **lens_fields(lens_left)),
+        simsense.Camera(width, height, k_right, **lens_fields(lens_right)),
         camera_to_camera(config.trans_pose_l, config.trans_pose_r),
-        rgb=simsense.Camera(rgb_width, rgb_height, config.rgb_intrinsic, config.rgb_distortion),
+        rgb=simsense.Camera(rgb_width, rgb_height, config.rgb_intrinsic, **lens_fields(config.rgb_distortion)),
         left_to_rgb=camera_to_camera(config.trans_pose_l, Pose()),
         rectified=config.rectified and not is_distorted,
         batch_count=batch_count,

@@ -147,9 +147,9 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         self.ir_intrinsic = _k(*camera.value("rig", "ir_intrinsic"))
         self.trans_pose_l = _pose(camera, "left_position_m")
         self.trans_pose_r = _pose(camera, "right_position_m")
-        # Lenses, of Brown and Conrady as in OpenCV: k1, k2, p1, p2, k3 and, for a rational lens, k4, k5, k6; both IR
-        # cameras have the same one. rectified: the infrared pair is matched as it comes, its rows aligned; a pair with
-        # a distorting lens is rectified first all the same.
+        # Lenses as in OpenCV: Brown and Conrady's k1, k2, p1, p2, k3 and, for a rational lens, k4, k5, k6; or k1, k2,
+        # k3, k4 of a fisheye lens. Both IR cameras have the same one. rectified: the infrared pair is matched as it
+        # comes, its rows aligned; a pair with a distorting lens is rectified first all the same.
         self.ir_distortion: tuple[float, ...] = (0.0,) * 5
         # Of the right IR camera, where it is not as the left one; None = it is.
         self.ir_intrinsic_right: NDArray[np.float64] | None = None

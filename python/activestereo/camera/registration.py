@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.common.lens import distort, is_drawn
+from activestereo.common.lens import distort, is_distorting, is_drawn
 from activestereo.common.pose import Pose, camera_to_camera
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def registered(
     width, height = config.rgb_resolution
     ahead = z > 0
     x, y, z = x[ahead] / z[ahead], y[ahead] / z[ahead], z[ahead]
-    if np.any(config.rgb_distortion):
+    if is_distorting(config.rgb_distortion):
         drawn = is_drawn(x, y, config.rgb_distortion)
         x, y = distort(x[drawn], y[drawn], config.rgb_distortion)
         z = z[drawn]

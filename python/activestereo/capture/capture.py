@@ -14,6 +14,7 @@ import numpy as np
 
 from activestereo.capture.capture_json import CaptureError, JsonObject
 from activestereo.capture.images import image_size, read_color, read_gray
+from activestereo.common.lens import is_distorting
 from activestereo.common.limits import (
     BITS,
     BLACK,
@@ -46,8 +47,7 @@ class CaptureWarning(UserWarning):
 
 @dataclass(frozen=True)
 class Camera:
-    """Nominal pinhole with Brown-Conrady distortion: five coefficients, or the eight of a rational lens, in OpenCV's
-    order k1 k2 p1 p2 k3 k4 k5 k6."""
+    """Nominal camera. distortion: five, eight or four coefficients, see activestereo/common/lens.py."""
 
     width: int
     height: int
@@ -56,7 +56,7 @@ class Camera:
 
     @property
     def is_pinhole(self) -> bool:
-        return not np.any(self.distortion)
+        return not is_distorting(self.distortion)
 
 
 @dataclass(frozen=True)

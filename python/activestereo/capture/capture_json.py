@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from activestereo.common.input_files import read_json_object
+from activestereo.common.lens import LENGTHS
 from activestereo.common.limits import ANY, DISTORTION, FOCAL, LENGTH, NUMBER, PIXEL, Limits
 from activestereo.common.own_files import own_file
 from activestereo.common.pose import rigid_fault
@@ -162,11 +163,11 @@ class JsonObject:
         return k
 
     def lens(self, key: str) -> np.ndarray:
-        """Five coefficients of Brown and Conrady, or the eight of a rational lens, in OpenCV's order."""
+        """Five, eight or four coefficients, see activestereo/common/lens.py."""
         values = self._get(key)
         count = len(values) if isinstance(values, list) else 5
-        if count not in (5, 8):
-            self.fail(key, f"has {count} entries, expected 5 numbers, or 8 of a rational lens")
+        if count not in LENGTHS:
+            self.fail(key, f"has {count} entries, expected 5 numbers, 8 of a rational lens or 4 of a fisheye lens")
         return self.numbers(key, [DISTORTION] * count)
 
     def rigid_transform(self, key: str) -> np.ndarray:

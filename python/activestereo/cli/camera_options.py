@@ -19,8 +19,13 @@ READOUTS = ("rows_down", "rows_up", "columns_right", "columns_left")
 
 def add_camera_options(group: argparse._ArgumentGroup) -> None:
     for camera, whose in (("ir", "both infrared cameras'"), ("rgb", "the RGB camera's")):
+        lens = group.add_mutually_exclusive_group()
         text = f"{whose} lens: Brown and Conrady's k1,k2,p1,p2[,k3[,k4,k5,k6]], as in OpenCV"
-        group.add_argument(f"--{camera}-distortion", type=_lens, metavar="K1,...", help=f"{text} (default: none)")
+        lens.add_argument(f"--{camera}-distortion", type=_lens, metavar="K1,...", help=f"{text} (default: none)")
+        text = f"{whose} fisheye lens: Kannala and Brandt's k1,k2,k3,k4, as in OpenCV"
+        lens.add_argument(
+            f"--{camera}-fisheye", type=_fisheye, dest=f"{camera}_distortion", metavar="K1,...", help=text
+        )
     text = (
         "what the sensor does while its shutters are open, m/s and rad/s along and about the left infrared camera's "
         "x (right), y (down), z (forward)"
@@ -70,6 +75,10 @@ def set_cameras(config: StereoDepthSensorConfig, args: argparse.Namespace) -> No
 def _lens(text: str) -> tuple[float, ...]:
     values = numbers(text, (4, 5, 8), "a lens")
     return tuple(map(float, np.pad(values, (0, max(0, 5 - len(values))))))
+
+
+def _fisheye(text: str) -> tuple[float, ...]:
+    return tuple(map(float, numbers(text, (4,), "a fisheye lens")))
 
 
 def _twist(text: str) -> np.ndarray:

@@ -16,6 +16,7 @@ import numpy as np
 from activestereo.cli.arguments import CommandError, check_out_file, make_folder, print_json
 from activestereo.cli.engine_options import given_matching, given_rig
 from activestereo.cli.import_calibration import folder_device, given_device
+from activestereo.common.lens import is_distorting
 
 if TYPE_CHECKING:
     from activestereo.camera.advanced_mode import AdvancedSettings
@@ -129,7 +130,7 @@ def _geometry(args: argparse.Namespace) -> tuple[np.ndarray, float, list[str]]:
         raise CommandError(f"{args.left}: is neither a folder nor a bag; of a pair of images give both")
     lens = device.intrinsic("Infrared 1", width, height)
     left_to_right = device.extrinsic("Infrared 1", "Infrared 2")
-    if np.any(lens.distortion) or not np.allclose(left_to_right[:3, :3], np.eye(3), atol=1e-3):
+    if is_distorting(lens.distortion) or not np.allclose(left_to_right[:3, :3], np.eye(3), atol=1e-3):
         raise CommandError(f"{device.path}: the pairs are not rectified: record the rectified infrared streams")
     return lens.K, -float(left_to_right[0, 3]), assumed
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from activestereo.cli.arguments import CommandError
+from activestereo.common.lens import is_distorting
 
 if TYPE_CHECKING:
     from activestereo.capture.importers.realsense_folder import FrameFiles
@@ -105,8 +106,8 @@ def is_rectified(device: DeviceText, width: int, height: int) -> bool:
     turned = np.abs(left_to_right[:3, :3] - np.eye(3)).max() * left.K[0, 0]
     across = np.abs(left_to_right[1:3, 3]).max() / max(1e-9, abs(left_to_right[0, 3]))
     apart = np.abs(left.K - right.K).max()
-    lens = max(np.abs(left.distortion).max(), np.abs(right.distortion).max())
-    return bool(max(turned, apart) < _MOST_ROWS_PX and across < 0.01 and lens == 0.0)
+    has_lens = is_distorting(left.distortion) or is_distorting(right.distortion)
+    return bool(max(turned, apart) < _MOST_ROWS_PX and across < 0.01 and not has_lens)
 
 
 def sides_text(order: CameraOrder) -> str:

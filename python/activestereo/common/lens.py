@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Brown-Conrady lens distortion [k1, k2, p1, p2, k3], or rational with [k4, k5, k6] behind (OpenCV's order), of image
-positions x, y in focal lengths. A lens draws directions only up to the radius at which its radial distortion folds."""
+"""Lens distortion of image positions x, y in focal lengths, by the number of its coefficients: five are Brown and
+Conrady's [k1, k2, p1, p2, k3], eight a rational lens' with [k4, k5, k6] behind (OpenCV's order), and four a fisheye
+lens' [k1, k2, k3, k4] (Kannala and Brandt 2006, as in OpenCV's fisheye module). A lens draws directions only up to the
+radius at which its radial distortion folds."""
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+LENGTHS = (4, 5, 8)
+_FISHEYE = 4
 
 _STEPS = 50
 _CONVERGED = 1e-12
@@ -16,11 +22,26 @@ Positions = tuple[NDArray[np.float64], NDArray[np.float64]]
 Coefficients = Sequence[float] | np.ndarray
 
 
+def is_distorting(coefficients: Coefficients) -> bool:
+    """Whether a lens is more than an ideal pinhole: a fisheye lens is, even where all of its coefficients are 0."""
+    return len(coefficients) == _FISHEYE or bool(np.any(coefficients))
+
+
+def lens_fields(coefficients: Coefficients) -> dict[str, Any]:
+    """The lens as keyword arguments of kuafu.Camera and simsense.Camera."""
+    model = "kannala_brandt" if len(coefficients) == _FISHEYE else "brown_conrady"
+    return {"distortion": tuple(map(float, coefficients)), "lens_model": model}
+
+
 def distort(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Coefficients) -> Positions:
     """Where a lens draws what an ideal pinhole draws at (x, y). Beyond the fold, where is_drawn() is false, the radial
     factor stays as it is there, so that positions go on outwards."""
     k, _, last2 = _lens(tuple(map(float, coefficients)))
-    radial, _ = _radial(np.minimum(x * x + y * y, last2), k)
+    r2 = np.minimum(x * x + y * y, last2)
+    if len(coefficients) == _FISHEYE:
+        scale = _fisheye_scale(np.sqrt(r2), k)
+        return x * scale, y * scale
+    radial, _ = _radial(r2, k)
     along_x, along_y = _tangential(x, y, k)
     return x * radial + along_x, y * radial + along_y
 
@@ -35,7 +56,7 @@ def pixel_rays(
 ) -> NDArray[np.float64]:
     """[3, n]: where the middles of pixels (u, v) look, with z = 1."""
     rays = np.linalg.inv(k) @ np.stack([u, v, np.ones_like(u)]).astype(np.float64)
-    if np.any(coefficients):
+    if is_distorting(coefficients):
         rays[:2] = undistort(rays[0], rays[1], coefficients)
     return rays
 
@@ -43,6 +64,8 @@ def pixel_rays(
 def undistort(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Coefficients) -> Positions:
     """The inverse of distort(), by Newton's method."""
     k, _, last2 = _lens(tuple(map(float, coefficients)))
+    if len(coefficients) == _FISHEYE:
+        return _undistort_fisheye(x, y, k, float(np.arctan(np.sqrt(last2))))
     ideal_x, ideal_y = x, y
     for _ in range(_STEPS):
         r2 = ideal_x * ideal_x + ideal_y * ideal_y
@@ -76,11 +99,46 @@ def _tangential(x: NDArray[np.float64], y: NDArray[np.float64], k: tuple[float, 
     return 2 * p1 * x * y + p2 * (r2 + 2 * x * x), p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
 
 
+def _fisheye_radius(angle: NDArray[np.float64], k: tuple[float, ...]) -> Positions:
+    """Where a fisheye lens draws an angle from its axis, in focal lengths, and the derivative."""
+    a2 = angle * angle
+    radius = angle * (1.0 + a2 * (k[0] + a2 * (k[1] + a2 * (k[2] + a2 * k[3]))))
+    return radius, 1.0 + a2 * (3 * k[0] + a2 * (5 * k[1] + a2 * (7 * k[2] + a2 * 9 * k[3])))
+
+
+def _fisheye_scale(r: NDArray[np.float64], k: tuple[float, ...]) -> NDArray[np.float64]:
+    radius, _ = _fisheye_radius(np.arctan(r), k)
+    return np.divide(radius, r, out=np.ones_like(r), where=r > _CONVERGED)
+
+
+def _undistort_fisheye(
+    x: NDArray[np.float64], y: NDArray[np.float64], k: tuple[float, ...], last: float
+) -> Positions:
+    """last: the largest angle that the lens draws; what lies beyond stays there."""
+    radius = np.hypot(x, y)
+    angle = np.minimum(radius, last)
+    for _ in range(_STEPS):
+        seen, slope = _fisheye_radius(angle, k)
+        off = radius - seen
+        if np.abs(off[angle < last]).max(initial=0.0) < _CONVERGED:
+            break
+        angle = np.clip(angle + off / np.maximum(slope, _LEAST_DETERMINANT), 0.0, last)
+    scale = np.divide(np.tan(angle), radius, out=np.ones_like(radius), where=radius > _CONVERGED)
+    return x * scale, y * scale
+
+
 @lru_cache(maxsize=256)
 def _lens(coefficients: tuple[float, ...]) -> tuple[tuple[float, ...], float, float]:
-    """All 8 coefficients, and two squared radii: of the fold, the first, in steps of a thousandth of the focal length,
-    beyond which a larger radius is not drawn farther out (100 where there is none; simsense/src/rig/undistort.cpp), and
-    the last before it, where the factor is finite (infinite where there is none)."""
+    """All coefficients, and two squared radii: of the fold, the first, in steps of a thousandth of the focal length (of
+    a fisheye lens, of 1e-4 rad), beyond which a larger radius is not drawn farther out (100 where there is none, 1e8 of
+    a fisheye lens; simsense/src/rig/undistort.cpp), and the last before it, where the factor is finite (infinite where
+    there is none)."""
+    if len(coefficients) == _FISHEYE:
+        angle = np.arange(0.0, np.pi / 2, 1e-4)
+        folds = np.flatnonzero(_fisheye_radius(angle, coefficients)[1] <= 0)
+        if not folds.size:
+            return coefficients, 1e8, 1e8
+        return coefficients, float(np.tan(angle[folds[0]]) ** 2), float(np.tan(angle[max(folds[0] - 1, 0)]) ** 2)
     k = (*coefficients, *(0.0,) * 8)[:8]
     r2 = (np.arange(10_000) * 1e-3) ** 2
     with np.errstate(all="ignore"):  # the denominator may be 0 beyond the fold

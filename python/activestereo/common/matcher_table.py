@@ -9,6 +9,38 @@ from activestereo.common.parameter import Parameter
 
 MATCHER = (
     Parameter(
+        "roi_x",
+        int,
+        0,
+        unit="px",
+        range=(0, 4294967295),
+        doc="Left edge of the region of interest in the rectified left image. Pixels outside are not searched and are invalid.",  # noqa: E501
+    ),
+    Parameter(
+        "roi_y",
+        int,
+        0,
+        unit="px",
+        range=(0, 4294967295),
+        doc="Upper edge of the region of interest.",
+    ),
+    Parameter(
+        "roi_width",
+        int,
+        0,
+        unit="px",
+        range=(0, 4294967295),
+        doc="Width of the region of interest; width and height 0 mean the whole image.",
+    ),
+    Parameter(
+        "roi_height",
+        int,
+        0,
+        unit="px",
+        range=(0, 4294967295),
+        doc="Height of the region of interest.",
+    ),
+    Parameter(
         "census_width",
         int,
         7,
@@ -22,6 +54,39 @@ MATCHER = (
         7,
         range=(0, 4294967295),
         doc="Height of the census window in pixels, odd.",
+    ),
+    Parameter(
+        "census_kind",
+        str,
+        "center_symmetric",
+        choices=("center_symmetric", "plain"),
+        doc="Which pixels of the window are compared for the census.",
+    ),
+    Parameter(
+        "census_contrast",
+        float,
+        0.0625,
+        possible="0..1",
+        range=(0, 1),
+        doc="Two counts differ, for the census, only where their difference exceeds this share of the range of counts in the window and 2 pixels around it; smaller differences are noise between dots. With 0 every difference counts, as in the published SimSense.",  # noqa: E501
+    ),
+    Parameter(
+        "census_noise_dn",
+        int,
+        0,
+        unit="DN",
+        possible="0..255",
+        range=(0, 255),
+        doc="Two counts differ, for the census, only where their difference also exceeds this many counts; it is used where census_contrast is not 0. Dark surfaces, where only the imager's noise differs, then have no measurement instead of wrong ones.",  # noqa: E501
+    ),
+    Parameter(
+        "min_disparity",
+        int,
+        0,
+        unit="px",
+        possible="-1024..4096",
+        range=(-1024, 4096),
+        doc="First disparity searched: the range is min_disparity .. min_disparity + max_disparity - 1.",
     ),
     Parameter(
         "max_disparity",
@@ -62,6 +127,29 @@ MATCHER = (
         doc="Penalty for a larger change of disparity; p1 < p2 < 224.",
     ),
     Parameter(
+        "p2_full_gradient_dn",
+        int,
+        0,
+        unit="DN",
+        range=(0, 4294967295),
+        doc="Where neighbouring counts differ by g, more than this number, p2 is reduced to p2 * this / g, but not below p1 (Hirschmueller 2008). With 0 p2 is the same everywhere.",  # noqa: E501
+    ),
+    Parameter(
+        "path_count",
+        int,
+        4,
+        possible="4 or 8",
+        allowed=(4, 8),
+        doc="Number of paths along which costs are aggregated: 4, or 8 with the diagonals.",
+    ),
+    Parameter(
+        "subpixel",
+        str,
+        "equiangular",
+        choices=("none", "parabola", "equiangular", "equiangular_summed"),
+        doc="How the position of a match between whole disparities is found.",
+    ),
+    Parameter(
         "uniqueness_ratio",
         int,
         15,
@@ -89,68 +177,6 @@ MATCHER = (
         doc="Side of the median filter on the disparity; 1 is no filter.",
     ),
     Parameter(
-        "subpixel",
-        str,
-        "equiangular",
-        choices=("none", "parabola", "equiangular", "equiangular_summed"),
-        doc="How the position of a match between whole disparities is found.",
-    ),
-    Parameter(
-        "min_depth_m",
-        float,
-        0.0,
-        unit="m",
-        possible=">= 0",
-        range=(0, float("inf")),
-        doc="Smallest depth that is kept: min_depth_m <= z < max_depth_m.",
-    ),
-    Parameter(
-        "max_depth_m",
-        float,
-        10.0,
-        unit="m",
-        doc="Depth from which on measurements are dropped; inf keeps all.",
-    ),
-    Parameter(
-        "depth_dilation",
-        bool,
-        False,
-        doc="Whether each registered point also covers the pixels above and to the left (2x2), which closes small holes that registration makes; the same as splat_size 2.",  # noqa: E501
-    ),
-    Parameter(
-        "census_kind",
-        str,
-        "center_symmetric",
-        choices=("center_symmetric", "plain"),
-        doc="Which pixels of the window are compared for the census.",
-    ),
-    Parameter(
-        "min_disparity",
-        int,
-        0,
-        unit="px",
-        possible="-1024..4096",
-        range=(-1024, 4096),
-        doc="First disparity searched: the range is min_disparity .. min_disparity + max_disparity - 1.",
-    ),
-    Parameter(
-        "path_count",
-        int,
-        4,
-        possible="4 or 8",
-        allowed=(4, 8),
-        or_zero=True,
-        doc="Number of paths along which costs are aggregated: 4, or 8 with the diagonals.",
-    ),
-    Parameter(
-        "p2_full_gradient_dn",
-        int,
-        0,
-        unit="DN",
-        range=(0, 4294967295),
-        doc="Where neighbouring counts differ by g, more than this number, p2 is reduced to p2 * this / g, but not below p1 (Hirschmueller 2008). With 0 p2 is the same everywhere.",  # noqa: E501
-    ),
-    Parameter(
         "speckle_max_size",
         int,
         0,
@@ -166,80 +192,6 @@ MATCHER = (
         possible=">= 0",
         range=(0, float("inf")),
         doc="Largest difference between neighbouring disparities of one region.",
-    ),
-    Parameter(
-        "hole_filling",
-        str,
-        "keep",
-        choices=("keep", "left", "background"),
-        doc="What replaces invalid pixels. Filled values are guesses.",
-    ),
-    Parameter(
-        "low_texture_dn",
-        int,
-        4,
-        unit="DN",
-        range=(0, 4294967295),
-        doc="Invalid pixels whose census window has a range of at most this many counts are given the reason low_texture. Nothing else changes.",  # noqa: E501
-    ),
-    Parameter(
-        "roi_x",
-        int,
-        0,
-        unit="px",
-        range=(0, 4294967295),
-        doc="Left edge of the region of interest in the rectified left image. Pixels outside are not searched and are invalid.",  # noqa: E501
-    ),
-    Parameter(
-        "roi_y",
-        int,
-        0,
-        unit="px",
-        range=(0, 4294967295),
-        doc="Upper edge of the region of interest.",
-    ),
-    Parameter(
-        "roi_width",
-        int,
-        0,
-        unit="px",
-        range=(0, 4294967295),
-        doc="Width of the region of interest; width and height 0 mean the whole image.",
-    ),
-    Parameter(
-        "roi_height",
-        int,
-        0,
-        unit="px",
-        range=(0, 4294967295),
-        doc="Height of the region of interest.",
-    ),
-    Parameter(
-        "splat_size",
-        int,
-        1,
-        unit="px",
-        possible="0..15",
-        range=(0, 15),
-        or_zero=True,
-        doc="Number of pixels that each registered point covers in x and in y.",
-    ),
-    Parameter(
-        "census_contrast",
-        float,
-        0.0625,
-        possible="0..1",
-        range=(0, 1),
-        doc="Two counts differ, for the census, only where their difference exceeds this share of the range of counts in the window and 2 pixels around it; smaller differences are noise between dots. With 0 every difference counts, as in the published SimSense.",  # noqa: E501
-    ),
-    Parameter(
-        "census_noise_dn",
-        int,
-        0,
-        unit="DN",
-        possible="0..255",
-        range=(0, 255),
-        doc="Two counts differ, for the census, only where their difference also exceeds this many counts; it is used where census_contrast is not 0. Dark surfaces, where only the imager's noise differs, then have no measurement instead of wrong ones.",  # noqa: E501
     ),
     Parameter(
         "min_texture_dn",
@@ -267,6 +219,52 @@ MATCHER = (
         possible="0..65535",
         range=(0, 65535),
         doc="No measurement whose match lies within this many pixels of the right image's left or right edge, where windows are cut; the reason is outside. 0 switches this check off.",  # noqa: E501
+    ),
+    Parameter(
+        "low_texture_dn",
+        int,
+        4,
+        unit="DN",
+        range=(0, 4294967295),
+        doc="Invalid pixels whose census window has a range of at most this many counts are given the reason low_texture. Nothing else changes.",  # noqa: E501
+    ),
+    Parameter(
+        "hole_filling",
+        str,
+        "keep",
+        choices=("keep", "left", "background"),
+        doc="What replaces invalid pixels. Filled values are guesses.",
+    ),
+    Parameter(
+        "min_depth_m",
+        float,
+        0.0,
+        unit="m",
+        possible=">= 0",
+        range=(0, float("inf")),
+        doc="Smallest depth that is kept: min_depth_m <= z < max_depth_m.",
+    ),
+    Parameter(
+        "max_depth_m",
+        float,
+        10.0,
+        unit="m",
+        doc="Depth from which on measurements are dropped; inf keeps all.",
+    ),
+    Parameter(
+        "depth_dilation",
+        bool,
+        False,
+        doc="Whether each registered point also covers the pixels above and to the left (2x2), which closes small holes that registration makes; the same as splat_size 2.",  # noqa: E501
+    ),
+    Parameter(
+        "splat_size",
+        int,
+        1,
+        unit="px",
+        possible="1..15",
+        range=(1, 15),
+        doc="Number of pixels that each registered point covers in x and in y.",
     ),
 )
 
@@ -570,38 +568,38 @@ SIGNAL = (
 class MatcherFields:
     """Their types. A class that has them as attributes inherits this."""
 
+    roi_x: int
+    roi_y: int
+    roi_width: int
+    roi_height: int
     census_width: int
     census_height: int
+    census_kind: Literal["center_symmetric", "plain"]
+    census_contrast: float
+    census_noise_dn: int
+    min_disparity: int
     max_disparity: int
     block_width: int
     block_height: int
     p1: int
     p2: int
+    p2_full_gradient_dn: int
+    path_count: int
+    subpixel: Literal["none", "parabola", "equiangular", "equiangular_summed"]
     uniqueness_ratio: int
     lr_max_diff: int
     median_size: int
-    subpixel: Literal["none", "parabola", "equiangular", "equiangular_summed"]
-    min_depth_m: float
-    max_depth_m: float
-    depth_dilation: bool
-    census_kind: Literal["center_symmetric", "plain"]
-    min_disparity: int
-    path_count: int
-    p2_full_gradient_dn: int
     speckle_max_size: int
     speckle_max_diff_px: float
-    hole_filling: Literal["keep", "left", "background"]
-    low_texture_dn: int
-    roi_x: int
-    roi_y: int
-    roi_width: int
-    roi_height: int
-    splat_size: int
-    census_contrast: float
-    census_noise_dn: int
     min_texture_dn: int
     edge_step_px: float
     right_border_px: int
+    low_texture_dn: int
+    hole_filling: Literal["keep", "left", "background"]
+    min_depth_m: float
+    max_depth_m: float
+    depth_dilation: bool
+    splat_size: int
     faults: tuple[str, ...]
     back_end: Literal["auto", "cpu", "vulkan"]
     low_memory: bool

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from activestereo.common.lens import distort, is_drawn, undistort
+from activestereo.common.lens import distort, is_distorting, is_drawn, undistort
 from activestereo.effects.core.view import View
 
 _OCCLUSION = 0.02  # relative difference of depth from which on the two cameras see different surfaces
@@ -38,7 +38,7 @@ def warp_between(left: View, right: View) -> Warp:
     height, width = left.shape
     v, u = np.mgrid[0:height, 0:width].astype(np.float64)
     x, y = (u - left.K[0, 2]) / left.K[0, 0], (v - left.K[1, 2]) / left.K[1, 1]
-    if np.any(left.distortion):
+    if is_distorting(left.distortion):
         x, y = undistort(x, y, left.distortion)
     points = np.stack([x, y, np.ones_like(x)]) * left.depth_m
     pose = right.left_to_camera
@@ -46,7 +46,7 @@ def warp_between(left: View, right: View) -> Warp:
     z = np.where(there[2] > 1e-6, there[2], 1.0)
     x, y = there[0] / z, there[1] / z
     drawn = left.depth_m > 0
-    if np.any(right.distortion):
+    if is_distorting(right.distortion):
         drawn &= is_drawn(x, y, right.distortion)
         x, y = distort(x, y, right.distortion)
     to_u, to_v = right.K[0, 0] * x + right.K[0, 2], right.K[1, 1] * y + right.K[1, 2]

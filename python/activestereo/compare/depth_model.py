@@ -12,6 +12,7 @@ import numpy as np
 
 from activestereo.capture.capture import Capture, CaptureWarning, Rig
 from activestereo.capture.capture_json import CaptureError
+from activestereo.common.lens import lens_fields
 from activestereo.common.matcher_table import MATCHER
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.noise import NoiseModel
@@ -57,7 +58,9 @@ class DepthModel:
         import simsense
 
         rig = capture.rig
-        left, right = (simsense.Camera(c.width, c.height, c.K, c.distortion) for c in (rig.left, rig.right))
+        left, right = (
+            simsense.Camera(c.width, c.height, c.K, **lens_fields(c.distortion)) for c in (rig.left, rig.right)
+        )
         is_ideal = _is_rectified(rig)
         registered: dict[str, Any] = {} if is_ideal else {"rgb": left, "left_to_rgb": np.eye(4)}
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.common.lens import is_distorting
 from activestereo.common.pattern import PatternDesign
 from activestereo.common.pose import CAMERA_TO_BODY, Pose, as_matrix
 from activestereo.common.rounding import ROUNDING_VARIANCE
@@ -46,7 +47,7 @@ def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
 
 
 def _rig(left_pose: Pose, rig: Rig) -> dict[str, Any]:
-    ideal = not any(rig.left.distortion) and not any(rig.right.distortion)
+    ideal = not is_distorting(rig.left.distortion) and not is_distorting(rig.right.distortion)
     changes: dict[str, Any] = {
         "ir_resolution": (rig.left.width, rig.left.height),
         "ir_intrinsic": np.array(rig.left.K),

@@ -56,7 +56,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class RigCamera:
-    """One infrared camera: pixels, 3x3 K, Brown and Conrady's five coefficients or a rational lens' eight."""
+    """One infrared camera: pixels, 3x3 K, and the coefficients of the lens (activestereo/common/lens.py)."""
 
     width: int
     height: int

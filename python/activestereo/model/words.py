@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from difflib import unified_diff
 
+from activestereo.common.lens import is_distorting
 from activestereo.model.model import ModelEffect, Quantity, SensorModel
 
 _NUISANCE_WORDS = {
@@ -68,7 +69,7 @@ def _rig(model: SensorModel) -> list[str]:
     lines = [f"rig (engine), {model.rig.source}" if model.rig.source else "rig (engine)"]
     for name, side in (("left", model.rig.left), ("right", model.rig.right)):
         k = side.K
-        lens = f", lens {' '.join(f'{c:g}' for c in side.distortion)}" if any(side.distortion) else ""
+        lens = f", lens {' '.join(f'{c:g}' for c in side.distortion)}" if is_distorting(side.distortion) else ""
         lines.append(
             f"  {name}: {side.width}x{side.height}, focal {k[0, 0]:.2f} {k[1, 1]:.2f} px,"
             f" centre {k[0, 2]:.2f} {k[1, 2]:.2f} px{lens}"

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from activestereo.common.input_files import read_bytes
 from activestereo.common.output_files import write_bytes, write_png, write_text
-from activestereo.scene_io.converted_copy import load_copy
 from activestereo.scene_io.gltf_document import read_document
 
 if TYPE_CHECKING:
@@ -64,7 +63,7 @@ def load_ktx2(scene: kuafu.Scene, path: str | Path, time_s: float | None = None)
     """Adds the glTF file at `path` to the scene, at that time of its animations. Raises Ktx2Error of one line, and what
     Scene.load raises."""
     with tempfile.TemporaryDirectory() as folder:
-        load_copy(scene, convert(path, folder), path, time_s)
+        scene.load(convert(path, folder), time_s=time_s, name=path)
 
 
 def _numbers(document: dict[str, Any]) -> set[int]:

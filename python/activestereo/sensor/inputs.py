@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo.camera.matching import render_parameters, signal_parameters
 from activestereo.capture.capture import Frame
+from activestereo.common.lens import lens_fields
 from activestereo.common.pose import Pose, camera_to_camera, camera_to_world, carried_twist
 from activestereo.effects.core.engine import EngineCamera, EngineInputs
 from activestereo.effects.core.model import Model
@@ -115,7 +116,7 @@ def _camera(config: StereoDepthSensorConfig, signal: dict[str, float], is_right:
     width, height = config.ir_resolution
     camera = kuafu.Camera(
         width, height, k, camera_to_world(_RGB_POSE * (config.trans_pose_r if is_right else config.trans_pose_l)),
-        distortion=distortion, exposure_s=config.ir_camera_exposure,
+        **lens_fields(distortion), exposure_s=config.ir_camera_exposure,
         **shutter(config.ir_line_time_s, config.ir_readout),
     )  # fmt: skip
     return EngineCamera(camera, kuafu.Optics(**(config.ir_optics or {})), signal, is_right)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo.camera.auto_exposure import Setting
 from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.lens import lens_fields
 from activestereo.common.pose import Pose, camera_to_world
 from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.engine import EngineInputs, apply_engine, moved_pose
@@ -166,7 +167,7 @@ class RigInputs:
         linear, angular = twist_of(c, self.twist, Pose())
         return kuafu.Camera(
             width, height, c.rgb_intrinsic, linear_velocity=linear, angular_velocity=angular,
-            distortion=c.rgb_distortion, exposure_s=c.rgb_exposure_s, **shutter(c.rgb_line_time_s, c.rgb_readout),
+            exposure_s=c.rgb_exposure_s, **lens_fields(c.rgb_distortion), **shutter(c.rgb_line_time_s, c.rgb_readout),
         )  # fmt: skip
 
     def _refuse(self, inputs: EngineInputs) -> None:

@@ -8,18 +8,6 @@
 layout(local_size_x = 32, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { DepthPush push; };
 
-/// false where the lens has folded back.
-bool distort(DepthParameters p, inout float x, inout float y) {
-  precise float r2 = x * x + y * y;
-  if (!(r2 < p.max_radius2)) return false;
-  precise float over = 1.0f + r2 * (p.k1 + r2 * (p.k2 + r2 * p.k3)), under = 1.0f + r2 * (p.k4 + r2 * (p.k5 + r2 * p.k6));
-  precise float radial = exact_quotient(over, under), xy2 = 2.0f * x * y;
-  precise float distorted_x = x * radial + p.p1 * xy2 + p.p2 * (r2 + 2.0f * x * x);
-  precise float distorted_y = y * radial + p.p1 * (r2 + 2.0f * y * y) + p.p2 * xy2;
-  x = distorted_x, y = distorted_y;
-  return true;
-}
-
 void main() {
   DepthParameters p = push.block.parameters;
   uint column = gl_GlobalInvocationID.x, row = gl_GlobalInvocationID.y, n = gl_WorkGroupID.z;
@@ -30,7 +18,7 @@ void main() {
   for (uint i = 0u; i < 3u; ++i) seen[i] = depth * (p.step[i] * float(column) + p.row_starts.at[3u * row + i]) + p.translation_m[i];
   if (!(seen[2] > 0.0f)) return;
   precise float x = exact_quotient(seen[0], seen[2]), y = exact_quotient(seen[1], seen[2]);
-  if (p.max_radius2 > 0.0f && !distort(p, x, y)) return;
+  if (p.lens.max_radius2 > 0.0f && !distort(p.lens, x, y)) return;
   precise float u = floor(p.rgb_focal[0] * x + p.rgb_centre[0] + 0.5f), v = floor(p.rgb_focal[1] * y + p.rgb_centre[1] + 0.5f);
   float m = p.landing_margin;
   if (!(u >= -m && v >= -m && u < float(p.rgb_width) + m && v < float(p.rgb_height) + m)) return;

@@ -3,6 +3,7 @@
 #ifndef SIMSENSE_DEPTH_PUSH_H
 #define SIMSENSE_DEPTH_PUSH_H
 #include "shared/image_ref.h"
+#include "shared/lens.h"
 
 #ifdef __cplusplus
 namespace simsense {
@@ -29,7 +30,7 @@ struct DepthParameters {
   float landing_margin;             // how far beyond the image's border points are kept, pixels, at most SPLAT_MARGIN
   float step[3], translation_m[3];  // of a ray from column to column; of the left camera
   float rgb_focal[2], rgb_centre[2];
-  float k1, k2, k3, k4, k5, k6, p1, p2, max_radius2;  // Brown-Conrady, rational; max_radius2 0 = no distortion
+  LensParameters lens;  // of the RGB camera
 };
 
 #ifndef __cplusplus

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the signal stages of one eye share, read by GLSL and C++ (scalar layout): the block of an imager's parameters, and the push
+// What the signal stages of one camera share, read by GLSL and C++ (scalar layout): the block of an imager's parameters, and the push
 // constants.
 #ifndef SIMSENSE_SIGNAL_PUSH_H
 #define SIMSENSE_SIGNAL_PUSH_H

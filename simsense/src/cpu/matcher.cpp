@@ -38,12 +38,12 @@ void CpuMatcher::census() {
   if (!penalties_.uniform()) for_rows([&](size_t begin, size_t end) { penalties_.compute_rows(padded_[0], begin, end); });
 }
 
-void CpuMatcher::transform(size_t eye) {
-  const ConstImage& image = images_[eye];
-  if (padded_[eye].element_bytes() != image.element_bytes)
-    padded_[eye] = {width_, height_, image.element_bytes, parameters_.census_contrast_256ths > 0};
-  for_rows([&](size_t begin, size_t end) { padded_[eye].copy_rows(image, begin, end); });
-  for_rows([&](size_t begin, size_t end) { cpu::census_rows(padded_[eye], parameters_, begin, end, census_[eye]); });
+void CpuMatcher::transform(size_t side) {
+  const ConstImage& image = images_[side];
+  if (padded_[side].element_bytes() != image.element_bytes)
+    padded_[side] = {width_, height_, image.element_bytes, parameters_.census_contrast_256ths > 0};
+  for_rows([&](size_t begin, size_t end) { padded_[side].copy_rows(image, begin, end); });
+  for_rows([&](size_t begin, size_t end) { cpu::census_rows(padded_[side], parameters_, begin, end, census_[side]); });
 }
 
 void CpuMatcher::sgm() {

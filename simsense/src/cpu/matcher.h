@@ -35,7 +35,7 @@ class CpuMatcher final : public Matcher, public MatchStages {
   [[nodiscard]] bool stores_costs() const override { return false; }
 
  private:
-  void transform(size_t eye);
+  void transform(size_t side);
   void follow_median(size_t begin, size_t end) const;
   void for_rows(const std::function<void(size_t begin, size_t end)>& run);
 

@@ -16,9 +16,9 @@
 namespace simsense {
 namespace {
 
-cpu::Irradiance light_of(const HostFrame& frame, uint32_t pair, uint32_t eye) {
-  cpu::Irradiance light{frame.inputs[eye]->input(pair), std::nullopt};
-  if (frame.lasers[eye]) light.laser = frame.lasers[eye]->input(pair);
+cpu::Irradiance light_of(const HostFrame& frame, uint32_t pair, uint32_t side) {
+  cpu::Irradiance light{frame.inputs[side]->input(pair), std::nullopt};
+  if (frame.lasers[side]) light.laser = frame.lasers[side]->input(pair);
   return light;
 }
 
@@ -35,39 +35,39 @@ void CpuStages::run(const StageSettings& settings, const HostFrame& frame, uint3
 }
 
 void CpuStages::signal() {
-  for (const uint32_t eye : {0u, 1u}) images_[eye] = measure_eye(eye);
+  for (const uint32_t side : {0u, 1u}) images_[side] = measure_side(side);
 }
 
 /// The image as the imager gives it: the caller's own pixels where nothing changes them.
-ConstImage CpuStages::measure_eye(uint32_t eye) {
+ConstImage CpuStages::measure_side(uint32_t side) {
   const auto& [settings, frame, pair, progress] = *call_;
-  const Imager& imager = settings.imagers[eye];
-  if (imager.is_wide()) return measure_wide(eye);
-  const uint32_t output = SIMSENSE_OUTPUT_IR_LEFT + eye;
-  const ConstPlane input = frame.inputs[eye]->input(pair);
+  const Imager& imager = settings.imagers[side];
+  if (imager.is_wide()) return measure_wide(side);
+  const uint32_t output = SIMSENSE_OUTPUT_IR_LEFT + side;
+  const ConstPlane input = frame.inputs[side]->input(pair);
   ConstImage image{reinterpret_cast<const uint8_t*>(input.data), input.row_stride};
   if (input.format != KS_FORMAT_U8 || input.pixel_stride != 1 || !imager.is_neutral()) {
-    uint8_t* counts = frame.target(output, pair, counts_[eye], rig_.pixels());
-    cpu::measure(imager, settings.noise_key(pair, eye), light_of(frame, pair, eye), width_, height_, counts, workers_);
+    uint8_t* counts = frame.target(output, pair, counts_[side], rig_.pixels());
+    cpu::measure(imager, settings.noise_key(pair, side), light_of(frame, pair, side), width_, height_, counts, workers_);
     image = {counts, static_cast<ptrdiff_t>(width_)};
   }
   frame.store(output, pair, image.data, image.row_stride, width_, height_);
-  return settings.wide ? widened(image, eye) : image;
+  return settings.wide ? widened(image, side) : image;
 }
 
-ConstImage CpuStages::measure_wide(uint32_t eye) {
+ConstImage CpuStages::measure_wide(uint32_t side) {
   const auto& [settings, frame, pair, progress] = *call_;
-  const uint32_t output = SIMSENSE_OUTPUT_IR_LEFT + eye;
+  const uint32_t output = SIMSENSE_OUTPUT_IR_LEFT + side;
   const auto pitch = static_cast<ptrdiff_t>(width_);
-  uint16_t* counts = frame.target(output, pair, wide_counts_[eye], rig_.pixels());
-  cpu::measure(settings.imagers[eye], settings.noise_key(pair, eye), light_of(frame, pair, eye), width_, height_, counts, workers_);
+  uint16_t* counts = frame.target(output, pair, wide_counts_[side], rig_.pixels());
+  cpu::measure(settings.imagers[side], settings.noise_key(pair, side), light_of(frame, pair, side), width_, height_, counts, workers_);
   frame.store(output, pair, counts, pitch, width_, height_);
   return {reinterpret_cast<const uint8_t*>(counts), pitch, 2};
 }
 
-/// The matcher wants both eyes alike: an 8-bit image beside a wider one.
-ConstImage CpuStages::widened(ConstImage image, uint32_t eye) {
-  std::vector<uint16_t>& wide = wide_counts_[eye];
+/// The matcher wants both images alike: an 8-bit image beside a wider one.
+ConstImage CpuStages::widened(ConstImage image, uint32_t side) {
+  std::vector<uint16_t>& wide = wide_counts_[side];
   wide.resize(rig_.pixels());
   for (size_t y = 0; y < height_; ++y)
     std::copy_n(image.data + static_cast<ptrdiff_t>(y) * image.row_stride, width_, wide.data() + y * width_);
@@ -75,18 +75,18 @@ ConstImage CpuStages::widened(ConstImage image, uint32_t eye) {
 }
 
 void CpuStages::rectify() {
-  for (const uint32_t eye : {0u, 1u}) images_[eye] = rectify_eye(eye);
+  for (const uint32_t side : {0u, 1u}) images_[side] = rectify_side(side);
 }
 
-ConstImage CpuStages::rectify_eye(uint32_t eye) {
+ConstImage CpuStages::rectify_side(uint32_t side) {
   const auto& [settings, frame, pair, progress] = *call_;
-  const uint32_t output = SIMSENSE_OUTPUT_RECTIFIED_LEFT + eye;
-  ConstImage image = images_[eye];
+  const uint32_t output = SIMSENSE_OUTPUT_RECTIFIED_LEFT + side;
+  ConstImage image = images_[side];
   if (!rig_.rectification.is_identity()) {
-    void* rectified = settings.wide ? static_cast<void*>(frame.target(output, pair, wide_rectified_[eye], rig_.pixels()))
-                                    : static_cast<void*>(frame.target(output, pair, rectified_[eye], rig_.pixels()));
+    void* rectified = settings.wide ? static_cast<void*>(frame.target(output, pair, wide_rectified_[side], rig_.pixels()))
+                                    : static_cast<void*>(frame.target(output, pair, rectified_[side], rig_.pixels()));
     const auto resample = settings.remaps_nearest ? remap_nearest : remap;
-    resample(eye == 0 ? rig_.rectification.left : rig_.rectification.right, image, rectified, workers_);
+    resample(side == 0 ? rig_.rectification.left : rig_.rectification.right, image, rectified, workers_);
     image = {static_cast<const uint8_t*>(rectified), static_cast<ptrdiff_t>(width_), image.element_bytes};
   }
   if (settings.wide) {

@@ -53,10 +53,10 @@ class CpuStages final : public Stages {
     uint32_t pair;
     const std::function<void(float)>& progress;
   };
-  ConstImage measure_eye(uint32_t eye);
-  ConstImage measure_wide(uint32_t eye);
-  ConstImage widened(ConstImage image, uint32_t eye);
-  ConstImage rectify_eye(uint32_t eye);
+  ConstImage measure_side(uint32_t side);
+  ConstImage measure_wide(uint32_t side);
+  ConstImage widened(ConstImage image, uint32_t side);
+  ConstImage rectify_side(uint32_t side);
   void open_maps();
   [[nodiscard]] MatchMaps region_maps();
 

@@ -11,7 +11,7 @@ PixelRays::PixelRays(const Pinhole& camera, uint32_t width, uint32_t height) : x
 }
 
 PixelRays::PixelRays(const simsense_camera& camera) : PixelRays(pinhole(camera), camera.width, camera.height) {
-  if (!is_distorted(camera)) return;
+  if (!is_distorting(camera.lens)) return;
   per_pixel_ = true;
   const size_t pixels = size_t{camera.width} * camera.height;
   x_.resize(pixels);

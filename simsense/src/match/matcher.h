@@ -27,7 +27,6 @@ struct MatchParameters : MatchFields {
   explicit MatchParameters(const MatchFields& fields) : MatchFields(fields) {}
   CensusKind census_kind = CensusKind::center_symmetric;
   uint32_t census_contrast_256ths = 16;  // of the range of counts around a pixel; what does not differ by more counts as equal. 0 = off
-  uint32_t path_count = 4;               // or 8, with the diagonals
   Subpixel subpixel = Subpixel::equiangular;
   bool operator==(const MatchParameters&) const = default;
 

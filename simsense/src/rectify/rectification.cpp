@@ -45,10 +45,11 @@ void check_rectified(const simsense_rig_desc& rig, const Rigid& pose) {
   if (std::abs(l.cy - r.cy) > max_row_offset_px)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "rectified is set, but cy is %g left and %g right: rows are not aligned: set rectified = 0", l.cy,
              r.cy);
-  if (is_distorted(rig.left) || is_distorted(rig.right))
+  if (is_distorting(rig.left.lens) || is_distorting(rig.right.lens))
     ks::fail(KS_ERROR_INVALID_ARGUMENT,
-             "rectified is set, but left.distortion[0] = %g, right.distortion[0] = %g: a rectified pair has none: set rectified = 0",
-             rig.left.distortion[0], rig.right.distortion[0]);
+             "rectified is set, but left.lens.distortion[0] = %g, right.lens.distortion[0] = %g: a rectified pair has no lenses: set "
+             "rectified = 0",
+             rig.left.lens.distortion[0], rig.right.lens.distortion[0]);
 }
 
 /// Each rectified pixel's ray, turned back and bent by the source's lens. Beyond the fold of the lens the ray is not seen: its pixel lies
@@ -56,8 +57,7 @@ void check_rectified(const simsense_rig_desc& rig, const Rigid& pose) {
 RemapTable remap_table(const simsense_camera& source, const Rotation& source_to_rectified, const Pinhole& rectified) {
   const Rotation back = transposed(source_to_rectified);
   constexpr float outside_px = -2;
-  const Distortion lens = distortion(source);
-  const double farthest2 = is_distorted(source) ? fold_radius2(lens) : std::numeric_limits<double>::infinity();
+  const double farthest2 = is_distorting(source.lens) ? fold_radius2(source.lens) : std::numeric_limits<double>::infinity();
   RemapTable table{source.width, source.height, {}, {}};
   table.x.reserve(size_t{source.width} * source.height);
   table.y.reserve(size_t{source.width} * source.height);
@@ -70,7 +70,7 @@ RemapTable remap_table(const simsense_camera& source, const Rotation& source_to_
         table.y.push_back(outside_px);
         continue;
       }
-      const auto [x, y] = distorted(lens, ideal);
+      const auto [x, y] = distorted(source.lens, ideal);
       table.x.push_back(static_cast<float>(source.k[0] * x + source.k[2]));
       table.y.push_back(static_cast<float>(source.k[4] * y + source.k[5]));
     }

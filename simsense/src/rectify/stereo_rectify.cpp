@@ -11,7 +11,7 @@
 namespace simsense {
 namespace {
 
-struct Eye {
+struct Side {
   const simsense_camera& camera;
   Rotation to_rectified;
 };
@@ -31,11 +31,11 @@ Point rounded(double x, double y) {
 /// precision. Doing the same, pairs that were rectified with it stay as they were to the last bit.
 constexpr int lens_steps = 5;
 
-Normalised ray_of(const Eye& eye, const Point& pixel) { return ray_of_pixel_by_steps(eye.camera, pixel.x, pixel.y, lens_steps); }
+Normalised ray_of(const Side& side, const Point& pixel) { return ray_of_pixel_by_steps(side.camera, pixel.x, pixel.y, lens_steps); }
 
 /// Where a ray of the source camera lands in an image of the rectified one.
-Point landing(const Eye& eye, const Pinhole& rectified, const Normalised& ray) {
-  const Vector3 turned = multiply(eye.to_rectified, Vector3{ray[0], ray[1], 1});
+Point landing(const Side& side, const Pinhole& rectified, const Normalised& ray) {
+  const Vector3 turned = multiply(side.to_rectified, Vector3{ray[0], ray[1], 1});
   return rounded(rectified.fx * turned[0] / turned[2] + rectified.cx, rectified.fy * turned[1] / turned[2] + rectified.cy);
 }
 
@@ -44,13 +44,13 @@ struct Centre {
 };
 
 /// That which puts the mean of the corners of one image into the middle of the rectified one.
-Centre centre_px(const Eye& eye, double focal_px) {
-  const auto right = static_cast<float>(eye.camera.width - 1), bottom = static_cast<float>(eye.camera.height - 1);
+Centre centre_px(const Side& side, double focal_px) {
+  const auto right = static_cast<float>(side.camera.width - 1), bottom = static_cast<float>(side.camera.height - 1);
   const Pinhole around_zero{focal_px, focal_px, 0, 0};
   Centre sum{0, 0};
   for (const Point& corner : {Point{0, 0}, Point{right, 0}, Point{0, bottom}, Point{right, bottom}}) {
-    const Normalised exact = ray_of(eye, corner);
-    const Point ray = rounded(exact[0], exact[1]), p = landing(eye, around_zero, {ray.x, ray.y});
+    const Normalised exact = ray_of(side, corner);
+    const Point ray = rounded(exact[0], exact[1]), p = landing(side, around_zero, {ray.x, ray.y});
     sum = {sum.x + p.x, sum.y + p.y};
   }
   return {right / 2.0 - sum.x / 4, bottom / 2.0 - sum.y / 4};
@@ -61,13 +61,14 @@ struct Extent {
 };
 
 /// The smallest rectangle around a grid of an image's points.
-Extent extent(const Eye& eye, const Pinhole& rectified) {
+Extent extent(const Side& side, const Pinhole& rectified) {
   constexpr int last = 8;
   constexpr float far = std::numeric_limits<float>::max();
   Extent e{far, far, -far, -far};
   for (int i = 0; i <= last; ++i)
     for (int j = 0; j <= last; ++j) {
-      const Point p = landing(eye, rectified, ray_of(eye, rounded(1.0 * eye.camera.width * j / last, 1.0 * eye.camera.height * i / last)));
+      const Point p =
+          landing(side, rectified, ray_of(side, rounded(1.0 * side.camera.width * j / last, 1.0 * side.camera.height * i / last)));
       e = {std::min(e.x0, p.x), std::min(e.y0, p.y), std::max(e.x1, p.x), std::max(e.y1, p.y)};
     }
   return {e.x0, e.y0, e.x0 + (e.x1 - e.x0), e.y0 + (e.y1 - e.y0)};
@@ -96,17 +97,17 @@ RectifiedPair rectify_pair(const simsense_camera& left, const simsense_camera& r
   if (sine > 0)
     for (double& component : turn) component *= std::acos(std::min(1.0, std::abs(t[axis]) / length(t))) / sine;
   const Rotation both = rotation_about(turn);
-  const Eye eyes[2] = {{left, multiply(both, transposed(right_half))}, {right, multiply(both, right_half)}};
+  const Side sides[2] = {{left, multiply(both, transposed(right_half))}, {right, multiply(both, right_half)}};
   const double focal = (left.k[4] + right.k[4]) / 2;
-  const Centre centres[2] = {centre_px(eyes[0], focal), centre_px(eyes[1], focal)};
-  RectifiedPair out{eyes[0].to_rectified, eyes[1].to_rectified, {}, 0, is_horizontal};
+  const Centre centres[2] = {centre_px(sides[0], focal), centre_px(sides[1], focal)};
+  RectifiedPair out{sides[0].to_rectified, sides[1].to_rectified, {}, 0, is_horizontal};
   out.camera = {focal, focal, (centres[0].x + centres[1].x) / 2, (centres[0].y + centres[1].y) / 2};
   if (shrink) {
-    const double scale = std::min(fitting_scale(extent(eyes[0], out.camera), out.camera, left),
-                                  fitting_scale(extent(eyes[1], out.camera), out.camera, left));
+    const double scale = std::min(fitting_scale(extent(sides[0], out.camera), out.camera, left),
+                                  fitting_scale(extent(sides[1], out.camera), out.camera, left));
     out.camera.fx = out.camera.fy = focal * scale;
   }
-  out.baseline_m = -multiply(eyes[1].to_rectified, left_to_right.translation)[0];
+  out.baseline_m = -multiply(sides[1].to_rectified, left_to_right.translation)[0];
   return out;
 }
 

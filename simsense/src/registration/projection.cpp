@@ -1,7 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "registration/projection.h"
 
+#include <algorithm>
+
+#include "rig/undistort.h"
+
 namespace simsense {
+namespace {
+
+LensParameters lens_parameters(const ks_lens& lens) {
+  LensParameters out{lens.model, {}, is_distorting(lens) ? static_cast<float>(fold_radius2(lens)) : 0.0f};
+  std::ranges::transform(lens.distortion, out.k, [](double k) { return static_cast<float>(k); });
+  return out;
+}
+
+}  // namespace
 
 RgbProjection::RgbProjection(const StereoGeometry& left, const simsense_camera& rgb, const Rigid& left_to_rgb)
     : rgb_width_(rgb.width),
@@ -10,8 +23,7 @@ RgbProjection::RgbProjection(const StereoGeometry& left, const simsense_camera& 
       fy_(static_cast<float>(rgb.k[4])),
       cx_(static_cast<float>(rgb.k[2])),
       cy_(static_cast<float>(rgb.k[5])),
-      distorted_(is_distorted(rgb)),
-      distortion_(simsense::distortion(rgb)) {
+      lens_(lens_parameters(rgb.lens)) {
   const Rigid rectified_to_rgb = compose(left_to_rgb, {transposed(left.left_to_rectified), {}});
   const Pinhole& k = left.camera;
   for (size_t i = 0; i < 3; ++i) {

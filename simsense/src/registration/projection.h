@@ -8,7 +8,6 @@
 #include <array>
 
 #include "rectify/rectification.h"
-#include "rig/distortion.h"
 #include "shared/depth_push.h"
 
 namespace simsense {
@@ -37,8 +36,7 @@ class RgbProjection {
   [[nodiscard]] bool splats_invalid() const { return splat_invalid_; }
   /// How far beyond the image's border points are kept, pixels.
   [[nodiscard]] int32_t landing_margin() const { return landing_margin_; }
-  /// nullptr where the RGB camera has no distortion.
-  [[nodiscard]] const BrownConrady* distortion() const { return distorted_ ? &distortion_ : nullptr; }
+  [[nodiscard]] const LensParameters& lens() const { return lens_; }
   [[nodiscard]] uint32_t width() const { return rgb_width_; }
   [[nodiscard]] uint32_t height() const { return rgb_height_; }
   [[nodiscard]] std::array<float, 2> focal_px() const { return {fx_, fy_}; }
@@ -51,8 +49,7 @@ class RgbProjection {
   bool unrectified_ = false, splat_invalid_ = false;
   int32_t landing_margin_ = SPLAT_MARGIN;
   float fx_, fy_, cx_, cy_;
-  bool distorted_;
-  BrownConrady distortion_;
+  LensParameters lens_;
 };
 
 }  // namespace simsense

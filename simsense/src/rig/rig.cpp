@@ -3,9 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "device/error.h"
+#include "device/field_check.h"
 
 namespace simsense {
 namespace {
@@ -43,9 +43,7 @@ void check_camera(const simsense_camera& camera, const char* name, uint32_t smal
              "%s camera: k = [%g %g %g; %g %g %g; %g %g %g] must be [fx 0 cx; 0 fy cy; 0 0 1], row-major, without skew", name, k[0], k[1],
              k[2], k[3], k[4], k[5], k[6], k[7], k[8]);
   check_intrinsics(camera, name);
-  for (int i = 0; i < 8; ++i)
-    if (!std::isfinite(camera.distortion[i]))
-      ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s camera: distortion[%d] = %g is not finite", name, i, camera.distortion[i]);
+  ks::check_lens(std::string(name) + " camera: ", camera.lens.model, camera.lens.distortion);
 }
 
 void check_rigid(const double m[16], const char* name) {
@@ -69,16 +67,8 @@ void check_rigid(const double m[16], const char* name) {
 
 Pinhole pinhole(const simsense_camera& camera) { return {camera.k[0], camera.k[4], camera.k[2], camera.k[5]}; }
 
-Distortion distortion(const simsense_camera& camera) {
-  Distortion d;
-  std::memcpy(d.data(), camera.distortion, sizeof d);
-  return d;
-}
-
-bool is_distorted(const simsense_camera& camera) {
-  for (double coefficient : camera.distortion)
-    if (coefficient != 0) return true;
-  return false;
+bool is_distorting(const ks_lens& lens) {
+  return lens.model != KS_LENS_BROWN_CONRADY || std::ranges::any_of(lens.distortion, [](double k) { return k != 0; });
 }
 
 Rigid rigid(const double m[16]) {
@@ -124,9 +114,9 @@ void check_rig(const simsense_rig_desc& rig) {
   }
   if (rig.faults & ~SIMSENSE_FAULTS_PUBLISHED)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "faults is 0x%x: only the bits of 0x%x are known", rig.faults, SIMSENSE_FAULTS_PUBLISHED);
-  if ((rig.faults & SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED) && is_distorted(rig.rgb))
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "rgb.distortion[0] = %g with the fault registration_unrectified: that one knows no lenses",
-             rig.rgb.distortion[0]);
+  if ((rig.faults & SIMSENSE_FAULT_REGISTRATION_UNRECTIFIED) && is_distorting(rig.rgb.lens))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "rgb.lens.distortion[0] = %g with the fault registration_unrectified: that one knows no lenses",
+             rig.rgb.lens.distortion[0]);
   if (rig.back_end > SIMSENSE_BACK_END_VULKAN)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "back_end is %u: must be auto (0), cpu (1) or vulkan (2)", rig.back_end);
   if (rig.batch_count < 1) ks::fail(KS_ERROR_INVALID_ARGUMENT, "batch_count is %u: must be at least 1", rig.batch_count);

@@ -13,9 +13,6 @@ struct Pinhole {
   double fx = 0, fy = 0, cx = 0, cy = 0;
 };
 
-/// Brown-Conrady (Brown 1966), rational, in OpenCV's order k1, k2, p1, p2, k3, k4, k5, k6.
-using Distortion = std::array<double, 8>;
-
 using Rotation = std::array<double, 9>;  // row-major 3x3
 
 /// to = rotation * from + translation (metres).
@@ -25,8 +22,8 @@ struct Rigid {
 };
 
 Pinhole pinhole(const simsense_camera& camera);
-Distortion distortion(const simsense_camera& camera);
-bool is_distorted(const simsense_camera& camera);
+/// Whether the lens is more than an ideal pinhole.
+bool is_distorting(const ks_lens& lens);
 Rigid rigid(const double matrix[16]);
 /// c(x) = a(b(x)).
 Rigid compose(const Rigid& a, const Rigid& b);

@@ -6,9 +6,9 @@
 namespace simsense {
 namespace {
 
-struct Lens {
+struct BrownConrady {
   double k1, k2, p1, p2, k3, k4, k5, k6;
-  explicit Lens(const Distortion& d) : k1(d[0]), k2(d[1]), p1(d[2]), p2(d[3]), k3(d[4]), k4(d[5]), k5(d[6]), k6(d[7]) {}
+  explicit BrownConrady(const double* d) : k1(d[0]), k2(d[1]), p1(d[2]), p2(d[3]), k3(d[4]), k4(d[5]), k5(d[6]), k6(d[7]) {}
 
   [[nodiscard]] double over(double r2) const { return 1 + r2 * (k1 + r2 * (k2 + r2 * k3)); }
   [[nodiscard]] double under(double r2) const { return 1 + r2 * (k4 + r2 * (k5 + r2 * k6)); }
@@ -29,16 +29,62 @@ struct Lens {
   }
 };
 
+struct Fisheye {
+  double k1, k2, k3, k4;
+  explicit Fisheye(const double* d) : k1(d[0]), k2(d[1]), k3(d[2]), k4(d[3]) {}
+
+  /// Where a ray at this angle from the axis appears.
+  [[nodiscard]] double radius(double angle) const {
+    const double a2 = angle * angle;
+    return angle * (1 + a2 * (k1 + a2 * (k2 + a2 * (k3 + a2 * k4))));
+  }
+  /// d radius / d angle
+  [[nodiscard]] double slope(double angle) const {
+    const double a2 = angle * angle;
+    return 1 + a2 * (3 * k1 + a2 * (5 * k2 + a2 * (7 * k3 + a2 * 9 * k4)));
+  }
+  [[nodiscard]] Normalised operator()(double x, double y) const {
+    const double tangent = std::hypot(x, y), scale = tangent > 1e-9 ? radius(std::atan(tangent)) / tangent : 1;
+    return {x * scale, y * scale};
+  }
+};
+
+constexpr double right_angle = 1.5707963267948966;
+
+/// By Newton's method; where no ray before the camera appears there, the position itself.
+Normalised undistorted(const Fisheye& lens, const Normalised& seen) {
+  const double radius = std::hypot(seen[0], seen[1]);
+  if (radius < 1e-9) return seen;
+  double angle = radius;
+  for (int step = 0; step < 50; ++step) {
+    const double off = lens.radius(angle) - radius;
+    if (std::abs(off) < 1e-14 * (1 + radius)) break;
+    angle -= off / lens.slope(angle);
+  }
+  if (!(std::abs(lens.radius(angle) - radius) < 1e-9) || !(angle > 0 && angle < right_angle)) return seen;
+  const double scale = std::tan(angle) / radius;
+  return {seen[0] * scale, seen[1] * scale};
+}
+
 Normalised without_lens(const simsense_camera& camera, double u, double v) {
   return {(u - camera.k[2]) / camera.k[0], (v - camera.k[5]) / camera.k[4]};
 }
 
 }  // namespace
 
-Normalised distorted(const Distortion& lens, const Normalised& ray) { return Lens(lens)(ray[0], ray[1]); }
+Normalised distorted(const ks_lens& lens, const Normalised& ray) {
+  if (lens.model == KS_LENS_KANNALA_BRANDT) return Fisheye(lens.distortion)(ray[0], ray[1]);
+  return BrownConrady(lens.distortion)(ray[0], ray[1]);
+}
 
-double fold_radius2(const Distortion& distortion) {
-  const Lens lens(distortion);
+double fold_radius2(const ks_lens& distortion) {
+  if (distortion.model == KS_LENS_KANNALA_BRANDT) {
+    const Fisheye lens(distortion.distortion);
+    for (double angle = 0; angle < right_angle; angle += 1e-4)
+      if (!(lens.slope(angle) > 0)) return std::tan(angle) * std::tan(angle);
+    return 1e8;
+  }
+  const BrownConrady lens(distortion.distortion);
   for (double r = 0; r < 10; r += 1e-3) {
     const double r2 = r * r;
     if (!(lens.under(r2) > 0 && lens.radial(r2) + 2 * r2 * lens.slope(r2) > 0)) return r2;
@@ -47,8 +93,9 @@ double fold_radius2(const Distortion& distortion) {
 }
 
 Normalised ray_of_pixel(const simsense_camera& camera, double u, double v) {
-  const Lens lens(distortion(camera));
   const Normalised seen = without_lens(camera, u, v);
+  if (camera.lens.model == KS_LENS_KANNALA_BRANDT) return undistorted(Fisheye(camera.lens.distortion), seen);
+  const BrownConrady lens(camera.lens.distortion);
   const double close_enough = 1e-13 * (1 + std::hypot(seen[0], seen[1]));
   auto [x, y] = seen;
   for (int step = 0; step < 50; ++step) {
@@ -68,7 +115,8 @@ Normalised ray_of_pixel(const simsense_camera& camera, double u, double v) {
 }
 
 Normalised ray_of_pixel_by_steps(const simsense_camera& camera, double u, double v, int steps) {
-  const Lens lens(distortion(camera));
+  if (camera.lens.model == KS_LENS_KANNALA_BRANDT) return ray_of_pixel(camera, u, v);
+  const BrownConrady lens(camera.lens.distortion);
   const Normalised seen = without_lens(camera, u, v);
   auto [x, y] = seen;
   for (int step = 0; step < steps; ++step) {

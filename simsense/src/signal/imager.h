@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One eye's imager, from irradiance to counts: the stages of simsense_signal, row by row; stages at neutral values are skipped.
+// One camera's imager, from irradiance to counts: the stages of simsense_signal, row by row; stages at neutral values are skipped.
 // cpu/signal/imager.h and vulkan/signal/imager.h run it. Thread rule: immutable.
 #pragma once
 
@@ -11,8 +11,8 @@
 
 namespace simsense {
 
-/// Throws KS_ERROR_INVALID_ARGUMENT with the eye, the name, the value and the range of the first parameter that cannot be.
-void check_signal(const simsense_signal& signal, const char* eye);
+/// Throws KS_ERROR_INVALID_ARGUMENT with the side, the name, the value and the range of the first parameter that cannot be.
+void check_signal(const simsense_signal& signal, const char* side);
 
 /// A measured imager by its name in simsense.h. Throws KS_ERROR_INVALID_ARGUMENT with the known names.
 simsense_signal signal_preset(const char* name);

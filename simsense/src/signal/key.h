@@ -13,7 +13,7 @@ namespace simsense {
 /// What one image's noise depends on. Equal keys give equal noise; any difference gives an independent stream.
 struct NoiseKey {
   uint64_t seed = 0, frame_index = 0, scene_index = 0;
-  uint32_t view = 0, eye = 0;  // eye: 0 left, 1 right
+  uint32_t view = 0, side = 0;  // side: 0 left, 1 right
 };
 
 /// Every use of randomness has a number of its own.
@@ -32,9 +32,9 @@ enum class Dimension : uint32_t {
   adc = DIMENSION_ADC,
 };
 
-/// The 64-bit seed encrypts (index, view, eye), so that 161 bits of address fit a 64-bit Philox key.
+/// The 64-bit seed encrypts (index, view, side), so that 161 bits of address fit a 64-bit Philox key.
 inline PhiloxKey encrypted_key(const NoiseKey& k, uint64_t index) {
-  const PhiloxBlock block = philox({static_cast<uint32_t>(index), static_cast<uint32_t>(index >> 32), k.view, k.eye},
+  const PhiloxBlock block = philox({static_cast<uint32_t>(index), static_cast<uint32_t>(index >> 32), k.view, k.side},
                                    {static_cast<uint32_t>(k.seed), static_cast<uint32_t>(k.seed >> 32)});
   return {block[0], block[1]};
 }

@@ -90,7 +90,7 @@ void check_request(const ComputeRequest& request, const PreparedRig& rig, const 
   check_light(request.left, "left image");
   check_light(request.right, "right image");
   if (request.lasers[0].has_value() != request.lasers[1].has_value())
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "a laser image is given for the %s eye alone: give both or none",
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "a laser image is given for the %s camera alone: give both or none",
              request.lasers[0] ? "left" : "right");
   if (request.lasers[0]) check_light(*request.lasers[0], "left laser image");
   if (request.lasers[1]) check_light(*request.lasers[1], "right laser image");

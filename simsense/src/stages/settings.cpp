@@ -9,7 +9,7 @@ namespace simsense {
 namespace {
 
 /// Dilation is the older name of a splat of 2 x 2.
-Splat splat_of(const simsense_parameters& p) { return {.size = std::max({1u, p.splat_size, p.depth_dilation != 0 ? 2u : 1u})}; }
+Splat splat_of(const simsense_parameters& p) { return {.size = std::max(p.splat_size, p.depth_dilation != 0 ? 2u : 1u)}; }
 
 }  // namespace
 
@@ -40,10 +40,10 @@ StageSettings::StageSettings(const PreparedRig& rig, const simsense_parameters& 
       depth_range(simsense::depth_range(p)),
       splat(splat_of(p)) {}
 
-NoiseKey StageSettings::noise_key(uint32_t pair, uint32_t eye) const {
-  const simsense_signal& s = imagers[eye].signal();
-  if (!noise_seeds.empty()) return {noise_seeds[pair], frame_index, s.scene_index, s.first_view, eye};
-  return {noise_seed, frame_index, s.scene_index, s.first_view + pair, eye};
+NoiseKey StageSettings::noise_key(uint32_t pair, uint32_t side) const {
+  const simsense_signal& s = imagers[side].signal();
+  if (!noise_seeds.empty()) return {noise_seeds[pair], frame_index, s.scene_index, s.first_view, side};
+  return {noise_seed, frame_index, s.scene_index, s.first_view + pair, side};
 }
 
 }  // namespace simsense

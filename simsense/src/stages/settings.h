@@ -45,7 +45,7 @@ struct StageSettings {
   Splat splat;  // of the registration
 
   [[nodiscard]] float invalid_disparity() const { return match.invalid_disparity(); }
-  [[nodiscard]] NoiseKey noise_key(uint32_t pair, uint32_t eye) const;
+  [[nodiscard]] NoiseKey noise_key(uint32_t pair, uint32_t side) const;
 };
 
 /// The region of interest; all of the image where there is none.

@@ -33,7 +33,7 @@ class Stages {
  public:
   virtual ~Stages() = default;
 
-  // both eyes' light to what the matcher sees
+  // both cameras' light to what the matcher sees
   virtual void signal() = 0;
   virtual void rectify() = 0;
 

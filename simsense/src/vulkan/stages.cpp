@@ -83,43 +83,43 @@ void VulkanStages::copy(const ImageRef& from, const ImageRef& to) {
 }
 
 void VulkanStages::signal() {
-  for (const uint32_t eye : {0u, 1u}) images_[eye] = measure_eye(eye);
+  for (const uint32_t side : {0u, 1u}) images_[side] = measure_side(side);
 }
 
 /// The image as the imager gives it.
-ImageRef VulkanStages::measure_eye(uint32_t eye) {
+ImageRef VulkanStages::measure_side(uint32_t side) {
   const auto& [commands, settings, frame, pairs] = *call_;
-  const auto& ir_image = frame.outputs[SIMSENSE_OUTPUT_IR_LEFT + eye];
-  const LightRefs light{frame.inputs[eye]->ref(pairs.first), ref_or_none(frame.lasers[eye], pairs)};
+  const auto& ir_image = frame.outputs[SIMSENSE_OUTPUT_IR_LEFT + side];
+  const LightRefs light{frame.inputs[side]->ref(pairs.first), ref_or_none(frame.lasers[side], pairs)};
   const ImageRef ir = ref_or_none(ir_image, pairs);
-  const auto unchanged = packed_ref(frame.inputs[eye], pairs, KS_FORMAT_U8);
-  if (settings.imagers[eye].is_neutral() && !settings.wide && unchanged) {
+  const auto unchanged = packed_ref(frame.inputs[side], pairs, KS_FORMAT_U8);
+  if (settings.imagers[side].is_neutral() && !settings.wide && unchanged) {
     if (ir.format) copy(light.all, ir);
     return *unchanged;
   }
   const auto in_place = packed_ref(ir_image, pairs, counts_format(settings.wide));
-  const ImageRef counts = in_place ? *in_place : scratch(counts_[eye]);
+  const ImageRef counts = in_place ? *in_place : scratch(counts_[side]);
   if (!imagers_) imagers_.emplace(device_, width_, height_);
   std::vector<NoiseKey> keys;
-  for (uint32_t n = pairs.first; n < pairs.first + pairs.count; ++n) keys.push_back(settings.noise_key(n, eye));
-  imagers_->record(commands, eye, settings.imagers[eye], keys, light, counts, in_place ? ImageRef{} : ir);
+  for (uint32_t n = pairs.first; n < pairs.first + pairs.count; ++n) keys.push_back(settings.noise_key(n, side));
+  imagers_->record(commands, side, settings.imagers[side], keys, light, counts, in_place ? ImageRef{} : ir);
   return counts;
 }
 
 void VulkanStages::rectify() {
-  for (const uint32_t eye : {0u, 1u}) images_[eye] = rectify_eye(eye);
+  for (const uint32_t side : {0u, 1u}) images_[side] = rectify_side(side);
 }
 
-ImageRef VulkanStages::rectify_eye(uint32_t eye) {
+ImageRef VulkanStages::rectify_side(uint32_t side) {
   const auto& [commands, settings, frame, pairs] = *call_;
-  const auto& image = frame.outputs[SIMSENSE_OUTPUT_RECTIFIED_LEFT + eye];
+  const auto& image = frame.outputs[SIMSENSE_OUTPUT_RECTIFIED_LEFT + side];
   if (!remap_) {
-    if (image) copy(images_[eye], image->ref(pairs.first));
-    return images_[eye];
+    if (image) copy(images_[side], image->ref(pairs.first));
+    return images_[side];
   }
   const auto in_place = packed_ref(image, pairs, counts_format(settings.wide));
-  const ImageRef rectified = in_place ? *in_place : scratch(rectified_[eye]);
-  remap_->record(commands, eye, settings.remaps_nearest, images_[eye], rectified, in_place ? ImageRef{} : ref_or_none(image, pairs),
+  const ImageRef rectified = in_place ? *in_place : scratch(rectified_[side]);
+  remap_->record(commands, side, settings.remaps_nearest, images_[side], rectified, in_place ? ImageRef{} : ref_or_none(image, pairs),
                  pairs.count);
   return rectified;
 }

@@ -73,8 +73,8 @@ class VulkanStages final : public Stages {
     Region wanted, used;
     bool operator==(const Matching&) const = default;
   };
-  ImageRef measure_eye(uint32_t eye);
-  ImageRef rectify_eye(uint32_t eye);
+  ImageRef measure_side(uint32_t side);
+  ImageRef rectify_side(uint32_t side);
   ImageRef scratch(std::shared_ptr<ks::Buffer>& buffer);
   void copy(const ImageRef& from, const ImageRef& to);
   [[nodiscard]] CleanPush clean() const { return clean_push(call_->settings, maps_, width_, height_); }

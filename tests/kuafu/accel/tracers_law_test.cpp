@@ -127,7 +127,7 @@ TEST_P(EachTracer, a_deformed_mesh_looks_like_one_made_so) {
   furnished(made, flat);
   furnished(deformed, ball);
   const auto before = deformed.render({view}, outputs);
-  const uint32_t mesh = 1;
+  const uint32_t mesh = 2;
   ok(kuafu_scene_update_mesh(deformed.scene(), mesh, flat.positions.data(), flat.normals.data(), uint32_t(flat.positions.size() / 3)));
   auto expected = made.render({view}, outputs), after = deformed.render({view}, outputs);
   for (const uint32_t output : outputs) {
@@ -146,13 +146,13 @@ TEST(Deformation, misuse_is_an_error_that_says_why) {
     EXPECT_NE(std::string(kuafu_last_error()).find(part), std::string::npos) << kuafu_last_error();
   };
   const float *positions = ball.positions.data(), *normals = ball.normals.data();
-  refused(kuafu_scene_update_mesh(world.scene(), 1, positions, normals, count), "there is no mesh 1");
-  refused(kuafu_scene_update_mesh(world.scene(), 0, positions, normals, count - 1), "positions for its");
-  refused(kuafu_scene_update_mesh(world.scene(), 0, positions, nullptr, count), "0 normals");
-  refused(kuafu_scene_update_mesh(world.scene(), 0, nullptr, normals, count), "positions is NULL");
+  refused(kuafu_scene_update_mesh(world.scene(), 2, positions, normals, count), "there is no mesh 2");
+  refused(kuafu_scene_update_mesh(world.scene(), 1, positions, normals, count - 1), "positions for its");
+  refused(kuafu_scene_update_mesh(world.scene(), 1, positions, nullptr, count), "0 normals");
+  refused(kuafu_scene_update_mesh(world.scene(), 1, nullptr, normals, count), "positions is NULL");
   std::vector<float> spoilt = ball.positions;
   spoilt[4] = NAN;
-  refused(kuafu_scene_update_mesh(world.scene(), 0, spoilt.data(), normals, count), "position 1 is not finite");
+  refused(kuafu_scene_update_mesh(world.scene(), 1, spoilt.data(), normals, count), "position 1 is not finite");
 }
 
 TEST(Tracers, one_that_the_device_lacks_is_refused_with_what_to_use) {

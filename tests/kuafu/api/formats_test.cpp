@@ -108,11 +108,11 @@ TEST_P(Formats, narrow_ids_keep_none) {
   const auto wide = packed<uint32_t>(KUAFU_OUTPUT_INSTANCE_ID, KS_FORMAT_U32);
   const auto words = packed<uint16_t>(KUAFU_OUTPUT_INSTANCE_ID, KS_FORMAT_U16);
   const auto bytes = packed<uint8_t>(KUAFU_OUTPUT_INSTANCE_ID, KS_FORMAT_U8);
-  EXPECT_EQ(std::count(wide.begin(), wide.end(), wall_) + std::count(wide.begin(), wide.end(), KUAFU_NONE), pixels);
-  EXPECT_GT(std::count(wide.begin(), wide.end(), KUAFU_NONE), 0);
+  EXPECT_EQ(std::count(wide.begin(), wide.end(), wall_ - 1) + std::count(wide.begin(), wide.end(), KUAFU_NOTHING_HIT), pixels);
+  EXPECT_GT(std::count(wide.begin(), wide.end(), KUAFU_NOTHING_HIT), 0);
   for (size_t i = 0; i < pixels; ++i) {
-    EXPECT_EQ(words[i], wide[i] == KUAFU_NONE ? 0xffffu : wide[i]);
-    EXPECT_EQ(bytes[i], wide[i] == KUAFU_NONE ? 0xffu : wide[i]);
+    EXPECT_EQ(words[i], wide[i] == KUAFU_NOTHING_HIT ? 0xffffu : wide[i]);
+    EXPECT_EQ(bytes[i], wide[i] == KUAFU_NOTHING_HIT ? 0xffu : wide[i]);
   }
 }
 
@@ -120,7 +120,7 @@ TEST_P(Formats, ids_that_do_not_fit_are_refused) {
   const kuafu_material_desc material = lambert(0.1f);
   uint32_t id = 0;
   do ok(kuafu_scene_add_material(world_.scene(), &material, &id));
-  while (id < 254);
+  while (id < 255);  // which the picture has as 254
   render(KUAFU_OUTPUT_MATERIAL_ID, KS_FORMAT_U8, width);
   EXPECT_EQ(status_, KS_OK) << kuafu_last_error();
   ok(kuafu_scene_add_material(world_.scene(), &material, &id));

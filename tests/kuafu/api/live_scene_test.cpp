@@ -47,12 +47,12 @@ TEST(LiveScene, ManySmallChangesGiveTheImageOfASceneMadeSo) {
       if (i % 3 == 1) ok(kuafu_scene_remove_instance(changed.scene(), ids[size_t(i)]));
       if (i % 3 == 2) {
         kuafu_material_desc material = lambert(0.9f);
-        ok(kuafu_scene_set_material(changed.scene(), uint32_t(i + 1), &material));
+        ok(kuafu_scene_set_material(changed.scene(), uint32_t(i + 2), &material));
       }
       if (i % 5 == 0) (void)changed.render({view}, outputs);
     }
     const uint32_t late = changed.add(ball, lambert(0.5f), placed({0, 0, 0.7}));
-    const uint32_t other = 2;
+    const uint32_t other = 3;
     ok(kuafu_scene_set_instance_materials(changed.scene(), late, &other, 1));
 
     furnish(made);
@@ -232,11 +232,11 @@ TEST(LiveScene, EnvironmentsShareTheirMeshes) {
     furnish(world);
     world.desc().samples_per_pixel = 1;
     const uint32_t first = world.add(ball, lambert(0.5f), placed({0, 0, 1}), 0);
-    EXPECT_EQ(first, 1u);
+    EXPECT_EQ(first, 2u);
     std::vector<kuafu_view_desc> views(environments, view_at({0, 0, 0}, 8, 8, 8));
     for (uint32_t e = 0; e < environments; ++e) {
       views[e].environment = e;
-      kuafu_instance_desc d = kuafu_instance_desc_init(1);
+      kuafu_instance_desc d = kuafu_instance_desc_init(2);
       d.environment = e;
       const auto pose = placed({0, 0.1, 1});
       std::memcpy(d.local_to_world, pose.data(), sizeof d.local_to_world);
@@ -263,29 +263,29 @@ TEST(LiveScene, WhatIsUsedCannotBeRemovedAndTheErrorNamesTheUser) {
   material.normal_texture = texture;
   material.name = "brick";
   const uint32_t instance = world.add(sphere(0.1, 4, false), material);
-  refused(kuafu_scene_remove_mesh(scene, 0), {"mesh 0", "instance 0"});
-  refused(kuafu_scene_remove_material(scene, 0), {"material 0 'brick'", "instance 0"});
-  refused(kuafu_scene_remove_texture(scene, texture), {"texture 0", "material 0 'brick'"});
+  refused(kuafu_scene_remove_mesh(scene, 1), {"mesh 1", "instance 1"});
+  refused(kuafu_scene_remove_material(scene, 1), {"material 1 'brick'", "instance 1"});
+  refused(kuafu_scene_remove_texture(scene, texture), {"texture 1", "material 1 'brick'"});
   ok(kuafu_scene_remove_instance(scene, instance));
-  ok(kuafu_scene_remove_material(scene, 0));
+  ok(kuafu_scene_remove_material(scene, 1));
   kuafu_environment_desc environment = kuafu_environment_desc_init();
   environment.texture = texture;
   ok(kuafu_scene_set_environment(scene, &environment));
   refused(kuafu_scene_remove_texture(scene, texture), {"environment"});
-  environment.texture = KUAFU_NONE;
+  environment.texture = 0;
   ok(kuafu_scene_set_environment(scene, &environment));
   ok(kuafu_scene_remove_texture(scene, texture));
-  ok(kuafu_scene_remove_mesh(scene, 0));
+  ok(kuafu_scene_remove_mesh(scene, 1));
   for (const auto& remove : {kuafu_scene_remove_mesh, kuafu_scene_remove_texture, kuafu_scene_remove_material}) {
-    refused(remove(scene, 0), {"was removed"});
-    refused(remove(scene, 1), {"there is no"});
+    refused(remove(scene, 1), {"was removed"});
+    for (const uint32_t id : {0u, 2u}) refused(remove(scene, id), {"there is no"});
   }
-  kuafu_instance_desc ghost = kuafu_instance_desc_init(0);
+  kuafu_instance_desc ghost = kuafu_instance_desc_init(1);
   uint32_t id = 0;
-  refused(kuafu_scene_add_instance(scene, &ghost, &id), {"mesh 0 was removed"});
-  refused(kuafu_scene_add_material(scene, &material, &id), {"texture 0 was removed"});
-  refused(kuafu_scene_set_material(scene, 0, &material), {"material 0 was removed"});
-  EXPECT_EQ(kuafu_scene_material_name(scene, 0), nullptr);
+  refused(kuafu_scene_add_instance(scene, &ghost, &id), {"mesh 1 was removed"});
+  refused(kuafu_scene_add_material(scene, &material, &id), {"texture 1 was removed"});
+  refused(kuafu_scene_set_material(scene, 1, &material), {"material 1 was removed"});
+  EXPECT_EQ(kuafu_scene_material_name(scene, 1), nullptr);
 }
 
 TEST(LiveScene, ScenesAndRenderersInThreadsGiveWhatTheyGiveAlone) {

@@ -190,17 +190,17 @@ TEST_F(RenderApi, rendering_again_copies_nothing) {
 TEST_F(RenderApi, a_renderer_follows_what_changes_in_a_scene) {
   EXPECT_NEAR(world_.radiance(view_).mean(), 0.5, 1e-4);
   kuafu_material_desc bright = lambert(0.8f);
-  ok(kuafu_scene_set_material(world_.scene(), 0, &bright));
+  ok(kuafu_scene_set_material(world_.scene(), 1, &bright));
   EXPECT_NEAR(world_.radiance(view_).mean(), 0.8, 1e-4);
   world_.set_environment(2.0f);
   EXPECT_NEAR(world_.radiance(view_).mean(), 1.6, 1e-4);
   const auto behind = placed({0, 0, -9});
-  ok(kuafu_scene_set_instance_pose(world_.scene(), 0, behind.data()));
+  ok(kuafu_scene_set_instance_pose(world_.scene(), 1, behind.data()));
   EXPECT_NEAR(world_.radiance(view_).mean(), 2.0, 1e-4);
-  ok(kuafu_scene_remove_instance(world_.scene(), 0));
+  ok(kuafu_scene_remove_instance(world_.scene(), 1));
   world_.add(quad({0, 0, 1}, {-1, 0, 0}, {0, 1, 0}), lambert(0.25f));
   EXPECT_NEAR(world_.radiance(view_).mean(), 0.5, 1e-4);
-  ok(kuafu_scene_remove_instance(world_.scene(), 1));
+  ok(kuafu_scene_remove_instance(world_.scene(), 2));
   EXPECT_NEAR(world_.radiance(view_).mean(), 2.0, 1e-4);
 }
 

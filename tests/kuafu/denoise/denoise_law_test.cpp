@@ -279,7 +279,7 @@ TEST(Temporal, a_camera_that_pans_sees_as_well_as_one_that_stands_still) {
   const Followed panning = follow([](World& world, int frame) { return furnished(world, panned(frame)); });
   const Followed rolling = follow([](World& world, int frame) {  // as much from its first line to its last as between frames
     kuafu_view_desc view = panned(frame);
-    view.camera.distortion[0] = -0.15;
+    view.camera.lens.distortion[0] = -0.15;
     view.camera.shutter = KUAFU_SHUTTER_ROLLING;
     view.camera.line_time_s = 1e-3;
     view.camera.angular_velocity[1] = 0.035 / (height * 1e-3);
@@ -294,12 +294,12 @@ void slide(World& world, double way_m) {
   std::array<double, 16> poses[4] = {placed({0, 0, 0}), placed({0, 0, 0}), placed({-0.25, 0.2, 1.2}), placed({0.35, 0.3, 1.4}, 0.5)};
   for (uint32_t id = 0; id < 4; ++id) {
     poses[id][3] -= way_m;
-    ok(kuafu_scene_set_instance_pose(world.scene(), id, poses[id].data()));
+    ok(kuafu_scene_set_instance_pose(world.scene(), id + 1, poses[id].data()));
   }
   kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_RECTANGLE);
-  ok(kuafu_scene_get_light(world.scene(), 1, &lamp));
+  ok(kuafu_scene_get_light(world.scene(), 2, &lamp));
   lamp.light_to_world[3] = 0.3 - way_m;
-  ok(kuafu_scene_set_light(world.scene(), 1, &lamp));
+  ok(kuafu_scene_set_light(world.scene(), 2, &lamp));
 }
 
 TEST(Temporal, a_world_that_slides_past_the_camera_is_seen_as_by_a_camera_that_slides) {
@@ -322,9 +322,9 @@ TEST(Temporal, light_that_goes_out_leaves_no_more_than_noise) {
   world.desc().temporal_weight = 0.95f;
   last_of_many(world, 8, 0);
   kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_RECTANGLE);
-  ok(kuafu_scene_get_light(world.scene(), 1, &lamp));
+  ok(kuafu_scene_get_light(world.scene(), 2, &lamp));
   lamp.ir_intensity *= 0.2f;
-  ok(kuafu_scene_set_light(world.scene(), 1, &lamp));
+  ok(kuafu_scene_set_light(world.scene(), 2, &lamp));
   const Pixels image = last_of_many(world, 1, 0);
   world.desc().temporal_weight = 0;
   world.desc().samples_per_pixel = 64;

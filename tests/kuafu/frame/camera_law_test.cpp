@@ -19,7 +19,7 @@ TEST(Camera, depth_is_z_and_ids_are_the_scene_s) {
     if (std::abs(x - 0.0) < 0.02 || std::abs(std::abs(x * 1.5 + 0.9) - 0.1) < 0.02 || std::abs(x - 1) < 0.02) continue;
     const bool near = x > 0 && x<1, late = x * 1.5> - 1 && x * 1.5 < -0.8;
     EXPECT_NEAR(images[KUAFU_OUTPUT_DEPTH].at(0, 5, c), near ? 1.0 : late ? 1.5 : 2.0, 1e-5) << c;
-    EXPECT_EQ(images[KUAFU_OUTPUT_INSTANCE_ID].id_at(0, 5, c), near ? near_id : late ? late_id : 0u) << c;
+    EXPECT_EQ(images[KUAFU_OUTPUT_INSTANCE_ID].id_at(0, 5, c), near ? near_id - 1 : late ? late_id - 1 : 0u) << c;
     EXPECT_EQ(images[KUAFU_OUTPUT_MATERIAL_ID].id_at(0, 5, c), near ? 1u : late ? 3u : 0u) << c;
     EXPECT_NEAR(images[KUAFU_OUTPUT_NORMAL].at(0, 5, c, 2), -1.0, 1e-6) << c;
   }
@@ -30,7 +30,7 @@ TEST(Camera, nothing_hit_is_zero_depth_and_no_id) {
   world.add(quad({0, 0, -2}, {1, 0, 0}, {0, 1, 0}), lambert(0.5f));
   auto images = world.render({view_at({0, 0, 0}, 4, 4, 30)}, {KUAFU_OUTPUT_DEPTH, KUAFU_OUTPUT_INSTANCE_ID, KUAFU_OUTPUT_RADIANCE});
   EXPECT_EQ(images[KUAFU_OUTPUT_DEPTH].at(0, 1, 1), 0.0f);
-  EXPECT_EQ(images[KUAFU_OUTPUT_INSTANCE_ID].id_at(0, 1, 1), KUAFU_NONE);
+  EXPECT_EQ(images[KUAFU_OUTPUT_INSTANCE_ID].id_at(0, 1, 1), KUAFU_NOTHING_HIT);
   EXPECT_EQ(images[KUAFU_OUTPUT_RADIANCE].mean(), 0.0);
 }
 
@@ -107,7 +107,7 @@ TEST(Environments, each_view_sees_its_own) {
   for (uint32_t i = 0; i < 3; ++i) views[i].environment = i;
   auto images = world.render(views, {KUAFU_OUTPUT_RADIANCE, KUAFU_OUTPUT_INSTANCE_ID});
   EXPECT_EQ(images[KUAFU_OUTPUT_INSTANCE_ID].id_at(0, 2, 2), 0u);
-  EXPECT_EQ(images[KUAFU_OUTPUT_INSTANCE_ID].id_at(1, 2, 2), mine);
+  EXPECT_EQ(images[KUAFU_OUTPUT_INSTANCE_ID].id_at(1, 2, 2), mine - 1);
   EXPECT_EQ(images[KUAFU_OUTPUT_INSTANCE_ID].id_at(2, 2, 2), 0u);
   EXPECT_NEAR(images[KUAFU_OUTPUT_RADIANCE].at(0, 2, 2), 0.5 / pi / 4, 1e-4);
   EXPECT_EQ(images[KUAFU_OUTPUT_RADIANCE].at(1, 2, 2), 0.0f);

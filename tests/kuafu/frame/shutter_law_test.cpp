@@ -194,7 +194,7 @@ TEST(Lens, near_and_far_stay_planes_of_z) {
   kuafu_view_desc view = camera(17, 17);
   view.camera.lens_radius_m = 0.2;
   view.camera.focus_m = INFINITY;
-  view.camera.distortion[0] = -0.1;
+  view.camera.lens.distortion[0] = -0.1;
   view.camera.near_m = 1.5;
   for (const float l : world.radiance(view).values) ASSERT_NEAR(l, 2.0f, 1e-5);
 }
@@ -221,9 +221,9 @@ TEST(Camera, what_it_cannot_be_is_refused_with_the_numbers) {
   refused([](Desc& c) { c.exposure_s = -1; }, "exposure_s is -1");
   refused([](Desc& c) { c.line_time_s = INFINITY; }, "line_time_s is inf");
   refused([](Desc& c) { c.angular_velocity[1] = NAN; }, "angular_velocity is nan");
-  refused([](Desc& c) { c.distortion[7] = NAN; }, "distortion is nan");
+  refused([](Desc& c) { c.lens.distortion[7] = NAN; }, "lens.distortion[7] is nan");
   // r (1 - r^2 / 3) grows up to r = 1, to 2/3; this image reaches 0.8 at its sides.
-  refused([](Desc& c) { c.distortion[0] = -1.0 / 3, c.k[0] = c.k[4] = 5; }, "grows to radius 0.66");
+  refused([](Desc& c) { c.lens.distortion[0] = -1.0 / 3, c.k[0] = c.k[4] = 5; }, "grows to radius 0.66");
 }
 
 }  // namespace

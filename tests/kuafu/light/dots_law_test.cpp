@@ -149,9 +149,9 @@ TEST(SetTexture, a_projector_shows_the_new_pattern_whatever_its_size) {
   wall(world);
   const kuafu_view_desc view = view_at({0, 0, 0}, 1, 1, 1000);
   const float full = world.radiance(view).at(0, 0, 0);
-  set_texture(world, 0, 9, 9, 0.5f);
+  set_texture(world, 1, 9, 9, 0.5f);
   EXPECT_NEAR(world.radiance(view).at(0, 0, 0), full / 2, 1e-3f * full);
-  set_texture(world, 0, 13, 11, 0.25f);
+  set_texture(world, 1, 13, 11, 0.25f);
   EXPECT_NEAR(world.radiance(view).at(0, 0, 0), full / 4, 1e-3f * full);
   EXPECT_EQ(kuafu_scene_set_texture(world.scene(), 5, nullptr), KS_ERROR_INVALID_ARGUMENT);
 }

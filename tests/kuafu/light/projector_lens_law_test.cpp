@@ -62,7 +62,7 @@ TEST(ProjectorLens, distortion_is_brown_and_conradys) {
   World world;
   kuafu_light_desc light = projector_of(world, dot_at(27, 22));
   const double k[8] = {0.3, -0.1, 0.01, -0.015, 0.02, 0, 0, 0};
-  std::copy(k, k + 8, light.distortion);
+  std::copy(k, k + 8, light.lens.distortion);
   world.add_light(light, placed({0, 0, 0}));
   const Spot spot = spot_on_wall(world, 1.0);
   const double x = spot.x, y = spot.y, r2 = x * x + y * y;  // OpenCV's formula, from where it is seen to its pixel

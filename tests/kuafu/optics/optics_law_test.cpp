@@ -95,7 +95,7 @@ TEST_P(CameraOptics, vignetting_follows_the_ray_through_a_distorting_lens) {
   optics.vignetting_exponent = 4;
   kuafu_view_desc view = view_at({0, 0, 0}, side, side, focal_px);
   view.optics = &optics;
-  view.camera.distortion[0] = -0.15;
+  view.camera.lens.distortion[0] = -0.15;
   const Pixels seen = world_.radiance(view);
   for (uint32_t c = 20; c < side; ++c) {
     const double appears = (c - 20.0) / focal_px;

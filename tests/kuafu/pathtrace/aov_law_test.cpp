@@ -44,8 +44,8 @@ TEST_P(Aovs, say_where_the_surface_is_and_what_it_is_made_of) {
         const Vec3 p = on_plane(view, row, column, {0, 0, 2}, normal);
         const bool hit = std::abs(p[0]) < 0.3 * std::cos(lean);
         hits += hit;
-        EXPECT_EQ(images[KUAFU_OUTPUT_INSTANCE_ID].id_at(0, row, column), hit ? id : KUAFU_NONE);
-        EXPECT_EQ(images[KUAFU_OUTPUT_SEMANTIC_ID].id_at(0, row, column), hit ? 0u : KUAFU_NONE);
+        EXPECT_EQ(images[KUAFU_OUTPUT_INSTANCE_ID].id_at(0, row, column), hit ? id - 1 : KUAFU_NOTHING_HIT);
+        EXPECT_EQ(images[KUAFU_OUTPUT_SEMANTIC_ID].id_at(0, row, column), hit ? 0u : KUAFU_NOTHING_HIT);
         EXPECT_EQ(images[KUAFU_OUTPUT_ROUGHNESS].at(0, row, column), hit ? 0.35f : 0.0f);
         EXPECT_EQ(images[KUAFU_OUTPUT_TRANSMISSION].at(0, row, column), hit ? 0.25f : 0.0f);
         for (uint32_t c = 0; c < images[KUAFU_OUTPUT_ALBEDO].channels; ++c)
@@ -82,7 +82,7 @@ struct Projection {
     if (lens == nullptr) return;
     kuafu_light_desc desc = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
     ok(kuafu_scene_get_light(world.scene(), light, &desc));
-    std::copy_n(lens->distortion, 8, desc.distortion);
+    desc.lens = lens->lens;
     ok(kuafu_scene_set_light(world.scene(), light, &desc));
   }
   static constexpr double focal = 80, baseline = 0.11;
@@ -100,7 +100,7 @@ TEST_P(Aovs, see_the_projector_as_a_camera) {
   auto images = world_.render({view}, projector_outputs);
   uint32_t inside = 0, shadowed = 0;
   for (uint32_t column = 0; column < 60; ++column) {
-    const bool on_bar = images[KUAFU_OUTPUT_INSTANCE_ID].id_at(0, 2, column) == p.bar;
+    const bool on_bar = images[KUAFU_OUTPUT_INSTANCE_ID].id_at(0, 2, column) == p.bar - 1;
     const double z = on_bar ? 1 : 2, x = (column - view.camera.k[2]) / 50 * z;
     const double u = Projection::focal * (x - Projection::baseline) / z + 31.5,
                  d2 = (x - Projection::baseline) * (x - Projection::baseline) + z * z;
@@ -150,8 +150,8 @@ TEST_P(Aovs, give_the_projectors_light) {
 
 TEST_P(Aovs, follow_the_projectors_lens) {
   kuafu_light_desc lens = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
-  lens.distortion[0] = 0.2;   // k1
-  lens.distortion[2] = 0.01;  // p1
+  lens.lens.distortion[0] = 0.2;   // k1
+  lens.lens.distortion[2] = 0.01;  // p1
   const Projection p(world_, &lens);
   world_.desc().projector = p.light;
   auto images = world_.render({view_at({0, 0, 0}, 20, 9, 50)}, {KUAFU_OUTPUT_PROJECTOR_UV, KUAFU_OUTPUT_POSITION});
@@ -197,16 +197,14 @@ TEST(Projector, of_the_aovs_must_be_one) {
   world.desc().outputs = &output;
   world.desc().output_count = 1;
   EXPECT_EQ(kuafu_renderer_render(world.renderer(), world.scene(), &world.desc()), KS_ERROR_INVALID_ARGUMENT);
-  EXPECT_NE(std::string(kuafu_last_error()).find("projector is 0"), std::string::npos) << kuafu_last_error();
+  EXPECT_NE(std::string(kuafu_last_error()).find("projector is 1"), std::string::npos) << kuafu_last_error();
   kuafu_buffer_release(buffer);
 }
 
-// Compiled before there was kuafu_render_desc.projector: the first projector, not light 0.
-TEST_P(Aovs, of_an_older_caller_are_of_the_first_projector) {
+TEST_P(Aovs, of_no_projector_in_particular_are_of_the_first_one) {
   world_.add(quad({0, 0, 2}, {-9, 0, 0}, {0, 9, 0}), lambert(0.5f));
   world_.add_point({0, 0, 0}, 1);
   world_.add_projector(std::vector<float>(64, 1.0f), 8, 8, 4, 1);
-  world_.desc().header.size_bytes = uint32_t(offsetof(kuafu_render_desc, projector));
   const kuafu_view_desc view = view_at({0, 0, 0}, 1, 1, 60);
   EXPECT_EQ(world_.render({view}, {KUAFU_OUTPUT_PROJECTOR_VISIBILITY})[KUAFU_OUTPUT_PROJECTOR_VISIBILITY].mean(), 1);
 }

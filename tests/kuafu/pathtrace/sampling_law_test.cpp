@@ -85,7 +85,7 @@ TEST(Sampling, seeds_differ_and_agree_in_the_mean) {
 }
 
 TEST(Sampling, eyes_draw_different_noise) {
-  // Both eyes see a plane lit by interreflection alone; equal noise would make the images equal up to parallax.
+  // Both cameras see a plane lit by interreflection alone; equal noise would make the images equal up to parallax.
   World world;
   world.add(box({50, 50, 50}), emitter(1.0f));
   world.add(quad({0, 0, 2}, {-20, 0, 0}, {0, 20, 0}), lambert(0.5f));

@@ -71,7 +71,7 @@ TEST(Scene, RefusesMaterialsOutOfRange) {
   refuse([](Material& m) { m.ior = 0.9f; }, "ior is 0.9");
   refuse([](Material& m) { m.emission.r = INFINITY; }, "emission is inf");
   refuse([](Material& m) { m.ir_albedo = 1.01f; }, "ir_albedo is 1.01");
-  refuse([](Material& m) { m.normal_texture = 0; }, "there is no texture 0");
+  refuse([](Material& m) { m.normal_texture = 0; }, "there is no texture 1");
 }
 
 TEST(Scene, RefusesLightsAndPosesThatAreNoRotation) {
@@ -99,8 +99,8 @@ TEST(Scene, RefusesLightsAndPosesThatAreNoRotation) {
   instance.local_to_world = glm::dmat4(1.0);
   instance.local_to_world[3][0] = 1e13;
   expect_refused([&] { scene.add_instance(instance); }, "moves by 1e+13 m");
-  expect_refused([&] { scene.add_instance({.name = "i", .mesh = 1}); }, "there is no mesh 1 (the scene has 1)");
-  expect_refused([&] { scene.add_instance({.name = "i", .mesh = 0, .materials = {2}}); }, "materials[0] is 2");
+  expect_refused([&] { scene.add_instance({.name = "i", .mesh = 1}); }, "there is no mesh 2 (the scene has 1)");
+  expect_refused([&] { scene.add_instance({.name = "i", .mesh = 0, .materials = {2}}); }, "materials[0] is 3");
 }
 
 TEST(Scene, IdsOfRemovedObjectsAreRefusedAndNotReused) {
@@ -109,10 +109,10 @@ TEST(Scene, IdsOfRemovedObjectsAreRefusedAndNotReused) {
   const uint32_t first = scene.add_instance({.mesh = 0}), light = scene.add_light({});
   scene.remove_instance(first);
   scene.remove_light(light);
-  expect_refused([&] { scene.remove_instance(first); }, "instance 0 was removed");
+  expect_refused([&] { scene.remove_instance(first); }, "instance 1 was removed");
   expect_refused([&] { scene.set_instance_pose(first, glm::dmat4(1.0)); }, "was removed");
-  expect_refused([&] { scene.set_light(light, {}); }, "light 0 was removed");
-  expect_refused([&] { scene.remove_light(7); }, "there is no light 7");
+  expect_refused([&] { scene.set_light(light, {}); }, "light 1 was removed");
+  expect_refused([&] { scene.remove_light(7); }, "there is no light 8");
   EXPECT_EQ(scene.add_instance({.mesh = 0}), 1u);
   EXPECT_EQ(scene.add_light({}), 1u);
 }
@@ -127,7 +127,7 @@ TEST(Scene, RevisionsGrowWithWhatChangedOnly) {
   EXPECT_EQ(scene.revisions().meshes, before.meshes);
   EXPECT_EQ(scene.revisions().lights, before.lights);
   const uint64_t refused = scene.revisions().materials;
-  expect_refused([&] { scene.set_material(0, {}); }, "there is no material 0");
+  expect_refused([&] { scene.set_material(0, {}); }, "there is no material 1");
   EXPECT_EQ(scene.revisions().materials, refused);
 }
 

@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 
 import kuafu
-from activestereo.scene_io import meshes
+from activestereo.scene_io import meshes, usd
 from activestereo.cli import main
 from activestereo.common.declared_ranges import read_ranges
 from activestereo.benchmarks.generate import bop
@@ -111,6 +111,15 @@ def test_parts_are_the_whole(things: tuple[Path, ...], tmp_path: Path, capsys: p
     assert read_all(out) == read_all(tmp_path / "whole")
     with pytest.raises(SystemExit):
         main(["generate", *names, *options(out, 3), "--part", "3/2"])
+
+
+def test_a_usd_stage_is_written_as_gltf_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stage = tmp_path / "ball.usda"
+    stage.write_text("#usda 1.0")
+    monkeypatch.setattr(usd, "convert", lambda path, glb: write_thing(glb, meshes.sphere(RADIUS_M)))
+    assert main(["generate", str(stage), *options(tmp_path / "set", 1)]) == 0
+    assert (tmp_path / "set/things/ball.glb").exists()
+    assert (tmp_path / "set/train_pbr/000000/rgb/000000.png").exists()
 
 
 def test_shards_hold_the_same_files(things: tuple[Path, ...], tmp_path: Path) -> None:

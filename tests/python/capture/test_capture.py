@@ -160,7 +160,10 @@ def test_a_rational_lens_is_read(folder):
     edit(folder, lambda root: root["rig"]["left"].update(distortion=lens))
     assert read_capture(folder).rig.left.distortion.tolist() == lens
     edit(folder, lambda root: root["rig"]["left"].update(distortion=lens[:7]))
-    expect_error(folder, "distortion", "7 entries", "5 numbers, or 8")
+    expect_error(folder, "distortion", "7 entries", "5 numbers, 8 of")
+    edit(folder, lambda root: root["rig"]["left"].update(distortion=lens[:4]))
+    left = read_capture(folder).rig.left
+    assert left.distortion.tolist() == lens[:4] and not left.is_pinhole
 
 
 def test_a_good_capture_gives_no_warning(pristine):

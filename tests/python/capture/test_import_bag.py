@@ -159,7 +159,6 @@ def test_a_damaged_bag_is_one_line(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("model", "d"),
     [
-        ("equidistant", (0.1, 0, 0, 0)),
         ("plumb_bob", (0.1, 0, 0, 0, 0, 0.1, 0, 0)),
         ("rational_polynomial", (0.1, 0, 0, 0, 0, 0.1, 0, 0, 0, 0, 0, 0, 0.01, 0)),
         ("Inverse Brown Conrady", (0.1, 0, 0, 0, 0)),
@@ -182,6 +181,13 @@ def test_a_lens_of_another_law_is_refused(model, d):
 def test_a_rational_lens_has_eight_numbers_where_it_has_a_denominator(d, read):
     message = camera_info(get_typestore(Stores.ROS1_NOETIC), 0.05, "rational_polynomial", d)
     assert _intrinsic("a.bag", "topic", message).distortion.tolist() == read
+
+
+def test_a_fisheye_lens_has_four_numbers():
+    message = camera_info(get_typestore(Stores.ROS1_NOETIC), 0.05, "equidistant", (0.1, 0, 0, 0))
+    assert _intrinsic("a.bag", "topic", message).distortion.tolist() == [0.1, 0, 0, 0]
+    with pytest.raises(ValueError, match="a fisheye lens has d = .*, expected 4 numbers"):
+        _intrinsic("a.bag", "topic", camera_info(get_typestore(Stores.ROS1_NOETIC), 0.05, "equidistant", (0.1,)))
 
 
 @pytest.mark.parametrize("write, name", [(write_librealsense, "a.bag"), (write_ros2, "a")])

@@ -136,6 +136,18 @@ def test_a_rational_lens_keeps_its_eight_numbers(imported, tmp_path):
     np.testing.assert_array_equal(read_capture(tmp_path / "out").rig.right.distortion, eight)
 
 
+def test_a_fisheye_lens_of_ros_keeps_its_four_numbers(imported, tmp_path):
+    four = [0.1, 0.02, 0.001, 0.002]
+    changes = {"distortion_model": "equidistant", "distortion_coefficients": matrix(four, 1, 4)}
+    assert imported(saved_by_ros("left", **changes), saved_by_ros("right", **changes)) == 0
+    np.testing.assert_array_equal(read_capture(tmp_path / "out").rig.right.distortion, four)
+
+
+def test_a_fisheye_lens_of_kalibr_keeps_its_four_numbers(imported, tmp_path):
+    assert imported(kalibr("left", "right", left_to_right(), distortion_model="equi")) == 0
+    assert len(read_capture(tmp_path / "out").rig.left.distortion) == 4
+
+
 @pytest.mark.parametrize("first, second", [("left", "right"), ("right", "left")])
 def test_kalibrs_chain_tells_by_its_motion_which_camera_is_left(imported, tmp_path, first, second):
     motion = left_to_right() if first == "left" else np.linalg.inv(left_to_right())
@@ -154,7 +166,7 @@ def without_baseline(side):
         ([without_baseline("left"), without_baseline("right")], "P[3] of the cameras is 0 and 0, expected 0 of the"),
         ([saved_by_ros("left"), saved_by_ros("right", camera_matrix=None)], "1.yaml: camera_matrix: is missing"),
         ([saved_by_ros("left"), saved_by_ros("right", image_width="wide")], "image_width: is 'wide', expected a whole"),
-        ([saved_by_ros("left"), saved_by_ros("right", distortion_model="equidistant")], "is 'equidistant'"),
+        ([saved_by_ros("left"), saved_by_ros("right", distortion_model="omni")], "is 'omni'"),
         ([saved_by_ros("left"), saved_by_ros("right", camera_matrix="[1, 2]")], "camera_matrix: has 2 entries"),
         ([saved_by_ros("left"), saved_by_ros("right", camera_matrix=matrix(np.zeros(9), 3, 3))], "is no camera matrix"),
         ([saved_by_ros("left"), saved_by_ros("right", rectification_matrix=matrix(np.ones(9), 3, 3))],

@@ -187,6 +187,8 @@ def test_simulate_options_are_the_configuration():
     assert config.ir_distortion == (-0.06, 0.01, 0, 0, 0) and config.rgb_distortion == (0.1, 0, 0, 0, 0.2)
     assert (config.ir_line_time_s, config.rgb_line_time_s, config.rgb_exposure_s) == (1e-4, 2e-4, 3e-3)
     assert config.ir_readout == config.rgb_readout == "rows_up"
+    fisheye = make_parser().parse_args(["simulate", "x.gltf", "--out", "x", "--ir-fisheye", "0.1,0,0,0"])
+    assert simulate.make_config(fisheye).ir_distortion == (0.1, 0, 0, 0)
 
 
 def test_simulate_from_a_given_pose(run, table_top, tmp_path):

@@ -219,11 +219,8 @@ static const ks_effect_parameter parameters[] = {{"sigma_dn", "DN", "", 0.0, 0.0
 static const ks_effect_random_term term = {"sigma_dn", NULL, KS_LEVER_ONE, KS_SHARED_BY_ROW};
 const ks_effect* ks_effect_plugin(uint32_t* count) {
   static ks_effect e;
-  static ks_effect_random_terms terms;
-  terms = ks_effect_random_terms_init();
-  terms.terms = &term, terms.count = 1;
   e = ks_effect_init();
-  e.header.next = &terms.header;
+  e.random_term_count = 1, e.random_terms = &term;
   e.id = "noisy_rows", e.family = "f", e.summary = "Noise.", e.source = "s";
   e.stage = KS_STAGE_READOUT, e.randomness = KS_RANDOMNESS_TEMPORAL;
   e.parameter_count = 1, e.parameters = parameters, e.apply = apply;

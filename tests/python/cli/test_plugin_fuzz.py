@@ -32,14 +32,15 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "table.so"
 
 
-def record(dice: random.Random, count: int, chain: Any) -> plugin.records.Effect:
+def record(dice: random.Random, count: int, terms: Any) -> plugin.records.Effect:
     """A sound effect."""
     parameters = (plugin.records.Parameter * 3)(
         *(plugin.records.Parameter(n, b"1", b"", 0.0, 0.0, 1.0, 0.5) for n in (b"p", b"q", b"r"))
     )
-    header = plugin.records.Header(plugin.records.TYPE_EFFECT, c.sizeof(plugin.records.Effect), chain)
+    header = plugin.records.Header(c.sizeof(plugin.records.Effect), plugin.records.TYPE_EFFECT)
     apply = plugin.records.Apply(lambda *_: 0)
-    return plugin.records.Effect(header, b"effect", b"f", b"s", b"s", 7, dice.randrange(3), count, 0, parameters, apply)
+    texts = (b"effect", b"f", b"s", b"s")
+    return plugin.records.Effect(header, *texts, 7, dice.randrange(3), count, 1, parameters, apply, terms)
 
 
 def disturb(dice: random.Random, struct: Any) -> None:
@@ -62,26 +63,20 @@ def test_changed_tables(library: Path) -> None:
     own = c.CDLL(str(library))
     outcomes = {"read": 0, "refused": 0}
     for _ in range(3000):
-        terms = plugin.records.RandomTerms(
-            plugin.records.Header(plugin.records.TYPE_EFFECT_RANDOM_TERMS, c.sizeof(plugin.records.RandomTerms), None)
-        )
         term = plugin.records.RandomTerm(b"p", None, 0, 0)
-        terms.terms, terms.count = c.pointer(term), 1
         count = dice.randrange(1, 4)
-        effects = (plugin.records.Effect * 3)(*(record(dice, count, c.addressof(terms)) for _ in range(3)))
+        effects = (plugin.records.Effect * 3)(*(record(dice, count, c.pointer(term)) for _ in range(3)))
         for _ in range(dice.randrange(3)):
             disturb(
                 dice,
-                dice.choice([effects[0], effects[0], terms, term, effects[0].parameters[0]])
+                dice.choice([effects[0], effects[0], term, effects[0].parameters[0]])
                 if effects[0].parameters
                 else effects[0],
             )
-        if terms.terms and 1 < terms.count <= 64:
-            terms.count = 1  # more than there are, C cannot tell
+        if effects[0].random_terms and 1 < effects[0].random_term_count <= 64:
+            effects[0].random_term_count = 1  # more than there are, C cannot tell
         if effects[0].parameters and 3 < effects[0].parameter_count <= 64:
             effects[0].parameter_count = 3
-        if dice.random() < 0.1:
-            terms.header.type, terms.header.next = 3, c.addressof(terms)  # a chain without an end
         c.c_void_p.in_dll(own, "table").value = dice.choice([c.addressof(effects)] * 9 + [None])
         c.c_uint32.in_dll(own, "count").value = dice.choice([1, 1, 1, 1, 3, 0, 257, 2**32 - 1])
         try:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from activestereo.camera.registration import registered
-from activestereo.common.lens import distort, is_drawn, undistort
+from activestereo.common.lens import distort, is_distorting, is_drawn, undistort
 from activestereo.compare.camera_warp import warp_between
 from activestereo.effects.core.laws import example_view
 
@@ -28,6 +28,33 @@ def test_a_lens_draws_where_opencv_draws_and_its_inverse_comes_back(lens):
     expected = cv2.projectPoints(points, np.zeros(3), np.zeros(3), np.eye(3), np.array(lens))[0].reshape(-1, 2)
     np.testing.assert_allclose(np.stack(drawn, axis=1), expected, rtol=0, atol=1e-13)
     np.testing.assert_allclose(undistort(*drawn, lens), (x, y), rtol=0, atol=1e-9)
+
+
+FISHEYE = (0.08, -0.03, 0.01, -0.002)
+
+
+@pytest.mark.parametrize("lens", [FISHEYE, (0.0, 0.0, 0.0, 0.0)], ids=["polynomial", "equidistant"])
+def test_a_fisheye_lens_draws_where_opencv_draws_and_its_inverse_comes_back(lens):
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-4.0, 4.0, 17), np.linspace(-3.0, 3.0, 13)))
+    drawn = distort(x, y, lens)
+    points = np.stack([x, y], axis=1)[:, None]
+    expected = cv2.fisheye.distortPoints(points, np.eye(3), np.array(lens))[:, 0]
+    np.testing.assert_allclose(np.stack(drawn, axis=1), expected, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(undistort(*drawn, lens), (x, y), rtol=0, atol=1e-9)
+    back = cv2.fisheye.undistortPoints(np.stack(drawn, axis=1)[:, None], np.eye(3), np.array(lens))[:, 0]
+    np.testing.assert_allclose(np.stack(undistort(*drawn, lens), axis=1), back, rtol=0, atol=1e-6)
+    assert is_drawn(x, y, lens).all() and is_distorting(lens)
+
+
+def test_a_fisheye_lens_folds_where_its_radius_stops_growing():
+    """r = a - 0.25 a^3, whose slope is 0 at an angle of sqrt(4/3), and whose radius there is 2/3 of that."""
+    lens, fold = (-0.25, 0.0, 0.0, 0.0), np.sqrt(4 / 3)
+    x = np.tan(np.linspace(0.0, 1.5, 1501))
+    drawn, _ = distort(x, 0 * x, lens)
+    assert np.all(np.diff(drawn) > 0)
+    near = np.abs(np.arctan(x) - fold) < 1e-3
+    np.testing.assert_array_equal(is_drawn(x, 0 * x, lens)[~near], (np.arctan(x) < fold)[~near])
+    assert np.isfinite(undistort(np.array([2.0]), np.array([0.0]), lens)).all()
 
 
 def test_a_lens_folds_where_its_radius_stops_growing_and_positions_go_on_outwards():

@@ -96,7 +96,7 @@ def test_wrong_words_are_named(renderer, scene):
         renderer.render(scene, CAMERA, ["depth"], scales={"normal": 2})
     with pytest.raises(ValueError, match=r"\(2, 4, 4\)"):
         renderer.render(scene, [CAMERA, CAMERA], ["motion"], previous_poses=np.zeros((3, 4, 4)))
-    with pytest.raises(ValueError, match="projector is 7"):
+    with pytest.raises(ValueError, match="projector is 8"):  # as C counts
         renderer.render(scene, CAMERA, ["projector_uv"], projector=7)
 
 

@@ -52,12 +52,46 @@ def test_rays_are_those_of_opencv(device, lens):
     assert np.abs(ideal[:, 0] - expected).max() > 1.0  # else this lens says nothing
 
 
+@pytest.mark.parametrize("lens", [[0.08, -0.03, 0.01, -0.002], [0.0] * 4], ids=["polynomial", "equidistant"])
+def test_rays_of_a_fisheye_lens_are_those_of_opencv(device, lens):
+    k = np.array([[60.0, 0.0, 46.0], [0.0, 59.0, 37.0], [0.0, 0.0, 1.0]])  # 1.0 rad in the corners
+    camera = kuafu.Camera(WIDTH, HEIGHT, k, distortion=lens, lens_model="kannala_brandt")
+    rays = ideal_rays(device, camera)
+    pixels = cv2.fisheye.distortPoints(rays.reshape(-1, 1, 2), k, np.array(lens))
+    expected = np.stack(np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT)), axis=-1).reshape(-1, 2)
+    assert np.abs(pixels[:, 0] - expected).max() < 2e-3
+    assert np.hypot(*rays.reshape(-1, 2).T).max() > 1.3  # the corners look beyond 52 degrees
+
+
+def test_a_fisheye_camera_that_would_look_behind_itself_is_refused(device):
+    camera = kuafu.Camera(WIDTH, HEIGHT, [[20, 0, 48], [0, 20, 36], [0, 0, 1]], lens_model="kannala_brandt")
+    with pytest.raises(ValueError, match="cannot be inverted over the image"):
+        kuafu.Renderer(device).render(slanted(device, np.zeros(2)), camera, ("depth",))
+
+
+def test_a_projector_s_fisheye_lens_is_opencv_s(device):
+    scene, lens = slanted(device, np.zeros(2)), np.array([0.08, -0.03, 0.01, -0.002])
+    pattern = scene.add_texture(np.ones((40, 60), np.float32))
+    k = np.array([[25.0, 0, 30], [0, 26.0, 20], [0, 0, 1]])
+    light = kuafu.Light(kind="projector", texture=pattern, k=k, distortion=lens, lens_model="kannala_brandt")
+    scene.add_light(light)
+    images = kuafu.Renderer(device).render(scene, kuafu.Camera(WIDTH, HEIGHT, K), ("projector_uv", "position"))
+    uv, position = images["projector_uv"][0].reshape(-1, 2), images["position"][0].reshape(-1, 3).astype(float)
+    seen = np.isfinite(uv).all(axis=1)
+    rays = (position[:, :2] / position[:, 2:])[seen][:, None]
+    assert seen.sum() > 1000
+    np.testing.assert_allclose(uv[seen], cv2.fisheye.distortPoints(rays, k, lens)[:, 0], atol=1e-3)
+
+
 def test_fields_go_in_and_come_out():
     camera = kuafu.Camera(
         4, 4, K, distortion=[0.1, 0.2, 0.3, 0.4, 0.5], shutter="rolling", readout="columns_left", line_time_s=1e-5
     )
     assert camera.distortion == (0.1, 0.2, 0.3, 0.4, 0.5, 0.0, 0.0, 0.0)
     assert (camera.shutter, camera.readout, camera.line_time_s) == ("rolling", "columns_left", 1e-5)
+    assert camera.lens_model == "brown_conrady"
+    with pytest.raises(ValueError, match="unknown lens_model 'telecentric'"):
+        camera.lens_model = "telecentric"
     camera.distortion = [0.0] * 4
     assert camera.distortion == (0.0,) * 8
     with pytest.raises(ValueError, match="3 numbers"):

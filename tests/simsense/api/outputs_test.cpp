@@ -287,17 +287,4 @@ TEST(Outputs, EachNewParameterIsCheckedWithItsNumber) {
   }
 }
 
-TEST(Outputs, ParametersOfAnOlderCallerMeanWhatTheyMeant) {
-  const Device device = open_device();
-  const Pair pair = scene();
-  simsense_parameters old = parameters();
-  old.header.size_bytes = offsetof(simsense_parameters, census_kind);
-  const auto depth = [&](const simsense_parameters& p) {
-    return compute_one<float>(open_engine(device, rig(), p), SIMSENSE_OUTPUT_DEPTH, pair.left, pair.right, height, width, shape);
-  };
-  simsense_parameters meant = parameters();
-  meant.census_contrast = 0;
-  EXPECT_EQ(depth(old), depth(meant));
-}
-
 }  // namespace

@@ -25,7 +25,7 @@ inline Vector rotated_back(const double* m, const Vector& v) {
 
 /// Direction of a pixel at z = 1, the lens, if any, undone by fixed-point iteration.
 inline Vector ray(const simsense_camera& c, double u, double v) {
-  const double* d = c.distortion;
+  const double* d = c.lens.distortion;
   const double x0 = (u - c.k[2]) / c.k[0], y0 = (v - c.k[5]) / c.k[4];
   double x = x0, y = y0;
   const bool lens = d[0] != 0 || d[1] != 0 || d[2] != 0 || d[3] != 0 || d[4] != 0;

@@ -159,7 +159,7 @@ TEST(Plane, ComesBackInTheRgbCameraBehindItsLens) {
   simsense_rig_desc rig = crooked_rig(width, height, focal);
   rig.rgb = camera(400, 226, 500);
   const double lens[5] = {0.1, -0.2, 1e-3, -2e-3, 0.05};
-  std::copy(lens, lens + 5, rig.rgb.distortion);
+  std::copy(lens, lens + 5, rig.rgb.lens.distortion);
   set_pose(rig.left_to_rgb, 0.02, -0.05, 0.03, 0.015, -0.004, 0.006);
   const Plane plane = tilted(0.8, 20);
   const Pair pair = photograph(plane, rig);

@@ -43,7 +43,7 @@ std::vector<float> engine_depth(const simsense_rig_desc& rig, const simsense_par
 /// A rig that needs rectification, without lenses: the published engine has none.
 simsense_rig_desc turned_rig(uint32_t width, uint32_t height) {
   simsense_rig_desc rig = crooked_rig(width, height, 0.7 * width);
-  for (int i = 0; i < 8; ++i) rig.left.distortion[i] = rig.right.distortion[i] = 0;
+  for (int i = 0; i < 8; ++i) rig.left.lens.distortion[i] = rig.right.lens.distortion[i] = 0;
   return rig;
 }
 

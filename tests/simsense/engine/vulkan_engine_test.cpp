@@ -45,7 +45,7 @@ simsense_rig_desc with_rgb(simsense_rig_desc rig, bool lens) {
   rig.rgb = simsense_test::camera(rgb_width, rgb_height, 60);
   if (lens) {
     const double coefficients[8] = {0.11, -0.3, 0.002, -0.001, 0, 0.05, -0.02, 0.01};
-    std::copy_n(coefficients, 8, rig.rgb.distortion);
+    std::copy_n(coefficients, 8, rig.rgb.lens.distortion);
   }
   simsense_test::set_pose(rig.left_to_rgb, 0.01, -0.02, 0.005, 0.015, 0.002, -0.003);
   return with_batch(rig);
@@ -53,7 +53,8 @@ simsense_rig_desc with_rgb(simsense_rig_desc rig, bool lens) {
 
 simsense_rig_desc crooked() {
   simsense_rig_desc rig = simsense_test::crooked_rig(width, height, 43);
-  rig.left.distortion[5] = 0.08, rig.left.distortion[6] = -0.03, rig.left.distortion[7] = 0.01;  // a rational lens beside one of five
+  rig.left.lens.distortion[5] = 0.08, rig.left.lens.distortion[6] = -0.03,
+  rig.left.lens.distortion[7] = 0.01;  // a rational lens beside one of five
   return with_batch(rig);
 }
 simsense_rig_desc ideal() { return with_batch(simsense_test::ideal_rig(width, height, 43)); }
@@ -163,7 +164,7 @@ TEST(vulkan_engine, both_back_ends_register_alike) {
   compare(with_rgb(ideal(), false), p, wanted, simsense_signal_init(), 0);
   p.splat_size = 4;
   compare(with_rgb(crooked(), true), p, wanted, simsense_signal_init(), 0);
-  p.splat_size = 0;
+  p.splat_size = 1;
   p.depth_dilation = 1;
   compare(with_rgb(crooked(), true), p, {{SIMSENSE_OUTPUT_DEPTH_RGB, KS_FORMAT_I16}}, simsense_signal_init(), 0);
 }

@@ -32,7 +32,7 @@ class Rigs {
     const bool bent = count_ % 4 != 0, turned = count_ % 5 != 0, rational = count_ % 3 == 0;
     for (simsense_camera* camera : {&rig.left, &rig.right}) {
       const double most[8] = {0.2, 0.05, 2e-3, 2e-3, 0.01, 0.2, 0.05, 0.01};
-      for (int i = 0; i < (rational ? 8 : 5) && bent; ++i) camera->distortion[i] = between(-most[i], most[i]);
+      for (int i = 0; i < (rational ? 8 : 5) && bent; ++i) camera->lens.distortion[i] = between(-most[i], most[i]);
     }
     const auto angle = [&] { return turned ? between(-0.08, 0.08) : 0; };
     simsense_test::set_pose(rig.left_to_right, angle(), angle(), angle(), -between(0.02, 0.3), between(-0.01, 0.01), between(-0.01, 0.01));
@@ -52,15 +52,15 @@ struct Expected {
   Expected(const simsense_rig_desc& rig, bool shrink) {
     const Rigid pose = rigid(rig.left_to_right);
     const cv::Size size(static_cast<int>(rig.left.width), static_cast<int>(rig.left.height));
-    cv::stereoRectify(matrix(rig.left.k, 3, 3), matrix(rig.left.distortion, 1, 8), matrix(rig.right.k, 3, 3),
-                      matrix(rig.right.distortion, 1, 8), size, matrix(pose.rotation.data(), 3, 3), matrix(pose.translation.data(), 3, 1),
-                      r1, r2, p1, p2, q, cv::CALIB_ZERO_DISPARITY, shrink ? 1 : -1);
+    cv::stereoRectify(matrix(rig.left.k, 3, 3), matrix(rig.left.lens.distortion, 1, 8), matrix(rig.right.k, 3, 3),
+                      matrix(rig.right.lens.distortion, 1, 8), size, matrix(pose.rotation.data(), 3, 3),
+                      matrix(pose.translation.data(), 3, 1), r1, r2, p1, p2, q, cv::CALIB_ZERO_DISPARITY, shrink ? 1 : -1);
   }
 };
 
 void expect_map(const RemapTable& map, const simsense_camera& camera, const cv::Mat& rotation, const cv::Mat& projection) {
   cv::Mat x, y;
-  cv::initUndistortRectifyMap(matrix(camera.k, 3, 3), matrix(camera.distortion, 1, 8), rotation, projection,
+  cv::initUndistortRectifyMap(matrix(camera.k, 3, 3), matrix(camera.lens.distortion, 1, 8), rotation, projection,
                               cv::Size(static_cast<int>(camera.width), static_cast<int>(camera.height)), CV_32FC1, x, y);
   for (size_t i = 0; i < map.x.size(); ++i) {
     if (map.x[i] == -2 && map.y[i] == -2) continue;  // beyond the fold, which OpenCV does not look for
@@ -112,7 +112,7 @@ TEST(OpenCv, MapsTheSamePixelsWithinTheFoldAndNoneBeyond) {
   const double fold2 = (-1.2 + std::sqrt(1.2 * 1.2 + 4 * 0.09)) / (2 * 0.09);
   simsense_rig_desc rig = simsense_test::ideal_rig(320, 240, 120);
   rig.rectified = 0;
-  for (simsense_camera* camera : {&rig.left, &rig.right}) camera->distortion[0] = -0.3, camera->distortion[5] = 0.3;
+  for (simsense_camera* camera : {&rig.left, &rig.right}) camera->lens.distortion[0] = -0.3, camera->lens.distortion[5] = 0.3;
   const Expected expected(rig, false);
   const Rectification r = make_rectification(rig);
   expect_map(r.left, rig.left, expected.r1, expected.p1);
@@ -138,10 +138,10 @@ TEST(OpenCv, UndistortsPixelsToTheSameRays) {
     std::vector<cv::Point2d> pixels, rays;
     for (uint32_t v = 0; v < camera.height; v += 7)
       for (uint32_t u = 0; u < camera.width; u += 7) pixels.emplace_back(u, v);
-    cv::undistortPoints(pixels, rays, matrix(camera.k, 3, 3), matrix(camera.distortion, 1, 8), cv::noArray(), cv::noArray(),
+    cv::undistortPoints(pixels, rays, matrix(camera.k, 3, 3), matrix(camera.lens.distortion, 1, 8), cv::noArray(), cv::noArray(),
                         cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 500, 1e-12));
     for (size_t i = 0; i < pixels.size(); ++i) {
-      const Normalised back = distorted(distortion(camera), {rays[i].x, rays[i].y});
+      const Normalised back = distorted(camera.lens, {rays[i].x, rays[i].y});
       const double residual_px =
           std::hypot(camera.k[0] * back[0] + camera.k[2] - pixels[i].x, camera.k[4] * back[1] + camera.k[5] - pixels[i].y);
       if (residual_px > 1e-9) continue;  // OpenCV's steps have not arrived: nothing to compare with
@@ -158,7 +158,7 @@ TEST(RayOfPixel, IsBentBackToItsPixel) {
   Rigs rigs;
   for (int n = 0; n < 100; ++n) {
     const simsense_camera camera = rigs.next().left;
-    const Distortion lens = distortion(camera);
+    const ks_lens& lens = camera.lens;
     for (double x = -0.4; x < 0.41; x += 0.1)
       for (double y = -0.4; y < 0.41; y += 0.1) {
         const Normalised seen = distorted(lens, {x, y});
@@ -171,7 +171,7 @@ TEST(RayOfPixel, IsBentBackToItsPixel) {
 
 TEST(RayOfPixel, BeyondTheFoldIsThatOfAPinhole) {
   simsense_camera camera = simsense_test::camera(640, 480, 400);
-  camera.distortion[0] = -0.6;  // no ray is bent farther out than r = sqrt(1 / 1.8) to 2 / 3 of that: 199 pixels
+  camera.lens.distortion[0] = -0.6;  // no ray is bent farther out than r = sqrt(1 / 1.8) to 2 / 3 of that: 199 pixels
   const Normalised ray = ray_of_pixel(camera, 639, 239.5);
   EXPECT_NEAR(ray[0], 319.5 / 400, 1e-12);
   EXPECT_NEAR(ray[1], 0, 1e-12);

@@ -8,8 +8,9 @@
 namespace simsense::reference {
 
 std::array<double, 2> distort(const simsense_camera& camera, double x, double y) {
-  const double k1 = camera.distortion[0], k2 = camera.distortion[1], p1 = camera.distortion[2], p2 = camera.distortion[3],
-               k3 = camera.distortion[4], k4 = camera.distortion[5], k5 = camera.distortion[6], k6 = camera.distortion[7];
+  const double k1 = camera.lens.distortion[0], k2 = camera.lens.distortion[1], p1 = camera.lens.distortion[2],
+               p2 = camera.lens.distortion[3], k3 = camera.lens.distortion[4], k4 = camera.lens.distortion[5],
+               k5 = camera.lens.distortion[6], k6 = camera.lens.distortion[7];
   const double r2 = x * x + y * y;
   const double radial = (1 + k1 * r2 + k2 * r2 * r2 + k3 * r2 * r2 * r2) / (1 + k4 * r2 + k5 * r2 * r2 + k6 * r2 * r2 * r2);
   return {x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y};

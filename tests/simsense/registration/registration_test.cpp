@@ -92,7 +92,7 @@ TEST(Registration, EqualsTheReferenceThroughRotationsAndLens) {
   g.left_to_rectified = pose(0.01, 0.03, -0.02, 0, 0, 0).rotation;
   simsense_camera rgb = camera(200, 130, 120);
   const double lens[5] = {0.1, -0.2, 1e-3, -2e-3, 0.05};
-  std::copy(lens, lens + 5, rgb.distortion);
+  std::copy(lens, lens + 5, rgb.lens.distortion);
   const Rigid to_rgb = pose(-0.02, 0.04, 0.01, 0.015, 0.002, -0.004);
   const auto depth = bumpy();
   for (const uint32_t splat_size : {1u, 2u, 3u, 6u}) {
@@ -183,7 +183,7 @@ TEST(Registration, DoesNotDependOnTheNumberOfWorkers) {
 
 TEST(Registration, PointsBeyondTheFoldOfTheLensAreNotSeen) {
   simsense_camera rgb = camera(width, height, 100);
-  rgb.distortion[0] = -0.3;  // r - 0.3 r^3 turns back at r = 1.05 and is 0 again at r = 1.83
+  rgb.lens.distortion[0] = -0.3;  // r - 0.3 r^3 turns back at r = 1.05 and is 0 again at r = 1.83
   const std::vector<float> depth(width * height, 0.5f);
   const auto out = registered(straight(), rgb, pose(0, 0, 0, 1, 0, 0), depth);  // every point lies at r = 1.2 to 2.8
   EXPECT_EQ(landed(out), 0u);

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from activestereo.benchmarks.generate.studio import Frame, Settings, Studio, sen
 from activestereo.benchmarks.generate.things import Things
 from activestereo.common.input_files import read_json
 from activestereo.common.processes import process_pool
+from activestereo.scene_io import usd
 
 _studio: Studio | None = None  # a worker's
 
@@ -46,7 +47,8 @@ def generate(
     time, also by other machines that share the folder. Whoever makes the last frame writes the scenes' tables.
     ValueError where `out` has frames of other settings; ChildProcessError where a worker was ended from outside: what
     is done stays, and the same call goes on. ray: a cluster's address and the processors of an actor there, which take
-    the place of the workers (ray_actors.py)."""
+    the place of the workers (ray_actors.py). Things that are USD stages are written to out/things as .glb first."""
+    settings = replace(settings, things=tuple(_as_gltf(path, out / "things") for path in settings.things))
     things = Things(kuafu.Scene(kuafu.Device(settings.device)), list(settings.things)).things  # its checks come first
     about = description(settings)
     _check_same(out, about)
@@ -67,6 +69,15 @@ def generate(
     if not others:
         bop.write_scenes(out, count)
     return Done(len(missing), len(own) - len(missing), others, seconds)
+
+
+def _as_gltf(path: Path, folder: Path) -> Path:
+    if not usd.is_usd(path):
+        return path
+    folder.mkdir(parents=True, exist_ok=True)
+    glb = folder / f"{path.stem}.glb"
+    usd.convert(path, glb)
+    return glb
 
 
 def description(settings: Settings) -> dict[str, Any]:

@@ -193,6 +193,7 @@ def _messages(
 
 
 # How many numbers of k1, k2, p1, p2, k3, k4, k5, k6 a lens model has at most: ROS's names and librealsense's.
+_FISHEYE = ("equidistant", "fisheye", "kannala brandt4")
 _BROWN = {"": 5, "plumb_bob": 5, "none": 5, "brown conrady": 5, "modified brown conrady": 5, "rational_polynomial": 8}
 
 
@@ -244,15 +245,26 @@ def _pixels(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
 
 def _intrinsic(path: Path, topic: str, message: Any) -> Intrinsic:
     K = np.asarray(_either(message, "k"), float).reshape(3, 3)
+    if message.distortion_model.lower() in _FISHEYE:
+        distortion = np.asarray(_either(message, "d"), float)[:4]
+        if len(distortion) != 4:
+            raise ValueError(f"{path}: {topic}: a fisheye lens has d = {distortion.tolist()}, expected 4 numbers")
+        return _sized(path, topic, message, K, distortion)
     coefficients = np.trim_zeros(np.asarray(_either(message, "d"), float), "b")
     if len(coefficients) > _BROWN.get(message.distortion_model.lower(), 0):
         raise ValueError(
             f"{path}: {topic}: distortion_model is {message.distortion_model!r} with d = {coefficients.tolist()}; only "
-            "the five numbers of plumb_bob (Brown and Conrady) and the eight of rational_polynomial are read: record "
-            "rectified infrared images"
+            "the five numbers of plumb_bob (Brown and Conrady), the eight of rational_polynomial and the four of "
+            "equidistant (a fisheye lens) are read: record rectified infrared images"
         )
     distortion = np.zeros(8 if len(coefficients) > 5 else 5)
     distortion[: len(coefficients)] = coefficients
+    return _sized(path, topic, message, K, distortion)
+
+
+def _sized(
+    path: Path, topic: str, message: Any, K: NDArray[np.float64], distortion: NDArray[np.float64]
+) -> Intrinsic:
     if not (K[0, 0] > 0 and K[1, 1] > 0):
         raise ValueError(f"{path}: {topic}: K is {K.ravel().tolist()}, expected focal lengths above 0")
     return Intrinsic(int(message.width), int(message.height), K, distortion)

@@ -26,6 +26,8 @@ SUFFIXES = (".yaml", ".yml")
 _MOST_BYTES = 1 << 20
 _SIDES = ("Infrared 1", "Infrared 2")
 _NO_LENS = np.zeros(5)
+_FISHEYE = ("equidistant", "fisheye")
+_ROS_MODELS = ("plumb_bob", "rational_polynomial", *_FISHEYE)
 
 
 @dataclass(frozen=True)
@@ -127,14 +129,15 @@ def _ros_camera(entry: _Entry) -> _Camera:
     width, height = entry.side("image_width", "width"), entry.side("image_height", "height")
     K = _matrix(entry, entry.numbers((9,), PIXEL, "camera_matrix", "K", "k").reshape(3, 3), "camera_matrix")
     model = str(entry.values.get("distortion_model", "plumb_bob")) or "plumb_bob"
-    if model not in ("plumb_bob", "rational_polynomial"):
-        entry.fail("distortion_model", f"is {model!r}, expected plumb_bob or rational_polynomial")
-    lens = entry.numbers((0, 4, 5, 8), DISTORTION, "distortion_coefficients", "D", "d")
+    if model not in _ROS_MODELS:
+        entry.fail("distortion_model", f"is {model!r}, expected {' or '.join(_ROS_MODELS)}")
+    is_fisheye = model in _FISHEYE
+    lens = entry.numbers((4,) if is_fisheye else (0, 4, 5, 8), DISTORTION, "distortion_coefficients", "D", "d")
     R = entry.numbers((9,), PIXEL, "rectification_matrix", "R", "r").reshape(3, 3)
     R = printed_motion(R, np.zeros(3), f"{entry.name}: rectification_matrix")[:3, :3]
     P = entry.numbers((12,), PIXEL, "projection_matrix", "P", "p").reshape(3, 4)
     _matrix(entry, P[:, :3], "projection_matrix")
-    return _Camera(entry.name, Intrinsic(width, height, K, _five_or_eight(lens)), R, P)
+    return _Camera(entry.name, Intrinsic(width, height, K, lens if is_fisheye else _five_or_eight(lens)), R, P)
 
 
 def _ros_pair(path: Path, cameras: list[_Camera], are_rectified: bool) -> DeviceText:
@@ -176,16 +179,16 @@ def _kalibr(path: Path, chain: _Entry) -> DeviceText:
 
 
 def _kalibr_lens(camera: _Entry) -> Intrinsic:
-    for key, known in (("camera_model", ("pinhole",)), ("distortion_model", ("radtan", "none"))):
+    for key, known in (("camera_model", ("pinhole",)), ("distortion_model", ("radtan", "equi", "none"))):
         value = camera.named(key)[1]
         if value not in known:
             camera.fail(key, f"is {value!r}, expected {' or '.join(known)}")
     width, height = camera.numbers((2,), SIDE, "resolution")
     fx, fy, cx, cy = camera.numbers((4,), PIXEL, "intrinsics")
     K = _matrix(camera, np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]), "intrinsics")
-    is_radtan = camera.values["distortion_model"] == "radtan"
-    lens = camera.numbers((4,), DISTORTION, "distortion_coeffs") if is_radtan else _NO_LENS
-    return Intrinsic(int(width), int(height), K, _five_or_eight(lens))
+    model = camera.values["distortion_model"]
+    lens = _NO_LENS if model == "none" else camera.numbers((4,), DISTORTION, "distortion_coeffs")
+    return Intrinsic(int(width), int(height), K, lens if model == "equi" else _five_or_eight(lens))
 
 
 def _number(value: Any) -> Any:

@@ -23,7 +23,7 @@ _ENTRY = "ks_effect_plugin"
 _RANDOMNESS = tuple(Randomness[name.upper()] for name in records.RANDOMNESS)
 _LEVERS = tuple(Lever[name.upper()] for name in records.LEVER)
 _SHARED_BY = tuple(SharedBy[name.upper()] for name in records.SHARED_BY)
-_MOST_EFFECTS, _MOST_PARAMETERS, _LONGEST_CHAIN = 256, 64, 16
+_MOST_EFFECTS, _MOST_PARAMETERS = 256, 64
 _RNG_PER = {Randomness.NONE: "rig", Randomness.STATIC: "sensor", Randomness.TEMPORAL: "frame"}
 
 
@@ -81,25 +81,9 @@ def _effect(record: records.Effect, library: c.CDLL) -> Effect:
         return _run(record.apply, name, randomness, value, view, [values[p.name] for p in parameters])
 
     texts: dict[str, Any] = {field: _text(getattr(record, field)) for field in ("family", "summary", "source")}
-    judged = tuple(map(_random_term, _chained_terms(record.header)))
+    terms = _records(record.random_terms, record.random_term_count, "random term", _MOST_PARAMETERS)
+    judged = tuple(map(_random_term, terms))
     return Effect(name, stage=stage, parameters=parameters, apply=apply, randomness=randomness, judged=judged, **texts)
-
-
-def _chained_terms(header: records.Header) -> list[records.RandomTerm]:
-    """The random terms that an effect's header leads to."""
-    at = header.next
-    for _ in range(_LONGEST_CHAIN):
-        if not at:
-            return []
-        found = c.cast(at, c.POINTER(records.RandomTerms))[0]
-        if found.header.type == records.TYPE_EFFECT_RANDOM_TERMS:
-            if found.header.size_bytes < c.sizeof(records.RandomTerms):
-                raise ValueError(
-                    f"its random terms have {found.header.size_bytes} bytes, not {c.sizeof(records.RandomTerms)}"
-                )
-            return _records(found.terms, found.count, "random term", _MOST_PARAMETERS)
-        at = found.header.next
-    raise ValueError(f"its header's chain has no end within {_LONGEST_CHAIN} structs")
 
 
 def _random_term(record: records.RandomTerm) -> RandomTerm:

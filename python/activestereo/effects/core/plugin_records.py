@@ -4,7 +4,6 @@
 
 import ctypes as c
 
-TYPE_EFFECT_RANDOM_TERMS = 0x09
 TYPE_EFFECT_VIEW = 0x08
 TYPE_EFFECT = 0x07
 LEVER = ("one", "signal", "projector", "exposure", "photons")
@@ -15,7 +14,7 @@ RANDOMNESS = ("none", "static", "temporal")
 class Header(c.Structure):
     """ks_header"""
 
-    _fields_ = [("type", c.c_uint32), ("size_bytes", c.c_uint32), ("next", c.c_void_p)]
+    _fields_ = [("size_bytes", c.c_uint32), ("type", c.c_uint32)]
 
 
 class RandomTerm(c.Structure):
@@ -26,17 +25,6 @@ class RandomTerm(c.Structure):
         ("sparse_share", c.c_char_p),
         ("lever", c.c_uint32),
         ("shared_by", c.c_uint32),
-    ]
-
-
-class RandomTerms(c.Structure):
-    """ks_effect_random_terms"""
-
-    _fields_ = [
-        ("header", Header),
-        ("terms", c.POINTER(RandomTerm)),
-        ("count", c.c_uint32),
-        ("reserved", c.c_uint32),
     ]
 
 
@@ -100,7 +88,8 @@ class Effect(c.Structure):
         ("stage", c.c_uint32),
         ("randomness", c.c_uint32),
         ("parameter_count", c.c_uint32),
-        ("reserved", c.c_uint32),
+        ("random_term_count", c.c_uint32),
         ("parameters", c.POINTER(Parameter)),
         ("apply", Apply),
+        ("random_terms", c.POINTER(RandomTerm)),
     ]

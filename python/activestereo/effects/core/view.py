@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from activestereo.common.computed_once import computed_once
-from activestereo.common.lens import distort, undistort
+from activestereo.common.lens import distort, is_distorting, undistort
 from activestereo.effects.core.random_stream import random_stream
 
 if TYPE_CHECKING:
@@ -145,11 +145,11 @@ class View:
             return self.once("rays", lambda: _read_only(*self.rays(*self.pixels())))
         y = (v - self.K[1, 2]) / self.K[1, 1]
         x = (u - self.K[0, 2] - self.K[0, 1] * y) / self.K[0, 0]
-        return undistort(x, y, self.distortion) if any(self.distortion) else (x, y)
+        return undistort(x, y, self.distortion) if is_distorting(self.distortion) else (x, y)
 
     def to_pixels(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(u, v) at which the nominal camera draws the direction (x, y, 1)."""
-        if any(self.distortion):
+        if is_distorting(self.distortion):
             x, y = distort(x, y, self.distortion)
         return self.K[0, 0] * x + self.K[0, 1] * y + self.K[0, 2], self.K[1, 1] * y + self.K[1, 2]
 

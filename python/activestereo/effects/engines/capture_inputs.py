@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 import kuafu
 import simsense
 from activestereo.capture.capture import Capture, Frame
+from activestereo.common.lens import lens_fields
 from activestereo.common.pose import carried_twist
 from activestereo.effects.core.engine import REFERENCE_TEMPERATURE_C, EngineCamera, EngineInputs
 
@@ -60,7 +61,7 @@ def _side(capture: Capture, frame: Frame, name: str, left_to_side: NDArray[np.fl
             camera.height,
             camera.K,
             frame.camera_to_world @ np.linalg.inv(left_to_side),
-            distortion=tuple(camera.distortion),
+            **lens_fields(camera.distortion),
             linear_velocity=linear,
             angular_velocity=angular,
         ),

@@ -35,7 +35,7 @@ def copy_record(record: Any) -> Any:
 
 def copy_camera(camera: kuafu.Camera, delay_s: float) -> kuafu.Camera:
     """The camera where it is `delay_s` seconds after its time."""
-    names = ("distortion", "lens_radius_m", "focus_m", "shutter", "readout", "exposure_s", "line_time_s")
+    names = ("lens_model", "distortion", "lens_radius_m", "focus_m", "shutter", "readout", "exposure_s", "line_time_s")
     fields = {name: getattr(camera, name) for name in (*names, "linear_velocity", "angular_velocity")}
     pose = moved_pose(camera.camera_to_world, camera.linear_velocity, camera.angular_velocity, delay_s)
     return kuafu.Camera(camera.width, camera.height, camera.k, pose, camera.near_m, camera.far_m, **fields)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.lens import is_distorting
 from activestereo.common.pose import Pose, body_pose
 from activestereo.model import SensorModel
 from activestereo.report.view.settings import SURFACE_FIELDS, Settings
@@ -141,7 +142,8 @@ def _pictures(sensor: StereoDepthSensor, begin: float) -> Pictures:
     config = sensor.get_config()
     left, right = (image.astype(np.float32) for image in sensor.get_ir_measured())
     depth_m, focal_baseline = sensor.get_depth(), config.focal_baseline_px_m
-    if config.rectified and not any(config.ir_distortion):  # registration would take away what lies between pixels
+    if config.rectified and not is_distorting(config.ir_distortion):
+        # Registration would take away what lies between pixels.
         disparity = sensor.get_disparity()
         disparity = np.where(disparity > 0, disparity, np.float32(np.nan))
     else:

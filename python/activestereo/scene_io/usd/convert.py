@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from activestereo.scene_io.converted_copy import load_copy
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.usd import lamps, shapes
 from activestereo.scene_io.usd.stage import Stage, UsdError, columns, open_stage
@@ -52,7 +51,7 @@ def load_usd(scene: kuafu.Scene, path: str | Path, time_s: float | None = None) 
     with tempfile.TemporaryDirectory() as folder:
         glb = Path(folder) / "stage.glb"
         converted = convert(path, glb, time_s)
-        load_copy(scene, glb, path)
+        scene.load(glb, name=path)
     return converted
 
 

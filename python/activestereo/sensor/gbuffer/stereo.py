@@ -22,6 +22,7 @@ from activestereo.camera.auto_exposure import AutoExposure
 from activestereo.camera.config_limits import FRAME
 from activestereo.camera.matching import make_engine
 from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.lens import is_distorting
 from activestereo.common.limits import POWER, Limits
 from activestereo.common.nearest import unknown
 from activestereo.effects.core.engine import EngineInputs
@@ -64,7 +65,7 @@ class GBufferStereo:
             config.ir_exposure_mode = "settled"
         config.check()
         for name in ("ir_distortion", "ir_distortion_right"):
-            if np.any(getattr(config, name) or 0.0):
+            if is_distorting(getattr(config, name) or (0.0,)):
                 raise ValueError(f"{name} is {getattr(config, name)}: G-buffers are of pinholes: set it to zeros")
         require_row(config.trans_pose_l, config.trans_pose_r, "the right infrared camera")
         require_row(config.trans_pose_l, config.pose_rgb_irproj, "the projector")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.lens import is_distorting
 from activestereo.effects.core.engine import EngineInputs
 from activestereo.sensor.gbuffer.cause import causes, hidden_from_right
 from activestereo.sensor.gbuffer.materials import mirrors_or_is_glass
@@ -37,7 +38,7 @@ def traced_causes(sensor: TracedSensor, reason: NDArray[np.uint8]) -> NDArray[np
     """uint8 [height, width], an index into cause.CAUSES, of the scene as it is now. reason: the matcher's. ValueError
     for a sensor whose images are rectified before they are matched."""
     config = sensor.get_config()
-    if not config.rectified or any(np.any(config.ir_intrinsics(is_right)[1]) for is_right in (False, True)):
+    if not config.rectified or any(is_distorting(config.ir_intrinsics(is_right)[1]) for is_right in (False, True)):
         raise ValueError("causes are told of pairs that are matched as they come: rectified=True, and no distortion")
     inputs = sensor.engine_inputs()
     depth, numbers = (sensor.get_picture(name, "left")[None, ..., 0] for name in ("depth", "material_id"))

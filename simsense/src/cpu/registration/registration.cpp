@@ -52,9 +52,9 @@ void Registration::project(const float* depth, size_t first, size_t count, uint3
     nx[i] = (z * (step[0] * u + start[0]) + t[0]) / out.z[i];
     ny[i] = (z * (step[1] * u + start[1]) + t[1]) / out.z[i];
   }
-  if (const BrownConrady* distortion = projection_.distortion()) {
+  if (const LensParameters& lens = projection_.lens(); lens.max_radius2 > 0) {
     for (size_t i = 0; i < count; ++i)
-      if (!distortion->apply(nx[i], ny[i])) out.z[i] = -1;
+      if (!distort(lens, nx[i], ny[i])) out.z[i] = -1;
   }
   for (size_t i = 0; i < count; ++i) {
     const bool seen = ((depth[first + i] > 0) | splat_invalid) & (out.z[i] > 0);

@@ -25,9 +25,7 @@ void set_rgb_camera(DepthParameters& p, const RgbProjection& projection) {
   p.rgb_height = projection.height();
   std::ranges::copy(projection.focal_px(), p.rgb_focal);
   std::ranges::copy(projection.centre_px(), p.rgb_centre);
-  if (!projection.distortion()) return;
-  const auto [k1, k2, k3, k4, k5, k6, p1, p2, max_radius2] = projection.distortion()->coefficients();
-  p.k1 = k1, p.k2 = k2, p.k3 = k3, p.k4 = k4, p.k5 = k5, p.k6 = k6, p.p1 = p1, p.p2 = p2, p.max_radius2 = max_radius2;
+  p.lens = projection.lens();
 }
 
 }  // namespace

@@ -14,14 +14,14 @@ VulkanRemap::VulkanRemap(const std::shared_ptr<ks::Device>& device, const Rectif
               {upload(device, rectification.right.x), upload(device, rectification.right.y)}},
       remap_(device, remap_spirv, sizeof(RemapPush)) {}
 
-void VulkanRemap::record(ks::Commands& commands, uint32_t eye, bool nearest, const ImageRef& source, const ImageRef& target,
+void VulkanRemap::record(ks::Commands& commands, uint32_t side, bool nearest, const ImageRef& source, const ImageRef& target,
                          const ImageRef& copy, uint32_t pairs) const {
   RemapPush push{};
   push.source = source;
   push.target = target;
   push.copy = copy;
-  push.x = tables_[eye].x->address();
-  push.y = tables_[eye].y->address();
+  push.x = tables_[side].x->address();
+  push.y = tables_[side].y->address();
   push.width = width_;
   push.height = height_;
   push.nearest = nearest ? 1 : 0;

@@ -15,7 +15,7 @@ class VulkanRemap {
   VulkanRemap(const std::shared_ptr<ks::Device>& device, const Rectification& rectification);
 
   /// target and copy get the same counts; either may be absent.
-  void record(ks::Commands& commands, uint32_t eye, bool nearest, const ImageRef& source, const ImageRef& target, const ImageRef& copy,
+  void record(ks::Commands& commands, uint32_t side, bool nearest, const ImageRef& source, const ImageRef& target, const ImageRef& copy,
               uint32_t pairs) const;
   /// Where each rectified left pixel lies in its source: addresses of [height][width] floats.
   [[nodiscard]] uint64_t left_x() const { return tables_[0].x->address(); }

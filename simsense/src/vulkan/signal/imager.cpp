@@ -40,7 +40,7 @@ VulkanImagers::VulkanImagers(std::shared_ptr<ks::Device> device, uint32_t width,
       height_(height),
       pitch_(groups(width, 4) * 4),
       signal_(device_, signal_spirv, sizeof(SignalPush)) {
-  for (Eye& eye : eyes_) eye.block = ks::Buffer::create(device_, sizeof(SignalBlock), 0);
+  for (Side& side : sides_) side.block = ks::Buffer::create(device_, sizeof(SignalBlock), 0);
 }
 
 uint64_t VulkanImagers::reserve(std::shared_ptr<ks::Buffer>& buffer, uint64_t floats) {
@@ -59,7 +59,7 @@ SignalParameters VulkanImagers::parameters(const Imager& imager, uint32_t pairs)
   const uint64_t floats = uint64_t{pitch_} * height_ * pairs;
   if (imager.blooms()) p.charge = reserve(charge_, floats);
   if (p.grain_radius > 0) {
-    // Room for the widest PSF at once: both eyes of one recording use it, so it must not grow between them.
+    // Room for the widest PSF at once: both cameras of one recording use it, so it must not grow between them.
     p.along_rows = reserve(along_rows_, uint64_t{pitch_} * (height_ + grain_taps - 1) * pairs);
     for (uint32_t part : {0u, 1u})
       if (p.speckle_parts >> part & 1u) p.normals[part] = reserve(normals_[part], floats);
@@ -87,9 +87,9 @@ SignalParameters VulkanImagers::parameters(const Imager& imager, uint32_t pairs)
 }
 
 /// Tables change with the speckle alone, so they stay in the block until it does.
-void VulkanImagers::update_tables(ks::Commands& commands, uint32_t eye, const Imager& imager) {
+void VulkanImagers::update_tables(ks::Commands& commands, uint32_t side, const Imager& imager) {
   const simsense_signal& s = imager.signal();
-  if (s.speckle_shape == 0 || (eyes_[eye].tables && same_tables(*eyes_[eye].tables, s))) return;
+  if (s.speckle_shape == 0 || (sides_[side].tables && same_tables(*sides_[side].tables, s))) return;
   SignalTables tables{};
   if (s.speckle_psf_sigma_px > 0) std::ranges::copy(grain_kernel(s.speckle_psf_sigma_px), tables.grain_weights);
   const auto copy_table = [&](const GammaTable& table, uint32_t part) {
@@ -102,8 +102,8 @@ void VulkanImagers::update_tables(ks::Commands& commands, uint32_t eye, const Im
   };
   copy_table(imager.static_speckle(), 0);
   copy_table(imager.temporal_speckle(), 1);
-  commands.update(*eyes_[eye].block, offsetof(SignalBlock, tables), &tables, sizeof tables);
-  eyes_[eye].tables = s;
+  commands.update(*sides_[side].block, offsetof(SignalBlock, tables), &tables, sizeof tables);
+  sides_[side].tables = s;
 }
 
 void VulkanImagers::record_grain(ks::Commands& commands, SignalPush push, const SignalParameters& p, uint32_t pairs) {
@@ -118,7 +118,7 @@ void VulkanImagers::record_grain(ks::Commands& commands, SignalPush push, const 
   }
 }
 
-void VulkanImagers::record(ks::Commands& commands, uint32_t eye, const Imager& imager, std::span<const NoiseKey> keys,
+void VulkanImagers::record(ks::Commands& commands, uint32_t side, const Imager& imager, std::span<const NoiseKey> keys,
                            const LightRefs& light, const ImageRef& counts, const ImageRef& ir) {
   if (keys.size() > signal_pairs) ks::fail(KS_ERROR_INTERNAL, "%zu images at once: at most %u", keys.size(), signal_pairs);
   const auto pairs = static_cast<uint32_t>(keys.size());
@@ -126,10 +126,10 @@ void VulkanImagers::record(ks::Commands& commands, uint32_t eye, const Imager& i
   head.parameters = parameters(imager, pairs);
   if (head.parameters.speckle_parts != 0) head.parameters.laser = light.laser;
   std::ranges::transform(keys, head.keys, signal_keys);
-  commands.update(*eyes_[eye].block, offsetof(SignalBlock, head), &head, sizeof head);
-  update_tables(commands, eye, imager);
+  commands.update(*sides_[side].block, offsetof(SignalBlock, head), &head, sizeof head);
+  update_tables(commands, side, imager);
   SignalPush push{};
-  push.block = eyes_[eye].block->address();
+  push.block = sides_[side].block->address();
   push.light = light.all;
   push.counts = counts;
   push.ir = ir;
@@ -148,7 +148,7 @@ void VulkanImagers::record(ks::Commands& commands, uint32_t eye, const Imager& i
 
 uint64_t VulkanImagers::memory_bytes() const {
   uint64_t bytes = 0;
-  for (const auto* buffer : {&eyes_[0].block, &eyes_[1].block, &charge_, &normals_[0], &normals_[1], &along_rows_})
+  for (const auto* buffer : {&sides_[0].block, &sides_[1].block, &charge_, &normals_[0], &normals_[1], &along_rows_})
     if (*buffer) bytes += (*buffer)->size_bytes();
   return bytes;
 }

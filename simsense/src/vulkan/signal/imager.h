@@ -24,18 +24,18 @@ class VulkanImagers {
  public:
   VulkanImagers(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height);
 
-  /// Records one eye's images, at most signal_pairs, one key each. counts and ir may be absent (format 0), not both.
-  void record(ks::Commands& commands, uint32_t eye, const Imager& imager, std::span<const NoiseKey> keys, const LightRefs& light,
+  /// Records one camera's images, at most signal_pairs, one key each. counts and ir may be absent (format 0), not both.
+  void record(ks::Commands& commands, uint32_t side, const Imager& imager, std::span<const NoiseKey> keys, const LightRefs& light,
               const ImageRef& counts, const ImageRef& ir);
   [[nodiscard]] uint64_t memory_bytes() const;
 
  private:
   SignalParameters parameters(const Imager& imager, uint32_t pairs);
-  void update_tables(ks::Commands& commands, uint32_t eye, const Imager& imager);
+  void update_tables(ks::Commands& commands, uint32_t side, const Imager& imager);
   void record_grain(ks::Commands& commands, SignalPush push, const SignalParameters& parameters, uint32_t pairs);
   uint64_t reserve(std::shared_ptr<ks::Buffer>& buffer, uint64_t floats);
 
-  struct Eye {
+  struct Side {
     std::shared_ptr<ks::Buffer> block;
     std::optional<simsense_signal> tables;  // whose tables the block holds
   };
@@ -43,7 +43,7 @@ class VulkanImagers {
   uint32_t width_, height_, pitch_;
   ks::ComputePipeline signal_;
   std::unique_ptr<ks::ComputePipeline> bloom_, grain_;  // made when first needed
-  Eye eyes_[2];
+  Side sides_[2];
   std::shared_ptr<ks::Buffer> charge_, normals_[2], along_rows_;
 };
 
