@@ -106,7 +106,7 @@ def recover_pattern(
     scenes: Sequence[int] | None = None, progress: Callable[[float], object] | None = None,
 ) -> PatternEstimate:  # fmt: skip
     """The PatternEstimate of views under a K. start: the projector's nominal place in the left frame, m. scenes: a
-    number of each view's scene, for views of one scene err alike; None: each shows its own.
+    number of each view's scene, for views of one scene err alike; None, or fewer than three: views count one by one.
 
     ValueError where the views have no dots in common.
     """
@@ -119,7 +119,8 @@ def recover_pattern(
     size = views[0].left.shape[1], views[0].left.shape[0]
     canvas = _Canvas(K, size)
     chosen = [_some(f, rng) for f in fine]
-    place, covariance = _sharpest(canvas, chosen, scenes or range(len(fine)), np.asarray(start, float), progress)
+    apart = scenes if scenes is not None and len(set(scenes)) > 2 else range(len(fine))
+    place, covariance = _sharpest(canvas, chosen, apart, np.asarray(start, float), progress)
     sums = [canvas.sums(f, place) for f in fine]
     total, count = (np.sum([s[k] for s in sums], axis=0, dtype=np.float32) for k in (0, 1))
     r = {}
