@@ -68,13 +68,14 @@ struct GbufferRecord {
   FloatArray projector_inverse;  // 1/m
   FloatArray power, ambient;     // by environment: over the projector's intensity; the room's radiance, W/(sr m^2)
   UintArray errors;              // by environment: the least word of what is wrong, or gbuffer_no_error
-  UintArray measured_albedo;     // by 1 + material: nonzero where it has an infrared albedo
+  UintArray material_places;     // by 1 + a material's id: its place in the scene's table, 0 where it was removed
+  UintArray measured_albedo;     // by place: nonzero where it has an infrared albedo
   FloatArray matt, lobes, laser; // [eye][environment][row][column]: shares of light from all sides that are reflected; radiance
   GbufferCells cells;            // [eye][environment][row][column]
   OutputArray outputs;
   SceneReference scene;
   PatternMeans pattern;
-  uint width, height, environments, materials;  // 1 + their number
+  uint width, height, environments, materials;  // of material_places
   uint cell_columns, cell_rows;
   uint along_rays;       // nonzero: depths are distances from the camera's centre
   uint projector_depth_given;
@@ -92,7 +93,7 @@ struct GbufferPush {
 
 #ifdef __cplusplus
 static_assert(sizeof(GbufferEye) == 176);
-static_assert(sizeof(GbufferRecord) == 520);
+static_assert(sizeof(GbufferRecord) == 528);
 static_assert(sizeof(GbufferPush) == 16);
 }  // namespace kuafu
 #endif

@@ -43,7 +43,11 @@ void check_surface(uint image, uint pixel) {
     float albedo = eye.albedo.at[pixel];
     if (!is_number(albedo) || albedo < 0.0f || albedo > 1.0f) refuse(image, pixel, gbuffer_bad_albedo);
   }
-  if ((eye.given & gbuffer_has_material) != 0u && eye.material.at[pixel] >= push.record.at[0].materials) refuse(image, pixel, gbuffer_bad_material);
+  if ((eye.given & gbuffer_has_material) != 0u) {
+    uint material = eye.material.at[pixel];
+    if (material >= push.record.at[0].materials || (material > 0u && push.record.at[0].material_places.at[material] == 0u))
+      refuse(image, pixel, gbuffer_bad_material);
+  }
 }
 
 /// Image 0 is the left camera's, 1 the right one's, 2 the projector's.
@@ -97,7 +101,7 @@ vec3 surface_normal(IN(GbufferEye) eye, IN(GbufferPlace) p, float inverse, vec3 
 struct GbufferSurface {
   float inverse_depth;
   vec3 way, position, normal, to_camera;  // way: from the camera, with z = 1 there
-  uint material;
+  uint material;  // its place in the scene's table
   float albedo;  // below 0: the material's
 };
 
@@ -123,7 +127,7 @@ GbufferSurface surface_at_pixel(IN(GbufferPlace) p) {
   GbufferPlace q = shown_place(p);
   IN(GbufferEye) eye = push.record.at[0].eyes[q.eye];
   s.normal = surface_normal(eye, q, eye.inverse_depth.at[q.pixel], s.to_camera);
-  s.material = (eye.given & gbuffer_has_material) != 0u ? eye.material.at[q.pixel] : 0u;
+  s.material = (eye.given & gbuffer_has_material) != 0u ? push.record.at[0].material_places.at[eye.material.at[q.pixel]] : 0u;
   s.albedo = (eye.given & gbuffer_has_albedo) != 0u ? eye.albedo.at[q.pixel] : -1.0f;
   return s;
 }

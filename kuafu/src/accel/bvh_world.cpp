@@ -50,18 +50,17 @@ void BvhWorld::forget() {
 std::vector<uint32_t> BvhWorld::follow_meshes(const Scene& scene) {
   const MeshWatch::Changes changes = watch_.look(scene);
   const std::vector<uint32_t>& deformed = changes.deformed;
-  device_->workers().parallel_for(deformed.size(), [&](size_t i) { deform(scene.meshes()[deformed[i]], meshes_[deformed[i]]); });
+  device_->workers().parallel_for(deformed.size(), [&](size_t i) { deform(scene.meshes()[deformed[i]], meshes_.at(deformed[i])); });
   for (const uint32_t id : deformed) upload(meshes_[id]);
-  for (const uint32_t id : changes.removed) meshes_[id] = {};
-  if (meshes_.size() < scene.meshes().size()) add_meshes(scene);
+  for (const uint32_t id : changes.removed) meshes_.erase(id);
+  if (!changes.added.empty()) add_meshes(scene, changes.added);
   return deformed;
 }
 
 /// All meshes that are new go into one allocation: nodes of 64 and triangles of 48 bytes, mesh after mesh.
-void BvhWorld::add_meshes(const Scene& scene) {
-  const size_t first = meshes_.size();
-  std::vector<MeshBvh> built(scene.meshes().size() - first);
-  device_->workers().parallel_for(built.size(), [&](size_t i) { built[i] = build_mesh_bvh(scene.meshes()[first + i]); });
+void BvhWorld::add_meshes(const Scene& scene, const std::vector<uint32_t>& ids) {
+  std::vector<MeshBvh> built(ids.size());
+  device_->workers().parallel_for(ids.size(), [&](size_t i) { built[i] = build_mesh_bvh(scene.meshes()[ids[i]]); });
   std::vector<std::byte> bytes;
   uint64_t most_bytes = 0;
   for (const MeshBvh& mesh : built)
@@ -75,16 +74,17 @@ void BvhWorld::add_meshes(const Scene& scene) {
     bytes.insert(bytes.end(), span.begin(), span.end());
     return offset;
   };
-  for (const MeshBvh& mesh : built) {
-    const uint64_t nodes = append(mesh.nodes);
-    meshes_.push_back({nodes, append(mesh.triangles), mesh.bounds, nullptr, nullptr});
+  for (size_t i = 0; i < ids.size(); ++i) {
+    const uint64_t nodes = append(built[i].nodes);
+    meshes_[ids[i]] = {nodes, append(built[i].triangles), built[i].bounds, nullptr, nullptr};
   }
   ArrayBuffer block;
   block.upload(device_, bytes);
-  for (size_t i = first; i < meshes_.size(); ++i) {
-    meshes_[i].nodes += block.address();
-    meshes_[i].triangles += block.address();
-    if (!scene.meshes()[i].removed) meshes_[i].block = block.buffer();
+  for (const uint32_t id : ids) {
+    PlacedMesh& placed = meshes_[id];
+    placed.nodes += block.address();
+    placed.triangles += block.address();
+    placed.block = block.buffer();
   }
 }
 
@@ -116,7 +116,7 @@ void BvhWorld::put(uint32_t slot, const Placement& p) {
   placements_[slot] = p;
   if (moves()) motion_records_[slot] = p.sweep ? motion_record(p.sweep->motion) : MotionRecord{};
   if (!p.traceable) return;
-  const PlacedMesh& mesh = meshes_[p.mesh];
+  const PlacedMesh& mesh = meshes_.at(p.mesh);
   const glm::mat4 rows(glm::transpose(p.world_to_local));
   boxes_[slot] = placement_box(mesh.bounds, p);
   records_[slot] = {rows[0], rows[1], rows[2], mesh.nodes, mesh.triangles};

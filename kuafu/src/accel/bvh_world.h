@@ -3,6 +3,8 @@
 // follows single instances. Thread rule: externally synchronised; no work may be in flight during update.
 #pragma once
 
+#include <unordered_map>
+
 #include "accel/array_buffer.h"
 #include "accel/mesh_bvh.h"
 #include "accel/placement.h"
@@ -47,7 +49,7 @@ class BvhWorld {
 
   void forget();
   std::vector<uint32_t> follow_meshes(const Scene& scene);
-  void add_meshes(const Scene& scene);
+  void add_meshes(const Scene& scene, const std::vector<uint32_t>& ids);
   void deform(const Mesh& mesh, PlacedMesh& placed) const;
   void upload(PlacedMesh& placed) const;
   void place_all(const Scene& scene, uint32_t environment_count);
@@ -62,7 +64,7 @@ class BvhWorld {
   std::shared_ptr<ks::Device> device_;
   const Scene* scene_ = nullptr;
   MeshWatch watch_;
-  std::vector<PlacedMesh> meshes_;
+  std::unordered_map<uint32_t, PlacedMesh> meshes_;  // by id
   uint64_t instances_revision_ = 0;
   TimeSpan times_;
   uint32_t environment_count_ = 0;

@@ -12,7 +12,7 @@ namespace {
 constexpr uint features = feature_lookups;
 #include "lib/cutout.glsl"
 
-bool has_holes(const Material& m) { return m.alpha_mode != Material::AlphaMode::opaque; }
+bool has_holes(const std::optional<Material>& m) { return m && m->alpha_mode != Material::AlphaMode::opaque; }
 
 void filter(const RTCFilterFunctionNArguments* a) {
   const auto& context = *reinterpret_cast<const EmbreeContext*>(a->context);
@@ -28,12 +28,12 @@ void filter(const RTCFilterFunctionNArguments* a) {
 
 }  // namespace
 
-std::vector<bool> meshes_with_cutouts(const Scene& scene) {
+std::unordered_set<uint32_t> meshes_with_cutouts(const Scene& scene) {
   if (std::ranges::none_of(scene.materials(), has_holes)) return {};
-  std::vector<bool> out(scene.meshes().size());
+  std::unordered_set<uint32_t> out;
   for (const auto& instance : scene.instances())
     if (instance && std::ranges::any_of(instance->materials, [&](uint32_t id) { return id != none && has_holes(scene.materials()[id]); }))
-      out[instance->mesh] = true;
+      out.insert(instance->mesh);
   return out;
 }
 

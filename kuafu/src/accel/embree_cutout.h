@@ -5,7 +5,7 @@
 
 #include <embree3/rtcore.h>
 
-#include <vector>
+#include <unordered_set>
 
 #include "scene/scene.h"
 #include "shared/scene_records.h"
@@ -20,8 +20,8 @@ struct EmbreeContext {
   uint32_t kind = cutout_closest;
 };
 
-/// For each mesh, whether an instance shows it with such a material; empty where no material is one.
-std::vector<bool> meshes_with_cutouts(const Scene& scene);
+/// Ids of meshes that an instance shows with such a material.
+std::unordered_set<uint32_t> meshes_with_cutouts(const Scene& scene);
 
 /// Before the geometry is committed.
 void set_cutout_filter(RTCGeometry geometry);

@@ -76,11 +76,8 @@ void EmbreeWorld::forget() {
 std::vector<uint32_t> EmbreeWorld::follow_meshes(const Scene& scene) {
   MeshWatch::Changes changes = watch_.look(scene);
   for (const uint32_t id : changes.deformed) deform(scene.meshes()[id], meshes_[id]);
-  for (const uint32_t id : changes.removed) meshes_[id] = {};
-  while (meshes_.size() < scene.meshes().size()) {
-    const size_t id = meshes_.size();
-    add_mesh(scene.meshes()[id], id < cutouts_.size() && cutouts_[id]);
-  }
+  for (const uint32_t id : changes.removed) meshes_.erase(id);
+  for (const uint32_t id : changes.added) add_mesh(scene, id);
   return std::move(changes.deformed);
 }
 
@@ -90,13 +87,14 @@ void EmbreeWorld::follow_cutouts(const Scene& scene) {
   if (now.meshes == cutouts_seen_.meshes && now.materials == cutouts_seen_.materials && now.instances == cutouts_seen_.instances) return;
   cutouts_seen_ = now;
   cutouts_ = meshes_with_cutouts(scene);
-  for (size_t id = 0; id < std::min(meshes_.size(), cutouts_.size()); ++id)
-    if (cutouts_[id] && !meshes_[id].filtered) return forget();
+  for (const auto& [id, mesh] : meshes_)
+    if (cutouts_.contains(id) && !mesh.filtered) return forget();
 }
 
-void EmbreeWorld::add_mesh(const Mesh& mesh, bool cutouts) {
+void EmbreeWorld::add_mesh(const Scene& scene, uint32_t id) {
+  const Mesh& mesh = scene.meshes()[id];
   Bottom bottom{device_.new_scene(), nullptr};
-  bottom.filtered = cutouts;
+  bottom.filtered = cutouts_.contains(id);
   if (!mesh.indices.empty()) {
     bottom.geometry.reset(rtcNewGeometry(device_.handle(), RTC_GEOMETRY_TYPE_TRIANGLE));
     RTCGeometry geometry = bottom.geometry.get();
@@ -105,13 +103,13 @@ void EmbreeWorld::add_mesh(const Mesh& mesh, bool cutouts) {
     device_.check("taking a mesh's buffers");
     std::ranges::copy(mesh.positions, positions);
     std::ranges::copy(mesh.indices, indices);
-    if (cutouts) set_cutout_filter(geometry);
+    if (bottom.filtered) set_cutout_filter(geometry);
     rtcCommitGeometry(geometry);
     rtcAttachGeometry(bottom.scene.get(), geometry);
   }
   commit(bottom.scene.get(), mesh.indices.size());
   device_.check("building a mesh");
-  meshes_.push_back(std::move(bottom));
+  meshes_.emplace(id, std::move(bottom));
 }
 
 /// A mesh that deforms once is expected to deform again: its scene then becomes one whose geometry Embree can refit.
@@ -139,7 +137,7 @@ bool EmbreeWorld::put(uint32_t slot, const Placement& p) {
   if (!p.traceable) geometry.reset();
   if (p.traceable && !same) {
     geometry.reset(rtcNewGeometry(device_.handle(), RTC_GEOMETRY_TYPE_INSTANCE));
-    rtcSetGeometryInstancedScene(geometry.get(), meshes_[p.mesh].scene.get());
+    rtcSetGeometryInstancedScene(geometry.get(), meshes_.at(p.mesh).scene.get());
   }
   if (p.traceable) set_transform(geometry.get(), p);
   placements_[slot] = p;

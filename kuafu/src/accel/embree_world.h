@@ -5,6 +5,7 @@
 #pragma once
 
 #include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 #include "accel/embree_handle.h"
@@ -40,7 +41,7 @@ class EmbreeWorld {
   void forget();
   std::vector<uint32_t> follow_meshes(const Scene& scene);
   void follow_cutouts(const Scene& scene);
-  void add_mesh(const Mesh& mesh, bool cutouts);
+  void add_mesh(const Scene& scene, uint32_t id);
   void deform(const Mesh& mesh, Bottom& bottom);
   void place_all(const Scene& scene, uint32_t environment_count);
   void attach_all(uint32_t environment_count);
@@ -56,9 +57,9 @@ class EmbreeWorld {
   uint64_t instances_revision_ = 0;
   TimeSpan times_;
   MeshWatch watch_;
-  std::vector<Bottom> meshes_;
+  std::unordered_map<uint32_t, Bottom> meshes_;  // by id
   Revisions cutouts_seen_{0, 0, 0, 0, 0};
-  std::vector<bool> cutouts_;  // meshes_with_cutouts
+  std::unordered_set<uint32_t> cutouts_;  // meshes_with_cutouts
   // By slot.
   std::vector<Placement> placements_;
   std::vector<EmbreeGeometry> geometries_;  // null where it is not traceable

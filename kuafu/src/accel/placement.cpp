@@ -12,7 +12,7 @@ TimeSpan ray_times(const Scene& scene, const TimeSpan& open) { return scene.inst
 Placement placement_in(const Scene& scene, uint32_t slot, const TimeSpan& times) {
   const uint32_t id = scene.instance_slots()[slot];
   if (id == none) return {};
-  const Instance& instance = *scene.instances()[id];
+  const Instance& instance = scene.instances()[id];
   Placement p{instance.mesh, instance.environment, instance.local_to_world};
   const glm::dmat4 inverse = glm::inverse(p.local_to_world);
   p.traceable = all_finite(inverse) && !scene.meshes()[p.mesh].indices.empty();

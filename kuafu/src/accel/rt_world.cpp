@@ -76,14 +76,11 @@ void RtWorld::forget() {
 /// Returns those that deformed.
 std::vector<uint32_t> RtWorld::follow_meshes(const Scene& scene) {
   MeshWatch::Changes changes = watch_.look(scene);
-  std::vector<uint32_t> added, rebuilt, refitted;
-  for (uint32_t id = changes.first_new; id < scene.meshes().size(); ++id)
-    if (!scene.meshes()[id].removed) added.push_back(id);
-  for (const uint32_t id : changes.removed) meshes_[id].reset();
+  std::vector<uint32_t> rebuilt, refitted;
+  for (const uint32_t id : changes.removed) meshes_.erase(id);
   for (const uint32_t id : changes.deformed)
-    (meshes_[id]->updatable && meshes_[id]->refits < most_refits ? refitted : rebuilt).push_back(id);
-  meshes_.resize(scene.meshes().size());
-  build_meshes(scene, added, false);
+    (meshes_.at(id).updatable && meshes_.at(id).refits < most_refits ? refitted : rebuilt).push_back(id);
+  build_meshes(scene, changes.added, false);
   build_meshes(scene, rebuilt, true);
   refit_meshes(scene, refitted);
   return std::move(changes.deformed);
@@ -94,7 +91,7 @@ void RtWorld::build_meshes(const Scene& scene, const std::vector<uint32_t>& ids,
   const Geometry geometry(device_, scene, ids, updatable);
   ArrayBuffer storage{rt_storage_usage, ArrayBuffer::Writer::device};  // the structures keep it
   std::vector<RtStructure> built = builder_.build(geometry.inputs, storage);
-  for (size_t i = 0; i < ids.size(); ++i) meshes_[ids[i]].emplace(Bottom{std::move(built[i]), updatable});
+  for (size_t i = 0; i < ids.size(); ++i) meshes_.insert_or_assign(ids[i], Bottom{std::move(built[i]), updatable});
 }
 
 void RtWorld::refit_meshes(const Scene& scene, const std::vector<uint32_t>& ids) {
@@ -102,8 +99,8 @@ void RtWorld::refit_meshes(const Scene& scene, const std::vector<uint32_t>& ids)
   const Geometry geometry(device_, scene, ids, true);
   std::vector<RtStructure*> structures;
   for (const uint32_t id : ids) {
-    structures.push_back(&meshes_[id]->structure);
-    ++meshes_[id]->refits;
+    structures.push_back(&meshes_.at(id).structure);
+    ++meshes_.at(id).refits;
   }
   builder_.refit(geometry.inputs, structures);
 }
@@ -147,7 +144,7 @@ bool RtWorld::follow(const Scene& scene, const std::vector<uint32_t>& slots, con
 }
 
 VkAccelerationStructureInstanceKHR RtWorld::record_of(uint32_t slot) const {
-  return instance_record(placements_[slot], slot, meshes_[placements_[slot].mesh]->structure.address());
+  return instance_record(placements_[slot], slot, meshes_.at(placements_[slot].mesh).structure.address());
 }
 
 void RtWorld::build_tops() {

@@ -3,7 +3,7 @@
 // Thread rule: externally synchronised; no work may be in flight during update.
 #pragma once
 
-#include <optional>
+#include <unordered_map>
 
 #include "accel/placement.h"
 #include "accel/rt_structure.h"
@@ -44,7 +44,7 @@ class RtWorld {
   RtBuilder builder_;
   const Scene* scene_ = nullptr;
   MeshWatch watch_;
-  std::vector<std::optional<Bottom>> meshes_;
+  std::unordered_map<uint32_t, Bottom> meshes_;              // by id
   std::vector<Placement> placements_;                        // by slot
   std::vector<std::vector<uint32_t>> seen_;                  // slots, by environment
   std::vector<VkAccelerationStructureInstanceKHR> records_;  // environment after environment, as in seen_

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "api/render_outputs.h"
 
+#include <algorithm>
 #include <limits>
 
 #include "api/handles.h"
@@ -143,15 +144,16 @@ void read_outputs(const kuafu_render_desc& desc, const ks::Device& device, Launc
 }
 
 void check_ids_fit(const Launch& launch, const Scene& scene) {
-  uint64_t largest = 0, largest_semantic = 0;
-  for (uint64_t i = 0; i < scene.instances().size(); ++i) {
-    if (!scene.instances()[i]) continue;
-    largest = i;
-    largest_semantic = std::max<uint64_t>(largest_semantic, scene.instances()[i]->semantic_id);
+  uint64_t largest = 0, largest_semantic = 0, largest_material = 0;
+  for (const uint32_t id : scene.instances().ids()) {
+    if (id == none) continue;
+    largest = std::max<uint64_t>(largest, id);
+    largest_semantic = std::max<uint64_t>(largest_semantic, scene.instances()[id].semantic_id);
   }
+  for (const uint32_t id : scene.materials().ids()) largest_material = std::max<uint64_t>(largest_material, id == none ? 0 : id);
   check_fits(launch, output_instance_id, "instance ids", largest);
   check_fits(launch, output_semantic_id, "semantic ids", largest_semantic);
-  check_fits(launch, output_material_id, "material ids", scene.materials().empty() ? 0 : scene.materials().size() - 1);
+  check_fits(launch, output_material_id, "material ids", largest_material);
 }
 
 }  // namespace kuafu

@@ -44,45 +44,23 @@ std::vector<uint32_t> indices_of(const uint32_t* ids, uint32_t count) {
 }
 
 template <class T>
-const T& live(const std::vector<std::optional<T>>& table, const char* kind, uint32_t id) {
-  const uint32_t index = index_of(id);
-  if (index >= table.size() || !table[index])
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "there is no %s %u, or it was removed (ids go to %zu)", kind, id, table.size());
-  return *table[index];
-}
-
-template <class T>
 const T& at(const std::vector<T>& table, const char* kind, uint32_t id) {
   if (id >= table.size()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "there is no %s %u (the scene has %zu)", kind, id, table.size());
   return table[id];
 }
 
-template <class T>
-uint32_t count_live(const std::vector<std::optional<T>>& table) {
-  uint32_t count = 0;
-  for (const auto& entry : table) count += entry.has_value();
-  return count;
-}
-
-template <class T>
-uint32_t count_kept(const std::vector<T>& table) {
-  uint32_t count = 0;
-  for (const T& entry : table) count += !entry.removed;
-  return count;
-}
-
 kuafu_scene_summary summarise(const kuafu::Scene& scene) {
   kuafu_scene_summary s = kuafu_scene_summary_init();
-  s.mesh_count = count_kept(scene.meshes());
-  s.texture_count = count_kept(scene.textures());
-  s.material_count = count_kept(scene.materials());
-  s.instance_count = count_live(scene.instances());
-  s.light_count = count_live(scene.lights());
+  s.mesh_count = uint32_t(scene.meshes().size());
+  s.texture_count = uint32_t(scene.textures().size());
+  s.material_count = uint32_t(scene.materials().size());
+  s.instance_count = uint32_t(scene.instances().size());
+  s.light_count = uint32_t(scene.lights().size());
   s.camera_count = static_cast<uint32_t>(scene.cameras().size());
   for (const auto& instance : scene.instances())
     if (instance) s.triangle_count += scene.meshes()[instance->mesh].indices.size();
   for (const auto& rig : scene.rigs()) s.animation_count += static_cast<uint32_t>(rig->animations.size());
-  const kuafu::Scene::Bounds bounds = scene.bounds();
+  const kuafu::Bounds bounds = scene.bounds();
   for (int i = 0; i < 3; ++i) {
     s.bounds_min_m[i] = bounds.min[i];
     s.bounds_max_m[i] = bounds.max[i];
@@ -262,7 +240,7 @@ ks_status kuafu_scene_remove_instance(kuafu_scene scene, uint32_t id) {
 
 const char* kuafu_scene_instance_name(kuafu_scene scene, uint32_t id) {
   const char* name = nullptr;
-  (void)ks::call([&] { name = live(scene_of(scene).instances(), "instance", id).name.c_str(); });
+  (void)ks::call([&] { name = kuafu::there(scene_of(scene).instances(), "instance", index_of(id)).name.c_str(); });
   return name;
 }
 
@@ -296,8 +274,9 @@ ks_status kuafu_scene_set_lights(kuafu_scene scene, const uint32_t* ids, const k
 }
 
 ks_status kuafu_scene_get_light(kuafu_scene scene, uint32_t id, kuafu_light_desc* out) {
-  return ks::call(
-      [&] { ks::write_struct(out, kuafu::to_desc(live(scene_of(scene).lights(), "light", id)), KUAFU_TYPE_LIGHT_DESC, "out"); });
+  return ks::call([&] {
+    ks::write_struct(out, kuafu::to_desc(kuafu::there(scene_of(scene).lights(), "light", index_of(id))), KUAFU_TYPE_LIGHT_DESC, "out");
+  });
 }
 
 ks_status kuafu_scene_remove_light(kuafu_scene scene, uint32_t id) {

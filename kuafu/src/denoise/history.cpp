@@ -65,7 +65,7 @@ void History::write_poses(const Scene& scene) {
     for (size_t i = 0; i < 3; ++i) rows[3 * slot + i] = pose.instance == id ? pose.rows[i] : glm::vec4(0.0f);
     pose.instance = id;
     if (id == none) continue;
-    const glm::dmat4 transposed = glm::transpose(scene.instances()[id]->local_to_world);
+    const glm::dmat4 transposed = glm::transpose(scene.instances()[id].local_to_world);
     for (int i = 0; i < 3; ++i) pose.rows[i] = glm::vec4(transposed[i]);
   }
 }

@@ -46,7 +46,8 @@ std::string complaint(const GbufferImages& images, uint32_t what, uint64_t pixel
   } else {
     uint32_t number = 0;
     images.material->read(pixel * 4, &number, sizeof number);
-    std::snprintf(text, sizeof text, "material is %u, expected a number below %u: 0, or 1 + the id of a material", number, materials);
+    std::snprintf(text, sizeof text, "material is %u, expected a number below %u: 0, or 1 + the id of a material that is there", number,
+                  materials);
   }
   return text;
 }
@@ -103,7 +104,7 @@ void GbufferLight::prepare_pattern(const Scene& scene, const GbufferLaunch& gbuf
   const bool blurs = light.radius_m > 0 && light.focus_m > 0;
   const double diameter = blurs ? 2 * projector_focal.x * light.radius_m * std::abs(1 / least_depth_m - 1 / light.focus_m) : 0;
   const Texture& image = pattern_of(scene, light);
-  const PatternKey key{&scene, &image, image.revision, projector_focal / glm::dvec2(k[0][0], k[1][1]), diameter};
+  const PatternKey key{&scene, light.texture, image.revision, light.raster, projector_focal / glm::dvec2(k[0][0], k[1][1]), diameter};
   if (key == pattern_key_) return;
   const PatternStack stack = pattern_stack(image, key.pixel_px, diameter, memory_.device->workers());
   means_ = ks::Buffer::create_array(memory_.device, stack.means.size() * 4);
@@ -141,9 +142,15 @@ void GbufferLight::write_record(const Scene& scene, const GbufferLaunch& gbuffer
   const View &left = launch.views[0], &right = launch.views[gbuffers.environments()];
   std::ranges::copy(gbuffers.power, power_.resize(memory_, gbuffers.power.size()).begin());
   std::ranges::copy(gbuffers.ambient, ambient_.resize(memory_, gbuffers.ambient.size()).begin());
-  const auto measured = measured_.resize(memory_, scene.materials().size() + 1);
-  measured[0] = 0;
-  std::ranges::transform(scene.materials(), measured.begin() + 1, [](const Material& m) { return std::isnan(m.ir_albedo) ? 0u : 1u; });
+  const auto places = places_.resize(memory_, scene.materials().ids_given() + 1);
+  const auto measured = measured_.resize(memory_, scene.materials().ids().size() + 1);
+  std::ranges::fill(places, 0u);
+  std::ranges::fill(measured, 0u);
+  for (const uint32_t id : scene.materials().ids()) {
+    if (id == none) continue;
+    const uint32_t place = places[id + 1] = material_index(scene, id);
+    measured[place] = std::isnan(scene.materials()[id].ir_albedo) ? 0 : 1;
+  }
   GbufferRecord& r = record_.resize(memory_, 1)[0];
   r = {};
   for (uint32_t eye = 0; eye < 2; ++eye) write_eye(gbuffers, eye, r.eyes[eye]);
@@ -152,6 +159,7 @@ void GbufferLight::write_record(const Scene& scene, const GbufferLaunch& gbuffer
   r.power = power_.address();
   r.ambient = ambient_.address();
   r.errors = memory_.address(*errors_);
+  r.material_places = places_.address();
   r.measured_albedo = measured_.address();
   r.matt = memory_.address(*matt_);
   r.lobes = memory_.address(*lobes_);
@@ -163,7 +171,7 @@ void GbufferLight::write_record(const Scene& scene, const GbufferLaunch& gbuffer
   r.width = launch.width;
   r.height = launch.height;
   r.environments = gbuffers.environments();
-  r.materials = materials_ = uint32_t(scene.materials().size()) + 1;
+  r.materials = materials_ = uint32_t(scene.materials().ids_given()) + 1;
   r.cell_columns = (launch.width + gbuffer_cell_px - 1) / gbuffer_cell_px;
   r.cell_rows = (launch.height + gbuffer_cell_px - 1) / gbuffer_cell_px;
   r.along_rays = gbuffers.along_rays ? 1 : 0;

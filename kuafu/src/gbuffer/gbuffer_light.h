@@ -47,8 +47,9 @@ class GbufferLight {
   /// What the means of a pattern depend on.
   struct PatternKey {
     const Scene* scene = nullptr;
-    const Texture* image = nullptr;
+    uint32_t texture = none;
     uint64_t revision = 0;
+    std::shared_ptr<const Texture> raster;  // kept, so that no other has its address
     glm::dvec2 pixel_px{0.0};
     double diameter_px = 0.0;
     bool operator==(const PatternKey&) const = default;
@@ -59,7 +60,7 @@ class GbufferLight {
   ImageStep<GbufferPush> step_;
   MappedTable<GbufferRecord> record_;
   MappedTable<float> power_, ambient_;
-  MappedTable<uint32_t> measured_;
+  MappedTable<uint32_t> places_, measured_;  // of materials
   std::shared_ptr<ks::Buffer> inverse_[2], source_, projector_inverse_, matt_, lobes_, laser_, cells_, errors_, means_;
   PatternMeans pattern_{};
   std::shared_ptr<const Scene> scene_;  // the tables know it by its address

@@ -22,18 +22,18 @@ constexpr uint32_t last_word = 0x21646e65u;
 
 template <class Stream, class T>
 void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, Texture> {
-  auto& [name, width, height, channels, format, srgb, texels, wrap_u, wrap_v, filter, uv_set, uv_transform, revision, removed] = t;
+  auto& [name, width, height, channels, format, srgb, texels, wrap_u, wrap_v, filter, uv_set, uv_transform, revision] = t;
   s.text(name), s.plain(width), s.plain(height), s.plain(channels), s.plain(format), s.flag(srgb), s.array(texels);
   s.plain(wrap_u), s.plain(wrap_v), s.plain(filter), s.plain(uv_set), s.plain(uv_transform);
-  (void)revision, (void)removed;
+  (void)revision;
 }
 
 template <class Stream, class T>
 void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, Mesh> {
-  auto& [name, positions, normals, uvs, uvs_1, colors, tangents, indices, slots, deformation, removed] = t;
+  auto& [name, positions, normals, uvs, uvs_1, colors, tangents, indices, slots, deformation, bounds] = t;
   s.text(name), s.array(positions), s.array(normals), s.array(uvs), s.array(uvs_1), s.array(colors), s.array(tangents);
   s.array(indices), s.array(slots);
-  (void)deformation, (void)removed;
+  (void)deformation, (void)bounds;
 }
 
 template <class Stream, class T>

@@ -82,7 +82,7 @@ std::optional<LightEntry> mesh_light(const Scene& scene, const Band& band, uint3
   for (uint32_t slot = 0; slot < scene.instance_slots().size(); ++slot) {
     const uint32_t id = scene.instance_slots()[slot];
     if (id == none) continue;
-    const Instance& instance = *scene.instances()[id];
+    const Instance& instance = scene.instances()[id];
     if ((instance.environment == none || instance.environment == environment) && shines(scene, band, instance))
       add_triangles(scene, band, instance, slot, weights, triangles);
   }
@@ -125,7 +125,7 @@ std::optional<LightEntry> map_light(const Scene& scene, const Band& band, double
   s.axis_x = glm::vec3(environment.map_to_world[0]);
   s.axis_y = glm::vec3(environment.map_to_world[1]);
   s.axis_z = glm::vec3(environment.map_to_world[2]);
-  s.texture = environment.texture;
+  s.texture = scene.textures().slot(environment.texture);
   s.first = uint32_t(table.cumulative.size());
   s.count = texture.height;
   s.columns = texture.width;

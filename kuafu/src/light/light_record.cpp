@@ -87,6 +87,7 @@ LightEntry light_entry(const Light& light, const glm::vec3& intensity, const Sce
   e.power = power_of(light, brightness(intensity), world_radius_m);
   LightShape& s = e.shape;
   copy_fields(light, s);
+  s.texture = slot_or_none(scene.textures(), light.texture);
   s.axis_x = glm::vec3(light.light_to_world[0]);
   s.axis_y = glm::vec3(light.light_to_world[1]);
   s.axis_z = glm::vec3(light.light_to_world[2]);

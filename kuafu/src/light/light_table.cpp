@@ -58,7 +58,7 @@ bool is_dark(const Light& light, const TimeSpan& open) {
 double world_radius_m(const Scene& scene) {
   const auto needs = [](const auto& light) { return light && light->kind == Light::Kind::directional; };
   if (scene.environment().texture == none && std::ranges::none_of(scene.lights(), needs)) return 0;
-  const Scene::Bounds bounds = scene.rough_bounds();
+  const Bounds bounds = scene.rough_bounds();
   return bounds.min.x <= bounds.max.x ? std::max(1e-3, glm::length(bounds.max - bounds.min) / 2) : 1;
 }
 

@@ -55,8 +55,9 @@ Material in_band(const Material& material, const Band& band) {
   return m;
 }
 
-MaterialRecord material_record(const Material& material, uint32_t id, const Band& band) {
-  const Material m = in_band(material, band);
+MaterialRecord material_record(const Material& material, uint32_t id, const Band& band, const Table<Texture>& textures) {
+  Material m = in_band(material, band);
+  for (uint32_t* texture : texture_ids(m)) *texture = slot_or_none(textures, *texture);
   MaterialRecord r{};
   copy_fields(m, r);
   r.base_color = glm::vec3(m.base_color);
@@ -69,7 +70,7 @@ MaterialRecord material_record(const Material& material, uint32_t id, const Band
   r.coat = m.bsdf == Material::Bsdf::paper ? 0.0f : 1.0f;
   r.textured = std::ranges::any_of(texture_ids(m), [](const uint32_t* id) { return *id != none; }) ? 1 : 0;
   r.alpha = m.base_color.a;
-  r.alpha_texture = material.base_color_texture;
+  r.alpha_texture = slot_or_none(textures, material.base_color_texture);
   r.colored = !band.infrared || (material.ir_albedo_texture == none && std::isnan(material.ir_albedo)) ? 1 : 0;
   r.anisotropy_cos = std::cos(m.anisotropy_rotation_rad);
   r.anisotropy_sin = std::sin(m.anisotropy_rotation_rad);

@@ -11,7 +11,8 @@ namespace kuafu {
 /// The material with what it is in the band in the place of what it is in the visible one.
 Material in_band(const Material& material, const Band& band);
 
-MaterialRecord material_record(const Material& material, uint32_t id, const Band& band);
+/// Its textures are told by their slots.
+MaterialRecord material_record(const Material& material, uint32_t id, const Band& band, const Table<Texture>& textures);
 
 /// feature_* that shaders need for it.
 uint32_t material_features(const Material& material);

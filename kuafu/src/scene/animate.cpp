@@ -8,24 +8,16 @@
 #include "scene/validate.h"
 
 namespace kuafu {
-namespace {
-
-template <class T>
-bool is_live(const std::vector<std::optional<T>>& table, uint32_t id) {
-  return table[id].has_value();
-}
-
-}  // namespace
 
 void Scene::add_rig(Rig rig) {
   check(rig);
   for (const RigMesh& mesh : rig.meshes)
-    if (mesh.mesh >= meshes_.size() || meshes_[mesh.mesh].positions.size() != mesh.positions.size() ||
+    if (!meshes_.has(mesh.mesh) || meshes_[mesh.mesh].positions.size() != mesh.positions.size() ||
         meshes_[mesh.mesh].normals.size() != mesh.normals.size() || meshes_[mesh.mesh].tangents.size() != mesh.tangents.size())
       ks::fail(KS_ERROR_INVALID_ARGUMENT, "an animated mesh is mesh %u, which is not there or has other vertices", mesh.mesh);
   for (const RigMember& member : rig.members) {
-    const size_t count = member.kind == RigMember::Kind::instance ? instances_.size()
-                         : member.kind == RigMember::Kind::light  ? lights_.size()
+    const size_t count = member.kind == RigMember::Kind::instance ? instances_.ids_given()
+                         : member.kind == RigMember::Kind::light  ? lights_.ids_given()
                                                                   : cameras_.size();
     if (member.id >= count)
       ks::fail(KS_ERROR_INVALID_ARGUMENT, "an animated object has the id %u, but the scene has %zu of its kind", member.id, count);
@@ -63,7 +55,7 @@ void Scene::animate(uint32_t animation, double time_s) {
 
 void Scene::gather(const Rig& rig, const RigPose& pose, Posed& to) const {
   for (const RigMesh& mesh : rig.meshes) {
-    if (meshes_[mesh.mesh].removed) continue;
+    if (!meshes_.has(mesh.mesh)) continue;
     to.meshes.emplace_back(mesh.mesh, deformed(rig, mesh, pose));
     const Vertices& vertices = to.meshes.back().second;
     check_vertices(meshes_[mesh.mesh].name, vertices.positions, vertices.normals);
@@ -74,12 +66,12 @@ void Scene::gather(const Rig& rig, const RigPose& pose, Posed& to) const {
     if (member.kind == RigMember::Kind::camera) {
       check_rigid(*to_world, ("camera '" + cameras_[member.id].name + "': camera_to_world").c_str());
       to.camera_poses.emplace_back(member.id, *to_world);
-    } else if (member.kind == RigMember::Kind::instance && is_live(instances_, member.id)) {
+    } else if (member.kind == RigMember::Kind::instance && instances_.has(member.id)) {
       to.instances.push_back(member.id);
       to.instance_poses.push_back(*to_world);
-    } else if (member.kind == RigMember::Kind::light && is_live(lights_, member.id)) {
+    } else if (member.kind == RigMember::Kind::light && lights_.has(member.id)) {
       to.lights.push_back(member.id);
-      to.moved_lights.push_back(*lights_[member.id]);
+      to.moved_lights.push_back(lights_[member.id]);
       to.moved_lights.back().light_to_world = *to_world;
       check(to.moved_lights.back());
     }

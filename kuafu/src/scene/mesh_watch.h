@@ -2,6 +2,9 @@
 // Which meshes of a scene are new, deformed or gone since a reader last looked. Thread rule: externally synchronised.
 #pragma once
 
+#include <algorithm>
+#include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "scene/scene.h"
@@ -14,34 +17,32 @@ inline constexpr uint32_t most_refits = 32;
 class MeshWatch {
  public:
   struct Changes {
-    uint32_t first_new = 0;          // ids from here on are new; some of them may be removed already, and empty
-    std::vector<uint32_t> deformed;  // below first_new, ascending
-    std::vector<uint32_t> removed;   // the same
+    std::vector<uint32_t> added, deformed, removed;  // ids, ascending
   };
 
   Changes look(const Scene& scene) {
-    Changes changes{uint32_t(seen_.size()), {}, {}};
+    Changes changes;
     if (scene.revisions().meshes == revision_) return changes;
     revision_ = scene.revisions().meshes;
-    for (uint32_t id = 0; id < seen_.size(); ++id) {
-      const Mesh& mesh = scene.meshes()[id];
-      if (mesh.removed != seen_[id].removed)
-        changes.removed.push_back(id);
-      else if (mesh.deformation != seen_[id].deformation)
+    for (const auto& [id, deformation] : seen_)
+      if (!scene.meshes().has(id)) changes.removed.push_back(id);
+    for (const uint32_t id : changes.removed) seen_.erase(id);
+    for (const uint32_t id : scene.meshes().ids()) {
+      if (id == none) continue;
+      const uint64_t now = scene.meshes()[id].deformation;
+      const auto [seen, is_new] = seen_.try_emplace(id, now);
+      if (is_new)
+        changes.added.push_back(id);
+      else if (std::exchange(seen->second, now) != now)
         changes.deformed.push_back(id);
     }
-    seen_.clear();
-    for (const Mesh& mesh : scene.meshes()) seen_.push_back({mesh.deformation, mesh.removed});
+    for (auto* ids : {&changes.added, &changes.deformed, &changes.removed}) std::ranges::sort(*ids);
     return changes;
   }
   void forget() { seen_.clear(), revision_ = 0; }
 
  private:
-  struct Seen {
-    uint64_t deformation;
-    bool removed;
-  };
-  std::vector<Seen> seen_;
+  std::unordered_map<uint32_t, uint64_t> seen_;  // id -> Mesh::deformation
   uint64_t revision_ = 0;
 };
 

@@ -6,14 +6,13 @@
 
 #include "device/error.h"
 #include "scene/rig.h"
-#include "scene/table.h"
 #include "scene/validate.h"
 
 namespace kuafu {
 namespace {
 
-Scene::Bounds bounds_of(const std::vector<glm::vec3>& positions) {
-  Scene::Bounds bounds;
+Bounds bounds_of(const std::vector<glm::vec3>& positions) {
+  Bounds bounds;
   for (const glm::vec3& position : positions) {
     bounds.min = glm::min(bounds.min, glm::dvec3(position));
     bounds.max = glm::max(bounds.max, glm::dvec3(position));
@@ -21,24 +20,8 @@ Scene::Bounds bounds_of(const std::vector<glm::vec3>& positions) {
   return bounds;
 }
 
-/// Adds and returns the id.
-template <class Table, class T>
-uint32_t add(Table& table, T&& value, uint64_t& revision) {
-  if (table.size() >= none) ks::fail(KS_ERROR_UNSUPPORTED, "a scene table is full (2^32 - 1 ids)");
-  table.emplace_back(std::forward<T>(value));
-  ++revision;
-  return static_cast<uint32_t>(table.size() - 1);
-}
-
 void shift(uint32_t& id, size_t base) {
   if (id != none) id += static_cast<uint32_t>(base);
-}
-
-template <class T>
-void move_to_end(std::vector<T>& to, std::vector<T>& from, uint64_t& revision) {
-  if (!from.empty()) ++revision;
-  std::move(from.begin(), from.end(), std::back_inserter(to));
-  from.clear();
 }
 
 }  // namespace
@@ -62,27 +45,30 @@ void Scene::check_references(const Environment& environment) const {
 
 void Scene::check_materials(const std::vector<uint32_t>& ids) const {
   for (size_t i = 0; i < ids.size(); ++i)
-    if (ids[i] != none && ids[i] >= materials_.size())
+    if (ids[i] != none && ids[i] >= materials_.ids_given())
       ks::fail(KS_ERROR_INVALID_ARGUMENT, "materials[%zu] is %u, but the scene has %zu materials", i, ids[i] + 1, materials_.size());
-    else if (ids[i] != none && materials_[ids[i]].removed)
+    else if (ids[i] != none && !materials_.has(ids[i]))
       ks::fail(KS_ERROR_INVALID_ARGUMENT, "materials[%zu] is %u, which was removed", i, ids[i] + 1);
 }
 
 uint32_t Scene::add_mesh(Mesh mesh) {
   check(mesh);
-  mesh_bounds_.push_back(bounds_of(mesh.positions));
-  return add(meshes_, std::move(mesh), revisions_.meshes);
+  mesh.bounds = bounds_of(mesh.positions);
+  ++revisions_.meshes;
+  return meshes_.add(std::move(mesh));
 }
 
 uint32_t Scene::add_texture(Texture texture) {
   check(texture);
-  return add(textures_, std::move(texture), revisions_.textures);
+  ++revisions_.textures;
+  return textures_.add(std::move(texture));
 }
 
 uint32_t Scene::add_material(Material material) {
   check(material);
   check_references(material);
-  return add(materials_, std::move(material), revisions_.materials);
+  ++revisions_.materials;
+  return materials_.add(std::move(material));
 }
 
 uint32_t Scene::add_instance(Instance instance) {
@@ -91,22 +77,11 @@ uint32_t Scene::add_instance(Instance instance) {
   check_affine(instance.local_to_world, ("instance '" + instance.name + "': local_to_world").c_str());
   instance.previous_local_to_world = instance.local_to_world;
   check_velocity("instance", instance.name, instance.velocity);
-  const uint32_t id = add(instances_, std::move(instance), revisions_.instances);
-  take_slot(id);
+  const bool moves = instance.velocity.moves();
+  const uint32_t id = instances_.add(std::move(instance));
+  moving_instances_ += moves;
+  note_instance(instances_.slot(id));
   return id;
-}
-
-void Scene::take_slot(uint32_t id) {
-  if (free_slots_.empty()) {
-    free_slots_.push_back(uint32_t(instance_slots_.size()));
-    instance_slots_.push_back(none);
-  }
-  const uint32_t slot = free_slots_.back();
-  free_slots_.pop_back();
-  instance_slots_[slot] = id;
-  instances_[id]->slot = slot;
-  moving_instances_ += instances_[id]->velocity.moves();
-  note_instance(slot);
 }
 
 void Scene::note_instance(uint32_t slot) {
@@ -120,7 +95,8 @@ uint32_t Scene::add_light(Light light) {
   check(light);
   check_references(light);
   if (!light.dots.dots.empty()) light.raster = std::make_shared<const Texture>(rasterise(light.dots));
-  return add(lights_, std::move(light), revisions_.lights);
+  ++revisions_.lights;
+  return lights_.add(std::move(light));
 }
 
 void Scene::update_mesh_positions(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals,
@@ -139,7 +115,7 @@ void Scene::update_mesh_positions(uint32_t id, std::vector<glm::vec3> positions,
 
 void Scene::move_vertices(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals, std::vector<glm::vec4> tangents) {
   Mesh& mesh = meshes_[id];
-  mesh_bounds_[id] = bounds_of(positions);
+  mesh.bounds = bounds_of(positions);
   mesh.positions = std::move(positions);
   mesh.normals = std::move(normals);
   if (!tangents.empty()) mesh.tangents = std::move(tangents);
@@ -165,44 +141,44 @@ void Scene::set_material(uint32_t id, Material material) {
 
 void Scene::set_instance_poses(std::span<const uint32_t> ids, std::span<const glm::dmat4> local_to_world) {
   for (size_t i = 0; i < ids.size(); ++i)
-    check_affine(local_to_world[i], ("instance '" + live(instances_, "instance", ids[i]).name + "': local_to_world").c_str());
+    check_affine(local_to_world[i], ("instance '" + there(instances_, "instance", ids[i]).name + "': local_to_world").c_str());
   for (size_t i = 0; i < ids.size(); ++i) {
-    Instance& instance = *instances_[ids[i]];
+    Instance& instance = instances_[ids[i]];
     instance.local_to_world = local_to_world[i];
     if (!instance.moved) moved_.push_back(ids[i]);
     instance.moved = true;
-    note_instance(instance.slot);
+    note_instance(instances_.slot(ids[i]));
   }
 }
 
 void Scene::next_frame() {
   for (const uint32_t id : moved_) {
-    if (!instances_[id]) continue;
-    instances_[id]->previous_local_to_world = instances_[id]->local_to_world;
-    instances_[id]->moved = false;
+    if (!instances_.has(id)) continue;
+    instances_[id].previous_local_to_world = instances_[id].local_to_world;
+    instances_[id].moved = false;
   }
   moved_.clear();
 }
 
 void Scene::set_instance_velocity(uint32_t id, const Twist& velocity) {
-  Instance& instance = live(instances_, "instance", id);
+  Instance& instance = there(instances_, "instance", id);
   check_velocity("instance", instance.name, velocity);
   moving_instances_ += velocity.moves();
   moving_instances_ -= instance.velocity.moves();
   instance.velocity = velocity;
-  note_instance(instance.slot);
+  note_instance(instances_.slot(id));
 }
 
 void Scene::set_instance_materials(uint32_t id, std::vector<uint32_t> materials) {
-  Instance& instance = live(instances_, "instance", id);
+  Instance& instance = there(instances_, "instance", id);
   check_materials(materials);
   instance.materials = std::move(materials);
-  note_instance(instance.slot);
+  note_instance(instances_.slot(id));
 }
 
 void Scene::set_lights(std::span<const uint32_t> ids, std::span<Light> lights) {
   for (size_t i = 0; i < ids.size(); ++i) {
-    const Light& old = live(lights_, "light", ids[i]);
+    const Light& old = there(lights_, "light", ids[i]);
     Light& light = lights[i];
     check(light);
     check_references(light);
@@ -237,47 +213,50 @@ void Scene::append(Scene&& other) {
   const auto grow = [](auto& to, const auto& from) {
     if (to.capacity() < to.size() + from.size()) to.reserve(std::max(2 * to.size(), to.size() + from.size()));
   };
-  grow(meshes_, other.meshes_);
-  grow(textures_, other.textures_);
-  grow(materials_, other.materials_);
-  grow(instances_, other.instances_);
-  grow(mesh_bounds_, other.mesh_bounds_);
-  grow(instance_slots_, other.instance_slots_);
-  free_slots_.reserve(free_slots_.size() + 1);
-  grow(lights_, other.lights_);
+  meshes_.make_room(other.meshes_.ids_given());
+  textures_.make_room(other.textures_.ids_given());
+  materials_.make_room(other.materials_.ids_given());
+  instances_.make_room(other.instances_.ids_given());
+  lights_.make_room(other.lights_.ids_given());
   grow(cameras_, other.cameras_);
   grow(rigs_, other.rigs_);
-  for (Material& m : other.materials_)
-    for (uint32_t* texture : texture_ids(m)) shift(*texture, textures_.size());
+  for (auto& m : other.materials_) {
+    if (!m) continue;
+    for (uint32_t* texture : texture_ids(*m)) shift(*texture, textures_.ids_given());
+  }
   for (auto& instance : other.instances_) {
     if (!instance) continue;
-    shift(instance->mesh, meshes_.size());
-    for (uint32_t& material : instance->materials) shift(material, materials_.size());
+    shift(instance->mesh, meshes_.ids_given());
+    for (uint32_t& material : instance->materials) shift(material, materials_.ids_given());
   }
   for (auto& light : other.lights_)
-    if (light) shift(light->texture, textures_.size());
+    if (light) shift(light->texture, textures_.ids_given());
   for (const auto& rig : other.rigs_) {
     auto moved = std::make_shared<Rig>(*rig);
-    for (RigMesh& mesh : moved->meshes) shift(mesh.mesh, meshes_.size());
+    for (RigMesh& mesh : moved->meshes) shift(mesh.mesh, meshes_.ids_given());
     for (RigMember& member : moved->members)
-      shift(member.id, member.kind == RigMember::Kind::instance ? instances_.size()
-                       : member.kind == RigMember::Kind::light  ? lights_.size()
+      shift(member.id, member.kind == RigMember::Kind::instance ? instances_.ids_given()
+                       : member.kind == RigMember::Kind::light  ? lights_.ids_given()
                                                                 : cameras_.size());
     rigs_.push_back(std::move(moved));
   }
-  const size_t first_instance = instances_.size();
-  std::ranges::copy(other.mesh_bounds_, std::back_inserter(mesh_bounds_));
-  move_to_end(meshes_, other.meshes_, revisions_.meshes);
-  move_to_end(textures_, other.textures_, revisions_.textures);
-  move_to_end(materials_, other.materials_, revisions_.materials);
-  move_to_end(instances_, other.instances_, revisions_.instances);
-  for (size_t id = first_instance; id < instances_.size(); ++id)
-    if (instances_[id]) take_slot(uint32_t(id));
-  move_to_end(lights_, other.lights_, revisions_.lights);
+  revisions_.meshes += !other.meshes_.empty();
+  revisions_.textures += !other.textures_.empty();
+  revisions_.materials += !other.materials_.empty();
+  revisions_.lights += !other.lights_.empty();
+  moving_instances_ += other.moving_instances_;
+  const auto first_instance = uint32_t(instances_.ids_given());
+  meshes_.append(std::move(other.meshes_));
+  textures_.append(std::move(other.textures_));
+  materials_.append(std::move(other.materials_));
+  instances_.append(std::move(other.instances_));
+  lights_.append(std::move(other.lights_));
+  for (uint32_t id = first_instance; id < instances_.ids_given(); ++id)
+    if (instances_.has(id)) note_instance(instances_.slot(id));
   std::move(other.cameras_.begin(), other.cameras_.end(), std::back_inserter(cameras_));
 }
 
-Scene::Bounds Scene::bounds() const {
+Bounds Scene::bounds() const {
   Bounds bounds;
   for (const auto& instance : instances_) {
     if (!instance) continue;
@@ -290,11 +269,11 @@ Scene::Bounds Scene::bounds() const {
   return bounds;
 }
 
-Scene::Bounds Scene::rough_bounds() const {
+Bounds Scene::rough_bounds() const {
   Bounds bounds;
   for (const auto& instance : instances_) {
     if (!instance || meshes_[instance->mesh].positions.empty()) continue;
-    const Bounds& local = mesh_bounds_[instance->mesh];
+    const Bounds& local = meshes_[instance->mesh].bounds;
     for (int corner = 0; corner < 8; ++corner) {
       const glm::dvec4 p(corner & 1 ? local.max.x : local.min.x, corner & 2 ? local.max.y : local.min.y,
                          corner & 4 ? local.max.z : local.min.z, 1.0);

@@ -17,11 +17,15 @@
 #include "scene/change_log.h"
 #include "scene/dot_pattern.h"
 #include "scene/fields.h"
+#include "scene/table.h"
 
 namespace kuafu {
 
-inline constexpr uint32_t none = 0xffffffffu;
 inline constexpr uint32_t light_group_count = 4;  // of all light but projectors'
+
+struct Bounds {
+  glm::dvec3 min{std::numeric_limits<double>::infinity()}, max{-std::numeric_limits<double>::infinity()};
+};
 
 struct Mesh {
   std::string name;
@@ -36,7 +40,7 @@ struct Mesh {
   std::vector<glm::uvec3> indices;
   std::vector<uint32_t> slots;  // per triangle, index into Instance::materials; empty = 0
   uint64_t deformation = 0;     // how often update_mesh_positions moved its vertices
-  bool removed = false;         // then it is empty
+  Bounds bounds;                // of positions; kept by the scene
 };
 
 struct Texture {
@@ -51,12 +55,9 @@ struct Texture {
   uint32_t uv_set = 0;                          // Mesh::uvs or uvs_1
   std::array<float, 6> uv_transform{};          // rows of a 2x3 matrix from a mesh's coordinates to the image's; all 0 = none
   uint64_t revision = 0;                        // how often set_texture replaced it
-  bool removed = false;                         // then it is empty
 };
 
-struct Material : MaterialFields {
-  bool removed = false;
-};
+struct Material : MaterialFields {};
 
 struct Instance {
   std::string name;
@@ -68,7 +69,6 @@ struct Instance {
   Twist velocity;
   glm::dmat4 previous_local_to_world{1.0};  // kept by the scene: at the last next_frame(), or when it was added
   bool moved = false;                       // since then; kept by the scene
-  uint32_t slot = none;                     // given by the scene (Scene::instance_slots)
 };
 
 struct Light : LightFields {
@@ -127,7 +127,7 @@ class Scene {
   void set_lights(std::span<const uint32_t> ids, std::span<Light> lights);
   void set_environment(const Environment& environment);
   void set_medium(const std::optional<Medium>& medium);
-  // Frees what it holds; the id is not given again. Refused while something uses it.
+  // Frees what it holds. Refused while something uses it.
   void remove_mesh(uint32_t id);
   void remove_texture(uint32_t id);
   void remove_material(uint32_t id);
@@ -143,17 +143,15 @@ class Scene {
   /// Moves everything but the environment of `other` to the end of this scene; ids of `other` grow by the sizes of the tables here.
   void append(Scene&& other);
 
-  [[nodiscard]] const std::vector<Mesh>& meshes() const { return meshes_; }
-  [[nodiscard]] const std::vector<Texture>& textures() const { return textures_; }
-  [[nodiscard]] const std::vector<Material>& materials() const { return materials_; }
-  /// Removed ones are empty; the index is the id.
-  [[nodiscard]] const std::vector<std::optional<Instance>>& instances() const { return instances_; }
-  /// Where the live instances stand in tables of all of them, which is what a hit's instance means: slot -> id, or none where one was
-  /// removed. A slot is an instance's as long as it lives, and then another's.
-  [[nodiscard]] const std::vector<uint32_t>& instance_slots() const { return instance_slots_; }
+  [[nodiscard]] const Table<Mesh>& meshes() const { return meshes_; }
+  [[nodiscard]] const Table<Texture>& textures() const { return textures_; }
+  [[nodiscard]] const Table<Material>& materials() const { return materials_; }
+  [[nodiscard]] const Table<Instance>& instances() const { return instances_; }
+  /// Where the instances stand in tables of all of them, which is what a hit's instance means: slot -> id, or none where one was removed.
+  [[nodiscard]] const std::vector<uint32_t>& instance_slots() const { return instances_.ids(); }
   /// Slots whose instance changed, came or went after this value of Revisions::instances; none: look at all of them.
   [[nodiscard]] std::optional<std::span<const uint32_t>> instance_changes(uint64_t revision) const { return instance_log_.since(revision); }
-  [[nodiscard]] const std::vector<std::optional<Light>>& lights() const { return lights_; }
+  [[nodiscard]] const Table<Light>& lights() const { return lights_; }
   [[nodiscard]] const Environment& environment() const { return environment_; }
   [[nodiscard]] const std::optional<Medium>& medium() const { return medium_; }
   [[nodiscard]] const std::vector<Camera>& cameras() const { return cameras_; }
@@ -162,9 +160,6 @@ class Scene {
   /// Whether an instance has a velocity.
   [[nodiscard]] bool instances_move() const { return moving_instances_ > 0; }
 
-  struct Bounds {
-    glm::dvec3 min{std::numeric_limits<double>::infinity()}, max{-std::numeric_limits<double>::infinity()};
-  };
   [[nodiscard]] Bounds bounds() const;        // world, of all instances
   [[nodiscard]] Bounds rough_bounds() const;  // around their boxes: no smaller, and found without looking at vertices
 
@@ -177,18 +172,15 @@ class Scene {
   void gather(const Rig& rig, const RigPose& pose, Posed& to) const;
   void take(Posed&& posed);
   void move_vertices(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals, std::vector<glm::vec4> tangents);
-  void take_slot(uint32_t id);
   void note_instance(uint32_t slot);
 
-  std::vector<Mesh> meshes_;
-  std::vector<Texture> textures_;
-  std::vector<Material> materials_;
-  std::vector<std::optional<Instance>> instances_;
-  std::vector<uint32_t> instance_slots_, free_slots_;
+  Table<Mesh> meshes_;
+  Table<Texture> textures_;
+  Table<Material> materials_;
+  Table<Instance> instances_;
   uint64_t moving_instances_ = 0;
   ChangeLog instance_log_;
-  std::vector<Bounds> mesh_bounds_;  // local, by mesh
-  std::vector<std::optional<Light>> lights_;
+  Table<Light> lights_;
   Environment environment_;
   std::optional<Medium> medium_;
   std::vector<Camera> cameras_;

@@ -1,36 +1,108 @@
 // SPDX-License-Identifier: Apache-2.0
-// Looking entries up in a scene's tables; messages have the ids that callers count from 1; what is not there, or was removed, is an error
-// that says so. Thread rule: pure functions.
+// One kind of a scene's objects by their ids, and looking them up; what is not there, or was removed, is an error that says so,
+// with the ids that callers count from 1. Thread rule: externally synchronised.
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "device/error.h"
 
 namespace kuafu {
 
-/// `owner` 'name' refers to entry `id`, whose table keeps removed ones with `removed` set.
+inline constexpr uint32_t none = 0xffffffffu;
+
+/// An id is given once and never again, so that a removed entry's reaches nothing. Its slot is the next entry's: memory follows what is
+/// there, but for the four bytes that remember an id.
 template <class T>
-void check_exists(const char* owner, const std::string& name, const char* kind, uint32_t id, const std::vector<T>& table) {
-  if (id >= table.size())
+class Table {
+ public:
+  /// Returns the id.
+  uint32_t add(T entry) {
+    make_room(1);
+    const auto id = uint32_t(slots_.size());
+    if (free_.empty()) {
+      free_.push_back(uint32_t(entries_.size()));
+      entries_.emplace_back();
+      ids_.push_back(none);
+    }
+    const uint32_t slot = free_.back();
+    free_.pop_back();
+    entries_[slot] = std::move(entry);
+    ids_[slot] = id;
+    slots_.push_back(slot);
+    return id;
+  }
+  void remove(uint32_t id) {
+    const uint32_t slot = std::exchange(slots_[id], none);
+    entries_[slot].reset();
+    ids_[slot] = none;
+    free_.push_back(slot);
+  }
+  /// Moves the entries of `other` here; their ids grow by ids_given() before. Does not fail where there is room.
+  void append(Table&& other) {
+    for (const uint32_t slot : other.slots_) {
+      if (slot == none)
+        slots_.push_back(none);
+      else
+        add(std::move(*other.entries_[slot]));
+    }
+    other = {};
+  }
+  /// Takes the memory that so many more ids need.
+  void make_room(size_t count) {
+    if (ids_given() + count > none) ks::fail(KS_ERROR_UNSUPPORTED, "a scene table is full (2^32 - 1 ids)");
+    const auto grow = [count](auto& to) {
+      if (to.capacity() < to.size() + count) to.reserve(std::max(2 * to.size(), to.size() + count));
+    };
+    grow(slots_), grow(entries_), grow(ids_);
+    free_.reserve(ids_.capacity());
+  }
+
+  [[nodiscard]] bool has(uint32_t id) const { return id < slots_.size() && slots_[id] != none; }
+  [[nodiscard]] T& operator[](uint32_t id) { return *entries_[slots_[id]]; }
+  [[nodiscard]] const T& operator[](uint32_t id) const { return *entries_[slots_[id]]; }
+  /// Where the entry stands in tables of all that are there.
+  [[nodiscard]] uint32_t slot(uint32_t id) const { return slots_[id]; }
+  /// slot -> id, or none where it is free.
+  [[nodiscard]] const std::vector<uint32_t>& ids() const { return ids_; }
+  [[nodiscard]] size_t ids_given() const { return slots_.size(); }
+  [[nodiscard]] size_t size() const { return ids_.size() - free_.size(); }
+  [[nodiscard]] bool empty() const { return size() == 0; }
+  // By slot; free ones are empty.
+  [[nodiscard]] auto begin() { return entries_.begin(); }
+  [[nodiscard]] auto end() { return entries_.end(); }
+  [[nodiscard]] auto begin() const { return entries_.begin(); }
+  [[nodiscard]] auto end() const { return entries_.end(); }
+
+ private:
+  std::vector<uint32_t> slots_;  // by id; none: removed
+  std::vector<std::optional<T>> entries_;
+  std::vector<uint32_t> ids_, free_;
+};
+
+template <class T>
+uint32_t slot_or_none(const Table<T>& table, uint32_t id) {
+  return id == none ? none : table.slot(id);
+}
+
+/// `owner` 'name' refers to entry `id`.
+template <class T>
+void check_exists(const char* owner, const std::string& name, const char* kind, uint32_t id, const Table<T>& table) {
+  if (id >= table.ids_given())
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': there is no %s %u (the scene has %zu)", owner, name.c_str(), kind, id + 1, table.size());
-  if (table[id].removed) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': %s %u was removed", owner, name.c_str(), kind, id + 1);
+  if (!table.has(id)) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s '%s': %s %u was removed", owner, name.c_str(), kind, id + 1);
 }
 
-template <class Table>
-auto& there(Table& table, const char* kind, uint32_t id) {
-  if (id >= table.size()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "there is no %s %u (the scene has %zu)", kind, id + 1, table.size());
-  if (table[id].removed) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s %u was removed", kind, id + 1);
+template <class AnyTable>
+auto& there(AnyTable& table, const char* kind, uint32_t id) {
+  if (id >= table.ids_given()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "there is no %s %u (the scene has %zu)", kind, id + 1, table.size());
+  if (!table.has(id)) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s %u was removed", kind, id + 1);
   return table[id];
-}
-
-template <class T>
-T& live(std::vector<std::optional<T>>& table, const char* kind, uint32_t id) {
-  if (id >= table.size()) ks::fail(KS_ERROR_INVALID_ARGUMENT, "there is no %s %u (ids go to %zu)", kind, id + 1, table.size());
-  if (!table[id]) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s %u was removed", kind, id + 1);
-  return *table[id];
 }
 
 }  // namespace kuafu

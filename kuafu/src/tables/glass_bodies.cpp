@@ -16,29 +16,16 @@ bool bends(const Scene& scene, const Instance& instance, const Band& band) {
 
 }  // namespace
 
-const Scene::Bounds& GlassBodies::local_box(const Scene& scene, uint32_t mesh) {
-  const Mesh& m = scene.meshes()[mesh];
-  const auto [found, is_new] = meshes_.try_emplace(mesh);
-  MeshBox& box = found->second;
-  if (!is_new && box.deformation == m.deformation) return box.local;
-  box = {m.deformation, {}};
-  for (const glm::vec3& p : m.positions) {
-    box.local.min = glm::min(box.local.min, glm::dvec3(p));
-    box.local.max = glm::max(box.local.max, glm::dvec3(p));
-  }
-  return box.local;
-}
-
 void GlassBodies::update(const Scene& scene, const Band& band) {
   bodies_.clear();
   for (uint32_t slot = 0; slot < scene.instance_slots().size(); ++slot) {
     const uint32_t id = scene.instance_slots()[slot];
     if (id == none) continue;
-    const Instance& instance = *scene.instances()[id];
-    if (!bends(scene, instance, band) || scene.meshes()[instance.mesh].positions.empty()) continue;
-    const Scene::Bounds& local = local_box(scene, instance.mesh);
+    const Instance& instance = scene.instances()[id];
+    const Mesh& mesh = scene.meshes()[instance.mesh];
+    if (!bends(scene, instance, band) || mesh.positions.empty()) continue;
     GlassBody body{.min = glm::dvec3(1e300), .max = glm::dvec3(-1e300), .slot = slot, .environment = instance.environment};
-    for (const glm::dvec3& corner : box_corners(local)) {
+    for (const glm::dvec3& corner : box_corners(mesh.bounds)) {
       const glm::dvec3 world(instance.local_to_world * glm::dvec4(corner, 1.0));
       body.min = glm::min(body.min, world);
       body.max = glm::max(body.max, world);

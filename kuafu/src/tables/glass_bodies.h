@@ -3,7 +3,6 @@
 // Thread rule: externally synchronised.
 #pragma once
 
-#include <map>
 #include <vector>
 
 #include "frame/band.h"
@@ -19,19 +18,12 @@ struct GlassBody {
 
 class GlassBodies {
  public:
-  /// Cost follows the instances, and the vertices of glass that is new or deformed.
+  /// Cost follows the instances.
   void update(const Scene& scene, const Band& band);
-  void forget() { meshes_.clear(), bodies_.clear(); }
+  void forget() { bodies_.clear(); }
   [[nodiscard]] const std::vector<GlassBody>& bodies() const { return bodies_; }
 
  private:
-  struct MeshBox {
-    uint64_t deformation = 0;
-    Scene::Bounds local;
-  };
-  const Scene::Bounds& local_box(const Scene& scene, uint32_t mesh);
-
-  std::map<uint32_t, MeshBox> meshes_;
   std::vector<GlassBody> bodies_;
 };
 

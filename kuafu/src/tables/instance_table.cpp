@@ -54,7 +54,7 @@ void InstanceTable::write_all(const Memory& memory, const Scene& scene, const Me
 void InstanceTable::set(const Scene& scene, const MeshTable& meshes, uint32_t slot) {
   const uint32_t id = scene.instance_slots()[slot];
   if (id == none) return;  // no hit names it
-  const Instance& instance = *scene.instances()[id];
+  const Instance& instance = scene.instances()[id];
   const MeshTable::Addresses& mesh = meshes[instance.mesh];
   InstanceRecord& r = records_[slot];
   r.positions = mesh.positions;
@@ -76,8 +76,8 @@ void InstanceTable::set(const Scene& scene, const MeshTable& meshes, uint32_t sl
     capacities_[slot] = count + 1;
     materials_.resize(materials_.size() + count + 1);
   }
-  for (uint32_t i = 0; i < count; ++i) materials_[r.first_material + i] = material_index(instance.materials[i]);
-  materials_[r.first_material + count] = material_index(none);
+  for (uint32_t i = 0; i < count; ++i) materials_[r.first_material + i] = material_index(scene, instance.materials[i]);
+  materials_[r.first_material + count] = material_index(scene, none);
 }
 
 }  // namespace kuafu

@@ -6,15 +6,15 @@ namespace kuafu {
 void MeshTable::update(const Memory& memory, const Scene& scene) {
   const MeshWatch::Changes changes = watch_.look(scene);
   for (const uint32_t id : changes.deformed) move_vertices(memory, scene.meshes()[id], meshes_[id]);
-  for (const uint32_t id : changes.removed) meshes_[id] = {};
-  if (meshes_.size() < scene.meshes().size()) add(memory, scene, meshes_.size());
+  for (const uint32_t id : changes.removed) meshes_.erase(id);
+  if (!changes.added.empty()) add(memory, scene, changes.added);
 }
 
-void MeshTable::add(const Memory& memory, const Scene& scene, size_t first) {
+void MeshTable::add(const Memory& memory, const Scene& scene, const std::vector<uint32_t>& ids) {
   Block block;
-  for (size_t i = first; i < scene.meshes().size(); ++i) {
-    const Mesh& m = scene.meshes()[i];
-    Addresses a;
+  for (const uint32_t id : ids) {
+    const Mesh& m = scene.meshes()[id];
+    Addresses& a = meshes_[id];
     a.positions = block.add(m.positions);
     a.normals = block.add(m.normals);
     a.uvs = block.add(m.uvs);
@@ -26,14 +26,13 @@ void MeshTable::add(const Memory& memory, const Scene& scene, size_t first) {
     a.flags = (m.normals.empty() ? 0 : instance_has_normals) | (m.uvs.empty() ? 0 : instance_has_uvs) |
               (m.slots.empty() ? 0 : instance_has_slots) | (m.uvs_1.empty() ? 0 : instance_has_uvs_1) |
               (m.colors.empty() ? 0 : instance_has_colors) | (m.tangents.empty() ? 0 : instance_has_tangents);
-    meshes_.push_back(a);
   }
   const auto buffer = block.upload(memory.device);
-  for (size_t i = first; i < meshes_.size(); ++i) {
-    Addresses& a = meshes_[i];
+  for (const uint32_t id : ids) {
+    Addresses& a = meshes_[id];
     for (uint64_t* offset : {&a.positions, &a.normals, &a.uvs, &a.uvs_1, &a.colors, &a.tangents, &a.indices, &a.slots})
       *offset += memory.address(*buffer);
-    if (!scene.meshes()[i].removed) a.block = buffer;
+    a.block = buffer;
   }
 }
 

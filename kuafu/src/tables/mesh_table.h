@@ -4,6 +4,7 @@
 #pragma once
 
 #include <memory>
+#include <unordered_map>
 #include <vector>
 
 #include "frame/device_array.h"
@@ -24,14 +25,14 @@ class MeshTable {
   /// Uploads what is new or moved and drops what was removed.
   void update(const Memory& memory, const Scene& scene);
   void forget() { meshes_.clear(), watch_.forget(); }
-  [[nodiscard]] const Addresses& operator[](uint32_t mesh) const { return meshes_[mesh]; }
+  [[nodiscard]] const Addresses& operator[](uint32_t mesh) const { return meshes_.at(mesh); }
 
  private:
-  void add(const Memory& memory, const Scene& scene, size_t first);
+  void add(const Memory& memory, const Scene& scene, const std::vector<uint32_t>& ids);
   static void move_vertices(const Memory& memory, const Mesh& mesh, const Addresses& addresses);
 
   MeshWatch watch_;
-  std::vector<Addresses> meshes_;
+  std::unordered_map<uint32_t, Addresses> meshes_;  // by id
 };
 
 }  // namespace kuafu

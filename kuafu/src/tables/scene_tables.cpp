@@ -63,7 +63,7 @@ void SceneTables::update(const Scene& scene, const Band& band, uint32_t environm
 }
 
 uint32_t SceneTables::lookups_of(const Scene& scene) const {
-  const auto looks_up = [](const Mesh& mesh) { return !mesh.uvs_1.empty() || !mesh.colors.empty() || !mesh.tangents.empty(); };
+  const auto looks_up = [](const auto& mesh) { return mesh && (!mesh->uvs_1.empty() || !mesh->colors.empty() || !mesh->tangents.empty()); };
   return textures_.looks_up() || std::ranges::any_of(scene.meshes(), looks_up) ? feature_lookups : 0;
 }
 
@@ -77,7 +77,7 @@ bool SceneTables::moved_lights(const Scene& scene) {
   if (now.meshes != seen_.meshes || !changes) return true;
   return std::ranges::any_of(*changes, [&](uint32_t slot) {
     const uint32_t id = scene.instance_slots()[slot];
-    return (slot < shining_.size() && shining_[slot]) || (id != none && shines(scene, band_, *scene.instances()[id]));
+    return (slot < shining_.size() && shining_[slot]) || (id != none && shines(scene, band_, scene.instances()[id]));
   });
 }
 
@@ -90,14 +90,16 @@ void SceneTables::forget() {
 }
 
 void SceneTables::write_materials(const Scene& scene) {
-  const std::vector<Material>& materials = scene.materials();
-  const auto records = materials_.resize(memory_, materials.size() + 1);
+  const std::vector<uint32_t>& ids = scene.materials().ids();
+  const auto records = materials_.resize(memory_, ids.size() + 1);
   has_glass_ = has_bending_ = emissive_ = false;
   bool frosted = false, sheen = false;
   material_features_ = emission_group_ = 0;
-  for (uint32_t i = 0; i < materials.size(); ++i) {
-    const Material m = in_band(materials[i], band_);
-    records[material_index(i)] = material_record(materials[i], i, band_);
+  for (const uint32_t id : ids) {
+    if (id == none) continue;
+    const Material& material = scene.materials()[id];
+    const Material m = in_band(material, band_);
+    records[material_index(scene, id)] = material_record(material, id, band_, scene.textures());
     has_glass_ = has_glass_ || is_glass(m);
     has_bending_ = has_bending_ || bends_light(m);
     emissive_ = emissive_ || m.emission != glm::vec3(0);
@@ -106,7 +108,7 @@ void SceneTables::write_materials(const Scene& scene) {
     material_features_ |= material_features(m);
     emission_group_ = std::max(emission_group_, m.light_group);
   }
-  records[material_index(none)] = material_record(grey_default(), none, band_);
+  records[material_index(scene, none)] = material_record(grey_default(), none, band_, scene.textures());
   if ((frosted && !has_glass_albedo_) || (sheen && !has_sheen_albedo_))
     write_albedos(frosted || has_glass_albedo_, sheen || has_sheen_albedo_);
 }
@@ -133,7 +135,7 @@ void SceneTables::write_instance_motions(const Scene& scene) {
   const auto motions = instance_motions_.resize(memory_, scene.instance_slots().size());
   for (size_t slot = 0; slot < motions.size(); ++slot) {
     const uint32_t id = scene.instance_slots()[slot];
-    motions[slot] = id == none ? MotionRecord{} : motion_record(scene.instances()[id]->local_to_world, scene.instances()[id]->velocity);
+    motions[slot] = id == none ? MotionRecord{} : motion_record(scene.instances()[id].local_to_world, scene.instances()[id].velocity);
   }
 }
 
@@ -147,7 +149,7 @@ void SceneTables::write_lights(const Scene& scene, uint32_t environment_count) {
   shining_.assign(emissive_ ? scene.instance_slots().size() : 0, false);
   for (size_t slot = 0; slot < shining_.size(); ++slot) {
     const uint32_t id = scene.instance_slots()[slot];
-    shining_[slot] = id != none && shines(scene, band_, *scene.instances()[id]);
+    shining_[slot] = id != none && shines(scene, band_, scene.instances()[id]);
   }
   std::ranges::copy(table.lights, lights_.resize(memory_, table.lights.size()).begin());
   std::ranges::copy(table.shapes, light_shapes_.resize(memory_, table.shapes.size()).begin());

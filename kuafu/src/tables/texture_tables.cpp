@@ -46,18 +46,22 @@ bool TextureTables::looks_up() const {
 
 bool TextureTables::update(const Scene& scene) {
   bool lights = false;
-  for (uint32_t id = 0; id < slots_.size(); ++id) {
-    const Texture& texture = scene.textures()[id];
-    if (texture.revision == slots_[id].revision) continue;
-    if (texture.removed) {
-      drop(id);
-    } else {
-      replace(texture, id);
-      lights |= replace_pattern(texture, id) || scene.environment().texture == id;
+  for (uint32_t slot = 0; slot < slots_.size(); ++slot) {
+    const uint32_t id = scene.textures().ids()[slot];
+    if (id != slots_[slot].id) {
+      patterns_.erase(slots_[slot].id);
+      records_[slot] = {};
+      slots_[slot] = {};
+    } else if (id == none || scene.textures()[id].revision == slots_[slot].revision) {
+      continue;
     }
-    slots_[id].revision = texture.revision;
+    if (id == none) continue;
+    replace(scene.textures()[id], slot);
+    lights |= replace_pattern(scene.textures()[id], id) || scene.environment().texture == id;
+    slots_[slot].id = id;
+    slots_[slot].revision = scene.textures()[id].revision;
   }
-  if (records_.size() < scene.textures().size()) add_new(scene);
+  if (records_.size() < scene.textures().ids().size()) add_new(scene);
   std::ranges::copy(records_, table_.resize(memory_, records_.size()).begin());
   return lights;
 }
@@ -70,35 +74,34 @@ void TextureTables::forget() {
 }
 
 void TextureTables::add_new(const Scene& scene) {
+  const std::vector<uint32_t>& ids = scene.textures().ids();
+  const size_t first = slots_.size();
+  slots_.resize(ids.size());
+  records_.resize(ids.size());
   Block block;
-  std::vector<uint64_t> offsets;
-  const size_t first = records_.size();
-  for (size_t i = first; i < scene.textures().size(); ++i) {
-    const Texture& t = scene.textures()[i];
+  std::vector<uint64_t> offsets(ids.size());
+  for (size_t slot = first; slot < ids.size(); ++slot) {
+    if (ids[slot] == none) continue;
+    const Texture& t = scene.textures()[ids[slot]];
     const Texels texels = linear_texels(t);
-    offsets.push_back(block.add(texels.words));
-    records_.push_back(record_of(t, {}, texels.format));
-    slots_.push_back({.revision = t.revision, .own = nullptr, .block = nullptr});
+    offsets[slot] = block.add(texels.words);
+    records_[slot] = record_of(t, {}, texels.format);
+    slots_[slot].id = ids[slot];
+    slots_[slot].revision = t.revision;
   }
   const auto buffer = block.upload(memory_.device);
-  for (size_t i = first; i < records_.size(); ++i) {
-    records_[i].texels = memory_.address(*buffer) + offsets[i - first];
-    if (!scene.textures()[i].removed) slots_[i].block = buffer;
+  for (size_t slot = first; slot < ids.size(); ++slot) {
+    if (ids[slot] == none) continue;
+    records_[slot].texels = memory_.address(*buffer) + offsets[slot];
+    slots_[slot].block = buffer;
   }
 }
 
-void TextureTables::drop(uint32_t id) {
-  records_[id] = {};
-  slots_[id].own.reset();
-  slots_[id].block.reset();
-  patterns_.erase(id);
-}
-
-void TextureTables::replace(const Texture& texture, uint32_t id) {
+void TextureTables::replace(const Texture& texture, uint32_t slot) {
   const Texels texels = linear_texels(texture);
-  put(memory_, slots_[id].own, texels.words);
-  slots_[id].block.reset();
-  records_[id] = record_of(texture, memory_.address(*slots_[id].own), texels.format);
+  put(memory_, slots_[slot].own, texels.words);
+  slots_[slot].block.reset();
+  records_[slot] = record_of(texture, memory_.address(*slots_[slot].own), texels.format);
 }
 
 bool TextureTables::replace_pattern(const Texture& texture, uint32_t id) {

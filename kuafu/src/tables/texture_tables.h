@@ -37,22 +37,22 @@ class TextureTables {
     uint32_t bits = 0;
   };
   struct Slot {
+    uint32_t id = none;
     uint64_t revision = 0;              // Texture::revision that the device has
-    std::shared_ptr<ks::Buffer> own;    // where the texels lie once it was set again
-    std::shared_ptr<ks::Buffer> block;  // before: with others of its time, as long as one of them is left
+    std::shared_ptr<ks::Buffer> own;    // where the texels lie of one that was set again, or took another's slot
+    std::shared_ptr<ks::Buffer> block;  // else: with others of its time, as long as one of them is left
   };
 
   void add_new(const Scene& scene);
-  void drop(uint32_t id);
-  void replace(const Texture& texture, uint32_t id);
+  void replace(const Texture& texture, uint32_t slot);
   bool replace_pattern(const Texture& texture, uint32_t id);
   Pattern upload(const Texture& texture);
 
   Memory memory_;
-  std::vector<TextureRecord> records_;
+  std::vector<TextureRecord> records_;  // by slot
   std::vector<Slot> slots_;
   MappedTable<TextureRecord> table_;
-  std::unordered_map<uint32_t, Pattern> patterns_;          // by texture
+  std::unordered_map<uint32_t, Pattern> patterns_;          // by texture's id
   std::map<std::shared_ptr<const Texture>, Pattern> dots_;  // by raster
 };
 

@@ -16,11 +16,11 @@ class BruteForce {
       first_.push_back(triangles_.size());
       if (id == none) continue;
       const auto& instance = scene.instances()[id];
-      const Mesh& mesh = scene.meshes()[instance->mesh];
+      const Mesh& mesh = scene.meshes()[instance.mesh];
       for (uint32_t i = 0; i < mesh.indices.size(); ++i) {
         glm::dvec3 corner[3];
-        for (int k = 0; k < 3; ++k) corner[k] = instance->local_to_world * glm::dvec4(mesh.positions[mesh.indices[i][k]], 1.0);
-        triangles_.push_back({corner[0], corner[1] - corner[0], corner[2] - corner[0], instance->environment});
+        for (int k = 0; k < 3; ++k) corner[k] = instance.local_to_world * glm::dvec4(mesh.positions[mesh.indices[i][k]], 1.0);
+        triangles_.push_back({corner[0], corner[1] - corner[0], corner[2] - corner[0], instance.environment});
       }
     }
   }

@@ -196,7 +196,7 @@ TEST_P(Tracers, NoRayLeavesAClosedMesh) {
   for (size_t i = 0; i < rays.size(); i += 2) {
     const glm::uvec3 corners = mesh.indices[random.below(uint32_t(mesh.indices.size()))];
     const glm::vec3 target = glm::mix(mesh.positions[corners.x], mesh.positions[corners.y], float(random.uniform()));
-    const glm::vec3 world(scene.instances()[0]->local_to_world * glm::dvec4(target, 1.0));
+    const glm::vec3 world(scene.instances()[0].local_to_world * glm::dvec4(target, 1.0));
     rays[i].direction = glm::normalize(world - rays[i].origin);
   }
   EXPECT_EQ(count_hits(bench_->closest(rays)), rays.size());
@@ -260,8 +260,8 @@ TEST_P(Tracers, UpdateFollowsMovedRemovedAndAddedInstancesAndMeshes) {
   tracer_->update(scene, 3, {});
   expect_like_brute_force(scene, rays);
 
-  for (uint32_t id = 0; id < scene.instances().size(); ++id)
-    if (scene.instances()[id]) scene.remove_instance(id);
+  for (uint32_t id = 0; id < scene.instances().ids_given(); ++id)
+    if (scene.instances().has(id)) scene.remove_instance(id);
   tracer_->update(scene, 1, {});
   EXPECT_EQ(count_hits(bench_->closest(rays)), 0u);
 
@@ -315,7 +315,7 @@ TEST_P(Tracers, ASlotThatMovedAndIsFilledAnewInAnotherEnvironmentLeavesItsFormer
   Scene scene = instanced_world(48, 600, 8.0);
   Random random(50);
   const std::vector<TestRay> rays = rays_of_environments(2, 49, 500, 8.0, random);
-  Instance instance = place(scene.instances()[7]->mesh, random_pose(random, 8.0));
+  Instance instance = place(scene.instances()[7].mesh, random_pose(random, 8.0));
   uint32_t id = 7;
   expect_like_new(scene, 2, rays, "at first");
   scene.set_instance_pose(id, random_pose(random, 8.0));

@@ -37,9 +37,8 @@ TEST(PracticeScenes, EveryMeshMaterialAndAlbedoIsRead) {
       size_t indices = 0;
       for (const auto& primitive : primitives) indices += file["accessors"][primitive["indices"].get<size_t>()]["count"].get<size_t>();
       EXPECT_EQ(scene.meshes()[i].indices.size() * 3, indices);
-      EXPECT_EQ(scene.instances()[i]->materials.size(), primitives.size());
-      for (size_t slot = 0; slot < primitives.size(); ++slot)
-        EXPECT_EQ(scene.instances()[i]->materials[slot], primitives[slot]["material"]);
+      EXPECT_EQ(scene.instances()[i].materials.size(), primitives.size());
+      for (size_t slot = 0; slot < primitives.size(); ++slot) EXPECT_EQ(scene.instances()[i].materials[slot], primitives[slot]["material"]);
     }
   }
 }

@@ -59,20 +59,20 @@ TEST(GltfAnimation, InstancesLightsAndCamerasFollowTheirNodes) {
   Loaded loaded = load_glb(w, root);
   EXPECT_TRUE(loaded.warnings.empty()) << loaded.warnings[0];
   Scene& scene = loaded.scene;
-  const glm::dmat4 first = scene.instances()[0]->local_to_world;
+  const glm::dmat4 first = scene.instances()[0].local_to_world;
   EXPECT_EQ(first[3], glm::dvec4(1, 2, 5, 1));
   scene.animate(0, 2.0);  // by 90 degrees about z
   const glm::dmat4 hand =
       root * glm::scale(glm::translate(glm::rotate(glm::translate(glm::dmat4(1), {1, 0, 0}), glm::radians(90.0), {0, 0, 1}), {0, 2, 0}),
                         {2, 2, 2});
-  for (int c = 0; c < 4; ++c) EXPECT_LT(glm::length(scene.instances()[0]->local_to_world[c] - hand[c]), 1e-6);
-  EXPECT_LT(glm::length(scene.lights()[0]->light_to_world[3] - hand[3]), 1e-6);
+  for (int c = 0; c < 4; ++c) EXPECT_LT(glm::length(scene.instances()[0].local_to_world[c] - hand[c]), 1e-6);
+  EXPECT_LT(glm::length(scene.lights()[0].light_to_world[3] - hand[3]), 1e-6);
   EXPECT_LT(glm::length(scene.cameras()[0].camera_to_world[3] - hand[3]), 1e-6);
   EXPECT_LT(glm::length(scene.cameras()[0].camera_to_world[0] - glm::dvec4(0, 1, 0, 0)), 1e-6);  // the node's x, without its scale
-  EXPECT_EQ(scene.instances()[0]->previous_local_to_world, first);                               // for motion vectors
-  EXPECT_EQ(scene.instances()[1]->local_to_world, root);
+  EXPECT_EQ(scene.instances()[0].previous_local_to_world, first);                                // for motion vectors
+  EXPECT_EQ(scene.instances()[1].local_to_world, root);
   scene.animate(none, 0.0);
-  for (int c = 0; c < 4; ++c) EXPECT_LT(glm::length(scene.instances()[0]->local_to_world[c] - first[c]), 1e-12);
+  for (int c = 0; c < 4; ++c) EXPECT_LT(glm::length(scene.instances()[0].local_to_world[c] - first[c]), 1e-12);
   EXPECT_THROW(scene.animate(1, 0.0), ks::Error);
   EXPECT_THROW(scene.animate(0, NAN), ks::Error);
 }
@@ -103,7 +103,7 @@ TEST(GltfAnimation, SkinsBendAndTargetsMoveVertices) {
   Loaded loaded = load_glb(w);
   EXPECT_TRUE(loaded.warnings.empty()) << loaded.warnings[0];
   Scene& scene = loaded.scene;
-  EXPECT_EQ(scene.instances()[0]->local_to_world, glm::dmat4(1.0));
+  EXPECT_EQ(scene.instances()[0].local_to_world, glm::dmat4(1.0));
   EXPECT_EQ(scene.meshes()[0].positions[3], glm::vec3(1, 2, 0));
   scene.animate(0, 1.0);
   const std::vector<glm::vec3>& p = scene.meshes()[0].positions;
@@ -164,8 +164,8 @@ TEST(GltfAnimation, AVertexWithoutAFinitePlaceLeavesAllAsItWas) {
   EXPECT_THROW(scene.animate(0, 1.0), ks::Error);
   EXPECT_EQ(scene.meshes()[0].positions[1], glm::vec3(1, 0, 0));
   EXPECT_EQ(scene.meshes()[0].deformation, 1u);
-  EXPECT_EQ(scene.instances()[1]->local_to_world[3].z, 0.0);
-  EXPECT_EQ(scene.lights()[0]->light_to_world[3].z, 0.0);
+  EXPECT_EQ(scene.instances()[1].local_to_world[3].z, 0.0);
+  EXPECT_EQ(scene.lights()[0].light_to_world[3].z, 0.0);
   EXPECT_EQ(scene.cameras()[0].camera_to_world[3].z, 0.0);
   scene.animate(0, 0.1);
   EXPECT_EQ(scene.meshes()[0].positions[1], glm::vec3(1.1f, 0, 0));
@@ -196,13 +196,13 @@ TEST(GltfAnimation, AnimationsOfSecondFilesFollowAndWhatWasRemovedIsPassedOver) 
   for (int i = 0; i < 2; ++i) load_file(scene, folder / "a.glb", glm::dmat4(1.0));
   ASSERT_EQ(scene.rigs().size(), 2u);
   scene.animate(3, 2.0);
-  EXPECT_EQ(scene.instances()[0]->local_to_world[3], glm::dvec4(0, 0, 0, 1));
-  EXPECT_EQ(scene.instances()[1]->local_to_world[3], glm::dvec4(4, 0, 0, 1));
+  EXPECT_EQ(scene.instances()[0].local_to_world[3], glm::dvec4(0, 0, 0, 1));
+  EXPECT_EQ(scene.instances()[1].local_to_world[3], glm::dvec4(4, 0, 0, 1));
   scene.animate(none, 1.0);  // the first of each file counts
-  for (int i = 0; i < 2; ++i) EXPECT_EQ(scene.instances()[size_t(i)]->local_to_world[3], glm::dvec4(0, 1, 0, 1));
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(scene.instances()[size_t(i)].local_to_world[3], glm::dvec4(0, 1, 0, 1));
   scene.remove_instance(0);
   scene.animate(none, 0.5);
-  EXPECT_EQ(scene.instances()[1]->local_to_world[3], glm::dvec4(0, 0.5, 0, 1));
+  EXPECT_EQ(scene.instances()[1].local_to_world[3], glm::dvec4(0, 0.5, 0, 1));
 }
 
 TEST(GltfAnimation, BrokenOnesAreErrorsThatNameThem) {

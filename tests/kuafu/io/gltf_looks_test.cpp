@@ -93,7 +93,7 @@ TEST(GltfLooks, AlphaScaleAndRangeArrive) {
   EXPECT_EQ(m[0].normal_scale, 0.5f);
   EXPECT_EQ(m[1].alpha_mode, Material::AlphaMode::blend);
   EXPECT_EQ(m[1].normal_scale, 0.0f);
-  EXPECT_EQ(loaded.scene.lights()[0]->range_m, 3);
+  EXPECT_EQ(loaded.scene.lights()[0].range_m, 3);
 }
 
 TEST(GltfLooks, AClearCoatArrivesWithItsTextures) {
@@ -270,7 +270,7 @@ TEST(GltfLooks, BrushedFluffyFilmedAndDispersiveMaterialsArrive) {
   EXPECT_EQ(m.dispersion, 2);
   EXPECT_TRUE(loaded.scene.textures()[m.sheen_color_texture].srgb);
   for (const uint32_t data : {m.anisotropy_texture, m.sheen_roughness_texture, m.iridescence_texture, m.iridescence_thickness_texture})
-    EXPECT_FALSE(loaded.scene.textures().at(data).srgb);
+    EXPECT_FALSE(loaded.scene.textures()[data].srgb);
   w.root["materials"][0]["extensions"]["KHR_materials_iridescence"]["iridescenceIor"] = 0.5;
   EXPECT_NE(glb_error_of(w).find("iridescence_ior is 0.5"), std::string::npos) << glb_error_of(w);
 }
@@ -307,7 +307,7 @@ TEST(GltfLooks, EveryCopyOfAnInstancedNodeIsThere) {
   const Loaded loaded = load_glb(w);
   ASSERT_EQ(loaded.scene.instances().size(), 3u);
   EXPECT_EQ(loaded.scene.meshes().size(), 1u);
-  const auto point = [&](size_t i) { return glm::dvec3(loaded.scene.instances()[i]->local_to_world * glm::dvec4(1, 0, 0, 1)); };
+  const auto point = [&](size_t i) { return glm::dvec3(loaded.scene.instances()[i].local_to_world * glm::dvec4(1, 0, 0, 1)); };
   EXPECT_LT(glm::length(point(0) - glm::dvec3(2, 0, 10)), 1e-6);
   EXPECT_LT(glm::length(point(1) - glm::dvec3(0, 3, 10)), 1e-6) << "turned by a quarter about z";
   EXPECT_LT(glm::length(point(2) - glm::dvec3(1, 0, 13)), 1e-6);

@@ -68,8 +68,8 @@ TEST(GltfNodes, NestedTransformsComposeParentFirst) {
   const Loaded loaded = load(w, root);
   ASSERT_EQ(loaded.scene.instances().size(), 1u);
   // (1,0,0) -> leaf (11,0,0) -> scale (22,0,0) -> turn (0,22,0) -> move (1,24,3) -> root (1,24,103)
-  expect_near(apply(loaded.scene.instances()[0]->local_to_world, {1, 0, 0}), {1, 24, 103});
-  EXPECT_EQ(loaded.scene.instances()[0]->name, "leaf");
+  expect_near(apply(loaded.scene.instances()[0].local_to_world, {1, 0, 0}), {1, 24, 103});
+  EXPECT_EQ(loaded.scene.instances()[0].name, "leaf");
 }
 
 TEST(GltfNodes, OneMeshShownByTwoNodesIsOneMeshAndTwoInstances) {
@@ -80,7 +80,7 @@ TEST(GltfNodes, OneMeshShownByTwoNodesIsOneMeshAndTwoInstances) {
   const Loaded loaded = load(w);
   EXPECT_EQ(loaded.scene.meshes().size(), 1u);
   ASSERT_EQ(loaded.scene.instances().size(), 2u);
-  EXPECT_EQ(loaded.scene.instances()[0]->mesh, loaded.scene.instances()[1]->mesh);
+  EXPECT_EQ(loaded.scene.instances()[0].mesh, loaded.scene.instances()[1].mesh);
 }
 
 TEST(GltfNodes, OnlyTheDefaultSceneIsShown) {
@@ -92,7 +92,7 @@ TEST(GltfNodes, OnlyTheDefaultSceneIsShown) {
   w.root["scene"] = 1;
   const Loaded loaded = load(w);
   ASSERT_EQ(loaded.scene.instances().size(), 1u);
-  EXPECT_EQ(loaded.scene.instances()[0]->name, "b");
+  EXPECT_EQ(loaded.scene.instances()[0].name, "b");
 }
 
 TEST(GltfNodes, CyclesAndWrongIndicesAreErrors) {
@@ -376,7 +376,7 @@ TEST(GltfTexture, EmbeddedExternalAndDataUriImagesAreDecoded) {
   EXPECT_TRUE(scene.textures()[m.emission_texture].srgb);
   EXPECT_FALSE(scene.textures()[m.normal_texture].srgb);
   EXPECT_EQ(scene.textures()[m.base_color_texture].name, "inside");
-  for (const Texture& texture : scene.textures()) EXPECT_EQ(texture.texels, (std::vector<uint8_t>{10, 20, 30, 255}));
+  for (const auto& texture : scene.textures()) EXPECT_EQ(texture->texels, (std::vector<uint8_t>{10, 20, 30, 255}));
 }
 
 TEST(GltfTexture, MissingAndBrokenImagesAreErrors) {
@@ -404,13 +404,13 @@ TEST(GltfLight, CandelasAreWattsPerSteradianAndLightsLookForward) {
     w.node({{"translation", {1, 2, 3 + i}}, {"scale", {2, 2, 2}}, {"extensions", {{"KHR_lights_punctual", {{"light", i}}}}}});
   const Loaded loaded = load(w);
   ASSERT_EQ(loaded.scene.lights().size(), 3u);
-  const Light& light = *loaded.scene.lights()[0];
+  const Light& light = loaded.scene.lights()[0];
   EXPECT_EQ(light.intensity, glm::vec3(8, 4, 2));
   EXPECT_EQ(light.name, "lamp");
   EXPECT_TRUE(std::isnan(light.ir_intensity));
   expect_near(glm::dvec3(light.light_to_world[3]), {1, 2, 3});
   EXPECT_EQ(glm::dmat3(light.light_to_world), glm::dmat3(1.0)) << "a light takes no scale";
-  const Light &spot = *loaded.scene.lights()[1], &sun = *loaded.scene.lights()[2];
+  const Light &spot = loaded.scene.lights()[1], &sun = loaded.scene.lights()[2];
   EXPECT_EQ(spot.kind, Light::Kind::spot);
   EXPECT_EQ(spot.inner_rad, 0.0);
   EXPECT_NEAR(spot.outer_rad, 0.78539816339744831, 1e-9) << "the extension's default, pi / 4";
@@ -469,8 +469,8 @@ TEST(GltfFile, PathsWithSpacesAndSecondLoadsAppend) {
   Scene scene;
   for (int i = 0; i < 2; ++i) load_file(scene, folder / "two words/the scene.gltf", glm::dmat4(1.0));
   ASSERT_EQ(scene.instances().size(), 2u);
-  EXPECT_EQ(scene.instances()[1]->mesh, 1u);
-  EXPECT_EQ(scene.instances()[1]->materials, std::vector<uint32_t>{1});
+  EXPECT_EQ(scene.instances()[1].mesh, 1u);
+  EXPECT_EQ(scene.instances()[1].materials, std::vector<uint32_t>{1});
 }
 
 }  // namespace

@@ -39,7 +39,7 @@ TEST(ObjFile, QuadsNormalsUvsAndMaterialsArrive) {
     }
   }
   EXPECT_EQ(scene.bounds().min, glm::dvec3(0, 0, 2));
-  const auto material = [&](size_t i) -> const Material& { return scene.materials()[scene.instances()[i]->materials[0]]; };
+  const auto material = [&](size_t i) -> const Material& { return scene.materials()[scene.instances()[i].materials[0]]; };
   EXPECT_EQ(material(0).name, "dull");
   EXPECT_EQ(material(0).base_color, glm::vec4(0.2f, 0.4f, 0.6f, 1));
   EXPECT_EQ(material(0).specular, 0.0f) << "no highlight is exactly Lambertian";
@@ -66,7 +66,7 @@ std::string grey_row(const std::vector<unsigned char>& values) {
 }
 
 std::vector<uint8_t> texel(const Scene& scene, uint32_t id, uint32_t x = 0) {
-  const Texture& t = scene.textures().at(id);
+  const Texture& t = scene.textures()[id];
   return {t.texels.begin() + x * t.channels, t.texels.begin() + (x + 1) * t.channels};
 }
 
@@ -88,7 +88,7 @@ TEST(ObjFile, EveryMapOfAMaterialArrives) {
   const Loaded loaded = load_path(folder / "a.obj");
   EXPECT_TRUE(loaded.warnings.empty()) << loaded.warnings[0];
   const Scene& scene = loaded.scene;
-  const auto material = [&](size_t i) -> const Material& { return scene.materials()[scene.instances()[i]->materials[0]]; };
+  const auto material = [&](size_t i) -> const Material& { return scene.materials()[scene.instances()[i].materials[0]]; };
   const Material& all = material(0);
   EXPECT_EQ(all.alpha_mode, Material::AlphaMode::blend);
   EXPECT_EQ(texel(scene, all.base_color_texture), (std::vector<uint8_t>{10, 20, 30, 0})) << "map_d is map_Kd's alpha";
@@ -123,7 +123,7 @@ TEST(PlyFile, ColoursOfVerticesAreLinearAndShown) {
     EXPECT_NEAR(mesh.colors[i].r, mesh.positions[i] == glm::vec3(0) ? 1.0 : 0.0, 1e-6);
     EXPECT_NEAR(mesh.colors[i].g, mesh.positions[i].x == 1.0f ? 0.21586 : 0.0, 1e-4);
   }
-  const uint32_t material = loaded.scene.instances()[0]->materials.at(0);
+  const uint32_t material = loaded.scene.instances()[0].materials.at(0);
   ASSERT_NE(material, none);
   EXPECT_EQ(loaded.scene.materials()[material].base_color, glm::vec4(1)) << "the grey of surfaces without a material would dim them";
 }
@@ -150,7 +150,7 @@ TEST(StlFile, FacetsAreTrianglesOfTheDefaultMaterial) {
   const Loaded loaded = load_path(folder / "a.stl");
   ASSERT_EQ(loaded.scene.instances().size(), 1u);
   EXPECT_EQ(loaded.scene.meshes()[0].indices.size(), 1u);
-  EXPECT_EQ(loaded.scene.instances()[0]->materials, std::vector<uint32_t>{none});
+  EXPECT_EQ(loaded.scene.instances()[0].materials, std::vector<uint32_t>{none});
 }
 
 TEST(PlyFile, AsciiFacesArrive) {
@@ -168,7 +168,7 @@ TEST(ColladaFile, NodesCarryTheirTransformsUnitsAndUpAxis) {
   const Loaded loaded = load_path(folder / "a.dae");
   ASSERT_EQ(loaded.scene.instances().size(), 2u);
   EXPECT_EQ(loaded.scene.meshes().size(), 1u) << "two nodes share one geometry";
-  const Scene::Bounds bounds = loaded.scene.bounds();
+  const Bounds bounds = loaded.scene.bounds();
   EXPECT_NEAR(bounds.max.y, 2.0, 1e-6) << "the file's z axis points up, and 200 cm are 2 m";
   EXPECT_NEAR(bounds.max.x, 1.0, 1e-6);
 }

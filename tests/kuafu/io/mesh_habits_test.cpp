@@ -24,9 +24,9 @@ std::vector<Triangle> sorted(std::vector<Triangle> triangles) {
 
 std::vector<Triangle> triangles_of(const Scene& scene) {
   std::vector<Triangle> out;
-  for (const Mesh& mesh : scene.meshes()) {
-    const auto corner = [&](uint32_t i) { return Corner{mesh.positions[i].x, mesh.positions[i].y, mesh.positions[i].z}; };
-    for (const glm::uvec3& t : mesh.indices) out.push_back({corner(t.x), corner(t.y), corner(t.z)});
+  for (const auto& mesh : scene.meshes()) {
+    const auto corner = [&](uint32_t i) { return Corner{mesh->positions[i].x, mesh->positions[i].y, mesh->positions[i].z}; };
+    for (const glm::uvec3& t : mesh->indices) out.push_back({corner(t.x), corner(t.y), corner(t.z)});
   }
   return sorted(std::move(out));
 }

@@ -81,9 +81,9 @@ TEST(Wire, ASceneArrivesAsItWasSent) {
   EXPECT_EQ(material.specular_texture, 0u);
   EXPECT_TRUE(material.thin_walled);
   EXPECT_EQ(scene.meshes()[0].uvs, before.meshes()[0].uvs);
-  EXPECT_EQ(scene.instances()[0]->local_to_world, before.instances()[0]->local_to_world);
-  EXPECT_EQ(scene.instances()[0]->materials, (std::vector<uint32_t>{0, none}));
-  EXPECT_EQ(scene.lights()[0]->outer_rad, 0.2);
+  EXPECT_EQ(scene.instances()[0].local_to_world, before.instances()[0].local_to_world);
+  EXPECT_EQ(scene.instances()[0].materials, (std::vector<uint32_t>{0, none}));
+  EXPECT_EQ(scene.lights()[0].outer_rad, 0.2);
   EXPECT_EQ(scene.cameras()[0].near_m, 0.25);
 }
 

@@ -73,10 +73,10 @@ struct Lit {
   explicit Lit(const Scene& scene) {
     table = make_light_table(
         scene, Band{true, 0.05f, 0.0f}, 1, [](const Light&) { return PatternAddress{}; }, TimeSpan{});
-    for (const Texture& t : scene.textures()) texels.push_back(linear_texels(t));
+    for (const auto& t : scene.textures()) texels.push_back(linear_texels(*t));
     for (size_t i = 0; i < texels.size(); ++i)
-      textures.push_back(
-          {reinterpret_cast<uint64_t>(texels[i].words.data()), scene.textures()[i].width, scene.textures()[i].height, texels[i].format, 0});
+      textures.push_back({reinterpret_cast<uint64_t>(texels[i].words.data()), scene.textures()[uint32_t(i)].width,
+                          scene.textures()[uint32_t(i)].height, texels[i].format, 0});
     addresses.textures.at = textures.data();
     addresses.lights.at = table.lights.data();
     addresses.light_shapes.at = table.shapes.data();
@@ -173,7 +173,7 @@ TEST(LightSampler, emissive_mesh) {
   scene.add_instance(instance);
   Lit lit(scene);
   std::vector<MaterialRecord> records;
-  for (uint32_t i = 0; i < 2; ++i) records.push_back(material_record(materials[i], i, Band{true, 0.05f, 0.0f}));
+  for (uint32_t i = 0; i < 2; ++i) records.push_back(material_record(materials[i], i, Band{true, 0.05f, 0.0f}, {}));
   const std::vector<uint32_t> slots{0, 1, 1};
   InstanceRecord r{};
   r.positions.at = mesh.positions.data();

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 
 #include "device/error.h"
@@ -117,6 +118,36 @@ TEST(Scene, IdsOfRemovedObjectsAreRefusedAndNotReused) {
   EXPECT_EQ(scene.add_light({}), 1u);
 }
 
+TEST(Scene, SlotsOfRemovedObjectsAreTheNextOnes) {
+  Scene scene;
+  const auto add = [&scene](int which) {
+    const std::array<uint32_t, 5> ids = {scene.add_mesh(triangle()),
+                                         scene.add_texture({.width = 1, .height = 1, .channels = 1, .texels = {7}}), scene.add_material({}),
+                                         scene.add_instance({.mesh = uint32_t(which)}), scene.add_light({})};
+    EXPECT_EQ(ids, (std::array<uint32_t, 5>{uint32_t(which), uint32_t(which), uint32_t(which), uint32_t(which), uint32_t(which)}));
+  };
+  add(0);
+  for (uint32_t id = 1; id < 100; ++id) {
+    add(int(id));
+    scene.remove_instance(id), scene.remove_mesh(id), scene.remove_texture(id), scene.remove_material(id), scene.remove_light(id);
+    expect_refused([&] { scene.set_texture(id, {.width = 1, .height = 1, .channels = 1, .texels = {7}}); }, "was removed");
+    expect_refused([&] { scene.add_instance({.mesh = id}); }, "was removed");
+  }
+  add(100);
+  const std::vector<uint32_t> first_and_last{0, 100};
+  EXPECT_EQ(scene.meshes().ids(), first_and_last);
+  EXPECT_EQ(scene.textures().ids(), first_and_last);
+  EXPECT_EQ(scene.materials().ids(), first_and_last);
+  EXPECT_EQ(scene.instances().ids(), first_and_last);
+  EXPECT_EQ(scene.lights().ids(), first_and_last);
+  Scene whole;
+  whole.add_mesh(triangle());
+  whole.append(std::move(scene));
+  EXPECT_EQ(whole.meshes().ids(), (std::vector<uint32_t>{0, 1, 101}));
+  EXPECT_EQ(whole.instances()[100].mesh, 101u);
+  expect_refused([&] { whole.remove_mesh(2); }, "was removed");
+}
+
 TEST(Scene, RevisionsGrowWithWhatChangedOnly) {
   Scene scene;
   scene.add_mesh(triangle());
@@ -160,12 +191,12 @@ TEST(Scene, AppendShiftsEveryIdAndKeepsNone) {
   Scene scene = make();
   scene.append(make());
   ASSERT_EQ(scene.instances().size(), 2u);
-  EXPECT_EQ(scene.instances()[1]->mesh, 1u);
-  EXPECT_EQ(scene.instances()[1]->materials, (std::vector<uint32_t>{1, none}));
+  EXPECT_EQ(scene.instances()[1].mesh, 1u);
+  EXPECT_EQ(scene.instances()[1].materials, (std::vector<uint32_t>{1, none}));
   EXPECT_EQ(scene.materials()[1].base_color_texture, 1u);
   EXPECT_EQ(scene.materials()[1].normal_texture, none);
-  EXPECT_EQ(scene.lights()[2]->texture, 1u);
-  EXPECT_EQ(scene.lights()[3]->texture, none);
+  EXPECT_EQ(scene.lights()[2].texture, 1u);
+  EXPECT_EQ(scene.lights()[3].texture, none);
   EXPECT_EQ(scene.materials()[0].base_color_texture, 0u);
 }
 
@@ -176,7 +207,7 @@ TEST(Scene, BoundsAreTightAroundTurnedInstances) {
   quarter_turn[0][1] = 1, quarter_turn[1][0] = -1, quarter_turn[2][2] = 1;
   quarter_turn[3] = {10, 0, 5, 1};
   scene.add_instance({.mesh = 0, .local_to_world = quarter_turn});
-  const Scene::Bounds bounds = scene.bounds();
+  const Bounds bounds = scene.bounds();
   EXPECT_EQ(bounds.min, glm::dvec3(9, 0, 5));
   EXPECT_EQ(bounds.max, glm::dvec3(10, 1, 5));
 }

@@ -19,11 +19,15 @@ def pose(x_m):
     return place
 
 
-def lit(given, looks=MATT, baseline_m=BASELINE_M, ambient=0.0, tracer="auto", outputs=None, falloff=0.0, **more):
+def lit(
+    given, looks=MATT, baseline_m=BASELINE_M, ambient=0.0, tracer="auto", outputs=None, falloff=0.0, removed=0, **more
+):
     """Outputs [2, E, height, width] of one material's surfaces under a projector whose pattern is 1 everywhere, 3 W/sr;
-    given: images [E, height, width] of the left camera."""
+    given: images [E, height, width] of the left camera; removed: how many materials were there before."""
     device = kuafu.Device("cpu")
     scene = kuafu.Scene(device)
+    for _ in range(removed):
+        scene.remove_material(scene.add_material(kuafu.Material(ir_albedo=0.9)))
     scene.add_material(kuafu.Material(**looks))
     pattern = scene.add_texture(np.full((64, 64), 255, np.uint8))
     k = np.array([[10.0, 0, 31.5], [0, 10.0, 31.5], [0, 0, 1]])
@@ -156,6 +160,14 @@ def test_a_bad_value_is_named_with_its_environment(change, words):
         given[name][2, 1, 1] = value
     with pytest.raises(ValueError, match=words + r".*\(and in environments 2\)"):
         lit(given)
+
+
+def test_materials_are_named_by_ids_that_are_given_once():
+    given = wall(0.5)
+    named = lit(given | {"material": np.full(given["depth"].shape, 2)}, removed=1)
+    np.testing.assert_array_equal(named["projector_direct"], lit(given)["projector_direct"])
+    with pytest.raises(ValueError, match="material is 1, expected .* that is there"):
+        lit(given, removed=1)
 
 
 def test_infinite_depth_is_nothing():
