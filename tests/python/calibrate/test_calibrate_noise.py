@@ -14,6 +14,7 @@ from activestereo.calibrate.noise_models import GammaModel, ShotModel
 from activestereo.cli import main
 from activestereo.capture.images import write_gray
 from activestereo.model import read_model
+from command_line import refused
 
 _SIZE = (40, 64)
 
@@ -181,45 +182,37 @@ def test_the_sensor_takes_what_was_measured(tmp_path):
     assert config.ir_black_level_dn == pytest.approx(5.0, abs=0.05)
 
 
-def _refused(arguments, capsys):
-    assert main([str(a) for a in arguments]) == 2
-    error = capsys.readouterr().err.strip().splitlines()
-    lines = [line for line in error if line.startswith("activestereo: ")]
-    assert len(lines) == 1
-    return lines[0]
-
-
 def test_bad_repeats_are_refused_in_one_line(folder, tmp_path, capsys):
     out = tmp_path / "model.json"
     ask = ["calibrate", "noise", folder, "-o", out]
     (folder / "000.png").unlink()
     (folder / "001.png").unlink()
     (folder / "002.png").unlink()
-    assert "9 repeats, at least 10" in _refused(ask, capsys)
+    assert "9 repeats, at least 10" in refused(ask, capsys)
     for i in range(12):  # the view shifts by a pixel half way
         write_gray(
             folder / f"{i:03d}.png",
             np.roll(drawn(GammaModel(400.0, 0.5, 5.0), clean_image(3), 1, i)[0], i // 6, axis=1),
         )
-    assert "the repeats move" in _refused(ask, capsys)
+    assert "the repeats move" in refused(ask, capsys)
     for i in range(12):
         write_gray(
             folder / f"{i:03d}.png", drawn(GammaModel(400.0, 0.5, 5.0), clean_image(3) * (1 + 0.01 * i), 1, i)[0]
         )
-    assert "brightness drifts" in _refused(ask, capsys)
+    assert "brightness drifts" in refused(ask, capsys)
     for i in range(12):
         write_gray(folder / f"{i:03d}.png", drawn(GammaModel(400.0, 0.5, 5.0), 40 * clean_image(3, 6.0), 1, i)[0])
-    assert "pixels clip" in _refused(ask, capsys)
+    assert "pixels clip" in refused(ask, capsys)
     write_gray(folder / "005.png", np.zeros((4, 4), np.uint8))
-    assert "005.png: is 4x4" in _refused(ask, capsys)
+    assert "005.png: is 4x4" in refused(ask, capsys)
     (folder / "005.png").write_bytes(b"\x89PNG broken")
-    assert "005.png" in _refused(ask, capsys)
-    assert "no folder" in _refused(["calibrate", "noise", tmp_path / "nothing", "-o", out], capsys)
+    assert "005.png" in refused(ask, capsys)
+    assert "no folder" in refused(["calibrate", "noise", tmp_path / "nothing", "-o", out], capsys)
     assert not out.exists()
     out.write_text("{}")
     folder2 = tmp_path / "again"
     folder2.mkdir()
     for i, image in enumerate(drawn(GammaModel(5.0, 0.8, 5.0), clean_image(3, size=(10, 16)), 10, 4)):
         write_gray(folder2 / f"{i}.png", image)
-    assert "give another file to -o" in _refused(["calibrate", "noise", folder2, "-o", out], capsys)
+    assert "give another file to -o" in refused(["calibrate", "noise", folder2, "-o", out], capsys)
     assert out.read_text() == "{}"

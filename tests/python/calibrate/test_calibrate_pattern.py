@@ -17,10 +17,10 @@ from activestereo.calibrate.pattern import _as_if_not_turned, _meeting_point, _v
 from activestereo.calibrate.spots import Spots, find_spots
 from activestereo.calibrate.wall import find_wall
 from activestereo.capture.capture import read_capture
-from activestereo.cli import main
 from activestereo.capture.images import write_gray
 from activestereo.model import SensorModel, read_model
 from wall_worlds import NOMINAL_POSITION_M, POSITION_M, WallWorld, seen_dots
+from command_line import refused
 
 _WALLS = ((1.0, 0.0), (1.7, 0.1))
 
@@ -265,13 +265,6 @@ def _spots_of(points, peak_dn, K, rng, size=(120, 160), sigma=0.9, repeats=12):
     return find_spots(counts.mean(axis=0), _variance_of_mean(counts))
 
 
-def _refused(arguments, capsys):
-    assert main([str(a) for a in arguments]) == 2
-    lines = [line for line in capsys.readouterr().err.strip().splitlines() if line.startswith("activestereo: ")]
-    assert len(lines) == 1
-    return lines[0]
-
-
 def _copied(path, to, change):
     """A copy of a capture whose capture.json is changed."""
     shutil.copytree(path, to)
@@ -285,7 +278,7 @@ def test_bad_walls_are_refused_in_one_line(capture_path, tmp_path, capsys):
     out = tmp_path / "model.json"
 
     def refusal(name, change):
-        return _refused(["calibrate", "pattern", _copied(capture_path, tmp_path / name, change), "-o", out], capsys)
+        return refused(["calibrate", "pattern", _copied(capture_path, tmp_path / name, change), "-o", out], capsys)
 
     def few(root):
         root["frames"] = root["frames"][:9]
@@ -311,5 +304,5 @@ def test_bad_walls_are_refused_in_one_line(capture_path, tmp_path, capsys):
             write_gray(
                 bright / side / frame.path(side).name, np.minimum(5.0 * capture.ir(frame, side), 255).astype(np.uint8)
             )
-    assert "the wall saturates" in _refused(["calibrate", "pattern", bright, "-o", out], capsys)
+    assert "the wall saturates" in refused(["calibrate", "pattern", bright, "-o", out], capsys)
     assert not out.exists()

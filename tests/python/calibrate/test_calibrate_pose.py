@@ -17,6 +17,7 @@ from activestereo.calibrate.gltf_place import node_pose
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.report.overlay import Overlay
 from activestereo.common.pose import look_at
+from command_line import refused
 
 _WIDTH, _HEIGHT, _F = 240, 160, 170.0
 _K = np.array([[_F, 0, 119.5], [0, _F, 79.5], [0, 0, 1.0]])
@@ -111,12 +112,6 @@ def start_text(seed):
 
     numbers = [*place, *Rotation.from_matrix(rotation).as_quat()]
     return "part=" + ",".join(f"{x:.9g}" for x in numbers)
-
-
-def refused(arguments, capsys):
-    assert main(arguments) == 2
-    (line,) = [line for line in capsys.readouterr().err.strip().splitlines() if line.startswith("activestereo: ")]
-    return line
 
 
 def test_a_box_is_placed_from_2_cm_and_5_degrees(box, capsys):

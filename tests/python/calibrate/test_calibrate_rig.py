@@ -16,6 +16,7 @@ from activestereo.cli import main
 from activestereo.capture.images import write_gray
 from activestereo.model import read_model
 from board_worlds import BOARD, RigWorld, matrix
+from command_line import refused
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -147,13 +148,6 @@ def test_the_command_writes_rig_coverage_and_hand_eye(frames, tmp_path, capsys):
     assert difference(hand, world.camera_to_gripper)[0] < 5e-3
 
 
-def _refused(arguments, capsys):
-    assert main([str(a) for a in arguments]) == 2
-    lines = [line for line in capsys.readouterr().err.strip().splitlines() if line.startswith("activestereo: ")]
-    assert len(lines) == 1
-    return lines[0]
-
-
 def test_bad_boards_are_refused_in_one_line(frames, tmp_path, capsys):
     folder, world = frames
     out, few = tmp_path / "model.json", tmp_path / "few"
@@ -161,15 +155,15 @@ def test_bad_boards_are_refused_in_one_line(frames, tmp_path, capsys):
         (few / side).mkdir(parents=True)
         for view in world.views[:2]:
             (few / side / view.name).symlink_to(folder / side / view.name)
-    assert "2 of 2 frame pairs show the board" in _refused(
+    assert "2 of 2 frame pairs show the board" in refused(
         ["calibrate", "rig", few, "--board", "9x6:0.03", "-o", out], capsys
     )
-    assert "0 of 2 frame pairs" in _refused(["calibrate", "rig", few, "--board", "8x5:0.03", "-o", out], capsys)
-    assert "no PNG file is in both" in _refused(
+    assert "0 of 2 frame pairs" in refused(["calibrate", "rig", few, "--board", "8x5:0.03", "-o", out], capsys)
+    assert "no PNG file is in both" in refused(
         ["calibrate", "rig", tmp_path, "--board", "9x6:0.03", "-o", out], capsys
     )
     for wrong in ("9x6", "9x6:0.03:0.1", "charuco:9x6:0.02:0.03", "9:0.03", "1x6:0.03"):
-        assert wrong in _refused(["calibrate", "rig", few, "--board", wrong, "-o", out], capsys)
+        assert wrong in refused(["calibrate", "rig", few, "--board", wrong, "-o", out], capsys)
     assert not out.exists()
 
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings of librealsense's tools, written here as those tools write them, become captures."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from activestereo.capture.images import write_gray
 from activestereo.capture.importers.realsense_text import read_device_text
 from activestereo.capture.importers.trajectory import pose_at, read_trajectory
 from camera_dumps import ENUMERATED
+from command_line import refused
 
 
 @pytest.fixture
@@ -34,13 +37,9 @@ def _arguments(recording, *more):
 
 
 def _refused(arguments, capsys):
-    assert main(arguments) == 2
-    lines = [line for line in capsys.readouterr().err.strip().splitlines() if line.startswith("activestereo: ")]
-    assert len(lines) == 1
-    assert (
-        sorted(p.name for p in (__import__("pathlib").Path(arguments[1]).parent).iterdir() if "capture" in p.name) == []
-    )
-    return lines[0]
+    line = refused(arguments, capsys)
+    assert not [path for path in Path(arguments[1]).parent.iterdir() if "capture" in path.name]
+    return line
 
 
 def test_a_recording_becomes_a_capture(recording):

@@ -16,6 +16,7 @@ from activestereo.cli import main
 from activestereo.capture.images import write_gray
 from activestereo.scene_io.mesh_files import read_mesh
 from camera_dumps import ENUMERATED
+from command_line import refused
 
 _HEIGHT, _WIDTH = 24, 32
 _K = (30.0, 31.0, 15.5, 11.5)
@@ -64,12 +65,6 @@ def write_ply(path, mesh):
         f"element face {len(face)}\nproperty list uchar int vertex_indices\nend_header\n"
     )
     path.write_bytes(header.encode() + vertex.tobytes() + face.tobytes())
-
-
-def refused(arguments, capsys):
-    assert main(arguments) == 2
-    (line,) = [line for line in capsys.readouterr().err.strip().splitlines() if line.startswith("activestereo: ")]
-    return line
 
 
 def test_a_tum_folder(tum, capsys):
@@ -325,6 +320,6 @@ def test_a_connected_camera(tmp_path, monkeypatch):
     assert capture.ir(capture.frames[0], "left")[0, 0] == 31  # the first thirty let the exposure settle
 
 
-def test_without_pyrealsense2_a_live_camera_is_refused(tmp_path, monkeypatch, capsys):
+def test_without_pyrealsense2_a_live_camera_isrefused(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "pyrealsense2", None)
     assert "pip install pyrealsense2" in refused(["import", "live", "--out", str(tmp_path / "c")], capsys)

@@ -29,6 +29,14 @@ def run_here(capsys, *words):
     return CompletedProcess(words, status, *capsys.readouterr())
 
 
+def refused(words, capsys):
+    """The line in which a command says what is wrong with its words."""
+    result = run_here(capsys, *words)
+    assert result.returncode == 2, result.stderr
+    (line,) = [line for line in result.stderr.splitlines() if line.startswith("activestereo: ")]
+    return line
+
+
 def leaves(parser=None):
     """{"calibrate noise": its parser} of all commands that do something."""
     parser = make_parser() if parser is None else parser
