@@ -173,6 +173,13 @@ def test_effects_are_added_moved_and_removed(view):
     assert np.array_equal(picture(view), before)
 
 
+def test_an_effect_that_acts_on_images_is_shown_with_its_depth(view):
+    before = picture(view)
+    changed(view, lambda: add_effect(view, "ambient_ir"))
+    assert picture(view).mean() > before.mean() + 1.0
+    assert np.isfinite(picture(view, "disparity")).mean() > 0.3
+
+
 def test_a_number_out_of_range_is_refused_where_it_is_typed(view):
     type_number(view, "laser_power_mw", 1e6)
     assert "laser_power_mw" not in settings(view)
