@@ -164,11 +164,10 @@ TEST(Clearcoat, has_normals_of_its_own) {
     world.desc().samples_per_pixel = 64;
     return world.radiance(view_at({0, 0, 0}, 8, 8, 20000)).mean();
   };
-  for (const uint32_t tracer : {KUAFU_TRACER_AUTO, KUAFU_TRACER_COMPUTE}) {
-    EXPECT_NEAR(seen(Map::none, tracer), reflectance(1.3, 1.5), 2e-3);
+  EXPECT_NEAR(seen(Map::none, KUAFU_TRACER_AUTO), reflectance(1.3, 1.5), 2e-3);
+  EXPECT_NEAR(seen(Map::of_the_base, KUAFU_TRACER_AUTO), reflectance(1.3, 1.5), 2e-3);
+  for (const uint32_t tracer : {KUAFU_TRACER_AUTO, KUAFU_TRACER_COMPUTE})
     EXPECT_NEAR(seen(Map::of_the_coat, tracer), reflectance(0.8, 1.5), 2e-3);
-    EXPECT_NEAR(seen(Map::of_the_base, tracer), reflectance(1.3, 1.5), 2e-3);
-  }
 }
 
 // Light from the left and from below, seen from before: facets tilt along the brushing's direction, which a quarter turn brings to the
