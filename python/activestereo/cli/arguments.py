@@ -97,6 +97,14 @@ def share(text: str) -> float:
     return value
 
 
+def positive_share(text: str) -> float:
+    """Above 0, up to 1."""
+    value = share(text)
+    if value == 0.0:
+        raise argparse.ArgumentTypeError("0 can never be reached: above 0, up to 1")
+    return value
+
+
 def add_device(parser: argparse.ArgumentParser) -> None:
     text = "Vulkan device: the best one, lavapipe, or number N of 'activestereo devices' (default: auto)"
     parser.add_argument("--device", default="auto", metavar="auto|cpu|N", help=text)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,7 +22,9 @@ from activestereo.cli.arguments import (
     check_paper,
     integer_from,
     make_folder,
+    positive_share,
     print_json,
+    share,
 )
 
 if TYPE_CHECKING:
@@ -33,8 +36,9 @@ library is fitted on the train frames together with projector scale, ambient
 scale, black level, focal lengths and albedos, and judged on image tiles that its
 fit did not see; temporal noise is judged on repeats, faults of the depth engine
 on the device's disparity. An effect is accepted only if it is significant among
-all that were tried, explains {share} of the error above the noise floor or more,
-and helps wherever it acts. Test frames serve once, for the held-out figures,
+all that were tried (--alpha {alpha}), explains {share} of the error above the noise
+floor or more, of the squared error in DN {least_share} or more (--least-share), and
+helps wherever it acts. Test frames serve once, for the held-out figures,
 which are those of compare: before, without a model or with the given one; after,
 with model.json.
 
@@ -65,7 +69,8 @@ class _HelpWithGates(argparse.RawDescriptionHelpFormatter):
     def _format_text(self, text: str) -> str:
         from activestereo.diagnose.thresholds import THRESHOLDS, share_words
 
-        return super()._format_text(text.format(share=share_words(THRESHOLDS.smallest_share)))
+        shares = {"share": share_words(THRESHOLDS.smallest_share), "least_share": f"{THRESHOLDS.least_share:g}"}
+        return super()._format_text(text.format(alpha=f"{THRESHOLDS.alpha:g}", **shares))
 
 
 def add_parser(commands: Commands) -> None:
@@ -89,6 +94,9 @@ def add_parser(commands: Commands) -> None:
         help="refine what surfaces, air and lights do by kuafu's own images (default; --no-refine saves a minute or "
              "two on two cores)",
     )
+    parser.add_argument("--alpha", type=positive_share, metavar="P", help="probability of a name by chance")
+    text = "least share of the squared error above the noise that a name removes, the lower end of its interval"
+    parser.add_argument("--least-share", type=share, metavar="SHARE", help=text)
     add_samples(parser, "samples per pixel of what is told, as of compare; the search takes half (default: 64)")
     add_max_bounces(parser)
     add_seed(parser, "same seed, same answer")
@@ -110,6 +118,7 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.compare.phase_times import PhaseTimes
     from activestereo.diagnose import diagnose
     from activestereo.diagnose.diagnosis import PHASES_S
+    from activestereo.diagnose.thresholds import THRESHOLDS
     from activestereo.effects.engines import CaptureRenderer
     from activestereo.model import read_model
     from activestereo.report.diagnosis_text import diagnosis_text
@@ -119,6 +128,7 @@ def run(args: argparse.Namespace) -> None:
     make_folder(args.out)
     check_paper(args)
     effects = library(*args.effects)
+    given = {name: getattr(args, name) for name in ("alpha", "least_share") if getattr(args, name) is not None}
     model = None if args.model is None else read_model(args.model, effects)
     sampled = args.device, args.spp, args.max_bounces, args.seed
     times = PhaseTimes("diagnose")
@@ -135,6 +145,7 @@ def run(args: argparse.Namespace) -> None:
             seed=args.seed,
             workers=args.workers,
             progress=phases,
+            thresholds=replace(THRESHOLDS, **given),
             rendering=(lambda capture: EngineImages(capture, *sampled)) if args.refine else None,
             engines=lambda capture: CaptureRenderer(capture, *sampled),
         )

@@ -158,7 +158,8 @@ def diagnose(
     sampled |= {"seed": seed, "cache": cache, "progress": phases, "scale": WARP_SCALE}
     known = _effects_of(model, capture.scene_path)
     render = partial(render_frames, renderer=renderer, **sampled)
-    evidence = gather_where_it_stands(capture, render, known, seed, workers)
+    made_by = renderer.version, sampled["samples_per_pixel"], max_bounces
+    evidence = gather_where_it_stands(capture, render, known, seed, workers, cache, made_by)
     whole: dict[str, Any] = {"samples_per_pixel": samples_per_pixel, "max_bounces": max_bounces, "seed": seed}
     whole |= {"progress": part_of(phases, 0.0, _BASE_SHARE), "scale": WARP_SCALE}
     base = partial(render_halves, renderer=renderer, cache=cache, **whole)
@@ -259,6 +260,8 @@ def examine(
     result: dict[str, Any] = {
         "verdict": verdict,
         "capture": evidence.capture.name,
+        "alpha": thresholds.alpha,
+        "least_share": thresholds.least_share,
         "ranking": ranking_json(first, name_of),
         "own": own_json(_own(candidates), (first, depth), model),
         "not_ranked": not_ranked_json((*first.not_ranked, *depth.not_ranked)),

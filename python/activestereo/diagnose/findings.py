@@ -118,7 +118,8 @@ class Score:
 class Checks:
     """Checks of the explanations that matter.
 
-    plain_share, plain_reduced_chi2: explained_share and gain_reduced_chi2 of the unweighted error in DN.
+    plain_share, plain_reduced_chi2: explained_share and gain_reduced_chi2 of the unweighted error in DN;
+    plain_share_low: the lower end of the share's 95 % interval.
     varying_reduced_chi2: what a varying amplitude of the effect's signature explains beyond a constant one.
     structure_reduced_chi2: structure that it leaves (score/structure.py). variation: {effect: varying_reduced_chi2} of
     every effect that was added to the given model. at_range_end: whether a shape parameter was driven to an end of its
@@ -127,6 +128,7 @@ class Checks:
     """
 
     plain_share: float | None = None
+    plain_share_low: float | None = None
     plain_reduced_chi2: float = 0.0
     varying_reduced_chi2: float = 0.0
     structure_reduced_chi2: float | None = None

@@ -23,9 +23,11 @@ from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.findings import BaseChecks, BaseFit, Explanation, Finding, NotRanked, Ranking, Score
 from activestereo.diagnose.refine import Fitters, ImageResidual, Solution
 from activestereo.diagnose.refine.by_rendering import Rendering, refined_by_rendering
+from activestereo.diagnose.refine.normal_equations import cluster_of
 from activestereo.diagnose.refine.parsimony import simplified
 from activestereo.diagnose.refine.settle import settled
 from activestereo.diagnose.score.constancy import varying_reduced_chi2
+from activestereo.diagnose.score.intervals import share_of_views
 from activestereo.diagnose.score.likelihood import design_effect, frame_consistency, nats_of
 from activestereo.diagnose.score.occam import choice_nats, is_at_end, occam_nats
 from activestereo.diagnose.score.steadiness import uneven_structure, unsteady_reduced_chi2
@@ -206,7 +208,7 @@ def _rendered(context: DiagnosisContext, ranking: Ranking) -> Ranking:
     if context.rendering is None:
         return ranking
     thresholds = ranking.thresholds
-    least = thresholds.margin_nats + np.log(max(len(ranking.findings), 1))
+    least = thresholds.chance_nats(len(ranking.findings))
     hopeful = [f for f in _by_nats(ranking.findings) if f.solution is not None and f.score.nats > least]
     explained = {f.id: f.explanation for f in ranking.findings}
     for f in hopeful[: thresholds.rendered]:
@@ -241,10 +243,11 @@ def _sized(context: DiagnosisContext, ranking: Ranking) -> list[Finding]:
 
 def _with_size(context: DiagnosisContext, ranking: Ranking, finding: Finding) -> Finding:
     """A finding with the decrease of the unweighted error in DN."""
-    floor, before = _floor_square(context), _square(ranking.base.train)
-    fall = before - _square(context.fitters.train.residuals(finding.fitted))
-    share = fall / max(before - floor, 1e-9 * floor)
-    return replace(finding, checks=replace(finding.checks, plain_share=share, plain_reduced_chi2=fall / floor))
+    floor, before = _floors(context), _squares(ranking.base.train)
+    fall = before - _squares(context.fitters.train.residuals(finding.fitted))
+    share, low = share_of_views(fall, before - floor, [cluster_of(o) for o in context.evidence.train])
+    sized = {"plain_share": share, "plain_share_low": low, "plain_reduced_chi2": float(fall.sum() / floor.sum())}
+    return replace(finding, checks=replace(finding.checks, **sized))
 
 
 def _simplified(context: DiagnosisContext, ranking: Ranking) -> Ranking:
@@ -333,7 +336,7 @@ def _base_checks(context: DiagnosisContext, base: BaseFit) -> BaseChecks:
         structure_reduced_chi2=local_structure(base.train),
         variation=_variation(context, base.solution),
         prior_sigmas=context.fitters.train.prior_sigmas(base.solution),
-        plain_excess_reduced_chi2=_square(base.train) / _floor_square(context) - 1.0,
+        plain_excess_reduced_chi2=float(_squares(base.train).sum() / _floors(context).sum()) - 1.0,
         unsteady_reduced_chi2=unsteady_reduced_chi2(base.train),
         uneven_structure_reduced_chi2=uneven_structure(base.train),
     )
@@ -348,9 +351,9 @@ def _prior_sigmas(context: DiagnosisContext, solution: Solution, base: BaseFit) 
     return context.fitters.train.prior_sigmas(solution, base.solution)
 
 
-def _floor_square(context: DiagnosisContext) -> float:
-    """The sum of squares that noise alone leaves of the train images, DN^2."""
-    return sum(context.evidence.noise_variances[o.key] * o.pixels for o in context.evidence.train)
+def _floors(context: DiagnosisContext) -> np.ndarray:
+    """The sum of squares that noise alone leaves of each train image, DN^2."""
+    return np.array([context.evidence.noise_variances[o.key] * o.pixels for o in context.evidence.train])
 
 
 def _variation(context: DiagnosisContext, solution: Solution) -> dict[str, float]:
@@ -383,5 +386,6 @@ def _preferring_what_leaves_no_structure(ranking: Ranking) -> Ranking:
     return _with_findings(ranking, [better, *(f for f in ranking.findings if f is not better)])
 
 
-def _square(rows: Iterable[ImageResidual]) -> float:
-    return float(sum((row.residual.astype(np.float64) ** 2).sum() for row in rows))
+def _squares(rows: Iterable[ImageResidual]) -> np.ndarray:
+    """The sum of squares of each image, DN^2."""
+    return np.array([(row.residual.astype(np.float64) ** 2).sum() for row in rows])

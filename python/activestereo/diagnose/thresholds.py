@@ -9,6 +9,7 @@ use. How its figures change with a threshold was found on 332 cases of generatio
 """
 
 from dataclasses import dataclass, field, fields
+from math import log
 from typing import Any
 
 _CALIBRATED = "calibrated"
@@ -34,9 +35,11 @@ class Thresholds:
 
     # fmt: off
     # May it be named?
-    margin_nats: float = _threshold(5.0, "nats", "gain in likelihood that a name needs, beyond the logarithm of the "
-        "number of effects that were tried", "theory: the largest of K null gains grows with log K; the margin is a "
-        "convention")
+    alpha: float = _threshold(0.01, "1", "probability of a name by chance: a name needs the logarithm of (number of "
+        "effects that were tried / alpha), in nats", "theory: a likelihood ratio exceeds 1 / alpha with a probability "
+        "of alpha at most (Markov), one of K with K alpha; the value is a convention")
+    least_share: float = _threshold(0.05, "1", "least share of the squared error in DN above the floor that the named "
+        "effect must remove: the lower end of its interval", "convention: with less a name explains nothing")
     smallest_share: float = _threshold(0.20, "1", "least share of the error that a named effect must explain",
         _CALIBRATED, moves="halved: false alarms +0.050, outside -0.107; doubled: named -0.013, false alarms -0.010")
     smallest_field_share: float = _threshold(0.10, "1", "the same for random fields, since other frames predict only a "
@@ -47,8 +50,6 @@ class Thresholds:
         _CALIBRATED, moves="halved: false alarms +0.010; doubled: false alarms -0.010")
     smallest_plain_reduced_chi2: float = _threshold(0.05, "noise variances", "least decrease of the unweighted error, "
         "where that decrease alone makes an effect large", _CALIBRATED)
-    patch_share: float = _threshold(0.03, "1", "least share of the unweighted error that an effect must remove; with "
-        "less it only patches another fault", _CALIBRATED)
     consistent_share: float = _threshold(0.7, "1", "least share of the images affected by the effect that must improve",
         "convention: seven of ten", moves="halved: outside -0.179; doubled: nothing is named")
     largest_variation: float = _threshold(0.5, "1", "most that a varying amplitude may explain for an effect to be "
@@ -103,7 +104,7 @@ class Thresholds:
     # Adding further effects.
     most_effects: int = _fitting(4, "1", "largest number of effects that --greedy adds", "convention")
     needless_nats: float = _fitting(5.0, "nats", "loss of likelihood below which an effect is removed again",
-        "as margin_nats")
+        "convention: odds of 150 to 1")
     needless_reduced_chi2: float = _fitting(0.005, "noise variances", "the same limit in units of the noise floor",
         _CALIBRATED)
     formulas_share: float = _fitting(0.015, "1", "share of what is explained that inexact formulas may leave over, and "
@@ -169,6 +170,10 @@ class Thresholds:
     looked_at: int = _fitting(8, "1", "number of explanations for which the constancy of the amplitude is checked",
         "convention")
     # fmt: on
+
+    def chance_nats(self, tried: int) -> float:
+        """The gain, in nats, that the largest of so many likelihood ratios exceeds by chance with probability alpha."""
+        return log(max(tried, 1) / self.alpha)
 
 
 THRESHOLDS = Thresholds()

@@ -8,7 +8,7 @@ import pytest
 
 from activestereo.effects.core.fine import FineImages
 from activestereo.effects.core.laws import example_view
-from activestereo.diagnose.evidence.focal_slope import focal_slope
+from activestereo.diagnose.evidence.focal_slope import focal_slopes
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.layers import Layers, PixelLayers
@@ -39,7 +39,8 @@ def test_the_slope_along_the_focal_length_is_that_of_finer_images(scale, error):
         fine = pixel_means(view, focal_px, scale, MARGIN_PX).astype(np.float32)
         images = FineImages(np.stack([fine, 0 * fine, 0 * fine, fine]), scale, MARGIN_PX)
         layers = PixelLayers(dots, none, none, dots, none, none, none, fine=images)
-    slope = focal_slope(MeasuredImage(view.frame, view.side, view, layers, dots), Nuisances(40.0, 0.0, 4.0))
+    shot = MeasuredImage(view.frame, view.side, view, layers, dots)
+    slope = focal_slopes([shot], Nuisances(40.0, 0.0, 4.0))[shot.key]
     step = 1e-4
     truth = 40.0 * (pixel_means(view, focal_px * (1 + step)) - pixel_means(view, focal_px * (1 - step))) / (2 * step)
     assert np.std(slope - truth) < error * np.std(truth)

@@ -106,7 +106,7 @@ def found(lab_world, lab_cache):
     """The Evidence of a capture that is stated wrong, from where it stands."""
     renderer = RememberingRenderer(WorldRenderer(lab_world, grid=3))
     render = partial(render_frames, renderer=renderer, cache=lab_cache)
-    return gather_where_it_stands(stated_wrong(read_capture(lab_world.capture_path)), render, Model())
+    return gather_where_it_stands(stated_wrong(read_capture(lab_world.capture_path)), render, Model(), memory=lab_cache)
 
 
 def test_what_stands_elsewhere_is_found_and_told(found):
@@ -120,6 +120,22 @@ def test_what_stands_elsewhere_is_found_and_told(found):
         "than the capture says" in words or "where the capture says" in words
         for words in geometry_words({"geometry": told})
     )
+
+
+def test_where_it_stands_is_not_searched_again(found, lab_world, lab_cache):
+    captures = []
+
+    def render(capture):
+        captures.append(capture)
+        return render_frames(capture, WorldRenderer(lab_world, grid=3), cache=lab_cache)
+
+    capture = stated_wrong(read_capture(lab_world.capture_path))
+    again = gather_where_it_stands(capture, render, Model(), memory=lab_cache)
+    assert (again.geometry.twists() == found.geometry.twists()).all()
+    assert (again.geometry.deviations == found.geometry.deviations).all()
+    assert [c.rig.projector.left_to_projector.tolist() for c in captures] == [
+        found.capture.rig.projector.left_to_projector.tolist()
+    ]
 
 
 def test_a_capture_that_stands_as_stated_is_left_as_it_is(lab_world, lab_cache):

@@ -13,8 +13,10 @@ from activestereo.effects.core.judging import Channel
 from activestereo.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Score
 from activestereo.diagnose.thresholds import THRESHOLDS, thresholds_table, share_words
 from activestereo.diagnose.answer.judging import judging_json, verdict_under
+from activestereo.diagnose.score.intervals import share_of_views
 from activestereo.diagnose.score.occam import is_at_end
 from activestereo.diagnose.verdict.completeness import lacks_nothing
+from activestereo.diagnose.verdict.reasons import reason_of
 from activestereo.diagnose.verdict.verdict import verdict_of
 
 
@@ -36,6 +38,36 @@ def test_a_verdict_is_the_same_from_what_an_answer_keeps(share, verdict):
     first = ranking(share)
     assert verdict_of(first, first, True) == verdict
     assert verdict_under(kept(first), THRESHOLDS) == (verdict, "blur" if verdict == "effect" else None)
+
+
+def test_a_name_that_removes_little_is_none():
+    first = ranking(0.9)
+    for low, verdict in ((0.04, "unknown"), (0.06, "effect")):
+        best = replace(first.best, checks=replace(first.best.checks, plain_share=0.3, plain_share_low=low))
+        here = replace(first, findings=(best,))
+        assert verdict_under(kept(here), THRESHOLDS)[0] == verdict
+        assert verdict_under(kept(here), replace(THRESHOLDS, least_share=0.0))[0] == "effect"
+        assert ("removes 4.0 % or more, a name needs 5 %" in reason_of(here, best)) == (verdict == "unknown")
+
+
+def test_the_gain_that_a_name_needs_follows_from_the_rate_of_false_names():
+    strict = replace(THRESHOLDS, alpha=1e-40)
+    assert strict.chance_nats(40) == pytest.approx(np.log(40) + 40 * np.log(10))
+    assert verdict_under(kept(ranking(0.9)), strict)[0] == "unknown"  # it gains 80 nats
+
+
+def test_the_interval_of_a_share_is_that_of_views():
+    views = [("left", bytes([k // 2]), False) for k in range(12)]
+    gap = np.array([float(1 + k // 2) for k in range(12)])
+    assert share_of_views(0.3 * gap, gap, views) == pytest.approx((0.3, 0.3))
+    rng = np.random.default_rng(3)
+    held = []
+    for _ in range(400):
+        of_view = np.repeat(rng.normal(0.3, 0.1, 6), 2)
+        held.append(share_of_views(of_view * 2.0, np.full(12, 2.0), views)[1] < 0.3)
+    assert np.mean(held) == pytest.approx(0.95, abs=0.03)
+    alone = share_of_views(gap * (np.arange(12) < 2), gap, views)
+    assert alone[1] < 0.0 < alone[0]  # one view of six
 
 
 def test_another_gate_gives_another_verdict():

@@ -63,6 +63,8 @@ def _finding_json(ranking: Ranking, f: Finding, confidence: float, name_of: Call
         "confidence": confidence,
         "explained_share": f.score.explained_share,
         "gain_reduced_chi2": f.score.gain_reduced_chi2,
+        "closed_share": f.checks.plain_share,
+        "closed_share_low": f.checks.plain_share_low,
         "frame_consistency": f.score.consistency,
         "parameters": {
             p.name: _parameter_json(p, f.explanation.parameters[p.name], name_of) for p in f.effect.parameters

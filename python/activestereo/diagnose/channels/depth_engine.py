@@ -130,7 +130,7 @@ class DepthEngineChannel(JudgingChannel):
 
     def _is_significant(self, fit: "_DepthFit", tried: int) -> bool:
         own, thresholds = fit.own, self._thresholds
-        return own.nats > thresholds.margin_nats + np.log(tried) and own.consistency >= thresholds.consistent_share
+        return own.nats > thresholds.chance_nats(tried) and own.consistency >= thresholds.consistent_share
 
     def _explanation(self, effect: Effect, fit: "_DepthFit") -> Explanation:
         parameters = within_ranges(effect, fit.limits)

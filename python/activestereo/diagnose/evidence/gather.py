@@ -13,7 +13,7 @@ from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
 from activestereo.compare.pair_noise import pair_noise_model
 from activestereo.compare.render import LayersOfFrames
 from activestereo.compare.unsteady_light import unsteady_light
-from activestereo.diagnose.evidence.focal_slope import focal_slope
+from activestereo.diagnose.evidence.focal_slope import focal_slopes
 from activestereo.diagnose.evidence.geometry import Geometry, geometry_slopes
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.diagnose.evidence.model_discrepancy import edge_discrepancy
@@ -68,16 +68,12 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Ge
     tiles, count = _tiles(train)
     material_of = _material_of(capture)
     materials = _albedo_materials(train, material_of)
-    moving = geometry_slopes(measured_images, nuisances)
+    growing, moving = focal_slopes(measured_images, nuisances), geometry_slopes(measured_images, nuisances)
 
     def observation(measured_image: MeasuredImage) -> Observation:
         weight = weight_of(noise_model, edge_discrepancy_m, measured_image, expected[measured_image.key])
         outside = np.full(measured_image.measured.shape, -1)
         tile, fold = tiles.get(measured_image.key, (outside, outside))
-        material, slope = (
-            _material_index(measured_image, materials, material_of),
-            focal_slope(measured_image, nuisances),
-        )
         return Observation(
             measured_image.frame,
             measured_image.side,
@@ -87,8 +83,8 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Ge
             weight,
             tile,
             fold,
-            material,
-            slope,
+            _material_index(measured_image, materials, material_of),
+            growing[measured_image.key],
             moving[measured_image.key],
             len(SIDES) + len(materials) + places[measured_image.frame.id],
             None if measured_image.view.known is None else np.flatnonzero(measured_image.view.known),

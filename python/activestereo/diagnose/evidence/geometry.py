@@ -15,9 +15,8 @@ from scipy.linalg import expm, logm
 
 from activestereo.capture.capture import SIDES, Camera, Capture, ImageKey
 from activestereo.compare.nuisances import Nuisances
-from activestereo.diagnose.evidence.measured_image import MeasuredImage
+from activestereo.diagnose.evidence.measured_image import MeasuredImage, derivatives_in_dn
 from activestereo.effects.core.dots import DotView
-from activestereo.effects.core.model import scales
 from activestereo.effects.core.view import View
 
 TWIST = 6
@@ -121,57 +120,64 @@ def _composed(first: Twist, second: Twist) -> Twist:
     return np.array([*generator[:3, 3], generator[2, 1], generator[0, 2], generator[1, 0]])
 
 
-def geometry_slopes(
-    measured_images: Sequence[MeasuredImage], nuisances: Nuisances
-) -> dict[ImageKey, NDArray[np.float32]]:
+def geometry_slopes(images: Sequence[MeasuredImage], nuisances: Nuisances) -> dict[ImageKey, NDArray[np.float32]]:
     """DN per metre and radian of the projector's twist, then of the view's pose, [12][height][width] of each image."""
-    known: dict[tuple[str, bytes], NDArray[np.float64]] = {}  # images of one pose and camera share their light
-    out = {}
-    for image in measured_images:
-        light = image.side, image.frame.camera_to_world.tobytes()
-        if light not in known:
-            known[light] = _radiance_slopes(image)
-        projector, ambient = scales(image.frame)
-        levels = np.array([nuisances.projector_scale * projector, nuisances.ambient_scale * ambient])
-        out[image.key] = np.tensordot(levels, known[light], axes=1).astype(np.float32)
-    return out
+    return derivatives_in_dn(images, nuisances, _radiance_slopes)
 
 
-def _radiance_slopes(image: MeasuredImage) -> NDArray[np.float64]:
-    """Derivatives of the projector's light and of the ambient light, [2][12][height][width]."""
-    view, dots = image.view, DotView.of(image.view)
-    points, normal = view.points(), view.normal
-    place = np.linalg.inv(view.camera_to_projector)[:3, 3]
+def _radiance_slopes(image: MeasuredImage) -> NDArray[np.float32]:
+    """Derivatives of the projector's light and of the ambient light, [2][12][height][width].
+
+    Both are linear in how a pixel's surface point moves, so each light has a gradient by that motion, [..., 3], from
+    which all twists' derivatives follow as forces and moments do: v . g + (w x p) . g = v . g + w . (p x g).
+    """
+    view, layers, dots = image.view, image.layers, DotView.of(image.view)
+    points, normal, there = view.points(), view.normal, view.projector_points()
+    turn, place = view.camera_to_projector[:3, :3], np.linalg.inv(view.camera_to_projector)[:3, 3]
     x, y = view.rays()
     rays = np.stack([x, y, np.ones_like(x)], axis=-1)
     z = np.where(view.depth_m > 0, view.depth_m, np.inf)
+    flat, pattern = layers.flat[..., None], dots.mean(view.pattern)[..., None]
     from_projector = points - place
-    gradients = {name: _gradient(getattr(image.layers, name)) for name in ("flat", "indirect", "ambient")}
-    there = view.projector_points()
-    pattern, slope = dots.mean(view.pattern), _pattern_slope(dots, view.pattern)
-    flat = image.layers.flat
-    out = np.zeros((2, 2 * TWIST, *view.shape))
-    for j, unit in enumerate(np.eye(TWIST)):
-        # The projector: the surfaces stay, the light that falls on them changes.
-        shift = np.broadcast_to(-unit[:3] @ view.camera_to_projector[:3, :3], points.shape)
-        out[0, j] = flat * (
-            _dot(slope, _sliding(view, dots, there, -_moving(unit, there)))
-            + pattern * _brightening(from_projector, normal, shift)
-        )
-        # The rig: surfaces move in the cameras' frames.
-        of_left = _in_camera(view.left_to_camera, unit)
-        moved = -_moving(of_left, points)
-        turned = -np.cross(of_left[3:], normal)
-        flow = _flow(view.K, points, z, moved)
-        along = _dot(normal, moved) / _not_grazing(_dot(normal, rays))
-        slid = (along[..., None] * rays) @ view.camera_to_projector[:3, :3].T
-        change = -_dot(gradients["flat"], flow) + flat * _brightening(from_projector, normal, moved, turned)
-        k = TWIST + j
-        dots_slide = flat * _dot(slope, _sliding(view, dots, there, slid))
-        out[0, k] = dots_slide + pattern * change - _dot(gradients["indirect"], flow)
-        out[1, k] = -_dot(gradients["ambient"], flow)
-    out[0, :, ~dots.lit] = 0.0
-    return out
+    facing = _not_grazing(normal, from_projector)[..., None]
+    square = np.maximum(_dot(from_projector, from_projector), 1e-12)[..., None]
+    brightening = flat * pattern * (normal / facing - 3.0 * from_projector / square)  # of the irradiance cos / d^2
+    lit = dots.lit[..., None]
+    of_dots = flat * _by_motion(view.projector_K, there, np.where(dots.lit, dots.z, np.inf), _pattern_slope(dots, view))
+
+    # The projector: the surfaces stay, the light that falls on them changes.
+    by_place = np.where(lit, -(of_dots + brightening @ turn.T), 0.0)
+    by_turn = np.where(lit, -np.cross(there, of_dots), 0.0)
+    # The rig: surfaces move in the cameras' frames, with what they scatter, and slide along the pixels' rays through
+    # the pattern.
+    sliding = _dot(of_dots @ turn, rays) / _not_grazing(normal, rays)
+    carried = pattern * _by_motion(view.K, points, z, _gradient(layers.flat))
+    carried += _by_motion(view.K, points, z, _gradient(layers.indirect))
+    of_projector = np.where(lit, sliding[..., None] * normal + brightening - carried, 0.0)
+    turning = np.where(lit, -np.cross(normal, from_projector) * flat * pattern / facing, 0.0)
+    of_ambient = -_by_motion(view.K, points, z, _gradient(layers.ambient))
+    lights = [
+        np.concatenate([by_place, by_turn, *_by_twist(view.left_to_camera, points, of_projector, turning)], axis=-1),
+        np.concatenate([np.zeros((*view.shape, TWIST)), *_by_twist(view.left_to_camera, points, of_ambient)], axis=-1),
+    ]
+    return np.moveaxis(np.array(lights, dtype=np.float32), -1, 1)
+
+
+def _by_twist(
+    left_to_camera: np.ndarray, points: np.ndarray, by_motion: np.ndarray, turning: np.ndarray | float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives [..., 3] by v and by w of the rig's twist, in the left camera's axes, at whose rest surfaces move
+    the other way. turning: by the turn of the normals."""
+    force, moment = -by_motion, turning - np.cross(points, by_motion)
+    turn, offset = left_to_camera[:3, :3], left_to_camera[:3, 3]
+    return force @ turn, (moment + np.cross(force, offset)) @ turn
+
+
+def _by_motion(K: np.ndarray, points: np.ndarray, z: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+    """Derivative [..., 3] of an image by the motion of its points. gradient: of the image by pixels, [..., 2]."""
+    of_u = gradient[..., 0] * K[0, 0] / z
+    of_v = (gradient[..., 0] * K[0, 1] + gradient[..., 1] * K[1, 1]) / z
+    return np.stack([of_u, of_v, -(of_u * points[..., 0] + of_v * points[..., 1]) / z], axis=-1)
 
 
 def _gradient(image: np.ndarray) -> np.ndarray:
@@ -184,46 +190,17 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.einsum("...i,...i", a, b)
 
 
-def _moving(twist: Twist, points: np.ndarray) -> np.ndarray:
-    """Velocity of points that ride with a frame under its twist."""
-    return twist[:3] + np.cross(twist[3:], points)
-
-
-def _in_camera(left_to_camera: np.ndarray, twist: Twist) -> Twist:
-    """The left camera's twist in the axes and at the origin of another camera of the rig."""
-    turn = left_to_camera[:3, :3] @ twist[3:]
-    return np.concatenate([left_to_camera[:3, :3] @ twist[:3] + np.cross(left_to_camera[:3, 3], turn), turn])
-
-
-def _flow(K: np.ndarray, points: np.ndarray, z: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """Pixels [..., 2] by which points go in the image."""
-    across = (moved[..., :2] - points[..., :2] / z[..., None] * moved[..., 2:]) / z[..., None]
-    return np.stack([K[0, 0] * across[..., 0] + K[0, 1] * across[..., 1], K[1, 1] * across[..., 1]], axis=-1)
-
-
-def _sliding(view: View, dots: DotView, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """Projector pixels [..., 2] by which points in the projector's frame go over the pattern."""
-    return _flow(view.projector_K, points, np.where(dots.lit, dots.z, np.inf), moved)
-
-
-def _pattern_slope(dots: DotView, pattern: np.ndarray) -> np.ndarray:
+def _pattern_slope(dots: DotView, view: View) -> np.ndarray:
     """Change of the pattern's mean over each pixel per projector pixel, [height][width][2]."""
     step = 2.0 * _STEP_PX
-    along_u = dots.mean(pattern, dots.u + _STEP_PX, dots.v) - dots.mean(pattern, dots.u - _STEP_PX, dots.v)
-    along_v = dots.mean(pattern, dots.u, dots.v + _STEP_PX) - dots.mean(pattern, dots.u, dots.v - _STEP_PX)
+    along_u, along_v = (
+        dots.mean(view.pattern, dots.u + u, dots.v + v) - dots.mean(view.pattern, dots.u - u, dots.v - v)
+        for u, v in ((_STEP_PX, 0.0), (0.0, _STEP_PX))
+    )
     return np.stack([along_u, along_v], axis=-1) / step
 
 
-def _brightening(
-    from_projector: np.ndarray, normal: np.ndarray, moved: np.ndarray, turned: np.ndarray | float = 0.0
-) -> np.ndarray:
-    """Relative change of the irradiance cos / d^2 where surfaces move against the projector."""
-    facing = _dot(normal, from_projector)
-    facing = np.where(np.abs(facing) > _GRAZING * np.linalg.norm(from_projector, axis=-1), facing, np.inf)
-    square = np.maximum(_dot(from_projector, from_projector), 1e-12)
-    turning = _dot(turned, from_projector) if isinstance(turned, np.ndarray) else 0.0
-    return (turning + _dot(normal, moved)) / facing - 3.0 * _dot(from_projector, moved) / square
-
-
-def _not_grazing(cosine: np.ndarray) -> np.ndarray:
-    return np.where(np.abs(cosine) > _GRAZING, cosine, np.inf)
+def _not_grazing(normal: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Their product, infinite where they are nearly at right angles."""
+    product = _dot(normal, direction)
+    return np.where(np.abs(product) > _GRAZING * np.linalg.norm(direction, axis=-1), product, np.inf)

@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """One camera's image of one frame, beside the rendered light of the same view."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from activestereo.capture.capture import Frame
+from activestereo.capture.capture import Frame, ImageKey
 from activestereo.compare.layers import Layers
+from activestereo.compare.nuisances import Nuisances, predict
 from activestereo.effects import View
+from activestereo.effects.core.model import scales
 
 
 @dataclass(frozen=True)
@@ -27,3 +31,27 @@ class MeasuredImage:
     @property
     def key(self) -> tuple[int, str]:
         return self.frame.id, self.side
+
+
+def derivatives_in_dn(
+    images: Sequence[MeasuredImage],
+    nuisances: Nuisances,
+    of_light: Callable[[MeasuredImage], NDArray[np.float32]],
+) -> dict[ImageKey, NDArray[np.float32]]:
+    """{(frame id, side): derivatives of an image, DN, [...][height][width]}, 0 where it is clipped.
+
+    of_light: those of the projector's light and of the ambient light, [2][...][height][width], which all images of one
+    pose and camera share.
+    """
+    known: dict[tuple[str, bytes], NDArray[np.float32]] = {}
+    out = {}
+    for image in images:
+        light = image.side, image.frame.camera_to_world.tobytes()
+        if light not in known:
+            known[light] = of_light(image)
+        projector, ambient = scales(image.frame)
+        levels = np.array([nuisances.projector_scale * projector, nuisances.ambient_scale * ambient], np.float32)
+        expected = predict(image.frame, image.layers, nuisances, image.view.max_dn)
+        inside = (expected > 0.0) & (expected < image.view.max_dn)
+        out[image.key] = np.tensordot(levels, known[light], axes=1) * inside
+    return out

@@ -15,15 +15,19 @@ from dataclasses import replace
 import numpy as np
 
 from activestereo.capture.capture import SIDES, Capture
+from activestereo.compare.cache import LayerCache, scene_digest
 from activestereo.compare.render import LayersOfFrames
 from activestereo.diagnose.evidence import Evidence, Geometry, Observation, gather
 from activestereo.diagnose.evidence.geometry import TWIST
+from activestereo.diagnose.refine.fit_cache import code_digest, content_key, effect_content
 from activestereo.diagnose.refine.fitter import Fitter
 from activestereo.diagnose.refine.light import SCALES
 from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solution
 from activestereo.diagnose.score.likelihood import design_effect
 from activestereo.effects import Model
 
+# What a Geometry holds beside the capture.
+_FOUND = ("focal", "projector", "poses", "deviations")
 _MOST_ROUNDS = 2
 _ITERATIONS = 4
 # Images are rendered again where corrections change them by more than this share of the noise, in the quadratic mean.
@@ -32,11 +36,45 @@ _LINEAR_SHARE = 0.1
 _MOVING_RATIO, _MOVING_SIGMAS = 2.0, 2.0
 
 
+Render = Callable[[Capture], LayersOfFrames]
+
+
 def gather_where_it_stands(
-    capture: Capture, render: Callable[[Capture], LayersOfFrames], model: Model, seed: int = 0, threads: int = 1
+    capture: Capture,
+    render: Render,
+    model: Model,
+    seed: int = 0,
+    threads: int = 1,
+    memory: LayerCache | None = None,
+    rendered_by: object = None,
 ) -> Evidence:
     """The Evidence of the capture with its geometry corrected. capture: as stated. render: the layers of a capture.
-    model: the effects that are known already."""
+    model: the effects that are known already. memory: where the geometry is kept for a second diagnosis; rendered_by:
+    all that decides the layers of a capture, for its key."""
+    key = None if memory is None else _key(capture, model, seed, rendered_by)
+    known = None if memory is None or key is None else memory.get_arrays(key)
+    if known is not None:
+        geometry = replace(Geometry.as_stated(capture), **{name: known[f"geometry/{name}"] for name in _FOUND})
+        capture = geometry.capture()
+        return gather(capture, render(capture), seed, geometry)
+    evidence = _searched(capture, render, model, seed, threads)
+    if memory is not None and key is not None:
+        memory.put_arrays(key, {f"geometry/{name}": getattr(evidence.geometry, name) for name in _FOUND})
+    return evidence
+
+
+def _key(capture: Capture, model: Model, seed: int, rendered_by: object) -> str | None:
+    """The key of all that decides where a capture stands; None where a part of the model is a user's own."""
+    effects = [(effect_content(effect), values) for effect, values in model.effects]
+    if any(content is None for content, _ in effects):
+        return None
+    images = [capture.ir(frame, side) for frame in capture.frames for side in SIDES]
+    seen = capture, capture.rig.projector.pattern(), images, scene_digest(capture.scene_path)
+    return content_key("geometry", code_digest(), *seen, effects, seed, rendered_by)
+
+
+def _searched(capture: Capture, render: Render, model: Model, seed: int, threads: int) -> Evidence:
+    """See gather_where_it_stands()."""
     evidence = gather(capture, render(capture), seed)
     as_stated = np.zeros(len(evidence.geometry.poses), dtype=bool)
     for _ in range(_MOST_ROUNDS):
@@ -47,7 +85,8 @@ def gather_where_it_stands(
         if _change(evidence, focal, twists) < _LINEAR_SHARE:
             return replace(evidence, geometry=geometry)
         geometry = geometry.moved(focal, twists)
-        evidence = gather(geometry.capture(), render(geometry.capture()), seed, geometry)
+        moved = geometry.capture()
+        evidence = gather(moved, render(moved), seed, geometry)
     return evidence
 
 

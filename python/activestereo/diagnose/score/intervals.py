@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A parameter's value and 90 % interval from a fit."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from scipy.stats import t as student
 
 from activestereo.diagnose.refine.fitter import Fitter
+from activestereo.diagnose.refine.normal_equations import Cluster
 from activestereo.diagnose.refine.parameter_space import Solution
 from activestereo.diagnose.score.occam import is_shape
 from activestereo.effects import Effect, Parameter
@@ -63,3 +65,20 @@ def within_ranges(effect: Effect, found: Mapping[str, Limits]) -> dict[str, Inte
         )  # an end that is no number is the range's
         out[p.name] = Interval(float(np.clip(value, p.low, p.high)), float(low), float(high), p.unit)
     return out
+
+
+def share_of_views(fall: np.ndarray, gap: np.ndarray, views: Sequence[Cluster]) -> tuple[float, float]:
+    """(the share of a gap that falls, the lower end of its one-sided 95 % interval).
+
+    fall, gap: of each image. views: whose; they are the sample, for images of one view share their errors: a ratio
+    estimator's standard error (Cochran 1977, section 6.4) with Student's quantile. One view alone has no interval.
+    """
+    numbers = list(dict.fromkeys(views))
+    of_view = np.array([[values[[v == n for v in views]].sum() for n in numbers] for values in (fall, gap)])
+    total = max(of_view[1].sum(), 1e-9 * np.abs(of_view).sum(), 1e-300)
+    share, count = float(of_view[0].sum() / total), len(numbers)
+    if count < 2:
+        return share, share
+    spread = of_view[0] - share * of_view[1]
+    error = np.sqrt(count / (count - 1) * float(spread @ spread)) / total
+    return share, share - float(student.ppf(0.95, count - 1)) * error

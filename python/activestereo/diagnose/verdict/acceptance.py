@@ -3,8 +3,6 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from activestereo.diagnose.findings import Finding, Ranking
 from activestereo.effects.core.judging import Channel
 
@@ -20,8 +18,7 @@ def is_significant(ranking: Ranking, finding: Finding) -> bool:
 
 def least_nats(ranking: Ranking, finding: Finding) -> float:
     """The gain, in nats, that chance may reach given the number of effects tried and of choices made."""
-    tried = np.log(max(len(ranking.findings), 1))
-    return float(ranking.thresholds.margin_nats + tried + finding.score.choice_nats)
+    return ranking.thresholds.chance_nats(len(ranking.findings)) + finding.score.choice_nats
 
 
 def varies_little(ranking: Ranking, finding: Finding) -> bool:
@@ -33,7 +30,7 @@ def passes(ranking: Ranking, finding: Finding) -> bool:
     """Whether a finding may be named: significant, and of practical size."""
     if finding.channel is Channel.DEPTH_ENGINE and not ranking.at_floor:
         return False  # the engine matched these images, so their errors are explained first
-    return is_large(ranking, finding) and is_significant(ranking, finding)
+    return is_large(ranking, finding) and closes_enough(ranking, finding) and is_significant(ranking, finding)
 
 
 def varies_too_much(ranking: Ranking, finding: Finding) -> bool:
@@ -45,7 +42,8 @@ def varies_too_much(ranking: Ranking, finding: Finding) -> bool:
 def comes_near(ranking: Ranking, finding: Finding) -> bool:
     """Whether a finding reaches `near_size_share` of the size that a name needs, so that rendering it may give the
     rest."""
-    return is_large(ranking, finding, ranking.thresholds.near_size_share)
+    part = ranking.thresholds.near_size_share
+    return is_large(ranking, finding, part) and closes_enough(ranking, finding, part)
 
 
 def smallest_share(ranking: Ranking, finding: Finding) -> float:
@@ -72,4 +70,11 @@ def is_large(ranking: Ranking, finding: Finding, part: float = 1.0) -> bool:
         checks.plain_share >= part * thresholds.smallest_share
         and checks.plain_reduced_chi2 >= part * thresholds.smallest_plain_reduced_chi2
     )
-    return (large and checks.plain_share >= part * thresholds.patch_share) or large_in_dn
+    return large or large_in_dn
+
+
+def closes_enough(ranking: Ranking, finding: Finding, part: float = 1.0) -> bool:
+    """Whether the lower end of the share of the unweighted error that a finding removes, where it is known, is above
+    the least. part: of the share that is asked for."""
+    low = finding.checks.plain_share_low
+    return low is None or low >= part * ranking.thresholds.least_share

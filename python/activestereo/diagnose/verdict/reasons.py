@@ -3,7 +3,14 @@
 
 from activestereo.diagnose.findings import Finding, Ranking
 from activestereo.diagnose.thresholds import share_words
-from activestereo.diagnose.verdict.acceptance import is_large, least_nats, passes, smallest_share, varies_little
+from activestereo.diagnose.verdict.acceptance import (
+    closes_enough,
+    is_large,
+    least_nats,
+    passes,
+    smallest_share,
+    varies_little,
+)
 
 
 def reason_of(ranking: Ranking, finding: Finding) -> str:
@@ -28,6 +35,12 @@ def _faults(ranking: Ranking, finding: Finding) -> list[str]:
         faults.append(
             f"it explains {100 * score.explained_share:.1f} % of the error ({score.gain_reduced_chi2:.3f} noise "
             f"variances), a name needs {share_words(needed)} and {thresholds.smallest_gain_reduced_chi2:g}"
+        )
+    low = finding.checks.plain_share_low
+    if low is not None and not closes_enough(ranking, finding):
+        faults.append(
+            f"of the squared error in DN it removes {100 * low:.1f} % or more, a name needs "
+            f"{share_words(thresholds.least_share)}"
         )
     if score.consistency < thresholds.consistent_share:
         faults.append(
