@@ -37,7 +37,8 @@ doubles each [threshold](../../python/activestereo/diagnose/README.md#thresholds
 |---|---|---|
 | single | 156 | 39 effects at four strengths: below the floor, weak, medium, strong |
 | pairs | 40 | two effects, 11 times twins that resemble each other |
-| outside | 28 | 14 effects that no library has, medium and strong |
+| wider | 14 | 7 effects that the library got later, medium and strong |
+| outside | 24 | 12 effects that no library has, medium and strong |
 | none | 100 | nothing |
 | depth | 12 | faults of the device's depth engine; captures without infrared images |
 

@@ -116,9 +116,8 @@ def read_results(folder, ids):
 
 def score(results):
     """{measure: {value, low, high, n}}, by strength, and what the pictures show."""
-    of = {
-        name: [r for r in results if r.key["set"] == name] for name in ("single", "pairs", "outside", "none", "depth")
-    }
+    sets = ("single", "pairs", "outside", "none", "depth", "wider")
+    of = {name: [r for r in results if r.key["set"] == name] for name in sets}
     clear = [r for r in of["single"] if r.detectable]
     measures = {
         "top-1": rate([_first(r) for r in clear]),
@@ -127,6 +126,7 @@ def score(results):
         "equivalence set holds the truth": rate([bool(r.truth & _set_of(r)) for r in clear]),
         "equivalence set size (median)": median([len(_set_of(r)) for r in clear if r.ranking]),
         "named and right": rate([r.added == r.truth for r in clear]),
+        "wider library: named and right": rate([r.added == r.truth for r in of["wider"] if r.detectable]),
         "false alarms": rate([r.named for r in of["none"]]),
         "no effect: said so": rate([r.verdict == "none" for r in of["none"]]),
         "outside the library: said so": rate([r.verdict == "unknown" for r in of["outside"]]),

@@ -15,12 +15,12 @@ import numpy as np
 sys.path.append(str(Path(__file__).resolve().parents[1] / "support"))
 
 from virtual_sensor.held_out import catalogue  # noqa: E402
-from virtual_sensor.held_out.catalogue import DEPTH_ENGINE, OUTSIDE, SINGLE, STRENGTHS  # noqa: E402
+from virtual_sensor.held_out.catalogue import DEPTH_ENGINE, OUTSIDE, SINGLE, STRENGTHS, WIDER  # noqa: E402
 
 MEDIUM, STRONG = STRENGTHS.index("medium"), STRENGTHS.index("strong")
 PAIRS, NONES, DEPTH_ONLY = 40, 100, 4
-_CODES = {"single": 1, "pairs": 2, "outside": 3, "none": 4, "depth": 5}
-ALL = ("single", "pairs", "outside", "none", "depth")
+_CODES = {"single": 1, "pairs": 2, "outside": 3, "none": 4, "depth": 5, "wider": 6}
+ALL = ("single", "pairs", "outside", "none", "depth", "wider")
 _SMALL = (
     ("none", 0), ("none", 1), ("single", "projector_defocus"), ("single", "radial_distortion"),
     ("single", "response_gamma"),
@@ -69,7 +69,9 @@ def _items(name):
     if name == "all":
         found = [item for part in ALL for item in _items(part)]
         return [found[i] for i in np.random.Generator(np.random.PCG64(1)).permutation(len(found))]
-    lists = {"single": _single, "pairs": _pairs, "outside": _outside, "none": _none, "depth": _depth}
+    lists = {
+        "single": _single, "pairs": _pairs, "outside": _outside, "none": _none, "depth": _depth, "wider": _wider
+    }  # fmt: skip
     return [
         Item(name, number, tuple(strengths.items()), infrared)
         for number, (strengths, infrared) in enumerate(lists[name]())
@@ -86,6 +88,10 @@ def _pairs():
 
 def _outside():
     return [({effect: strength}, True) for strength in (MEDIUM, STRONG) for effect in OUTSIDE]
+
+
+def _wider():
+    return [({effect: strength}, True) for strength in (MEDIUM, STRONG) for effect in WIDER]
 
 
 def _none():

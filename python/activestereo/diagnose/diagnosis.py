@@ -27,6 +27,7 @@ from activestereo.compare.model_file import library, model_json, scene_of
 from activestereo.compare.phase_times import megapixels
 from activestereo.compare.render import WARP_SCALE, Renderer, render_frames, render_halves
 from activestereo.compare.where_channels import surface_text
+from activestereo.diagnose.answer.albedo_json import albedo_json
 from activestereo.diagnose.answer.figures import ErrorsOfModels, held_out_figures
 from activestereo.diagnose.answer.found_model import found_model
 from activestereo.diagnose.answer.geometry_json import geometry_json
@@ -39,7 +40,7 @@ from activestereo.diagnose.base_fit import BaseFits
 from activestereo.diagnose.channels import Progress
 from activestereo.diagnose.channels.fields_together import shown_together
 from activestereo.diagnose.evidence import Evidence
-from activestereo.diagnose.findings import BaseFit, Finding, Ranking
+from activestereo.diagnose.findings import BaseFit, Finding, NotRanked, Ranking
 from activestereo.diagnose.greedy import Step, greedy
 from activestereo.diagnose.next_measurement import next_measurements
 from activestereo.diagnose.propose.scan import scan_observations
@@ -53,7 +54,7 @@ from activestereo.diagnose.thresholds import THRESHOLDS, Thresholds
 from activestereo.diagnose.verdict.acceptance import passes
 from activestereo.diagnose.verdict.completeness import is_unexplained, lacks_nothing
 from activestereo.diagnose.verdict.depth import engine_faults
-from activestereo.diagnose.verdict.verdict import EFFECT, UNDETERMINED, UNKNOWN, is_named, verdict_of
+from activestereo.diagnose.verdict.verdict import EFFECT, UNDETERMINED, UNKNOWN, is_named, probabilities, verdict_of
 from activestereo.effects import Effect, Model, builtin
 from activestereo.effects.core.judging import Channel
 from activestereo.effects.core.scene_surfaces import surface_names
@@ -72,6 +73,9 @@ RENDERING, FITTING, ADDING, DEPTH, BOTH = (
     "rendering what was found",
 )
 _BASE_SHARE = 0.4  # of the last phase
+# Effects that are fitted again where the geometry was searched beside the first one, and the share of chi2 that this
+# has to gain.
+_AGAIN, _BETTER = 6, 2e-3
 PHASES_S = {RENDERING: 8.0, FITTING: 15.0, ADDING: 1.0, DEPTH: 2.0, BOTH: 15.0}
 
 
@@ -159,20 +163,35 @@ def diagnose(
     known = _effects_of(model, capture.scene_path)
     render = partial(render_frames, renderer=renderer, **sampled)
     made_by = renderer.version, sampled["samples_per_pixel"], max_bounces
-    evidence = gather_where_it_stands(capture, render, known, seed, workers, cache, made_by)
+    places: list[_Place] = []
+
+    def located(model: Model) -> _Place:
+        evidence = gather_where_it_stands(capture, render, model, seed, workers, cache, made_by)
+        engine = None if rendering is None else rendering(evidence.capture)
+        places.append(_Place(evidence, engine, FitCache(cache, evidence.train)))
+        return places[-1]
+
+    place = located(known)
     whole: dict[str, Any] = {"samples_per_pixel": samples_per_pixel, "max_bounces": max_bounces, "seed": seed}
     whole |= {"progress": part_of(phases, 0.0, _BASE_SHARE), "scale": WARP_SCALE}
     base = partial(render_halves, renderer=renderer, cache=cache, **whole)
-    errors = ErrorsOfModels(capture, evidence.capture, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0))
-    engine = None if rendering is None else rendering(evidence.capture)
-    memory = FitCache(cache, evidence.train)
+    errors = ErrorsOfModels(capture, place.evidence.capture, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0))
+    settings = steps, workers, phases, thresholds, place.rendering, place.memory, errors, located
     try:
-        diagnosis = examine(
-            evidence, model, list(effects.values()), steps, workers, phases, thresholds, engine, memory, errors
-        )
+        diagnosis = examine(place.evidence, model, list(effects.values()), *settings)
         return replace(diagnosis, made=RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed))
     finally:
-        memory.save()  # what was done before a cancellation need not be done again
+        for place in places:
+            place.memory.save()  # what was done before a cancellation need not be done again
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Evidence from where a capture stands, with the engine and the fits there."""
+
+    evidence: Evidence
+    rendering: Rendering | None
+    memory: FitCache
 
 
 def no_infrared(capture_path: str | Path) -> str | None:
@@ -206,12 +225,14 @@ def _undetermined(reason: str, model: Model) -> Diagnosis:
     result: dict[str, Any] = {
         "verdict": UNDETERMINED,
         "reason": reason,
+        "probabilities": None,
         "ranking": [],
         "added": [],
         **_NO_FIGURES,
         "next_measurement": [{"text": text, "separates": [], "change": None}],
         "residual_model": None,
         "geometry": [],
+        "albedos": [],
         "depth": {"verdict": UNDETERMINED, "reason": reason, "ranking": [], "added": []},
         "model": model_json(model),
     }
@@ -229,21 +250,30 @@ def examine(
     rendering: Rendering | None = None,
     memory: FitCache | None = None,
     errors: ErrorsOfModels | None = None,
+    located: Callable[[Model], _Place] | None = None,
 ) -> Diagnosis:
     """diagnose() on gathered evidence. memory: where its fits are kept, or None. errors: None leaves the held-out
-    figures out. phases: told of each of PHASES_S but the first."""
+    figures out. located: the evidence from where the capture stands under a model; None leaves it where it is. phases:
+    told of each of PHASES_S but the first."""
     phases = phases or Phases(None, PHASES_S)
     model = _effects_of(given, evidence.capture.scene_path)
     if all(np.ptp(o.measured) == 0 for o in evidence.train):
         return _undetermined("the infrared images are blank", model)
-    fitters = Fitters.of(evidence, scan_observations(evidence.train, evidence.seed), memory, workers)
-    context = DiagnosisContext(
-        evidence, fitters, thresholds, workers, frozenset(e.id for e, _ in model.effects), rendering
-    )
-    bases = BaseFits(evidence, fitters, thresholds)
     phases.begin(FITTING)
+    context, bases = _on(evidence, model, thresholds, workers, rendering, memory)
     first = rank(context, bases(model), candidates, phases)
     phases.begin(ADDING)
+    if located is not None and _asks_for_geometry(first, evidence):
+        # The geometry took what it could of the effect: it is searched again beside what explains the images best.
+        place = located(_with_own_functions(first.findings[0].fitted.model, candidates))
+        there = _on(place.evidence, model, thresholds, workers, place.rendering, place.memory)
+        likely, others = _likely(first, candidates)
+        again = rank(there[0], there[1](model), likely)
+        if again.best is not None and again.best.chi2 < (1.0 - _BETTER) * first.findings[0].chi2:
+            first = replace(again, not_ranked=(*again.not_ranked, *first.not_ranked, *others))
+            evidence, (context, bases) = place.evidence, there
+            errors = errors and replace(errors, measured=evidence.capture)
+    fitters = context.fitters
     if is_named(first):
         first = settled_first(context, first)
     way = _way(context, bases, first, candidates, steps, phases)
@@ -260,6 +290,7 @@ def examine(
     result: dict[str, Any] = {
         "verdict": verdict,
         "capture": evidence.capture.name,
+        "probabilities": probabilities(first, last, evidence.has_floor),
         "alpha": thresholds.alpha,
         "least_share": thresholds.least_share,
         "ranking": ranking_json(first, name_of),
@@ -270,6 +301,7 @@ def examine(
         **_NO_FIGURES,
         "next_measurement": next_measurements(first, evidence),
         "geometry": geometry_json(replace(standing(evidence, solution), deviations=evidence.geometry.deviations)),
+        "albedos": albedo_json(evidence, fitters.train, solution),
         "judging": judging_json(first, evidence.has_floor),
         "residual_model": residual and residual.as_json(),
         "model": model_json(found, solution.nuisances),
@@ -284,6 +316,39 @@ def examine(
         figures, before, after = held_out_figures(errors, given, models, (result["added"], complete))
         result |= figures
     return Diagnosis(result, found, None if residual is None else residual.stub(), complete, before, after)
+
+
+def _on(
+    evidence: Evidence,
+    model: Model,
+    thresholds: Thresholds,
+    workers: int,
+    rendering: Rendering | None,
+    memory: FitCache | None,
+) -> tuple[DiagnosisContext, BaseFits]:
+    """The context of rankings on evidence, and the base fits there."""
+    fitters = Fitters.of(evidence, scan_observations(evidence.train, evidence.seed), memory, workers)
+    given = frozenset(e.id for e, _ in model.effects)
+    context = DiagnosisContext(evidence, fitters, thresholds, workers, given, rendering)
+    return context, BaseFits(evidence, fitters, thresholds)
+
+
+def _asks_for_geometry(first: Ranking, evidence: Evidence) -> bool:
+    """Whether the geometry was corrected without an effect that the images ask for."""
+    best = first.best
+    if best is None or best.solution is None or evidence.geometry.is_as_stated():
+        return False
+    return is_named(first) or not first.at_floor
+
+
+def _likely(first: Ranking, candidates: Sequence[Effect]) -> tuple[list[Effect], list[NotRanked]]:
+    """The candidates that may come first where the geometry is another one, and the others."""
+    images = sorted((f for f in first.findings if f.solution is not None), key=lambda f: -f.score.nats)
+    kept = {f.id for f in images[:_AGAIN]}
+    likely = [e for e in candidates if e.channel is not Channel.EXPECTED_IMAGE or e.id in kept]
+    reason = "it came nowhere near the first, and was not fitted again where the rig stands"
+    ranked = {f.id for f in images}
+    return likely, [NotRanked(e, reason) for e in candidates if e not in likely and e.id in ranked]
 
 
 def _effects_of(given: Model | SensorModel | None, scene_path: Path | None) -> Model:

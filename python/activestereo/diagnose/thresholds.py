@@ -101,6 +101,8 @@ class Thresholds:
         "confidence by one", _CALIBRATED)
     occam_nats_per_unit: float = _threshold(3.0, "nats", "the same for the penalty on free parameters (Laplace's "
         "evidence)", _CALIBRATED)
+    missing_exponent: float = _threshold(4.0, "1", "power of what is left, in units of what may be left, that the odds "
+        "of something else go with", "convention: odds of 16 to 1 at twice the limit")
     # Adding further effects.
     most_effects: int = _fitting(4, "1", "largest number of effects that --greedy adds", "convention")
     needless_nats: float = _fitting(5.0, "nats", "loss of likelihood below which an effect is removed again",

@@ -21,7 +21,7 @@ def parameter_text(name: str, found: Mapping[str, Any]) -> str:
 
 def diagnosis_text(result: Mapping[str, Any]) -> str:
     """The text that the command prints: verdict_text(), then the table with all that may be asked of it."""
-    lines = [verdict_text(result), ""]
+    lines = [verdict_text(result), "", *_probabilities(result)]
     lines += _table(result)
     lines += _depth_lines(result.get("depth"))
     lines += [f"next measurement: {advice['text']}" for advice in result["next_measurement"][1:]]
@@ -46,6 +46,15 @@ def verdict_text(result: Mapping[str, Any]) -> str:
         lines.append(f"depth engine: {', '.join(result['depth']['added'])}")
     steps = [f"next: {step}" for step in next_steps(result)]
     return "\n".join([*lines[: _LARGEST_SUMMARY - min(len(steps), 2)], *steps[:2]])
+
+
+def _probabilities(result: Mapping[str, Any]) -> list[str]:
+    """A line of what may be named, nothing and something else, which add up to 1."""
+    given = result.get("probabilities")
+    if given is None:
+        return []
+    of = given["named"] | {"nothing": given["none"], "something else": given["something_else"]}
+    return ["probability: " + ", ".join(f"{name} {p:.2f}" for name, p in of.items()), ""]
 
 
 def _errors(result: Mapping[str, Any]) -> list[str]:

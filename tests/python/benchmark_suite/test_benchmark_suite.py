@@ -71,10 +71,8 @@ def test_other_generations_are_other_cases_of_the_same_kinds():
     own, other = items("all"), items("all", 1)
     assert [item.strengths for item in own] == [item.strengths for item in other]
     assert not {i.seed for i in own} & {i.seed for i in other} and not {i.id for i in own} & {i.id for i in other}
-    assert (
-        own[0].seed
-        == {"single": 1, "pairs": 2, "outside": 3, "none": 4, "depth": 5}[own[0].set] * 100_000 + own[0].number
-    )
+    codes = {"single": 1, "pairs": 2, "outside": 3, "none": 4, "depth": 5, "wider": 6}
+    assert own[0].seed == codes[own[0].set] * 100_000 + own[0].number
     assert is_wanted(own[0], None) and is_wanted(own[0], [own[0].id]) and not is_wanted(own[0], ["no such effect"])
     assert [i.id for i in items("single") if is_wanted(i, ["haze"])] == [f"single-{k:03}" for k in (13, 52, 91, 130)]
 

@@ -10,7 +10,7 @@ import pytest
 
 from virtual_sensor.held_out import oracle
 from virtual_sensor.held_out.caster import closest
-from virtual_sensor.held_out.catalogue import CATALOGUE, OUTSIDE, SINGLE, STRENGTHS
+from virtual_sensor.held_out.catalogue import CATALOGUE, OUTSIDE, SINGLE, STRENGTHS, WIDER
 from virtual_sensor.held_out.depth import device_depth
 from virtual_sensor.held_out.lightmap import Lightmap
 from virtual_sensor.held_out.scene import draw_scene, texel_spacing
@@ -103,7 +103,7 @@ def test_without_a_hidden_effect_nothing_is_left_to_explain(case):
         assert 1.0 < figures[split]["floor_dn"] < 6.0
 
 
-@pytest.mark.parametrize("name", [n for n in (*SINGLE, *OUTSIDE) if n not in RAY_EFFECTS])
+@pytest.mark.parametrize("name", [n for n in (*SINGLE, *WIDER, *OUTSIDE) if n not in RAY_EFFECTS])
 def test_hidden_effects_on_images_leave_error(case, name):
     hidden = {name: CATALOGUE[name].draw(STRENGTHS.index("strong"), pcg64(3))}
     changed = case.hiding(hidden)

@@ -57,6 +57,10 @@ STRENGTH = {
     "foreshortening_bias": {"offset_px": 2.5}, "post_filter": {"smoothing_px": 6.0},
     "gain_error": {"log_gain": 0.2}, "stereo_roll": {"angle_rad": 0.02}, "thermal_drift": {"cx_px_per_k": 0.03},
     "row_noise": {"sigma_dn": 3.0},
+    "tangential_distortion": {"p1": 0.006, "p2": -0.004}, "thin_prism": {"s1": 0.012, "s3": -0.01},
+    "imager_tilt": {"tau_x_rad": 0.02, "tau_y_rad": 0.03}, "focus_mismatch": {"sigma_px": 0.9},
+    "lens_ghost": {"fraction": 0.2}, "double_image": {"fraction": 0.2, "shift_u_px": 5.0},
+    "dim_dots": {"depth": 0.5, "place_x": -0.1, "place_y": 0.05, "radius": 0.15},
     "room_projector": {
         "intensity_m2": 12.0, "x_m": 0.2, "y_m": 0.7, "z_m": 0.6, "azimuth_rad": -2.91, "elevation_rad": -0.64
     },

@@ -17,7 +17,7 @@ from activestereo.diagnose.score.intervals import share_of_views
 from activestereo.diagnose.score.occam import is_at_end
 from activestereo.diagnose.verdict.completeness import lacks_nothing
 from activestereo.diagnose.verdict.reasons import reason_of
-from activestereo.diagnose.verdict.verdict import verdict_of
+from activestereo.diagnose.verdict.verdict import probabilities, verdict_of
 
 
 def ranking(explained_share: float, structure_reduced_chi2: float = 0.0) -> Ranking:
@@ -89,6 +89,24 @@ def test_what_no_scene_error_leaves_is_unknown_where_nothing_is_named(check):
     assert verdict_under(kept(shown), THRESHOLDS)[0] == "unknown"
 
 
+@pytest.mark.parametrize("structure", [0.0, 0.06, 0.074, 0.076, 0.2])
+def test_probabilities_add_up_to_one_and_say_what_the_verdict_says(structure):
+    last = replace(ranking(0.9), base=SimpleNamespace(chi2=130.0, white_reduced_chi2=0.0), findings=())
+    last = replace(last, base_checks=BaseChecks(structure_reduced_chi2=structure))
+    best = ranking(0.9, structure).best
+    best = replace(best, explanation=replace(best.explanation, chi2=130.0))
+    first = replace(ranking(0.9), findings=(best,))
+    given = probabilities(first, last, True)
+    assert sum(given["named"].values()) + given["none"] + given["something_else"] == pytest.approx(1.0)
+    likeliest = "something_else" if verdict_of(first, last, True) == "unknown" else "named"
+    assert (given["something_else"] > 0.5) == (likeliest == "something_else")
+    assert given["named"]["blur"] == pytest.approx(0.97 * (1.0 - given["something_else"]))
+    bare = replace(ranking(0.1), base=SimpleNamespace(chi2=105.0, white_reduced_chi2=0.0))
+    nothing = probabilities(bare, bare, True)
+    assert nothing["named"] == {} and nothing["none"] > 0.9
+    assert probabilities(bare, bare, False) is None
+
+
 def test_what_ends_at_its_range_and_leaves_structure_is_a_stand_in():
     calm = replace(ranking(0.9), base=SimpleNamespace(chi2=100.0, white_reduced_chi2=0.0), findings=())
     for at_end, left, verdict in ((True, 0.2, "unknown"), (True, 0.0, "effect"), (False, 0.2, "effect")):
@@ -125,6 +143,9 @@ def test_a_random_field_stands_in_for_a_formula_that_gains_more_but_is_not_the_s
     )
     both = replace(first, findings=(field, varying_effect))
     assert verdict_of(both, both, True) == verdict
+    best = replace(first.best, score=replace(first.best.score, nats=200.0))  # which gains more than either
+    three = replace(first, findings=(best, field, varying_effect))
+    assert verdict_of(three, three, True) == "effect"
     assert verdict_under(kept(both), THRESHOLDS)[0] == verdict
 
 

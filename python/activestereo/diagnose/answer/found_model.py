@@ -3,8 +3,7 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
+from activestereo.diagnose.answer.albedo_json import albedo_surfaces
 from activestereo.diagnose.evidence import Evidence, Geometry
 from activestereo.diagnose.findings import Finding
 from activestereo.diagnose.refine.geometry_fit import standing
@@ -25,8 +24,8 @@ def found_model(evidence: Evidence, model: Model, solution: Solution, findings: 
     geometry, surfaces = standing(evidence, solution), scene_surfaces(evidence.capture.scene_path)
     albedo = {
         material_of(surfaces[number].name): 1.0 + float(solution.phi[DENSE + index])
-        for index, number in _albedo_surfaces(evidence).items()
-        if number < len(surfaces)
+        for index, number in albedo_surfaces(evidence).items()
+        if index >= 0 and number < len(surfaces)
     }
     intervals = {
         (f.id, name): (parameter.low, parameter.high)
@@ -50,13 +49,3 @@ def _measured_poses(geometry: Geometry) -> list[MeasuredPose]:
     frames = zip(geometry.stated.frames, geometry.capture().frames, strict=True)
     both = {s.camera_to_world.tobytes(): (s.camera_to_world, f.camera_to_world) for s, f in frames}
     return [MeasuredPose(stated, measured) for stated, measured in both.values() if (stated != measured).any()]
-
-
-def _albedo_surfaces(evidence: Evidence) -> dict[int, int]:
-    """{index of an albedo nuisance: the number of a surface of its material}."""
-    found: dict[int, int] = {}
-    for o in evidence.train:
-        for index in np.unique(o.material[o.material >= 0]):
-            if int(index) not in found:
-                found[int(index)] = int(np.asarray(o.layers.material)[o.material == index][0])
-    return found

@@ -85,7 +85,7 @@ def headline(result: Mapping[str, Any]) -> str:
 
 
 def geometry_words(result: Mapping[str, Any]) -> list[str]:
-    """Sentences on what stands elsewhere than the capture says, several views in one."""
+    """Sentences on what stands elsewhere or reflects something else than the capture says, several views in one."""
     entries = result.get("geometry", [])
     views = [entry for entry in entries if entry["what"] == "view"]
     said = [entry["text"] for entry in entries if entry["what"] != "view" or len(views) == 1]
@@ -93,6 +93,7 @@ def geometry_words(result: Mapping[str, Any]) -> list[str]:
         moved, turned = (max(entry[key] for entry in views) for key in ("moved_mm", "turned_deg"))
         places = f"up to {moved:.1f} mm ({turned:.2f} degrees) from where the capture says"
         said.append(f"{len(views)} views stand {places}")
+    said += [entry["text"] for entry in result.get("albedos", [])]
     return [f"{words[0].upper()}{words[1:]}." for words in said]
 
 

@@ -3,14 +3,21 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from activestereo.diagnose.findings import Finding, Ranking, Remainder
 from activestereo.diagnose.verdict.acceptance import passes, varies_too_much
 from activestereo.effects.core.judging import Channel
 
 
-def has_other_signature(ranking: Ranking, remainder: Remainder, first: Ranking) -> bool:
-    """Whether an added effect's amplitude varies between parts of the images more than its formula allows, so that the
-    true effect has another signature.
+def _over(value: float, limit: float) -> float:
+    """value in units of a limit that it should not exceed."""
+    return value / limit if limit > 0.0 else np.inf if value > 0.0 else 0.0
+
+
+def _signature_ratio(ranking: Ranking, remainder: Remainder, first: Ranking) -> float:
+    """The largest variation of an added effect's amplitude between parts of the images, in units of what its formula
+    allows: beyond 1 the true effect has another signature.
 
     first: the ranking without effects.
     """
@@ -19,17 +26,18 @@ def has_other_signature(ranking: Ranking, remainder: Remainder, first: Ranking) 
         thresholds.other_signature_share * (first.base.chi2 - remainder.chi2) / ranking.pixels,
         thresholds.other_signature_reduced_chi2,
     )
-    return any(varying > limit for varying in remainder.variation.values())
+    return max((_over(varying, limit) for varying in remainder.variation.values()), default=0.0)
 
 
 def fields_hide_a_varying_effect(ranking: Ranking) -> bool:
-    """Whether a deterministic effect gains more than every random field that may be named, and is refused only because
-    its amplitude varies. The fields then absorb a deterministic effect that the library lacks.
+    """Whether a deterministic effect gains more than everything that may be named, random fields among it, and is
+    refused only because its amplitude varies. The fields then absorb a deterministic effect that the library lacks.
     """
-    fields = [f.score.nats for f in ranking.findings if f.channel is Channel.STATIC_FIELD and passes(ranking, f)]
+    passing = [f for f in ranking.findings if f.on_images and passes(ranking, f)]
     images = (f for f in ranking.findings if f.channel is Channel.EXPECTED_IMAGE)
     varying = [f.score.nats for f in images if varies_too_much(ranking, f)]
-    return bool(fields and varying) and max(varying) > max(fields)
+    has_fields = any(f.channel is Channel.STATIC_FIELD for f in passing)
+    return has_fields and max(varying, default=-np.inf) > max(f.score.nats for f in passing)
 
 
 def lacks_nothing(ranking: Ranking, noise: Finding) -> bool:
@@ -48,20 +56,20 @@ def _excess_beside(ranking: Ranking, remainder: Remainder) -> float:
     )
 
 
-def exceeds_scene_errors(ranking: Ranking) -> bool:
-    """Whether the base model's residual cannot come from errors of the scene measurement alone: it is larger than they
-    make it, it differs between the frames of one view, or one image has much more structure than the others.
-    """
+def scene_errors_ratio(ranking: Ranking) -> float:
+    """The base model's residual in units of what errors of the scene measurement leave: its size, its difference
+    between the frames of one view, and the structure of one image beyond that of the others."""
     thresholds, checks, white = ranking.thresholds, ranking.base_checks, ranking.base.white_reduced_chi2
-    return (
-        checks.plain_excess_reduced_chi2 - white > thresholds.largest_scene_error_reduced_chi2
-        or checks.unsteady_reduced_chi2 > thresholds.unsteady_reduced_chi2
-        or checks.uneven_structure_reduced_chi2 > thresholds.uneven_structure_reduced_chi2
+    return max(
+        _over(checks.plain_excess_reduced_chi2 - white, thresholds.largest_scene_error_reduced_chi2),
+        _over(checks.unsteady_reduced_chi2, thresholds.unsteady_reduced_chi2),
+        _over(checks.uneven_structure_reduced_chi2, thresholds.uneven_structure_reduced_chi2),
     )
 
 
-def is_unexplained(ranking: Ranking, remainder: Remainder, first: Ranking | None = None) -> bool:
-    """Whether what an explanation leaves (the base, where nothing is named) asks for another effect.
+def unexplained_ratio(ranking: Ranking, remainder: Remainder, first: Ranking | None = None) -> float:
+    """What an explanation leaves (the base, where nothing is named) in units of what may remain: beyond 1 it asks for
+    another effect.
 
     first: the ranking without effects, where an effect is named. An effect whose fit moves the calibration or the scene
     measurement further than their priors allow is a confounder of the true one, however small its residual. Noise of
@@ -69,19 +77,21 @@ def is_unexplained(ranking: Ranking, remainder: Remainder, first: Ranking | None
     Those explain no structure, so the base's structure counts beside them. Where no effect is named, a residual above
     what errors of the scene measurement leave needs one too; a named effect has to have its own signature.
     """
-    thresholds = ranking.thresholds
-    excess = _excess_beside(ranking, remainder)
-    if first is None and excess - ranking.base.white_reduced_chi2 > thresholds.largest_scene_error_reduced_chi2:
-        return True
-    if first is not None and remainder.prior_sigmas > thresholds.largest_prior_sigmas:
-        return True
-    if first is not None and excess > 0.0 and has_other_signature(ranking, remainder, first):
-        return True
-    structure = remainder.structure_reduced_chi2 or 0.0
-    if excess <= thresholds.unexplained_reduced_chi2:
-        return False
-    if structure <= (
-        thresholds.unexplained_reduced_chi2 if first is None else thresholds.structure_of_named_reduced_chi2
-    ):
-        return False
-    return first is None or structure > thresholds.unexplained_share * (first.base_checks.structure_reduced_chi2 or 0.0)
+    thresholds, excess = ranking.thresholds, _excess_beside(ranking, remainder)
+    structure, limit = remainder.structure_reduced_chi2 or 0.0, thresholds.unexplained_reduced_chi2
+    shaped = _over(excess, limit)  # structure counts as far as there is that much excess
+    if first is None:
+        alone = _over(excess - ranking.base.white_reduced_chi2, thresholds.largest_scene_error_reduced_chi2)
+        return max(alone, min(shaped, _over(structure, limit)))
+    own = _over(structure, thresholds.structure_of_named_reduced_chi2)
+    kept = _over(structure, thresholds.unexplained_share * (first.base_checks.structure_reduced_chi2 or 0.0))
+    return max(
+        _over(remainder.prior_sigmas, thresholds.largest_prior_sigmas),
+        _signature_ratio(ranking, remainder, first) if excess > 0.0 else 0.0,
+        min(shaped, own, kept),
+    )
+
+
+def is_unexplained(ranking: Ranking, remainder: Remainder, first: Ranking | None = None) -> bool:
+    """Whether unexplained_ratio() asks for another effect."""
+    return unexplained_ratio(ranking, remainder, first) > 1.0

@@ -79,10 +79,10 @@ class EngineCamera:
         k[:2, :2] *= factor
         self.camera.k = k
 
-    def add_distortion(self, k1: float, k2: float) -> None:
+    def add_distortion(self, k1: float = 0.0, k2: float = 0.0, p1: float = 0.0, p2: float = 0.0) -> None:
         """Adds to the nominal lens' coefficients: the composition of both lenses to first order."""
-        first, second, p1, p2, k3, k4, k5, k6 = self.camera.distortion
-        self.camera.distortion = (first + k1, second + k2, p1, p2, k3, k4, k5, k6)
+        added = (k1, k2, p1, p2, 0.0, 0.0, 0.0, 0.0)
+        self.camera.distortion = tuple(a + b for a, b in zip(self.camera.distortion, added, strict=True))
 
     def electrons(self, dn: float) -> float:
         """Charge before the amplifier that gives so many counts behind it."""

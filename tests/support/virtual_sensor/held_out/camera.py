@@ -54,6 +54,13 @@ def _directions(rig, frame, side, hidden, u, v):
             x - 2 * p["p1"] * x * y - p["p2"] * (r2 + 2 * x * x),
             y - p["p1"] * (r2 + 2 * y * y) - 2 * p["p2"] * x * y,
         )
+    if "thin_prism" in hidden:  # As a wedge deflects the ray itself.
+        p, r2 = hidden["thin_prism"], x * x + y * y
+        x, y = x - p["s1"] * r2, y - p["s3"] * r2
+    if "imager_tilt" in hidden:  # Each point of the imager lies nearer to the lens, or farther, by its own height.
+        p = hidden["imager_tilt"]
+        depth = 1.0 - x * np.sin(p["tau_y_rad"]) + y * np.sin(p["tau_x_rad"])
+        x, y = x * np.cos(p["tau_y_rad"]) / depth, y * np.cos(p["tau_x_rad"]) / depth
     directions = np.stack([x, y, np.ones_like(x)], axis=-1)
     return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
 

@@ -25,10 +25,11 @@ RAY_EFFECTS = frozenset(
     "projector_defocus pattern_scale_drift pattern_rotation dot_gain_spread dot_astigmatism projector_vignetting "
     "laser_power_drift"
     " emitter_bands second_projector ambient_ir specular transmission subsurface interreflection haze radial_distortion"
-    " tangential_distortion rectification_resampling thermal_drift thermal_lens principal_point_offset baseline_drift"
+    " tangential_distortion thin_prism imager_tilt dim_dots rectification_resampling"
+    " thermal_drift thermal_lens principal_point_offset baseline_drift"
     " stereo_pitch stereo_roll rolling_shutter exposure_desync row_desync motion_blur".split()
 )
-_BY_FRAME = frozenset({"pattern_scale_drift", "laser_power_drift", "thermal_drift", "thermal_lens"})
+_BY_FRAME = frozenset({"dim_dots", "pattern_scale_drift", "laser_power_drift", "thermal_drift", "thermal_lens"})
 
 
 @dataclass(frozen=True)

@@ -85,16 +85,27 @@ OUTSIDE = {
     "thermal_lens": Entry((0.37, 1.1, 2.5, 5.8), {"growth": 1e-3}, {"time_constant_s": (4, 7)}, signed=True),
     "dot_astigmatism": Entry((0.56, 1.3, 2.7, 5.5), {"sigma_px": 1.0}),
     "column_crosstalk": Entry((0.44, 1.1, 2.4, 5.1), {"fraction": 0.1}),
-    "ghost_image": Entry((0.45, 1.3, 3.1, 7.3), {"fraction": 0.05}),
     "image_lag": Entry((0.55, 1.5, 3.5, 7.9), {"fraction": 0.05}),
     "tap_gain": Entry((0.86, 2.4, 5, 8), {"gain": 0.05}),
     "pattern_rotation": Entry((0.42, 1.1, 2.6, 5.9), {"angle_rad": 1e-3}, signed=True),
-    "tangential_distortion": Entry((0.14, 0.46, 1.2, 3.2), {"p1": 1e-3, "p2": -7e-4}, signed=True),
     "emitter_bands": Entry((0.79, 2, 4.4, 9.4), {"depth": 0.05}, {"cycles": (4.0, 7.0)}),
     "lens_dust": Entry((1, 2, 3, 4.5), {"depth": 0.2}),
     "column_smear": Entry((0.74, 2, 4.6, 8), {"fraction": 0.1}),
     "row_droop": Entry((0.57, 1.8, 4.5, 11), {"fraction": 0.1}),
 }
+# What the library has beside the singles.
+WIDER = {
+    "tangential_distortion": Entry((0.14, 0.46, 1.2, 3.2), {"p1": 1e-3, "p2": -7e-4}, signed=True),
+    "thin_prism": Entry((0.65, 1.9, 4.4, 11.5), {"s1": 1e-3, "s3": 6e-4}, signed=True),
+    "imager_tilt": Entry((0.3, 0.8, 1.9, 5.2), {"tau_x_rad": 2e-3, "tau_y_rad": 3e-3}, signed=True),
+    "focus_mismatch": Entry((0.8, 1.5, 2.6, 5), {"sigma_px": 0.3}, signed=True),
+    "lens_ghost": Entry((0.45, 1.3, 3.1, 7.3), {"fraction": 0.05}),
+    "double_image": Entry((0.4, 1.2, 2.7, 6), {"fraction": 0.05}, {"shift_u_px": (3.0, 7.0), "shift_v_px": (-3.0, 3.0)}),
+    "dim_dots": Entry(
+        (0.6, 1.6, 3.5, 6), {"depth": 0.1, "per_k": 0.003},
+        {"place_x": (-0.2, 0.2), "place_y": (-0.15, 0.15), "radius": (0.1, 0.2)},
+    ),
+}  # fmt: skip
 # Faults of the device's own depth engine: the infrared images show nothing of them.
 DEPTH_ENGINE = {
     "pixel_locking": Entry((0.02, 0.04, 0.08, 0.14), {"amplitude_px": 1.0}),
@@ -116,7 +127,7 @@ TWINS = (
     ("rolling_shutter", "exposure_desync"),
     ("laser_power_drift", "chromatic_drift"),
 )
-CATALOGUE = SINGLE | OUTSIDE | DEPTH_ENGINE
+CATALOGUE = SINGLE | WIDER | OUTSIDE | DEPTH_ENGINE
 # Noise has no trace in mean images: not a partner that a pair could be found with.
 _PARTNERS = [name for name in SINGLE if name not in ("row_noise", "quantisation", "motion_blur")]
 

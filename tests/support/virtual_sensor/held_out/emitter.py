@@ -58,6 +58,10 @@ class Emitter:
         if "laser_power_drift" in h:  # Characteristic temperature of a laser diode; ageing is linear in time.
             p = h["laser_power_drift"]
             shading = shading * np.exp(p["per_k"] * frame.warming_k) * (1.0 + p["per_s"] * frame.timestamp_s)
+        if "dim_dots" in h:  # A place with flanks of its own.
+            p = h["dim_dots"]
+            square = ((x - p["place_x"]) ** 2 + (y - p["place_y"]) ** 2) / p["radius"] ** 2
+            shading = shading * (1.0 - (p["depth"] + p["per_k"] * frame.warming_k) / np.cosh(np.sqrt(square)) ** 1.3)
         if "emitter_bands" in h:
             p = h["emitter_bands"]
             shading = shading * (

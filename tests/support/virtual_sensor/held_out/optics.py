@@ -32,6 +32,8 @@ def _through_lens(fine, side, hidden, rig):
         return np.zeros((HEIGHT, WIDTH))
     if "lens_psf" in hidden:
         fine = _blurred(fine, _DISC_PER_SIGMA * hidden["lens_psf"]["sigma_px"])
+    if "focus_mismatch" in hidden and (side == "right") == (hidden["focus_mismatch"]["sigma_px"] > 0):
+        fine = _blurred(fine, _DISC_PER_SIGMA * abs(hidden["focus_mismatch"]["sigma_px"]))
     sub = fine.shape[0] // HEIGHT
     image = fine.reshape(HEIGHT, sub, WIDTH, sub).mean(axis=(1, 3))
     if "window_haze" in hidden:
@@ -42,8 +44,10 @@ def _through_lens(fine, side, hidden, rig):
         image = (1 - g) * image + 0.5 * g * (
             image.mean() + gaussian_filter(image, _GLARE_SIGMA_PX, mode="reflect", truncate=2.5)
         )
-    if "ghost_image" in hidden:
-        image = image + hidden["ghost_image"]["fraction"] * image[::-1, ::-1]
+    if "lens_ghost" in hidden:
+        image = image + hidden["lens_ghost"]["fraction"] * image[::-1, ::-1]
+    if "double_image" in hidden:
+        image = image + hidden["double_image"]["fraction"] * _aside(image, **hidden["double_image"])
     return image * shading(side, hidden, rig)
 
 
@@ -58,6 +62,13 @@ def shading(side, hidden, rig):
         for x, y, size in ((60, 40, 9.0), (130, 75, 13.0), (170, 30, 7.0)):
             shading *= 1.0 - hidden["lens_dust"]["depth"] * np.exp(-((u - x) ** 2 + (v - y) ** 2) / (2 * size**2))
     return shading
+
+
+def _aside(image, fraction, shift_u_px, shift_v_px):
+    """The image moved right and down, dark beyond the frame, its Fourier components turned in phase."""
+    wide = np.pad(image, 24)
+    phase = shift_u_px * np.fft.fftfreq(wide.shape[1]) + shift_v_px * np.fft.fftfreq(wide.shape[0])[:, None]
+    return np.fft.ifft2(np.fft.fft2(wide) * np.exp(-2j * np.pi * phase)).real[24:-24, 24:-24]
 
 
 def _blurred(fine, diameter_px):

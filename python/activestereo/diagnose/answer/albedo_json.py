@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The albedos in a diagnosis: materials that reflect another share of the light than the scene says."""
+
+from typing import Any
+
+import numpy as np
+
+from activestereo.common.input_files import read_json
+from activestereo.diagnose.evidence import Evidence
+from activestereo.diagnose.refine.fitter import Fitter
+from activestereo.diagnose.refine.light import DENSE
+from activestereo.diagnose.refine.parameter_space import Solution
+from activestereo.diagnose.score.likelihood import design_effect
+from activestereo.effects import Stage
+from activestereo.effects.core.scene_surfaces import material_of, scene_surfaces
+
+# A correction is told where it is more than so many of its standard errors, and of what the capture states.
+_TOLD_SIGMAS = 3.0
+
+
+def albedo_surfaces(evidence: Evidence) -> dict[int, int]:
+    """{index of an albedo nuisance: the number of a surface of its material}; -1: of the largest one, whose albedo is
+    part of the scales."""
+    found: dict[int, int] = {}
+    for o in evidence.train:
+        for index in np.unique(o.material):
+            if int(index) not in found:
+                numbers, counts = np.unique(np.asarray(o.layers.material)[o.material == index], return_counts=True)
+                found[int(index)] = int(numbers[np.argmax(counts)])
+    return found
+
+
+def albedo_json(evidence: Evidence, fitter: Fitter, solution: Solution) -> list[dict[str, Any]]:
+    """[{material, text, factor on the scene's albedo, its standard error}], of materials that are far from what is
+    stated; none beside an effect of surfaces, which makes another quantity of it.
+
+    Light and albedos have one factor in common: it is what the median material reflects as stated.
+    """
+    if any(effect.stage is Stage.SURFACE for effect in solution.effects):
+        return []
+    first, materials = len(solution.theta) + DENSE, evidence.materials
+    design = design_effect(solution.sums.tile_chi2, evidence.tile_pixels)
+    design *= max(1.0, solution.sums.total / evidence.pixels)
+    errors = np.sqrt(design * np.diag(fitter.inverse(solution))[first : first + materials])
+    factors = {-1: 1.0} | dict(enumerate(1.0 + solution.phi[DENSE : DENSE + materials]))
+    usual = float(np.median(list(factors.values())))
+    surfaces, told = scene_surfaces(evidence.capture.scene_path), []
+    for index, number in sorted(albedo_surfaces(evidence).items()):
+        factor, error = factors[index] / usual, float(errors[index]) if index >= 0 else 0.0
+        least = _TOLD_SIGMAS * max(error, evidence.capture.uncertainty.albedo)
+        if number < len(surfaces) and abs(factor - 1.0) > least:
+            name = material_of(surfaces[number].name)
+            text = _text(name, factor, _stated(evidence, surfaces[number].material))
+            told.append({"material": name, "text": text, "factor": factor, "factor_sigma": error})
+    return told
+
+
+def _text(name: str, factor: float, stated: float | None) -> str:
+    if stated is None:
+        return f"{name} reflects {factor:.2f} of what the scene says"
+    return f"{name} reflects {factor * stated:.2f}, the scene says {stated:.2f}"
+
+
+def _stated(evidence: Evidence, number: int) -> float | None:
+    """The infrared albedo of a material in the scene file; None where a texture or none gives it."""
+    if evidence.capture.scene_path.suffix.lower() != ".gltf":
+        return None
+    materials = read_json(evidence.capture.scene_path).get("materials", [])
+    extras = materials[number].get("extras", {}) if number < len(materials) else {}
+    return None if "ir_albedo_texture" in extras else extras.get("ir_albedo")

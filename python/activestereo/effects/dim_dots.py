@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Dots that are dim or missing in a part of the pattern."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from activestereo.effects.core.descriptor import Parameter, Stage, effect
+from activestereo.effects.core.engine import EngineInputs, moves
+from activestereo.effects.core.judging import StartImage
+from activestereo.effects.core.light import Light
+from activestereo.effects.core.view import View
+
+# Places of a first look, in tangents of angles from the projector's axis, and the radius there.
+_GRID, _RADIUS = (-0.4, -0.2, 0.0, 0.2, 0.4), 0.15
+_BEST = 3
+
+
+def _left(x: np.ndarray, y: np.ndarray, lost: float, place_x: float, place_y: float, radius: float) -> np.ndarray:
+    """The share of the light that is left at tangents (x, y) of the projector's pattern."""
+    return np.clip(1.0 - lost * np.exp(-0.5 * ((x - place_x) ** 2 + (y - place_y) ** 2) / radius**2), 0.0, None)
+
+
+@moves("pattern")
+def _engine(inputs: EngineInputs, depth: float, per_k: float, place_x: float, place_y: float, radius: float) -> None:
+    own, lost = inputs.projector, depth + per_k * inputs.warming_k
+    if own is None or inputs.pattern is None or lost == 0.0:
+        return
+    height, width = inputs.pattern.shape
+    v, u = np.mgrid[0:height, 0:width]
+    y = (v - own.k[1, 2]) / own.k[1, 1]
+    x = (u - own.k[0, 2] - own.k[0, 1] * y) / own.k[0, 0]
+    inputs.pattern = (inputs.pattern * _left(x, y, lost, place_x, place_y, radius)).astype(np.float32)
+
+
+def _starts(images: Sequence[StartImage]) -> list[dict[str, float]]:
+    """Places of the pattern whose dots fall short most, from the residual against the dots there."""
+    scores = {}
+    for place_x in _GRID:
+        for place_y in _GRID:
+            moment = power = 0.0
+            for image in images:
+                x, y = _tangents(image.view)
+                lost = (_left(x, y, 1.0, place_x, place_y, _RADIUS) - 1.0) * image.light.projector
+                moment += float((lost * image.residual * image.weight).sum())
+                power += float((lost * lost * image.weight).sum())
+            scores[place_x, place_y] = moment / np.sqrt(power) if power > 0 else 0.0
+    best = sorted(scores, key=lambda place: -scores[place])[:_BEST]
+    amounts = ({"depth": 0.3}, {"per_k": 0.015})
+    return [{"place_x": x, "place_y": y, "radius": _RADIUS, **amount} for x, y in best for amount in amounts]
+
+
+def _tangents(view: View) -> tuple[np.ndarray, np.ndarray]:
+    """Of the angles from the projector's axis at which pixels see their surface lit, [height][width]."""
+    points = view.projector_points()
+    z = np.where(points[..., 2] > 0, points[..., 2], np.inf)
+    return points[..., 0] / z, points[..., 1] / z
+
+
+@effect(
+    "dim_dots",
+    stage=Stage.PROJECTOR,
+    family="pattern strength",
+    finding="Dots are dim or missing in a part of the pattern",
+    source="emitters of an array age one by one, and more so where it is warm; dirt on the projector's window",
+    parameters=[
+        Parameter("depth", "1", neutral=0.0, low=0.0, high=1.0, typical=0.2),
+        Parameter("per_k", "1/K", neutral=0.0, low=0.0, high=0.1, typical=0.01, source="more with each kelvin"),
+        Parameter("place_x", "1", neutral=0.1, low=-1.0, high=1.0, typical=0.3, source="tangent from the axis"),
+        Parameter("place_y", "1", neutral=0.1, low=-1.0, high=1.0, typical=0.3),
+        Parameter("radius", "1", neutral=0.15, low=0.02, high=1.0, typical=0.1, source="a Gaussian's deviation"),
+    ],
+    engine=_engine,
+    starts=_starts,
+)
+def dim_dots(
+    light: Light, view: View, depth: float, per_k: float, place_x: float, place_y: float, radius: float
+) -> Light:
+    """Around a place of the pattern the projector's light is weaker, and more so as it warms up."""
+    lost = depth + per_k * view.warming_k
+    return light if lost == 0.0 else light.scale_projector(_left(*_tangents(view), lost, place_x, place_y, radius))

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Materials that reflect another share of the light than the scene says are told, by name and number."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lab_worlds import WorldRenderer
+from activestereo.capture.capture import read_capture
+from activestereo.compare.nuisances import Nuisances, predict
+from activestereo.compare.render import render_frames
+from activestereo.diagnose.answer.albedo_json import albedo_json, albedo_surfaces
+from activestereo.diagnose.answer.verdict_words import geometry_words
+from activestereo.diagnose.evidence import gather
+from activestereo.diagnose.refine import Fitter, ParameterSpace
+from activestereo.effects import Model, builtin
+from activestereo.effects.core.scene_surfaces import scene_surfaces
+
+LIGHT = Nuisances(9.0e4, 3.0e3, 4.0)
+
+
+@pytest.fixture(scope="module")
+def evidence(lab_world, lab_cache):
+    capture = read_capture(lab_world.capture_path)
+    return gather(capture, render_frames(capture, WorldRenderer(lab_world, grid=3), cache=lab_cache))
+
+
+def reflecting(evidence, factors):
+    """The evidence of materials, by index, that reflect so many times what the scene says; and the fit to it."""
+    train = []
+    for o in evidence.train:
+        gain = np.ones(o.measured.shape)
+        for index, factor in factors.items():
+            gain[o.material == index] = factor
+        expected = predict(o.frame, o.layers, LIGHT, 255.0)
+        measured = LIGHT.black_dn + gain * (expected - LIGHT.black_dn)
+        train.append(replace(o, measured=measured.astype(np.float32)))
+    evidence = replace(evidence, train=tuple(train))
+    fitter, space = Fitter(train, evidence.nuisance_prior(), evidence.tiles), ParameterSpace.of(Model())
+    return evidence, fitter, fitter.refine(space, space.start, fitter.phi0(LIGHT), 8)
+
+
+def test_a_wrong_albedo_is_told_by_name_and_number(evidence):
+    told = albedo_json(*reflecting(evidence, {0: 0.6}))
+    surface = scene_surfaces(evidence.capture.scene_path)[albedo_surfaces(evidence)[0]]
+    assert [entry["material"] for entry in told] == [surface.name]
+    assert told[0]["factor"] == pytest.approx(0.6, abs=0.03)
+    assert geometry_words({"albedos": told}) == [f"{told[0]['text'][0].upper()}{told[0]['text'][1:]}."]
+    assert "the scene says" in told[0]["text"]
+
+
+def test_the_largest_material_is_told_where_all_others_seem_wrong_alike(evidence):
+    told = albedo_json(*reflecting(evidence, {-1: 1.5}))
+    surface = scene_surfaces(evidence.capture.scene_path)[albedo_surfaces(evidence)[-1]]
+    assert [entry["material"] for entry in told] == [surface.name]
+    assert told[0]["factor"] == pytest.approx(1.5, abs=0.1)
+
+
+def test_what_is_as_stated_is_not_told(evidence):
+    assert albedo_json(*reflecting(evidence, {0: 1.05})) == []
+
+
+def test_beside_gloss_an_albedo_is_another_quantity(evidence):
+    evidence, fitter, solution = reflecting(evidence, {0: 0.6})
+    space = ParameterSpace.of(Model(), builtin()["specular"])
+    named = fitter.refine(space, space.start, solution.phi, 0)
+    assert albedo_json(evidence, fitter, named) == []
