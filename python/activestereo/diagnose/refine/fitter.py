@@ -411,7 +411,10 @@ def signal(model: Model, observation: Observation, light: Light, phi: np.ndarray
 def _moved(image: np.ndarray, pixels: Pixels | AllPixels, phi: np.ndarray) -> np.ndarray:
     """Clipped where focal length and geometry move it: the expected image itself ends at the range's ends already."""
     change = _displacement(pixels, phi)
-    return np.minimum(np.maximum(image + change, 0.0), pixels.observation.view.max_dn) if np.any(change) else image
+    if not np.any(change):
+        return image
+    moved = image + change
+    return np.clip(moved, 0.0, pixels.observation.view.max_dn, out=moved)
 
 
 def _displacement(pixels: Pixels | AllPixels, phi: np.ndarray) -> np.ndarray:

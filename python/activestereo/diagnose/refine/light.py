@@ -96,11 +96,13 @@ def exposed(
         return _through_sensor(model, pixels, light, phi, with_slopes)
     view = pixels.observation.view
     projector, ambient = _sent(pixels, light, phi)
-    value = phi[0] * projector + phi[1] * ambient + phi[2]
-    image = np.minimum(np.maximum(value, 0.0), view.max_dn)
+    value = phi[0] * projector
+    value += phi[1] * ambient
+    value += phi[2]
     if not with_slopes:
-        return image, None
+        return np.clip(value, 0.0, view.max_dn, out=value), None
     inside = ((value > 0.0) & (value < view.max_dn)).astype(np.float64)
+    image = np.clip(value, 0.0, view.max_dn, out=value)
     return image, [projector * inside, ambient * inside, inside]
 
 
@@ -108,11 +110,15 @@ def _sent(pixels: "Pixels | AllPixels", light: Light, phi: np.ndarray) -> list[n
     """DN per projector and ambient scale, with each material's relative albedo correction: it scales all light
     that the material sends.
     """
-    levels = scales(pixels.observation.view.frame)
-    gain = 1.0
-    if phi[DENSE:].any():
-        gain = np.append(1.0 + phi[DENSE:], 1.0)[pixels.material]
-    return [level * gain * seen for level, seen in zip(levels, light.seen(pixels.index), strict=True)]
+    levels, lights = scales(pixels.observation.view.frame), light.seen(pixels.index)
+    if not phi[DENSE:].any():
+        return [level * seen for level, seen in zip(levels, lights, strict=True)]
+    gain = np.append(1.0 + phi[DENSE:], 1.0)[pixels.material]
+    sent = []
+    for level, seen in zip(levels, lights, strict=True):
+        sent.append(level * gain)
+        sent[-1] *= seen
+    return sent
 
 
 def _through_sensor(
