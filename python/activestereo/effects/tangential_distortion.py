@@ -27,8 +27,8 @@ def _engine(inputs: EngineInputs, p1: float, p2: float) -> None:
     engine=_engine,
 )
 def tangential_distortion(light: Light, view: View, p1: float, p2: float) -> Light:
-    """What is drawn at (x, y), in focal lengths, moves by (2 p1 x y + p2 (r^2 + 2 x^2), p1 (r^2 + 2 y^2) + 2 p2 x y)
-    in both cameras: a side of the image is stretched, the other one shrinks."""
+    """The image point (x, y), in focal lengths, moves by (2 p1 x y + p2 (r^2 + 2 x^2), p1 (r^2 + 2 y^2) + 2 p2 x y) in
+    both cameras: a side of the image is stretched, the other one shrinks."""
     if p1 == 0.0 and p2 == 0.0:
         return light
     return light.warped(*view.to_pixels(*undistort(*view.rays(), (0.0, 0.0, p1, p2, 0.0))))

@@ -21,7 +21,7 @@ _STEPS = 6  # of a fixed point that contracts by 2 |s| r
     image_only="kuafu's lens has radial and tangential terms",
 )
 def thin_prism(light: Light, view: View, s1: float, s3: float) -> Light:
-    """What is drawn at (x, y), in focal lengths, moves by (s1, s3) r^2 in both cameras."""
+    """The image point (x, y), in focal lengths, moves by (s1, s3) r^2 in both cameras."""
     if s1 == 0.0 and s3 == 0.0:
         return light
     drawn_x, drawn_y = view.rays()

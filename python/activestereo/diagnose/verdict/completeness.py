@@ -68,8 +68,8 @@ def scene_errors_ratio(ranking: Ranking) -> float:
 
 
 def unexplained_ratio(ranking: Ranking, remainder: Remainder, first: Ranking | None = None) -> float:
-    """What an explanation leaves (the base, where nothing is named) in units of what may remain: beyond 1 it asks for
-    another effect.
+    """The remainder of an explanation (of the base, where nothing is named) in units of what may remain: beyond 1 it
+    asks for another effect.
 
     first: the ranking without effects, where an effect is named. An effect whose fit moves the calibration or the scene
     measurement further than their priors allow is a confounder of the true one, however small its residual. Noise of

@@ -39,7 +39,7 @@ def verdict_of(first: Ranking, last: Ranking, has_floor: bool) -> str:
 
 
 def missing_ratio(first: Ranking, last: Ranking) -> float:
-    """What is left in units of what may be left: beyond 1 something is missing that the library does not explain."""
+    """The remainder in units of what may remain: beyond 1 something is missing that the library does not explain."""
     best = first.best
     if best is None or not is_named(first):
         return max(unexplained_ratio(first, first.base_remainder), scene_errors_ratio(first))
