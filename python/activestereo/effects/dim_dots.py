@@ -51,7 +51,7 @@ def _starts(images: Sequence[StartImage]) -> list[dict[str, float]]:
 
 
 def _tangents(view: View) -> tuple[np.ndarray, np.ndarray]:
-    """Of the angles from the projector's axis at which pixels see their surface lit, [height][width]."""
+    """Tangents of the angles from the projector's axis to what the pixels see, [height][width]."""
     points = view.projector_points()
     z = np.where(points[..., 2] > 0, points[..., 2], np.inf)
     return points[..., 0] / z, points[..., 1] / z
