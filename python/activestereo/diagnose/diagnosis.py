@@ -73,9 +73,9 @@ RENDERING, FITTING, ADDING, DEPTH, BOTH = (
     "rendering what was found",
 )
 _BASE_SHARE = 0.4  # of the last phase
-# Effects that are fitted again where the geometry was searched beside the first one, and the share of chi2 that this
-# has to gain.
-_AGAIN, _BETTER = 6, 2e-3
+# Effects that are fitted again where the geometry was searched beside the first one, and the share of chi2 that may be
+# lost there: the weights are others.
+_AGAIN, _WORSE = 3, 0.01
 PHASES_S = {RENDERING: 8.0, FITTING: 15.0, ADDING: 1.0, DEPTH: 2.0, BOTH: 15.0}
 
 
@@ -269,7 +269,7 @@ def examine(
         there = _on(place.evidence, model, thresholds, workers, place.rendering, place.memory)
         likely, others = _likely(first, candidates)
         again = rank(there[0], there[1](model), likely)
-        if again.best is not None and again.best.chi2 < (1.0 - _BETTER) * first.findings[0].chi2:
+        if again.best is not None and again.best.chi2 < (1.0 + _WORSE) * first.findings[0].chi2:
             first = replace(again, not_ranked=(*again.not_ranked, *first.not_ranked, *others))
             evidence, (context, bases) = place.evidence, there
             errors = errors and replace(errors, measured=evidence.capture)

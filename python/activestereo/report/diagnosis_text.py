@@ -9,6 +9,7 @@ from activestereo.diagnose.answer.verdict_words import alike, error_text, geomet
 _SHOWN = 8
 _BAR = 40
 _LARGEST_SUMMARY = 10
+_LEAST_TOLD = 0.005
 
 
 def parameter_text(name: str, found: Mapping[str, Any]) -> str:
@@ -54,7 +55,7 @@ def _probabilities(result: Mapping[str, Any]) -> list[str]:
     if given is None:
         return []
     of = given["named"] | {"nothing": given["none"], "something else": given["something_else"]}
-    return ["probability: " + ", ".join(f"{name} {p:.2f}" for name, p in of.items()), ""]
+    return ["probability: " + ", ".join(f"{name} {p:.2f}" for name, p in of.items() if p >= _LEAST_TOLD), ""]
 
 
 def _errors(result: Mapping[str, Any]) -> list[str]:

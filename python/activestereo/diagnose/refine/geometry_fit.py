@@ -68,7 +68,7 @@ def _key(capture: Capture, model: Model, seed: int, rendered_by: object) -> str 
     effects = [(effect_content(effect), values) for effect, values in model.effects]
     if any(content is None for content, _ in effects):
         return None
-    images = [capture.ir(frame, side) for frame in capture.frames for side in SIDES]
+    images = [(capture.ir(f, side), capture.known(f, side)) for f in capture.frames for side in SIDES]
     seen = capture, capture.rig.projector.pattern(), images, scene_digest(capture.scene_path)
     return content_key("geometry", code_digest(), *seen, effects, seed, rendered_by)
 
