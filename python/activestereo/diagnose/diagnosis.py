@@ -154,27 +154,27 @@ def diagnose(
         from activestereo.compare.kuafu_renderer import KuafuRenderer
 
         renderer = KuafuRenderer()
-    cache = cache or LayerCache()
+    kept = cache or LayerCache()
     phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES_S)
     phases.work = megapixels(capture)
     phases.begin(RENDERING)
     sampled: dict[str, Any] = {"samples_per_pixel": half_samples(samples_per_pixel), "max_bounces": max_bounces}
-    sampled |= {"seed": seed, "cache": cache, "progress": phases, "scale": WARP_SCALE}
+    sampled |= {"seed": seed, "cache": kept, "progress": phases, "scale": WARP_SCALE}
     known = _effects_of(model, capture.scene_path)
     render = partial(render_frames, renderer=renderer, **sampled)
     made_by = renderer.version, sampled["samples_per_pixel"], max_bounces
     places: list[_Place] = []
 
     def located(model: Model) -> _Place:
-        evidence = gather_where_it_stands(capture, render, model, seed, workers, cache, made_by)
+        evidence = gather_where_it_stands(capture, render, model, seed, workers, kept, made_by)
         engine = None if rendering is None else rendering(evidence.capture)
-        places.append(_Place(evidence, engine, FitCache(cache, evidence.train)))
+        places.append(_Place(evidence, engine, FitCache(kept, evidence.train)))
         return places[-1]
 
     place = located(known)
     whole: dict[str, Any] = {"samples_per_pixel": samples_per_pixel, "max_bounces": max_bounces, "seed": seed}
     whole |= {"progress": part_of(phases, 0.0, _BASE_SHARE), "scale": WARP_SCALE}
-    base = partial(render_halves, renderer=renderer, cache=cache, **whole)
+    base = partial(render_halves, renderer=renderer, cache=kept, **whole)
     errors = ErrorsOfModels(capture, place.evidence.capture, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0))
     settings = steps, workers, phases, thresholds, place.rendering, place.memory, errors, located
     try:

@@ -81,8 +81,9 @@ class EngineCamera:
 
     def add_distortion(self, k1: float = 0.0, k2: float = 0.0, p1: float = 0.0, p2: float = 0.0) -> None:
         """Adds to the nominal lens' coefficients: the composition of both lenses to first order."""
-        added = (k1, k2, p1, p2, 0.0, 0.0, 0.0, 0.0)
-        self.camera.distortion = tuple(a + b for a, b in zip(self.camera.distortion, added, strict=True))
+        first, second, third, fourth, *others = self.camera.distortion
+        k3, k4, k5, k6 = others
+        self.camera.distortion = (first + k1, second + k2, third + p1, fourth + p2, k3, k4, k5, k6)
 
     def electrons(self, dn: float) -> float:
         """Charge before the amplifier that gives so many counts behind it."""
