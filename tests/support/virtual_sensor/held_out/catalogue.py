@@ -100,7 +100,9 @@ WIDER = {
     "imager_tilt": Entry((0.3, 0.8, 1.9, 5.2), {"tau_x_rad": 2e-3, "tau_y_rad": 3e-3}, signed=True),
     "focus_mismatch": Entry((0.8, 1.5, 2.6, 5), {"sigma_px": 0.3}, signed=True),
     "lens_ghost": Entry((0.45, 1.3, 3.1, 7.3), {"fraction": 0.05}),
-    "double_image": Entry((0.4, 1.2, 2.7, 6), {"fraction": 0.05}, {"shift_u_px": (3.0, 7.0), "shift_v_px": (-3.0, 3.0)}),
+    "double_image": Entry(
+        (0.4, 1.2, 2.7, 6), {"fraction": 0.05}, {"shift_u_px": (3.0, 7.0), "shift_v_px": (-3.0, 3.0)}
+    ),
     "dim_dots": Entry(
         (0.6, 1.6, 3.5, 6), {"depth": 0.1, "per_k": 0.003},
         {"place_x": (-0.2, 0.2), "place_y": (-0.15, 0.15), "radius": (0.1, 0.2)},
