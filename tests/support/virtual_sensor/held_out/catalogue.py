@@ -98,10 +98,10 @@ WIDER = {
     "tangential_distortion": Entry((0.14, 0.46, 1.2, 3.2), {"p1": 1e-3, "p2": -7e-4}, signed=True),
     "thin_prism": Entry((0.65, 1.9, 4.4, 11.5), {"s1": 1e-3, "s3": 6e-4}, signed=True),
     "imager_tilt": Entry((0.3, 0.8, 1.9, 5.2), {"tau_x_rad": 2e-3, "tau_y_rad": 3e-3}, signed=True),
-    "focus_mismatch": Entry((0.8, 1.5, 2.6, 5), {"sigma_px": 0.3}, signed=True),
+    "focus_mismatch": Entry((0.56, 1.06, 1.9, 5.5), {"sigma_px": 0.3}, signed=True),
     "lens_ghost": Entry((0.45, 1.3, 3.1, 7.3), {"fraction": 0.05}),
     "double_image": Entry(
-        (0.4, 1.2, 2.7, 6), {"fraction": 0.05}, {"shift_u_px": (3.0, 7.0), "shift_v_px": (-3.0, 3.0)}
+        (0.67, 1.8, 4, 9), {"fraction": 0.05}, {"shift_u_px": (3.0, 7.0), "shift_v_px": (-3.0, 3.0)}
     ),
     "dim_dots": Entry(
         (0.6, 1.6, 3.5, 6), {"depth": 0.1, "per_k": 0.003},

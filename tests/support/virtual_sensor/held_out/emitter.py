@@ -60,8 +60,8 @@ class Emitter:
             shading = shading * np.exp(p["per_k"] * frame.warming_k) * (1.0 + p["per_s"] * frame.timestamp_s)
         if "dim_dots" in h:  # A place with flanks of its own.
             p = h["dim_dots"]
-            square = ((x - p["place_x"]) ** 2 + (y - p["place_y"]) ** 2) / p["radius"] ** 2
-            shading = shading * (1.0 - (p["depth"] + p["per_k"] * frame.warming_k) / np.cosh(np.sqrt(square)) ** 1.3)
+            away = np.minimum(np.hypot(x - p["place_x"], y - p["place_y"]) / p["radius"], 100.0)
+            shading = shading * (1.0 - (p["depth"] + p["per_k"] * frame.warming_k) / np.cosh(away) ** 1.3)
         if "emitter_bands" in h:
             p = h["emitter_bands"]
             shading = shading * (
