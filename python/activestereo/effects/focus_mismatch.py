@@ -9,7 +9,7 @@ from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View
 
 
-@moves("optics.psf_sigma_px")
+@moves("left.optics.psf_sigma_px", "right.optics.psf_sigma_px")
 def _engine(inputs: EngineInputs, sigma_px: float) -> None:
     side = inputs.right if sigma_px > 0 else inputs.left
     side.optics.psf_sigma_px = np.hypot(side.optics.psf_sigma_px, sigma_px)
