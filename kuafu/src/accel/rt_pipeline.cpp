@@ -116,9 +116,9 @@ void RtPipeline::create_table() {
   vkGetPhysicalDeviceProperties2(device_->physical(), &all);
   const uint64_t handle_bytes = facts.shaderGroupHandleSize, alignment = facts.shaderGroupBaseAlignment;
   std::vector<std::byte> handles(shader_group_count * handle_bytes);
-  ks::check(
-      device_->vk().vkGetRayTracingShaderGroupHandlesKHR(device_->handle(), pipeline_, 0, shader_group_count, handles.size(), handles.data()),
-      "vkGetRayTracingShaderGroupHandlesKHR");
+  ks::check(device_->vk().vkGetRayTracingShaderGroupHandlesKHR(device_->handle(), pipeline_, 0, shader_group_count, handles.size(),
+                                                               handles.data()),
+            "vkGetRayTracingShaderGroupHandlesKHR");
   stride_ = round_up(handle_bytes, alignment);
   table_ = ks::Buffer::create(device_, shader_group_count * stride_ + alignment, 0, VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR);
   table_address_ = round_up(table_->address(), alignment);
