@@ -14,7 +14,7 @@
 namespace kuafu {
 namespace {
 
-constexpr uint32_t first_word = 0x354d494bu;  // "KIM5"; grows with the format, which wire_test.cpp weighs
+constexpr uint32_t first_word = 0x364d494bu;  // "KIM6"; grows with the format, which wire_test.cpp weighs
 constexpr uint32_t last_word = 0x21646e65u;
 
 // Each `transfer` lists the fields once, for both directions. The bindings name every field of the struct, so that one who adds a field

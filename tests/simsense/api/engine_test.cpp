@@ -183,10 +183,10 @@ TEST(Engine, GivesTheSameOutputsTogetherAsApart) {
   EXPECT_EQ(alone(SIMSENSE_OUTPUT_DEPTH, shape, 0.0f), depth);
   EXPECT_EQ(alone(SIMSENSE_OUTPUT_DEPTH_RGB, {80, 120}, 0.0f), depth_rgb);
   EXPECT_EQ(alone(SIMSENSE_OUTPUT_POINTS, {80, 120, 3}, 0.0f), points);
-  for (uint32_t eye = 0; eye < 2; ++eye) {
-    EXPECT_EQ(alone(SIMSENSE_OUTPUT_IR_LEFT + eye, shape, uint8_t{}), ir[eye]);
-    EXPECT_EQ(alone(SIMSENSE_OUTPUT_RECTIFIED_LEFT + eye, shape, uint8_t{}), rectified[eye]);
-    EXPECT_NE(ir[eye], rectified[eye]);
+  for (uint32_t side = 0; side < 2; ++side) {
+    EXPECT_EQ(alone(SIMSENSE_OUTPUT_IR_LEFT + side, shape, uint8_t{}), ir[side]);
+    EXPECT_EQ(alone(SIMSENSE_OUTPUT_RECTIFIED_LEFT + side, shape, uint8_t{}), rectified[side]);
+    EXPECT_NE(ir[side], rectified[side]);
   }
   EXPECT_GT(std::count_if(depth_rgb.begin(), depth_rgb.end(), [](float z) { return z > 0; }), 120 * 80 / 4);
 }

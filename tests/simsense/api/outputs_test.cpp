@@ -20,7 +20,7 @@ struct Pair {
   std::vector<uint8_t> left, right;
 };
 
-/// A plane at `shift` pixels with a patch that only the left eye sees, a flat patch and a saturated one.
+/// A plane at `shift` pixels with a patch that only the left camera sees, a flat patch and a saturated one.
 Pair scene() {
   std::mt19937 random(1);
   std::vector<uint8_t> texture((width + shift) * height);

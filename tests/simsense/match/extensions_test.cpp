@@ -102,7 +102,7 @@ TEST(adaptive_p2, places_an_edge_where_the_image_has_it) {
 TEST(match_reason, is_given_for_every_invalid_pixel_and_for_no_other) {
   StereoPair pair = random_dots(160, 80, 12, 10, 15);
   for (uint32_t y = 20; y < 60; ++y)
-    for (uint32_t x = 100; x < 140; ++x) pair.right[y * 160 + x] = static_cast<uint8_t>(37 * x * y);  // seen by one eye alone
+    for (uint32_t x = 100; x < 140; ++x) pair.right[y * 160 + x] = static_cast<uint8_t>(37 * x * y);  // seen by one camera alone
   MatchParameters p;
   p.max_disparity = 32;
   const Match m = match_on_cpu(pair, p);

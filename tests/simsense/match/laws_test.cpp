@@ -96,7 +96,7 @@ TEST_P(matcher_law, unrelated_images_are_mostly_rejected) {
 }
 
 TEST_P(matcher_law, both_eyes_agree) {
-  // seen from the other eye: both images mirrored and swapped. Where both views keep a disparity it is the same one.
+  // seen from the other camera: both images mirrored and swapped. Where both views keep a disparity it is the same one.
   const StereoPair pair = random_dots(160, 60, 13, 20, 6);
   StereoPair swapped = pair;
   for (size_t y = 0; y < 60; ++y) {

@@ -143,7 +143,7 @@ TEST(Prnu, IsAFixedShareOfTheLight) {
   s.dark_current_e_per_s = 500;
   EXPECT_EQ(moments(flat(s, 0)).variance, 0) << "dark charge is not light";
   EXPECT_GT(correlation(flat(s, 1000, {1, 0}), flat(s, 4000, {1, 5})), 0.9999);
-  EXPECT_LT(std::abs(correlation(flat(s, 1000, {1, 0}), flat(s, 1000, {1, 0, 0, 0, 1}))), correlation_limit) << "the other eye";
+  EXPECT_LT(std::abs(correlation(flat(s, 1000, {1, 0}), flat(s, 1000, {1, 0, 0, 0, 1}))), correlation_limit) << "the other camera";
 }
 
 TEST(DarkSignal, GrowsWithTimeAndDoublesWithTemperature) {

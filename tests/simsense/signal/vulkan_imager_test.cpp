@@ -44,7 +44,7 @@ std::vector<double> run(const simsense_signal& signal, const std::vector<NoiseKe
   const size_t count = keys.size() * w * h;
   const auto counts = ks::Buffer::create(device(), count * 2, 0);
   ks::Commands commands(device());
-  imagers.record(commands, keys[0].eye, Imager(signal), keys, light, packed_ref(*counts, KS_FORMAT_U16, w, h), {});
+  imagers.record(commands, keys[0].side, Imager(signal), keys, light, packed_ref(*counts, KS_FORMAT_U16, w, h), {});
   commands.flush();
   std::vector<uint16_t> found(count);
   counts->read(0, found.data(), count * 2);
@@ -200,7 +200,7 @@ TEST(VulkanImager, BothEyesOfOneRecordingMayHaveGrainsOfTheirOwn) {
   const auto light = upload(image.data(), image.size() * 4);
   const ImageRef from = packed_ref(*light, KS_FORMAT_F32, field_width, field_height);
   NoiseKey keys[2] = {key, key};
-  keys[0].eye = 0;
+  keys[0].side = 0;
   VulkanImagers imagers(device(), field_width, field_height);
   const auto counts = ks::Buffer::create(device(), image.size() * 4, 0);
   ks::Commands commands(device());
@@ -213,8 +213,8 @@ TEST(VulkanImager, BothEyesOfOneRecordingMayHaveGrainsOfTheirOwn) {
   commands.flush();
   std::vector<uint16_t> found(2 * image.size());
   counts->read(0, found.data(), found.size() * 2);
-  for (const uint32_t eye : {0u, 1u}) {
-    const auto alone = run(eye ? coarse : fine, {keys[eye]}, {from, {}}, field_width, field_height);
-    EXPECT_TRUE(std::equal(alone.begin(), alone.end(), found.begin() + static_cast<ptrdiff_t>(eye * image.size()))) << "eye " << eye;
+  for (const uint32_t side : {0u, 1u}) {
+    const auto alone = run(side ? coarse : fine, {keys[side]}, {from, {}}, field_width, field_height);
+    EXPECT_TRUE(std::equal(alone.begin(), alone.end(), found.begin() + static_cast<ptrdiff_t>(side * image.size()))) << "side " << side;
   }
 }
