@@ -103,6 +103,6 @@ def test_a_model_by_hand_is_told_what_is_wrong(tmp_path, effects):
 
 
 def test_a_capture_with_nothing_to_fit_is_named(tmp_path):
-    capture = SimpleNamespace(path=tmp_path / "desk", rig=SimpleNamespace(max_dn=255))
+    capture = SimpleNamespace(path=tmp_path / "desk", rig=SimpleNamespace(max_dn=255, black_dn=None))
     with pytest.raises(CaptureError, match="desk: nothing to fit"):
         fit_train_frames(capture, Model(), [])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from activestereo.effects.core.judging import Channel
+from activestereo.diagnose.refine.fitter import ImageResidual
 from activestereo.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Score
 from activestereo.diagnose.thresholds import THRESHOLDS
 from activestereo.diagnose.score import constancy
@@ -27,15 +28,15 @@ def found(monkeypatch, amplitude_of):
     rng, rows, plains, hidden = np.random.default_rng(9), [], [], []
     for frame in range(4):
         for side in ("left", "right"):
-            o = SimpleNamespace(side=side, frame=SimpleNamespace(id=frame), weight=np.full(SHAPE, NOISE_DN**-2))
+            weight = np.full(SHAPE, NOISE_DN**-2)
+            o = SimpleNamespace(side=side, frame=SimpleNamespace(id=frame), weight=weight, pixels=weight.size)
             plain = 20.0 + 60.0 * rng.random(SHAPE)
             signature = 12.0 * rng.standard_normal(SHAPE)
             missing = amplitude_of(frame, side) * signature
             hidden.append(np.mean(missing**2) / NOISE_DN**2)
             plains.append(plain)
-            rows.append(
-                (o, plain + signature, None, missing + 0.7 + 0.01 * plain + NOISE_DN * rng.standard_normal(SHAPE))
-            )
+            residual = missing + 0.7 + 0.01 * plain + NOISE_DN * rng.standard_normal(SHAPE)
+            rows.append(ImageResidual(o, plain + signature, None, residual))
     monkeypatch.setattr(constancy, "signal", lambda model, o, light, phi: light)
     space = SimpleNamespace(pairs=[(EFFECT, None)], neutral=np.zeros(1), model=lambda theta: None)
     fitter = SimpleNamespace(observations=[o for o, *_ in rows], lights=lambda space, theta: plains)

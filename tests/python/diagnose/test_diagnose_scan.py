@@ -83,6 +83,10 @@ class Image:
     measured: np.ndarray
     pick: np.ndarray | None = None
 
+    @property
+    def pixels(self) -> int:
+        return self.measured.size
+
 
 def test_a_scan_sees_two_instants_of_repeats():
     pose = dict(camera_to_world=np.eye(4), exposure_gain=1.0, projector_power=1.0, ambient=None, temperature_c=None)

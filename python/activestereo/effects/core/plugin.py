@@ -133,7 +133,7 @@ def _view(view: View, name: str, randomness: Randomness) -> tuple[Any, tuple[Any
     pattern = np.ascontiguousarray(view.pattern, dtype=np.float32)
     numbers = lambda array: tuple(np.asarray(array, dtype=np.float64).ravel())  # noqa: E731
     record = records.View(
-        header=records.Header(records.TYPE_EFFECT_VIEW, c.sizeof(records.View), None),
+        header=records.Header(size_bytes=c.sizeof(records.View), type=records.TYPE_EFFECT_VIEW),
         width=view.shape[1], height=view.shape[0], is_right=view.is_right, frame_id=frame.id,
         k=numbers(view.K), projector_k=numbers(view.projector_K),
         camera_to_projector=numbers(view.camera_to_projector), left_to_camera=numbers(view.left_to_camera),
