@@ -3,9 +3,12 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <limits>
+
+#include "ks/header.h"
 
 class Bytes {
  public:
@@ -45,11 +48,11 @@ class Bytes {
     const uint8_t first = byte();
     return first < 200 ? (first - 60) / 16.0 : odd[first % 10];
   }
-  /// Overwrites some of a struct's fields behind its header (16 bytes); pointers in it are put right by the caller afterwards.
+  /// Overwrites some of a struct's fields behind its header; pointers in it are put right by the caller afterwards.
   template <class T>
   void disturb(T& value) {
     for (uint32_t n = below(4); n > 0; --n) {
-      const size_t at = 16 + word() % (sizeof(T) - 16);
+      const size_t at = sizeof(ks_header) + word() % (sizeof(T) - sizeof(ks_header));
       switch (below(4)) {
         case 0:
           put<uint32_t>(value, at, static_cast<uint32_t>(size()));
@@ -64,10 +67,10 @@ class Bytes {
           put<uint64_t>(value, at, size());
       }
     }
-    if (below(32) == 0) put<uint32_t>(value, 0, static_cast<uint32_t>(size()));  // the header's type
+    if (below(32) == 0) put<uint32_t>(value, offsetof(ks_header, type), static_cast<uint32_t>(size()));
     if (below(32) == 0) {  // its size: shorter than it is, or absurd; one that is longer would be the caller's lie
       const auto bytes = static_cast<uint32_t>(size());
-      put<uint32_t>(value, 4, bytes < 1u << 31 ? bytes % (sizeof value + 1) : bytes);
+      put<uint32_t>(value, offsetof(ks_header, size_bytes), bytes < 1u << 31 ? bytes % (sizeof value + 1) : bytes);
     }
   }
 
