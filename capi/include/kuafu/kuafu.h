@@ -151,7 +151,7 @@ KUAFU_API ks_status kuafu_scene_set_instance_materials(kuafu_scene scene, uint32
 /* Begins a new frame: motion vectors of later renders start from the poses that the instances have now. */
 KUAFU_API ks_status kuafu_scene_next_frame(kuafu_scene scene);
 /* Removes an object. Ids are never used again, and later calls with the id of a removed object fail. The object's memory is freed, on the device by the
- * next render; some hundred bytes remain for the id. An object that another one uses cannot be removed (a mesh or a material of an instance, a texture of
+ * next render; four bytes remain for the id. An object that another one uses cannot be removed (a mesh or a material of an instance, a texture of
  * a material, a light or the environment): the message names the object that uses it. */
 KUAFU_API ks_status kuafu_scene_remove_mesh(kuafu_scene scene, uint32_t id);
 KUAFU_API ks_status kuafu_scene_remove_texture(kuafu_scene scene, uint32_t id);
