@@ -171,6 +171,12 @@ Box child_box(const BvhNode& node, int child) {
   return {{xy.x, xy.z, z.x}, {xy.y, xy.w, z.y}};
 }
 
+Box node_box(const BvhNode& node) {
+  Box box = child_box(node, 0);
+  box.add(child_box(node, 1));
+  return box;
+}
+
 void set_child_box(BvhNode& node, int child, const Box& box) {
   // An empty child is a leaf of no triangles far away; a visit by an endless ray does no harm.
   const glm::vec3 far(std::numeric_limits<float>::max());

@@ -28,6 +28,8 @@ struct Box {
 /// Box of child 0 or 1; empty where the child is a leaf of no primitives.
 Box child_box(const BvhNode& node, int child);
 void set_child_box(BvhNode& node, int child, const Box& box);
+/// Both children's.
+Box node_box(const BvhNode& node);
 
 /// What a ray that meets the root's box is expected to cost, in triangle tests (the surface area heuristic); 0 for a tree without extent.
 double expected_cost(std::span<const BvhNode> nodes);

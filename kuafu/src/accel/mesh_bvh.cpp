@@ -20,12 +20,6 @@ Box leaf_box(const MeshBvh& bvh, uint32_t leaf) {
   return box;
 }
 
-Box node_box(const BvhNode& node) {
-  Box box = child_box(node, 0);
-  box.add(child_box(node, 1));
-  return box;
-}
-
 }  // namespace
 
 MeshBvh build_mesh_bvh(const Mesh& mesh) {

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <span>
 
+#include "accel/rt_structure.h"
 #include "device/pipeline_cache.h"
 #include "spirv/trace_closest_rgen.h"
 #include "spirv/trace_cutout_rahit.h"
@@ -48,8 +49,6 @@ struct Modules {
   const ks::Device& device;
   std::array<VkShaderModule, stage_count> handles{};
 };
-
-uint64_t round_up(uint64_t n, uint64_t step) { return (n + step - 1) / step * step; }
 
 VkRayTracingShaderGroupCreateInfoKHR shader_group(uint32_t index, bool cutouts) {
   VkRayTracingShaderGroupCreateInfoKHR group{VK_STRUCTURE_TYPE_RAY_TRACING_SHADER_GROUP_CREATE_INFO_KHR};

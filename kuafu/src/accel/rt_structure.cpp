@@ -10,8 +10,6 @@ namespace {
 
 constexpr uint64_t storage_alignment = 256;  // VkAccelerationStructureCreateInfoKHR::offset
 
-uint64_t round_up(uint64_t n, uint64_t step) { return (n + step - 1) / step * step; }
-
 uint64_t scratch_alignment_of(VkPhysicalDevice device) {
   VkPhysicalDeviceAccelerationStructurePropertiesKHR structure{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_PROPERTIES_KHR};
   VkPhysicalDeviceProperties2 all{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &structure};

@@ -12,6 +12,9 @@
 
 namespace kuafu {
 
+/// Multiple of step.
+inline uint64_t round_up(uint64_t n, uint64_t step) { return (n + step - 1) / step * step; }
+
 class RtStructure {
  public:
   RtStructure(std::shared_ptr<ks::Buffer> storage, uint64_t offset_bytes, uint64_t size_bytes, VkAccelerationStructureTypeKHR type);

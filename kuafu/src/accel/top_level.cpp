@@ -16,12 +16,6 @@ uint32_t leaf_of(uint32_t slot) { return bvh_leaf | 1u << bvh_count_shift | slot
 bool is_leaf(uint32_t code) { return (code & bvh_leaf) != 0; }
 uint32_t code_of(const BvhNode& node, uint32_t child) { return child == 0 ? node.child0 : node.child1; }
 
-Box node_box(const BvhNode& node) {
-  Box box = child_box(node, 0);
-  box.add(child_box(node, 1));
-  return box;
-}
-
 bool same(const Box& a, const Box& b) { return a.min == b.min && a.max == b.max; }
 
 }  // namespace
