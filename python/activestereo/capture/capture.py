@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from activestereo.capture.capture_json import CaptureError, JsonObject
-from activestereo.capture.images import image_size, read_color, read_gray
+from activestereo.capture.images import block_means, image_size, read_color, read_gray
+from activestereo.common.computed_once import computed_once
 from activestereo.common.lens import is_distorting
 from activestereo.common.limits import (
     BITS,
@@ -67,6 +68,7 @@ class Projector:
     K: np.ndarray
     left_to_projector: np.ndarray
 
+    @computed_once
     def pattern(self) -> np.ndarray:
         """Relative radiant intensity, float32 [height][width], 0..1."""
         image = read_gray(self.pattern_path, key="rig.projector.pattern")
@@ -186,7 +188,8 @@ class Uncertainty:
 @dataclass(frozen=True)
 class Capture:
     """A folder in the capture format. Frames keep the file's order. measured: what `calibrate world` knows of camera,
-    poses, pattern and light, with covariances (calibrate/README.md)."""
+    poses, pattern and light, with covariances (calibrate/README.md). binning: over how many pixels, along rows and
+    columns, its images are averaged; whole: then the capture that they are averages of (binning.py)."""
 
     path: Path
     name: str
@@ -197,12 +200,16 @@ class Capture:
     lights: tuple[KnownLight, ...] = ()
     measured: dict[str, Any] = field(default_factory=dict)
     uncertainty: Uncertainty = Uncertainty()
+    binning: int = 1
+    whole: "Capture | None" = None
 
     def split(self, name: str) -> list[Frame]:
         return [frame for frame in self.frames if frame.split == name]
 
     def ir(self, frame: Frame, side: str) -> np.ndarray:
         """One IR image, float32 [height][width], DN."""
+        if self.whole is not None:
+            return block_means(self.whole.ir(frame, side), self.binning)
         camera = self.rig.camera(side)
         image = read_gray(frame.path(side), (camera.width, camera.height), f"frames[id={frame.id}].{side}")
         return image.astype(np.float32)
@@ -212,8 +219,9 @@ class Capture:
         path = {"left": frame.left_mask_path, "right": frame.right_mask_path}[eye]
         if path is None:
             return None
-        camera = self.rig.camera(eye)
-        return read_gray(path, (camera.width, camera.height), f"frames[id={frame.id}].{eye}_mask") > 0
+        camera = (self.whole or self).rig.camera(eye)
+        known = read_gray(path, (camera.width, camera.height), f"frames[id={frame.id}].{eye}_mask") > 0
+        return known if self.whole is None else block_means(known, self.binning) == 1.0
 
     def depth(self, frame: Frame) -> np.ndarray | None:
         """The device's own depth in metres, float32 [height][width], 0 = no measurement; None where there is none."""

@@ -50,6 +50,13 @@ def read_gray(path: str | Path, expected_size: tuple[int, int] | None = None, ke
     return pixels.astype(np.uint16)
 
 
+def block_means(image: np.ndarray, size: int) -> np.ndarray:
+    """Means of an image's blocks of size x size pixels, float32; rows and columns that fill none are left out."""
+    height, width = (length // size for length in image.shape)
+    blocks = image[: height * size, : width * size].reshape(height, size, width, size)
+    return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float32))
+
+
 def read_color(path: str | Path, expected_size: tuple[int, int] | None = None, key: str = "image") -> np.ndarray:
     """A colour image as stored, uint8 [height][width][3]; a gray one has three equal channels. expected_size: (width,
     height)."""

@@ -97,6 +97,8 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--alpha", type=positive_share, metavar="P", help="probability of a name by chance")
     text = "least share of the squared error above the noise that a name removes, the lower end of its interval"
     parser.add_argument("--least-share", type=share, metavar="SHARE", help=text)
+    text = "search in images averaged over NxN pixels (default: 1 up to 848x480, more for larger images)"
+    parser.add_argument("--bin", type=integer_from(1), metavar="N", help=text)
     add_samples(parser, "samples per pixel of what is told, as of compare; the search takes half (default: 64)")
     add_max_bounces(parser)
     add_seed(parser, "same seed, same answer")
@@ -148,6 +150,7 @@ def run(args: argparse.Namespace) -> None:
             thresholds=replace(THRESHOLDS, **given),
             rendering=(lambda capture: EngineImages(capture, *sampled)) if args.refine else None,
             engines=lambda capture: CaptureRenderer(capture, *sampled),
+            binning=args.bin,
         )
         phases.begin(WRITING)
         paths = [write_diagnosis_report(diagnosis, args.out, effects, phases), *write_diagnosis(diagnosis, args.out)]

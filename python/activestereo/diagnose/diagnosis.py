@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.capture.binning import binned, unbinned, usual_binning
 from activestereo.capture.capture import Capture, ImageKey, read_capture
 from activestereo.common.computed_once import computed_once
 from activestereo.common.input_files import read_json
@@ -135,6 +136,7 @@ def diagnose(
     thresholds: Thresholds = THRESHOLDS,
     rendering: Callable[[Capture], Rendering] | None = None,
     engines: Callable[[Capture], CaptureRenderer] | None = None,
+    binning: int | None = None,
 ) -> Diagnosis:
     """A Diagnosis of the capture folder. CaptureError where the capture cannot be used.
 
@@ -143,13 +145,15 @@ def diagnose(
     samples_per_pixel: of the held-out figures' images, as compare() has them; the search looks at half as many.
     progress: called with the fraction done; Phases that begin with PHASES_S are told of each. rendering: makes a
     capture's engine, by whose images effects of light transport are refined (diagnose/refine/by_rendering.py).
-    engines: as of compare(), for the same held-out figures.
+    engines: as of compare(), for the same held-out figures. binning: the search looks at images averaged over so many
+    pixels along rows and columns, None for usual_binning(); what is told of the model's images is of whole ones.
     """
     effects = library() if effects is None else effects
     reason = no_infrared(capture_path)
     if reason:
         return _undetermined(reason, _effects_of(model, scene_of(capture_path)))
-    capture = read_capture(capture_path)
+    whole = read_capture(capture_path)
+    capture = binned(whole, usual_binning(whole) if binning is None else binning)
     if renderer is None:
         from activestereo.compare.kuafu_renderer import KuafuRenderer
 
@@ -172,10 +176,11 @@ def diagnose(
         return places[-1]
 
     place = located(known)
-    whole: dict[str, Any] = {"samples_per_pixel": samples_per_pixel, "max_bounces": max_bounces, "seed": seed}
-    whole |= {"progress": part_of(phases, 0.0, _BASE_SHARE), "scale": WARP_SCALE}
-    base = partial(render_halves, renderer=renderer, cache=kept, **whole)
-    errors = ErrorsOfModels(capture, place.evidence.capture, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0))
+    told: dict[str, Any] = {"samples_per_pixel": samples_per_pixel, "max_bounces": max_bounces, "seed": seed}
+    told |= {"progress": part_of(phases, 0.0, _BASE_SHARE), "scale": WARP_SCALE}
+    base = partial(render_halves, renderer=renderer, cache=kept, **told)
+    measured = _whole(place.evidence, whole)
+    errors = ErrorsOfModels(whole, measured, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0))
     settings = steps, workers, phases, thresholds, place.rendering, place.memory, errors, located
     try:
         diagnosis = examine(place.evidence, model, list(effects.values()), *settings)
@@ -192,6 +197,11 @@ class _Place:
     evidence: Evidence
     rendering: Rendering | None
     memory: FitCache
+
+
+def _whole(evidence: Evidence, stated: Capture) -> Capture:
+    """The whole capture as it stands; the stated one itself where it stands as stated."""
+    return stated if evidence.geometry.is_as_stated() else unbinned(evidence.capture)
 
 
 def no_infrared(capture_path: str | Path) -> str | None:
@@ -272,7 +282,7 @@ def examine(
         if again.best is not None and again.best.chi2 < (1.0 + _WORSE) * first.findings[0].chi2:
             first = replace(again, not_ranked=(*again.not_ranked, *first.not_ranked, *others))
             evidence, (context, bases) = place.evidence, there
-            errors = errors and replace(errors, measured=evidence.capture)
+            errors = errors and replace(errors, measured=_whole(evidence, errors.capture))
     fitters = context.fitters
     if is_named(first):
         first = settled_first(context, first)
@@ -290,6 +300,7 @@ def examine(
     result: dict[str, Any] = {
         "verdict": verdict,
         "capture": evidence.capture.name,
+        "binning": evidence.capture.binning,
         "probabilities": probabilities(first, last, evidence.has_floor),
         "alpha": thresholds.alpha,
         "least_share": thresholds.least_share,

@@ -78,6 +78,7 @@ def rank(
         if e.id not in known:
             of_kind.setdefault(e.channel, []).append(e)
     tell = progress or (lambda fraction: None)
+    of_pixels = _of_pixels(context, of_kind)
     explained, skipped = _on_images(context, base, of_kind, part_of(progress, 0.0, _FITS_TIME), earlier)
     ranking = _rendered(context, _scored(context, base, explained))
     tell(_RENDERED_TIME)
@@ -87,7 +88,9 @@ def rank(
     tell(_CHECKED_TIME)
     noise, also_skipped = _on_repeats(context, base, of_kind.get(Channel.NOISE_MODEL, []))
     ranking = replace(
-        ranking, findings=ranking.findings + noise, not_ranked=(*skipped, *also_skipped, *_unjudged(of_kind))
+        ranking,
+        findings=ranking.findings + noise,
+        not_ranked=(*skipped, *also_skipped, *of_pixels, *_unjudged(of_kind)),
     )
     ranking = _with_findings(ranking, _in_order(ranking))
     ranking = _with_remainders(context, ranking)
@@ -159,6 +162,16 @@ def settled_first(context: DiagnosisContext, ranking: Ranking) -> Ranking:
     variation, held = _variation(context, found.fitted), _prior_sigmas(context, found.fitted, ranking.base)
     checks = replace(first.checks, structure_reduced_chi2=structure, variation=variation, prior_sigmas=held)
     return _with_findings(ranking, (replace(found, checks=checks), *ranking.findings[1:]))
+
+
+def _of_pixels(context: DiagnosisContext, of_kind: dict[Channel | None, list[Effect]]) -> list[NotRanked]:
+    """Effects on single pixels, taken out of those that are judged where images are averages of several pixels."""
+    size = context.evidence.capture.binning
+    if size == 1:
+        return []
+    reason = f"it acts on single pixels, and the images were averaged over {size}x{size}: judge it with --bin 1"
+    channels = Channel.STATIC_FIELD, Channel.NOISE_MODEL
+    return [NotRanked(e, reason) for channel in channels for e in of_kind.pop(channel, [])]
 
 
 def _unjudged(of_kind: Mapping[Channel | None, list[Effect]]) -> list[NotRanked]:

@@ -24,6 +24,8 @@ def diagnosis_text(result: Mapping[str, Any]) -> str:
     """The text that the command prints: verdict_text(), then the table with all that may be asked of it."""
     lines = [verdict_text(result), "", *_probabilities(result)]
     lines += _table(result)
+    if (size := result.get("binning", 1)) > 1:
+        lines.append(f"searched in images averaged over {size}x{size} pixels (--bin); figures are of whole images")
     lines += _depth_lines(result.get("depth"))
     lines += [f"next measurement: {advice['text']}" for advice in result["next_measurement"][1:]]
     if result.get("residual_model"):

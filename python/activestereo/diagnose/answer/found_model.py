@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 
+from activestereo.capture.binning import unbinned
 from activestereo.diagnose.answer.albedo_json import albedo_surfaces
 from activestereo.diagnose.evidence import Evidence, Geometry
 from activestereo.diagnose.findings import Finding
@@ -33,10 +34,10 @@ def found_model(evidence: Evidence, model: Model, solution: Solution, findings: 
         for name, parameter in f.explanation.parameters.items()
     }
     return diagnosed_model(
-        geometry.capture(),
+        unbinned(geometry.capture()),
         model,
         nuisances=dict(zip(_NAMES, map(float, solution.phi[:SCALES]), strict=True)),
-        noise_model=evidence.noise_model if evidence.has_floor else None,
+        noise_model=evidence.noise_model if evidence.has_floor and evidence.capture.binning == 1 else None,
         albedo=albedo,
         intervals=intervals,
         material_names=[surface.name for surface in surfaces],

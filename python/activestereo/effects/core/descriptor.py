@@ -162,6 +162,13 @@ class Effect:
             raise ValueError(f"{self.id} has no parameter '{next(iter(given))}' (known: {known})")
         return values
 
+    def on_pixels(self, values: dict[str, float], size: int) -> dict[str, float]:
+        """The values where images are averaged over size x size pixels: lengths in pixels are fewer of those."""
+        if size == 1:
+            return values
+        lengths = {p.name for p in self.parameters if p.unit.startswith("px")}
+        return {name: value / size if name in lengths else value for name, value in values.items()}
+
     @property
     def neutral_values(self) -> dict[str, float]:
         return {p.name: p.neutral for p in self.parameters}

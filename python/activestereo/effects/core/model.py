@@ -74,10 +74,10 @@ class Model:
     def digital(self, value: np.ndarray, view: View, black_dn: float, random: bool = False) -> np.ndarray:
         """signal() of DN above black [height][width] that an ideal sensor would count."""
         for effect, parameters in self._of(Stage.CHARGE, Stage.READOUT, random):
-            value = effect.apply(value, view, **parameters)
+            value = effect.apply(value, view, **effect.on_pixels(parameters, view.binning))
         value = value + black_dn
         for effect, parameters in self._of(Stage.DIGITAL, Stage.DIGITAL, random):
-            value = effect.apply(value, view, **parameters)
+            value = effect.apply(value, view, **effect.on_pixels(parameters, view.binning))
         return np.minimum(np.maximum(value, 0.0), view.max_dn)
 
     def depth(self, depth_m: np.ndarray, view: View) -> np.ndarray:
@@ -101,9 +101,10 @@ class Model:
 
 def acted(effect: Effect, parameters: dict[str, float], light: Light, view: View) -> Light:
     """A Light after an effect up to the lens."""
+    own = effect.on_pixels(parameters, view.binning)
     if effect.stage is Stage.OPTICS:
-        return light.map(lambda images: effect.apply(images, view, **parameters))
-    return effect.apply(light, view, **parameters)
+        return light.map(lambda images: effect.apply(images, view, **own))
+    return effect.apply(light, view, **own)
 
 
 def scales(frame: Frame) -> tuple[float, float]:

@@ -17,9 +17,11 @@ from activestereo.effects.core.seen_points import SeenPoints
 from activestereo.effects.core.view import View
 
 
-def blurred_pattern(view: View, sigma_px: float, size: float) -> tuple[np.ndarray, np.ndarray]:
-    """(the projector's pattern, its intrinsics [3][3]) after a Gaussian of its pixels, at a share of its size."""
-    pattern = zoom(gaussian_filter(np.asarray(view.pattern, dtype=np.float64), sigma_px), size, order=1)
+def blurred_pattern(view: View, sigma_rad: float, focal_px: float) -> tuple[np.ndarray, np.ndarray]:
+    """(the projector's pattern, its intrinsics [3][3]) after a Gaussian, resized to a focal length."""
+    size = focal_px / view.projector_K[0, 0]
+    blurred = gaussian_filter(np.asarray(view.pattern, dtype=np.float64), sigma_rad * view.projector_K[0, 0])
+    pattern = zoom(blurred, size, order=1)
     K = view.projector_K.copy()
     K[:2] *= size
     return pattern, K
@@ -38,11 +40,11 @@ def pixels_of(
 
 
 class PlaneMatch:
-    """The pattern at one sharpness, on a plane twice its size. Poses are (x, y, z, azimuth, elevation, roll)."""
+    """The pattern at one sharpness, on a plane about twice its size. Poses are (x, y, z, azimuth, elevation, roll)."""
 
-    def __init__(self, view: View, sigma_px: float, size: float) -> None:
-        pattern, self._K = blurred_pattern(view, sigma_px, size)
-        self._shape = 2 * pattern.shape[0], 2 * pattern.shape[1]
+    def __init__(self, view: View, sigma_rad: float, focal_px: float) -> None:
+        pattern, self._K = blurred_pattern(view, sigma_rad, focal_px)
+        self._shape = fft.next_fast_len(2 * pattern.shape[0], True), fft.next_fast_len(2 * pattern.shape[1], True)
         plane = np.zeros(self._shape, np.float32)
         plane[: pattern.shape[0], : pattern.shape[1]] = pattern - pattern.mean()
         self._of_pattern, self._of_square = (np.conj(fft.rfft2(x)) for x in (plane, plane**2))

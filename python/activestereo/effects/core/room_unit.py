@@ -22,8 +22,8 @@ _IMAGES, _COARSE_PIXELS, _FINE_PIXELS = 4, 10000, 20000
 # Places around the seen points: so far beyond them, so far apart (blurred dots meet their own within some 3 cm), not
 # nearer to them, and how many are looked at with the pattern.
 _BEYOND_M, _STEP_M, _NEAR_M, _PLACES = 0.7, 0.05, 0.15, 5000
-# Of the pattern: (Gaussian in its pixels, size) of the search and of the polish.
-_COARSE, _FINE = (4.0, 0.25), (2.0, 0.5)
+# Of the pattern: (Gaussian in radians, focal length in pixels) of the search and of the polish.
+_COARSE, _FINE = (4.0 / 592.0, 148.0), (2.0 / 592.0, 296.0)
 _ROUGHLY_POLISHED, _POLISHED, _STARTS = 16, 3, 2
 # What is finer than so many pixels is dots or noise; where its mean square is less than so much noise, nothing is
 # searched: no unit shows.

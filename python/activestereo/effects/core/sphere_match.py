@@ -30,8 +30,8 @@ _REACH_RAD, _AT_ONCE = 1.6, 32
 class SphereMatch:
     """The pattern at one sharpness, drawn at all tilts. Units stand level: their roll is 0."""
 
-    def __init__(self, view: View, sigma_px: float, size: float) -> None:
-        pattern, K = blurred_pattern(view, sigma_px, size)
+    def __init__(self, view: View, sigma_rad: float, focal_px: float) -> None:
+        pattern, K = blurred_pattern(view, sigma_rad, focal_px)
         column = (np.arange(_COLUMNS) + 0.5) * _STEP_RAD
         azimuth = np.where(column > np.pi, column - 2 * np.pi, column)
         near = np.abs(azimuth) < _REACH_RAD

@@ -44,8 +44,8 @@ class View:
     camera coordinates; a_to_b maps coordinates in a to those in b; distortion: of the nominal camera, see
     activestereo/common/lens.py; material: index in the scene file, or None; ambient_bounced: the share of the ambient
     light that comes over other surfaces, or None where it is not known; known: where the scene is known, bool, None:
-    everywhere. Disparity and depth effects get the left
-    camera's view.
+    everywhere. binning: over how many pixels, along rows and columns, its
+    images are averaged. Disparity and depth effects get the left camera's view.
     """
 
     side: str
@@ -65,6 +65,7 @@ class View:
     material: np.ndarray | None = None
     ambient_bounced: np.ndarray | None = None
     known: np.ndarray | None = None
+    binning: int = 1
 
     @classmethod
     def of(cls, capture: Capture, frame: Frame, side: str, layers: RenderedSurfaces, seed: int = 0) -> View:
@@ -89,6 +90,7 @@ class View:
             material=np.asarray(layers.material),
             ambient_bounced=_bounced_share(layers.ambient, getattr(layers, "ambient_direct", None)),
             known=capture.known(frame, side),
+            binning=capture.binning,
         )
 
     @property

@@ -121,7 +121,8 @@ class CaptureRenderer:
         inputs = capture_inputs(self.capture, frame, self._scene, self._pattern, self.seed)
         if scene_measurement is not None:
             scene_measurement.apply(inputs)
-        apply_engine(inputs, tuple((e, p) for e, p in model.effects if random or e.randomness is Randomness.NONE))
+        of_pixels = ((e, e.on_pixels(p, self.capture.binning)) for e, p in model.effects)
+        apply_engine(inputs, tuple((e, p) for e, p in of_pixels if random or e.randomness is Randomness.NONE))
         return inputs
 
     def lights(

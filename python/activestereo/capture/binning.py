@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Captures whose images are averaged over blocks of pixels: the lab searches large images so, and tells its figures on
+the whole ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from activestereo.capture.capture import SIDES, Camera, Capture
+from activestereo.capture.capture_json import CaptureError
+
+# Images up to this size are taken as they are; larger ones keep half as many pixels at most.
+MOST_PIXELS = 848 * 480
+
+_Camera = TypeVar("_Camera", bound=Camera)
+
+
+def usual_binning(capture: Capture) -> int:
+    """Over how many pixels, along rows and columns, the images of a capture are averaged where nothing else is asked
+    for."""
+    pixels = max(capture.rig.camera(side).width * capture.rig.camera(side).height for side in SIDES)
+    return 1 if pixels <= MOST_PIXELS else int(np.ceil(np.sqrt(2.0 * pixels / MOST_PIXELS)))
+
+
+def binned(capture: Capture, size: int) -> Capture:
+    """The capture with its infrared images averaged over size x size pixels, and without the device's depth, which was
+    matched on the whole ones. CaptureError where nothing would be left of an image."""
+    if size == 1:
+        return capture
+    least = min(min(capture.rig.camera(side).width, capture.rig.camera(side).height) for side in SIDES)
+    most = least // 16
+    if size > most:
+        raise CaptureError(f"{capture.path}: images of {least} pixels cannot be averaged over {size}: give 1 to {most}")
+    rig, rows = capture.rig, capture.rig.line_time_s
+    rig = replace(
+        rig, left=_camera(rig.left, size), right=_camera(rig.right, size),
+        line_time_s=None if rows is None else size * rows,
+    )  # fmt: skip
+    frames = tuple(replace(frame, depth_path=None, depth_scale=None) for frame in capture.frames)
+    return replace(capture, rig=rig, frames=frames, binning=size, whole=capture)
+
+
+def unbinned(capture: Capture) -> Capture:
+    """The whole capture with the poses, focal lengths and projector that a binned one has; any other as it is."""
+    if capture.whole is None:
+        return capture
+    whole, rig = capture.whole, capture.rig
+    stated = binned(whole, capture.binning).rig
+    cameras = {}
+    for side in SIDES:
+        K = whole.rig.camera(side).K.copy()
+        K[:2, :2] *= rig.camera(side).K[0, 0] / stated.camera(side).K[0, 0]
+        cameras[side] = replace(whole.rig.camera(side), K=K)
+    rig = replace(whole.rig, **cameras, left_to_right=rig.left_to_right, projector=rig.projector)
+    pose_of = {frame.id: frame.camera_to_world for frame in capture.frames}
+    frames = tuple(replace(frame, camera_to_world=pose_of[frame.id]) for frame in whole.frames)
+    return replace(whole, rig=rig, frames=frames)
+
+
+def _camera(camera: _Camera, size: int) -> _Camera:
+    K = camera.K.copy()
+    K[:2] /= size
+    K[:2, 2] += 0.5 / size - 0.5  # pixel centres are whole numbers
+    return replace(camera, width=camera.width // size, height=camera.height // size, K=K)
