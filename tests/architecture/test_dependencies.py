@@ -5,7 +5,6 @@ Reads #include and import lines of the sources, and the symbol tables of the bui
 $ACTIVESTEREO_BUILD, else build/).
 """
 
-import ast
 import os
 import pathlib
 import re
@@ -13,6 +12,7 @@ import subprocess
 import sys
 
 import pytest
+from python_imports import imported_packages
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BUILD = pathlib.Path(os.environ.get("ACTIVESTEREO_BUILD", ROOT / "build"))
@@ -58,17 +58,6 @@ def code_of(path):
     text = re.sub(r'"(?:\\.|[^"\\\n])*"', '""', text)
     text = re.sub(r"//[^\n]*|/\*.*?\*/", "", text, flags=re.DOTALL)
     return re.sub(r"__attribute__\s*\(\(.*?\)\)", "", text)
-
-
-def imported_modules(path):
-    """Top-level names of absolute imports, wherever in the file they stand."""
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text(), filename=str(path))):
-        if isinstance(node, ast.Import):
-            names |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            names.add(node.module.split(".")[0])
-    return names
 
 
 def run(*command):
@@ -143,14 +132,14 @@ def test_product_code_includes_no_test_and_no_example(folder):
 
 def test_product_python_imports_no_test_and_no_example():
     closed = {"tests", "examples", "pytest", "hypothesis", "conftest"}
-    assert not [f"{name_of(p)}: {m}" for p in sources("python", {".py"}) for m in imported_modules(p) & closed]
+    assert not [f"{name_of(p)}: {m}" for p in sources("python", {".py"}) for m in imported_packages(p) & closed]
 
 
 @pytest.mark.parametrize("folder, other", [("kuafu", "simsense"), ("simsense", "kuafu")])
 def test_python_modules_of_the_engines_do_not_import_each_other(folder, other):
     closed = {other, "activestereo"}
     files = sources(f"python/{folder}", {".py"})
-    assert not [f"{name_of(p)}: {m}" for p in files for m in imported_modules(p) & closed]
+    assert not [f"{name_of(p)}: {m}" for p in files for m in imported_packages(p) & closed]
 
 
 @pytest.mark.parametrize("folder", ENGINE_FOLDERS)

@@ -8,6 +8,7 @@ import re
 import subprocess
 
 import pytest
+from python_imports import imports
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
@@ -64,13 +65,11 @@ FILES = files_of_package()
 def imports_of(path: pathlib.Path) -> set[str]:
     """Modules of activestereo that a file imports, wherever in the file, for type checkers too."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), filename=str(path))):
-        if isinstance(node, ast.Import):
-            found |= {alias.name.removeprefix("activestereo.") for alias in node.names if "activestereo." in alias.name}
-        elif isinstance(node, ast.ImportFrom) and f"{node.module}.".startswith("activestereo."):
-            inside = f"{node.module}.".removeprefix("activestereo.")
-            assert inside or all(alias.name in FILES for alias in node.names), f"{path} imports from the package's face"
-            found |= {n if (n := inside + alias.name) in FILES else inside[:-1] for alias in node.names}
+    for module, name in imports(path):
+        if f"{module}.".startswith("activestereo."):
+            inside = f"{module}.".removeprefix("activestereo.")
+            assert inside or not name or name in FILES, f"{path} imports from the package's face"
+            found.add(n if (n := inside + name) in FILES else inside[:-1])
     return found & set(FILES)
 
 

@@ -2,11 +2,11 @@
 """ARCHITECTURE.md's table of dependencies of top-level folders is what the sources include and import: no more, no
 less."""
 
-import ast
 import pathlib
 import re
 
 import pytest
+from python_imports import imported_packages
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
@@ -62,12 +62,7 @@ def included(path: pathlib.Path) -> set[str]:
 
 def imported(path: pathlib.Path) -> set[str]:
     """Folders of the repository that a Python source imports, wherever in the file."""
-    names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), filename=str(path))):
-        if isinstance(node, ast.Import):
-            names |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            names.add(node.module.split(".")[0])
+    names = imported_packages(path)
     return {f"{PYTHON_ROOTS[name]}/" for name in names & set(PYTHON_ROOTS)} | {
         f"{name}/" for name in names & {"tests", "examples"}
     }

@@ -44,11 +44,10 @@ def opens(source: str) -> list[str]:
         is_function = isinstance(call.func, ast.Name)
         # read_text(path) and write_text(path, ...) are those of the two doors.
         is_door = is_function and name in {"read_text", "read_bytes", "write_text", "write_bytes"}
-        text = ast.unparse(call)
-        if (name in OPENERS and not is_door or name in OPENERS_OF.get(owner, ())) and not any(
-            mark in text for mark in LOOKED_AT
-        ):
-            found.append(text)
+        if name in OPENERS and not is_door or name in OPENERS_OF.get(owner, ()):
+            text = ast.unparse(call)
+            if not any(mark in text for mark in LOOKED_AT):
+                found.append(text)
     return found
 
 
