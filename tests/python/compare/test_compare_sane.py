@@ -12,7 +12,7 @@ from scipy.optimize import nnls
 
 from activestereo.capture.capture import read_capture
 from activestereo.effects import View
-from activestereo.capture.images import write_gray
+from activestereo.capture.images import read_gray, write_gray
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
 from activestereo.compare.nuisances import solve_bounded
@@ -56,6 +56,20 @@ def test_another_pattern_is_said_first(world, cache, tmp_path):
     warnings, scores = warnings_of(path, world, cache)
     assert warnings[0].startswith("the pattern does not match: the rendered dots correlate ")
     assert summary_table(scores).startswith("warning: the pattern does not match")
+
+
+def test_a_pattern_that_explains_little_is_told(world, cache, tmp_path):
+    """A pattern whose dots are others in 30 % of its rows."""
+    path = shutil.copytree(world.capture_path, tmp_path / "capture")
+    pattern = read_gray(path / "pattern.png").copy()
+    foreign = dot_pattern(pattern.shape[1], pattern.shape[0], 900, 99)
+    rows = np.arange(len(pattern)) % 40 < 12
+    pattern[rows] = foreign[rows]
+    write_gray(path / "pattern.png", pattern)
+    warnings, scores = warnings_of(path, world, cache)
+    match = scores["match"]
+    assert 0.5 * match["possible"] < match["pattern"] < 0.75 * match["possible"]
+    assert warnings[0].startswith("the pattern explains little: the rendered dots correlate ")
 
 
 def test_another_scene_is_said_first(world, tmp_path):

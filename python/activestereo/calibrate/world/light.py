@@ -21,6 +21,9 @@ from activestereo.calibrate.world.pattern import PatternEstimate, sampled
 from activestereo.calibrate.world.views import Image, Mask, SceneView, blurred, normals_of, points_of
 
 _SLOW_PX, _AMPLITUDE_PX, _ROOM_PX = 4.0, 9.0, 3.0
+# The room's light is smoothed over so many pixels where it changes by no more than so many times its fine deviation:
+# noise and what dots leave go, edges stay (Tomasi and Manduchi 1998).
+_SMOOTH_PX, _SMOOTH_DEVIATIONS = 3.0, 8.0
 _LEAST_GEOMETRY = 0.02  # cosine over squared distance, 1/m^2, below which dots are too dim to tell albedo
 _LEAST_ROOM_DN = 2.0
 _SAME_SURFACE = 0.01  # views' depths that differ by less than this share are of one place
@@ -111,6 +114,8 @@ def light_view(view: SceneView, K: NDArray[np.float64], pattern: PatternEstimate
     )
     amplitude = np.maximum(amplitude, 0.0)
     room = view.left - amplitude * np.where(lit, seen + darkness(pattern), darkness(pattern)).astype(np.float32)
+    fine = 1.4826 * float(np.median(np.abs(room - blurred(room, 0.5 * _SMOOTH_PX))))
+    room = cv2.bilateralFilter(room, int(3 * _SMOOTH_PX), _SMOOTH_DEVIATIONS * fine, _SMOOTH_PX)
     normal = normals_of(points)
     distance = np.maximum(np.linalg.norm(from_projector, axis=-1), 0.05)
     geometry = np.abs((normal * from_projector).sum(axis=-1)) / distance**3
