@@ -61,7 +61,7 @@ typedef struct simsense_signal {
   float dark_doubling_k;
 
   /* -- shot noise -- */
-  /* Factor of the shot noise: 0 is none, 1 is Poisson's law. [0..1] */
+  /* Factor of the shot noise: 0 is none, 1 is Poisson's law; its square is the excess noise factor. [0..100] */
   float shot_noise;
 
   /* -- full well -- */

@@ -15,13 +15,10 @@ float srgb_to_linear(float v) { return v <= 0.04045f ? v / 12.92f : std::pow((v 
 
 class TexelReader {
  public:
-  explicit TexelReader(const Texture& texture) : texture_(texture) {
-    for (size_t i = 0; i < decoded_.size(); ++i) decoded_[i] = srgb_to_linear(float(i) / 255.0f);
-  }
+  explicit TexelReader(const Texture& texture) : texture_(texture) {}
 
   [[nodiscard]] float stored(size_t texel, uint32_t channel) const {
     const size_t i = texel * texture_.channels + channel;
-    if (texture_.format == Texture::Format::u8) return float(texture_.texels[i]) / 255.0f;
     if (texture_.format == Texture::Format::u16) return float(at<uint16_t>(i)) / 65535.0f;
     return at<float>(i);
   }
@@ -43,18 +40,35 @@ class TexelReader {
     return value;
   }
   [[nodiscard]] float colour(size_t texel, uint32_t channel) const {
-    if (!texture_.srgb) return stored(texel, channel);
-    if (texture_.format == Texture::Format::u8) return decoded_[texture_.texels[texel * texture_.channels + channel]];
-    return srgb_to_linear(stored(texel, channel));
+    return texture_.srgb ? srgb_to_linear(stored(texel, channel)) : stored(texel, channel);
   }
 
   const Texture& texture_;
-  std::array<float, 256> decoded_{};
 };
+
+/// Texels of 8 bits as halves, two a word, from a table of all that a byte may be.
+std::vector<uint32_t> halves_of_bytes(const Texture& texture) {
+  std::array<uint32_t, 256> colour, alpha;
+  for (size_t i = 0; i < alpha.size(); ++i) {
+    const float value = float(i) / 255.0f;
+    alpha[i] = glm::packHalf1x16(value);
+    colour[i] = glm::packHalf1x16(texture.srgb ? srgb_to_linear(value) : value);
+  }
+  const size_t n = texture.channels, green = n >= 3 ? 1 : 0, blue = 2 * green;
+  const bool has_alpha = n == 2 || n == 4;
+  std::vector<uint32_t> words(size_t(texture.width) * texture.height * 2);
+  const unsigned char* texel = texture.texels.data();
+  for (size_t i = 0; i < words.size(); i += 2, texel += n) {
+    words[i] = colour[texel[0]] | colour[texel[green]] << 16;
+    words[i + 1] = colour[texel[blue]] | alpha[has_alpha ? texel[n - 1] : 255] << 16;
+  }
+  return words;
+}
 
 }  // namespace
 
 Texels linear_texels(const Texture& texture) {
+  if (texture.format == Texture::Format::u8) return {halves_of_bytes(texture), texel_half4};
   const TexelReader reader(texture);
   const bool single = texture.format == Texture::Format::f32;
   const size_t count = size_t(texture.width) * texture.height;

@@ -412,9 +412,9 @@ SIGNAL = (
         "shot_noise",
         float,
         0.0,
-        possible="0..1",
-        range=(0, 1),
-        doc="Factor of the shot noise: 0 is none, 1 is Poisson's law.",
+        possible="0..100",
+        range=(0, 100),
+        doc="Factor of the shot noise: 0 is none, 1 is Poisson's law; its square is the excess noise factor.",
     ),
     Parameter(
         "full_well_e",

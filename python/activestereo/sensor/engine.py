@@ -185,11 +185,11 @@ class SensorEngine:
 
     # ---- maps ----
 
-    def match(self) -> None:
-        """Noise, matching and registration of the present pictures: maps that have been read of earlier ones now, any
-        other when it is first read."""
+    def match(self, maps: Sequence[str] = ()) -> None:
+        """Noise, matching and registration of the present pictures: these maps and those that have been read of earlier
+        pictures now, any other when it is first read."""
         self.picture()
-        self._maps.begin()
+        self._maps.begin(maps)
         self._keep_times("depth", self.matcher)
 
     @property

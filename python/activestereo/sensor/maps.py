@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import prod
 from typing import Any, Protocol
 
@@ -47,10 +47,10 @@ class Maps:
         """There are other pictures, which have not been matched."""
         self._found, self._has_begun = {}, False
 
-    def begin(self) -> None:
-        """Computes those that have been read of earlier pictures."""
+    def begin(self, names: Iterable[str] = ()) -> None:
+        """Computes these and those that have been read of earlier pictures."""
         self.clear()
-        self._found = dict(self._compute(self._wanted))
+        self._found = dict(self._compute(list(dict.fromkeys((*self._wanted, *names)))))
         self._has_begun = True
 
     def complete(self) -> None:

@@ -153,7 +153,8 @@ class RigInputs:
         self._rgb_cameras = [self._rgb_camera()]
 
     def set_conditions(self, temperature_c: float | None, time_s: float) -> None:
-        self._conditions, self._inputs = (temperature_c, time_s), None
+        if self._conditions != (temperature_c, time_s):
+            self._conditions, self._inputs = (temperature_c, time_s), None
 
     def leave(self) -> None:
         """Takes what the sensors have in the scene out of it."""

@@ -108,10 +108,11 @@ class StereoDepthSensor(SensorResults):
         """Whether results are there: of a pipelined sensor from the second take_picture() on, else from the first."""
         return self._engine.has_picture
 
-    def compute_depth(self) -> None:
+    def compute_depth(self, maps: Sequence[str] = ()) -> None:
         """Noise, matching, registration of the last picture. The same picture gives the same depth. Maps that have been
-        read of an earlier picture are computed with it; others when they are first read."""
-        self._engine.match()
+        read of an earlier picture are computed with it, and those named: 'disparity', 'ir_left', 'ir_right' and the
+        config's depth_maps; others when they are first read, which matches again."""
+        self._engine.match(maps)
 
     def compute_depth_from(
         self, left: ArrayLike, right: ArrayLike, left_laser: ArrayLike | None = None,

@@ -115,8 +115,8 @@ def test_unequal_cameras_and_presets_from_python():
     assert left["gain"] == 1.0 and right["bit_depth"] == 10
     engine.set_signal(simsense.signal_preset("paper-d415"))
     assert engine.parameters["speckle_shape"] == pytest.approx(3.98)
-    with pytest.raises(simsense.ArgumentError, match="left signal: shot_noise is 3"):
-        engine.set_parameters(shot_noise=3.0, p1=3)
+    with pytest.raises(simsense.ArgumentError, match="left signal: shot_noise is 300"):
+        engine.set_parameters(shot_noise=300.0, p1=3)
     assert engine.parameters["p1"] == 8
     with pytest.raises(simsense.ArgumentError, match="p1 is 0"):
         engine.set_parameters(shot_noise=1.0, p1=0)

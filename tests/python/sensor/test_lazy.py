@@ -29,6 +29,8 @@ def test_maps_that_were_read_are_computed_with_the_next_picture():
     maps.complete()
     maps.begin()
     assert asked == [["depth_rgb"], ["disparity"], ["ir_left", "ir_right"], ["depth_rgb", "disparity"]]
+    maps.begin(("ir_left", "disparity"))
+    assert asked[4:] == [["depth_rgb", "disparity", "ir_left"]] and maps.read("ir_left") == 5
 
 
 @pytest.mark.parametrize("host_visible", [True, False])

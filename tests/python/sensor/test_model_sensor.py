@@ -9,7 +9,9 @@ import pytest
 
 import kuafu
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
+from activestereo.camera.camera_file import camera_names
 from activestereo.effects import Parameter, Stage, builtin, effect
+from activestereo.effects.core.surfaces import SURFACES
 from activestereo.common.pose import body_pose
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD
 from activestereo.sensor.image_effects import ModelCostWarning
@@ -47,6 +49,17 @@ def scene(table_top, device):
     scene = kuafu.Scene(device)
     scene.load(table_top)
     return scene
+
+
+@pytest.mark.parametrize("camera", camera_names())
+@pytest.mark.filterwarnings("ignore::activestereo.sensor.image_effects.ModelCostWarning")
+def test_a_camera_takes_every_effect_at_its_typical_values(scene, camera):
+    names = (scene.material_name(0),)
+    model = SensorModel()
+    for e in EFFECTS.values():
+        values = {n: Quantity(v) for n, v in e.typical_values.items() if n != SURFACES.name}
+        model = model.with_effect(e, values, names if SURFACES in e.parameters else ())
+    StereoDepthSensor(StereoDepthSensorConfig(camera).scaled(0.125), scene, pose=POSE, model=model).close()
 
 
 def test_optics_of_a_model_are_the_sensors(config, scene):

@@ -71,7 +71,7 @@ TEST(Signal, EachFaultIsRefusedWithItsNumberAndItsEye) {
       {"dark_doubling_k is 0", [](simsense_signal& s) { s.dark_doubling_k = 0; }},
       {"temperature_c is -300", [](simsense_signal& s) { s.temperature_c = -300; }},
       {"doubles 50 times", [](simsense_signal& s) { s.temperature_c = 425; }},
-      {"shot_noise is 2", [](simsense_signal& s) { s.shot_noise = 2; }},
+      {"shot_noise is 101", [](simsense_signal& s) { s.shot_noise = 101; }},
       {"blooming is 0.5 with full_well_e 0", [](simsense_signal& s) { s.blooming = 0.5f; }},
       {"response_exponent is 0", [](simsense_signal& s) { s.response_exponent = 0; }},
       {"adc_noise_dn is -0.5", [](simsense_signal& s) { s.adc_noise_dn = -0.5f; }},

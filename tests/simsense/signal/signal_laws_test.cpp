@@ -69,8 +69,11 @@ INSTANTIATE_TEST_SUITE_P(Means, ShotNoise, testing::Values(0.2f, 1.0f, 4.5f, 9.9
 TEST(ShotNoiseAmount, ScalesTheDeviation) {
   simsense_signal s = simsense_signal_init();
   s.bit_depth = 16;
-  s.shot_noise = 0.5f;
-  EXPECT_NEAR(moments(flat(s, light_e)).variance, 0.25 * light_e + 1.0 / 12, 0.25 * light_e * relative_error_of_variance());
+  for (const float amount : {0.5f, 3.0f}) {
+    s.shot_noise = amount;
+    const double variance = amount * amount * light_e;
+    EXPECT_NEAR(moments(flat(s, light_e)).variance, variance + 1.0 / 12, variance * relative_error_of_variance());
+  }
 }
 
 class ReadoutNoise : public testing::TestWithParam<Sigma> {};

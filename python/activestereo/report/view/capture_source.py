@@ -35,6 +35,7 @@ class CaptureSource:
         self._given = SensorModel() if model is None else model
         self._capture = calibrated(capture, self._given)
         self._device = device
+        self._shots: dict[int, Shot] = {}
         self._frames = {frame.id: frame for frame in capture.frames if frame.has_infrared}
         if not self._frames:
             raise ValueError(f"{capture.path}: has no infrared images, only colour and depth: there is nothing to show")
@@ -79,8 +80,15 @@ class CaptureSource:
         return Simulation(scene)
 
     def shot(self, frame_id: int) -> Shot:
-        """One frame as the sensor takes it. Radiance is in counts of the room's light, in which lamps of the scene
-        count alike."""
+        """One frame as the sensor takes it."""
+        if frame_id not in self._shots:
+            self._shots[frame_id] = self._shot(frame_id)
+        return self._shots[frame_id]
+
+    # ---- inside ----
+
+    def _shot(self, frame_id: int) -> Shot:
+        """Radiance is in counts of the room's light, in which lamps of the scene count alike."""
         frame, model = self._frame(frame_id), self._model()
         room = model.nuisances["ambient_scale"].value * (1.0 if frame.ambient is None else frame.ambient)
         projector = model.nuisances["projector_scale"].value
@@ -91,8 +99,6 @@ class CaptureSource:
             config, model, frame.camera_to_world, room / config.ir_responsivity_dn, frame.temperature_c,
             frame.timestamp_s, frame.camera_velocity,
         )  # fmt: skip
-
-    # ---- inside ----
 
     def _frame(self, frame_id: int) -> Frame:
         if frame_id not in self._frames:

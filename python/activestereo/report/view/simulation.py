@@ -26,8 +26,9 @@ from activestereo.sensor.sensor import StereoDepthSensor
 # A draft's bounced light is noisy, but its dots are exact, and so is the depth that they give. It is not denoised,
 # which would take four fifths of its time on a processor.
 _DRAFT = {"samples_per_pixel": 2, "max_bounces": 2, "denoise": "none"}
-# Effects under which light scatters in the air or below surfaces: a sample takes twice as long, and a draft has half.
-_SCATTERING = {"haze", "subsurface", "transmission"}
+# Under these effects light scatters in the air or below surfaces, and a sample takes twice as long or more.
+_FEW_SAMPLES = {"samples_per_pixel": 1}
+_SCATTERING = {"haze": _FEW_SAMPLES | {"max_bounces": 1}, "subsurface": _FEW_SAMPLES, "transmission": _FEW_SAMPLES}
 _REFINED_SAMPLES = 64
 
 
@@ -112,10 +113,11 @@ class Simulation:
 
     def _sensor(self, shot: Shot, settings: Settings, is_draft: bool) -> StereoDepthSensor:
         config, model = settings.applied(deepcopy(shot.config), shot.model)
-        for name, value in (_DRAFT if is_draft else {"samples_per_pixel": _REFINED_SAMPLES}).items():
+        quality = dict(_DRAFT) if is_draft else {"samples_per_pixel": _REFINED_SAMPLES}
+        for entry in model.effects if is_draft else ():
+            quality |= _SCATTERING.get(entry.effect.id, {})
+        for name, value in quality.items():
             setattr(config, name, value)
-        if is_draft and any(entry.effect.id in _SCATTERING for entry in model.effects):
-            config.samples_per_pixel = 1
         if shot.room_radiance is not None:
             self._scene.set_environment((shot.room_radiance,) * 3, ir_radiance=shot.room_radiance)
         with warnings.catch_warnings():
@@ -129,8 +131,10 @@ class Simulation:
 
 def with_left_as_colour(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
     """The sensor with its colour camera moved into the left infrared one's place, which it then sees exactly as: depth
-    is registered to the left image."""
+    is registered to the left image. Its pattern is drawn once for all pictures."""
     out = deepcopy(config)
+    drawn = out.pattern()
+    out.light_pattern = None if drawn is None else drawn[0]
     to_left = config.trans_pose_l.inv()
     out.trans_pose_l = Pose()
     out.trans_pose_r = to_left * config.trans_pose_r
@@ -142,7 +146,7 @@ def with_left_as_colour(config: StereoDepthSensorConfig) -> StereoDepthSensorCon
 
 
 def _pictures(sensor: StereoDepthSensor, begin: float) -> Pictures:
-    sensor.compute_depth()
+    sensor.compute_depth(("disparity", "ir_left", "ir_right"))
     config = sensor.get_config()
     left, right = (image.astype(np.float32) for image in sensor.get_ir_measured())
     depth_m, focal_baseline = sensor.get_depth(), config.focal_baseline_px_m
