@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One picture of a small world without an effect, and with it at typical values."""
+"""Pictures without an effect and with it, at several strengths: of a small world, or of a capture's own frame."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from activestereo.effects.core.surfaces import SURFACES
 from activestereo.effects.core.view import View
 
 if TYPE_CHECKING:
+    from activestereo.capture.capture import Capture, Frame
     from activestereo.compare.cache import LayerCache
     from activestereo.compare.layers import Layers
     from activestereo.compare.render import Renderer
@@ -48,17 +49,16 @@ class EffectStrip:
         return self.with_it - self.without
 
 
-class StripWorld:
-    """The small world of compare/surrogate.py, rendered once: a warm rig that moves over bodies on a table."""
+class StripView:
+    """One frame, as its layers show it to a camera under the effects of base. layers: {side: Layers}."""
 
-    def __init__(self, renderer: Renderer, cache: LayerCache | None = None) -> None:
-        with tempfile.TemporaryDirectory() as folder:
-            capture = trial_capture(Path(folder), _SCALE)
-            frame = capture.frames[0]
-            layers = render_frames(capture, renderer, _SAMPLES, _BOUNCES, cache=cache, scale=WARP_SCALE)[frame.id]
-            self._views = {side: View.of(capture, frame, side, layers[side]) for side in layers}
-            self._layers: Mapping[str, Layers] = layers
-            self._focal_baseline = float(capture.rig.left.K[0, 0] * capture.rig.baseline_m)
+    def __init__(
+        self, capture: Capture, frame: Frame, layers: Mapping[str, Layers], nuisances: Nuisances, side: str = _SIDE,
+        base: Model | None = None,
+    ) -> None:  # fmt: skip
+        self._views = {name: View.of(capture, frame, name, layers[name]) for name in layers}
+        self._layers, self._nuisances, self._side = layers, nuisances, side
+        self._base = Model() if base is None else base
 
     def strip(self, effect: Effect, given: Mapping[str, float] | None = None) -> EffectStrip:
         """An EffectStrip. given: parameters that are not to be typical."""
@@ -66,29 +66,42 @@ class StripWorld:
         values = effect.values(values | dict(given or {}))
         if effect.stage > Stage.DIGITAL:
             return self._of_depth(effect, values)
-        images = [self._image(model) for model in (Model(), Model().with_effect(effect, **values))]
+        images = [self._image(model) for model in (self._base, self._base.with_effect(effect, **values))]
         return EffectStrip(effect, values, "DN", *images)
 
-    def strengths(self, effect: Effect) -> list[EffectStrip]:
-        """EffectStrips from no effect over the typical values to twice their distance from neutral; what says where or
-        how stays."""
-        moved = [p for p in effect.parameters if not p.choice]
+    def strengths(self, effect: Effect, given: Mapping[str, float] | None = None) -> list[EffectStrip]:
+        """EffectStrips from no effect over its values, typical where they are not given, to twice their distance from
+        neutral; what says where or how stays."""
+        values = effect.typical_values | dict(given or {})
+        moved = [p for p in effect.parameters if not p.choice and p.name != SURFACES.name]
         strips = []
         for share in _STRENGTHS:
-            far = {p.name: p.neutral + share * (p.typical_value - p.neutral) for p in moved}
-            strips.append(self.strip(effect, {p.name: min(max(far[p.name], p.low), p.high) for p in moved}))
+            far = {p.name: p.neutral + share * (values[p.name] - p.neutral) for p in moved}
+            own = {p.name: min(max(far[p.name], p.low), p.high) for p in moved}
+            strips.append(self.strip(effect, dict(given or {}) | own))
         return strips
 
     def _image(self, model: Model) -> NDArray[np.float64]:
-        view = self._views[_SIDE]
-        light = model.light(self._layers[_SIDE], view, True)
-        return np.asarray(model.signal(light, view, _NUISANCES, True), dtype=np.float64)
+        view = self._views[self._side]
+        light = model.light(self._layers[self._side], view, True)
+        return np.asarray(model.signal(light, view, self._nuisances, True), dtype=np.float64)
 
     def _of_depth(self, effect: Effect, values: dict[str, float]) -> EffectStrip:
         """The depth engine's effects act on the disparity of the geometry, or on its depth."""
         view = self._views["left"]
         depth = np.where(np.isfinite(view.depth_m), view.depth_m, 0.0).astype(np.float64)
-        disparity = np.where(depth > 0.0, self._focal_baseline / np.maximum(depth, 1e-6), 0.0)
+        disparity = np.where(depth > 0.0, view.K[0, 0] * view.baseline_m / np.maximum(depth, 1e-6), 0.0)
         value, unit = (disparity, "px") if effect.stage is Stage.DISPARITY else (depth, "m")
         changed = np.asarray(effect.apply(value.copy(), view, **values), dtype=np.float64)
         return EffectStrip(effect, values, unit, value, changed)
+
+
+class StripWorld(StripView):
+    """The small world of compare/surrogate.py, rendered once: a warm rig that moves over bodies on a table."""
+
+    def __init__(self, renderer: Renderer, cache: LayerCache | None = None) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            capture = trial_capture(Path(folder), _SCALE)
+            frame = capture.frames[0]
+            layers = render_frames(capture, renderer, _SAMPLES, _BOUNCES, cache=cache, scale=WARP_SCALE)[frame.id]
+            super().__init__(capture, frame, layers, _NUISANCES)

@@ -64,7 +64,7 @@ def _errors(diagnosis: Mapping[str, Any]) -> str:
 
 
 @dataclass(frozen=True)
-class _Detail:
+class Detail:
     """A part of one image: where most of the error goes."""
 
     frame: Frame
@@ -75,7 +75,7 @@ class _Detail:
 
 def _pictures(comparison: Comparison, images: ModelImages) -> list[str]:
     """Details of measured, model and model with what was found; then whole residuals of the models."""
-    detail = _where_most_goes(comparison, images)
+    detail = where_most_goes(comparison, images)
     key, part = (detail.frame.id, detail.side), (detail.rows, detail.columns)
     measured = comparison.measured[key]
     high = max(float(np.quantile(measured, 0.998)), 1.0)
@@ -95,7 +95,7 @@ def _pictures(comparison: Comparison, images: ModelImages) -> list[str]:
     return cells
 
 
-def _where_most_goes(comparison: Comparison, images: ModelImages) -> _Detail:
+def where_most_goes(comparison: Comparison, images: ModelImages) -> Detail:
     """The detail whose squared error falls most with what was found, of held-out frames where there are some; is
     largest, where nothing was found."""
     frames = comparison.capture.split("test") or comparison.capture.split("train")
@@ -108,7 +108,7 @@ def _where_most_goes(comparison: Comparison, images: ModelImages) -> _Detail:
                 fall -= (measured - images[FOUND][frame.id, side]) ** 2
             amount, rows, columns = _largest_window(fall)
             if amount > best:
-                best, found = amount, _Detail(frame, side, rows, columns)
+                best, found = amount, Detail(frame, side, rows, columns)
     assert found is not None, "a comparison has frames"
     return found
 

@@ -23,10 +23,12 @@ if TYPE_CHECKING:
 
 def strip_page(effects: Sequence[Sequence[EffectStrip]]) -> str:
     """A document with a section per effect: its strips by rising strength, of which the middle one is shown first."""
-    return page("What effects do to a picture", [_section(strips) for strips in effects], ("strip.js",))
+    sections = [strip_section(strips, strips[0].effect.id, "typical") for strips in effects]
+    return page("What effects do to a picture", sections, ("strip.js",))
 
 
-def _section(strips: Sequence[EffectStrip]) -> str:
+def strip_section(strips: Sequence[EffectStrip], title: str, middle_words: str) -> str:
+    """A section for a page with strip.js. middle_words: the strength that is shown first."""
     middle, effect = strips[len(strips) // 2], strips[0].effect
     high, limit = strip_ranges(middle)
     colours = "gray" if middle.unit == "DN" else "viridis"
@@ -41,6 +43,8 @@ def _section(strips: Sequence[EffectStrip]) -> str:
     ]
     parts = {
         "id": text(effect.id),
+        "title": text(title),
+        "middle": text(middle_words),
         "summary": text(effect.summary),
         "without": shade(middle.without),
         "last": str(len(strips) - 1),

@@ -15,10 +15,12 @@ from typing import TYPE_CHECKING, Any
 from activestereo.common.html_table import text
 from activestereo.common.input_files import read_json
 from activestereo.common.output_files import replace_file, write_text
+from activestereo.compare.model_file import library
 from activestereo.report.comparison import cards, comparison_sections, settings_section, summary_line
 from activestereo.report.diagnosis import diagnosis_sections
 from activestereo.report.explorer import explorer_section
 from activestereo.report.first_screen import first_screen
+from activestereo.report.found_strips import found_strips
 from activestereo.report.models import model_images
 from activestereo.report.page import page
 from activestereo.report.sheet import comparison_figure
@@ -33,7 +35,7 @@ if TYPE_CHECKING:
 
 
 WRITING = "writing the report"  # the phase of a command
-_SCRIPTS = ("picture.js", "zoom.js", "explorer.js")
+_SCRIPTS = ("picture.js", "zoom.js", "explorer.js", "strip.js")
 
 
 def write_report(
@@ -81,7 +83,9 @@ def report_page(
     body = [head, cards(scores), explorer]
     if diagnosis:
         verdict = first_screen(diagnosis, comparison, images)
-        body = [verdict, explorer, *diagnosis_sections(diagnosis, images), head.replace("h1>", "h2>"), cards(scores)]
+        strips = found_strips(comparison, diagnosis, images, library() if effects is None else effects)
+        sections = diagnosis_sections(diagnosis, images)
+        body = [verdict, explorer, *strips, *sections, head.replace("h1>", "h2>"), cards(scores)]
     body += [*comparison_sections(comparison), settings_section(scores)]
     return page(f"{scores['capture']}: comparison", body, _SCRIPTS)
 

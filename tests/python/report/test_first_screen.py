@@ -94,3 +94,26 @@ def test_it_fits_a_window_of_1280_by_720(ball_comparison, tmp_path):
         assert page.value("document.documentElement.scrollWidth") <= 1280
         heights = page.value("[...document.querySelectorAll('#verdict img')].map((i) => i.clientHeight)")
         assert len(heights) == 6 and min(heights) >= 180
+
+
+@pytest.mark.skipif(not is_installed(), reason="no chromium: install Debian's package chromium")
+def test_what_was_found_has_a_slider_of_its_strength(ball_comparison, tmp_path):
+    """Without the effect at its left end, as fitted in the middle, and twice as strong at its right end."""
+    file = write_report(ball_comparison, tmp_path, FOUND)[1]
+    with Page(file, size=(1280, 720)) as page:
+        assert page.value("[...document.querySelectorAll('.strip h2')].map((h) => h.textContent)") == [
+            f"What {name} does here" for name in FOUND["added"]
+        ]
+        seen = {}
+        for value in ("4", "0", "8"):
+            page.value(
+                "(() => { const s = document.querySelector('.strip input'); "
+                f"s.value = '{value}'; s.oninput(); }})()"
+            )
+            images = page.value("[...document.querySelector('.strip').querySelectorAll('img')].map((i) => i.src)")
+            seen[value] = images, page.text(".strip output")
+    assert seen["0"][0][1] == seen["0"][0][0] and len({pictures[1] for pictures, _ in seen.values()}) == 3
+    fitted = FOUND["model"]["effects"][0]["parameters"]
+    assert all(f"{name} {value:.4g}" in seen["4"][1] for name, value in fitted.items())
+    size = _pictures(file.read_text())["without"].shape
+    assert size[:2] == (30, 53)
