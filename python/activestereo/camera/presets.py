@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import deepcopy
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -161,7 +162,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         # pattern_design, an 8-bit gray array, the path of an image, or None for no projector.
         self.pose_rgb_irproj = _pose(camera, "projector_position_m")
         self.active_light_fov = float(np.deg2rad(camera.value("projector", "field_of_view_deg")))
-        self.light_pattern = "generated" if camera.value("projector", "has_projector", True) else None
+        has_projector = camera.value("projector", "has_projector", True)
+        self.light_pattern: NDArray[np.uint8] | str | PathLike[str] | None = "generated" if has_projector else None
         # 3x3 of the pattern image in place of active_light_fov.
         self.pattern_intrinsic: NDArray[np.float64] | None = None
         self.pattern_design = _pattern_design(camera)
@@ -421,7 +423,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         else:
             from activestereo.capture.images import read_gray
 
-            image = read_gray(self.light_pattern, key="light_pattern")
+            image = read_gray(Path(self.light_pattern), key="light_pattern")
         height, width = image.shape
         return image, self.pattern_k(width, height)
 

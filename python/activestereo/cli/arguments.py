@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from activestereo.common.input_files import read_json_object
 from activestereo.common.output_files import check_target
 from activestereo.common.pose import rigid_fault
 from activestereo.common.render_table import RENDER
@@ -158,6 +159,14 @@ def check_paper(args: argparse.Namespace) -> None:
 
 def add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print JSON in place of words and tables")
+
+
+def print_section(args: argparse.Namespace, section: str, text: str) -> None:
+    """What a calibration wrote into args.out: under --json that section of it, else the text and where it is."""
+    if args.json:
+        print_json(read_json_object(args.out)[section])
+    else:
+        print(f"{text}\nwritten: {section} in {args.out}")
 
 
 def print_json(value: Any) -> None:

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from activestereo.cli import calibrate_pose, calibrate_scene, calibrate_world
-from activestereo.cli.arguments import CommandError, add_seed, camera_matrix, check_out_file
+from activestereo.cli.arguments import CommandError, add_json, add_seed, camera_matrix, check_out_file, print_section
 
 _TEXT = """\
 Measures a real camera. Each part replaces its own section of model.json, and
@@ -131,6 +131,7 @@ def _part(parts: argparse._SubParsersAction, name: str, summary: str, text: str)
         help="model.json; made if it is not there, else one section is replaced",
     )
     add_seed(parser, "same seed, same result")
+    add_json(parser)
     return parser
 
 
@@ -143,8 +144,7 @@ def _run_noise(args: argparse.Namespace) -> None:
     with ProgressBar("fitting noise") as bar:
         noise = calibrate_noise(args.frames, args.dark, args.paper, args.seed, bar)
     replace_sections(args.out, noise.model())
-    print(noise.text())
-    print(f"written: imager in {args.out}")
+    print_section(args, "imager", noise.text())
 
 
 def _run_pattern(args: argparse.Namespace) -> None:
@@ -158,8 +158,7 @@ def _run_pattern(args: argparse.Namespace) -> None:
     with ProgressBar("finding dots") as bar:
         pattern = calibrate_pattern(args.frames, bar, model)
     replace_sections(args.out, pattern.model(), keep_rig=True)
-    print(pattern.text())
-    print(f"written: pattern in {args.out}")
+    print_section(args, "pattern", pattern.text())
 
 
 def _run_rig(args: argparse.Namespace) -> None:
@@ -187,10 +186,10 @@ def _run_rig(args: argparse.Namespace) -> None:
     replace_sections(args.out, result.model())
     written = [args.out.with_suffix(".coverage.png")]
     write_coverage(written[0], result)
-    print(result.text())
+    text = result.text()
     if hand is not None:
         written.append(args.out.with_suffix(".hand_eye.json"))
-        text = (json.dumps(hand.as_json(), indent=1) + "\n").encode()
-        replace_file(written[1], lambda file: file.write(text))
-        print(hand.text())
-    print(f"written: rig in {args.out}, {', '.join(path.name for path in written)}")
+        content = (json.dumps(hand.as_json(), indent=1) + "\n").encode()
+        replace_file(written[1], lambda file: file.write(content))
+        text += f"\n{hand.text()}"
+    print_section(args, "rig", f"{text}\nwritten: {', '.join(map(str, written))}")

@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from activestereo.cli.arguments import CommandError, add_seed, check_out_file, numbers, positive
+from activestereo.cli.arguments import CommandError, add_json, add_seed, check_out_file, numbers, positive, print_json
 
 if TYPE_CHECKING:
     import numpy as np
@@ -50,6 +50,7 @@ def add_part(parts: argparse._SubParsersAction) -> None:
     add("--unit", type=positive, default=1.0, metavar="M", help="metres per unit of the CAD files (default: 1)")
     add("-o", "--out", required=True, type=Path, metavar="FILE", help="the scene with the parts, .gltf")
     add_seed(parser, "same seed, same result")
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
@@ -94,6 +95,9 @@ def run(args: argparse.Namespace) -> None:
     entries = {name: _as_json(pose) for name, pose in found.items()}
     beside = args.out.with_suffix(".poses.json")
     replace_file(beside, lambda file: file.write((json.dumps(entries, indent=1) + "\n").encode()))
+    if args.json:
+        print_json(entries)
+        return
     for name, pose in found.items():
         print(_words(name, pose))
     print(f"written: {args.out}, {beside.name}")

@@ -6,7 +6,15 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import CommandError, add_device, add_seed, check_out_file, integer_from
+from activestereo.cli.arguments import (
+    CommandError,
+    add_device,
+    add_json,
+    add_seed,
+    check_out_file,
+    integer_from,
+    print_section,
+)
 
 _SCENE = """\
 A scene where no geometry exists: the surface that one pose of the camera measured, as
@@ -63,6 +71,7 @@ def add_parts(parts: argparse._SubParsersAction) -> None:
     )
     add_device(materials)
     add_seed(materials, "same seed, same result")
+    add_json(materials)
     materials.set_defaults(run=_run_materials)
 
 
@@ -96,5 +105,4 @@ def _run_materials(args: argparse.Namespace) -> None:
             args.capture, args.object, args.seed, args.full_grid, args.device, model, args.network, bar
         )
     replace_sections(args.out, found.model())
-    print(found.text())
-    print(f"written: materials in {args.out}")
+    print_section(args, "materials", found.text())

@@ -6,7 +6,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import CommandError, add_seed, integer_from
+from activestereo.cli.arguments import CommandError, add_json, add_seed, integer_from, print_json
+from activestereo.common.input_files import read_json_object
 
 _WORLD = """\
 A camera and a room from views with depth, without wall, rig or repeats: camera, poses,
@@ -61,6 +62,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add("-o", "--out", required=True, type=Path, metavar="DIR", help="the new capture, which must not exist")
     add("--test", type=integer_from(0), action="append", default=[], metavar="ID", help="frame to hold out; repeatable")
     add_seed(parser, "same seed, same result")
+    add_json(parser)
 
 
 def _run(args: argparse.Namespace) -> None:
@@ -73,5 +75,8 @@ def _run(args: argparse.Namespace) -> None:
     steps = args.steps or tuple(step for step in STEPS if step not in kept)
     with ProgressBar(f"measuring {args.recording.name}") as bar:
         lines = calibrate_world(args.recording, args.out, steps, args.test, args.seed, bar)
+    if args.json:
+        print_json(read_json_object(args.out / "capture.json")["measured"])
+        return
     print("\n".join(lines))
     print(f"written: {args.out}, with pictures in {args.out / 'measured'}")

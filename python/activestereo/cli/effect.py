@@ -64,11 +64,13 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         "check", help="try the laws on effects of your own", description=_CHECK, formatter_class=raw
     )
     check.add_argument("file", type=Path, metavar="FILE", help="Python file or shared library")
+    add_json(check)
     check.set_defaults(run=run_check)
     show = actions.add_parser("show", help="draw what an effect does", description=_SHOW, formatter_class=raw)
     show.add_argument("effects", nargs="+", metavar="EFFECT|FILE", help="ids, or files of your own effects")
     show.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="picture.png, or page.html")
     add_device(show)
+    add_json(show)
     show.set_defaults(run=run_show)
     measure = actions.add_parser(
         "measure", help="image functions against the engines", description=_MEASURE, formatter_class=raw
@@ -144,27 +146,32 @@ def run_show(args: argparse.Namespace) -> None:
     else:
         strips = [world.strip(effect) for effect in chosen]
         write_figure(args.out, strip_figure(strips))
-    for strip in strips:
-        change = float(np.sqrt(np.mean(strip.difference**2)))
-        print(f"{strip.effect.id}: changes the picture by {change:.3g} {strip.unit} (root mean square)")
+    changes = {s.effect.id: {"rms": float(np.sqrt(np.mean(s.difference**2))), "unit": s.unit} for s in strips}
+    if args.json:
+        print_json(changes)
+        return
+    for name, change in changes.items():
+        print(f"{name}: changes the picture by {change['rms']:.3g} {change['unit']} (root mean square)")
     print(f"written: {args.out}")
 
 
 def run_check(args: argparse.Namespace) -> None:
     from activestereo.cli.arguments import Finding
     from activestereo.effects import broken_laws, builtin, load_effects
+    from activestereo.effects.core.catalogue import as_json
 
-    known, lawless = builtin(), 0
-    for e in load_effects(args.file).values():
+    known, own = builtin(), load_effects(args.file)
+    broken_of = {e.id: [sentence.removeprefix(f"{e.id}: ") for sentence in broken_laws(e)] for e in own.values()}
+    if args.json:
+        print_json([row | {"broken": broken_of[row["id"]]} for row in as_json(own)])
+    for e in () if args.json else own.values():
         parameters = ", ".join(f"{p.name} [{p.unit}] {p.low:g}..{p.high:g}" for p in e.parameters)
         print(f"{e.id}: {e.stage.name.lower()} stage, family '{e.family}', {parameters or 'no parameters'}")
         if e.id in known:
             print("  takes the place of the built-in effect of this id")
-        broken = broken_laws(e)
-        lawless += bool(broken)
-        for sentence in broken:
-            print(f"  broken: {sentence.removeprefix(f'{e.id}: ')}")
-        if not broken:
+        for sentence in broken_of[e.id]:
+            print(f"  broken: {sentence}")
+        if not broken_of[e.id]:
             print("  ok: all laws hold")
-    if lawless:
+    if lawless := sum(map(bool, broken_of.values())):
         raise Finding(f"{args.file}: {lawless} effect{'s' if lawless > 1 else ''} with broken laws")

@@ -4,7 +4,7 @@
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import add_effects
+from activestereo.cli.arguments import add_effects, add_json, print_json
 
 _TEXT = """\
 A sensor model (model.json) in words.
@@ -32,15 +32,19 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         action = actions.add_parser(name, help=text, formatter_class=raw)
         action.add_argument("files", nargs=files, type=Path, metavar="FILE", help="model.json")
         add_effects(action, "your own effects, where a model has some")
+        add_json(action)
         action.set_defaults(run=run)
 
 
 def run_show(args: argparse.Namespace) -> None:
     from activestereo.compare.model_file import library
-    from activestereo.model import read_model
+    from activestereo.model import model_json, read_model
     from activestereo.model.words import show
 
     effects = library(*args.effects)
+    if args.json:
+        print_json([{"file": str(file)} | model_json(read_model(file, effects)) for file in args.files])
+        return
     texts = [show(read_model(file, effects)) for file in args.files]
     print(
         "\n\n".join(f"{file}: {text}" if len(texts) > 1 else text for file, text in zip(args.files, texts, strict=True))
@@ -50,7 +54,11 @@ def run_show(args: argparse.Namespace) -> None:
 def run_diff(args: argparse.Namespace) -> None:
     from activestereo.compare.model_file import library
     from activestereo.model import read_model
-    from activestereo.model.words import diff
+    from activestereo.model.words import diff, differences
 
     effects = library(*args.effects)
-    print(diff(*(read_model(file, effects) for file in args.files)) or "the two say the same")
+    models = [read_model(file, effects) for file in args.files]
+    if args.json:
+        print_json(differences(*models))
+    else:
+        print(diff(*models) or "the two say the same")

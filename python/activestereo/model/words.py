@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from difflib import unified_diff
+from typing import Any
 
 from activestereo.common.lens import is_distorting
 from activestereo.model.model import ModelEffect, Quantity, SensorModel
+from activestereo.model.write import model_json
 
 _NUISANCE_WORDS = {
     "projector_scale": "projector's scale",
@@ -38,6 +40,25 @@ def diff(first: SensorModel, second: SensorModel) -> str:
     """Lines that only the first has (-) and only the second (+); empty where they say the same."""
     lines = list(unified_diff(show(first).splitlines(), show(second).splitlines(), n=0, lineterm=""))[2:]
     return "\n".join(line for line in lines if not line.startswith("@@"))
+
+
+def differences(first: SensorModel, second: SensorModel) -> dict[str, list[Any]]:
+    """{name: [the first's value, the second's]} of all that differs, by names as in effects.vignetting.exponent.value;
+    None for what one of them does not say."""
+    said = [dict(_leaves(model_json(model), "")) for model in (first, second)]
+    names = [name for name in dict.fromkeys([*said[0], *said[1]]) if said[0].get(name) != said[1].get(name)]
+    return {name: [values.get(name) for values in said] for name in names}
+
+
+def _leaves(value: Any, name: str) -> Iterator[tuple[str, Any]]:
+    if isinstance(value, list) and value and all(isinstance(part, dict) and "id" in part for part in value):
+        value = {part["id"]: part["parameters"] | {k: v for k, v in part.items() if k not in ("id", "parameters")}
+                 for part in value}  # fmt: skip
+    if not isinstance(value, dict):
+        yield name, value
+        return
+    for key, part in value.items():
+        yield from _leaves(part, f"{name}.{key}".removeprefix("."))
 
 
 def quantity_text(q: Quantity) -> str:

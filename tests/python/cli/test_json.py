@@ -12,8 +12,10 @@ from command_line import leaves
 
 TABLES = {
     "simulate", "presets", "depth", "pair", "depth-quality", "compare", "diagnose", "capture check", "effect list",
-    "effect measure", "benchmark sim-to-real run", "benchmark sim-to-real score", "benchmark sim-to-real ablate",
-    "cache list", "devices", "doctor",
+    "effect check", "effect show", "effect measure", "benchmark sim-to-real run", "benchmark sim-to-real score",
+    "benchmark sim-to-real ablate", "cache list", "devices", "doctor", "model show", "model diff", "calibrate noise",
+    "calibrate pattern", "calibrate rig", "calibrate materials", "calibrate pose", "calibrate world",
+    "calibrate camera", "calibrate poses", "calibrate dots", "calibrate exposure", "calibrate albedo",
 }  # fmt: skip
 K = ("--k", "120,120,79.5,47.5", "--baseline", "0.05")
 
@@ -45,6 +47,42 @@ def test_devices_effects_and_presets(said, device):
     sigma = effects["lens_psf"]["parameters"][0]
     assert sigma["name"] == "sigma_px" and sigma["low"] < sigma["high"]
     assert [camera["name"] for camera in said("presets", "d435")] == ["D435"]
+
+
+def test_models_and_what_they_differ_in(said, tmp_path, capsys):
+    first, second = tmp_path / "first.json", tmp_path / "second.json"
+    assert main(["add", "vignetting", "--set", "exponent=3", "-o", str(first)]) == 0
+    assert main(["add", "vignetting", "--set", "exponent=4", "-o", str(second)]) == 0
+    assert main(["add", "veiling_glare", "--model", str(second), "-o", str(second)]) == 0
+    capsys.readouterr()
+    shown = said("model", "show", first)
+    assert [m["effects"][0]["parameters"]["exponent"]["value"] for m in shown] == [3.0]
+    found = said("model", "diff", first, second)
+    assert found["effects.vignetting.exponent.value"] == [3.0, 4.0]
+    assert {name.split(".")[1] for name in found} == {"vignetting", "veiling_glare"}
+    assert all(before is None for name, (before, _) in found.items() if "glare" in name)
+    assert said("model", "diff", first, first) == {}
+
+
+def test_a_check_of_effects_of_ones_own(capsys, tmp_path):
+    own = tmp_path / "mine.py"
+    own.write_text(
+        "from activestereo.effects import Parameter, Stage, effect\n"
+        "@effect('mine', stage=Stage.DIGITAL, family='f', source='s',\n"
+        "        parameters=[Parameter('dn', 'DN', 0.0, 0.0, 9.0, 3.0)])\n"
+        "def mine(dn_of_image, view, dn):\n    'Mine.'\n    return dn_of_image + dn + 1.0\n"
+    )
+    assert main(["effect", "check", str(own), "--json"]) == 1
+    (row,) = json.loads(capsys.readouterr().out)
+    assert row["id"] == "mine" and "neutral" in row["broken"][0]
+
+
+def test_noise_of_a_calibration(said, tmp_path):
+    rng = np.random.default_rng(2)
+    stack = np.rint(np.clip(rng.normal(np.linspace(20.0, 200.0, 64), 2.0, (12, 48, 64)), 0.0, 255.0))
+    np.save(tmp_path / "stack.npy", stack.astype(np.uint8))
+    imager = said("calibrate", "noise", tmp_path / "stack.npy", "-o", tmp_path / "model.json")
+    assert imager == json.loads((tmp_path / "model.json").read_text())["imager"]
 
 
 def test_depth_pair_and_depth_quality(said, pair, tmp_path):

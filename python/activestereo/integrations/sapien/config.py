@@ -45,7 +45,7 @@ def native_config(config: Any) -> NativeConfig:
             k[:2, 2] -= 0.5
             setattr(out, name, k)
     if isinstance(out.light_pattern, (str, PathLike)) and out.light_pattern != "generated":
-        setattr(out, "light_pattern", _red_of(out.light_pattern))  # noqa: B010 (the field takes either)
+        out.light_pattern = _red_of(out.light_pattern)
     return out
 
 
