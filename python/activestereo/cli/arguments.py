@@ -162,7 +162,7 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 
 
 def print_section(args: argparse.Namespace, section: str, text: str) -> None:
-    """What a calibration wrote into args.out: under --json that section of it, else the text and where it is."""
+    """Prints what a calibration wrote into args.out: under --json that section, else the text and where it is."""
     if args.json:
         print_json(read_json_object(args.out)[section])
     else:
