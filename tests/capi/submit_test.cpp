@@ -16,18 +16,17 @@ namespace {
 constexpr uint64_t forever = UINT64_MAX, millisecond = 1000000;
 constexpr uint32_t hours = 100000000;  // samples
 
-class Submit : public testing::TestWithParam<uint32_t> {
-  /// One of each tracer for all tests, which leave it at rest: its shaders are compiled once.
-  static inline std::map<uint32_t, std::unique_ptr<SmallRender>> kept;
-  static SmallRender& shared_render(uint32_t tracer) {
-    std::unique_ptr<SmallRender>& render = kept[tracer];
-    if (!render || render->renderer == nullptr) render = std::make_unique<SmallRender>(tracer);
-    return *render;
-  }
+/// One of each tracer for all tests, which leave it at rest: its shaders are compiled once.
+SmallRender& shared_render(uint32_t tracer) {
+  static std::map<uint32_t, std::unique_ptr<SmallRender>> kept;
+  std::unique_ptr<SmallRender>& render = kept[tracer];
+  if (!render || render->renderer == nullptr) render = std::make_unique<SmallRender>(tracer);
+  return *render;
+}
 
+class Submit : public testing::TestWithParam<uint32_t> {
  protected:
   SmallRender& render = shared_render(GetParam());
-  static void TearDownTestSuite() { kept.clear(); }  // Embree cannot be ended while the program ends
   void SetUp() override {
     SKIP_IF(render.device ? "" : kuafu_last_error());
     render.desc.seed = 0;

@@ -1,19 +1,42 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "accel/embree_handle.h"
 
+#include <atomic>
+#include <cstdlib>
 #include <utility>
 
 #include "device/error.h"
 
 namespace kuafu {
+namespace {
 
-EmbreeDevice::EmbreeDevice() : device_(rtcNewDevice(nullptr)) {
+std::atomic<bool> has_ended = false;
+
+/// The library is open before the handler is registered, so that the handler runs before the library's own.
+RTCDevice new_device() {
+  const EmbreeLibrary& library = embree_library();
+  static const int registered = std::atexit([] { has_ended = true; });
+  check_embree_lives();
+  return registered == 0 ? library.rtcNewDevice(nullptr) : nullptr;
+}
+
+}  // namespace
+
+bool embree_has_ended() { return has_ended; }
+
+void check_embree_lives() {
+  if (has_ended) ks::fail(KS_ERROR_INVALID_STATE, "the program is ending, and has ended Embree: render before main returns");
+}
+
+EmbreeDevice::EmbreeDevice() : device_(new_device()) {
   if (!device_)
     ks::fail(KS_ERROR_UNSUPPORTED, "Embree gives no device (error %d): it needs a CPU with SSE2", int(rtcGetDeviceError(nullptr)));
   rtcSetDeviceErrorFunction(device_, record, this);
 }
 
-EmbreeDevice::~EmbreeDevice() { rtcReleaseDevice(device_); }
+EmbreeDevice::~EmbreeDevice() {
+  if (!has_ended) rtcReleaseDevice(device_);
+}
 
 EmbreeScene EmbreeDevice::new_scene() const {
   EmbreeScene scene(rtcNewScene(device_));

@@ -13,9 +13,17 @@
 
 namespace kuafu {
 
+/// Whether the end of the program has taken Embree and TBB apart, before statics that the host made before it used them. Then nothing of
+/// theirs may be called, and what they hold goes with the process.
+bool embree_has_ended();
+/// Throws KS_ERROR_INVALID_STATE where it has.
+void check_embree_lives();
+
 template <class T, const auto& release>
 struct EmbreeRelease {
-  void operator()(T* object) const { release(object); }
+  void operator()(T* object) const {
+    if (!embree_has_ended()) release(object);
+  }
 };
 using EmbreeScene = std::unique_ptr<RTCSceneTy, EmbreeRelease<RTCSceneTy, rtcReleaseScene>>;
 using EmbreeGeometry = std::unique_ptr<RTCGeometryTy, EmbreeRelease<RTCGeometryTy, rtcReleaseGeometry>>;

@@ -49,6 +49,7 @@ void commit(RTCScene scene, size_t primitives) {
 
 void EmbreeWorld::update(const Scene& scene, uint32_t environment_count, const TimeSpan& open) {
   if (environment_count == 0) ks::fail(KS_ERROR_INVALID_ARGUMENT, "a tracer needs at least one environment");
+  check_embree_lives();
   if (std::exchange(scene_, nullptr) != &scene) forget();  // and forget too what a failed update left
   follow_cutouts(scene);
   const std::vector<uint32_t> deformed = follow_meshes(scene);
@@ -81,7 +82,7 @@ std::vector<uint32_t> EmbreeWorld::follow_meshes(const Scene& scene) {
   return std::move(changes.deformed);
 }
 
-/// A mesh that shows its first cutout after it was built is built anew, and with it everything.
+/// A mesh that shows its first cutout after it was built is rebuilt, and with it everything.
 void EmbreeWorld::follow_cutouts(const Scene& scene) {
   const Revisions& now = scene.revisions();
   if (now.meshes == cutouts_seen_.meshes && now.materials == cutouts_seen_.materials && now.instances == cutouts_seen_.instances) return;
@@ -214,7 +215,7 @@ bool EmbreeWorld::fit_apart(const std::vector<uint32_t>& slots) const {
   return apart_count_ + size_t(std::ranges::count_if(slots, [&](uint32_t slot) { return !apart_[slot]; })) <= few;
 }
 
-/// In the first scenes the slot shows nothing from now on. They are not built anew: Embree's traversal asks an instance for what it shows,
+/// In the first scenes the slot shows nothing from now on. They are not rebuilt: Embree's traversal asks an instance for what it shows,
 /// and boxes that are too large do no harm.
 void EmbreeWorld::take_apart(uint32_t slot) {
   if (apart_[slot]) return;
