@@ -81,7 +81,7 @@ uint32_t summed_lines(const ks::Device& device, const MatchPlan& plan, const Mat
 }
 
 /// Many parts in a workgroup write long runs of memory; few leave it more columns, of which the block's width is lost. The rows above a
-/// workgroup's first one are summed anew, so it takes as many rows as leave enough workgroups.
+/// workgroup's first one are summed again, so it takes as many rows as leave enough workgroups.
 void choose_block_stage(MatchPlan& plan, const MatchParameters& p) {
   constexpr uint32_t wanted_groups = 1024;
   const uint32_t parts = plan.padded_disparities() / 8;

@@ -25,6 +25,7 @@ VulkanStages::VulkanStages(std::shared_ptr<ks::Device> device, const PreparedRig
       rig_(rig),
       width_(rig.width()),
       height_(rig.height()),
+      checks_(device_, width_, height_),
       remap_(rig.rectification.is_identity() ? nullptr : std::make_unique<VulkanRemap>(device_, rig.rectification)) {}
 
 bool VulkanStages::keeps_arrays(const StageSettings& settings) const {
@@ -133,31 +134,6 @@ MatchStages& VulkanStages::matcher() {
 
 void VulkanStages::place_region() { match_maps_->place(call_->commands, arrays_, maps_, call_->pairs.count); }
 
-void VulkanStages::drop_padding() {
-  if (!padding_) padding_.emplace(device_);
-  padding_->record(call_->commands, clean(), *remap_, call_->pairs.count);
-}
-
-void VulkanStages::drop_low_texture() {
-  if (!texture_) texture_.emplace(device_);
-  texture_->record(call_->commands, call_->settings, images_[0], maps_, width_, height_, call_->pairs.count);
-}
-
-void VulkanStages::filter_speckles() {
-  if (!speckle_filter_) speckle_filter_.emplace(device_);
-  speckle_filter_->record(call_->commands, clean(), call_->pairs.count);
-}
-
-void VulkanStages::drop_edges() {
-  if (!edges_) edges_.emplace(device_);
-  edges_->record(call_->commands, clean(), call_->settings.edges, call_->pairs.count);
-}
-
-void VulkanStages::fill_holes() {
-  if (!hole_filling_) hole_filling_.emplace(device_);
-  hole_filling_->record(call_->commands, clean(), call_->pairs.count);
-}
-
 void VulkanStages::depth() {
   const ImageRef disparity = VulkanMaps::is_in_place(call_->frame) ? ImageRef{} : output(SIMSENSE_OUTPUT_DISPARITY);
   const ImageRef depth = output(SIMSENSE_OUTPUT_DEPTH), points = rig_.rgb ? ImageRef{} : output(SIMSENSE_OUTPUT_POINTS);
@@ -170,17 +146,10 @@ void VulkanStages::registration() {
                         output(SIMSENSE_OUTPUT_POINTS_COLORED), ref_or_none(call_->frame.rgb, call_->pairs), call_->pairs.count);
 }
 
-void VulkanStages::reason() {
-  if (!reason_) reason_.emplace(device_);
-  reason_->record(call_->commands, call_->settings, depth_->block(), images_[0], maps_, width_, height_, call_->pairs.count);
-}
-
 void VulkanStages::store_maps() { match_maps_->store(call_->commands, call_->frame, call_->pairs, maps_); }
 
 uint64_t VulkanStages::memory_bytes() const {
-  uint64_t bytes = (speckle_filter_ ? speckle_filter_->memory_bytes() : 0) + (hole_filling_ ? hole_filling_->memory_bytes() : 0) +
-                   (texture_ ? texture_->memory_bytes() : 0) + (edges_ ? edges_->memory_bytes() : 0) +
-                   (imagers_ ? imagers_->memory_bytes() : 0) + (matcher_ ? matcher_->memory_bytes() : 0) +
+  uint64_t bytes = checks_.memory_bytes() + (imagers_ ? imagers_->memory_bytes() : 0) + (matcher_ ? matcher_->memory_bytes() : 0) +
                    (match_maps_ ? match_maps_->memory_bytes() : 0) + (registration_ ? registration_->memory_bytes() : 0);
   for (const auto* buffer : {&counts_[0], &counts_[1], &rectified_[0], &rectified_[1]})
     if (*buffer) bytes += (*buffer)->size_bytes();

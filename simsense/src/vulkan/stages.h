@@ -7,12 +7,7 @@
 #include <optional>
 
 #include "stages/stages.h"
-#include "vulkan/checks/edges.h"
-#include "vulkan/checks/holes.h"
-#include "vulkan/checks/padding.h"
-#include "vulkan/checks/reason.h"
-#include "vulkan/checks/speckle.h"
-#include "vulkan/checks/texture.h"
+#include "vulkan/checks/checks.h"
 #include "vulkan/depth/depth.h"
 #include "vulkan/frame.h"
 #include "vulkan/maps.h"
@@ -37,7 +32,7 @@ class VulkanStages final : public Stages {
   /// Records all stages of some pairs, at most pairs_at_once().
   void record(ks::Commands& commands, const StageSettings& settings, const DeviceFrame& frame, const Pairs& pairs);
   [[nodiscard]] uint32_t pairs_at_once() const;
-  /// After recorded work that was never submitted: what it was to upload is uploaded anew.
+  /// After recorded work that was never submitted: what it was to upload is uploaded again.
   void discard() { imagers_.reset(); }
   /// Device memory beside the caller's and the tables.
   [[nodiscard]] uint64_t memory_bytes() const;
@@ -46,15 +41,15 @@ class VulkanStages final : public Stages {
   void rectify() override;
   MatchStages& matcher() override;
   void place_region() override;
-  void drop_padding() override;
-  void drop_low_texture() override;
-  void filter_speckles() override;
-  void drop_edges() override;
-  void fill_holes() override;
+  void drop_padding() override { checks_.drop_padding(checked(), *remap_); }
+  void drop_low_texture() override { checks_.drop_low_texture(checked(), images_[0]); }
+  void filter_speckles() override { checks_.filter_speckles(checked()); }
+  void drop_edges() override { checks_.drop_edges(checked()); }
+  void fill_holes() override { checks_.fill_holes(checked()); }
   void depth() override;
   void registration() override;
   void points() override {}
-  void reason() override;
+  void reason() override { checks_.reason(checked(), depth_->block(), images_[0]); }
   void store_maps() override;
   [[nodiscard]] bool makes_points_apart() const override { return false; }
   void measure(const char* name, const std::function<void()>& run) override;
@@ -77,7 +72,7 @@ class VulkanStages final : public Stages {
   ImageRef rectify_side(uint32_t side);
   ImageRef scratch(std::shared_ptr<ks::Buffer>& buffer);
   void copy(const ImageRef& from, const ImageRef& to);
-  [[nodiscard]] CleanPush clean() const { return clean_push(call_->settings, maps_, width_, height_); }
+  [[nodiscard]] VulkanChecks::Call checked() const { return {call_->commands, call_->settings, maps_, call_->pairs.count}; }
   [[nodiscard]] ImageRef output(uint32_t which) const { return ref_or_none(call_->frame.outputs[which], call_->pairs); }
 
   std::shared_ptr<ks::Device> device_;
@@ -87,6 +82,7 @@ class VulkanStages final : public Stages {
   ImageRef images_[2] = {};   // as the last stage leaves them
   MatchArrays arrays_;
   DeviceMaps maps_;
+  VulkanChecks checks_;
 
   std::unique_ptr<VulkanRemap> remap_;  // where the pair is not rectified already
   // made when first needed
@@ -98,12 +94,6 @@ class VulkanStages final : public Stages {
   std::optional<VulkanMaps> match_maps_;
   std::optional<VulkanDepth> depth_;
   std::optional<VulkanRegistration> registration_;
-  std::optional<VulkanPadding> padding_;
-  std::optional<VulkanTexture> texture_;
-  std::optional<VulkanSpeckleFilter> speckle_filter_;
-  std::optional<VulkanEdges> edges_;
-  std::optional<VulkanHoleFilling> hole_filling_;
-  std::optional<VulkanReason> reason_;
 };
 
 }  // namespace simsense
