@@ -2,6 +2,8 @@
 #include "import/gltf_schema.h"
 
 #include <algorithm>
+#include <span>
+#include <utility>
 
 #include "device/error.h"
 
@@ -10,300 +12,198 @@ namespace {
 
 using nlohmann::json;
 
-enum class Kind { number, index, size, numbers, indices, text, boolean, object, array };
-
-struct Field {
-  const char* table;    // JSON pointer to an array in the root
-  const char* pointer;  // from an element of it
-  Kind kind;
-  size_t length = 0;  // of numbers; 0 = any
+struct Row {
+  const char* place;
+  const char* members;  // each with its kind, where kuafu reads it; at the end "..." where there may be others
 };
 
-// The fields that kuafu reads, by name as in the glTF 2.0 specification section 5.
-constexpr Field fields[] = {
-    {"/buffers", "/byteLength", Kind::size},
-    {"/buffers", "/uri", Kind::text},
-    {"/buffers", "/extensions/EXT_meshopt_compression/fallback", Kind::boolean},
-    {"/bufferViews", "/extensions/EXT_meshopt_compression", Kind::object},
-    {"/bufferViews", "/extensions/EXT_meshopt_compression/buffer", Kind::index},
-    {"/bufferViews", "/extensions/EXT_meshopt_compression/byteOffset", Kind::size},
-    {"/bufferViews", "/extensions/EXT_meshopt_compression/byteLength", Kind::size},
-    {"/bufferViews", "/extensions/EXT_meshopt_compression/byteStride", Kind::size},
-    {"/bufferViews", "/extensions/EXT_meshopt_compression/count", Kind::size},
-    {"/bufferViews", "/extensions/EXT_meshopt_compression/mode", Kind::text},
-    {"/bufferViews", "/extensions/EXT_meshopt_compression/filter", Kind::text},
-    {"/bufferViews", "/buffer", Kind::index},
-    {"/bufferViews", "/byteOffset", Kind::size},
-    {"/bufferViews", "/byteLength", Kind::size},
-    {"/bufferViews", "/byteStride", Kind::size},
-    {"/accessors", "/bufferView", Kind::index},
-    {"/accessors", "/byteOffset", Kind::size},
-    {"/accessors", "/componentType", Kind::index},
-    {"/accessors", "/count", Kind::size},
-    {"/accessors", "/type", Kind::text},
-    {"/accessors", "/normalized", Kind::boolean},
-    {"/accessors", "/sparse", Kind::object},
-    {"/accessors", "/sparse/count", Kind::index},
-    {"/accessors", "/sparse/indices", Kind::object},
-    {"/accessors", "/sparse/indices/bufferView", Kind::index},
-    {"/accessors", "/sparse/indices/byteOffset", Kind::index},
-    {"/accessors", "/sparse/values", Kind::object},
-    {"/accessors", "/sparse/values/bufferView", Kind::index},
-    {"/accessors", "/sparse/values/byteOffset", Kind::index},
-    {"/meshes", "/name", Kind::text},
-    {"/meshes", "/primitives", Kind::array},
-    {"/meshes", "/weights", Kind::numbers},
-    {"/skins", "/inverseBindMatrices", Kind::index},
-    {"/skins", "/joints", Kind::indices},
-    {"/animations", "/name", Kind::text},
-    {"/animations", "/channels", Kind::array},
-    {"/animations", "/samplers", Kind::array},
-    {"/nodes", "/name", Kind::text},
-    {"/nodes", "/mesh", Kind::index},
-    {"/nodes", "/skin", Kind::index},
-    {"/nodes", "/weights", Kind::numbers},
-    {"/nodes", "/camera", Kind::index},
-    {"/nodes", "/children", Kind::indices},
-    {"/nodes", "/matrix", Kind::numbers, 16},
-    {"/nodes", "/translation", Kind::numbers, 3},
-    {"/nodes", "/rotation", Kind::numbers, 4},
-    {"/nodes", "/scale", Kind::numbers, 3},
-    {"/nodes", "/extensions", Kind::object},
-    {"/nodes", "/extensions/KHR_lights_punctual/light", Kind::index},
-    {"/nodes", "/extensions/EXT_mesh_gpu_instancing", Kind::object},
-    {"/nodes", "/extensions/EXT_mesh_gpu_instancing/attributes", Kind::object},
-    {"/nodes", "/extensions/EXT_mesh_gpu_instancing/attributes/TRANSLATION", Kind::index},
-    {"/nodes", "/extensions/EXT_mesh_gpu_instancing/attributes/ROTATION", Kind::index},
-    {"/nodes", "/extensions/EXT_mesh_gpu_instancing/attributes/SCALE", Kind::index},
-    {"/scenes", "/nodes", Kind::indices},
-    {"/materials", "/name", Kind::text},
-    {"/materials", "/pbrMetallicRoughness", Kind::object},
-    {"/materials", "/pbrMetallicRoughness/baseColorFactor", Kind::numbers, 4},
-    {"/materials", "/pbrMetallicRoughness/metallicFactor", Kind::number},
-    {"/materials", "/pbrMetallicRoughness/roughnessFactor", Kind::number},
-    {"/materials", "/emissiveFactor", Kind::numbers, 3},
-    {"/materials", "/normalTexture/scale", Kind::number},
-    {"/materials", "/alphaMode", Kind::text},
-    {"/materials", "/alphaCutoff", Kind::number},
-    {"/materials", "/extensions", Kind::object},
-    {"/materials", "/extensions/KHR_materials_ior", Kind::object},
-    {"/materials", "/extensions/KHR_materials_ior/ior", Kind::number},
-    {"/materials", "/extensions/KHR_materials_transmission", Kind::object},
-    {"/materials", "/extensions/KHR_materials_transmission/transmissionFactor", Kind::number},
-    {"/materials", "/extensions/KHR_materials_specular", Kind::object},
-    {"/materials", "/extensions/KHR_materials_specular/specularFactor", Kind::number},
-    {"/materials", "/extensions/KHR_materials_specular/specularColorFactor", Kind::numbers, 3},
-    {"/materials", "/extensions/KHR_materials_volume", Kind::object},
-    {"/materials", "/extensions/KHR_materials_volume/thicknessFactor", Kind::number},
-    {"/materials", "/extensions/KHR_materials_volume/attenuationDistance", Kind::number},
-    {"/materials", "/extensions/KHR_materials_volume/attenuationColor", Kind::numbers, 3},
-    {"/materials", "/extensions/KHR_materials_emissive_strength", Kind::object},
-    {"/materials", "/extensions/KHR_materials_emissive_strength/emissiveStrength", Kind::number},
-    {"/materials", "/extensions/KHR_materials_clearcoat", Kind::object},
-    {"/materials", "/extensions/KHR_materials_clearcoat/clearcoatFactor", Kind::number},
-    {"/materials", "/extensions/KHR_materials_clearcoat/clearcoatRoughnessFactor", Kind::number},
-    {"/materials", "/extensions/KHR_materials_clearcoat/clearcoatNormalTexture/scale", Kind::number},
-    {"/materials", "/extensions/KHR_materials_diffuse_transmission", Kind::object},
-    {"/materials", "/extensions/KHR_materials_diffuse_transmission/diffuseTransmissionFactor", Kind::number},
-    {"/materials", "/extensions/KHR_materials_diffuse_transmission/diffuseTransmissionColorFactor", Kind::numbers, 3},
-    {"/materials", "/extensions/KHR_materials_anisotropy", Kind::object},
-    {"/materials", "/extensions/KHR_materials_anisotropy/anisotropyStrength", Kind::number},
-    {"/materials", "/extensions/KHR_materials_anisotropy/anisotropyRotation", Kind::number},
-    {"/materials", "/extensions/KHR_materials_sheen", Kind::object},
-    {"/materials", "/extensions/KHR_materials_sheen/sheenColorFactor", Kind::numbers, 3},
-    {"/materials", "/extensions/KHR_materials_sheen/sheenRoughnessFactor", Kind::number},
-    {"/materials", "/extensions/KHR_materials_iridescence", Kind::object},
-    {"/materials", "/extensions/KHR_materials_iridescence/iridescenceFactor", Kind::number},
-    {"/materials", "/extensions/KHR_materials_iridescence/iridescenceIor", Kind::number},
-    {"/materials", "/extensions/KHR_materials_iridescence/iridescenceThicknessMinimum", Kind::number},
-    {"/materials", "/extensions/KHR_materials_iridescence/iridescenceThicknessMaximum", Kind::number},
-    {"/materials", "/extensions/KHR_materials_dispersion", Kind::object},
-    {"/materials", "/extensions/KHR_materials_dispersion/dispersion", Kind::number},
+// The glTF 2.0 specification, section 5, and the extensions that are read. Every object may have extensions and extras besides.
+constexpr Row rows[] = {
+    {"",
+     "accessors animations asset buffers bufferViews cameras extensionsRequired extensionsUsed images materials meshes nodes samplers "
+     "scene scenes skins textures"},
+    {"/accessors/*", "bufferView:index byteOffset:size componentType:index count:size max min name normalized:flag sparse type:text"},
+    {"/accessors/*/sparse", "count:index indices values"},
+    {"/accessors/*/sparse/indices", "bufferView:index byteOffset:index ..."},
+    {"/accessors/*/sparse/values", "bufferView:index byteOffset:index ..."},
+    {"/animations/*", "channels:array name:text samplers:array"},
+    {"/animations/*/channels/*", "sampler:index target"},
+    {"/animations/*/channels/*/target", "node:index path:text"},
+    {"/animations/*/samplers/*", "input:index interpolation:text output:index"},
+    {"/bufferViews/*", "buffer:index byteLength:size byteOffset:size byteStride:size name target"},
+    {"/bufferViews/*/extensions/EXT_meshopt_compression",
+     "buffer:index byteOffset:size byteLength:size byteStride:size count:size mode:text filter:text ..."},
+    {"/buffers/*", "byteLength:size name uri:text"},
+    {"/buffers/*/extensions/EXT_meshopt_compression", "fallback:flag ..."},
+    {"/cameras/*", "name orthographic perspective type:text"},
+    {"/cameras/*/perspective", "aspectRatio:number yfov:number zfar:number znear:number"},
+    {"/extensions/KHR_lights_punctual/lights/*", "color:number[3] intensity:number name range:number spot type:text"},
+    {"/extensions/KHR_lights_punctual/lights/*/spot", "innerConeAngle outerConeAngle"},
+    {"/images/*", "bufferView:index mimeType name uri:text"},
+    {"/materials/*",
+     "alphaCutoff:number alphaMode:text doubleSided emissiveFactor:number[3] emissiveTexture:texture name:text normalTexture:texture "
+     "occlusionTexture pbrMetallicRoughness"},
+    {"/materials/*/emissiveTexture", "index texCoord"},
 #include "import/material_extras.inc"
-    {"/textures", "/source", Kind::index},
-    {"/textures", "/sampler", Kind::index},
-    {"/textures", "/extensions", Kind::object},
-    {"/textures", "/extensions/EXT_texture_webp", Kind::object},
-    {"/textures", "/extensions/EXT_texture_webp/source", Kind::index},
-    {"/samplers", "/magFilter", Kind::index},
-    {"/samplers", "/minFilter", Kind::index},
-    {"/samplers", "/wrapS", Kind::index},
-    {"/samplers", "/wrapT", Kind::index},
-    {"/images", "/uri", Kind::text},
-    {"/images", "/bufferView", Kind::index},
-    {"/cameras", "/type", Kind::text},
-    {"/cameras", "/perspective", Kind::object},
-    {"/cameras", "/perspective/yfov", Kind::number},
-    {"/cameras", "/perspective/aspectRatio", Kind::number},
-    {"/cameras", "/perspective/znear", Kind::number},
-    {"/cameras", "/perspective/zfar", Kind::number},
-    {"/extensions/KHR_lights_punctual/lights", "/type", Kind::text},
-    {"/extensions/KHR_lights_punctual/lights", "/color", Kind::numbers, 3},
-    {"/extensions/KHR_lights_punctual/lights", "/intensity", Kind::number},
-    {"/extensions/KHR_lights_punctual/lights", "/range", Kind::number},
+    {"/materials/*/normalTexture", "index scale:number texCoord"},
+    {"/materials/*/pbrMetallicRoughness",
+     "baseColorFactor:number[4] baseColorTexture:texture metallicFactor:number metallicRoughnessTexture:texture roughnessFactor:number"},
+    {"/materials/*/pbrMetallicRoughness/baseColorTexture", "index texCoord"},
+    {"/materials/*/pbrMetallicRoughness/metallicRoughnessTexture", "index texCoord"},
+    {"/materials/*/extensions/KHR_materials_anisotropy",
+     "anisotropyStrength:number anisotropyRotation:number anisotropyTexture:texture ..."},
+    {"/materials/*/extensions/KHR_materials_clearcoat",
+     "clearcoatFactor:number clearcoatTexture:texture clearcoatRoughnessFactor:number clearcoatRoughnessTexture:texture "
+     "clearcoatNormalTexture:texture ..."},
+    {"/materials/*/extensions/KHR_materials_clearcoat/clearcoatNormalTexture", "scale:number ..."},
+    {"/materials/*/extensions/KHR_materials_diffuse_transmission",
+     "diffuseTransmissionFactor:number diffuseTransmissionTexture:texture diffuseTransmissionColorFactor:number[3] "
+     "diffuseTransmissionColorTexture:texture ..."},
+    {"/materials/*/extensions/KHR_materials_dispersion", "dispersion:number ..."},
+    {"/materials/*/extensions/KHR_materials_emissive_strength", "emissiveStrength:number ..."},
+    {"/materials/*/extensions/KHR_materials_ior", "ior:number ..."},
+    {"/materials/*/extensions/KHR_materials_iridescence",
+     "iridescenceFactor:number iridescenceTexture:texture iridescenceIor:number iridescenceThicknessMinimum:number "
+     "iridescenceThicknessMaximum:number iridescenceThicknessTexture:texture ..."},
+    {"/materials/*/extensions/KHR_materials_sheen",
+     "sheenColorFactor:number[3] sheenColorTexture:texture sheenRoughnessFactor:number sheenRoughnessTexture:texture ..."},
+    {"/materials/*/extensions/KHR_materials_specular", "specularFactor:number specularTexture:texture specularColorFactor:number[3] ..."},
+    {"/materials/*/extensions/KHR_materials_transmission", "transmissionFactor:number transmissionTexture:texture ..."},
+    {"/materials/*/extensions/KHR_materials_volume", "thicknessFactor:number attenuationDistance:number attenuationColor:number[3] ..."},
+    {"/meshes/*", "name:text primitives:array weights:number[]"},
+    {"/meshes/*/primitives/*", "attributes:object indices:index material:index mode:index targets"},
+    {"/meshes/*/primitives/*/extensions/KHR_draco_mesh_compression", "bufferView:index attributes:object ..."},
+    {"/nodes/*",
+     "camera:index children:index[] matrix:number[16] mesh:index name:text rotation:number[4] scale:number[3] skin:index "
+     "translation:number[3] weights:number[]"},
+    {"/nodes/*/extensions/EXT_mesh_gpu_instancing/attributes", "TRANSLATION:index ROTATION:index SCALE:index ..."},
+    {"/nodes/*/extensions/KHR_lights_punctual", "light:index ..."},
+    {"/samplers/*", "magFilter:index minFilter:index name wrapS:index wrapT:index"},
+    {"/scenes/*", "name nodes:index[]"},
+    {"/skins/*", "inverseBindMatrices:index joints:index[] name skeleton"},
+    {"/textures/*", "name sampler:index source:index"},
+    {"/textures/*/extensions/EXT_texture_webp", "source:index ..."},
 };
 
-// Textures of materials, each with the fields below it.
-constexpr const char* texture_places[] = {
-    "/pbrMetallicRoughness/baseColorTexture",
-    "/pbrMetallicRoughness/metallicRoughnessTexture",
-    "/normalTexture",
-    "/emissiveTexture",
-    "/extensions/KHR_materials_transmission/transmissionTexture",
-    "/extensions/KHR_materials_specular/specularTexture",
-    "/extensions/KHR_materials_clearcoat/clearcoatTexture",
-    "/extensions/KHR_materials_clearcoat/clearcoatRoughnessTexture",
-    "/extensions/KHR_materials_clearcoat/clearcoatNormalTexture",
-    "/extensions/KHR_materials_diffuse_transmission/diffuseTransmissionTexture",
-    "/extensions/KHR_materials_diffuse_transmission/diffuseTransmissionColorTexture",
-    "/extensions/KHR_materials_anisotropy/anisotropyTexture",
-    "/extensions/KHR_materials_sheen/sheenColorTexture",
-    "/extensions/KHR_materials_sheen/sheenRoughnessTexture",
-    "/extensions/KHR_materials_iridescence/iridescenceTexture",
-    "/extensions/KHR_materials_iridescence/iridescenceThicknessTexture",
+// Of each member of the kind "texture".
+constexpr Row texture_rows[] = {
+    {"", "index:index texCoord:index ..."},
+    {"/extensions/KHR_texture_transform", "offset:number[2] scale:number[2] rotation:number texCoord:index ..."},
 };
 
-constexpr Field texture_fields[] = {
-    {"", "/index", Kind::index},
-    {"", "/texCoord", Kind::index},
-    {"", "/extensions/KHR_texture_transform", Kind::object},
-    {"", "/extensions/KHR_texture_transform/offset", Kind::numbers, 2},
-    {"", "/extensions/KHR_texture_transform/scale", Kind::numbers, 2},
-    {"", "/extensions/KHR_texture_transform/rotation", Kind::number},
-    {"", "/extensions/KHR_texture_transform/texCoord", Kind::index},
-};
+std::vector<std::string_view> words(std::string_view text, char between) {
+  std::vector<std::string_view> out;
+  while (!text.empty()) {
+    const size_t end = std::min(text.find(between), text.size());
+    out.push_back(text.substr(0, end));
+    text.remove_prefix(std::min(end + 1, text.size()));
+  }
+  return out;
+}
 
-// Of each element of meshes[].primitives.
-constexpr Field primitive_fields[] = {
-    {"", "/attributes", Kind::object},
-    {"", "/indices", Kind::index},
-    {"", "/material", Kind::index},
-    {"", "/mode", Kind::index},
-    {"", "/extensions", Kind::object},
-    {"", "/extensions/KHR_draco_mesh_compression", Kind::object},
-    {"", "/extensions/KHR_draco_mesh_compression/bufferView", Kind::index},
-    {"", "/extensions/KHR_draco_mesh_compression/attributes", Kind::object},
-};
-
-constexpr Field channel_fields[] = {
-    {"", "/sampler", Kind::index},
-    {"", "/target", Kind::object},
-    {"", "/target/node", Kind::index},
-    {"", "/target/path", Kind::text},
-};
-
-constexpr Field sampler_fields[] = {
-    {"", "/input", Kind::index},
-    {"", "/output", Kind::index},
-    {"", "/interpolation", Kind::text},
-};
+GltfObject object_of(const Row& row) {
+  GltfObject out{row.place, {}};
+  for (const std::string_view word : words(row.members, ' ')) {
+    const size_t colon = std::min(word.find(':'), word.size());
+    if (word == "...")
+      out.is_open = true;
+    else
+      out.members.push_back({word.substr(0, colon), word.substr(std::min(colon + 1, word.size()))});
+  }
+  return out;
+}
 
 // tinygltf keeps indices in an int and counts of bytes in a size_t; what does not fit would wrap around in silence.
 bool is_below(const json& value, uint64_t limit) { return value.is_number_unsigned() && value.get<uint64_t>() < limit; }
 bool is_index(const json& value) { return is_below(value, uint64_t{1} << 31); }
 bool is_size(const json& value) { return is_below(value, uint64_t{1} << 48); }
 
-bool matches(const json& value, const Field& field) {
-  const auto every = [&](auto&& test) { return value.is_array() && std::all_of(value.begin(), value.end(), test); };
-  switch (field.kind) {
-    case Kind::number:
-      return value.is_number();
-    case Kind::index:
-      return is_index(value);
-    case Kind::size:
-      return is_size(value);
-    case Kind::numbers:
-      return every([](const json& v) { return v.is_number(); }) && (field.length == 0 || value.size() == field.length);
-    case Kind::indices:
-      return every(is_index);
-    case Kind::text:
-      return value.is_string();
-    case Kind::boolean:
-      return value.is_boolean();
-    case Kind::object:
-      return value.is_object();
-    case Kind::array:
-      return value.is_array();
+/// "number[3]" as {"number", "3"}.
+std::pair<std::string_view, std::string_view> parts_of(std::string_view kind) {
+  const size_t open = kind.find('[');
+  return {kind.substr(0, open), kind.substr(open + 1, kind.size() - open - 2)};
+}
+
+bool matches(const json& value, std::string_view kind) {
+  if (kind.ends_with(']')) {
+    const auto [one, count] = parts_of(kind);
+    return value.is_array() && std::all_of(value.begin(), value.end(), [&](const json& v) { return matches(v, one); }) &&
+           (count.empty() || std::to_string(value.size()) == count);
   }
-  return false;
+  if (kind == "number") return value.is_number();
+  if (kind == "index") return is_index(value);
+  if (kind == "size") return is_size(value);
+  if (kind == "text") return value.is_string();
+  if (kind == "flag") return value.is_boolean();
+  return kind == "array" ? value.is_array() : value.is_object();
 }
 
-std::string expected(const Field& field) {
-  switch (field.kind) {
-    case Kind::number:
-      return "a number";
-    case Kind::index:
-      return "a non-negative integer below 2^31";
-    case Kind::size:
-      return "a non-negative integer below 2^48";
-    case Kind::numbers:
-      return field.length ? std::to_string(field.length) + " numbers" : "an array of numbers";
-    case Kind::indices:
-      return "an array of non-negative integers below 2^31";
-    case Kind::text:
-      return "a string";
-    case Kind::boolean:
-      return "true or false";
-    case Kind::object:
-      return "an object";
-    case Kind::array:
-      return "an array";
+std::string expected(std::string_view kind) {
+  if (kind.ends_with(']')) {
+    const auto [one, count] = parts_of(kind);
+    const std::string many = one == "number" ? "numbers" : "non-negative integers below 2^31";
+    return (count.empty() ? "an array of " : std::string(count) + " ") + many;
   }
-  return "";
+  if (kind == "index") return "a non-negative integer below 2^31";
+  if (kind == "size") return "a non-negative integer below 2^48";
+  if (kind == "text") return "a string";
+  if (kind == "flag") return "true or false";
+  if (kind == "number") return "a number";
+  return kind == "array" ? "an array" : "an object";
 }
 
-void check_field(const json& element, const Field& field, const std::string& where) {
-  const json::json_pointer pointer(field.pointer);
-  if (!element.is_object()) ks::fail(KS_ERROR_FILE, "%s is not an object", where.c_str());
-  if (element.contains(pointer) && !matches(element.at(pointer), field))
-    ks::fail(KS_ERROR_FILE, "%s%s is %.60s, must be %s", where.c_str(), field.pointer,
-             element.at(pointer).dump(-1, ' ', true, json::error_handler_t::replace).c_str(), expected(field).c_str());
+/// Calls visit(object, name) for what stands at the place below `value`.
+template <class Visit>
+void descend(const json& value, std::span<const std::string_view> place, const std::string& name, const Visit& visit) {
+  if (!place.empty() && place[0] == "*") {
+    if (!value.is_array()) ks::fail(KS_ERROR_FILE, "%s is not an array", name.c_str());
+    for (size_t i = 0; i < value.size(); ++i) descend(value[i], place.subspan(1), name + "[" + std::to_string(i) + "]", visit);
+    return;
+  }
+  if (!value.is_object()) ks::fail(KS_ERROR_FILE, "%s is not an object", name.c_str());
+  if (place.empty()) return visit(value, name);
+  const auto member = value.find(place[0]);
+  if (member == value.end() || (place[0] == "extras" && !member->is_object())) return;  // extras may be anything
+  descend(*member, place.subspan(1), (name.empty() ? "" : name + "/") + std::string(place[0]), visit);
 }
 
-/// Elements of an array that may be absent, each with its name for messages.
-template <class Function>
-void for_each(const json& root, const char* pointer, const std::string& name, Function&& function) {
-  const json::json_pointer at(pointer);
-  if (!root.is_object() || !root.contains(at)) return;
-  if (!root.at(at).is_array()) ks::fail(KS_ERROR_FILE, "%s is not an array", name.c_str());
-  size_t i = 0;
-  for (const json& element : root.at(at)) function(element, name + "[" + std::to_string(i++) + "]");
+template <class Visit>
+void visit_rows(const json& root, std::span<const Row> table, const std::string& name, const Visit& visit) {
+  for (const Row& row : table) {
+    const GltfObject object = object_of(row);
+    const std::string_view place = object.place;
+    descend(root, words(place.substr(std::min<size_t>(1, place.size())), '/'), name,
+            [&](const json& value, const std::string& what) { visit(object, value, what); });
+  }
 }
 
-void check_textures(const json& root) {
-  for_each(root, "/materials", "materials", [](const json& material, const std::string& name) {
-    for (const char* place : texture_places) {
-      const json::json_pointer at(place);
-      if (!material.contains(at)) continue;
-      for (const Field& field : texture_fields) check_field(material.at(at), field, name + place);
+void check_members(const GltfObject& object, const json& value, const std::string& name) {
+  for (const auto& [member, kind] : object.members) {
+    const auto found = value.find(member);
+    if (kind.empty() || found == value.end()) continue;
+    const std::string what = (name.empty() ? "" : name + "/") + std::string(member);
+    if (kind == "texture") {
+      visit_rows(*found, texture_rows, what, check_members);
+    } else if (!matches(*found, kind)) {
+      ks::fail(KS_ERROR_FILE, "%s is %.60s, must be %s", what.c_str(), found->dump(-1, ' ', true, json::error_handler_t::replace).c_str(),
+               expected(kind).c_str());
     }
-  });
+  }
+}
+
+void check_accessors(const json& attributes, const std::string& name) {
+  if (!attributes.is_object()) ks::fail(KS_ERROR_FILE, "%s is not an object", name.c_str());
+  for (const auto& [key, accessor] : attributes.items())
+    if (!is_index(accessor)) ks::fail(KS_ERROR_FILE, "%s/%.40s must be an accessor's index", name.c_str(), key.c_str());
 }
 
 void check_primitives(const json& root) {
-  for_each(root, "/meshes", "meshes", [](const json& mesh, const std::string& mesh_name) {
-    for_each(mesh, "/primitives", mesh_name + "/primitives", [](const json& primitive, const std::string& name) {
-      for (const Field& field : primitive_fields) check_field(primitive, field, name);
-      if (!primitive.contains("attributes")) ks::fail(KS_ERROR_FILE, "%s/attributes is missing", name.c_str());
-      for (const auto& [key, accessor] : primitive["attributes"].items())
-        if (!is_index(accessor)) ks::fail(KS_ERROR_FILE, "%s/attributes/%.40s must be an accessor's index", name.c_str(), key.c_str());
-      for_each(primitive, "/targets", name + "/targets", [](const json& target, const std::string& target_name) {
-        if (!target.is_object()) ks::fail(KS_ERROR_FILE, "%s is not an object", target_name.c_str());
-        for (const auto& [key, accessor] : target.items())
-          if (!is_index(accessor)) ks::fail(KS_ERROR_FILE, "%s/%.40s must be an accessor's index", target_name.c_str(), key.c_str());
-      });
-    });
-  });
-}
-
-void check_animations(const json& root) {
-  for_each(root, "/animations", "animations", [](const json& animation, const std::string& animation_name) {
-    for_each(animation, "/channels", animation_name + "/channels", [](const json& channel, const std::string& name) {
-      for (const Field& field : channel_fields) check_field(channel, field, name);
-    });
-    for_each(animation, "/samplers", animation_name + "/samplers", [](const json& sampler, const std::string& name) {
-      for (const Field& field : sampler_fields) check_field(sampler, field, name);
-    });
+  constexpr std::string_view place[] = {"meshes", "*", "primitives", "*"};
+  descend(root, place, "", [](const json& primitive, const std::string& name) {
+    if (!primitive.contains("attributes")) ks::fail(KS_ERROR_FILE, "%s/attributes is missing", name.c_str());
+    check_accessors(primitive["attributes"], name + "/attributes");
+    constexpr std::string_view targets[] = {"targets", "*"};
+    descend(primitive, targets, name, check_accessors);
   });
 }
 
@@ -311,7 +211,8 @@ void check_animations(const json& root) {
 void check_views(const json& root) {
   const json none = json::array();
   const json& buffers = root.contains("buffers") ? root["buffers"] : none;
-  for_each(root, "/bufferViews", "bufferViews", [&](const json& view, const std::string& name) {
+  constexpr std::string_view place[] = {"bufferViews", "*"};
+  descend(root, place, "", [&](const json& view, const std::string& name) {
     if (!view.contains("buffer") || !view.contains("byteLength"))
       ks::fail(KS_ERROR_FILE, "%s has no buffer or no byteLength", name.c_str());
     const uint64_t buffer = view["buffer"], offset = view.value("byteOffset", uint64_t{0}), length = view["byteLength"];
@@ -360,13 +261,14 @@ json parse_gltf_json(std::string_view text) {
     ks::fail(KS_ERROR_FILE, "asset.version is missing: this is not a glTF file");
   const std::string number = root.at(version).get<std::string>();
   if (number.rfind("2.", 0) != 0) ks::fail(KS_ERROR_UNSUPPORTED, "asset.version is '%.20s', only glTF 2.x is read", number.c_str());
-  for (const Field& field : fields)
-    for_each(root, field.table, field.table + 1, [&](const json& element, const std::string& name) { check_field(element, field, name); });
-  check_textures(root);
+  visit_gltf_objects(root, check_members);
   check_primitives(root);
-  check_animations(root);
   check_views(root);
   return root;
+}
+
+void visit_gltf_objects(const json& root, const std::function<void(const GltfObject&, const json&, const std::string&)>& visit) {
+  visit_rows(root, rows, "", visit);
 }
 
 }  // namespace kuafu

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The geometry of an OBJ, PLY or STL file as a plain reader counts it. What assimp makes of the file is held against it: a vertex that a
+// The geometry of an OBJ, PLY or STL file as a plain reader counts it. What assimp makes of the file is compared with it: a vertex that a
 // reader drops moves every later index, and nothing else would tell.
 #pragma once
 
