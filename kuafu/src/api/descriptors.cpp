@@ -3,7 +3,6 @@
 
 #include <cstring>
 
-#include "api/fields.h"
 #include "device/error.h"
 #include "scene/matrix.h"
 #include "scene/validate.h"
@@ -74,12 +73,6 @@ Texture to_texture(const kuafu_texture_desc& desc) {
   return texture;
 }
 
-Material to_material(const kuafu_material_desc& desc) {
-  Material material;
-  copy_fields(desc, material);
-  return material;
-}
-
 Instance to_instance(const kuafu_instance_desc& desc) {
   Instance instance;
   copy_fields(desc, instance);
@@ -93,24 +86,6 @@ Light to_light(const kuafu_light_desc& desc) {
   copy_fields(desc, light);
   light.dots.dots = array<glm::vec3>(desc.dots, desc.dot_count, "dots");
   return light;
-}
-
-Environment to_environment(const kuafu_environment_desc& desc) {
-  Environment environment;
-  copy_fields(desc, environment);
-  return environment;
-}
-
-Medium to_medium(const kuafu_medium_desc& desc) {
-  Medium medium;
-  copy_fields(desc, medium);
-  return medium;
-}
-
-Camera to_camera(const kuafu_camera_desc& desc) {
-  Camera camera;
-  copy_fields(desc, camera);
-  return camera;
 }
 
 kuafu_material_desc to_desc(const Material& material) {

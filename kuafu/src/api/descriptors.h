@@ -2,8 +2,7 @@
 // The C API's plain structs into the scene's types and back. What they hold is validated by Scene, not here.
 #pragma once
 
-#include "kuafu/kuafu.h"
-#include "scene/scene.h"
+#include "api/fields.h"
 
 namespace kuafu {
 
@@ -13,12 +12,15 @@ std::vector<glm::vec3> to_vectors(const float* values, uint32_t count);
 Twist to_twist(const double* linear, const double* angular);
 Mesh to_mesh(const kuafu_mesh_desc& desc);
 Texture to_texture(const kuafu_texture_desc& desc);
-Material to_material(const kuafu_material_desc& desc);
 Instance to_instance(const kuafu_instance_desc& desc);
 Light to_light(const kuafu_light_desc& desc);
-Environment to_environment(const kuafu_environment_desc& desc);
-Medium to_medium(const kuafu_medium_desc& desc);
-Camera to_camera(const kuafu_camera_desc& desc);
+/// A Material, Environment, Medium or Camera, which is its struct's fields and no more.
+template <class Record, class Desc>
+Record copied(const Desc& desc) {
+  Record out;
+  copy_fields(desc, out);
+  return out;
+}
 
 /// `name` points into the argument.
 kuafu_material_desc to_desc(const Material& material);

@@ -64,7 +64,7 @@ glm::dmat4 read_previous_pose(const kuafu_view_desc& desc, const Camera& camera)
 }
 
 View read_view(const kuafu_view_desc& desc, uint32_t index, const Launch& launch) {
-  Camera camera = to_camera(desc.camera);
+  auto camera = copied<Camera>(desc.camera);
   camera.name = "views[" + std::to_string(index) + "]";
   check(camera);
   if (!same_lens(camera, launch)) check_undistortable(camera);

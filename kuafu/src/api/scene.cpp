@@ -78,7 +78,7 @@ const kuafu::RigAnimation& animation_of(const kuafu::Scene& scene, uint32_t id) 
 }
 
 kuafu::Material to_material(const kuafu_material_desc* desc) {
-  return kuafu::to_material(ks::read_struct(desc, KUAFU_TYPE_MATERIAL_DESC, "material desc"));
+  return kuafu::copied<kuafu::Material>(ks::read_struct(desc, KUAFU_TYPE_MATERIAL_DESC, "material desc"));
 }
 
 kuafu::Light to_light(const kuafu_light_desc* desc) { return kuafu::to_light(ks::read_struct(desc, KUAFU_TYPE_LIGHT_DESC, "light desc")); }
@@ -285,14 +285,15 @@ ks_status kuafu_scene_remove_light(kuafu_scene scene, uint32_t id) {
 
 ks_status kuafu_scene_set_environment(kuafu_scene scene, const kuafu_environment_desc* desc) {
   return ks::call([&] {
-    changeable(scene).set_environment(kuafu::to_environment(ks::read_struct(desc, KUAFU_TYPE_ENVIRONMENT_DESC, "environment desc")));
+    changeable(scene).set_environment(
+        kuafu::copied<kuafu::Environment>(ks::read_struct(desc, KUAFU_TYPE_ENVIRONMENT_DESC, "environment desc")));
   });
 }
 
 ks_status kuafu_scene_set_medium(kuafu_scene scene, const kuafu_medium_desc* desc) {
   return ks::call([&] {
     if (desc == nullptr) return changeable(scene).set_medium(std::nullopt);
-    changeable(scene).set_medium(kuafu::to_medium(ks::read_struct(desc, KUAFU_TYPE_MEDIUM_DESC, "medium desc")));
+    changeable(scene).set_medium(kuafu::copied<kuafu::Medium>(ks::read_struct(desc, KUAFU_TYPE_MEDIUM_DESC, "medium desc")));
   });
 }
 
