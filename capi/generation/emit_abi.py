@@ -9,7 +9,6 @@ from table import Struct, TableError, Tables
 from words import GENERATED, c_comment
 
 COUNTS = {"KS_MAX_DIMS": 5}
-PUBLIC = {"ks": "ks", "kuafu": "kuafu", "simsense": "simsense"}
 
 
 def check_no_padding(tables: Tables) -> None:
@@ -18,10 +17,8 @@ def check_no_padding(tables: Tables) -> None:
         *fields, (_, size, _) = layout(s, tables, COUNTS)
         name, at, length = fields[-1]
         if at + length != size:
-            raise TableError(
-                f"{s.source}: the struct ends in {size - at - length} bytes of padding after {name}: add a "
-                f"reserved field"
-            )
+            padding = f"{size - at - length} bytes of padding after {name}"
+            raise TableError(f"{s.source}: the struct ends in {padding}: add a reserved field")
 
 
 def _reserved(struct: Struct, tables: Tables) -> list[str]:
@@ -54,13 +51,8 @@ def struct_table(tables: Tables, library: str) -> str:
     for s in structs:
         reserved = _reserved(s, tables)
         value = f"{{{{{', '.join(reserved)}}}}}" if reserved else "{}"
-        text += [
-            "template <>",
-            f"struct StructInfo<{s.name}> {{",
-            f"  static constexpr std::array<ReservedBytes, {len(reserved)}> reserved = {value};",
-            "};",
-            "",
-        ]
+        member = f"  static constexpr std::array<ReservedBytes, {len(reserved)}> reserved = {value};"
+        text += ["template <>", f"struct StructInfo<{s.name}> {{", member, "};", ""]
     return "\n".join([*text, "}  // namespace ks", "", "// NOLINTEND(bugprone-sizeof-expression)", ""])
 
 
@@ -76,14 +68,8 @@ def struct_init(tables: Tables, library: str) -> str:
     for s in structs:
         arguments = ", ".join(_argument(s, name, tables) for name in s.init)
         text.append(f"      case {s.type_name}: return give(out, size_bytes, {s.name}_init({arguments}));")
-    text += [
-        "    }",
-        '    ks::fail(KS_ERROR_INVALID_ARGUMENT, "struct type 0x%x is not known to this library", type);',
-        "  });",
-        "}",
-        "",
-    ]
-    return "\n".join(text)
+    unknown = '    ks::fail(KS_ERROR_INVALID_ARGUMENT, "struct type 0x%x is not known to this library", type);'
+    return "\n".join([*text, "    }", unknown, "  });", "}", ""])
 
 
 def _argument(struct: Struct, name: str, tables: Tables) -> str:
@@ -97,10 +83,9 @@ def _argument(struct: Struct, name: str, tables: Tables) -> str:
 
 def layout_test(tables: Tables) -> str:
     """tests/capi/abi_layout_tables.c: size and offset of every field, for 64-bit targets."""
-    text = [c_comment(GENERATED.format("all files of that folder")), c_comment("Sizes and offsets of every field "
-                                                                               "of the public structs, on 64-bit "
-                                                                               "targets. A failure is a negative "
-                                                                               "array size."),
+    doc = "Sizes and offsets of every field of the public structs, on 64-bit targets. "
+    text = [c_comment(GENERATED.format("all files of that folder")),
+            c_comment(doc + "A failure is a negative array size."),
             "#include <stddef.h>", "", '#include "ks/effect.h"', '#include "kuafu/kuafu.h"',
             '#include "simsense/simsense.h"', "",
             "#define JOIN_EXPANDED(a, b) a##b", "#define JOIN(a, b) JOIN_EXPANDED(a, b)",
@@ -111,9 +96,6 @@ def layout_test(tables: Tables) -> str:
             "sizeof(((type*)0)->field) == (length))"]  # fmt: skip
     for s in tables.structs.values():
         *fields, (_, size, _) = layout(s, tables, COUNTS)
-        text += [
-            "",
-            f"SIZE({s.name}, {size});",
-            *(f"AT({s.name}, {name}, {at}, {length});" for name, at, length in fields),
-        ]
+        text += ["", f"SIZE({s.name}, {size});"]
+        text += [f"AT({s.name}, {name}, {at}, {length});" for name, at, length in fields]
     return "\n".join([*text, ""])

@@ -76,11 +76,8 @@ def _init(struct: Struct, embedded: frozenset[str]) -> list[str]:
     if struct.type_id is None and not struct.init and not assignments(struct, "s"):
         return []
     arguments = ", ".join(_declaration(struct[name]).rstrip(";") for name in struct.init) or "void"
-    out = [
-        f"static inline {struct.name} {struct.name}_init({arguments}) {{",
-        f"  {struct.name} s;",
-        "  memset(&s, 0, sizeof s);",
-    ]
+    head = f"static inline {struct.name} {struct.name}_init({arguments}) {{"
+    out = [head, f"  {struct.name} s;", "  memset(&s, 0, sizeof s);"]
     if struct.type_id is not None:
         out.append(f"  s.header = ks_header_make({struct.type_name}, KS_CAST(uint32_t, sizeof s));")
     return [*out, *(f"  {line}" for line in assignments(struct, "s", embedded=embedded)), "  return s;", "}"]

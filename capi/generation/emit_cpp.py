@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 
-from table import SCALARS, Field, Struct, Tables
+from table import Field, Struct, Tables
 from words import GENERATED, c_literal
 
 OFF = "// clang-format off"
@@ -14,6 +14,22 @@ OFF = "// clang-format off"
 def banner(*structs: Struct, note: str = "") -> list[str]:
     """The first lines of a generated C++ file."""
     return ["// " + GENERATED.format(", ".join(s.source for s in structs)), *([f"// {note}"] if note else []), OFF]
+
+
+def cpp_file(head: list[str], includes: list[str], body: list[str], namespace: str = "kuafu") -> str:
+    """A C++ file: its banner; what it includes, "" between blocks, "once" for a header; its body in a namespace."""
+    lines = ["#pragma once" if name == "once" else f"#include {name}" if name else "" for name in includes]
+    return "\n".join([*head, *lines, "", f"namespace {namespace} {{", *body, "", f"}}  // namespace {namespace}", ""])
+
+
+def check_functions(structs: list[Struct], copied: bool = False) -> list[str]:
+    """Definitions of check_fields, each after an empty line; copied: of the records."""
+    out = []
+    for s in structs:
+        name = (s.record or s.scene) if copied else s.name
+        lines = [f"  {line}" for line in checks(s, copied)]
+        out += ["", f"void check_fields(const {name}& s, const std::string& owner) {{", *lines, "}"]
+    return out
 
 
 def _bound(field: Field, value: float) -> str:
@@ -73,18 +89,17 @@ def checks(struct: Struct, copied: bool = False) -> list[str]:
 def simsense_fields_h(tables: Tables) -> str:
     """simsense/src/parameters/fields.h"""
     both = [tables.structs["simsense_parameters"], tables.structs["simsense_signal"]]
-    return "\n".join([
-        *banner(*both, note="Checks of every field by itself; what two fields mean together is checked where it "
-                            "matters."),
-        "#pragma once", "", "#include <string>", "", '#include "parameters/match_fields.h"',
-        '#include "simsense/simsense.h"', "",
-        "namespace simsense {", "",
+    note = "Checks of every field by itself; what two fields mean together is checked where it matters."
+    body = [
+        "",
         "/// Throws KS_ERROR_INVALID_ARGUMENT with the name, the value and the range of the first field that "
         "cannot be.",
         *(f"void check_fields(const {s.name}& s, const std::string& owner);" for s in both),
         "/// The matcher's part, which keeps its names.",
-        "MatchFields match_fields(const simsense_parameters& s);", "", "}  // namespace simsense", "",
-    ])  # fmt: skip
+        "MatchFields match_fields(const simsense_parameters& s);",
+    ]
+    includes = ["once", "", "<string>", "", '"parameters/match_fields.h"', '"simsense/simsense.h"']
+    return cpp_file(banner(*both, note=note), includes, body, "simsense")
 
 
 # Ids of the specialisation constants that all shaders of the matcher share; below are those of single shaders.
@@ -96,17 +111,17 @@ def simsense_match_fields_h(tables: Tables) -> str:
     struct = tables.structs["simsense_parameters"]
     fields = [f for f in struct.fields if f.match]
     constants = [f for f in fields if f.kernel]
-    return "\n".join([
-        *banner(struct, note="Parameters that reach the matcher as they are."),
-        "#pragma once", "", "#include <array>", "#include <cstdint>", "", "namespace simsense {", "",
-        "struct MatchFields {",
+    body = [
+        "", "struct MatchFields {",
         *(f"  {f.c_type} {f.name} = {c_literal(f.type, f.default)};" for f in fields),
         "  bool operator==(const MatchFields&) const = default;", "};", "",
         "/// The specialisation constants of shared/match_constants.glsl, from the first id on.",
         f"inline constexpr uint32_t first_match_constant = {FIRST_MATCH_CONSTANT};",
         f"inline std::array<uint32_t, {len(constants)}> match_constants(const MatchFields& m) {{",
-        "  return {" + ", ".join(_word(f) for f in constants) + "};", "}", "", "}  // namespace simsense", "",
-    ])  # fmt: skip
+        "  return {" + ", ".join(_word(f) for f in constants) + "};", "}",
+    ]  # fmt: skip
+    head = banner(struct, note="Parameters that reach the matcher as they are.")
+    return cpp_file(head, ["once", "", "<array>", "<cstdint>"], body, "simsense")
 
 
 def _word(field: Field) -> str:
@@ -132,21 +147,7 @@ def simsense_match_constants_glsl(tables: Tables) -> str:
 def simsense_fields_cpp(tables: Tables) -> str:
     """simsense/src/parameters/fields.cpp"""
     both = [tables.structs["simsense_parameters"], tables.structs["simsense_signal"]]
-    text = [*banner(*both), '#include "parameters/fields.h"', "", "#include <array>", "#include <cmath>", "",
-            '#include "device/field_check.h"', "", "namespace simsense {"]  # fmt: skip
-    for s in both:
-        text += [
-            "",
-            f"void check_fields(const {s.name}& s, const std::string& owner) {{",
-            *(f"  {line}" for line in checks(s)),
-            "}",
-        ]
-    copied = [f for f in both[0].fields if f.match]
-    text += ["", "MatchFields match_fields(const simsense_parameters& s) {", "  MatchFields m;"]
-    text += [f"  m.{f.name} = s.{f.name};" for f in copied]
-    return "\n".join([*text, "  return m;", "}", "", "}  // namespace simsense", ""])
-
-
-def scalar_kind(field: Field) -> str:
-    """The C++ type of one number of the field."""
-    return SCALARS[field.type][0]
+    body = [*check_functions(both), "", "MatchFields match_fields(const simsense_parameters& s) {", "  MatchFields m;"]
+    body += [f"  m.{f.name} = s.{f.name};" for f in both[0].fields if f.match]
+    includes = ['"parameters/fields.h"', "", "<array>", "<cmath>", "", '"device/field_check.h"']
+    return cpp_file(banner(*both), includes, [*body, "  return m;", "}"], "simsense")

@@ -145,7 +145,8 @@ def _type(field: Field, scalars: dict[str, str], pointer: str, tables: Tables) -
 def python_structs(tables: Tables, headers: dict[str, str]) -> str:
     """examples/clients/interface.py"""
     constants = _constants(headers)
-    out = ["# " + GENERATED.format("*.toml"), PYTHON_HEAD]
+    numbers = [f"{name} = {value}" for name, value in constants.items()]
+    out = ["# " + GENERATED.format("*.toml"), PYTHON_HEAD, *numbers, ""]
     for struct in _in_order(tables):
         out += ["", f"class {struct.name}(c.Structure):"]
         out += [f"    type_id = {struct.type_name}"] if struct.type_id is not None else []
@@ -155,9 +156,7 @@ def python_structs(tables: Tables, headers: dict[str, str]) -> str:
             count = _count(field, constants)
             fields.append(f'("{field.name}", {kind}{"" if count == 1 else f" * {count}"})')
         out += ["    _fields_ = [", *(f"        {text}," for text in fields), "    ]", ""]
-    at = 2
-    lines = [f"{name} = {value}" for name, value in constants.items()]
-    return "\n".join([*out[:at], *lines, "", *out[at:]])
+    return "\n".join(out)
 
 
 def rust_structs(tables: Tables, headers: dict[str, str]) -> str:
@@ -170,10 +169,7 @@ def rust_structs(tables: Tables, headers: dict[str, str]) -> str:
         for field in struct.fields:
             kind = _type(field, RUST, "*mut c_void" if not field.is_pointer else "*const c_void", tables)
             count = _count(field, constants)
-            out.append(
-                f"    pub {'r#' if field.name in RUST_WORDS else ''}{field.name}: "
-                f"{kind if count == 1 else f'[{kind}; {count}]'},"
-            )
+            out.append(f"    pub {_rust_name(field.name)}: {kind if count == 1 else f'[{kind}; {count}]'},")
         out += ["}", ""]
     for name, value in constants.items():
         out.append(f"pub const {name}: u32 = {value};")
@@ -186,18 +182,19 @@ def rust_structs(tables: Tables, headers: dict[str, str]) -> str:
 
 def _rust_function(function: Function, tables: Tables) -> str:
     """The declaration of a function of C, in Rust."""
-    parameters = (
-        []
-        if function.parameters == "void"
-        else [_rust_parameter(text, tables) for text in function.parameters.split(", ")]
-    )
+    given = [] if function.parameters == "void" else function.parameters.split(", ")
+    parameters = [_rust_parameter(text, tables) for text in given]
     result = "" if function.result == "void" else f" -> {_rust_type(function.result, tables)}"
     return f"    pub fn {function.name}({', '.join(parameters)}){result};"
 
 
 def _rust_parameter(text: str, tables: Tables) -> str:
     kind, name = text.rsplit(" ", 1)
-    return f"{'r#' if name in RUST_WORDS else ''}{name}: {_rust_type(kind, tables)}"
+    return f"{_rust_name(name)}: {_rust_type(kind, tables)}"
+
+
+def _rust_name(name: str) -> str:
+    return f"r#{name}" if name in RUST_WORDS else name
 
 
 def _rust_type(kind: str, tables: Tables) -> str:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from emit_cpp import banner, checks
+from emit_cpp import banner, check_functions, checks, cpp_file
 from table import Field, Struct, Tables
 from words import c_literal
 
@@ -17,8 +17,9 @@ VECTORS = {
     ("double", 2): "glm::dvec2",
     ("double", 3): "glm::dvec3",
 }
-# Ids count from 1 and 0 is none; in the records they are indices, and none is 0xffffffff.
 MATRICES = {(3, 3): "glm::dmat3", (4, 4): "glm::dmat4"}
+THROWS = "throws KS_ERROR_INVALID_ARGUMENT with the owner, the field, the value and what it must be."
+CHECKS = f"// Each field by itself: {THROWS}"
 
 
 def _records(tables: Tables) -> list[Struct]:
@@ -55,22 +56,17 @@ def _record_type(field: Field) -> str:
 
 
 def _record_default(field: Field) -> str:
-    if field.type == "text":
-        return ""
-    if field.type == "flag":
-        return " = true" if field.default else " = false"
-    if field.type == "choice":
-        return f" = {_enum(field)}::{field.default}"
-    if field.type in ("id", "index"):
-        return " = 0xffffffffu"
-    if field.type == "ks_lens":
+    """Ids count from 1 and 0 is none; in the records they are indices, and none is 0xffffffff."""
+    if field.type in ("text", "ks_lens"):
         return ""
     if field.shape:
         return "{1.0}"
     if field.count != 1:
         values = field.default if isinstance(field.default, list) else [field.default] * int(field.count)
         return "{" + ", ".join(c_literal(field.type, v) for v in values) + "}"
-    return f" = {c_literal(field.type, field.default)}"
+    special = {"flag": "true" if field.default else "false", "choice": f"{_enum(field)}::{field.default}",
+               "id": "0xffffffffu", "index": "0xffffffffu"}  # fmt: skip
+    return f" = {special.get(field.type) or c_literal(field.type, field.default)}"
 
 
 def _member(field: Field) -> list[str]:
@@ -85,95 +81,52 @@ def _member(field: Field) -> list[str]:
 
 def fields_h(tables: Tables) -> str:
     """kuafu/src/scene/fields.h"""
-    records = _records(tables)
-    text = [*banner(*records, note="The scene's records: what the public structs say, in the renderer's "
-                                   "types."), "#pragma once", "",
-            "#include <cmath>", "#include <cstdint>", "#include <glm/glm.hpp>", "#include <string>", "",
-            '#include "scene/distortion.h"', "", "namespace kuafu {", ""]  # fmt: skip
+    records, material = _records(tables), tables.structs["kuafu_material_desc"]
+    text = [""]
     for s in records:
-        text.append(f"struct {s.scene} {{")
-        for f in s.fields:
-            if f.copy and f.member == f.name:
-                text += _member(f)
-        text += ["};", ""]
-    text.append(
-        "// Each field by itself: throws KS_ERROR_INVALID_ARGUMENT with the owner, the field, the value and what "
-        "it must be."
-    )
-    text += [f"struct {s.record};" for s in _checked(tables) if s.record]
+        members = [line for f in s.fields if f.copy and f.member == f.name for line in _member(f)]
+        text += [f"struct {s.scene} {{", *members, "};", ""]
+    text += [CHECKS, *(f"struct {s.record};" for s in _checked(tables) if s.record)]
     text += [f"void check_fields(const {_record_of(s)}& s, const std::string& owner);" for s in _checked(tables)]
-    ids = [f.name for f in tables.structs["kuafu_material_desc"].fields if f.type == "id"]
-    text += ["", "/// Pointers to the fields of a material that name textures.", "template <class "
-                                                                                 "M>", "auto texture_ids(M& m) {",
-             f"  return std::array{{{', '.join('&m.' + name for name in ids)}}};", "}"]  # fmt: skip
-    text[text.index("#include <cmath>")] = "#include <array>\n#include <cmath>"
-    names = ", ".join(f"m.{f.name}" for f in tables.structs["kuafu_material_desc"].fields if f.copy)
-    text += ["", "/// visit(field) for every field of a material, in the table's order.", "template <class M, "
-                                                                                          "class Visit>",
-             "void for_each_field(M& m, Visit&& visit) {",
+    ids = ", ".join(f"&m.{f.name}" for f in material.fields if f.type == "id")
+    names = ", ".join(f"m.{f.name}" for f in material.fields if f.copy)
+    text += ["", "/// Pointers to the fields of a material that name textures.", "template <class M>",
+             "auto texture_ids(M& m) {", f"  return std::array{{{ids}}};", "}",
+             "", "/// visit(field) for every field of a material, in the table's order.",
+             "template <class M, class Visit>", "void for_each_field(M& m, Visit&& visit) {",
              "  const auto all = [&](auto&... fields) { (visit(fields), ...); };", f"  all({names});", "}"]  # fmt: skip
-    return "\n".join([*text, "", "}  // namespace kuafu", ""])
+    head = banner(*records, note="The scene's records: what the public structs say, in the renderer's types.")
+    includes = ["once", "", "<array>", "<cmath>", "<cstdint>", "<glm/glm.hpp>", "<string>", "", '"scene/distortion.h"']
+    return cpp_file(head, includes, text)
 
 
 def fields_cpp(tables: Tables) -> str:
     """kuafu/src/scene/fields.cpp"""
-    records = _checked(tables)
-    text = [
-        *banner(*records),
-        '#include "scene/fields.h"',
-        "",
-        '#include "device/field_check.h"',
-        '#include "scene/scene.h"',
-        "",
-        "namespace kuafu {",
-    ]
-    for s in records:
-        lines = checks(s, copied=True)
-        text += [
-            "",
-            f"void check_fields(const {_record_of(s)}& s, const std::string& owner) {{",
-            *(f"  {line}" for line in lines),
-            "}",
-        ]
-    return "\n".join([*text, "", "}  // namespace kuafu", ""])
+    includes = ['"scene/fields.h"', "", '"device/field_check.h"', '"scene/scene.h"']
+    return cpp_file(banner(*_checked(tables)), includes, check_functions(_checked(tables), copied=True))
 
 
 def _to_record(field: Field) -> str:
-    name, member = field.name, field.member
-    if field.type == "text":
-        return f'out.{member} = s.{name} == nullptr ? "" : s.{name};'
-    if field.type == "flag":
-        return f"out.{member} = s.{name} != 0;"
-    if field.type == "choice":
-        return f"out.{member} = static_cast<decltype(out.{member})>(s.{name});"
+    name, out = f"s.{field.name}", f"out.{field.member}"
     if field.shape:
-        return f"out.{member} = from_row_major<{field.shape[0]}>(s.{name});"
-    if field.type == "id":
-        return f"out.{member} = s.{name} - 1u;"
-    if field.type == "ks_lens":
-        return f"out.{member} = to_distortion(s.{name});"
+        return f"{out} = from_row_major<{field.shape[0]}>({name});"
     if field.count != 1:
-        return f"for (int i = 0; i < {field.count}; ++i) out.{member}[i] = s.{name}[i];"
-    return f"out.{member} = s.{name};"
+        return f"for (int i = 0; i < {field.count}; ++i) {out}[i] = {name}[i];"
+    values = {"text": f'{name} == nullptr ? "" : {name}', "flag": f"{name} != 0",
+              "choice": f"static_cast<decltype({out})>({name})", "id": f"{name} - 1u",
+              "ks_lens": f"to_distortion({name})"}  # fmt: skip
+    return f"{out} = {values.get(field.type, name)};"
 
 
 def _to_desc(field: Field) -> str:
-    name, member = field.name, field.member
-    if field.type == "text":
-        return f"out.{name} = s.{member}.c_str();"
-    if field.type == "flag":
-        return f"out.{name} = s.{member} ? 1 : 0;"
-    if field.type == "choice":
-        return f"out.{name} = static_cast<uint32_t>(s.{member});"
+    member, out = f"s.{field.member}", f"out.{field.name}"
     if field.shape:
-        return f"to_row_major<{field.shape[0]}>(s.{member}, out.{name});"
-    if field.type == "id":
-        return f"out.{name} = s.{member} + 1u;"
-    if field.type == "ks_lens":
-        return f"out.{name} = to_lens(s.{member});"
+        return f"to_row_major<{field.shape[0]}>({member}, {out});"
     if field.count != 1:
-        return f"for (int i = 0; i < {field.count}; ++i) out.{name}[i] = s.{member}[i];"
-    return f"out.{name} = s.{member};"
+        return f"for (int i = 0; i < {field.count}; ++i) {out}[i] = {member}[i];"
+    values = {"text": f"{member}.c_str()", "flag": f"{member} ? 1 : 0", "choice": f"static_cast<uint32_t>({member})",
+              "id": f"{member} + 1u", "ks_lens": f"to_lens({member})"}  # fmt: skip
+    return f"{out} = {values.get(field.type, member)};"
 
 
 def _ways(struct: Struct) -> list[tuple[str, str, Callable[[Field], str]]]:
@@ -185,49 +138,23 @@ def _ways(struct: Struct) -> list[tuple[str, str, Callable[[Field], str]]]:
 def copies_h(tables: Tables) -> str:
     """kuafu/src/api/fields.h"""
     copied, checked = _copied(tables), [s for s in tables.of("kuafu") if s.checked]
-    text = [*banner(*copied, *checked, note="Copies between the public structs and the scene's records. Text "
-                                            "that a struct points to is the record's."),
-            "#pragma once", "", '#include "kuafu/kuafu.h"', '#include "scene/scene.h"', "", "namespace kuafu {",
-            ""]  # fmt: skip
-    text += [f"void copy_fields(const {source}& s, {target}& out);" for s in copied for source, target, _ in _ways(s)]
-    text += [
-        "",
-        "// Each field by itself: throws KS_ERROR_INVALID_ARGUMENT with the owner, the field, the value and what "
-        "it must be.",
-    ]
-    text += [f"void check_fields(const {s.name}& s, const std::string& owner);" for s in checked]
-    return "\n".join([*text, "", "}  // namespace kuafu", ""])
+    note = "Copies between the public structs and the scene's records. Text that a struct points to is the record's."
+    text = [f"void copy_fields(const {source}& s, {target}& out);" for s in copied for source, target, _ in _ways(s)]
+    text += ["", CHECKS, *(f"void check_fields(const {s.name}& s, const std::string& owner);" for s in checked)]
+    includes = ["once", "", '"kuafu/kuafu.h"', '"scene/scene.h"']
+    return cpp_file(banner(*copied, *checked, note=note), includes, ["", *text])
 
 
 def copies_cpp(tables: Tables) -> str:
     """kuafu/src/api/fields.cpp"""
     copied, checked = _copied(tables), [s for s in tables.of("kuafu") if s.checked]
-    text = [
-        *banner(*copied, *checked),
-        '#include "api/fields.h"',
-        "",
-        '#include "api/lens.h"',
-        '#include "device/field_check.h"',
-        '#include "scene/matrix.h"',
-        "",
-        "namespace kuafu {",
-    ]
+    text = []
     for s in copied:
         for source, target, line in _ways(s):
-            text += [
-                "",
-                f"void copy_fields(const {source}& s, {target}& out) {{",
-                *(f"  {line(f)}" for f in s.fields if f.copy and not f.reserved),
-                "}",
-            ]
-    for s in checked:
-        text += [
-            "",
-            f"void check_fields(const {s.name}& s, const std::string& owner) {{",
-            *(f"  {line}" for line in checks(s)),
-            "}",
-        ]
-    return "\n".join([*text, "", "}  // namespace kuafu", ""])
+            lines = [f"  {line(f)}" for f in s.fields if f.copy and not f.reserved]
+            text += ["", f"void copy_fields(const {source}& s, {target}& out) {{", *lines, "}"]
+    includes = ['"api/fields.h"', "", '"api/lens.h"', '"device/field_check.h"', '"scene/matrix.h"']
+    return cpp_file(banner(*copied, *checked), includes, text + check_functions(checked))
 
 
 def extras_h(tables: Tables) -> str:
@@ -240,69 +167,49 @@ def extras_h(tables: Tables) -> str:
         "flags": [f for f in fields if f.type == "flag"],
         "textures": [f for f in fields if f.type == "id"],
     }
-    text = [*banner(struct, note="Fields that a glTF material's extras may have, under their names."),
-            "#pragma once", "", "#include <array>", "#include <utility>", "", '#include "scene/fields.h"', "",
-            "namespace kuafu {"]  # fmt: skip
+    text = []
     for kind, members in kinds.items():
         pairs = ", ".join(f'std::pair{{"{f.name}", &m.{f.name}}}' for f in members)
         text += ["", f"inline auto extras_{kind}(MaterialFields& m) {{", f"  return std::array{{{pairs}}};", "}"]
-    return "\n".join([*text, "", "}  // namespace kuafu", ""])
+    head = banner(struct, note="Fields that a glTF material's extras may have, under their names.")
+    return cpp_file(head, ["once", "", "<array>", "<utility>", "", '"scene/fields.h"'], text)
 
 
 def extras_schema(tables: Tables) -> str:
-    """kuafu/import/material_extras.inc: rows of gltf_schema.cpp's table"""
+    """kuafu/import/material_extras.inc: a row of gltf_schema.cpp's table"""
     struct = tables.structs["kuafu_material_desc"]
+    kinds = {f.name: "texture" if f.type == "id" else "number" if f.count == 1 else f"number[{f.count}]"
+             for f in struct.fields if f.extras}  # fmt: skip
+    members = " ".join(f"{name}:{kind}" for name, kind in kinds.items())
     text = banner(struct, note="What a glTF material's extras must be, for the table of gltf_schema.cpp.")
-    for f in struct.fields:
-        if not f.extras:
-            continue
-        at = f'{{"/materials", "/extras/{f.name}", Kind::'
-        if f.type == "id":
-            text += [at + "object},", f'{{"/materials", "/extras/{f.name}/index", Kind::index}},']
-        else:
-            text.append(at + ("number}," if f.count == 1 else f"numbers, {f.count}}},"))
-    return "\n".join([*text, ""])
+    return "\n".join([*text, f'{{"/materials/*/extras", "{members} ..."}},', ""])
 
 
 def python_fields_h(tables: Tables) -> str:
     """python/kuafu/fields.h"""
     records = [s for s in tables.of("kuafu") if s.python]
-    text = [*banner(*records, note="The fields of the records as properties, under their C names."), "#pragma once", "",
-            '#include "properties.h"', "", "namespace ks_python {"]  # fmt: skip
+    text = []
     for s in records:
-        text += ["", f"inline void bind_fields(py::class_<{s.python}>& type) {{", f"  using S = {s.name};"]
-        for f in s.fields:
-            if f.python and f.type != "text":
-                text.append(f"  {_property(s, f)}")
-        text.append("}")
-    return "\n".join([*text, "", "}  // namespace ks_python", ""])
+        fields = [f"  {_property(s, f)}" for f in s.fields if f.python and f.type != "text"]
+        head = f"inline void bind_fields(py::class_<{s.name if s.answer else s.python}>& type) {{"
+        text += ["", head, f"  using S = {s.name};", *fields, "}"]
+    note = "The fields of the records as properties, under their C names."
+    return cpp_file(banner(*records, note=note), ["once", "", '"properties.h"'], text, "ks_python")
 
 
 def _property(struct: Struct, f: Field) -> str:
-    doc = f.doc.replace("NAN", "None").replace('"', "'")
-    if f.unit:
-        doc += f" In {f.unit}."
-    if f.nan:
-        doc += f" None = {f.nan.replace('NAN', 'None')}."
+    doc = f'doc("{struct.python}.{"lens_model" if f.type == "ks_lens" else f.name}")'
     member = f'type, "{f.name}", &S::{f.name}'
+    if struct.answer:
+        return f"answer({member}, {doc});"
     if f.type == "ks_lens":
-        return f'lens(type, &S::{f.name}, "{doc}");'
+        return f"lens(type, &S::{f.name}, {doc});"
     if f.values:
         names = ", ".join(f'"{v}"' for v in f.values)
-        return f'named({member}, std::array<std::string_view, {len(f.values)}>{{{names}}}, {f.first}, "{doc}");'
-    kind = (
-        "maybe"
-        if f.nan or f.none
-        else "id"
-        if f.type == "id"
-        else "flag"
-        if f.type == "flag"
-        else "square"
-        if f.shape
-        else "vector"
-        if f.count != 1
-        else "scalar"
-    )
-    return f'{kind}({member}, "{doc}");'
+        return f'named({member}, std::array<std::string_view, {len(f.values)}>{{{names}}}, {f.first}, {doc});'
+    kinds = (("maybe", f.nan or f.none), ("id", f.type == "id"), ("flag", f.type == "flag"), ("square", f.shape),
+             ("vector", f.count != 1))  # fmt: skip
+    kind = next((name for name, holds in kinds if holds), "scalar")
+    return f"{kind}({member}, {doc});"
 
 

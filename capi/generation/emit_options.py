@@ -8,7 +8,7 @@ import dataclasses
 import math
 import textwrap
 
-from emit_cpp import banner
+from emit_cpp import banner, cpp_file
 from table import Field, Struct, Tables
 from words import GENERATED, WIDTH, number, python_words, range_text
 
@@ -21,9 +21,8 @@ def named(struct: Struct) -> Struct:
     )
 
 
-def _fields_h(name: str, structs: dict[str, Struct], include: str, documented: str | None = None) -> str:
-    text = [*banner(*structs.values(), note=f"{name}: fields by name."), "#pragma once", "",
-            '#include "bindings/named_fields.h"', f'#include "{include}"', "", "namespace ks_python {"]  # fmt: skip
+def _fields_h(name: str, structs: dict[str, Struct], include: str) -> str:
+    text = []
     for variable, s in structs.items():
         text += ["", f"inline const Field<{s.name}> {variable}_fields[] = {{"]
         for f in named(s).fields:
@@ -35,8 +34,8 @@ def _fields_h(name: str, structs: dict[str, Struct], include: str, documented: s
             for given in filter(None, (f.name, f.short)):
                 text.append(f'    {{"{given}", &{s.name}::{f.name}, Field<{s.name}>::Kind::{kind}, {names}{one}}},')
         text.append("};")
-    text += _doc_h(documented, structs[documented]) if documented else []
-    return "\n".join([*text, "", "}  // namespace ks_python", ""])
+    head = banner(*structs.values(), note=f"{name}: fields by name.")
+    return cpp_file(head, ["once", "", '"bindings/named_fields.h"', f'"{include}"'], text, "ks_python")
 
 
 def options_doc(struct: Struct, width: int) -> list[str]:
@@ -49,17 +48,6 @@ def options_doc(struct: Struct, width: int) -> list[str]:
     return lines
 
 
-def _doc_h(variable: str, struct: Struct) -> list[str]:
-    """The same as a string of C++."""
-    quoted = [line.replace("\\", "\\\\").replace('"', '\\"') for line in options_doc(struct, 110)]
-    return [
-        "",
-        f"inline constexpr const char* {variable}_doc =",
-        *(f'    "{line}\\n"' for line in quoted[:-1]),
-        f'    "{quoted[-1]}";',
-    ]
-
-
 def simsense_fields_h(tables: Tables) -> str:
     """python/simsense/fields.h"""
     names = {"parameter": "simsense_parameters", "signal": "simsense_signal", "rig": "simsense_rig_desc"}
@@ -70,7 +58,7 @@ def kuafu_options_h(tables: Tables) -> str:
     """python/kuafu/options.h"""
     names = {"renderer": "kuafu_renderer_desc", "render": "kuafu_render_desc"}
     structs = {key: tables.structs[name] for key, name in names.items()}
-    return _fields_h("Options of a renderer and of a render", structs, "kuafu_api.h", documented="render")
+    return _fields_h("Options of a renderer and of a render", structs, "kuafu_api.h")
 
 
 def literal(field: Field) -> str:

@@ -30,15 +30,8 @@ def _row(field: Field) -> str:
 def _section(struct: Struct) -> list[str]:
     reach = [f"Reachable in: {struct.reach}.", ""] if struct.reach else []
     head = ["| field | type | range | unit | default | what it is |", "|--|--|--|--|--|--|"]
-    return [
-        f"## {struct.name}",
-        _plain(struct.doc),
-        "",
-        *reach,
-        *head,
-        *(_row(f) for f in struct.fields if not f.reserved),
-        "",
-    ]
+    rows = [_row(f) for f in struct.fields if not f.reserved]
+    return [f"## {struct.name}", _plain(struct.doc), "", *reach, *head, *rows, ""]
 
 
 def page(tables: Tables) -> str:

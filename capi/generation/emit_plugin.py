@@ -3,18 +3,10 @@
 
 from __future__ import annotations
 
+from emit_ffi import CTYPES
 from table import Field, Struct, Tables
 from words import GENERATED
 
-SCALARS = {
-    "flag": "c_uint32",
-    "choice": "c_uint32",
-    "uint32": "c_uint32",
-    "uint64": "c_uint64",
-    "double": "c_double",
-    "float": "c_float",
-    "text": "c_char_p",
-}
 # The one function type: ks/effect.h has it beside the structs.
 APPLY = """\
 Apply = c.CFUNCTYPE(
@@ -34,31 +26,22 @@ def _ctype(field: Field, tables: Tables) -> str:
         return "Apply"
     if field.is_pointer:
         return f"c.POINTER({_name(target)})" if target in tables.structs else "c.c_void_p"
-    kind = f"c.{SCALARS[field.type]}"
+    kind = f"c.{CTYPES[field.c_type]}"
     return kind if field.count == 1 else f"{kind} * {field.count}"
 
 
 def _class(struct: Struct, tables: Tables) -> list[str]:
-    header = ['        ("header", Header),'] if struct.type_id is not None else []
-    text = [
-        "",
-        "",
-        f"class {_name(struct.name)}(c.Structure):",
-        f'    """{struct.name}"""',
-        "",
-        "    _fields_ = [",
-        *header,
-    ]
-    text += [f'        ("{f.name}", {_ctype(f, tables)}),' for f in struct.fields]
-    return [*text, "    ]"]
+    fields = [("header", "Header")] if struct.type_id is not None else []
+    fields += [(f.name, _ctype(f, tables)) for f in struct.fields]
+    head = ["", "", f"class {_name(struct.name)}(c.Structure):", f'    """{struct.name}"""', "", "    _fields_ = ["]
+    return [*head, *(f'        ("{name}", {kind}),' for name, kind in fields), "    ]"]
 
 
 def records(tables: Tables) -> str:
     """python/activestereo/effects/core/plugin_records.py"""
     structs = [s for s in tables.structs.values() if s.plugin]
-    text = ["# " + GENERATED.format("ks_effect*.toml"), '"""The structs of ks/effect.h: numbers of their types, '
-                                                        'names of their choices, and how they lie."""',
-            "", "import ctypes as c", ""]  # fmt: skip
+    doc = "The structs of ks/effect.h: numbers of their types, names of their choices, and how they lie."
+    text = ["# " + GENERATED.format("ks_effect*.toml"), f'"""{doc}"""', "", "import ctypes as c", ""]
     text += [f"{s.type_name.removeprefix('KS_')} = 0x{s.type_id:02x}" for s in structs if s.type_id is not None]
     for f in (f for s in structs for f in s.fields if f.values):
         names = ", ".join(f'"{name}"' for name in f.values)

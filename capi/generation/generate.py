@@ -24,6 +24,13 @@ from table import FOLDER, TableError, Tables, read_tables
 from words import licensed
 
 ROOT = FOLDER.parents[1]
+LIBRARIES = ("kuafu", "simsense")
+
+
+def stub(tables: Tables, library: str) -> str:
+    """python/<library>/_<library>.pyi"""
+    sources = (ROOT / f"python/{library}/_{library}.pyi.in", ROOT / "python/bindings/shared.pyi.in")
+    return emit_python.stub(tables, library, *(path.read_text() for path in sources))
 
 
 def outputs(tables: Tables) -> dict[str, str]:
@@ -31,11 +38,8 @@ def outputs(tables: Tables) -> dict[str, str]:
     embedded = emit_c.embedded_structs(tables)
     files = {f"capi/include/{entry.path}": emit_c.header(entry, embedded) for entry in tables.headers}
     emit_abi.check_no_padding(tables)
-    for library in ("kuafu", "simsense"):
-        sources = (ROOT / f"python/{library}/_{library}.pyi.in", ROOT / "python/bindings/shared.pyi.in")
-        files[f"python/{library}/_{library}.pyi"] = emit_python.stub(
-            tables, library, *(path.read_text() for path in sources)
-        )
+    for library in LIBRARIES:
+        files[f"python/{library}/_{library}.pyi"] = stub(tables, library)
     callers = [f"capi/include/{entry.path}" for entry in tables.headers if not any(s.plugin for s in entry.structs)]
     headers = {path: files[path] for path in callers}
     return files | {
@@ -51,7 +55,8 @@ def outputs(tables: Tables) -> dict[str, str]:
 def build_outputs(tables: Tables) -> dict[str, str]:
     """Path from the build's folder of generated files: text, of every file that only the build needs."""
     files = emit_shader.records(tables)
-    for library in ("kuafu", "simsense"):
+    for library in LIBRARIES:
+        files[f"python/{library}/docs.h"] = emit_python.docs_h(library, stub(tables, library))
         files[f"{library}/src/api/struct_table.h"] = emit_abi.struct_table(tables, library)
         files[f"{library}/src/api/struct_init.cpp"] = emit_abi.struct_init(tables, library)
         files[f"{library}/src/api/api_table.cpp"] = make_api_table.source(library)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -29,15 +29,6 @@ SCALARS = {
     "index": ("uint32_t", 4),  # counts from 0; `none` (a constant's name) is none
     "text": ("const char*", 8),
 }
-FIELD_KEYS = set(
-    "type doc count shape default range above allowed zero_means unit group values prefix first none nan "
-    "config match kernel pair"
-    " python extras check reserved copy option short one member shader".split()
-)
-STRUCT_KEYS = set(
-    "struct type_id doc what reach init fields python scene record read_back checked plugin embedded "
-    "shader derived steps".split()
-)
 
 
 class TableError(Exception):
@@ -97,6 +88,9 @@ class Field:
         }
 
 
+FIELD_KEYS = {f.name for f in fields(Field)} - {"name"}
+
+
 @dataclass
 class Struct:
     """One public struct."""
@@ -110,6 +104,7 @@ class Struct:
     reach: str = ""
     init: tuple[str, ...] = ()
     python: str = ""
+    answer: bool = False  # the library gives it: Python only reads its fields
     scene: str = ""  # name of the record that is made of its fields
     record: str = ""  # name of the record that they are copied to, where that is written by hand
     read_back: bool = True  # and from
@@ -131,6 +126,9 @@ class Struct:
 
     def __getitem__(self, name: str) -> Field:
         return next(f for f in self.fields if f.name == name)
+
+
+STRUCT_KEYS = {f.name for f in fields(Struct)} - {"name", "source"} | {"struct"}
 
 
 def _require(condition: bool, source: str, name: str, text: str) -> None:
@@ -189,29 +187,12 @@ def read_struct(path: Path) -> Struct:
     _require(
         not unknown, path.name, "struct", f"unknown keys {sorted(unknown)} (known: {' '.join(sorted(STRUCT_KEYS))})"
     )
-    fields = [_read_field(path.name, name, entry) for name, entry in data["fields"].items()]
-    rest = {
-        key: data[key]
-        for key in (
-            "type_id",
-            "what",
-            "reach",
-            "python",
-            "scene",
-            "record",
-            "read_back",
-            "checked",
-            "plugin",
-            "embedded",
-            "shader",
-            "derived",
-            "steps",
-        )
-        if key in data
+    read = {
+        "doc": " ".join(data["doc"].split()),
+        "fields": [_read_field(path.name, name, entry) for name, entry in data["fields"].items()],
+        "init": tuple(data.get("init", ())),
     }
-    return Struct(
-        data["struct"], " ".join(data["doc"].split()), fields, path.name, init=tuple(data.get("init", ())), **rest
-    )
+    return Struct(name=data.pop("struct"), source=path.name, **data | read)
 
 
 @dataclass
@@ -221,7 +202,7 @@ class Header:
     path: str
     doc: str
     structs: list[Struct]
-    includes: list[str]
+    includes: list[str] = field(default_factory=list)
     text: str = ""  # declarations before the constants and the structs
     after: str = ""  # and after them
 
@@ -250,17 +231,8 @@ def read_tables() -> Tables:
         for name in entry["structs"]:
             _require(name in found, "headers.toml", path, f"there is no {name}.toml")
             structs[name] = found.pop(name)
-        members = [structs[name] for name in entry["structs"]]
-        headers.append(
-            Header(
-                path,
-                entry["doc"].strip(),
-                members,
-                entry.get("includes", []),
-                entry.get("text", "").strip(),
-                entry.get("after", "").strip(),
-            )
-        )
+        prose = {key: entry[key].strip() for key in ("doc", "text", "after") if key in entry}
+        headers.append(Header(path, **entry | prose | {"structs": [structs[name] for name in entry["structs"]]}))
     _require(not found, "headers.toml", ", ".join(found), "no header has this struct")
     ids = [s.type_id for s in structs.values() if s.type_id is not None]
     _require(len(ids) == len(set(ids)), "headers.toml", "type_id", "two structs share one")

@@ -28,13 +28,9 @@ def number(value: float) -> str:
     """Shortest text, as %g has it where that is exact: 16, 0.0625, 1e+12."""
     if math.isinf(value):
         return "inf" if value > 0 else "-inf"
-    return (
-        str(int(value))
-        if value == int(value) and abs(value) < 1e9
-        else f"{value:g}"
-        if float(f"{value:g}") == value
-        else repr(value)
-    )
+    if value == int(value) and abs(value) < 1e9:
+        return str(int(value))
+    return f"{value:g}" if float(f"{value:g}") == value else repr(value)
 
 
 def c_literal(kind: str, value: object) -> str:
@@ -107,13 +103,8 @@ def sentence(field: Field) -> str:
 
 def python_words(text: str) -> str:
     """A doc with C's constants as Python names them: KUAFU_DENOISE_ATROUS is atrous."""
-    for c, python in (
-        ("KUAFU_ALL_ENVIRONMENTS", "None"),
-        ("NULL", "None"),
-        ("NAN", "None"),
-        ("INFINITY", "inf"),
-        ('"', "'"),
-    ):
+    words = {"KUAFU_ALL_ENVIRONMENTS": "None", "NULL": "None", "NAN": "None", "INFINITY": "inf", '"': "'"}
+    for c, python in words.items():
         text = text.replace(c, python)
     return re.sub(r"\b(?:KUAFU|SIMSENSE)_[A-Z]+_([A-Z][A-Z_]+)\b", lambda found: found[1].lower(), text)
 
@@ -123,9 +114,6 @@ def c_comment(text: str, indent: str = "") -> str:
     one = f"{indent}/* {text} */"
     if len(one) <= WIDTH and "\n" not in text:
         return one
-    lines: list[str] = []
-    for paragraph in text.split("\n"):
-        lines += textwrap.wrap(paragraph, WIDTH - len(indent) - 3, break_long_words=False, break_on_hyphens=False) or [
-            ""
-        ]
+    wrapper = textwrap.TextWrapper(WIDTH - len(indent) - 3, break_long_words=False, break_on_hyphens=False)
+    lines = [line for paragraph in text.split("\n") for line in wrapper.wrap(paragraph) or [""]]
     return "\n".join(line.rstrip() for line in (f"{indent}/* " + f"\n{indent} * ".join(lines) + " */").split("\n"))

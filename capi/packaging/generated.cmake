@@ -12,7 +12,7 @@ endfunction()
 find_program(KS_GENERATOR_PYTHON NAMES python3 python3.11 python3.12 python3.13 PATHS /usr/bin VALIDATOR ks_reads_toml REQUIRED
              DOC "Python 3.11 or newer, which writes sources from tables")
 file(GLOB generator CONFIGURE_DEPENDS ${capi}/generation/*.py ${capi}/generation/tables/*.toml
-     ${capi}/include/*/*.h)
+     ${capi}/include/*/*.h ${capi}/../python/*/*.pyi.in)
 set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${generator})
 execute_process(COMMAND ${KS_GENERATOR_PYTHON} -B ${capi}/generation/generate.py --build ${KS_GENERATED}
                 OUTPUT_QUIET COMMAND_ERROR_IS_FATAL ANY)

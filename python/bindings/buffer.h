@@ -192,17 +192,16 @@ template <class Api>
 void bind_buffer_desc(py::module_& module) {
   using Desc = BufferDesc<Api>;
   const auto bytes16 = [](const uint8_t* uuid) { return py::bytes(reinterpret_cast<const char*>(uuid), 16); };
-  py::class_<Desc>(module, "BufferDesc",
-                   "An exported buffer, to be imported by the other library. Closes its file descriptor when it is deleted, or by close().")
+  py::class_<Desc>(module, "BufferDesc", doc("BufferDesc"))
       .def_property_readonly("memory", [](const Desc& d) { return memory_name(d.c.memory); })
       .def_property_readonly("memory_type_index", [](const Desc& d) { return d.c.memory_type_index; })
       .def_property_readonly(
           "handle",
           [](const Desc& d) {  // a closed descriptor's number may be another file's by now
-            if (d.c.memory == KS_MEMORY_OPAQUE_FD && !d.open) raise_argument<Api>("this description was closed: export the buffer anew");
+            if (d.c.memory == KS_MEMORY_OPAQUE_FD && !d.open) raise_argument<Api>("this description was closed: export the buffer again");
             return d.c.handle;
           },
-          "File descriptor, until close(), or address.")
+          doc("BufferDesc.handle"))
       .def_property_readonly("allocation_bytes", [](const Desc& d) { return d.c.allocation_bytes; })
       .def_property_readonly("offset_bytes", [](const Desc& d) { return d.c.offset_bytes; })
       .def_property_readonly("size_bytes", [](const Desc& d) { return d.c.size_bytes; })
@@ -219,15 +218,14 @@ void bind_buffer(py::module_& module) {
   bind_buffer_desc<Api>(module);
   using B = Buffer<Api>;
   using Shared = std::shared_ptr<B>;
-  py::class_<B, Shared> buffer(module, "Buffer", py::buffer_protocol(),
-                               "Memory of a device. Host-visible ones are seen by numpy.asarray() and DLPack as uint8 without a copy.");
+  py::class_<B, Shared> buffer(module, "Buffer", py::buffer_protocol(), doc("Buffer"));
   buffer
       .def(py::init<std::shared_ptr<Device<Api>>, uint64_t, bool, bool>(), py::arg("device").none(false), py::arg("size_bytes"),
            py::kw_only(), py::arg("exportable") = false, py::arg("host_visible") = true)
       .def_static(
           "import_",
           [](std::shared_ptr<Device<Api>> device, const py::object& desc) { return std::make_shared<B>(std::move(device), desc); },
-          py::arg("device").none(false), py::arg("desc"), "The memory that another library exported; desc is its BufferDesc.")
+          py::arg("device").none(false), py::arg("desc"), doc("Buffer.import_"))
       .def_property_readonly("size_bytes", &B::size_bytes)
       .def(
           "export",
@@ -238,15 +236,15 @@ void bind_buffer(py::module_& module) {
             desc.exporter = py::cast(self);
             return desc;
           },
-          py::arg("memory") = "opaque_fd", "memory: 'opaque_fd' (needs exportable) or 'host' (needs host_visible).")
-      .def("write", &B::write, py::arg("data"), py::arg("offset_bytes") = 0, "Copies contiguous data in.")
-      .def("read", &B::read, py::arg("size_bytes") = py::none(), py::arg("offset_bytes") = 0, "Copies bytes out, as uint8.")
+          py::arg("memory") = "opaque_fd", doc("Buffer.export"))
+      .def("write", &B::write, py::arg("data"), py::arg("offset_bytes") = 0, doc("Buffer.write"))
+      .def("read", &B::read, py::arg("size_bytes") = py::none(), py::arg("offset_bytes") = 0, doc("Buffer.read"))
       .def(
           "image",
           [](const Shared& self, const py::object& dtype, const std::vector<uint64_t>& shape, uint64_t offset_bytes) {
             return make_image<Api>(self, format_of<Api>(py::dtype::from_args(dtype)), shape, offset_bytes);
           },
-          py::arg("dtype"), py::arg("shape"), py::arg("offset_bytes") = 0, "A packed view of the buffer.")
+          py::arg("dtype"), py::arg("shape"), py::arg("offset_bytes") = 0, doc("Buffer.image"))
       .def_buffer([](B& b) {
         const py::ssize_t size = b.address() ? static_cast<py::ssize_t>(b.size_bytes()) : 0;
         return py::buffer_info(static_cast<uint8_t*>(b.address()), size);
@@ -255,19 +253,15 @@ void bind_buffer(py::module_& module) {
   bind_array_protocols<Api>(buffer, [](const py::object& self) { return bytes_of<Api>(py::cast<Shared>(self)); });
 
   using I = Image<Api>;
-  py::class_<I> image(module, "Image", "A view of a Buffer as an array; numpy.asarray() and DLPack see it without a copy.");
+  py::class_<I> image(module, "Image", doc("Image"));
   bind_array_protocols<Api>(image, [](const py::object& self) { return py::cast<I>(self); });
-  image
-      .def_static(
-          "from_dlpack", &image_of_array<Api>, py::arg("device").none(false), py::arg("array"),
-          "An array of another library (NumPy, PyTorch on the CPU, ...), in host memory, as an image: the same memory, no copy. The\n"
-          "device must import host pointers. ArgumentError where the array is on a GPU, read-only, empty or of other elements.")
+  image.def_static("from_dlpack", &image_of_array<Api>, py::arg("device").none(false), py::arg("array"), doc("Image.from_dlpack"))
       .def_property_readonly("buffer", [](const I& i) { return i.buffer; })
       .def_property_readonly("shape",
                              [](const I& i) { return py::tuple(py::cast(std::vector<uint64_t>(i.c.shape, i.c.shape + i.c.dim_count))); })
       .def_property_readonly("dtype", [](const I& i) { return dtype_of(i.c.format); })
       .def_property_readonly("offset_bytes", [](const I& i) { return i.c.offset_bytes; })
-      .def("array", &I::array, "The view as a numpy array, without a copy.");
+      .def("array", &I::array, doc("Image.array"));
 }
 
 }  // namespace ks_python

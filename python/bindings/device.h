@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "bindings/convert.h"
+#include "docs.h"
 
 namespace ks_python {
 
@@ -137,11 +138,11 @@ template <class Api>
 void bind_device(py::module_& module) {
   using Info = DeviceInfo<Api>;
   const auto bytes16 = [](const uint8_t* uuid) { return py::bytes(reinterpret_cast<const char*>(uuid), 16); };
-  py::class_<Info>(module, "DeviceInfo", "Properties of a device.")
+  py::class_<Info>(module, "DeviceInfo", doc("DeviceInfo"))
       .def_property_readonly("name", [](const Info& i) { return std::string(i.c.name); })
       .def_property_readonly("driver", [](const Info& i) { return std::string(i.c.driver); })
       .def_property_readonly(
-          "refused", [](const Info& i) { return std::string(i.c.refused); }, "Why it cannot be used; empty when it can.")
+          "refused", [](const Info& i) { return std::string(i.c.refused); }, doc("DeviceInfo.refused"))
       .def_property_readonly("device_uuid", [=](const Info& i) { return bytes16(i.c.device_uuid); })
       .def_property_readonly("driver_uuid", [=](const Info& i) { return bytes16(i.c.driver_uuid); })
       .def_property_readonly("index", [](const Info& i) { return i.c.index; })
@@ -158,21 +159,14 @@ void bind_device(py::module_& module) {
            [](const Info& i) { return "<DeviceInfo " + std::to_string(i.c.index) + " '" + i.c.name + "' " + kind_name(i.c.kind) + ">"; });
 
   using D = Device<Api>;
-  py::class_<D, std::shared_ptr<D>>(module, "Device", "A device the library runs on.")
+  py::class_<D, std::shared_ptr<D>>(module, "Device", doc("Device"))
       .def(py::init<const py::object&, uint32_t, bool, const py::object&, const std::optional<std::string>&>(), py::arg("select") = "auto",
            py::kw_only(), py::arg("worker_count") = 0, py::arg("validation") = false, py::arg("log") = py::none(),
-           py::arg("cache_directory") = py::none(),
-           "select: 'auto', 'cpu', 'host', an index of enumerate(), or 16 bytes of device UUID. worker_count: host threads, 0 = one per "
-           "core.\n"
-           "log(level: int, text: str) hears what the library has to say; None = Python's logging, the logger of the module's name, which "
-           "shows\n"
-           "warnings. cache_directory: for compiled pipelines; None = the user's cache "
-           "folder,\n'' = keep none. Raises NoDeviceError.")
-      .def_static("enumerate", &D::enumerate, "Every Vulkan device, usable or not.")
+           py::arg("cache_directory") = py::none(), doc("Device.__init__"))
+      .def_static("enumerate", &D::enumerate, doc("Device.enumerate"))
       .def_property_readonly("info", &D::info)
-      .def_property_readonly("copied_bytes", &D::copied_bytes,
-                             "Bytes copied between buffers, or between host memory and buffers, since the device was created.")
-      .def_property_readonly("allocated_bytes", &D::allocated_bytes, "Bytes of memory that this device's buffers hold now.");
+      .def_property_readonly("copied_bytes", &D::copied_bytes, doc("Device.copied_bytes"))
+      .def_property_readonly("allocated_bytes", &D::allocated_bytes, doc("Device.allocated_bytes"));
 }
 
 }  // namespace ks_python

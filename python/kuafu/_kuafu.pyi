@@ -393,7 +393,7 @@ class Light:
     dot_sigma_px: float
     """Standard deviation of each dot, > 0 where there are dots. [in px]"""
     dot_background: float
-    """Value of the dots' image beside them: light that the projector throws everywhere within its field. [>= 0]"""
+    """Value of the dots' image beside them: light that the projector sends everywhere within its field. [>= 0]"""
     dots: NDArray[np.float32]
     """Projector: [n, 3] u, v in pixels and power, in place of a texture; power is the pattern's integral over the dot in pixels squared."""
     def __init__(self, **fields: Any) -> None: ...
@@ -489,38 +489,38 @@ class Medium:
     def __init__(self, **fields: Any) -> None: ...
 
 class SceneSummary:
-    """How much is in a scene, and where."""
+    """What a scene contains. Removed objects are not counted."""
 
     @property
     def mesh_count(self) -> int:
-        """Meshes in the scene."""
+        """Number of meshes."""
     @property
     def texture_count(self) -> int:
-        """Textures in the scene."""
+        """Number of textures."""
     @property
     def material_count(self) -> int:
-        """Materials in the scene; removed ones are not counted."""
+        """Number of materials."""
     @property
     def instance_count(self) -> int:
-        """Instances in the scene."""
+        """Number of instances."""
     @property
     def light_count(self) -> int:
-        """Lights that were added or loaded."""
+        """Number of lights."""
     @property
     def camera_count(self) -> int:
-        """Cameras of the loaded files."""
+        """Number of cameras that were loaded from files."""
     @property
     def animation_count(self) -> int:
-        """Animations of the loaded files."""
+        """Number of animations of loaded files."""
     @property
     def triangle_count(self) -> int:
-        """Triangles of all instances."""
+        """Number of triangles of all instances."""
     @property
     def bounds_min_m(self) -> tuple[float, float, float]:
-        """Least corner of all instances' bounds, metres in the world; infinite where there is none."""
+        """Lower corner of the box in the world that contains all instances; +inf where there is none. [in m]"""
     @property
     def bounds_max_m(self) -> tuple[float, float, float]:
-        """Greatest corner of all instances' bounds, metres in the world; infinite where there is none."""
+        """Upper corner of that box; -inf where there is no instance. [in m]"""
 
 class Scene:
     """Meshes, textures, materials, instances and lights. Ids are stable and not reused. One thread at a time."""
@@ -665,20 +665,20 @@ class Scene:
         """The name that the material was given or loaded with."""
 
 class RenderSummary:
-    """Figures of a render."""
+    """What the last render did."""
 
     @property
     def samples_per_pixel(self) -> int:
-        """In the images."""
+        """Number of samples in the images."""
     @property
     def call_samples_per_pixel(self) -> int:
-        """This call's part of those."""
+        """Number of those samples that the last call added."""
     @property
     def relative_error(self) -> float:
-        """NaN where none was aimed at."""
+        """Noise as kuafu_render_desc.relative_error defines it; None where no noise budget was set."""
     @property
     def seconds(self) -> float:
-        """Wall time of the call."""
+        """Wall time of the call. [in s]"""
 
 class Renderer:
     """Renders scenes of its device. tracer: who traces rays. oidn_library: path of Open Image Denoise, for denoise='oidn'."""
@@ -775,9 +775,9 @@ class Renderer:
         temporal_weight: For atrous: share of the light that is taken from this renderer's previous renders, 0..<1; 0
           uses this render only. The previous renders must have had as many views of the same size, and only light from
           the same surface is used. Moving cameras (with any lens and shutter) and instances are followed, and a pixel
-          begins anew where another surface or instance appears. Previous light is dropped where it differs by more than
-          this render's noise; smaller changes, reflections and deforming meshes lag behind. Give each render another
-          seed.
+          begins again where another surface or instance appears. Previous light is dropped where it differs by more
+          than this render's noise; smaller changes, reflections and deforming meshes lag behind. Give each render
+          another seed.
         accumulate: Nonzero: this call continues the sampling of the renderer's previous call. The images are the means
           over all samples since the last call with accumulate 0. Accumulation starts again where a call has other
           sizes, band, light groups or variance, and after a call that failed. Cameras and scene may move between calls;

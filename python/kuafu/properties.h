@@ -18,6 +18,16 @@ void scalar(py::class_<Record>& type, const char* name, T Desc::*member, const c
       name, [member](const Record& r) { return r.c.*member; }, [member](Record& r, T value) { r.c.*member = value; }, doc);
 }
 
+/// A field that Python reads alone.
+template <class Desc, class T>
+void answer(py::class_<Desc>& type, const char* name, T Desc::*member, const char* doc) {
+  if constexpr (std::is_array_v<T>)
+    type.def_property_readonly(
+        name, [member](const Desc& d) { return py::tuple(py::cast(std::to_array(d.*member))); }, doc);
+  else
+    type.def_readonly(name, member, doc);
+}
+
 template <class Record, class Desc, class T, size_t n>
 void vector(py::class_<Record>& type, const char* name, T (Desc::*member)[n], const char* doc = "") {
   type.def_property(

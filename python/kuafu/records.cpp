@@ -28,14 +28,14 @@ Record from_fields(const py::kwargs& fields) {
 }
 
 void bind_material(py::module_& module) {
-  py::class_<Material> type(module, "Material", "glTF 2.0's material (GGX, alpha = roughness squared). Every field is a keyword argument.");
+  py::class_<Material> type(module, "Material", doc("Material"));
   type.def(py::init(&from_fields<Material>));
   type.def_readwrite("name", &Material::name);
   bind_fields(type);
 }
 
 void bind_light(py::module_& module) {
-  py::class_<Light> type(module, "Light", "A point light or a pattern projector. Every field is a keyword argument.");
+  py::class_<Light> type(module, "Light", doc("Light"));
   type.def(py::init(&from_fields<Light>));
   type.def_readwrite("name", &Light::name);
   bind_fields(type);
@@ -49,14 +49,11 @@ void bind_light(py::module_& module) {
           raise_argument<Kuafu>("dots have shape " + std::string(py::str(dots->attr("shape"))) + ", they need (n, 3)");
         l.dots = dots ? std::vector<float>(dots->data(), dots->data() + dots->size()) : std::vector<float>();
       },
-      "Projector: [n, 3] u, v in pixels and power, in place of a texture; power is the pattern's integral over the dot in pixels squared.");
+      doc("Light.dots"));
 }
 
 void bind_camera(py::module_& module) {
-  py::class_<Camera> type(
-      module, "Camera",
-      "A camera: x right, y down, z forward; pixel centres at integers. A pinhole at rest unless its lens, shutter or velocity "
-      "say more; every field is a keyword argument. Time 0 is mid-exposure of the middle line.");
+  py::class_<Camera> type(module, "Camera", doc("Camera"));
   type.def(py::init([](uint32_t width, uint32_t height, const py::object& k, const py::object& camera_to_world, double near_m, double far_m,
                        const py::kwargs& fields) {
              Camera camera;
@@ -75,15 +72,13 @@ void bind_camera(py::module_& module) {
 }
 
 void bind_optics(py::module_& module) {
-  py::class_<Optics> type(
-      module, "Optics",
-      "A camera's optics on linear light, neutral by default. Every field is a keyword argument; applied in their order.");
+  py::class_<Optics> type(module, "Optics", doc("Optics"));
   type.def(py::init(&from_fields<Optics>));
   bind_fields(type);
 }
 
 void bind_medium(py::module_& module) {
-  py::class_<Medium> type(module, "Medium", "Fog, smoke or dusty air in a box, except inside bodies. Every field is a keyword argument.");
+  py::class_<Medium> type(module, "Medium", doc("Medium"));
   type.def(py::init(&from_fields<Medium>));
   bind_fields(type);
 }

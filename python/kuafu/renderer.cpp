@@ -5,6 +5,7 @@
 #include <map>
 
 #include "bindings/wait.h"
+#include "fields.h"
 #include "options.h"
 #include "scene.h"
 
@@ -341,45 +342,18 @@ void def_render(py::class_<Renderer>& renderer, const char* name, F call, const 
       py::arg("scales") = std::map<std::string, float>(), py::arg("progress") = py::none(), doc);
 }
 
-/// What the tables do not say; the options follow.
-constexpr const char* render_arguments =
-    "Returns {name: array [view, height, width, channel]}: by default float32, uint32 for ids; views of the buffers, nothing is copied.\n"
-    "Same seed, same bits.\n"
-    "cameras: a Camera or a sequence of them, all of one size.\n"
-    "outputs: names of radiance, projector_direct, projector_indirect, projector (their sum), ambient, light_group_0 ..\n"
-    "  light_group_3 (ambient's parts), srgb (radiance as uint8 red, green, blue, 255; visible), variance (of the\n"
-    "  mean radiance), sample_count, depth, normal, position, albedo, roughness, transmission, motion,\n"
-    "  projector_uv, projector_visibility, projector_geometry, instance_id, material_id, semantic_id; or {name: dtype} (float32,\n"
-    "  float16, uint8, uint16; ids: uint32, uint16, uint8; None: the default), or {name: Image or Buffer} to fill those. What they\n"
-    "  hold: kuafu/output.h.\n"
-    "band: 'infrared' (one channel) or 'visible' (three).\n"
-    "environments: what each camera looks into; None: all into 0.\n"
-    "optics: optics of the cameras: an Optics, a dict of its fields, or one for each camera; None is perfect.\n"
-    "previous_poses: camera_to_world one frame before, (4, 4) or one for each camera, for motion; None: as now.\n"
-    "scales: {name: factor} before rounding, as 1000 for depth in uint16 millimetres; by default 1.0 is an integer's full range;\n"
-    "  of srgb the exposure, by default the one that puts the median lit pixel's green at a quarter of white.\n"
-    "progress: called with the fraction that is done; returning True cancels (CancelledError), and what it raises is raised here.\n";
-
 }  // namespace
 
 void bind_renderer(py::module_& module) {
-  using S = kuafu_render_summary;
-  py::class_<S>(module, "RenderSummary", "What a render came to.")
-      .def_readonly("samples_per_pixel", &S::samples_per_pixel, "In the images.")
-      .def_readonly("call_samples_per_pixel", &S::call_samples_per_pixel, "Of those, this call's.")
-      .def_readonly("relative_error", &S::relative_error, "NaN where none was aimed at.")
-      .def_readonly("seconds", &S::seconds, "Wall time of the call.");
-  py::class_<Submission>(module, "Submission", "What Renderer.submit has begun.")
-      .def("wait", &Submission::wait, py::arg("timeout_s") = py::none(),
-           "Waits for the render's end and returns what render() would. Raises what the render failed with, and TimeoutError where it has\n"
-           "not ended after timeout_s: it goes on.")
-      .def_property_readonly("ended", &Submission::ended, "Whether wait() would return at once; raises what the render failed with.");
-  py::class_<Renderer> renderer(module, "Renderer", "Renders scenes of its device.");
+  py::class_<kuafu_render_summary> summary(module, "RenderSummary", doc("RenderSummary"));
+  bind_fields(summary);
+  py::class_<Submission>(module, "Submission", doc("Submission"))
+      .def("wait", &Submission::wait, py::arg("timeout_s") = py::none(), doc("Submission.wait"))
+      .def_property_readonly("ended", &Submission::ended, doc("Submission.ended"));
+  py::class_<Renderer> renderer(module, "Renderer", doc("Renderer"));
   renderer
       .def(py::init<std::shared_ptr<Device<Kuafu>>, const std::optional<std::string>&, const py::kwargs&>(), py::arg("device").none(false),
-           py::kw_only(), py::arg("oidn_library") = py::none(),
-           "tracer: 'auto' (Embree on CPU devices, compute on GPUs), 'embree', 'compute', or 'rt_pipeline' where the driver has it.\n"
-           "oidn_library: path of Open Image Denoise's library; None: $KUAFU_OIDN_LIBRARY, else its usual names.")
+           py::kw_only(), py::arg("oidn_library") = py::none(), doc("Renderer.__init__"))
       .def_property_readonly("device", &Renderer::device)
       .def_property_readonly(
           "summary",
@@ -389,29 +363,27 @@ void bind_renderer(py::module_& module) {
             check<Kuafu>(kuafu_renderer_get_summary(r.get(), &s));
             return s;
           },
-          "What the last render came to: a RenderSummary.")
+          doc("Renderer.summary"))
       .def_property_readonly(
           "stage_times",
           [](Renderer& r) {
             const auto in_use = r.hold();
             return stage_times<Kuafu>([&](ks_stage_time* t, uint32_t* n) { return kuafu_renderer_get_stage_times(r.get(), t, n); });
           },
-          "{stage: milliseconds} of the last render.");
+          doc("Renderer.stage_times"));
   def_render(
       renderer, "render",
       [](const py::object& self, Scene& scene, const Call& call, const kuafu_render_desc& desc) {
         return self.cast<Renderer&>().render(scene, call, desc);
       },
-      (std::string(render_arguments) + render_doc).c_str());
+      doc("Renderer.render"));
   def_render(
       renderer, "submit",
       [](const py::object& self, Scene& scene, const Call& call, const kuafu_render_desc& desc) {
         const auto [sync, arrays] = self.cast<Renderer&>().submit(scene, call, desc);
         return Submission{self, sync, arrays};
       },
-      "Starts a render on a thread of the library's and returns a Submission at once; arguments as render's, but progress. At most two "
-      "are\n"
-      "under way, a third waits for the first. Until they have ended, the scene cannot be changed.");
+      doc("Renderer.submit"));
   renderer.def(
       "light_gbuffers",
       [](Renderer& r, Scene& scene, const py::object& cameras, const py::object& outputs, const py::dict& left, const py::object& right,
@@ -423,12 +395,8 @@ void bind_renderer(py::module_& module) {
       py::arg("scene"), py::arg("cameras"), py::arg("outputs"), py::kw_only(), py::arg("left"), py::arg("right") = py::none(),
       py::arg("projector_depth") = py::none(), py::arg("depth_kind") = "planar", py::arg("laser_power") = py::none(),
       py::arg("ambient_radiance") = py::none(), py::arg("optics") = py::none(), py::arg("environment_count") = 1,
-      "Infrared pairs of surfaces that another renderer saw, {name: array [2 * environment_count, height, width, 1]}, all left views\n"
-      "first; ValueError names environment, pixel and value of what cannot be. kuafu/gbuffer.h has the rest.\n"
-      "cameras: the left and the right one. outputs: as render's; radiance, projector_direct, depth, projector_visibility.\n"
-      "left, right: {name: Buffer} of depth, normal, albedo and material (1 + id). laser_power, ambient_radiance: [environment_count].");
-  renderer.def("cancel", &Renderer::cancel,
-               "Ends what is under way, submitted or in another thread's call: CancelledError there. From any thread.");
+      doc("Renderer.light_gbuffers"));
+  renderer.def("cancel", &Renderer::cancel, doc("Renderer.cancel"));
 }
 
 }  // namespace ks_python

@@ -3,6 +3,7 @@
 #include "scene.h"
 
 #include "bindings/wait.h"
+#include "fields.h"
 
 #include <pybind11/stl/filesystem.h>
 
@@ -252,154 +253,93 @@ Camera camera(const Scene& scene, uint32_t index) {
   return out;
 }
 
-void bind_summary(py::module_& module) {
-  using S = kuafu_scene_summary;
-  py::class_<S>(module, "SceneSummary", "How much is in a scene, and where.")
-      .def_readonly("mesh_count", &S::mesh_count)
-      .def_readonly("texture_count", &S::texture_count)
-      .def_readonly("material_count", &S::material_count)
-      .def_readonly("instance_count", &S::instance_count)
-      .def_readonly("light_count", &S::light_count)
-      .def_readonly("camera_count", &S::camera_count)
-      .def_readonly("animation_count", &S::animation_count)
-      .def_readonly("triangle_count", &S::triangle_count)
-      .def_property_readonly("bounds_min_m",
-                             [](const S& s) { return py::make_tuple(s.bounds_min_m[0], s.bounds_min_m[1], s.bounds_min_m[2]); })
-      .def_property_readonly("bounds_max_m",
-                             [](const S& s) { return py::make_tuple(s.bounds_max_m[0], s.bounds_max_m[1], s.bounds_max_m[2]); });
-}
-
 using SceneType = py::class_<Scene, std::shared_ptr<Scene>>;
 
-/// add, set, get of records that the library copies in and out as one descriptor.
-void bind_materials_and_lights(SceneType& type) {
-  type.def(
-      "add_material",
-      [](Scene& s, const Material& m) {
-        const InUse<Kuafu> in_use(s.in_use, "scene");
-        const kuafu_material_desc desc = m.desc();
-        uint32_t id = 0;
-        check<Kuafu>(kuafu_scene_add_material(s.get(), &desc, &id));
-        return number_of(id);
-      },
-      py::arg("material"));
-  type.def(
-      "set_material",
-      [](Scene& s, uint32_t id, const Material& m) {
-        const InUse<Kuafu> in_use(s.in_use, "scene");
-        const kuafu_material_desc desc = m.desc();
-        check<Kuafu>(kuafu_scene_set_material(s.get(), id_of(id), &desc));
-      },
-      py::arg("id"), py::arg("material"));
-  type.def(
-      "get_material",
-      [](const Scene& s, uint32_t id) {
-        Material m;
-        check<Kuafu>(kuafu_scene_get_material(s.get(), id_of(id), &m.c));
-        m.name = text_of(m.c.name);
-        return m;
-      },
-      py::arg("id"));
-  type.def(
-      "add_light",
-      [](Scene& s, const Light& l) {
-        const InUse<Kuafu> in_use(s.in_use, "scene");
-        const kuafu_light_desc desc = l.desc();
-        uint32_t id = 0;
-        check<Kuafu>(kuafu_scene_add_light(s.get(), &desc, &id));
-        return number_of(id);
-      },
-      py::arg("light"));
-  type.def(
-      "set_light",
-      [](Scene& s, uint32_t id, const Light& l) {
-        const InUse<Kuafu> in_use(s.in_use, "scene");
-        const kuafu_light_desc desc = l.desc();
-        check<Kuafu>(kuafu_scene_set_light(s.get(), id_of(id), &desc));
-      },
-      py::arg("id"), py::arg("light"));
-  type.def(
-      "set_lights",
-      [](Scene& s, const std::vector<uint32_t>& ids, const std::vector<const Light*>& lights) {
-        if (ids.size() != lights.size())
-          raise_argument<Kuafu>("there are " + std::to_string(ids.size()) + " ids and " + std::to_string(lights.size()) + " lights");
-        const InUse<Kuafu> in_use(s.in_use, "scene");
-        std::vector<kuafu_light_desc> descs;
-        for (const Light* light : lights) {
-          if (!light) raise_argument<Kuafu>("one of lights is None");
-          descs.push_back(light->desc());
-        }
-        check<Kuafu>(kuafu_scene_set_lights(s.get(), ids_of(ids).data(), descs.data(), static_cast<uint32_t>(ids.size())));
-      },
-      py::arg("ids"), py::arg("lights"), "Replaces many at once. Where one is refused, none has changed.");
-  type.def(
-      "get_light",
-      [](const Scene& s, uint32_t id) {
-        Light l;
-        check<Kuafu>(kuafu_scene_get_light(s.get(), id_of(id), &l.c));
-        l.name = text_of(l.c.name);
-        l.dots.assign(l.c.dots, l.c.dots + size_t{3} * l.c.dot_count);
-        return l;
-      },
-      py::arg("id"));
-  type.def("remove_light", &remove<kuafu_scene_remove_light>, py::arg("id"));
+/// add_<kind> and set_<kind>, of a record that the library takes as one descriptor.
+template <class Record, auto add, auto set>
+void bind_record(SceneType& type, const std::string& kind) {
+  type.def(("add_" + kind).c_str(),
+           [](Scene& s, const Record& record) {
+             const InUse<Kuafu> in_use(s.in_use, "scene");
+             const auto desc = record.desc();
+             uint32_t id = 0;
+             check<Kuafu>(add(s.get(), &desc, &id));
+             return number_of(id);
+           },
+           py::arg(kind.c_str()));
+  type.def(("set_" + kind).c_str(),
+           [](Scene& s, uint32_t id, const Record& record) {
+             const InUse<Kuafu> in_use(s.in_use, "scene");
+             const auto desc = record.desc();
+             check<Kuafu>(set(s.get(), id_of(id), &desc));
+           },
+           py::arg("id"), py::arg(kind.c_str()));
+}
+
+Material get_material(const Scene& s, uint32_t id) {
+  Material m;
+  check<Kuafu>(kuafu_scene_get_material(s.get(), id_of(id), &m.c));
+  m.name = text_of(m.c.name);
+  return m;
+}
+
+Light get_light(const Scene& s, uint32_t id) {
+  Light l;
+  check<Kuafu>(kuafu_scene_get_light(s.get(), id_of(id), &l.c));
+  l.name = text_of(l.c.name);
+  l.dots.assign(l.c.dots, l.c.dots + size_t{3} * l.c.dot_count);
+  return l;
+}
+
+void set_lights(Scene& s, const std::vector<uint32_t>& ids, const std::vector<const Light*>& lights) {
+  if (ids.size() != lights.size())
+    raise_argument<Kuafu>("there are " + std::to_string(ids.size()) + " ids and " + std::to_string(lights.size()) + " lights");
+  const InUse<Kuafu> in_use(s.in_use, "scene");
+  std::vector<kuafu_light_desc> descs;
+  for (const Light* light : lights) {
+    if (!light) raise_argument<Kuafu>("one of lights is None");
+    descs.push_back(light->desc());
+  }
+  check<Kuafu>(kuafu_scene_set_lights(s.get(), ids_of(ids).data(), descs.data(), static_cast<uint32_t>(ids.size())));
 }
 
 }  // namespace
 
 void bind_scene(py::module_& module) {
-  bind_summary(module);
-  SceneType type(module, "Scene",
-                 "Meshes, textures, materials, instances and lights, each kind numbered from 0. Numbers are stable and not reused.");
+  py::class_<kuafu_scene_summary> summary_type(module, "SceneSummary", doc("SceneSummary"));
+  bind_fields(summary_type);
+  SceneType type(module, "Scene", doc("Scene"));
   type.def(py::init<std::shared_ptr<Device<Kuafu>>>(), py::arg("device").none(false))
       .def_property_readonly("device", [](const Scene& s) { return s.device; })
       .def_property_readonly("summary", &summary)
       .def("load", &load, py::arg("path"), py::arg("root_to_world") = py::none(), py::kw_only(), py::arg("time_s") = py::none(),
-           py::arg("name") = py::none(),
-           "Appends a .gltf, .glb, .obj, .dae, .stl or .ply file. root_to_world: 4x4. time_s: animate(time_s) then, else what is animated "
-           "stands as it does without animation. name: what messages call the file, for a copy of the user's. USD, and glTF whose textures "
-           "are "
-           "KTX2 alone, loads activestereo.load_scene_file. Raises FileError, or MissingFileError where there is none.")
-      .def("animate", &animate, py::arg("time_s"), py::arg("animation") = py::none(),
-           "Poses what glTF files animate (nodes with their instances, lights and cameras, skins, morph targets) as it is at time_s; what "
-           "the "
-           "animation does not move stands as without it. animation: below summary.animation_count; None: all of all files, of which the "
-           "first counts where two move the same. It holds still before its start and after its end.")
-      .def("animation_duration_s", &animation_duration_s, py::arg("animation"), "Time of the animation's last keyframe.")
+           py::arg("name") = py::none(), doc("Scene.load"))
+      .def("animate", &animate, py::arg("time_s"), py::arg("animation") = py::none(), doc("Scene.animate"))
+      .def("animation_duration_s", &animation_duration_s, py::arg("animation"), doc("Scene.animation_duration_s"))
       .def(
           "animation_name", [](const Scene& s, uint32_t id) { return text_of(kuafu_scene_animation_name(s.get(), id)); },
           py::arg("animation"))
       .def("add_mesh", &add_mesh, py::arg("positions"), py::arg("indices"), py::kw_only(), py::arg("normals") = py::none(),
            py::arg("uvs") = py::none(), py::arg("slots") = py::none(), py::arg("name") = "", py::arg("uvs_1") = py::none(),
-           py::arg("colors") = py::none(),
-           "positions, normals [n, 3] float32; uvs, uvs_1 [n, 2]; colors [n, 4], linear RGBA that multiplies base_color; indices [t, 3] "
-           "uint32; slots [t]: which of the instance's materials a triangle has.")
-      .def("update_mesh", &update_mesh, py::arg("id"), py::arg("positions"), py::arg("normals") = py::none(),
-           "Moves the vertices of a deforming mesh; normals where it was made with them.")
+           py::arg("colors") = py::none(), doc("Scene.add_mesh"))
+      .def("update_mesh", &update_mesh, py::arg("id"), py::arg("positions"), py::arg("normals") = py::none(), doc("Scene.update_mesh"))
       .def("add_texture", &add_texture, py::arg("texels"), py::kw_only(), py::arg("srgb") = false, py::arg("name") = "",
            py::arg("wrap") = std::array<std::string, 2>{"repeat", "repeat"}, py::arg("filter") = "linear", py::arg("uv_set") = 0,
-           py::arg("uv_transform") = py::none(),
-           "texels: [height, width] or [height, width, 1..4], uint8, uint16 or float32; row 0 on top. How materials read it: wrap along u "
-           "and "
-           "v ('repeat', 'clamp', 'mirror'), filter ('linear', 'nearest'), uv_set 0 or 1 of the mesh, and a 2x3 uv_transform from those to "
-           "the "
-           "image's coordinates.")
+           py::arg("uv_transform") = py::none(), doc("Scene.add_texture"))
       .def("set_texture", &set_texture, py::arg("id"), py::arg("texels"), py::kw_only(), py::arg("srgb") = false, py::arg("name") = "",
            py::arg("wrap") = std::array<std::string, 2>{"repeat", "repeat"}, py::arg("filter") = "linear", py::arg("uv_set") = 0,
-           py::arg("uv_transform") = py::none(), "Replaces a texture; its size may change. Cost follows this texture's size.")
+           py::arg("uv_transform") = py::none(), doc("Scene.set_texture"))
       .def("add_instance", &add_instance, py::arg("mesh"), py::arg("materials") = std::vector<uint32_t>(), py::kw_only(),
            py::arg("local_to_world") = py::none(), py::arg("environment") = py::none(), py::arg("semantic_id") = 0, py::arg("name") = "",
-           py::arg("linear_velocity") = Vector3{}, py::arg("angular_velocity") = Vector3{}, "Velocities as set_instance_velocity says.")
+           py::arg("linear_velocity") = Vector3{}, py::arg("angular_velocity") = Vector3{}, doc("Scene.add_instance"))
       .def("set_instance_pose", &set_instance_pose, py::arg("id"), py::arg("local_to_world"))
-      .def("set_instance_poses", &set_instance_poses, py::arg("ids"), py::arg("local_to_world"),
-           "Moves many at once: ids [n], local_to_world [n, 4, 4]. Where one is refused, none has moved.")
+      .def("set_instance_poses", &set_instance_poses, py::arg("ids"), py::arg("local_to_world"), doc("Scene.set_instance_poses"))
       .def("set_instance_velocity", &set_instance_velocity, py::arg("id"), py::arg("linear"), py::arg("angular") = Vector3{},
-           "What it does while a shutter is open, m/s and rad/s in its own frame (local_to_world's rotation without its scale).")
+           doc("Scene.set_instance_velocity"))
       .def("set_instance_materials", &set_instance_materials, py::arg("id"), py::arg("materials"))
-      .def("remove_mesh", &remove<kuafu_scene_remove_mesh>, py::arg("id"), "Frees a mesh; refused while an instance uses it.")
-      .def("remove_texture", &remove<kuafu_scene_remove_texture>, py::arg("id"),
-           "Frees a texture; refused while a material, a light or the environment uses it.")
-      .def("remove_material", &remove<kuafu_scene_remove_material>, py::arg("id"), "Refused while it is on an instance.")
+      .def("remove_mesh", &remove<kuafu_scene_remove_mesh>, py::arg("id"), doc("Scene.remove_mesh"))
+      .def("remove_texture", &remove<kuafu_scene_remove_texture>, py::arg("id"), doc("Scene.remove_texture"))
+      .def("remove_material", &remove<kuafu_scene_remove_material>, py::arg("id"), doc("Scene.remove_material"))
       .def("remove_instance", &remove<kuafu_scene_remove_instance>, py::arg("id"))
       .def(
           "next_frame",
@@ -407,22 +347,23 @@ void bind_scene(py::module_& module) {
             const InUse<Kuafu> in_use(s.in_use, "scene");
             check<Kuafu>(kuafu_scene_next_frame(s.get()));
           },
-          "Begins a frame: motion from now on is against the poses that instances have now.")
+          doc("Scene.next_frame"))
       .def("set_environment", &set_environment, py::arg("radiance"), py::arg("ir_radiance") = py::none(), py::kw_only(),
-           py::arg("texture") = py::none(), py::arg("map_to_world") = py::none(), py::arg("light_group") = 0,
-           "Radiance from all directions, W/(sr m^2), times an equirectangular texture turned by the 3x3 map_to_world. ir_radiance None: "
-           "red of radiance times ir_ambient_scale plus "
-           "ir_ambient_radiance.")
-      .def("set_medium", &set_medium, py::arg("medium").none(true),
-           "The fog, smoke or dusty air around what stands in the scene; None: clear air.")
-      .def("camera", &camera, py::arg("index"), "A camera that a file brought.")
+           py::arg("texture") = py::none(), py::arg("map_to_world") = py::none(), py::arg("light_group") = 0, doc("Scene.set_environment"))
+      .def("set_medium", &set_medium, py::arg("medium").none(true), doc("Scene.set_medium"))
+      .def("camera", &camera, py::arg("index"), doc("Scene.camera"))
       .def(
           "instance_name", [](const Scene& s, uint32_t id) { return text_of(kuafu_scene_instance_name(s.get(), id_of(id))); },
           py::arg("id"))
       .def(
           "material_name", [](const Scene& s, uint32_t id) { return text_of(kuafu_scene_material_name(s.get(), id_of(id))); },
           py::arg("id"));
-  bind_materials_and_lights(type);
+  bind_record<Material, kuafu_scene_add_material, kuafu_scene_set_material>(type, "material");
+  bind_record<Light, kuafu_scene_add_light, kuafu_scene_set_light>(type, "light");
+  type.def("get_material", &get_material, py::arg("id"));
+  type.def("get_light", &get_light, py::arg("id"));
+  type.def("set_lights", &set_lights, py::arg("ids"), py::arg("lights"), doc("Scene.set_lights"));
+  type.def("remove_light", &remove<kuafu_scene_remove_light>, py::arg("id"));
 }
 
 }  // namespace ks_python

@@ -313,8 +313,7 @@ struct Submission {
 
 void bind_camera(py::module_& module) {
   using C = simsense_camera;
-  py::class_<C>(module, "Camera",
-                "A camera; distortion: 4, 5 or 8 coefficients of Brown and Conrady's, or 4 of a fisheye lens; None is no lens.")
+  py::class_<C>(module, "Camera", doc("Camera"))
       .def(py::init([](const py::object& width, const py::object& height, const py::object& k, const py::object& distortion,
                        const std::string& lens_model) {
              C camera = {};
@@ -349,38 +348,24 @@ void bind_engine(py::module_& module) {
         get_fields(simsense_parameters_init(), parameter_fields, out);
         return out;
       },
-      "The engine's parameters as it has them where none are given, as a new dict.");
+      doc("default_parameters"));
   module.def(
       "signal_preset",
       [](const py::object& name) { return get_signal(signal_preset(read_as<Simsense, std::string>(name, "name", "a preset's name"))); },
-      py::arg("name"),
-      "All parameters of an imager as a dict: 'neutral', or measured ones whose input is in 8-bit counts, 'paper-d415', 'sapien', 'd435'.");
-  py::class_<Submission>(module, "Submission", "What Engine.submit has begun.")
-      .def("wait", &Submission::wait, py::arg("timeout_s") = py::none(),
-           "Blocks until the outputs may be read, and returns them. TimeoutError where it has not ended after timeout_s: it goes on.");
-  py::class_<Engine>(
-      module, "Engine",
-      "A stereo rig's depth engine. Parameters are those of simsense_parameters, and of simsense_signal for both cameras, by name; see "
-      "Engine.parameters.\n"
-      "census_kind ('center_symmetric', 'plain'), subpixel ('none', 'parabola', 'equiangular', 'equiangular_summed') and hole_filling\n"
-      "('keep', 'left', 'background') may be given by name or by number.\n"
-      "census_contrast (0..1, default 1 / 16): how large a share of the local range of counts a difference must be to count; 0: any.")
+      py::arg("name"), doc("signal_preset"));
+  py::class_<Submission>(module, "Submission", doc("Submission"))
+      .def("wait", &Submission::wait, py::arg("timeout_s") = py::none(), doc("Submission.wait"));
+  py::class_<Engine>(module, "Engine", doc("Engine"))
       .def(py::init<const py::object&, const py::object&, const py::object&, const py::object&, const py::object&, const py::object&,
                     const py::kwargs&>(),
            py::arg("device"), py::arg("left"), py::arg("right"), py::arg("left_to_right"), py::kw_only(), py::arg("rgb") = py::none(),
-           py::arg("left_to_rgb") = py::none(),
-           "left_to_right, left_to_rgb: 4x4. rgb: the camera to register to, or None. rectified: the input pair is row-aligned already.\n"
-           "faults: those of the published SimSense to keep, by name (SIMSENSE_FAULT_* of simsense.h); simsense.FAULTS has all.\n"
-           "back_end: 'cpu'; 'vulkan', or simsense.Error where the device cannot; 'auto': Vulkan on a GPU, else the CPU.\n"
-           "low_memory: Vulkan takes the least memory, not the least time; the maps stay the same.")
+           py::arg("left_to_rgb") = py::none(), doc("Engine.__init__"))
       .def_property_readonly("device", &Engine::device)
-      .def_property_readonly("parameters", &Engine::parameters,
-                             "All parameters, as a new dict; those of the imagers as the left one has them, see Engine.signal.")
-      .def("set_parameters", &Engine::set_parameters, "Changes the named parameters; the others stay. Raises ArgumentError out of range.")
-      .def_property_readonly("signal", &Engine::signal, "(left, right): all parameters of the two imagers, as new dicts.")
-      .def("set_signal", &Engine::set_signal, py::arg("left") = py::dict(), py::arg("right") = py::dict(),
-           "Changes the named parameters of each imager (simsense_signal), as from signal_preset(); the others stay.")
-      .def_property_readonly("rectified", &Engine::rectified, "(k 3x3, baseline_m, left_to_rectified 4x4) after rectification.")
+      .def_property_readonly("parameters", &Engine::parameters, doc("Engine.parameters"))
+      .def("set_parameters", &Engine::set_parameters, doc("Engine.set_parameters"))
+      .def_property_readonly("signal", &Engine::signal, doc("Engine.signal"))
+      .def("set_signal", &Engine::set_signal, py::arg("left") = py::dict(), py::arg("right") = py::dict(), doc("Engine.set_signal"))
+      .def_property_readonly("rectified", &Engine::rectified, doc("Engine.rectified"))
       .def(
           "compute",
           [](Engine& self, const py::object& left, const py::object& right, const py::object& outputs, const py::object& left_laser,
@@ -389,16 +374,7 @@ void bind_engine(py::module_& module) {
           },
           py::arg("left"), py::arg("right"), py::arg("outputs") = py::make_tuple("depth"), py::kw_only(),
           py::arg("left_laser") = py::none(), py::arg("right_laser") = py::none(), py::arg("rgb") = py::none(),
-          py::arg("noise_seeds") = py::none(), py::arg("progress") = py::none(),
-          "left, right: uint8, uint16 or float32 arrays [height, width] or [batch, height, width] of any strides, or Images. outputs: "
-          "names of disparity, depth,\n"
-          "depth_rgb, ir_left, ir_right, rectified_left, rectified_right, points, confidence, reason, points_colored; or\n"
-          "{name: array or Image} to fill those; or {name: dtype} (depth in uint16 or int16 millimetres, disparity in int16 sixteenths).\n"
-          "left_laser, right_laser: the part of left and right that is laser light, in their unit: it alone has speckle. Both or none: all "
-          "has.\n"
-          "rgb: uint8 [height, width, 3] of the RGB camera, for points_colored. noise_seeds: [batch], each pair's own, under which it has\n"
-          "the same noise anywhere in a batch. REASONS has the names of reason's values.\n"
-          "Returns {name: array}, shaped like the input. progress(fraction: float) may return True to cancel (CancelledError).")
+          py::arg("noise_seeds") = py::none(), py::arg("progress") = py::none(), doc("Engine.compute"))
       .def(
           "submit",
           [](const py::object& self, const py::object& left, const py::object& right, const py::object& outputs,
@@ -407,11 +383,9 @@ void bind_engine(py::module_& module) {
             return Submission{self, sync, results};
           },
           py::arg("left"), py::arg("right"), py::arg("outputs"), py::kw_only(), py::arg("left_laser") = py::none(),
-          py::arg("right_laser") = py::none(), py::arg("rgb") = py::none(), py::arg("noise_seeds") = py::none(),
-          "compute() that returns at once where all images are simsense.Images and the back end is Vulkan; else when all is done.\n"
-          "Returns a Submission: its wait() returns what compute() would.")
-      .def("cancel", &Engine::cancel, "Ends the compute that another thread is in: CancelledError there. From any thread.")
-      .def_property_readonly("stage_times", &Engine::stage_times, "{stage: milliseconds} of the last compute or wait.");
+          py::arg("right_laser") = py::none(), py::arg("rgb") = py::none(), py::arg("noise_seeds") = py::none(), doc("Engine.submit"))
+      .def("cancel", &Engine::cancel, doc("Engine.cancel"))
+      .def_property_readonly("stage_times", &Engine::stage_times, doc("Engine.stage_times"));
 }
 
 }  // namespace ks_python
