@@ -74,7 +74,7 @@ class Commands {
   void barrier();
   /// false: the caller places barriers itself.
   void set_automatic_barriers(bool on);
-  /// Submits what was recorded, waits on the host, and starts recording anew. A no-op when nothing was recorded.
+  /// Submits what was recorded, waits on the host, and starts recording again. A no-op when nothing was recorded.
   void flush();
   /// Submits what was recorded and returns; it runs after `wait`, which the caller keeps until then, and `timeline` reaches `value` when it
   /// has run. Nothing may be recorded before finish().

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A VkInstance. All that ask for no validation share one, which stays, as the loader does: drivers go with the last instance, and NVIDIA's
-// fails when it is loaded anew some thirty times in a process. A device with validation has its own, for its messages. Thread rule:
+// fails when it is loaded again some thirty times in a process. A device with validation has its own, for its messages. Thread rule:
 // immutable after construction.
 #pragma once
 

@@ -24,7 +24,7 @@ from activestereo.common.pose import CAMERA_TO_BODY, as_matrix
 from activestereo.model import Quantity, SensorModel
 
 INK = "#1f2933"
-# Errors beyond it are mismatches, which no law of a sensor explains.
+# Errors beyond it are mismatches, which no model of a sensor explains.
 _LARGEST_PX = 3.0
 _SHOWN_PX = 1.0
 

@@ -24,7 +24,7 @@ SOURCE_SUFFIXES = NATIVE_SUFFIXES | {".py", ".pyi", ".sh", ".cmake"}
 MAX_LINES = 500
 C99_HEADERS = {"stdint.h", "stddef.h", "string.h", "math.h"}
 
-# Written once when the Vulkan loader or Embree is opened, or when the program's end takes Embree apart; never changed afterwards.
+# Written once, when the Vulkan loader or Embree is opened, or when the program's end takes Embree apart.
 LOADER_STATE = {
     "open_loader()::opened",
     "embree_library()::opened",

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """simsense's layers point one way, and both back ends show the same stages.
 
-The order is read from simsense/README.md and held against the sources.
+The order is read from simsense/README.md and compared with the sources.
 """
 
 import pathlib

@@ -48,7 +48,7 @@ PARTS = {
 
 @dataclass
 class View:
-    """A recorded pair; truth, device: disparities, NaN = none. is_visible: to both eyes, with truth."""
+    """A recorded pair; truth, device: disparities, NaN = none. is_visible: to both cameras, with truth."""
 
     left: NDArray[np.uint8]
     right: NDArray[np.uint8]
@@ -64,9 +64,9 @@ class View:
         )
         if left is None or right is None or device is None or truth is None:
             raise SystemExit(f"{folder}: img_left, img_right, img_depth_rs or img_depth_faro .png is missing")
-        eyes = (np.clip(image, 0, 255).astype(np.uint8) for image in (left, right))
+        pair = (np.clip(image, 0, 255).astype(np.uint8) for image in (left, right))
         truth_px, device_px = _disparity(truth), _disparity(device)
-        return cls(*eyes, truth_px, device_px, _visible(truth_px) & (truth_px < MAX_DISPARITY - 1))
+        return cls(*pair, truth_px, device_px, _visible(truth_px) & (truth_px < MAX_DISPARITY - 1))
 
 
 def _disparity(depth_mm: NDArray[np.generic]) -> Map:

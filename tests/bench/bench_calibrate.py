@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figures of `activestereo calibrate` and `overlay`, counted.
 
-    PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_calibrate.py laws [--draws 20]
+    PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_calibrate.py models [--draws 20]
     PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_calibrate.py wall [--scale 0.5] [--spp 256]
     PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_calibrate.py overlay SCENE.gltf
 
-laws: how often `calibrate noise` names the noise model that frames were drawn from, shot noise and gamma noise in
+models: how often `calibrate noise` names the noise model that frames were drawn from, shot noise and gamma noise in
 turns, with drawn parameters; asked: 19 of 20. wall: walls that kuafu renders are measured by `calibrate pattern` and
 rendered again from the same pose through the model; the residual of a frame over its noise floor, asked: 1.2. overlay:
 pictures a second that `activestereo overlay` blends where the camera stands still and where it moves, asked: 10.
@@ -50,12 +50,12 @@ def drawn(
     return counts.clip(0, 255).astype(np.uint8)
 
 
-def laws(draws: int, with_dark: bool) -> None:
+def models(draws: int, with_dark: bool) -> None:
     right, begin = 0, time.process_time()
     for number in range(draws):
         rng = np.random.default_rng(number)
         sigma, black = rng.uniform(0.4, 1.0), rng.uniform(3.0, 17.0)
-        # Deviations of 0.5 to 3 DN at half of the range, by either law.
+        # Deviations of 0.5 to 3 DN at half of the range, by either model.
         at_middle = np.exp(rng.uniform(np.log(0.5), np.log(3.0)))
         if number % 2:
             noise_model: GammaModel | ShotModel = GammaModel((55.0 / at_middle) ** 2, sigma, black)
@@ -136,7 +136,7 @@ def overlay_rates(scene: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("figure", choices=("laws", "wall", "overlay"))
+    parser.add_argument("figure", choices=("models", "wall", "overlay"))
     parser.add_argument("scene", nargs="?", type=Path, help="glTF file, of overlay")
     parser.add_argument("--draws", type=int, default=20)
     parser.add_argument("--scale", type=float, default=0.5, help="of 848x480")
@@ -144,9 +144,9 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=20)
     parser.add_argument("--border", type=int, default=0, metavar="PX", help="left out around the pictures")
     args = parser.parse_args()
-    if args.figure == "laws":
-        laws(args.draws, with_dark=True)
-        laws(args.draws, with_dark=False)
+    if args.figure == "models":
+        models(args.draws, with_dark=True)
+        models(args.draws, with_dark=False)
     elif args.figure == "overlay":
         overlay_rates(args.scene or parser.error("overlay needs a SCENE"))
     else:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a change to a living scene costs, beside building it anew, with 1, 100 and 10 000 instances: milliseconds of host time that the next
+// What a change to a living scene costs, beside rebuilding it, with 1, 100 and 10 000 instances: milliseconds of host time that the next
 // render spends on tables and acceleration structures (its stages "upload" and "acceleration build"), least of some repetitions.
 // Usage: bench_scenes [repetitions = 20]
 #include <functional>
@@ -58,7 +58,7 @@ void measure(kuafu_device device, const char* name, uint32_t tracer, uint32_t co
     for (int i = 0; i < repetitions; ++i) {
       change();
       renderer.render(w.scene);
-      if (i > 0) least = std::min(least, update_ms(renderer));  // a mesh that deforms the first time is built anew
+      if (i > 0) least = std::min(least, update_ms(renderer));  // a mesh that deforms the first time is rebuilt
     }
     return least;
   };
@@ -96,7 +96,7 @@ void measure(kuafu_device device, const char* name, uint32_t tracer, uint32_t co
 int run(int repetitions) {
   kuafu_device device = open_device();
   const ks_device_info info = info_of(device);
-  std::printf("device: %s, %s\nms         instances   anew   nothing     moved  material  exchanged  deformed     light   moved/anew\n",
+  std::printf("device: %s, %s\nms         instances rebuilt nothing     moved  material  exchanged  deformed     light   moved/rebuilt\n",
               info.name, info.driver);
   const auto all = [&](const char* name, uint32_t tracer) {
     for (const uint32_t count : {1u, 100u, 10000u}) measure(device, name, tracer, count, repetitions);

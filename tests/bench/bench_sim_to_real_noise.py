@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares what `calibrate noise` finds of the camera of `activestereo benchmark sim-to-real`'s foreign world of
-Mitsuba 3: the law of its noise and its parameters, from repeats of views in which nothing moves. None of them is a test
-view.
+Mitsuba 3: the model of its noise and its parameters, from repeats of views in which nothing moves. None of them is a
+test view.
 
     pip install mitsuba     # 3.9 was tried
     PYTHONPATH=build/python python3 tests/bench/bench_sim_to_real_noise.py --out out/noise

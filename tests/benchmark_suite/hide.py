@@ -36,7 +36,7 @@ def main():
     capture.parent.mkdir(parents=True, exist_ok=True)
     item = Secret("secret", number, ((effect, STRONG),))
     elsewhere = (Path(sys.argv[4]), item.seed + _OTHER_SCENE) if len(sys.argv) == 5 else None
-    make_case(item, capture, key, survey=1.0, elsewhere=elsewhere)
+    make_case(item, capture, key, scene_errors=1.0, elsewhere=elsewhere)
     return 0
 
 

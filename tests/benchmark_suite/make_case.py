@@ -9,11 +9,11 @@ from virtual_sensor.held_out import oracle
 from virtual_sensor.held_out.case import Case
 
 
-def make_case(item, capture_folder, key_path, survey, more=None, elsewhere=None):
+def make_case(item, capture_folder, key_path, scene_errors, more=None, elsewhere=None):
     """Writes both, whole or not at all; returns the key. more: a change of frames recorded beside the usual ones.
     elsewhere: (folder, seed) of a capture of another scene by the same sensor."""
     hidden, moving_exposure = item.draw()
-    case = Case(item.seed, hidden, survey, moving_exposure=moving_exposure, more=more)
+    case = Case(item.seed, hidden, scene_errors, moving_exposure=moving_exposure, more=more)
     figures = _write(case, capture_folder, item)
     if elsewhere is not None:
         folder, seed = elsewhere
@@ -23,7 +23,7 @@ def make_case(item, capture_folder, key_path, survey, more=None, elsewhere=None)
         "set": item.set,
         "name": item.anonymous_name,
         "infrared": item.infrared,
-        "survey": survey,
+        "scene_errors": scene_errors,
         "strengths": {name: STRENGTHS[index] for name, index in item.strengths},
         "hidden": hidden,
         "scored": oracle.scored_parameters(case),

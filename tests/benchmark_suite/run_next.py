@@ -33,7 +33,7 @@ def main():
     parser.add_argument("--generation", type=int, default=0, metavar="N", help="of the test cases, as for run_suite.py")
     parser.add_argument("--most", type=int, default=20, metavar="N", help="test cases (default: 20)")
     parser.add_argument("--jobs", type=int, default=2, metavar="N")
-    parser.add_argument("--survey", type=float, default=1.0, metavar="X")
+    parser.add_argument("--scene-errors", type=float, default=1.0, metavar="X")
     parser.add_argument("--command", default=COMMAND, help="the tool, with {capture} and {out} (default: %(default)s)")
     parser.add_argument("--timeout", type=float, default=900.0, metavar="S")
     args = parser.parse_args()
@@ -69,7 +69,7 @@ def _follow(task):
     os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
     place.mkdir(parents=True, exist_ok=True)
     capture = place / "capture"
-    make_case(item, capture, place / "key.json", args.survey, more=change)
+    make_case(item, capture, place / "key.json", args.scene_errors, more=change)
     run = diagnose_capture(args.command, capture, place, args.timeout)
     shutil.rmtree(capture)
     (place / "change.json").write_text(json.dumps(change))

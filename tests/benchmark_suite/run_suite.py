@@ -6,7 +6,7 @@
 
 Resumable: test cases that have an answer in DIR are not run again. DIR holds keys/ (the truth, which the tool does not
 see), captures/ (as long as needed), answers/ (diagnose.json and the tool's output), then score.json, README.md and its
-pictures. """
+pictures."""
 
 import argparse
 import json
@@ -63,7 +63,7 @@ def _arguments():
     )
     parser.add_argument("--limit", type=int, metavar="N", help="the first N test cases only")
     parser.add_argument(
-        "--survey",
+        "--scene-errors",
         type=float,
         default=1.0,
         metavar="X",
@@ -93,7 +93,9 @@ def _run_all(waiting, args):
     for job in range(args.jobs):
         lock_ids.put(cores[job :: args.jobs] or cores)
     with context.Pool(args.jobs, initializer=_take_cores, initargs=(lock_ids,)) as pool:
-        tasks = [(item, args.out.resolve(), args.survey, args.command, args.timeout, args.keep) for item in waiting]
+        tasks = [
+            (item, args.out.resolve(), args.scene_errors, args.command, args.timeout, args.keep) for item in waiting
+        ]
         for done, (item_id, run) in enumerate(pool.imap_unordered(_run_one, tasks), 1):
             left = (time.monotonic() - started) / done * (len(waiting) - done)
             what = run["said"] if run["returncode"] == 0 else f"failed ({run['returncode']})"
@@ -111,7 +113,7 @@ def _take_cores(shares):
 
 
 def _run_one(task):
-    item, out, survey, command, timeout, keep = task
+    item, out, scene_errors, command, timeout, keep = task
     sys.path.insert(0, str(Path(__file__).resolve().parent))
     from make_case import make_case
 
@@ -122,7 +124,7 @@ def _run_one(task):
     started = time.monotonic()
     if not (key.is_file() and capture.is_dir()):
         capture.parent.mkdir(parents=True, exist_ok=True)
-        make_case(item, capture, key, survey)
+        make_case(item, capture, key, scene_errors)
     made = time.monotonic()
     run = diagnose_capture(command, capture, answer, timeout) | {
         "make_s": made - started,

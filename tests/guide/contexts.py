@@ -25,10 +25,10 @@ def write_scene_and_models(folder: pathlib.Path) -> None:
 
     for name in ("scene.gltf", "SCENE.gltf"):
         write_table_top(folder / name)
-    eye = RigCamera(212, 120, np.array([[215.0, 0, 105.5], [0, 215.0, 59.5], [0, 0, 1]]))
+    camera = RigCamera(212, 120, np.array([[215.0, 0, 105.5], [0, 215.0, 59.5], [0, 0, 1]]))
     beside = np.eye(4)
     beside[0, 3] = -0.05
-    before = SensorModel(rig=Rig(eye, eye, beside, beside))
+    before = SensorModel(rig=Rig(camera, camera, beside, beside))
     write_model(folder / "before.json", before)
     (folder / "D").mkdir()
     write_model(folder / "D/model.json", before.with_effect(builtin()["vignetting"], {"exponent": Quantity(1.0)}))
@@ -61,7 +61,7 @@ left = right = rgb = simsense.Camera(64, 48, np.array([[60.0, 0, 31.5], [0, 60.0
 left_to_right = np.eye(4)
 left_to_right[0, 3] = -0.05
 pairs = simsense.Buffer(device, 2 * 32 * 48 * 64)
-left_images, right_images = (pairs.image(np.uint8, (32, 48, 64), eye * 32 * 48 * 64) for eye in range(2))
+left_images, right_images = (pairs.image(np.uint8, (32, 48, 64), side * 32 * 48 * 64) for side in range(2))
 depth_images = simsense.Buffer(device, 4 * 32 * 48 * 64).image(np.float32, (32, 48, 64))
 """,
 }

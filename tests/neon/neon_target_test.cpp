@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the cross-built tests exercise is ARM's vectors, not a scalar stand-in.
+// What the cross-built tests exercise is ARM's vectors, not a scalar substitute.
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
 

@@ -82,7 +82,7 @@ typedef int32_t (*ks_effect_apply_fn)(const struct ks_effect_view* view, const d
 #define KS_RANDOMNESS_TEMPORAL 2u
 
 /* What the lab looks for to find a random effect: parameter x lever x a random number of standard deviation 1. It is a
- * fixed field (KS_RANDOMNESS_STATIC) or a term of the law of the noise (KS_RANDOMNESS_TEMPORAL). An effect that is not
+ * fixed field (KS_RANDOMNESS_STATIC) or a term of the noise model (KS_RANDOMNESS_TEMPORAL). An effect that is not
  * random needs no such term. */
 typedef struct ks_effect_random_term {
   /* The parameter that scales the random numbers. */

@@ -132,7 +132,7 @@ KUAFU_API ks_status kuafu_scene_update_mesh(kuafu_scene scene, uint32_t id, cons
 
 KUAFU_API ks_status kuafu_scene_add_texture(kuafu_scene scene, const kuafu_texture_desc* desc, uint32_t* id);
 /* Replaces a texture, for example in every frame. Materials, lights and the environment that use it show the new one. Size, channels and format may
- * change. The cost depends on the size of the texture, not on that of the scene; for the environment's map the table of directions by brightness is made anew. */
+ * change. The cost depends on the size of the texture, not on that of the scene; for the environment's map the table of directions by brightness is made again. */
 KUAFU_API ks_status kuafu_scene_set_texture(kuafu_scene scene, uint32_t id, const kuafu_texture_desc* desc);
 
 KUAFU_API ks_status kuafu_scene_add_material(kuafu_scene scene, const kuafu_material_desc* desc, uint32_t* id);

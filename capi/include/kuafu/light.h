@@ -119,7 +119,7 @@ typedef struct kuafu_light_desc {
   uint32_t pattern_height;
   /* Standard deviation of each dot, > 0 where there are dots. [in px] */
   float dot_sigma_px;
-  /* Value of the dots' image beside them: light that the projector throws everywhere within its field. [>= 0] */
+  /* Value of the dots' image beside them: light that the projector sends everywhere within its field. [>= 0] */
   double dot_background;
 } kuafu_light_desc;
 static inline kuafu_light_desc kuafu_light_desc_init(uint32_t kind) {

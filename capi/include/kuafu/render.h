@@ -159,7 +159,7 @@ typedef struct kuafu_render_desc {
   uint32_t projector;
   /* For KUAFU_DENOISE_ATROUS: share of the light that is taken from this renderer's previous renders, 0..<1; 0 uses
    * this render only. The previous renders must have had as many views of the same size, and only light from the same
-   * surface is used. Moving cameras (with any lens and shutter) and instances are followed, and a pixel begins anew
+   * surface is used. Moving cameras (with any lens and shutter) and instances are followed, and a pixel begins again
    * where another surface or instance appears. Previous light is dropped where it differs by more than this render's
    * noise; smaller changes, reflections and deforming meshes lag behind. Give each render another seed. [0..1] */
   float temporal_weight;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Built once for each band (KUAFU_CHANNELS): pencils leave their lights, one per invocation.
+// Built once for each band (KUAFU_CHANNELS): beams leave their lights, one per invocation.
 #include "lib/invocation.glsl"
 #include "lib/shading.glsl"
 
-layout(push_constant, scalar) uniform Push { LandPush push; };
-#include "stage/land.glsl"
+layout(push_constant, scalar) uniform Push { BeamPush push; };
+#include "stage/follow.glsl"
 
 void main() {
   uint i = gl_GlobalInvocationID.x;
@@ -15,5 +15,5 @@ void main() {
     cover_rays(push.counters, counter_trace_arguments, push.count);
     cover(push.counters, counter_shade_arguments, push.count);
   }
-  if (i < push.count) send_pencil(i);
+  if (i < push.count) send_beam(i);
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a pencil of rays goes through smooth glass: the derivatives of a ray by its direction at the start, carried through space and refraction (Igehy,
-// "Tracing Ray Differentials", SIGGRAPH 1999), with the curvature that interpolated normals give a triangle. Normal maps do not bend the pencil.
+// How a beam of rays goes through smooth glass: the derivatives of a ray by its direction at the start, carried through space and refraction (Igehy,
+// "Tracing Ray Differentials", SIGGRAPH 1999), with the curvature that interpolated normals give a triangle. Normal maps do not bend the beam.
 #ifndef KUAFU_REFRACTION_GLSL
 #define KUAFU_REFRACTION_GLSL
 #include "lib/frame.glsl"

@@ -52,8 +52,8 @@ const uint pair_time = 0x8001u;  // x: moment of the exposure
 /// Where a medium scatters, and whether the path goes on from there; beyond the points on lights.
 uint pair_flight(uint bounce) { return 0x40000u + 2u * bounce; }
 uint pair_fog_or_surface(uint bounce) { return 0x40001u + 2u * bounce; }
-/// Which of the pencils that land there is asked for the k-th light.
-uint pair_landed(uint bounce, uint k) { return 0x80000u + 0x100u * bounce + k; }
+/// Which of the beams that land there is asked for the k-th light.
+uint pair_splat(uint bounce, uint k) { return 0x80000u + 0x100u * bounce + k; }
 /// The point on the k-th light that a vertex asks; beyond all other pairs.
 uint pair_light_point(uint bounce, uint k) { return 0x10000u + 0x100u * bounce + k; }
 #endif

@@ -11,14 +11,14 @@ namespace kuafu {
 #endif
 
 // The steps, in their order.
-KUAFU_CONST gbuffer_read = 0u;     // per pixel that was given: checked, its depth inverted
-KUAFU_CONST gbuffer_warp = 1u;     // per row: the views that were not given
-KUAFU_CONST gbuffer_light = 2u;    // per pixel of both cameras
-KUAFU_CONST gbuffer_cells = 3u;    // per cell of the cameras that were given
-KUAFU_CONST gbuffer_sky = 4u;      // the same
-KUAFU_CONST gbuffer_bounce = 5u;   // per pixel of both cameras
+KUAFU_CONST gbuffer_read = 0u;    // per pixel that was given: checked, its depth inverted
+KUAFU_CONST gbuffer_warp = 1u;    // per row: the views that were not given
+KUAFU_CONST gbuffer_light = 2u;   // per pixel of both cameras
+KUAFU_CONST gbuffer_cells = 3u;   // per cell of the cameras that were given
+KUAFU_CONST gbuffer_sky = 4u;     // the same
+KUAFU_CONST gbuffer_bounce = 5u;  // per pixel of both cameras
 
-// GbufferEye.given
+// GbufferCamera.given
 KUAFU_CONST gbuffer_has_depth = 1u;
 KUAFU_CONST gbuffer_has_normal = 2u;
 KUAFU_CONST gbuffer_has_albedo = 4u;
@@ -49,7 +49,7 @@ struct PatternMeans {
 };
 
 /// One camera, in all environments.
-struct GbufferEye {
+struct GbufferCamera {
   FloatArray depth, normal, albedo;  // as given
   UintArray material;
   FloatArray inverse_depth;  // 1/m, 0 where nothing is
@@ -57,31 +57,31 @@ struct GbufferEye {
   ViewRecord view;
   vec3 axis_x, axis_y, axis_z;  // of the camera, in the world
   vec2 focal, centre;
-  uint given;                   // gbuffer_has_*
-  float projector_px_m;         // focal length times the way to the projector, along a row
-  float shift_px;               // of the principal point, to the right of the left camera's
+  uint given;            // gbuffer_has_*
+  float projector_px_m;  // focal length times the way to the projector, along a row
+  float shift_px;        // of the principal point, to the right of the left camera's
 };
 
 struct GbufferRecord {
-  GbufferEye eyes[2];
-  FloatArray projector_depth;    // as a camera like the left one sees it from the projector's place
-  FloatArray projector_inverse;  // 1/m
-  FloatArray power, ambient;     // by environment: over the projector's intensity; the room's radiance, W/(sr m^2)
-  UintArray errors;              // by environment: the least word of what is wrong, or gbuffer_no_error
-  UintArray material_places;     // by 1 + a material's id: its place in the scene's table, 0 where it was removed
-  UintArray measured_albedo;     // by place: nonzero where it has an infrared albedo
-  FloatArray matt, lobes, laser; // [eye][environment][row][column]: shares of light from all sides that are reflected; radiance
-  GbufferCells cells;            // [eye][environment][row][column]
+  GbufferCamera cameras[2];
+  FloatArray projector_depth;     // as a camera like the left one sees it from the projector's place
+  FloatArray projector_inverse;   // 1/m
+  FloatArray power, ambient;      // by environment: over the projector's intensity; the room's radiance, W/(sr m^2)
+  UintArray errors;               // by environment: the least word of what is wrong, or gbuffer_no_error
+  UintArray material_places;      // by 1 + a material's id: its place in the scene's table, 0 where it was removed
+  UintArray measured_albedo;      // by place: nonzero where it has an infrared albedo
+  FloatArray matt, lobes, laser;  // [camera][environment][row][column]: shares of light from all sides that are reflected; radiance
+  GbufferCells cells;             // [camera][environment][row][column]
   OutputArray outputs;
   SceneReference scene;
   PatternMeans pattern;
   uint width, height, environments, materials;  // of material_places
   uint cell_columns, cell_rows;
-  uint along_rays;       // nonzero: depths are distances from the camera's centre
+  uint along_rays;  // nonzero: depths are distances from the camera's centre
   uint projector_depth_given;
-  uint has_projector;    // nonzero: some light is one
+  uint has_projector;  // nonzero: some light is one
   uint reserved;
-  float baseline_px_m;   // focal length times baseline
+  float baseline_px_m;  // focal length times baseline
   float focal_px;
 };
 KUAFU_ARRAY(GbufferArray, GbufferRecord, 8)
@@ -92,7 +92,7 @@ struct GbufferPush {
 };
 
 #ifdef __cplusplus
-static_assert(sizeof(GbufferEye) == 176);
+static_assert(sizeof(GbufferCamera) == 176);
 static_assert(sizeof(GbufferRecord) == 528);
 static_assert(sizeof(GbufferPush) == 16);
 }  // namespace kuafu

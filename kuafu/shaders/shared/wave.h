@@ -5,8 +5,8 @@
 #define KUAFU_WAVE_H
 
 #include "shared/aov_record.h"
+#include "shared/beam_record.h"
 #include "shared/camera_record.h"
-#include "shared/landing_record.h"
 #include "shared/scene_records.h"
 
 #ifdef __cplusplus
@@ -167,7 +167,7 @@ struct ShadePush {
   uint bounce, max_bounces;
   uint shadow_rays_per_vertex, flags;  // shade_*
   uint groups, reserved;
-  LandingTableArray landings;  // null without shade_bends
+  SplatTableArray splats;  // null without shade_bends
 };
 
 // Of the scene.

@@ -153,7 +153,7 @@ vec2 plausible_levels(uint pixel) {
   return vec2(least, most);
 }
 
-// Light of the last launches at this surface's place then, where that showed the same surface of the same instance: disocclusion starts anew. The four pixels
+// Light of the last launches at this surface's place then, where that showed the same surface of the same instance: disocclusion starts again. The four pixels
 // around that place have bilinear weights, times what falls with how unlike their surfaces are.
 void accumulate(uint pixel) {
   DenoiseImages images = push.images.at[0];

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage `gather`, before `shade` and on its records (stage/path.glsl, vertex_light.glsl, medium.glsl, vertex.glsl): where a path arrived, the light that bodies of
-// smooth glass have bent towards it (stage/land.glsl).
-#include "lib/landing.glsl"
+// smooth glass have bent towards it (stage/follow.glsl).
+#include "lib/splat_table.glsl"
 
-#include "stage/landed.glsl"
+#include "stage/gather_splats.glsl"
 
 /// f cos towards a direction.
 Spectrum scattered_towards(IN(Vertex) vertex, vec3 direction) {
@@ -42,7 +42,7 @@ Gathering begin_gathering(uint i) {
   g.weight = 1.0f;
   if (!all_delta(g.path)) {
     const float chance = 0.25f;
-    if (sample_2d(g.path.key, g.path.index, pair_landed(push.bounce, 0u)).y >= chance) return g;
+    if (sample_2d(g.path.key, g.path.index, pair_splat(push.bounce, 0u)).y >= chance) return g;
     g.weight = 1.0f / chance;
   }
   g.t = uintBitsToFloat(ray_field(i, ray_t_far));
@@ -68,7 +68,7 @@ void gather(uint i, INOUT(Gathering) g) {
   for (uint k = 0u; k < gathered_lights(); ++k) {
     LightChoice choice = gathered_light(g, k);
     if (choice.probability == 0.0f) continue;
-    float random = sample_2d(g.path.key, g.path.index, pair_landed(push.bounce, k)).x;
+    float random = sample_2d(g.path.key, g.path.index, pair_splat(push.bounce, k)).x;
     Gathered found = gather_about(g.position, choice.index, path_environment(g.path), random);
     if (found.total == 0.0f) continue;
     vec2 point = vec2(0.0f);

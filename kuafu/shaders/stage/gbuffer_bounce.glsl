@@ -13,8 +13,8 @@ uint cells_per_view() { return push.record.at[0].cell_columns * push.record.at[0
 GbufferPlace cell_place(uint i) {
   GbufferPlace p;
   uint view = i / cells_per_view(), cell = i - view * cells_per_view(), row = cell / push.record.at[0].cell_columns;
-  p.eye = view / push.record.at[0].environments;
-  p.environment = view - p.eye * push.record.at[0].environments;
+  p.camera = view / push.record.at[0].environments;
+  p.environment = view - p.camera * push.record.at[0].environments;
   p.row = min(row * gbuffer_cell_px + gbuffer_cell_px / 2u, push.record.at[0].height - 1u);
   p.column = min((cell - row * push.record.at[0].cell_columns) * gbuffer_cell_px + gbuffer_cell_px / 2u, push.record.at[0].width - 1u);
   p.pixel = (p.environment * push.record.at[0].height + p.row) * push.record.at[0].width + p.column;
@@ -24,7 +24,7 @@ GbufferPlace cell_place(uint i) {
 void mean_of_cell(uint i) {
   GbufferPlace p = cell_place(i);
   uint first_row = p.row / gbuffer_cell_px * gbuffer_cell_px, first_column = p.column / gbuffer_cell_px * gbuffer_cell_px;
-  uint base = p.eye * pixels_per_eye() + p.environment * pixels_per_view();
+  uint base = p.camera * pixels_per_camera() + p.environment * pixels_per_view();
   float laser = 0.0f, albedo = 0.0f, count = 0.0f;
   for (uint row = first_row; row < min(first_row + gbuffer_cell_px, push.record.at[0].height); ++row)
     for (uint column = first_column; column < min(first_column + gbuffer_cell_px, push.record.at[0].width); ++column) {
@@ -33,7 +33,7 @@ void mean_of_cell(uint i) {
       albedo += push.record.at[0].matt.at[at];
       count += 1.0f;
     }
-  push.record.at[0].cells.at[i].inverse_depth = push.record.at[0].eyes[p.eye].inverse_depth.at[p.pixel];
+  push.record.at[0].cells.at[i].inverse_depth = push.record.at[0].cameras[p.camera].inverse_depth.at[p.pixel];
   push.record.at[0].cells.at[i].laser = laser / count;
   push.record.at[0].cells.at[i].albedo = albedo / count;
 }
@@ -42,10 +42,10 @@ void mean_of_cell(uint i) {
 /// normal is tilted by `tilt` in the slice.
 float horizon_arc(float angle, float tilt) { return 0.25f * (-cos(2.0f * angle - tilt) + cos(tilt) + 2.0f * angle * sin(tilt)); }
 
-vec3 in_camera(IN(GbufferEye) eye, vec3 w) { return vec3(dot(eye.axis_x, w), dot(eye.axis_y, w), dot(eye.axis_z, w)); }
+vec3 in_camera(IN(GbufferCamera) camera, vec3 w) { return vec3(dot(camera.axis_x, w), dot(camera.axis_y, w), dot(camera.axis_z, w)); }
 
-vec3 seen_position(IN(GbufferEye) eye, vec2 pixel, float inverse) {
-  return vec3((pixel.x - eye.centre.x) / eye.focal.x, (pixel.y - eye.centre.y) / eye.focal.y, 1.0f) / inverse;
+vec3 seen_position(IN(GbufferCamera) camera, vec2 pixel, float inverse) {
+  return vec3((pixel.x - camera.centre.x) / camera.focal.x, (pixel.y - camera.centre.y) / camera.focal.y, 1.0f) / inverse;
 }
 
 struct Horizon {
@@ -53,7 +53,7 @@ struct Horizon {
 };
 
 /// On one side of a slice, whose normal is `axis`; `side` is the way on the image, `tilt` the normal's in the slice, towards that side.
-Horizon look_along(IN(GbufferEye) eye, uint first_cell, vec3 here, vec3 to_camera, vec3 axis, vec2 pixel, vec2 side, float tilt) {
+Horizon look_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3 to_camera, vec3 axis, vec2 pixel, vec2 side, float tilt) {
   Horizon found = Horizon(0.0f, 0.0f, 0.0f);
   float highest = min(tilt + 0.5f * pi, pi), open = horizon_arc(highest, tilt), reach = 1.0f;
   for (int s = 0; s < horizon_steps; ++s) {
@@ -65,7 +65,7 @@ Horizon look_along(IN(GbufferEye) eye, uint first_cell, vec3 here, vec3 to_camer
     float inverse = push.record.at[0].cells.at[cell].inverse_depth;
     if (inverse == 0.0f) continue;
     vec2 middle = (vec2(float(column), float(row)) + 0.5f) * float(gbuffer_cell_px);
-    vec3 way = seen_position(eye, middle, inverse) - here;
+    vec3 way = seen_position(camera, middle, inverse) - here;
     way -= axis * dot(way, axis);
     float distance = length(way), angle = acos(clamp(dot(way, to_camera) / max(distance, 1e-6f), -1.0f, 1.0f));
     float near = horizon_reach_m / (horizon_reach_m + max(distance - horizon_reach_m, 0.0f));
@@ -84,24 +84,24 @@ Horizon look_along(IN(GbufferEye) eye, uint first_cell, vec3 here, vec3 to_camer
 /// What arrives at a cell of the room's light and of surfaces' laser.
 void look_around(uint i) {
   GbufferPlace p = cell_place(i);
-  IN(GbufferEye) eye = push.record.at[0].eyes[p.eye];
+  IN(GbufferCamera) camera = push.record.at[0].cameras[p.camera];
   GbufferSurface s = surface_at_pixel(p);
   push.record.at[0].cells.at[i].room = 1.0f;
   push.record.at[0].cells.at[i].indirect = 0.0f;
   if (s.inverse_depth == 0.0f) return;
   vec2 pixel = vec2(float(p.column), float(p.row));
-  vec3 here = seen_position(eye, pixel, s.inverse_depth), to_camera = in_camera(eye, s.to_camera), normal = in_camera(eye, s.normal);
+  vec3 here = seen_position(camera, pixel, s.inverse_depth), to_camera = in_camera(camera, s.to_camera), normal = in_camera(camera, s.normal);
   uint first_cell = i / cells_per_view() * cells_per_view();
   Horizon sum = Horizon(0.0f, 0.0f, 0.0f);
   float all = 0.0f;
   for (int slice = 0; slice < horizon_slices; ++slice) {
     vec2 side = unit_circle((float(slice) + 0.5f) * (0.5f / float(horizon_slices)));
-    vec3 across = vec3(side.x / eye.focal.x, side.y / eye.focal.y, 0.0f);
+    vec3 across = vec3(side.x / camera.focal.x, side.y / camera.focal.y, 0.0f);
     vec3 along = normalize(across - to_camera * dot(across, to_camera)), axis = cross(along, to_camera);
     vec3 in_slice = normal - axis * dot(normal, axis);
     float weight = length(in_slice), tilt = atan(dot(in_slice, along), dot(in_slice, to_camera));
-    Horizon a = look_along(eye, first_cell, here, to_camera, axis, pixel, side, tilt);
-    Horizon b = look_along(eye, first_cell, here, to_camera, axis, pixel, -side, -tilt);
+    Horizon a = look_along(camera, first_cell, here, to_camera, axis, pixel, side, tilt);
+    Horizon b = look_along(camera, first_cell, here, to_camera, axis, pixel, -side, -tilt);
     sum.room += weight * (a.room + b.room);
     sum.laser += weight * (a.laser + b.laser);
     sum.albedo += weight * (a.albedo + b.albedo);
@@ -130,14 +130,14 @@ vec2 arriving_at(uint first_cell, IN(GbufferPlace) p, float inverse) {
 }
 
 /// A point's place on the image, beyond whose border the border goes on.
-vec2 image_place(IN(GbufferEye) eye, vec3 q) {
+vec2 image_place(IN(GbufferCamera) camera, vec3 q) {
   vec2 most = vec2(float(push.record.at[0].width), float(push.record.at[0].height)) - 1.0f;
-  return clamp(eye.centre + eye.focal * xy(q) / q.z, vec2(0.0f), most);
+  return clamp(camera.centre + camera.focal * xy(q) / q.z, vec2(0.0f), most);
 }
 
 /// How far a point lies behind what is seen there, metres; below 0: before it, or there is nothing.
-float behind_seen(IN(GbufferEye) eye, uint first_cell, vec3 q) {
-  vec2 pixel = image_place(eye, q);
+float behind_seen(IN(GbufferCamera) camera, uint first_cell, vec3 q) {
+  vec2 pixel = image_place(camera, q);
   uint cell = first_cell + uint(pixel.y + 0.5f) / gbuffer_cell_px * push.record.at[0].cell_columns + uint(pixel.x + 0.5f) / gbuffer_cell_px;
   float inverse = push.record.at[0].cells.at[cell].inverse_depth;
   return inverse > 0.0f ? q.z - 1.0f / inverse : -1.0f;
@@ -161,21 +161,21 @@ float seen_radiance(uint first_cell, vec2 pixel, float inverse, float ambient) {
 }
 
 /// What comes along a ray: the light of the surface that it meets in the image, or the room's.
-float radiance_along(IN(GbufferEye) eye, uint first_cell, vec3 here, vec3 direction, float first_step_m, float ambient) {
+float radiance_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3 direction, float first_step_m, float ambient) {
   float t = first_step_m, before = 0.0f;
   for (int s = 0; s < mirror_steps; ++s) {
     vec3 q = here + t * direction;
     if (q.z < 1e-3f) break;
-    float behind = behind_seen(eye, first_cell, q);
+    float behind = behind_seen(camera, first_cell, q);
     if (behind > 0.0f && behind < max(0.1f, 2.0f * t)) {
       for (int half_step = 0; half_step < 3; ++half_step) {
         float middle = 0.5f * (before + t);
-        bool beyond = behind_seen(eye, first_cell, here + middle * direction) > 0.0f;
+        bool beyond = behind_seen(camera, first_cell, here + middle * direction) > 0.0f;
         t = beyond ? middle : t;
         before = beyond ? before : middle;
       }
       q = here + t * direction;
-      return seen_radiance(first_cell, image_place(eye, q), 1.0f / q.z, ambient);
+      return seen_radiance(first_cell, image_place(camera, q), 1.0f / q.z, ambient);
     }
     before = t;
     t *= 1.5f;
@@ -184,15 +184,15 @@ float radiance_along(IN(GbufferEye) eye, uint first_cell, vec3 here, vec3 direct
 }
 
 /// What comes from where a lobe looks.
-float mirrored_radiance(IN(GbufferEye) eye, uint first_cell, IN(GbufferSurface) s, float roughness, float ambient) {
-  vec3 normal = in_camera(eye, s.normal), to_camera = in_camera(eye, s.to_camera), here = in_camera(eye, s.position - eye.view.origin);
+float mirrored_radiance(IN(GbufferCamera) camera, uint first_cell, IN(GbufferSurface) s, float roughness, float ambient) {
+  vec3 normal = in_camera(camera, s.normal), to_camera = in_camera(camera, s.to_camera), here = in_camera(camera, s.position - camera.view.origin);
   vec3 mirrored = normal * (2.0f * dot(normal, to_camera)) - to_camera;
   Frame frame = frame_around(mirrored);
-  float step_m = 2.0f * float(gbuffer_cell_px) / (eye.focal.x * s.inverse_depth), sum = 0.0f;
+  float step_m = 2.0f * float(gbuffer_cell_px) / (camera.focal.x * s.inverse_depth), sum = 0.0f;
   for (int k = 0; k < mirror_rays; ++k) {
     vec2 aside = unit_circle((float(k) + 0.5f) / float(mirror_rays)) * (roughness * roughness);
     vec3 direction = normalize(to_world(frame, vec3(aside, 1.0f)));
-    sum += radiance_along(eye, first_cell, here, direction, step_m, ambient);
+    sum += radiance_along(camera, first_cell, here, direction, step_m, ambient);
   }
   return sum / float(mirror_rays);
 }
@@ -200,15 +200,15 @@ float mirrored_radiance(IN(GbufferEye) eye, uint first_cell, IN(GbufferSurface) 
 void bounce_pixel(uint i, IN(GbufferPlace) p) {
   GbufferPlace q = shown_place(p);
   float ambient = push.record.at[0].ambient.at[p.environment], laser = push.record.at[0].laser.at[i], light = ambient;
-  if (push.record.at[0].eyes[p.eye].inverse_depth.at[p.pixel] > 0.0f) {
-    IN(GbufferEye) eye = push.record.at[0].eyes[q.eye];
-    uint first_cell = (q.eye * push.record.at[0].environments + q.environment) * cells_per_view();
-    vec2 arriving = arriving_at(first_cell, q, eye.inverse_depth.at[q.pixel]);
+  if (push.record.at[0].cameras[p.camera].inverse_depth.at[p.pixel] > 0.0f) {
+    IN(GbufferCamera) camera = push.record.at[0].cameras[q.camera];
+    uint first_cell = (q.camera * push.record.at[0].environments + q.environment) * cells_per_view();
+    vec2 arriving = arriving_at(first_cell, q, camera.inverse_depth.at[q.pixel]);
     light = laser + push.record.at[0].matt.at[i] * (arriving.x * ambient + arriving.y);
     float lobes = push.record.at[0].lobes.at[i];
     if (lobes > 0.0f) {
       GbufferSurface s = surface_at_pixel(p);
-      light += lobes * mirrored_radiance(eye, first_cell, s, push.record.at[0].scene.at[0].materials.at[s.material].roughness, ambient);
+      light += lobes * mirrored_radiance(camera, first_cell, s, push.record.at[0].scene.at[0].materials.at[s.material].roughness, ambient);
     }
   }
   write_output(output_radiance, p, light);

@@ -77,8 +77,8 @@ void fill_unseen(IN(WarpedRow) row, int width) {
 void warp_row(uint i) {
   uint rows = push.record.at[0].environments * push.record.at[0].height;
   bool to_projector = i >= rows;
-  IN(GbufferEye) left = push.record.at[0].eyes[0];
-  IN(GbufferEye) right = push.record.at[0].eyes[1];
+  IN(GbufferCamera) left = push.record.at[0].cameras[0];
+  IN(GbufferCamera) right = push.record.at[0].cameras[1];
   if (to_projector ? push.record.at[0].projector_depth_given != 0u : (right.given & gbuffer_has_depth) != 0u) return;
   float px_m = to_projector ? left.projector_px_m : push.record.at[0].baseline_px_m, shift_px = to_projector ? 0.0f : right.shift_px;
   WarpedRow row;

@@ -12,7 +12,7 @@
 namespace kuafu {
 namespace {
 
-/// A refitted tree that costs more than this times what it did when it was built is built anew.
+/// A refitted tree that costs more than this times what it did when it was built is rebuilt.
 constexpr double worn_out = 1.5;
 
 /// A node whose inner children's indices count from elsewhere.

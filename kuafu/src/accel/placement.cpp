@@ -42,7 +42,7 @@ std::vector<std::vector<uint32_t>> placements_by_environment(const std::vector<P
 std::optional<std::vector<uint32_t>> changed_slots(const Scene& scene, uint64_t revision, const std::vector<uint32_t>& deformed,
                                                    const std::vector<Placement>& placements) {
   const auto changes = scene.instance_changes(revision);
-  const size_t most = scene.instance_slots().size() / 4 + 16;  // beyond, building anew is as quick
+  const size_t most = scene.instance_slots().size() / 4 + 16;  // beyond, rebuilding is as quick
   if (!changes || changes->size() > most) return std::nullopt;
   std::vector<uint32_t> slots(changes->begin(), changes->end());
   for (uint32_t slot = 0; !deformed.empty() && slot < placements.size(); ++slot)

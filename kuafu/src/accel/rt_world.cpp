@@ -119,7 +119,7 @@ void RtWorld::place_all(const Scene& scene, uint32_t environment_count) {
   build_tops();
 }
 
-/// false: what the environments see is not what it was, so that all must be placed anew.
+/// false: what the environments see is not what it was, so that all must be placed again.
 bool RtWorld::follow(const Scene& scene, const std::vector<uint32_t>& slots, const std::vector<uint32_t>& deformed) {
   if (scene.instance_slots().size() != placements_.size()) return false;
   std::vector<uint32_t> written;

@@ -15,7 +15,7 @@ class TopLevel {
   void build(std::span<const uint32_t> slots, std::span<const Box> boxes);
   void move(uint32_t slot, const Box& box);
   void erase(uint32_t slot);
-  /// false: the tree would become too deep; build it anew.
+  /// false: the tree would become too deep; rebuild it.
   [[nodiscard]] bool insert(uint32_t slot, const Box& box);
 
   [[nodiscard]] bool empty() const { return count_ == 0; }

@@ -18,7 +18,7 @@ class Frame {
   explicit Frame(Memory memory);
 
   /// Makes room for the images that `launch` needs here. An image that several launches in a row have not needed is freed: a sensor's
-  /// colour and infrared pictures take turns, and memory that is taken anew for each costs as much as a tenth of a small picture.
+  /// colour and infrared pictures take turns, and memory that is taken again for each costs as much as a tenth of a small picture.
   void fit(const Launch& launch);
   /// Whether the frame must hold this output of the launch.
   [[nodiscard]] static bool needs(const Launch& launch, uint32_t kind) {

@@ -64,14 +64,14 @@ void GbufferLight::run(ks::Commands& commands, const std::shared_ptr<const Scene
   write_record(*scene, gbuffers, frame);
   scene_ = scene;
   const Launch& launch = gbuffers.launch;
-  const uint32_t pixels = launch.pixel_count(), eye_pixels = pixels / 2;
+  const uint32_t pixels = launch.pixel_count(), camera_pixels = pixels / 2;
   const GbufferRecord& record = record_.resize(memory_, 1)[0];
-  const uint32_t given_eyes = gbuffers.given[1].depth ? 2 : 1,
-                 cells = given_eyes * gbuffers.environments() * record.cell_columns * record.cell_rows;
+  const uint32_t given_cameras = gbuffers.given[1].depth ? 2 : 1,
+                 cells = given_cameras * gbuffers.environments() * record.cell_columns * record.cell_rows;
   const auto step = [&](const char* name, uint32_t which, uint32_t count) {
     step_.run(commands, name, GbufferPush{.record = record_.address(), .step = which, .count = count});
   };
-  step("read", gbuffer_read, eye_pixels * (gbuffers.projector_depth ? 3 : given_eyes));
+  step("read", gbuffer_read, camera_pixels * (gbuffers.projector_depth ? 3 : given_cameras));
   step("warp", gbuffer_warp, 2 * gbuffers.environments() * launch.height);
   step("light", gbuffer_light, pixels);
   step("bounce", gbuffer_cells, cells);
@@ -81,11 +81,11 @@ void GbufferLight::run(ks::Commands& commands, const std::shared_ptr<const Scene
 
 void GbufferLight::fit(const GbufferLaunch& gbuffers) {
   const Launch& launch = gbuffers.launch;
-  const uint64_t pixels = launch.pixel_count(), eye = pixels / 2;
+  const uint64_t pixels = launch.pixel_count(), camera = pixels / 2;
   const auto cells_along = [](uint32_t pixel_count) { return (pixel_count + gbuffer_cell_px - 1) / gbuffer_cell_px; };
-  for (auto& inverse : inverse_) grow(memory_, inverse, eye);
-  grow(memory_, source_, eye);
-  grow(memory_, projector_inverse_, eye);
+  for (auto& inverse : inverse_) grow(memory_, inverse, camera);
+  grow(memory_, source_, camera);
+  grow(memory_, projector_inverse_, camera);
   for (auto* image : {&matt_, &lobes_, &laser_}) grow(memory_, *image, pixels);
   grow(memory_, cells_,
        uint64_t(2) * gbuffers.environments() * cells_along(launch.width) * cells_along(launch.height) * (sizeof(GbufferCell) / 4));
@@ -94,7 +94,7 @@ void GbufferLight::fit(const GbufferLaunch& gbuffers) {
   std::memset(errors_->mapped(), 0xff, error_bytes);
 }
 
-/// Found anew where the pattern, the projector's lens or a camera's pixel is another.
+/// Found again where the pattern, the projector's lens or a camera's pixel is another.
 void GbufferLight::prepare_pattern(const Scene& scene, const GbufferLaunch& gbuffers) {
   projector_ = first_projector(scene, gbuffers.launch.band);
   if (projector_ == nullptr) return;
@@ -114,15 +114,15 @@ void GbufferLight::prepare_pattern(const Scene& scene, const GbufferLaunch& gbuf
   pattern_key_ = key;
 }
 
-void GbufferLight::write_eye(const GbufferLaunch& gbuffers, uint32_t eye, GbufferEye& record) const {
-  const GbufferImages& given = gbuffers.given[eye];
-  const View &view = gbuffers.launch.views[eye * gbuffers.environments()], &left = gbuffers.launch.views[0];
+void GbufferLight::write_camera(const GbufferLaunch& gbuffers, uint32_t camera, GbufferCamera& record) const {
+  const GbufferImages& given = gbuffers.given[camera];
+  const View &view = gbuffers.launch.views[camera * gbuffers.environments()], &left = gbuffers.launch.views[0];
   const auto address = [&](const std::shared_ptr<ks::Buffer>& buffer) { return buffer ? memory_.address(*buffer) : 0; };
   record.depth = address(given.depth);
   record.normal = address(given.normal);
   record.albedo = address(given.albedo);
   record.material = address(given.material);
-  record.inverse_depth = memory_.address(*inverse_[eye]);
+  record.inverse_depth = memory_.address(*inverse_[camera]);
   record.source = memory_.address(*source_);
   record.view = view_record(gbuffers.launch, view);
   record.axis_x = glm::vec3(view.camera_to_world[0]);
@@ -153,7 +153,7 @@ void GbufferLight::write_record(const Scene& scene, const GbufferLaunch& gbuffer
   }
   GbufferRecord& r = record_.resize(memory_, 1)[0];
   r = {};
-  for (uint32_t eye = 0; eye < 2; ++eye) write_eye(gbuffers, eye, r.eyes[eye]);
+  for (uint32_t camera = 0; camera < 2; ++camera) write_camera(gbuffers, camera, r.cameras[camera]);
   r.projector_depth = gbuffers.projector_depth ? memory_.address(*gbuffers.projector_depth) : 0;
   r.projector_inverse = memory_.address(*projector_inverse_);
   r.power = power_.address();

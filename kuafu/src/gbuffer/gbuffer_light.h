@@ -42,7 +42,7 @@ class GbufferLight {
   void fit(const GbufferLaunch& gbuffers);
   void prepare_pattern(const Scene& scene, const GbufferLaunch& gbuffers);
   void write_record(const Scene& scene, const GbufferLaunch& gbuffers, const Frame& frame);
-  void write_eye(const GbufferLaunch& gbuffers, uint32_t eye, GbufferEye& record) const;
+  void write_camera(const GbufferLaunch& gbuffers, uint32_t camera, GbufferCamera& record) const;
 
   /// What the means of a pattern depend on.
   struct PatternKey {

@@ -119,7 +119,7 @@ ImportAnswer read_answer(const std::function<void(void*, size_t)>& read, uint64_
   uint32_t word = 0;
   int32_t status = KS_OK;
   r.plain(word);
-  if (word != first_word) ks::fail(KS_ERROR_FILE, "the program that reads it is of another version than the library: install both anew");
+  if (word != first_word) ks::fail(KS_ERROR_FILE, "the program that reads it is of another version than the library: install both again");
   r.plain(status);
   if (status != KS_OK) {
     std::string text;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The lights that glass bends by pencils: those without extent. Thread rule: pure functions.
+// The lights that glass bends by beams: those without extent. Thread rule: pure functions.
 #pragma once
 
 #include <vector>

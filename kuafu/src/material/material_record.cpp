@@ -9,7 +9,7 @@
 namespace kuafu {
 namespace {
 
-// Beer and Lambert: white light has this colour after the given distance. Black would be opaque; its stand-in lets e^-20 through.
+// Beer and Lambert: white light has this colour after the given distance. Black would be opaque; the value in its place lets e^-20 through.
 float attenuation(float color, float distance_m) { return distance_m > 0.0f ? -std::log(std::max(color, 2e-9f)) / distance_m : 0.0f; }
 
 /// Albedo of one scattering whose body, endless and evenly lit, has the given albedo: van de Hulst's spherical albedo of isotropic

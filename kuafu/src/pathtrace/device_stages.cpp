@@ -8,17 +8,17 @@
 #include "spirv/accumulate.h"
 #include "spirv/aov_infrared.h"
 #include "spirv/aov_visible.h"
+#include "spirv/follow_infrared.h"
+#include "spirv/follow_visible.h"
 #include "spirv/gather_infrared.h"
 #include "spirv/gather_visible.h"
 #include "spirv/generate.h"
-#include "spirv/land_infrared.h"
-#include "spirv/land_visible.h"
-#include "spirv/landing_table.h"
 #include "spirv/resolve.h"
 #include "spirv/send_infrared.h"
 #include "spirv/send_visible.h"
 #include "spirv/shade_infrared.h"
 #include "spirv/shade_visible.h"
+#include "spirv/splat_table.h"
 #include "spirv/transmit_infrared.h"
 #include "spirv/transmit_visible.h"
 #include "spirv/visibility.h"
@@ -76,29 +76,28 @@ class DeviceStages final : public Stages {
                                (uint64_t(push.block_in) * counter_words + counter_transmit_arguments) * 4);
   }
 
-  void send(ks::Commands& commands, const LandPush& push, const WaveBuffers& buffers) override {
-    commands.begin_stage("land");
+  void send(ks::Commands& commands, const BeamPush& push, const WaveBuffers& buffers) override {
+    commands.begin_stage("follow beams");
     commands.fill(buffers.counters(), 0, buffers.counter_bytes(), 0);
     const bool infrared = buffers.size().channels == 1;
     dispatch(commands, send_[{infrared, buffers.size().features}],
              infrared ? std::span<const uint32_t>(send_infrared_spirv) : send_visible_spirv, push, push.count, buffers.size().features);
   }
 
-  void land(ks::Commands& commands, const LandPush& push, const WaveBuffers& buffers) override {
-    commands.begin_stage("land");
+  void follow(ks::Commands& commands, const BeamPush& push, const WaveBuffers& buffers) override {
+    commands.begin_stage("follow beams");
     const bool infrared = buffers.size().channels == 1;
     const ks::ComputePipeline& pipeline =
-        built<LandPush>(land_[{infrared, buffers.size().features}],
-                        infrared ? std::span<const uint32_t>(land_infrared_spirv) : land_visible_spirv, buffers.size().features);
+        built<BeamPush>(follow_[{infrared, buffers.size().features}],
+                        infrared ? std::span<const uint32_t>(follow_infrared_spirv) : follow_visible_spirv, buffers.size().features);
     commands.dispatch_indirect(pipeline, push, buffers.counters(), shade_arguments(push.block));
   }
 
-  void tabulate(ks::Commands& commands, const Landings& landings) override {
-    commands.begin_stage("land");
-    commands.fill(landings.words(), 0, landings.cleared_bytes(), 0);
-    for (uint32_t step = 0; step < landing_steps; ++step)
-      dispatch(commands, landing_table_, landing_table_spirv, LandingTablePush{.table = landings.table(), .step = step},
-               landings.step_size(step));
+  void tabulate(ks::Commands& commands, const Splats& splats) override {
+    commands.begin_stage("follow beams");
+    commands.fill(splats.words(), 0, splats.cleared_bytes(), 0);
+    for (uint32_t step = 0; step < splat_steps; ++step)
+      dispatch(commands, splat_table_, splat_table_spirv, SplatTablePush{.table = splats.table(), .step = step}, splats.step_size(step));
   }
 
   void gather(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) override {
@@ -151,8 +150,8 @@ class DeviceStages final : public Stages {
   std::shared_ptr<ks::Device> device_;
   std::array<uint32_t, 6> specialisation_;  // by constant_id (lib/invocation.glsl); 4 is the denoiser's
   Pipeline generate_[2], aov_[2][2];        // plain, and with feature_camera; aov: visible, infrared
-  Pipeline resolve_, accumulate_, visibility_, landing_table_;
-  std::map<std::pair<bool, uint32_t>, Pipeline> shade_, transmit_, gather_, send_, land_;  // by infrared and features
+  Pipeline resolve_, accumulate_, visibility_, splat_table_;
+  std::map<std::pair<bool, uint32_t>, Pipeline> shade_, transmit_, gather_, send_, follow_;  // by infrared and features
 };
 
 }  // namespace

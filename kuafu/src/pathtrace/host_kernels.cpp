@@ -12,10 +12,10 @@ namespace {
 
 constexpr uint features = feature_camera | feature_motion | feature_lookups;
 #include "lib/camera.glsl"
-#include "lib/landing.glsl"
 #include "lib/pixel_sample.glsl"
 #include "lib/pixels.glsl"
 #include "lib/queue.glsl"
+#include "lib/splat_table.glsl"
 
 struct Generate {
   const GeneratePush& push;
@@ -37,9 +37,9 @@ struct Visibility {
 #include "stage/visibility.glsl"
 };
 
-struct TableOfLandings {
-  const LandingTablePush& push;
-#include "stage/landing_table.glsl"
+struct TableOfSplats {
+  const SplatTablePush& push;
+#include "stage/splat_table.glsl"
 };
 
 }  // namespace
@@ -90,8 +90,8 @@ void visibility(const AovPush& push, uint32_t first, uint32_t end) {
   for (Visibility stage{push}; first < end; ++first) stage.visibility(first);
 }
 
-void landing_table(const LandingTablePush& push, uint32_t first, uint32_t end) {
-  for (TableOfLandings stage{push}; first < end; ++first) stage.table_step(first);
+void splat_table(const SplatTablePush& push, uint32_t first, uint32_t end) {
+  for (TableOfSplats stage{push}; first < end; ++first) stage.table_step(first);
 }
 
 }  // namespace host

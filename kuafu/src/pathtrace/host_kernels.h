@@ -13,7 +13,7 @@ void generate(const GeneratePush& push, uint32_t first, uint32_t end);
 void resolve(const ResolvePush& push, uint32_t first, uint32_t end);
 void accumulate(const AccumulatePush& push, uint32_t first, uint32_t end);
 void visibility(const AovPush& push, uint32_t first, uint32_t end);
-void landing_table(const LandingTablePush& push, uint32_t first, uint32_t end);
+void splat_table(const SplatTablePush& push, uint32_t first, uint32_t end);
 
 /// These are of host_aov.cpp, which the build compiles once for each band.
 using AovKernel = void(const AovPush& push, uint32_t first, uint32_t end);
@@ -28,8 +28,8 @@ struct QueueEnds {
 using ShadeKernel = void(const ShadePush& push, uint32_t first, uint32_t end, QueueEnds& ends);
 using TransmitKernel = void(const TransmitPush& push, uint32_t first, uint32_t end, QueueEnds& ends);
 using GatherKernel = void(const ShadePush& push, uint32_t first, uint32_t end);
-using SendKernel = void(const LandPush& push, uint32_t first, uint32_t end);
-using LandKernel = void(const LandPush& push, uint32_t first, uint32_t end, QueueEnds& ends);
+using SendKernel = void(const BeamPush& push, uint32_t first, uint32_t end);
+using FollowKernel = void(const BeamPush& push, uint32_t first, uint32_t end, QueueEnds& ends);
 /// The features that each kind knows. Surfaces of `plain` and `lit` scenes have a BSDF that goes in lanes; `lit` ones have lights with an
 /// extent or a profile, as most projectors do. In `worn` scenes some surfaces have lobes of their own, and the others go in lanes.
 inline constexpr uint32_t lobe_features = feature_materials | feature_clearcoat | feature_diffuse_transmission | feature_anisotropy |
@@ -41,14 +41,14 @@ inline constexpr uint32_t plain_features = feature_lookups, lit_features = plain
   TransmitKernel transmit_##kind; \
   GatherKernel gather_##kind;     \
   SendKernel send_##kind;         \
-  LandKernel land_##kind;         \
-  inline constexpr SurfaceKernels kernels_##kind{shade_##kind, transmit_##kind, gather_##kind, send_##kind, land_##kind};
+  FollowKernel follow_##kind;     \
+  inline constexpr SurfaceKernels kernels_##kind{shade_##kind, transmit_##kind, gather_##kind, send_##kind, follow_##kind};
 struct SurfaceKernels {
   ShadeKernel* shade;
   TransmitKernel* transmit;
   GatherKernel* gather;
   SendKernel* send;
-  LandKernel* land;
+  FollowKernel* follow;
 };
 KUAFU_KIND(infrared_plain)
 KUAFU_KIND(infrared_lit)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages `shade`, `transmit`, `gather`, `send` and `land` on the host. The build compiles this file once for each band and kind of scene:
+// Stages `shade`, `transmit`, `gather`, `send` and `follow` on the host. The build compiles this file once for each band and kind of scene:
 // KUAFU_CHANNELS and KUAFU_FEATURES say which, KUAFU_HOST_KIND ends the functions' names.
 #include <algorithm>
 #include <vector>
@@ -16,10 +16,10 @@ namespace kuafu {
 namespace {
 
 constexpr uint features = KUAFU_FEATURES;
-constexpr uint32_t most_prefetched = 16;  // pencils of a bucket
-#include "lib/landing.glsl"
+constexpr uint32_t most_prefetched = 16;  // beams of a bucket
 #include "lib/refraction.glsl"
 #include "lib/shading.glsl"
+#include "lib/splat_table.glsl"
 
 struct Shade {
   const ShadePush& push;
@@ -33,9 +33,9 @@ struct Transmit {
 #include "stage/transmit.glsl"
 };
 
-struct Land {
-  const LandPush& push;
-#include "stage/land.glsl"
+struct Follow {
+  const BeamPush& push;
+#include "stage/follow.glsl"
 };
 
 /// The queues that the stage fills, from their ends on.
@@ -72,7 +72,7 @@ void gather_block(Shade& stage, uint32_t first, uint32_t end) {
   static thread_local std::vector<uint32_t> rays;
   static thread_local std::vector<const uint32_t*> heads;
   gatherings.clear(), rays.clear(), heads.clear();
-  const LandingTable& table = stage.push.landings.at[0];
+  const SplatTable& table = stage.push.splats.at[0];
   for (uint32_t i = first; i < end; ++i) {
     const Shade::Gathering g = stage.begin_gathering(i);
     if (!g.wanted) continue;
@@ -81,8 +81,8 @@ void gather_block(Shade& stage, uint32_t first, uint32_t end) {
     for (uint32_t k = 0; k < stage.gathered_lights(); ++k) {
       const LightChoice light = stage.gathered_light(g, k);
       if (light.probability == 0.0f) continue;
-      for (uint32_t levels = table.words.at[landing_levels]; levels != 0; levels &= levels - 1) {
-        const int level = findLSB(levels) + landing_least_level;
+      for (uint32_t levels = table.words.at[splat_levels]; levels != 0; levels &= levels - 1) {
+        const int level = findLSB(levels) + splat_least_level;
         const uint32_t bucket = bucket_of(table, cell_of(g.position, level), level, light.index, stage.path_environment(g.path));
         heads.push_back(table.words.at + head_word(bucket));
         __builtin_prefetch(heads.back());
@@ -94,9 +94,9 @@ void gather_block(Shade& stage, uint32_t first, uint32_t end) {
     if (head[1] > 0) __builtin_prefetch(entries + head[0]);
   for (const uint32_t* head : heads)
     for (uint32_t k = 0; k < std::min(head[1], most_prefetched); ++k) {
-      const auto* pencil = reinterpret_cast<const char*>(table.pencils.at + entries[head[0] + k]);
-      __builtin_prefetch(pencil);
-      __builtin_prefetch(pencil + 64);
+      const auto* beam = reinterpret_cast<const char*>(table.beams.at + entries[head[0] + k]);
+      __builtin_prefetch(beam);
+      __builtin_prefetch(beam + 64);
     }
   for (size_t k = 0; k < rays.size(); ++k) stage.gather(rays[k], gatherings[k]);
 }
@@ -133,14 +133,14 @@ void KUAFU_NAME(gather)(const ShadePush& push, uint32_t first, uint32_t end) {
   for (; first < end; first += block) gather_block(stage, first, std::min(end, first + block));
 }
 
-void KUAFU_NAME(send)(const LandPush& push, uint32_t first, uint32_t end) {
-  for (Land stage{push}; first < end; ++first) stage.send_pencil(first);
+void KUAFU_NAME(send)(const BeamPush& push, uint32_t first, uint32_t end) {
+  for (Follow stage{push}; first < end; ++first) stage.send_beam(first);
 }
 
-void KUAFU_NAME(land)(const LandPush& push, uint32_t first, uint32_t end, QueueEnds& ends) {
-  for (Land stage{push}; first < end; ++first) {
-    const Land::Segment onward = stage.follow_pencil(first);
-    if (onward.wanted) stage.queue_pencil(onward, ends.next++);
+void KUAFU_NAME(follow)(const BeamPush& push, uint32_t first, uint32_t end, QueueEnds& ends) {
+  for (Follow stage{push}; first < end; ++first) {
+    const Follow::Segment onward = stage.follow_beam(first);
+    if (onward.wanted) stage.queue_beam(onward, ends.next++);
   }
 }
 

@@ -41,27 +41,28 @@ class HostStages final : public Stages {
     push.counters.at[push.block_out * counter_words + counter_shadow_count] = ends.shadow;
   }
 
-  void send(ks::Commands& commands, const LandPush& push, const WaveBuffers& buffers) override {
+  void send(ks::Commands& commands, const BeamPush& push, const WaveBuffers& buffers) override {
     std::fill_n(push.counters.at, buffers.counter_bytes() / 4, 0u);
     push.counters.at[counter_ray_count] = push.count;
     host::SendKernel* const kernel = kernels(buffers).send;
-    run(commands, "land", push.count, chunk_rays, [&](uint32_t first, uint32_t end) { kernel(push, first, end); });
+    run(commands, "follow beams", push.count, chunk_rays, [&](uint32_t first, uint32_t end) { kernel(push, first, end); });
   }
 
-  void land(ks::Commands& commands, const LandPush& push, const WaveBuffers& buffers) override {
+  void follow(ks::Commands& commands, const BeamPush& push, const WaveBuffers& buffers) override {
     uint32_t* counters = push.counters.at + push.block * counter_words;
     host::QueueEnds ends;
-    host::LandKernel* const kernel = kernels(buffers).land;
-    run(commands, "land", counters[counter_ray_count], chunk_rays, [&](uint32_t first, uint32_t end) { kernel(push, first, end, ends); });
+    host::FollowKernel* const kernel = kernels(buffers).follow;
+    run(commands, "follow beams", counters[counter_ray_count], chunk_rays,
+        [&](uint32_t first, uint32_t end) { kernel(push, first, end, ends); });
     counters[counter_words + counter_ray_count] = ends.next;
   }
 
-  void tabulate(ks::Commands& commands, const Landings& landings) override {
-    std::memset(landings.words().mapped(), 0, landings.cleared_bytes());
-    for (uint32_t step = 0; step < landing_steps; ++step) {
-      const LandingTablePush push{.table = landings.table(), .step = step};
-      run(commands, "land", landings.step_size(step), chunk_rays,
-          [&](uint32_t first, uint32_t end) { host::landing_table(push, first, end); });
+  void tabulate(ks::Commands& commands, const Splats& splats) override {
+    std::memset(splats.words().mapped(), 0, splats.cleared_bytes());
+    for (uint32_t step = 0; step < splat_steps; ++step) {
+      const SplatTablePush push{.table = splats.table(), .step = step};
+      run(commands, "follow beams", splats.step_size(step), chunk_rays,
+          [&](uint32_t first, uint32_t end) { host::splat_table(push, first, end); });
     }
   }
 

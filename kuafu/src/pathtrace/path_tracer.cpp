@@ -32,9 +32,9 @@ WaveBackend make_backend(const std::shared_ptr<ks::Device>& device, TracerKind k
 }
 
 /// A part of the paths, so that light takes a small part of the time, and of one view alone, so that others beside it change nothing.
-uint32_t pencils_of(const Launch& launch) {
-  constexpr uint64_t paths_per_pencil = 32, least = 1u << 14, most = 1u << 18;
-  return uint32_t(std::clamp(uint64_t(launch.width) * launch.height * launch.samples / paths_per_pencil, least, most));
+uint32_t beams_of(const Launch& launch) {
+  constexpr uint64_t paths_per_beam = 32, least = 1u << 14, most = 1u << 18;
+  return uint32_t(std::clamp(uint64_t(launch.width) * launch.height * launch.samples / paths_per_beam, least, most));
 }
 
 uint32_t round_up(uint32_t n, uint32_t step) { return (n + step - 1) / step * step; }
@@ -42,7 +42,7 @@ uint32_t round_up(uint32_t n, uint32_t step) { return (n + step - 1) / step * st
 }  // namespace
 
 PathTracer::PathTracer(const std::shared_ptr<ks::Device>& device, TracerKind tracer)
-    : backend_(make_backend(device, tracer)), tables_(memory()), aov_tables_(memory()), slots_(memory()), landings_(memory()) {}
+    : backend_(make_backend(device, tracer)), tables_(memory()), aov_tables_(memory()), slots_(memory()), splats_(memory()) {}
 
 void PathTracer::update_tables(const Scene& scene, const Launch& launch) {
   tables_.update(scene, launch.band, launch.environment_count(), open_span(launch));
@@ -54,10 +54,10 @@ void PathTracer::update_tables(const Scene& scene, const Launch& launch) {
   for (size_t i = 0; i < cameras.size(); ++i) cameras[i] = camera_record(launch.views[i]);
   plan_ = plan_of(launch, special);
   if (!plan_.bends) return;
-  landings_.fit(make_pencil_sources(tables_.sharp_lights(), tables_.glass_bodies(), tables_.radius_m(), launch.environment_count(),
-                                    pencils_of(launch)));
-  plan_.bends = landings_.pencil_count() > 0;
-  plan_.landings = landings_.table();
+  splats_.fit(
+      make_beam_sources(tables_.sharp_lights(), tables_.glass_bodies(), tables_.radius_m(), launch.environment_count(), beams_of(launch)));
+  plan_.bends = splats_.beam_count() > 0;
+  plan_.splats = splats_.table();
 }
 
 WavePlan PathTracer::plan_of(const Launch& launch, bool special_cameras) const {
@@ -134,19 +134,19 @@ void PathTracer::in_waves(ks::Commands& commands, const Launch& launch, const Wa
   });
 }
 
-void PathTracer::land_light(ks::Commands& commands, const Launch& launch, uint32_t first_sample) {
+void PathTracer::splat_light(ks::Commands& commands, const Launch& launch, uint32_t first_sample) {
   if (!plan_.bends) return;
   // Grids of consecutive samples are moved by Roberts's sequence ("The unreasonable effectiveness of quasirandom sequences", 2018).
   const double u = double(launch.seed % 65521) / 65521 + first_sample * 0.7548776662466927;
   const double v = double(launch.seed % 65519) / 65519 + first_sample * 0.5698402909980532;
-  LandPush push = landings_.push(uint32_t(launch.seed ^ launch.seed >> 32) + 0x9e3779b9u * first_sample,
-                                 {float(u - std::floor(u)), float(v - std::floor(v))});
-  const uint32_t capacity = slots_.size().capacity, total = landings_.pencil_count();
+  BeamPush push = splats_.push(uint32_t(launch.seed ^ launch.seed >> 32) + 0x9e3779b9u * first_sample,
+                               {float(u - std::floor(u)), float(v - std::floor(v))});
+  const uint32_t capacity = slots_.size().capacity, total = splats_.beam_count();
   const auto follow = [&](WaveBuffers& buffers, ks::Commands& recorder, uint32_t first) {
-    LandPush part = push;
+    BeamPush part = push;
     part.first = first;
     part.count = std::min(capacity, total - first);
-    Wave(backend_, launch, plan_, buffers, recorder, {}).follow_pencils(part);
+    Wave(backend_, launch, plan_, buffers, recorder, {}).follow_beams(part);
   };
   if (memory().on_host)
     memory().device->workers().parallel_for((total + capacity - 1) / capacity, [&](size_t i) {
@@ -155,7 +155,7 @@ void PathTracer::land_light(ks::Commands& commands, const Launch& launch, uint32
     });
   else
     for (uint32_t first = 0; first < total; first += capacity) follow(slots_.only(), commands, first);
-  backend_.stages->tabulate(commands, landings_);
+  backend_.stages->tabulate(commands, splats_);
 }
 
 WaveRange PathTracer::range(const Launch& launch, uint32_t first_pixel, uint32_t pixel_count, uint32_t first_sample,

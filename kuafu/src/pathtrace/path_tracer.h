@@ -10,7 +10,7 @@
 #include <memory>
 
 #include "frame/launch.h"
-#include "pathtrace/landings.h"
+#include "pathtrace/splats.h"
 #include "pathtrace/wave.h"
 #include "tables/aov_tables.h"
 #include "tables/scene_tables.h"
@@ -38,7 +38,7 @@ class PathTracer {
   void update_tracer(const Scene& scene, const Launch& launch);
 
   /// Before waves of paths that begin with this sample: light goes through glass to where it lands.
-  void land_light(ks::Commands& commands, const Launch& launch, uint32_t first_sample);
+  void splat_light(ks::Commands& commands, const Launch& launch, uint32_t first_sample);
 
   /// The plan of the launch that the tables are up to date with.
   [[nodiscard]] const WavePlan& plan() const { return plan_; }
@@ -61,7 +61,7 @@ class PathTracer {
   MappedTable<ViewRecord> views_;
   MappedTable<CameraRecord> cameras_;
   WaveSlots slots_;
-  Landings landings_;
+  Splats splats_;
   WavePlan plan_;
   uint32_t pixels_per_batch_ = 0, rays_per_square_ = 0;
 };

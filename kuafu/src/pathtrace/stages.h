@@ -7,7 +7,7 @@
 #include <memory>
 
 #include "accel/tracer.h"
-#include "pathtrace/landings.h"
+#include "pathtrace/splats.h"
 #include "pathtrace/wave_memory.h"
 #include "shared/wave.h"
 
@@ -25,12 +25,12 @@ class Stages {
   virtual void transmit(ks::Commands& commands, const TransmitPush& push, const WaveBuffers& buffers) = 0;
   /// Before `shade`, adds the light that bodies of glass have bent to where paths arrived.
   virtual void gather(ks::Commands& commands, const ShadePush& push, const WaveBuffers& buffers) = 0;
-  /// Clears the counters and fills the first queue with pencils of light.
-  virtual void send(ks::Commands& commands, const LandPush& push, const WaveBuffers& buffers) = 0;
-  /// Follows pencils through one surface, or lets them land.
-  virtual void land(ks::Commands& commands, const LandPush& push, const WaveBuffers& buffers) = 0;
-  /// Makes the table of all pencils.
-  virtual void tabulate(ks::Commands& commands, const Landings& landings) = 0;
+  /// Clears the counters and fills the first queue with beams of light.
+  virtual void send(ks::Commands& commands, const BeamPush& push, const WaveBuffers& buffers) = 0;
+  /// Follows beams through one surface, or lets them land.
+  virtual void follow(ks::Commands& commands, const BeamPush& push, const WaveBuffers& buffers) = 0;
+  /// Makes the table of all beams.
+  virtual void tabulate(ks::Commands& commands, const Splats& splats) = 0;
   virtual void resolve(ks::Commands& commands, const ResolvePush& push, const WaveBuffers& buffers) = 0;
   virtual void accumulate(ks::Commands& commands, const AccumulatePush& push) = 0;
   virtual void aov(ks::Commands& commands, const AovPush& push) = 0;

@@ -116,12 +116,12 @@ void Wave::trace_by_surfaces(uint32_t bounce) {
   }
 }
 
-void Wave::follow_pencils(LandPush push) {
+void Wave::follow_beams(BeamPush push) {
   push.counters = buffers_.counter_address();
   push.scene = plan_.scene;
   push.capacity = buffers_.size().capacity;
   push.surfaces = launch_.glass_surfaces;
-  push.flags = flag(plan_.environments, land_environments) | flag(plan_.medium, land_medium);
+  push.flags = flag(plan_.environments, beam_environments) | flag(plan_.medium, beam_medium);
   for (uint32_t passed = 0; passed <= launch_.glass_surfaces; ++passed) {
     push.rays_in = buffers_.closest_rays(passed);
     push.environments_in = buffers_.closest_environments(passed);
@@ -134,7 +134,7 @@ void Wave::follow_pencils(LandPush push) {
     push.environments_out = buffers_.closest_environments(passed + 1);
     push.block = passed;
     trace_closest(passed);
-    backend_.stages->land(commands_, push, buffers_);
+    backend_.stages->follow(commands_, push, buffers_);
     if (on_cpu_device()) commands_.flush();  // then the host sees how many are left
     if (buffers_.ray_count(passed + 1) == 0) return;
   }
@@ -180,7 +180,7 @@ ShadePush Wave::shade_push(uint32_t bounce) const {
                    flag(launch_.light_sampling == LightSampling::bsdf, shade_bsdf_only) | flag(plan_.bends, shade_bends),
           .groups = plan_.groups,
           .reserved = 0,
-          .landings = plan_.landings};
+          .splats = plan_.splats};
 }
 
 void Wave::resolve(uint32_t bounce) {

@@ -29,7 +29,7 @@ struct WavePlan {
   bool select_lights = false;  // each vertex asks one light, chosen by power
   bool passes_glass = false;   // shadow rays may pass something on their way
   bool bends = false;          // bodies of it bend light
-  uint64_t landings = 0;       // address of the LandingTable, with bends
+  uint64_t splats = 0;         // address of the SplatTable, with bends
   uint32_t features = 0;       // feature_*
   uint32_t groups = 0;         // of light, kept apart
   uint32_t shadow_rays_per_vertex = 0;
@@ -64,9 +64,9 @@ class Wave {
   /// After trace_paths, adds the paths to their pixels. `last` says that no samples follow, so that `outputs` are written.
   void accumulate(const PixelSums& sums, uint64_t outputs, bool last);
 
-  /// Takes pencils push.first to push.first + push.count of light from their lights to where they land; the wave's memory has room for so
+  /// Takes beams push.first to push.first + push.count of light from their lights to where they land; the wave's memory has room for so
   /// many.
-  void follow_pencils(LandPush push);
+  void follow_beams(BeamPush push);
 
   [[nodiscard]] ks::Commands& commands() const { return commands_; }
   [[nodiscard]] WaveRays rays() const {

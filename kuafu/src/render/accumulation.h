@@ -20,7 +20,7 @@ class Accumulation {
 
   explicit Accumulation(Memory memory) : memory_(std::move(memory)) {}
 
-  /// Keeps the sums if `continues` is set and they have this shape; else starts anew at `first_sample`.
+  /// Keeps the sums if `continues` is set and they have this shape; else starts again at `first_sample`.
   void begin(const Shape& shape, bool continues, uint32_t first_sample);
   void add(uint32_t samples) { samples_ += samples; }
   /// Drops the sums and frees their memory.

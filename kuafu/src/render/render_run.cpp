@@ -66,7 +66,7 @@ void RenderRun::begin_accumulation() {
                             launch_.accumulate, launch_.first_sample);
   const uint64_t end = uint64_t(first_sample()) + samples_before() + launch_.samples;
   if (end > std::numeric_limits<uint32_t>::max())
-    ks::fail(KS_ERROR_INVALID_ARGUMENT, "samples would go up to %llu, beyond 2^32 - 1: accumulate anew",
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "samples would go up to %llu, beyond 2^32 - 1: begin a new sum",
              static_cast<unsigned long long>(end));
 }
 
@@ -91,7 +91,7 @@ void RenderRun::finish_round() {
 
 void RenderRun::render_round() {
   const uint32_t total = launch_.pixel_count(), batch = parts_.paths.pixels_per_batch();
-  if (launch_.wants_radiance()) parts_.paths.land_light(commands_, launch_, first_sample() + samples_before());
+  if (launch_.wants_radiance()) parts_.paths.splat_light(commands_, launch_, first_sample() + samples_before());
   for (uint32_t first = 0; first < total; first += batch) {
     const uint32_t count = std::min(batch, total - first);
     if ((launch_.wants_aovs() || denoises()) && budget_.done() == 0) render_surfaces(first, count);

@@ -11,7 +11,7 @@
 
 namespace kuafu {
 
-/// Trees whose quality is not ours to measure are built anew after so many refits in place.
+/// Trees whose quality is not ours to measure are rebuilt after so many refits in place.
 inline constexpr uint32_t most_refits = 32;
 
 class MeshWatch {

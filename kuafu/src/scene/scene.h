@@ -81,7 +81,7 @@ struct Light : LightFields {
 struct Rig;      // scene/rig.h
 struct RigPose;  // scene/rig.h
 class Scene;
-/// The image that a projector throws.
+/// The image that a projector projects.
 const Texture& pattern_of(const Scene& scene, const Light& light);
 
 struct Camera {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage `aov` reads these tables beyond the scene's: the projectors, and the motion since the last frame. Each render that asks for them
-// makes them anew.
+// makes them again.
 // Thread rule: externally synchronised; no work may be in flight during update.
 #pragma once
 

@@ -27,7 +27,7 @@ class InstanceTable {
   std::vector<InstanceRecord> records_;  // by slot
   std::vector<uint32_t> capacities_;     // by slot, of its part of materials_
   std::vector<uint32_t> materials_;      // lists, each ended by the default for slots of the mesh beyond it
-  size_t materials_when_written_ = 0;    // lists that outgrew their place leave gaps: too many, and all are written anew
+  size_t materials_when_written_ = 0;    // lists that outgrew their place leave gaps: too many, and all are written again
   MappedTable<InstanceRecord> record_table_;
   MappedTable<uint32_t> material_table_;
 };

@@ -150,9 +150,7 @@ class Frame:
         """The path of one camera's image. CaptureError where the recording has none."""
         path = {"left": self.left_path, "right": self.right_path}[side]
         if path is None:
-            raise CaptureError(
-                f"frames[id={self.id}].{side}: there are no infrared images, only colour and depth"
-            )
+            raise CaptureError(f"frames[id={self.id}].{side}: there are no infrared images, only colour and depth")
         return path
 
     @property
@@ -214,13 +212,13 @@ class Capture:
         image = read_gray(frame.path(side), (camera.width, camera.height), f"frames[id={frame.id}].{side}")
         return image.astype(np.float32)
 
-    def known(self, frame: Frame, eye: str) -> np.ndarray | None:
+    def known(self, frame: Frame, side: str) -> np.ndarray | None:
         """Where the scene is known in an IR image, bool [height][width]; None: everywhere."""
-        path = {"left": frame.left_mask_path, "right": frame.right_mask_path}[eye]
+        path = {"left": frame.left_mask_path, "right": frame.right_mask_path}[side]
         if path is None:
             return None
-        camera = (self.whole or self).rig.camera(eye)
-        known = read_gray(path, (camera.width, camera.height), f"frames[id={frame.id}].{eye}_mask") > 0
+        camera = (self.whole or self).rig.camera(side)
+        known = read_gray(path, (camera.width, camera.height), f"frames[id={frame.id}].{side}_mask") > 0
         return known if self.whole is None else block_means(known, self.binning) == 1.0
 
     def depth(self, frame: Frame) -> np.ndarray | None:
@@ -361,10 +359,10 @@ def _read_frame(entry: JsonObject, rig: Rig) -> Frame:
     )
 
 
-def _mask(entry: JsonObject, rig: Rig, eye: str) -> Path | None:
-    path: Path | None = entry.file(f"{eye}_mask", optional=True)
+def _mask(entry: JsonObject, rig: Rig, side: str) -> Path | None:
+    path: Path | None = entry.file(f"{side}_mask", optional=True)
     if path is not None:
-        _check_size(entry, f"{eye}_mask", (rig.camera(eye).width, rig.camera(eye).height))
+        _check_size(entry, f"{side}_mask", (rig.camera(side).width, rig.camera(side).height))
     return path
 
 

@@ -28,9 +28,9 @@ def write_capture(
 
     images: {(frame id, side): uint8 or uint16 [height][width]}, none of recordings of colour and depth alone; pattern:
     uint8 [height][width]; depths: {frame id: uint16 [height][width]} in units of the frame's depth_scale; colors:
-    {frame id: sRGB uint8 [height][width][3]}; masks: {(frame id, eye): bool [height][width]}, where the scene is known.
-    The scene and the files it names are the caller's:
-    capture.scene_path is copied with every file beside it that has the same stem.
+    {frame id: sRGB uint8 [height][width][3]}; masks: {(frame id, side): bool [height][width]}, where the scene is
+    known. The scene and the files it names are the caller's: capture.scene_path is copied with every file
+    beside it that has the same stem.
     """
     with new_folder(Path(path)) as folder:
         _write(folder, capture, images, pattern, depths, colors, masks or {})
@@ -57,9 +57,9 @@ def _write(
         write_gray(partial / "depth" / f"{frame_id:06d}.png", image)
     for frame_id, image in (colors or {}).items():
         write_png(partial / "color" / f"{frame_id:06d}.png", image)
-    for (frame_id, eye), known in masks.items():
-        (partial / "mask" / eye).mkdir(parents=True, exist_ok=True)
-        write_gray(partial / "mask" / eye / f"{frame_id:06d}.png", known.astype(np.uint8) * 255)
+    for (frame_id, side), known in masks.items():
+        (partial / "mask" / side).mkdir(parents=True, exist_ok=True)
+        write_gray(partial / "mask" / side / f"{frame_id:06d}.png", known.astype(np.uint8) * 255)
     with_infrared = {frame_id for frame_id, _ in images}
     entries = [_frame_json(f, with_infrared, depths or {}, colors or {}, masks) for f in capture.frames]
     text = json.dumps(_capture_json(capture) | {"frames": entries}, indent=1)

@@ -25,7 +25,7 @@ activestereo calibrate noise --help tells more.
 """
 
 _NOISE = """\
-The imager's temporal noise from repeats. Two laws are fitted, the paper's gamma
+The imager's temporal noise from repeats. Two models are fitted, the paper's gamma
 factor with Gaussian noise, and shot noise with read noise; the one that gives
 pixels it was not fitted to the higher density is chosen.
 

@@ -15,7 +15,7 @@ from activestereo.cli.arguments import CommandError, Commands, add_device, add_e
 _TEXT = """\
 Serves a page on this machine alone and opens it in the browser: what was measured,
 what the simulator gives in its place, and their difference; values, dots and
-disparity under the pointer; the point cloud; sliders that render anew, a draft at
+disparity under the pointer; the point cloud; sliders that render again, a draft at
 once and then refined; "save as model.json". PATH is
 
   a capture's folder   its frames beside the simulator in the capture's scene
@@ -37,7 +37,7 @@ examples:
 def add_parser(commands: Commands) -> None:
     parser = commands.add_parser(
         "view",
-        help="look at captures and scenes in the browser, with sliders that render anew",
+        help="look at captures and scenes in the browser, with sliders that render again",
         description=_TEXT,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

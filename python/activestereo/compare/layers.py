@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Light layers: what one rig pose looks like under each light alone, so that exposure, power and scale need no new ray.
-"""
+"""Light layers: what one rig pose looks like under each light alone, so that exposure, power and scale need no ray."""
 
 from __future__ import annotations
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from activestereo.capture.capture import SIDES, Camera, Capture, Frame, Rig
 from activestereo.common.lens import distort, is_drawn, undistort
-from activestereo.effects.core.fine import FineImages
+from activestereo.effects.core.supersampled import SupersampledImages
 
 # Rendered beyond the frame at finer scales: what calibration errors, lenses and motion bring into sight.
 _MARGIN_SHARE = 0.02
@@ -78,7 +77,7 @@ class PixelLayers(Layers):
     """Layers of the camera's pixels, with the finer and wider images (direct, indirect, ambient, flat) that they are
     means of."""
 
-    fine: FineImages = field(kw_only=True)
+    supersampled: SupersampledImages = field(kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -105,22 +104,21 @@ class Sampling:
     def pixel_layers(self, layers: Layers, camera: Camera) -> Layers:
         """PixelLayers of a capture's Camera from the Layers that camera() gave; a lens that distorts is drawn here."""
         images = np.stack([layers.direct, layers.indirect, layers.ambient, layers.flat])
-        fine = FineImages(images, self.scale, self.margin_px)
-        sky = None if layers.ambient_direct is None else replace(fine, samples=layers.ambient_direct[None])
+        supersampled = SupersampledImages(images, self.scale, self.margin_px)
+        sky = None if layers.ambient_direct is None else replace(supersampled, samples=layers.ambient_direct[None])
         column, row = np.meshgrid(np.arange(camera.width, dtype=np.float64), np.arange(camera.height, dtype=np.float64))
         if not camera.is_pinhole:
             column, row = ideal_pixels(camera, column, row)
-            fine, sky = fine.warped(column, row), sky and sky.warped(column, row)
-        direct, indirect, ambient, flat = (image.astype(np.float32) for image in fine.pixels())
+            supersampled, sky = supersampled.warped(column, row), sky and sky.warped(column, row)
+        direct, indirect, ambient, flat = (image.astype(np.float32) for image in supersampled.pixels())
         ambient_direct = None if sky is None else sky.pixels()[0].astype(np.float32)
         surfaces = self._surfaces(layers, column, row)
-        return PixelLayers(direct, indirect, ambient, flat, *surfaces, ambient_direct, fine=fine)
+        return PixelLayers(direct, indirect, ambient, flat, *surfaces, ambient_direct, supersampled=supersampled)
 
     def _surfaces(
         self, layers: Layers, column: np.ndarray, row: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Depth, normal and material at pixel positions: of the nearest sample, but depth is a mean where it is smooth.
-        """
+        """Depth, normal and material at pixel positions: of the nearest sample, but depth is a mean where smooth."""
         shape = layers.depth_m.shape
         at = ((x + self.margin_px + 0.5) * self.scale - 0.5 for x in (row, column))
         exact = [np.clip(x, 0, size - 1.001) for x, size in zip(at, shape, strict=True)]

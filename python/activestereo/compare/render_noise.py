@@ -13,7 +13,7 @@ import numpy as np
 
 from activestereo.compare.layers import Layers, PixelLayers
 from activestereo.compare.render import Halves, LayersOfFrames
-from activestereo.effects.core.fine import FineImages
+from activestereo.effects.core.supersampled import SupersampledImages
 
 
 def noise_square(first: np.ndarray, second: np.ndarray) -> float:
@@ -49,8 +49,12 @@ def mean_layers(first: Layers, second: Layers) -> Layers:
     if first.ambient_direct is not None and second.ambient_direct is not None:
         light["ambient_direct"] = _mean(first.ambient_direct, second.ambient_direct)
     if isinstance(first, PixelLayers) and isinstance(second, PixelLayers):
-        fine = FineImages(_mean(first.fine.images(), second.fine.images()), first.fine.scale, first.fine.margin_px)
-        return replace(first, **light, fine=fine)
+        supersampled = SupersampledImages(
+            _mean(first.supersampled.images(), second.supersampled.images()),
+            first.supersampled.scale,
+            first.supersampled.margin_px,
+        )
+        return replace(first, **light, supersampled=supersampled)
     return replace(first, **light)
 
 

@@ -141,10 +141,10 @@ def left_between(
     """
     predicted = []
     for o in changed:
-        image = signal(truth.model, o, truth.model.light(o.layers, o.view, fine=False), truth.phi)
+        image = signal(truth.model, o, truth.model.light(o.layers, o.view, supersampled=False), truth.phi)
         weight = 1.0 / np.maximum(evidence.noise_model.variance(image, o.frame.gain), ROUNDING_VARIANCE)
         predicted.append(replace(o, measured=image, weight=weight))
-    fitter = Fitter(predicted, evidence.nuisance_prior(), evidence.tiles, fine=False)
+    fitter = Fitter(predicted, evidence.nuisance_prior(), evidence.tiles, supersampled=False)
     space, theta, phi = rival.space, rival.theta, rival.phi
     new = fitter.linearise(space, theta, phi, fitter.lights(space, theta))
     known = rival.sums.gram.sum(0) + np.diag(fitter.prior(len(theta), space))

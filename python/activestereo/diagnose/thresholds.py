@@ -2,10 +2,10 @@
 """Every threshold of a diagnosis, in one frozen table: value, unit, what it decides, and where the value comes
 from.
 
-Sources: *theory* is a law or a count; *convention* is a round number that a user may want otherwise; *calibrated* was
-fitted to test cases of generation 1 of the benchmark suite (tests/benchmark_suite), which the reported figures never
-use. How its figures change with a threshold was found on 332 cases of generation 0: right name 0.920, false alarms
-0.010, 'unknown' where the library lacks the effect 0.964.
+Sources: *theory* is a formula or a count; *convention* is a round number that a user may want otherwise; *calibrated*
+was fitted to test cases of generation 1 of the benchmark suite (tests/benchmark_suite), which the reported figures
+never use. How its figures change with a threshold was found on 332 cases of generation 0: right name 0.920, false
+alarms 0.010, 'unknown' where the library lacks the effect 0.964.
 """
 
 from dataclasses import dataclass, field, fields

@@ -12,7 +12,7 @@ from activestereo.effects.core.view import View
     "lens_ghost",
     stage=Stage.OPTICS,
     family="glare",
-    finding="A pane before the cameras throws mirrored ghosts into the images",
+    finding="A pane before the cameras adds mirrored ghosts to the images",
     source="Fresnel: an uncoated face reflects 4 %, an imager 10 to 20 %; Hullin et al. 2011, Physically-based "
     "real-time lens flare rendering, section 3",
     parameters=[Parameter("fraction", "1", neutral=0.0, low=0.0, high=0.5, typical=0.02)],

@@ -45,5 +45,9 @@ def transmission(light: Light, view: View, fraction: float, behind: float, surfa
     share = np.where((view.depth_m > 0) & chosen(view, surfaces), fraction, 0.0)
     kept = 1.0 - share
     return Light(
-        light.direct * kept, light.indirect * kept, light.ambient * kept + share * behind, light.flat * kept, light.fine
+        light.direct * kept,
+        light.indirect * kept,
+        light.ambient * kept + share * behind,
+        light.flat * kept,
+        light.supersampled,
     )

@@ -102,7 +102,7 @@ def _side(camera: Camera) -> RigCamera:
     return RigCamera(camera.width, camera.height, camera.K, tuple(map(float, camera.distortion)))
 
 
-def _imager(law: NoiseTerms, source: str) -> Imager:
+def _imager(terms: NoiseTerms, source: str) -> Imager:
     return Imager(
-        **{name: Quantity(float(getattr(law, name)), unit=unit, source=source) for name, unit in NOISE_TERMS.items()}
+        **{name: Quantity(float(getattr(terms, name)), unit=unit, source=source) for name, unit in NOISE_TERMS.items()}
     )

@@ -100,7 +100,7 @@ class SensorEngine:
     ) -> None:
         """Renders, after turn(), the infrared pairs, and before them the RGB pictures unless infrared_only, of sensors
         whose RGB cameras are at `rigs`, [sensors, 4, 4], body axes; a pipelined engine begins to. place: static speckle
-        is drawn anew where this is another array than before. A picture that fails, here or in wait(), is none."""
+        is drawn again where this is another array than before. A picture that fails, here or in wait(), is none."""
         picture = self._next
         taken = self._prepare(place)
         share = 0.0 if infrared_only else 0.5

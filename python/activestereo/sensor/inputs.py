@@ -39,8 +39,8 @@ def sensor_inputs(
     time_s: float, pattern: NDArray[np.float32] | None, ambient_radiance: float, emitter: float,
 ) -> EngineInputs:  # fmt: skip
     """A sensor with its RGB camera at the origin; twist: of the left camera in its own axes, m/s and rad/s.
-    temperature_c and time_s: of its exposure. pattern: None where the sensor has no projector or throws dots. emitter:
-    the laser's power over its nominal one."""
+    temperature_c and time_s: of its exposure. pattern: None where the sensor has no projector or projects dots.
+    emitter: the laser's power over its nominal one."""
     frame = Frame(
         id=0, left_path=None, right_path=None, timestamp_s=time_s, exposure_s=config.ir_camera_exposure,
         camera_to_world=np.eye(4), split="train", temperature_c=temperature_c, camera_velocity=twist,
@@ -70,7 +70,7 @@ def sensor_inputs(
 def exposed_anew(
     inputs: EngineInputs | None, config: StereoDepthSensorConfig, effects: Model, scene_measurement: SceneMeasurement
 ) -> EngineInputs | None:
-    """The inputs under the configuration's present exposure and gain; None where they have to be found anew: where
+    """The inputs under the configuration's present exposure and gain; None where they have to be found again: where
     there are none yet, or effects or a scene measurement, which may depend on the exposure, have touched them."""
     if inputs is None or effects.effects or scene_measurement != SceneMeasurement():
         return None

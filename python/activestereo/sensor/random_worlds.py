@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Domain randomisation of a batch: which bodies its environments have, and of each environment anew at every draw the
+"""Domain randomisation of a batch: which bodies its environments have, and of each environment again at every draw the
 lamps, the materials' looks and the sensors, from declared ranges under a seed.
 
     ranges = WorldRanges(lamps=(1, 2), laser_power=(0.7, 1.0))
@@ -78,7 +78,7 @@ class RandomWorlds:
         ]
 
     def draw(self, environments: Iterable[int] | None = None) -> None:
-        """Draws the environments anew, all by default. What is drawn for one does not depend on which others are."""
+        """Draws the environments again, all by default. What is drawn for one does not depend on which others are."""
         chosen = set(range(self._count) if environments is None else environments)
         if any(not 0 <= environment < self._count for environment in chosen):
             raise ValueError(f"environments are 0 to {self._count - 1}, not {sorted(chosen)}")
@@ -154,9 +154,7 @@ class RandomWorlds:
 def _lamp(environment: int, power: float, place: NDArray[np.float64]) -> kuafu.Light:
     to_world = np.eye(4)
     to_world[:3, 3] = place
-    return kuafu.Light(
-        kind="point", intensity=(power, power, power), light_to_world=to_world, environment=environment
-    )
+    return kuafu.Light(kind="point", intensity=(power, power, power), light_to_world=to_world, environment=environment)
 
 
 __all__ = ["RandomWorlds", "WorldRanges", "drawn_bodies"]

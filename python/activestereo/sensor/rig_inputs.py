@@ -53,7 +53,7 @@ class RigInputs:
         self._is_closed = False
 
     def inputs(self) -> EngineInputs:
-        """The engines' inputs, with the RGB camera at the origin; found anew where sensor or conditions have
+        """The engines' inputs, with the RGB camera at the origin; found again where sensor or conditions have
         changed."""
         if self._inputs is None:
             c, emitter = self.config, self.config.emitter_power(self._frame)

@@ -79,7 +79,7 @@ def redwood(depth: Depth, focal_baseline_px_m: float, random: np.random.Generato
 class IsaacSettings:
     """Isaac Sim's single-view depth sensor by default (ovrtx 0.7.0, sensors/visual/depth_camera; the numbers by a
     user's note on Isaac Sim 6.0.1): noiseMean is the step of disparity. needs_texture: confidence 0.70 drops pixels
-    without texture, of an untextured wall at 1 m all; its law is not published, ours is a contrast in the picture."""
+    without texture, of an untextured wall at 1 m all; its formula is not published, ours is a contrast."""
 
     step_px: float = 0.25
     sigma_px: float = 0.25

@@ -155,7 +155,7 @@ void end_block(Path p, bool after_middle) {
   if (diagonal) block_column = diagonal_column(p, int(steps));
 }
 
-/// One pixel, whose cost is in step_cost; slot = t % steps. Up to its start a path begins anew at every time.
+/// One pixel, whose cost is in step_cost; slot = t % steps. Up to its start a path begins again at every time.
 void visit(UintArray sums, Path p, uint t, uint slot, bool after_middle) {
   bool begins = !after_middle && t <= p.start;
   if (diagonal) begins = begins || enters(p, diagonal_column(p, int(slot)));

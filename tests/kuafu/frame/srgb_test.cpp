@@ -57,7 +57,7 @@ std::vector<uint32_t> words_of(const std::vector<float>& light, float exposure, 
                             .enabled = 1,
                             .format = format_u8,
                             .scale = exposure};
-  for (int twice = 0; twice < 2; ++twice)  // the second counts the light anew
+  for (int twice = 0; twice < 2; ++twice)  // the second counts the light again
     encoder.run(commands, memory.address(*from), target, 1, width, height_of(light));
   commands.flush();
   to->read(0, words.data(), words.size() * 4);

@@ -141,7 +141,7 @@ std::vector<double> light_past(uint32_t tracer, uint32_t glass_shadows, std::opt
   std::vector<double> means;
   for (const kuafu_material_desc& sheet : sheets) {
     if (sheet_x) ok(kuafu_scene_set_material(world.scene(), 1, &sheet));
-    // Bent light comes in pencils, each of which meets a sheet or does not: a view and seeds for hundreds of them.
+    // Bent light comes in beams, each of which meets a sheet or does not: a view and seeds for hundreds of them.
     double sum = 0;
     for (uint32_t seed = 0; seed < seeds_of(tracer); ++seed) {
       world.desc().seed = seed;

@@ -12,14 +12,14 @@ namespace {
 constexpr double ior = 1.5;
 
 /// Where a ray lands that meets a ball, and what share of it arrives.
-struct Landing {
+struct Arrival {
   bool found = false;
   double x = 0, share = 0;
 };
 
 /// A ball on the axis, and the wall z = wall. The ray meets the ball at the angle `in`, goes at `angle` from +z towards +x before, and is
 /// reflected so many times inside.
-Landing through_ball(double angle, double in, double centre, double radius, double wall, int reflections) {
+Arrival through_ball(double angle, double in, double centre, double radius, double wall, int reflections) {
   const double inside = std::asin(std::sin(in) / ior), r = reflectance(in, ior);
   // The point of entry has polar angle in - angle about the ball's centre, seen from the lamp's side; each chord turns it by pi - 2 inside.
   const double exit = pi - (in - angle) - (1 + reflections) * (pi - 2 * inside);
@@ -39,7 +39,7 @@ std::vector<double> rings_by_light_tracing(double centre, double radius, double 
   for (int i = 0; i < rays; ++i) {
     const double angle = most * (i + 0.5) / rays, in = std::asin(centre * std::sin(angle) / radius);
     for (int reflections = 0; reflections <= most_reflections; ++reflections) {
-      const Landing l = through_ball(angle, in, centre, radius, wall, reflections);
+      const Arrival l = through_ball(angle, in, centre, radius, wall, reflections);
       const auto ring = size_t(std::abs(l.x) / disc * double(count));
       if (l.found && ring < count) rings[ring] += l.share * 2 * pi * std::sin(angle) * most / rays;
     }
@@ -81,7 +81,7 @@ TEST(BentLight, a_ball_spreads_a_lamps_light_as_traced_rays_say) {
         rings_of(world.radiance(view_at({0, 0, camera}, side, side, focal_px)), shadow_px, expected.size(), 0.5);
     double sum = 0, expected_sum = 0;
     for (size_t k = 0; k < expected.size(); ++k) {
-      // What is reflected inside crosses on the axis: few pencils have much of the innermost ring's light.
+      // What is reflected inside crosses on the axis: few beams have much of the innermost ring's light.
       EXPECT_NEAR(found[k] / expected[k], 1, k == 0 ? 0.1 : 0.03) << "ring " << k << " of tracer " << tracer;
       sum += found[k] * double(2 * k + 1);
       expected_sum += expected[k] * double(2 * k + 1);
@@ -166,7 +166,7 @@ TEST(BentLight, a_directional_light_is_focused_by_a_ball) {
   double power = 0;
   for (int i = 0; i < rays; ++i) {
     const double aside = (i + 0.5) / rays, in = std::asin(aside);
-    const Landing l = through_ball(0, in, 0, radius, behind, 0);
+    const Arrival l = through_ball(0, in, 0, radius, behind, 0);
     if (l.found && std::abs(l.x) < disc) power += l.share * 2 * pi * aside * radius * radius / rays;
   }
   const double disc_px = disc / (behind - camera) * focal_px;

@@ -84,7 +84,7 @@ TEST(Sampling, seeds_differ_and_agree_in_the_mean) {
   EXPECT_NEAR(a.mean(), b.mean(), 0.01 * a.mean());
 }
 
-TEST(Sampling, eyes_draw_different_noise) {
+TEST(Sampling, cameras_draw_different_noise) {
   // Both cameras see a plane lit by interreflection alone; equal noise would make the images equal up to parallax.
   World world;
   world.add(box({50, 50, 50}), emitter(1.0f));

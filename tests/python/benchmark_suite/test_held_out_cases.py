@@ -27,8 +27,8 @@ PRODUCT = {"activestereo", "kuafu", "simsense"}
 
 @pytest.fixture(scope="module")
 def case():
-    """Without survey errors."""
-    return Case(seed=5, hidden={}, survey=0.0)
+    """The scene without errors."""
+    return Case(seed=5, hidden={}, scene_errors=0.0)
 
 
 def pcg64(seed):

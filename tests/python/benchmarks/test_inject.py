@@ -330,9 +330,9 @@ def test_repeats_share_their_depth_and_other_views_do_not(ramp):
 def test_dead_dots_without_depth_says_which_frame(ramp, tmp_path):
     capture = read_capture(ramp)
     frames = tuple(Frame(**{**frame.__dict__, "depth_path": None}) for frame in capture.frames)
-    blind = Capture(**{**capture.__dict__, "frames": frames})
+    without_depth = Capture(**{**capture.__dict__, "frames": frames})
     with pytest.raises(ValueError, match=r"frames\[id=0\] has no depth"):
-        write_injected(plan(blind, "dead_dots", "weak", 0), tmp_path / "out")
+        write_injected(plan(without_depth, "dead_dots", "weak", 0), tmp_path / "out")
     assert list(tmp_path.iterdir()) == []
 
 

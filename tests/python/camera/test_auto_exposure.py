@@ -67,10 +67,10 @@ def test_a_new_exposure_reaches_all_that_the_engines_are_told(config):
     now, changed = sensor.get_config(), sensor.engine_inputs()
     told = sensor.engine.signal
     sensor.set_conditions(temperature_c=50.0)
-    anew = sensor.engine_inputs()
-    assert anew is not changed and changed.frame.exposure_s == now.ir_camera_exposure != config.ir_camera_exposure
+    afresh = sensor.engine_inputs()
+    assert afresh is not changed and changed.frame.exposure_s == now.ir_camera_exposure != config.ir_camera_exposure
     assert sensor.engine.signal == told
-    for a, b in zip(changed.sides, anew.sides, strict=True):
+    for a, b in zip(changed.sides, afresh.sides, strict=True):
         assert a.signal == b.signal and a.camera.exposure_s == b.camera.exposure_s == now.ir_camera_exposure
 
 

@@ -36,7 +36,7 @@ def test_an_effect_is_hidden_and_told_last(tmp_path, capsys, steps, monkeypatch,
     plain, hidden = read_capture(tmp_path / "d/without_effect"), read_capture(steps[1].capture)
     answer = json.loads((tmp_path / "d/capture/answer.json").read_text())
     pairs = list(zip(plain.frames, hidden.frames, strict=True))
-    changed = [np.mean((plain.ir(a, eye) - hidden.ir(b, eye)) ** 2) for a, b in pairs for eye in answer["cameras"]]
+    changed = [np.mean((plain.ir(a, side) - hidden.ir(b, side)) ** 2) for a, b in pairs for side in answer["cameras"]]
     assert np.sqrt(min(changed)) > 1.0
     assert {frame.split for frame in hidden.frames} == {"train", "test"} and len(hidden.repeats()) == 1
     assert answer["effect"] in demo._HIDDEN and answer["effect"] not in said[: said.index("ran diagnose")]

@@ -35,9 +35,9 @@ def test_ir_error_is_the_oracles_within_three_percent(name, cache, tmp_path):
     if name != _QUICK and not os.environ.get("ACTIVESTEREO_FULL"):
         pytest.skip("set ACTIVESTEREO_FULL=1 to compare all captures")
     # The tool sees a copy without the answer.
-    blind = shutil.copytree(source, tmp_path / name, ignore=shutil.ignore_patterns("answer.json"))
+    without_answer = shutil.copytree(source, tmp_path / name, ignore=shutil.ignore_patterns("answer.json"))
     samples_per_pixel = 64 if os.environ.get("ACTIVESTEREO_FULL") else 16
-    scores = compare(blind, samples_per_pixel=samples_per_pixel, cache=cache).scores
+    scores = compare(without_answer, samples_per_pixel=samples_per_pixel, cache=cache).scores
     oracle = json.loads((source / "answer.json").read_text())["oracle"]["ir_rmse_dn"]
     for split in ("train", "test"):
         assert scores["ir"][split]["rmse_dn"] == pytest.approx(oracle[split]["before"], rel=0.03)

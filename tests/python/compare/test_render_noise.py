@@ -92,5 +92,5 @@ def test_halves_are_independent_and_their_mean_is_of_all_samples(lab_world, clea
     noise = [(half.ambient - mean[key[0]][key[1]].ambient)[seen] for half in (first, second)]
     np.testing.assert_allclose(noise[0], -noise[1], atol=1e-5)
     assert (first.ambient != second.ambient)[seen].mean() > 0.99
-    fine = mean[key[0]][key[1]].fine
-    np.testing.assert_allclose(fine.pixels()[2], mean[key[0]][key[1]].ambient, rtol=1e-4, atol=1e-6)
+    supersampled = mean[key[0]][key[1]].supersampled
+    np.testing.assert_allclose(supersampled.pixels()[2], mean[key[0]][key[1]].ambient, rtol=1e-4, atol=1e-6)

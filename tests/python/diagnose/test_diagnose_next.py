@@ -57,7 +57,7 @@ def test_the_menu_tells_a_laser_from_a_filter_that_dim_alike_where_it_is_warmer(
 
     def apart(change):
         view = replace(o.view, frame=_changed(o.frame, **change))
-        a, b = (model.light(o.layers, view, fine=False).direct.sum() for model in (laser, filtered))
+        a, b = (model.light(o.layers, view, supersampled=False).direct.sum() for model in (laser, filtered))
         return abs(a / b - 1.0)
 
     assert apart({"warming_k": 20.0}) < 0.01

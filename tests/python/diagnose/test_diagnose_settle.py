@@ -115,7 +115,7 @@ def test_a_second_effect_is_scanned_inside_its_range(table):
     evidence = evidence_of(table, Model())
     focus = builtin()["projector_defocus"]
     space = ParameterSpace.of(Model().with_effect(DRIFT, per_k=PER_K), focus)
-    scan = Fitter(scan_observations(evidence.train), evidence.nuisance_prior(), evidence.tiles, fine=False)
+    scan = Fitter(scan_observations(evidence.train), evidence.nuisance_prior(), evidence.tiles, supersampled=False)
     alone = np.array([1.0, focus.parameters[1].low])
     for start in starts(scan, space, focus, scan.phi0(evidence.nuisances), np.inf, alone):
         assert (space.low <= start.theta).all() and (start.theta <= space.high).all()

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from activestereo.effects.core.fine import FineImages
+from activestereo.effects.core.supersampled import SupersampledImages
 from activestereo.effects.core.laws import example_view
 from activestereo.diagnose.evidence.focal_slope import focal_slopes
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
@@ -36,9 +36,11 @@ def test_the_slope_along_the_focal_length_is_that_of_finer_images(scale, error):
     dots = pixel_means(view, focal_px).astype(np.float32)
     layers = Layers(dots, none, none, dots, none, none, none)
     if scale > 1:
-        fine = pixel_means(view, focal_px, scale, MARGIN_PX).astype(np.float32)
-        images = FineImages(np.stack([fine, 0 * fine, 0 * fine, fine]), scale, MARGIN_PX)
-        layers = PixelLayers(dots, none, none, dots, none, none, none, fine=images)
+        supersampled = pixel_means(view, focal_px, scale, MARGIN_PX).astype(np.float32)
+        images = SupersampledImages(
+            np.stack([supersampled, 0 * supersampled, 0 * supersampled, supersampled]), scale, MARGIN_PX
+        )
+        layers = PixelLayers(dots, none, none, dots, none, none, none, supersampled=images)
     shot = MeasuredImage(view.frame, view.side, view, layers, dots)
     slope = focal_slopes([shot], Nuisances(40.0, 0.0, 4.0))[shot.key]
     step = 1e-4

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An image function only proposes: the engine's images, which follow another law, decide an effect's parameters."""
+"""An image function only proposes: the engine's images, which follow another formula, decide an effect's parameters."""
 
 import threading
 from dataclasses import replace
@@ -25,9 +25,9 @@ from virtual_sensor.world import make_world
 TRUTH = 0.8
 
 
-def brightened(light, view, amount, law):
+def brightened(light, view, amount, formula):
     """Ambient light that grows to the right."""
-    return replace(light, ambient=light.ambient * (1.0 + law(amount * (1.0 + view.field()[0]))))
+    return replace(light, ambient=light.ambient * (1.0 + formula(amount * (1.0 + view.field()[0]))))
 
 
 @effect(
@@ -48,7 +48,7 @@ def engine_law(x):
 
 @pytest.fixture(scope="module")
 def evidence(tmp_path_factory):
-    """A world whose ambient light follows the engine's law, without noise."""
+    """A world whose ambient light follows the engine's formula, without noise."""
     folder = tmp_path_factory.mktemp("world")
     world = make_world(folder, grid=4)
     capture = read_capture(world.capture_path)

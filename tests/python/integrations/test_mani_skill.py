@@ -98,7 +98,7 @@ def test_late_observations_are_those_of_the_present_one_picture_later(name: str)
     now, late = (make(name, "rgb+depth+segmentation", pipelined=is_late) for is_late in (False, True))
     now.unwrapped.get_obs()  # making an environment resets it
     actions = [now.action_space.sample() for _ in range(3)]
-    for seed in (0, 1):  # the second reset() does not make the cameras anew
+    for seed in (0, 1):  # the second reset() does not make the cameras again
         expected = [now.reset(seed=seed)[0], now.unwrapped.get_obs()]
         found = [late.reset(seed=seed)[0]]
         for action in actions:

@@ -382,7 +382,7 @@ def test_the_pages_table_is_that_of_the_installed_package():
 
 
 class Fake:
-    """A stand-in for what a renderer of SAPIEN's holds, by name of its class."""
+    """A substitute for what a renderer of SAPIEN's holds, by name of its class."""
 
     def __init__(self, **fields):
         self.__dict__.update(fields)

@@ -243,10 +243,10 @@ class _Slow:
     def material_names(self):
         return []
 
-    def shot(self, frame):
+    def exposure(self, frame):
         return frame
 
-    def picture(self, shot, settings, is_draft, is_wanted):
+    def picture(self, exposure, settings, is_draft, is_wanted):
         self.began.release()
         while not self.go.is_set():
             if not is_wanted():

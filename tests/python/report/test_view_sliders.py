@@ -131,7 +131,7 @@ def test_the_last_of_many_settings_is_what_is_shown(view):
 
 
 def test_a_touched_surface_changes_alone(view):
-    """Roughness and albedo of what was clicked; other surfaces stay, but for the light that it throws on them."""
+    """Roughness and albedo of what was clicked; other surfaces stay, but for the light that it reflects onto them."""
     u, v = ball(view)
     before = picture(view)
     view.point(u, v)

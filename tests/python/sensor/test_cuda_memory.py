@@ -151,10 +151,10 @@ def test_torch_gives_the_depth_engine_its_pair_without_a_copy(torch_on_a_gpu: An
     tensor.copy_(torch.from_numpy(pair))
     torch.cuda.synchronize()
     before = device.copied_bytes
-    eyes = [buffer.image("uint8", (height, width), eye * height * width) for eye in (0, 1)]
+    pair = [buffer.image("uint8", (height, width), side * height * width) for side in (0, 1)]
     out = simsense.Buffer(device, 4 * height * width, exportable=True, host_visible=False)
     found = torch.as_tensor(CudaMemory(out).array("float32", (height, width)), device="cuda")
-    engine.compute(*eyes, outputs={"disparity": out.image("float32", (height, width))})
+    engine.compute(*pair, outputs={"disparity": out.image("float32", (height, width))})
     assert device.copied_bytes - before < pair.nbytes // 16
     valid = found[:, 32:] > 0
     assert float(valid.float().mean()) > 0.95

@@ -115,7 +115,7 @@ def test_matt_things_are_measured_as_the_path_tracer_measures_them(traced):
     assert np.median(np.abs(found - truth)[valid]) < 1.5 * np.median(np.abs(other - truth)[valid])
     assert abs(np.median((found - truth)[valid])) < 0.03
     own, light = (np.asarray(image, float)[matt].mean() for image in (out["ir_left"][0], sensor.get_ir_measured()[0]))
-    assert own == pytest.approx(light, rel=0.15)  # what things throw onto one another is missing
+    assert own == pytest.approx(light, rel=0.15)  # what things reflect onto one another is missing
 
 
 def test_holes_have_causes_and_only_holes(traced):

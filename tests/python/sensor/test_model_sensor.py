@@ -233,6 +233,6 @@ def test_an_eye_that_opens_later_stands_where_the_rig_is_by_then(config, scene):
     np.testing.assert_array_equal(moving[0], at_rest[0])
     np.testing.assert_allclose(moving[1][:3, 3] - at_rest[1][:3, 3], 0.005 * at_rest[0][:3, 0], atol=1e-6)
     sensor.take_picture(infrared_only=True)
-    assert min(image.max() for image in sensor.get_ir()) > 0.3  # both eyes see dots
+    assert min(image.max() for image in sensor.get_ir()) > 0.3  # both cameras see dots
     sensor.close()
     assert scene.summary.light_count == lights

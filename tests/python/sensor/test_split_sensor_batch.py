@@ -34,7 +34,7 @@ def mounts(poses=POSES):
 
 
 def pictures(batch, all_mounts):
-    """Two of them; between, the first environment's sensors alone move, which draws all speckle anew."""
+    """Two of them; between, the first environment's sensors alone move, which draws new speckle everywhere."""
     for moved_m in (0.0, 0.01):
         for one in all_mounts:
             one.poses = one.poses.copy()

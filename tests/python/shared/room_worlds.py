@@ -48,12 +48,12 @@ class Room:
         for name in ("left", "right", "depth"):
             (folder / name).mkdir(parents=True)
         for k in range(len(self.turns_deg)):
-            for eye, offset in (("left", 0.0), ("right", BASELINE_M)):
+            for side, offset in (("left", 0.0), ("right", BASELINE_M)):
                 depth, image = self._image(k, offset, pattern, waves)
                 noise = rng.normal(0, 0.4, image.shape)
                 dn = np.rint(np.clip(image + noise, 0, 255)).astype(np.uint8)
-                cv2.imwrite(str(folder / eye / f"{k:03d}.png"), dn)
-                if eye == "left":
+                cv2.imwrite(str(folder / side / f"{k:03d}.png"), dn)
+                if side == "left":
                     noisy = depth + rng.normal(0, 3e-4, depth.shape)
                     cv2.imwrite(str(folder / "depth" / f"{k:03d}.png"), np.rint(1e4 * noisy).astype(np.uint16))
         return folder

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""JSON files held against the schemas that the product documents them by."""
+"""JSON files checked against the schemas that the product documents them by."""
 
 from typing import Any
 

@@ -22,7 +22,7 @@ def pair():
 
 
 def engine(back_end, registered=False):
-    eye = simsense.Camera(WIDTH, HEIGHT, K, LENS, "kannala_brandt")
+    camera = simsense.Camera(WIDTH, HEIGHT, K, LENS, "kannala_brandt")
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = TURN, (-0.05, 0.001, 0.0005)
     more = {}
@@ -30,7 +30,7 @@ def engine(back_end, registered=False):
         k = np.array([[70.0, 0, 79.0], [0, 70.0, 59.0], [0, 0, 1]])
         more = {"rgb": simsense.Camera(160, 120, k, 2 * LENS, "kannala_brandt"), "left_to_rgb": pose}
     device = simsense.Device("cpu" if back_end == "vulkan" else "host")
-    return simsense.Engine(device, eye, eye, pose, back_end=back_end, max_disparity=32, **more)
+    return simsense.Engine(device, camera, camera, pose, back_end=back_end, max_disparity=32, **more)
 
 
 def test_a_fisheye_pair_is_rectified_as_opencv_does(pair):

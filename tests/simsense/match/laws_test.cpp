@@ -95,7 +95,7 @@ TEST_P(matcher_law, unrelated_images_are_mostly_rejected) {
   EXPECT_LT(static_cast<double>(valid), 0.2 * static_cast<double>(disparity.size()));
 }
 
-TEST_P(matcher_law, both_eyes_agree) {
+TEST_P(matcher_law, both_cameras_agree) {
   // seen from the other camera: both images mirrored and swapped. Where both views keep a disparity it is the same one.
   const StereoPair pair = random_dots(160, 60, 13, 20, 6);
   StereoPair swapped = pair;

@@ -52,7 +52,7 @@ class StereoGraspEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
 
 class StereoGraspVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
-    """The same in num_envs environments: one render and one match a step. An environment that has ended begins anew at
+    """The same in num_envs environments: one render and one match a step. An environment that has ended begins again at
     the next step, whose action it ignores."""
 
     metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
@@ -85,11 +85,11 @@ class StereoGraspVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
     def step(
         self, actions: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        anew = self._ended.copy()
+        restarted = self._ended.copy()
         ended, succeeded = self.world.step(actions)
-        if anew.any():
-            depth = self.world.reset(anew)
-            ended, succeeded = ended & ~anew, succeeded & ~anew
+        if restarted.any():
+            depth = self.world.reset(restarted)
+            ended, succeeded = ended & ~restarted, succeeded & ~restarted
         else:
             depth = self.world.look()
         self._ended = ended

@@ -63,12 +63,12 @@ class GraspWorld:
         self.camera = DepthCamera(mode, config, self.mounts, CAMERA_ON_GRIPPER, isaac=_ISAAC)
 
     def reset(self, which: NDArray[np.bool_] | None = None, seed: int | None = None) -> NDArray[np.float32]:
-        """Begins anew in all environments, or in those of `which` [E]; returns the depth."""
+        """Begins again in all environments, or in those of `which` [E]; returns the depth."""
         if seed is not None:
             self._random = np.random.default_rng(seed)
             self.camera.seed(seed)
         e = np.ones(self.count, bool) if which is None else np.asarray(which, bool)
-        # Drawn for all, so that one environment's course does not depend on when others begin anew.
+        # Drawn for all, so that one environment's course does not depend on when others begin again.
         draws = self._random.uniform(-1.0, 1.0, (self.count, 7))
         self.chosen[e] = self._random.integers(OBJECTS, size=self.count)[e]
         self.object_m[e] = _OBJECT_SPREAD_M * draws[e, :2]

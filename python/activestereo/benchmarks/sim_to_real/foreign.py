@@ -4,7 +4,7 @@
 | what | simulation | here |
 |--|--|--|
 | matcher | simsense | OpenCV's StereoSGBM, all paths |
-| noise | the preset's, of a D435 | SAPIEN's law, gamma and Gaussian noise of 4 % and 0.5 counts |
+| noise | the preset's, of a D435 | SAPIEN's model, gamma and Gaussian noise of 4 % and 0.5 counts |
 | dots | the preset's pattern | of another draw, a tenth wider, 15 % of the light missing |
 | optics | the preset's blur | one and a half times as wide |
 | calibration | exact | right camera turned by 0.02 degrees |

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A world that stands for reality, rendered by another project, Mitsuba 3, with materials of that project's laws. No
+"""A world that stands for reality, rendered by another project, Mitsuba 3, with materials of that project's models. No
 mode is told how it differs:
 
 | what | simulation | here |

@@ -77,7 +77,7 @@ class LightEstimate:
 def black_level(views: Sequence[SceneView]) -> tuple[float, float]:
     """(black level, its deviation), DN, by the darkest places: the count at which images end, the median of those that
     do; else anything up to the darkest thousandth of the views is alike."""
-    counts = [np.bincount(np.rint(eye).astype(int).ravel()) for view in views for eye in (view.left, view.right)]
+    counts = [np.bincount(np.rint(image).astype(int).ravel()) for view in views for image in (view.left, view.right)]
     floors = [floor for count in counts if (floor := _floor(count)) is not None]
     if floors:
         return float(np.median(floors)), float(np.hypot(_FLOOR_DN, np.std(floors) / np.sqrt(len(floors))))

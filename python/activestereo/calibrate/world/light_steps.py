@@ -107,7 +107,7 @@ def albedo_step(world: World, seed: int, folder: Path, progress: Progress) -> No
     spread = np.concatenate([t.deviation[np.isfinite(t.deviation)][::37] for t in textures])
     deviation = float(np.median(spread)) if spread.size else None
     values: dict[str, Any] = {"room_relative_deviation": deviation, "known_share": share}
-    line = f"albedo: {triangles} triangles under albedo and room light; foretold by other views in {100 * share:.0f} %"
+    line = f"albedo: {triangles} triangles under albedo and room light; predicted by other views in {100 * share:.0f} %"
     if deviation is not None:
         line += f" of the images, where views differ by {100 * deviation:.1f} % in the median"
     world.note("albedo", values, line)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the scene is known in each image: it was measured there, no edge is near, and another view that is not held out
-has seen it: what one view alone saw is foretold by that view itself."""
+has seen it: what one view alone saw is predicted by that view itself."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SAME_SURFACE = 0.015
 def known_masks(
     views: Sequence[SceneView], poses: Sequence[Pose], is_train: Sequence[bool], rig: Rig
 ) -> dict[tuple[int, str], Mask]:
-    """{(frame id, eye): bool [height][width]} of the views of one scene."""
+    """{(frame id, side): bool [height][width]} of the views of one scene."""
     out: dict[tuple[int, str], Mask] = {}
     for k, view in enumerate(views):
         known = (view.depth_m > 0) & ~near_edges(view.depth_m, _EDGE_PX)
@@ -47,7 +47,7 @@ def _sees(other: SceneView, view: SceneView, to_other: Pose, K: NDArray[np.float
 
 
 def _in_right(view: SceneView, known: Mask, rig: Rig) -> Mask:
-    """The right eye's pixels that show what is known in the left one, and nothing else."""
+    """The right camera's pixels that show what is known in the left one, and nothing else."""
     column, row = pixel_grid(known.shape)
     disparity = rig.left.K[0, 0] * rig.baseline_m / np.maximum(view.depth_m, 1e-3)
     at = np.rint(column - disparity + rig.right.K[0, 2] - rig.left.K[0, 2]).astype(int)

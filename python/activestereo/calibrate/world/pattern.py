@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The projector's dots and place from arbitrary scenes with depth.
 
-Each pixel's fine image over its local RMS is free of albedo and of distance. Thrown back through depth to where the
-projector stands, all views' fine images are one: averaged, they are sharpest at its true place. A point source has no
-orientation that could be told from a turned pattern: the pattern's axes are the left camera's.
+Each pixel's high-pass image over its local RMS is free of albedo and of distance. Projected back through depth to where
+the projector stands, all views' high-pass images are one: averaged, they are sharpest at its true place. A point source
+has no orientation that could be told from a turned pattern: the pattern's axes are the left camera's.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ _LEAST_R = 0.25
 
 
 @dataclass(frozen=True)
-class FineView:
-    """Normalised fine image and points of one view's usable pixels: value [n], points [n][3] in the left frame, and the
-    image's amplitude rms [height][width] and mask."""
+class DotView:
+    """Normalised high-pass image and points of one view's usable pixels: value [n], points [n][3] in the left frame,
+    and the image's amplitude rms [height][width] and mask."""
 
     value: NDArray[np.float32]
     points: NDArray[np.float32]
@@ -48,8 +48,8 @@ class FineView:
 
 @dataclass(frozen=True)
 class PatternEstimate:
-    """image: mean normalised fine image over the pattern's K, NaN = no view lit it; place: projector in the left
-    camera's frame, m; covariance [3][3]; r: {frame id: correlation of its dots with those that the others foretell}."""
+    """image: mean normalised high-pass image over the pattern's K, NaN = no view lit it; place: projector in the left
+    camera's frame, m; covariance [3][3]; r: {frame id: correlation of its dots with those that the others predict}."""
 
     image: Image
     K: NDArray[np.float64]
@@ -62,14 +62,14 @@ class PatternEstimate:
         return float(np.median(list(self.r.values())))
 
 
-def fine_view(view: SceneView, K: NDArray[np.float64], max_dn: float) -> FineView:
-    """The FineView of a view under a K."""
+def dot_view(view: SceneView, K: NDArray[np.float64], max_dn: float) -> DotView:
+    """The DotView of a view under a K."""
     slow = blurred(view.left, _SLOW_PX)
     fast = view.left - slow
     rms = np.sqrt(blurred(fast * fast, _RMS_PX))
     used = view.surface & (rms > _LEAST_RMS_DN) & (view.left < 0.98 * max_dn)
     value = np.clip(fast / (rms + _RMS_FLOOR_DN), -3.0, 4.0)
-    return FineView(value[used].astype(np.float32), points_of(view.depth_m, K)[used], used)
+    return DotView(value[used].astype(np.float32), points_of(view.depth_m, K)[used], used)
 
 
 class _Canvas:
@@ -85,7 +85,7 @@ class _Canvas:
         f = np.float32(self.K[0, 0])
         return f * x / z + np.float32(self.K[0, 2]), f * y / z + np.float32(self.K[1, 2])
 
-    def sums(self, view: FineView, place: Vector) -> tuple[Image, Image]:
+    def sums(self, view: DotView, place: Vector) -> tuple[Image, Image]:
         """(sum of values, count) in each of the pattern's pixels."""
         u, v = self.pixels(view.points, place)
         column, row = np.rint(u).astype(np.int32), np.rint(v).astype(np.int32)
@@ -111,42 +111,42 @@ def recover_pattern(
     ValueError where the views have no dots in common.
     """
     rng = np.random.default_rng(seed)
-    fine = [fine_view(view, K, max_dn) for view in views]
-    if not any(len(f.value) for f in fine):
+    dots = [dot_view(view, K, max_dn) for view in views]
+    if not any(len(f.value) for f in dots):
         raise ValueError(
             "no dots in any view: the images have no fine contrast where there is depth: switch the projector on"
         )
     size = views[0].left.shape[1], views[0].left.shape[0]
     canvas = _Canvas(K, size)
-    chosen = [_some(f, rng) for f in fine]
-    apart = scenes if scenes is not None and len(set(scenes)) > 2 else range(len(fine))
+    chosen = [_some(f, rng) for f in dots]
+    apart = scenes if scenes is not None and len(set(scenes)) > 2 else range(len(dots))
     place, covariance = _sharpest(canvas, chosen, apart, np.asarray(start, float), progress)
-    sums = [canvas.sums(f, place) for f in fine]
+    sums = [canvas.sums(f, place) for f in dots]
     total, count = (np.sum([s[k] for s in sums], axis=0, dtype=np.float32) for k in (0, 1))
     r = {}
-    for view, f, (own, hits) in zip(views, fine, sums, strict=True):
+    for view, f, (own, hits) in zip(views, dots, sums, strict=True):
         others = _mean(total - own, count - hits, 0.15)
         r[view.frame.id] = _explained(canvas, f, others, place)
     estimate = PatternEstimate(_mean(total, count, 0.15), canvas.K, place, covariance, r)
     if not estimate.r_median() > _LEAST_R:
         raise ValueError(
             f"the views have no dots in common (each view's dots correlate {estimate.r_median():.2f} in the median "
-            "with what the others foretell, 0.5 and more where they do): switch the projector on, and record one device"
+            "with what the others predict, 0.5 and more where they do): switch the projector on, and record one device"
         )
     return estimate
 
 
-def _some(view: FineView, rng: np.random.Generator) -> FineView:
+def _some(view: DotView, rng: np.random.Generator) -> DotView:
     if len(view.value) <= _MOST_PIXELS:
         return view
     # Stripes, not single pixels: dots must stay whole.
     pick = np.arange(len(view.value)).reshape(-1)[: len(view.value) // 64 * 64].reshape(-1, 64)
     rows = np.sort(rng.choice(len(pick), _MOST_PIXELS // 64, replace=False))
     index = pick[rows].ravel()
-    return FineView(view.value[index], view.points[index], view.used)
+    return DotView(view.value[index], view.points[index], view.used)
 
 
-def _explained(canvas: _Canvas, view: FineView, pattern: Image, place: Vector) -> float:
+def _explained(canvas: _Canvas, view: DotView, pattern: Image, place: Vector) -> float:
     seen = sampled(pattern, *canvas.pixels(view.points, place))
     known = np.isfinite(seen)
     return correlation(seen[known], view.value[known]) if known.sum() > 1000 else 0.0
@@ -165,14 +165,14 @@ def sampled(image: Image, u: NDArray, v: NDArray) -> NDArray[np.float32]:
 
 
 def _sharpest(
-    canvas: _Canvas, views: Sequence[FineView], scenes: Sequence[int], start: Vector,
+    canvas: _Canvas, views: Sequence[DotView], scenes: Sequence[int], start: Vector,
     progress: Callable[[float], object] | None,
 ) -> tuple[Vector, NDArray[np.float64]]:  # fmt: skip
     """(place, covariance): where the agreement between views is largest; the covariance by a jackknife over scenes."""
     numbers = sorted(set(scenes))
     done, most = 0, _WALK + 19
 
-    def agreement(place: Vector, views: Sequence[FineView], left_out: bool) -> NDArray[np.float64]:
+    def agreement(place: Vector, views: Sequence[DotView], left_out: bool) -> NDArray[np.float64]:
         """Agreement of all views, and without each scene; what a view alone makes is taken out."""
         nonlocal done
         done += 1
@@ -220,7 +220,7 @@ def _sharpest(
 
 
 def _agreement(total: Image, count: Image, square: Image, count2: Image) -> float:
-    """Mean product of different views' fine images over their mean square, where two or more meet."""
+    """Mean product of different views' high-pass images over their mean square, where two or more meet."""
     pairs = count * count - count2
     known = pairs > 0.05
     return float((total * total - square)[known].sum(dtype=np.float64) / pairs[known].sum(dtype=np.float64))

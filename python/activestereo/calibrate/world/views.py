@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Views of a recording with depth: read, and refused where nothing can be measured on them.
 
-Depth is held against the pair itself: read at the disparity that depth foretells, the right eye's fine image must be
-the left eye's. Depth of another camera, of another moment or in other units fails.
+Depth is compared with the pair itself: read at the disparity that depth predicts, the right camera's high-pass image
+must be the left one's. Depth of another camera, of another moment or in other units fails.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ Mask = NDArray[np.bool_]
 # left out, for depth and image may be registered that badly.
 _EDGE_SHARE = 0.02
 EDGE_PX = 7
-_FINE_PX = 3.0
-# The eyes correlate 0.85 to 0.94 at the depth of a laser or of the device itself, at most 0.21 at foreign depth.
+_HIGH_PASS_PX = 3.0
+# The images correlate 0.85 to 0.94 at the depth of a laser or of the device itself, at most 0.21 at foreign depth.
 _LEAST_AGREEMENT = 0.4
 _MOST_CLIPPED = 0.2
 _LEAST_DEPTH = 0.2
@@ -33,7 +33,7 @@ _LEAST_DEPTH = 0.2
 @dataclass(frozen=True)
 class SceneView:
     """A frame's images [height][width]: left and right in DN; depth_m, 0 = none; surface: where depth is measured and
-    no edge is near. agreement: correlation of both eyes' fine images at that depth."""
+    no edge is near. agreement: correlation of both cameras' high-pass images at that depth."""
 
     frame: Frame
     left: Image
@@ -92,8 +92,9 @@ def _read(capture: Capture, frame: Frame) -> SceneView:
     agreement = _agreement(view, capture.rig)
     if agreement < _LEAST_AGREEMENT:
         raise ValueError(
-            f"{name}: depth does not belong to the pair: at its disparity the eyes correlate {agreement:.2f} (0.85 and "
-            "more where it does): check that depth is of the same moment, in the left camera's pixels, and its scale"
+            f"{name}: depth does not belong to the pair: at its disparity the images correlate {agreement:.2f} (0.85 "
+            "and more where it does): check that depth is of the same moment, in the left camera's pixels, and "
+            "its scale"
         )
     return replace(view, agreement=agreement)
 
@@ -106,7 +107,7 @@ def near_edges(depth_m: Image, width_px: int = EDGE_PX) -> Mask:
     return cv2.dilate(edge, np.ones((width_px, width_px), np.uint8)) > 0
 
 
-def fine(image: Image, sigma_px: float = _FINE_PX) -> Image:
+def high_pass(image: Image, sigma_px: float = _HIGH_PASS_PX) -> Image:
     """The image without what varies slowly."""
     return image - blurred(image, sigma_px)
 
@@ -138,12 +139,12 @@ def normals_of(points: Image) -> Image:
 
 
 def right_at_depth(view: SceneView, rig: Rig, shift: tuple[float, float] = (0.0, 0.0)) -> tuple[Image, Mask]:
-    """(the right eye's fine image where depth says that each left pixel is seen, shifted by (columns, rows); whether it
-    is in the image)."""
+    """(the right camera's high-pass image where depth says that each left pixel is seen, shifted by (columns, rows);
+    whether it is in the image)."""
     column, row = pixel_grid(view.depth_m.shape)
     disparity = np.float32(rig.left.K[0, 0] * rig.baseline_m) / np.maximum(view.depth_m, 1e-3)
     at = column - disparity + np.float32(rig.right.K[0, 2] - rig.left.K[0, 2])
-    there = cv2.remap(fine(view.right), at + np.float32(shift[0]), row + np.float32(shift[1]), cv2.INTER_LINEAR)
+    there = cv2.remap(high_pass(view.right), at + np.float32(shift[0]), row + np.float32(shift[1]), cv2.INTER_LINEAR)
     return there, view.surface & (at > 2) & (at < view.left.shape[1] - 3)
 
 
@@ -155,8 +156,8 @@ def correlation(a: NDArray, b: NDArray) -> float:
 
 
 def _agreement(view: SceneView, rig: Rig) -> float:
-    """The best correlation of the eyes over a few shifts: the nominal calibration may be off by a pixel or two."""
-    left = fine(view.left)
+    """The best correlation of the images over a few shifts: the nominal calibration may be off by a pixel or two."""
+    left = high_pass(view.left)
     best = 0.0
     for shift in (0.0, -1.5, 1.5, -3.0, 3.0):
         there, inside = right_at_depth(view, rig, (shift, 0.0))

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.calibrate.world.camera import CameraEstimate, camera_from_boards, camera_from_overlaps
-from activestereo.calibrate.world.eyes import eyes_of
 from activestereo.calibrate.world.light import darkness
 from activestereo.calibrate.world.light_steps import Progress, albedo_step, exposure_step
+from activestereo.calibrate.world.pair_geometry import pair_geometry
 from activestereo.calibrate.world.pattern import recover_pattern
 from activestereo.calibrate.world.pictures import poses_picture, write_pictures
 from activestereo.calibrate.world.poses import PoseEstimate, group_views, solve_poses
@@ -36,6 +36,7 @@ _OF_SURFACES = ("camera", "poses")
 _HARDLY_KNOWN, _HELD = np.diag([1 / 40.0**2] * 3), np.diag([1e8] * 3)
 _LEAST_ON = 0.85
 _Z90 = 1.645
+
 
 def calibrate_world(
     recording: Path, out: Path, steps: Sequence[str] = STEPS, test: Sequence[int] = (), seed: int = 0,
@@ -94,18 +95,18 @@ def _camera(world: World, seed: int, folder: Path, progress: Progress) -> None:
     shift = estimate.K - rig.left.K
     left = replace(rig.left, K=estimate.K)
     right = replace(rig.right, K=rig.right.K + shift)
-    eyes = eyes_of(world.views, replace(rig, left=left, right=right))
+    pair = pair_geometry(world.views, replace(rig, left=left, right=right))
     left_to_right = rig.left_to_right.copy()
-    left_to_right[:3, 3] *= eyes.baseline_m / rig.baseline_m
-    right.K[:2, 2] += eyes.column_px, eyes.row_px
+    left_to_right[:3, 3] *= pair.baseline_m / rig.baseline_m
+    right.K[:2, 2] += pair.column_px, pair.row_px
     world.capture = replace(world.capture, rig=replace(rig, left=left, right=right, left_to_right=left_to_right))
     values = {
         "f_cx_cy_px": estimate.mean.tolist(),
         "covariance_px2": None if estimate.source == "nominal" else estimate.covariance.tolist(),
         "from": estimate.source,
-        **eyes.as_json(),
+        **pair.as_json(),
     }
-    world.note("camera", values, f"{estimate.text}\n{eyes.text}")
+    world.note("camera", values, f"{estimate.text}\n{pair.text}")
 
 
 def _poses(world: World, seed: int, folder: Path, progress: Progress) -> None:
@@ -179,7 +180,7 @@ def _pattern(world: World, seed: int, folder: Path, progress: Progress) -> None:
     line = (
         f"pattern: projector at ({place}) mm in the left camera's frame (90 %); each view's dots correlate "
         f"{dots.r_median():.2f} in the median ({min(dots.r.values()):.2f} to {max(dots.r.values()):.2f}) with what the "
-        "others foretell"
+        "others predict"
     )
     world.note("pattern", values, line)
 
@@ -204,8 +205,8 @@ def _write(world: World, out: Path, folder: Path) -> None:
     capture, whole = world.capture, read_capture(world.capture.path)
     dtype = np.uint8 if capture.rig.bit_depth <= 8 else np.uint16
     frames: Sequence[Frame] = [f for f in capture.frames if f.has_infrared]
-    images = {(f.id, eye): whole.ir(f, eye).astype(dtype) for f in frames for eye in SIDES}
-    known = {(f.id, eye): mask for f in frames for eye in SIDES if (mask := whole.known(f, eye)) is not None}
+    images = {(f.id, side): whole.ir(f, side).astype(dtype) for f in frames for side in SIDES}
+    known = {(f.id, side): mask for f in frames for side in SIDES if (mask := whole.known(f, side)) is not None}
     depths, colors = {}, {}
     for frame in capture.frames:
         depth, color = whole.depth(frame), whole.color(frame)

@@ -41,4 +41,4 @@ def _of_light(image: MeasuredImage) -> NDArray[np.float32]:
 
 def _on_its_own(light: Light) -> Light:
     """A copy of the light that shares no spline coefficients with others, which are as large as the images."""
-    return light if light.fine is None else replace(light, fine=replace(light.fine))
+    return light if light.supersampled is None else replace(light, supersampled=replace(light.supersampled))

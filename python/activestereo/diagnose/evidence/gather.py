@@ -116,12 +116,12 @@ def _noise(
         return {key: max(v[0], ROUNDING_VARIANCE) for key, v in noise_variances.items()}, noise_model, True
     of_key = {s.key: s for s in measured_images}
     both = [(of_key[f.id, "left"], of_key[f.id, "right"]) for f in capture.split("train")]
-    by_eyes = pair_noise_model([(a.view, b.view, a.measured, b.measured) for a, b in both], nuisances.black_dn)
-    noise_model = by_eyes or NoiseModel(*_ASSUMED_NOISE, nuisances.black_dn)
+    by_cameras = pair_noise_model([(a.view, b.view, a.measured, b.measured) for a, b in both], nuisances.black_dn)
+    noise_model = by_cameras or NoiseModel(*_ASSUMED_NOISE, nuisances.black_dn)
     return (
         {s.key: max(noise_model.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in measured_images},
         noise_model,
-        by_eyes is not None,
+        by_cameras is not None,
     )
 
 

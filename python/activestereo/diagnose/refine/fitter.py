@@ -58,7 +58,7 @@ class ImageResidual(NamedTuple):
 class Fitter:
     """Fits over given observations.
 
-    prior: what is known of the nuisances beforehand. fine=False, for scans: warps look up pixels alone, and
+    prior: what is known of the nuisances beforehand. supersampled=False, for scans: warps look up pixels alone, and
     sums are of no folds. memory: where fits are kept, or None. threads: that work on images at a time; a process that
     was made for fits (parallel_prefit.py) has one.
     """
@@ -68,12 +68,12 @@ class Fitter:
         observations: Sequence[Observation],
         prior: NuisancePrior,
         tiles: int,
-        fine: bool = True,
+        supersampled: bool = True,
         memory: FitCache | None = None,
         threads: int = 1,
     ) -> None:
         self.observations, self.memory, self.threads = observations, memory, min(threads, MOST_THREADS)
-        self._fine = fine
+        self._supersampled = supersampled
         self._nuisance_prior = prior
         self._tiles = tiles
         self._lights = LightMemory(observations)
@@ -91,11 +91,11 @@ class Fitter:
 
     @computed_once
     def _pixels(self) -> list[Pixels]:
-        return [Pixels(o, self.materials, FOLDS if self._fine else 1) for o in self.observations]
+        return [Pixels(o, self.materials, FOLDS if self._supersampled else 1) for o in self.observations]
 
     @computed_once
     def _content(self) -> str:
-        return content_key(self.observations, self._nuisance_prior, self._tiles, self._fine)
+        return content_key(self.observations, self._nuisance_prior, self._tiles, self._supersampled)
 
     def remembered(
         self, make: Callable[[], Mapping[str, np.ndarray]], space: ParameterSpace, *values: object
@@ -127,12 +127,12 @@ class Fitter:
     def lights(self, space: ParameterSpace, theta: np.ndarray) -> list[Light]:
         """The Light of every observation."""
         model = self._prepared(space.model(theta))
-        return self._side_by_side(lambda i: self._lights(model, i, self._fine), range(len(self.observations)))
+        return self._side_by_side(lambda i: self._lights(model, i, self._supersampled), range(len(self.observations)))
 
     def each_light(self, space: ParameterSpace, theta: np.ndarray) -> Iterator[Light]:
         """The same, each made where it is asked for."""
         model = self._prepared(space.model(theta))
-        return (self._lights(model, i, self._fine) for i in range(len(self.observations)))
+        return (self._lights(model, i, self._supersampled) for i in range(len(self.observations)))
 
     def residuals(self, solution: Solution) -> list[ImageResidual]:
         """Every observation under a solution; the last few solutions' are remembered."""
@@ -147,7 +147,7 @@ class Fitter:
         model = self._prepared(solution.model)
 
         def residual(i: int) -> ImageResidual:
-            o, light = self.observations[i], self._lights(model, i, self._fine)
+            o, light = self.observations[i], self._lights(model, i, self._supersampled)
             image = signal(model, o, light, solution.phi)
             dots = solution.phi[0] * o.frame.exposure_gain * o.frame.projector_power * light.direct
             residual = o.measured - image if o.view.known is None else np.where(o.view.known, o.measured - image, 0.0)
@@ -188,7 +188,7 @@ class Fitter:
         sums = Sums.of_size(n_theta + len(phi), self._tiles)
         for pixels, columns, residual in self._slopes(self._pixels(), space, theta, phi, lights, n_theta):
             sums.add(pixels, columns, residual, n_theta, phi)
-            if self._fine and n_theta:
+            if self._supersampled and n_theta:
                 sums.add_blocks(pixels, columns, residual, n_theta, phi)
         return sums
 
@@ -215,7 +215,7 @@ class Fitter:
         models = [self._moved(space, theta, steps, j) for j in range(n_theta)]
         here = space.model(theta)
         # The slope of a warp is known well enough from the pixels alone; what is fitted are the supersampled images.
-        coarse = self._fine and bool(space.in_camera[:n_theta].any())
+        coarse = self._supersampled and bool(space.in_camera[:n_theta].any())
 
         def one(seen: tuple[int, _SomePixels, Light]) -> tuple[_SomePixels, list[np.ndarray], np.ndarray]:
             i, pixels, light = seen
@@ -228,7 +228,7 @@ class Fitter:
                     columns.append(np.zeros(image.shape))
                     continue
                 in_light = space.in_light[j]
-                moved = self._lights(model, i, self._fine and not coarse) if in_light else light
+                moved = self._lights(model, i, self._supersampled and not coarse) if in_light else light
                 columns.append((exposed(model, pixels, moved, phi)[0] - (from_there if in_light else image)) / steps[j])
             columns += scale_columns or []
             none, is_right = np.zeros(image.shape), pixels.observation.view.is_right
@@ -398,7 +398,7 @@ class Fitters:
         """scanned: the observations of a scan, see propose/scan.py."""
         sized = evidence.nuisance_prior(), evidence.tiles
         train, test = (Fitter(o, *sized, memory=memory, threads=threads) for o in (evidence.train, evidence.test))
-        return cls(train, test, Fitter(scanned, *sized, fine=False, memory=memory))
+        return cls(train, test, Fitter(scanned, *sized, supersampled=False, memory=memory))
 
 
 def signal(model: Model, observation: Observation, light: Light, phi: np.ndarray) -> np.ndarray:

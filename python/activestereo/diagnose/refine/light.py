@@ -37,26 +37,26 @@ class LightMemory:
         self._before: OrderedDict[tuple, Light] = OrderedDict()
         self._lock = Lock()
 
-    def __call__(self, model: Model, i: int, fine: bool = True) -> Light:
-        """The Light of observation i that falls on the sensor; fine: see Model.light."""
+    def __call__(self, model: Model, i: int, supersampled: bool = True) -> Light:
+        """The Light of observation i that falls on the sensor; supersampled: see Model.light."""
         *first, last = ((None, ()), *((e, tuple(values.items())) for e, values in model.on_light()))
-        return self._acted(last, self._remembered(tuple(first), i, fine), i, fine)
+        return self._acted(last, self._remembered(tuple(first), i, supersampled), i, supersampled)
 
-    def _acted(self, link: tuple[Effect | None, tuple], light: Light, i: int, fine: bool) -> Light:
+    def _acted(self, link: tuple[Effect | None, tuple], light: Light, i: int, supersampled: bool) -> Light:
         effect, values = link
         if effect is None:
-            return self._of_layers(i)[fine]
+            return self._of_layers(i)[supersampled]
         return acted(effect, dict(values), light, self._observations[i].view)
 
-    def _remembered(self, chain: tuple, i: int, fine: bool) -> Light:
+    def _remembered(self, chain: tuple, i: int, supersampled: bool) -> Light:
         if len(chain) < 2:
-            return self._of_layers(i)[fine]
-        key = chain, i, fine
+            return self._of_layers(i)[supersampled]
+        key = chain, i, supersampled
         with self._lock:
             if key in self._before:
                 self._before.move_to_end(key)
                 return self._before[key]
-        light = self._acted(chain[-1], self._remembered(chain[:-1], i, fine), i, fine)
+        light = self._acted(chain[-1], self._remembered(chain[:-1], i, supersampled), i, supersampled)
         with self._lock:
             self._before[key] = light
             while len(self._before) > _REMEMBERED * len(self._observations):

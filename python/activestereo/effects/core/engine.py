@@ -196,7 +196,7 @@ class EngineInputs:
 
     def add_speckle(self, contrast: float, static_share: float) -> None:
         """Multiplies light by independent grains, mean 1; static_share of their variance stays while rig and scene
-        stand still. Gamma laws of one scale add up to another one, so that the shares of variance are those of the
+        stand still. Gamma variates of one scale add up to another one, so that the shares of variance are those of the
         shape."""
         if contrast == 0.0:
             return

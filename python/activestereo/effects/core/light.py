@@ -9,8 +9,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from activestereo.effects.core.fine import FineImages
 from activestereo.effects.core.resample import Spline, blur, sample, shifted_sum
+from activestereo.effects.core.supersampled import SupersampledImages
 
 # Rounding of the rendered float32 images; smaller changes are none.
 _UNCHANGED = 1e-6
@@ -33,7 +33,7 @@ class RenderedLight(Protocol):
 
 
 class Rendered(RenderedLight, Protocol):
-    """Rendered images of one view (compare/layers.py); it may also have `fine`, a FineImages."""
+    """Rendered images of one view (compare/layers.py); it may also have `supersampled`, a SupersampledImages."""
 
     @property
     def flat(self) -> np.ndarray: ...
@@ -62,27 +62,31 @@ class Light:
 
     direct: the projector's light off the first surface; indirect: the rest of it; ambient: everything else;
     flat: what `direct` would be under a pattern that is 1 everywhere (visibility, falloff and reflection without the
-    dots). fine: the same four as rendered, finer and wider than the frame, or None. Effects change the four and leave
-    it alone.
+    dots). supersampled: the same four as rendered, finer and wider than the frame, or None. Effects change the four and
+    leave it alone.
     """
 
     direct: np.ndarray = _Part()  # type: ignore[assignment]
     indirect: np.ndarray = _Part()  # type: ignore[assignment]
     ambient: np.ndarray = _Part()  # type: ignore[assignment]
     flat: np.ndarray = _Part()  # type: ignore[assignment]
-    fine: FineImages | None = None
+    supersampled: SupersampledImages | None = None
 
     @classmethod
     def of(cls, layers: Rendered) -> Light:
         """From rendered lab layers."""
         images = (layers.direct, layers.indirect, layers.ambient, layers.flat)
-        return cls.of_images([np.asarray(image, dtype=np.float64) for image in images], getattr(layers, "fine", None))
+        return cls.of_images(
+            [np.asarray(image, dtype=np.float64) for image in images], getattr(layers, "supersampled", None)
+        )
 
     @classmethod
-    def of_images(cls, images: Sequence[np.ndarray] | np.ndarray, fine: FineImages | None = None) -> Light:
+    def of_images(
+        cls, images: Sequence[np.ndarray] | np.ndarray, supersampled: SupersampledImages | None = None
+    ) -> Light:
         """From [4][height][width]: direct, indirect, ambient, flat."""
         direct, indirect, ambient, flat = images
-        return cls(direct, indirect, ambient, flat, fine)
+        return cls(direct, indirect, ambient, flat, supersampled)
 
     @property
     def projector(self) -> np.ndarray:
@@ -123,10 +127,10 @@ class Light:
 
         Rendered light is looked up in the supersampled images where there are any. What effects have changed since is
         known per pixel only: a local gain, and what that leaves."""
-        if self.fine is not None:
+        if self.supersampled is not None:
             operation = lambda images: sample(images, u, v)  # noqa: E731
             return _Later(
-                self, operation, lambda fine: fine.warped(u, v), lambda gain: sample(gain, u, v, order=1)
+                self, operation, lambda images: images.warped(u, v), lambda gain: sample(gain, u, v, order=1)
             ).light()
         look = lambda names: self._once(("spline", names), lambda: Spline(self.sum_of(names)))  # noqa: E731
         later = _Later(self, lambda images: sample(images, u, v))
@@ -137,14 +141,14 @@ class Light:
     def blurred(self, sigma_px: float | np.ndarray) -> Light:
         """The light under a Gaussian blur of sigma_px, a number or an image of it; of the supersampled images where
         there are any."""
-        of_fine = None if self.fine is None else lambda fine: fine.blurred(sigma_px)
-        return _Later(self, lambda images: blur(images, sigma_px), of_fine).light()
+        of_supersampled = None if self.supersampled is None else lambda images: images.blurred(sigma_px)
+        return _Later(self, lambda images: blur(images, sigma_px), of_supersampled).light()
 
     def shifted_sum(self, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]) -> Light:
         """The weighted sum of shifted lights, see resample.shifted_sum; of the supersampled images where there are
         any."""
-        of_fine = None if self.fine is None else lambda fine: fine.shifted_sum(along_u, along_v)
-        return _Later(self, lambda images: shifted_sum(images, along_u, along_v), of_fine).light()
+        of_supersampled = None if self.supersampled is None else lambda images: images.shifted_sum(along_u, along_v)
+        return _Later(self, lambda images: shifted_sum(images, along_u, along_v), of_supersampled).light()
 
     def _once(self, key: Hashable, make: Callable[[], Any]) -> Any:
         memory = self.__dict__.setdefault("_memory", {})
@@ -163,8 +167,8 @@ _NAMES = ("direct", "indirect", "ambient", "flat")
 
 
 class _Later:
-    """A linear operation on a Light, done image by image when asked for; of_fine: the same on FineImages, where there
-    are any.
+    """A linear operation on a Light, done image by image when asked for; of_supersampled: the same on
+    SupersampledImages, where there are any.
 
     of_gain: what becomes of a local gain, see Light.warped. whole: function of names, which takes the place of all
     this, or None; at: the same of (names, flat indices of pixels).
@@ -177,15 +181,15 @@ class _Later:
         self,
         source: Any,
         of_images: Callable[..., Any],
-        of_fine: Callable[..., Any] | None = None,
+        of_supersampled: Callable[..., Any] | None = None,
         of_gain: Callable[[Any], Any] = lambda gain: gain,
     ) -> None:
         self._source, self._of_images, self._of_gain = source, of_images, of_gain
-        self._fine = of_fine(source.fine) if of_fine else None
+        self._supersampled = of_supersampled(source.supersampled) if of_supersampled else None
 
     def light(self) -> Light:
         light = object.__new__(Light)
-        light.__dict__.update(_later=self, fine=self._fine)
+        light.__dict__.update(_later=self, supersampled=self._supersampled)
         return light
 
     def image(self, names: tuple[str, ...]) -> np.ndarray:
@@ -193,14 +197,14 @@ class _Later:
         if self.whole is not None:
             return self.whole(names)
         now = self._source.sum_of(names)
-        if self._fine is None:
+        if self._supersampled is None:
             return self._of_images(now[None])[0]
         indices = tuple(_NAMES.index(name) for name in names)
-        before = self._source.fine.sum_of(indices).pixels()[0]
+        before = self._source.supersampled.sum_of(indices).pixels()[0]
         changed = np.abs(now - before).max() > _UNCHANGED * before.max()
         if changed and len(names) > 1:
             return np.sum([self.image((name,)) for name in names], axis=0)
-        after = self._fine.sum_of(indices).pixels()[0]
+        after = self._supersampled.sum_of(indices).pixels()[0]
         if not changed:
             return after
         gain = _local_gain(before, now)

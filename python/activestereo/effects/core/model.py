@@ -44,10 +44,10 @@ class Model:
     def without_effect(self, effect_id: str) -> Model:
         return Model(tuple((e, p) for e, p in self.effects if e.id != effect_id))
 
-    def light(self, layers: Rendered, view: View, random: bool = False, fine: bool = True) -> Light:
-        """The Light that falls on the sensor, from rendered layers. fine=False: warps look up the pixels even where the
-        layers have supersampled images: less than half the time, for scans."""
-        light = Light.of(layers) if fine else replace(Light.of(layers), fine=None)
+    def light(self, layers: Rendered, view: View, random: bool = False, supersampled: bool = True) -> Light:
+        """The Light that falls on the sensor, from rendered layers. supersampled=False: warps look up the pixels even
+        where the layers have supersampled images: less than half the time, for scans."""
+        light = Light.of(layers) if supersampled else replace(Light.of(layers), supersampled=None)
         for effect, parameters in self.on_light(random):
             light = acted(effect, parameters, light, view)
         return light

@@ -122,7 +122,7 @@ def _run(function: Any, name: str, randomness: Randomness, value: Any, view: Vie
     del kept
     if status != 0:
         raise ValueError(f"{name}: the plug-in gave status {status}")
-    return Light.of_images(out, value.fine) if isinstance(value, Light) else out
+    return Light.of_images(out, value.supersampled) if isinstance(value, Light) else out
 
 
 def _view(view: View, name: str, randomness: Randomness) -> tuple[Any, tuple[Any, ...]]:

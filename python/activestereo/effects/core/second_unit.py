@@ -37,7 +37,9 @@ def unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
     best = [np.unravel_index(flat, gains.shape) for flat in np.argsort(-gains, axis=None)[:_STARTS]]
     return [
         {
-            "intensity_m2": float(strengths[i, j]), "offset_x_m": float(places[i]), "offset_y_m": 0.0,
+            "intensity_m2": float(strengths[i, j]),
+            "offset_x_m": float(places[i]),
+            "offset_y_m": 0.0,
             "yaw_rad": float(yaws[j]),
         }  # fmt: skip
         for i, j in best
@@ -62,7 +64,7 @@ class _Scene:
         self._pattern = view.once("unit's pattern", lambda: gaussian_filter(pattern, sigma_px, mode="constant"))
 
     def products(self, x: float, yaws: np.ndarray) -> np.ndarray:
-        """[2][yaws]: of the dots of unit intensity thrown from x beside the projector, with the residual and with
+        """[2][yaws]: of the dots of unit intensity projected from x beside the projector, with the residual and with
         themselves.
         """
         way = self.points - [x, 0.0, 0.0]

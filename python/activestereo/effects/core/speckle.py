@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Speckle: laser light off a rough surface varies from grain to grain with a gamma law (Goodman, Speckle Phenomena in
-Optics, 3.4)."""
+"""Speckle: laser light off a rough surface varies from grain to grain with a gamma distribution (Goodman, Speckle
+Phenomena in Optics, 3.4)."""
 
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import View

@@ -36,7 +36,7 @@ def on_surfaces(light: Light, changed: Light, view: View, surfaces: float) -> Li
     if surfaces == 0:
         return changed
     here = chosen(view, surfaces)
-    return Light.of_images(np.where(here, changed.images, light.images), light.fine)
+    return Light.of_images(np.where(here, changed.images, light.images), light.supersampled)
 
 
 def _chosen(material: np.ndarray, surfaces: float) -> np.ndarray:

@@ -201,7 +201,7 @@ class SimulatedCamera:
         self._sensor = None
 
     def _ready(self) -> StereoDepthSensor:
-        """The sensor of the present configuration; made anew where that has changed."""
+        """The sensor of the present configuration; made again where that has changed."""
         config = self.config()
         if self._sensor is None or self._made_for is not config:
             self.close()

@@ -57,7 +57,7 @@ def own_value(name: str, value: Any) -> Any:
 
 
 def _red_of(path: str | PathLike[str]) -> NDArray[np.uint8]:
-    """SAPIEN's patterns are colour images, of which its red projector throws the red."""
+    """SAPIEN's patterns are colour images, of which its red projector shows the red."""
     with Image.open(checked_file(Path(path))) as image:
         return np.ascontiguousarray(np.asarray(image.convert("RGB"))[..., 0])
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A local page that shows captures, scenes and recordings, and renders them anew as its sliders move: `activestereo
+"""A local page that shows captures, scenes and recordings, and renders them again as its sliders move: `activestereo
 view`.
 
 | file | job |

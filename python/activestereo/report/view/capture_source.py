@@ -18,7 +18,7 @@ from activestereo.model import Pattern, Rig, RigCamera, SensorModel
 from activestereo.model.calibrated import calibrated
 from activestereo.model.configure import configured
 from activestereo.report.view.fit import fitted_noise, fitted_nuisances
-from activestereo.report.view.simulation import Pictures, Shot, Simulation, disparity_of, with_left_as_colour
+from activestereo.report.view.simulation import Exposure, Pictures, Simulation, disparity_of, with_left_as_colour
 from activestereo.scene_io.scene_files import load_scene_file
 
 # The laser's slider ends at so many times the power of the capture.
@@ -35,7 +35,7 @@ class CaptureSource:
         self._given = SensorModel() if model is None else model
         self._capture = calibrated(capture, self._given)
         self._device = device
-        self._shots: dict[int, Shot] = {}
+        self._exposures: dict[int, Exposure] = {}
         self._frames = {frame.id: frame for frame in capture.frames if frame.has_infrared}
         if not self._frames:
             raise ValueError(f"{capture.path}: has no infrared images, only colour and depth: there is nothing to show")
@@ -79,15 +79,15 @@ class CaptureSource:
         split_surfaces(scene, path)
         return Simulation(scene)
 
-    def shot(self, frame_id: int) -> Shot:
+    def exposure(self, frame_id: int) -> Exposure:
         """One frame as the sensor takes it."""
-        if frame_id not in self._shots:
-            self._shots[frame_id] = self._shot(frame_id)
-        return self._shots[frame_id]
+        if frame_id not in self._exposures:
+            self._exposures[frame_id] = self._exposure(frame_id)
+        return self._exposures[frame_id]
 
     # ---- inside ----
 
-    def _shot(self, frame_id: int) -> Shot:
+    def _exposure(self, frame_id: int) -> Exposure:
         """Radiance is in counts of the room's light, in which lamps of the scene count alike."""
         frame, model = self._frame(frame_id), self._model()
         room = model.nuisances["ambient_scale"].value * (1.0 if frame.ambient is None else frame.ambient)
@@ -95,7 +95,7 @@ class CaptureSource:
         config = self._config(max(room, 1e-6 * projector))
         config.laser_power_mw = frame.projector_power * config.laser_power_nominal_mw
         config.ir_camera_exposure, config.ir_camera_gain = frame.exposure_s, frame.gain
-        return Shot(
+        return Exposure(
             config, model, frame.camera_to_world, room / config.ir_responsivity_dn, frame.temperature_c,
             frame.timestamp_s, frame.camera_velocity,
         )  # fmt: skip

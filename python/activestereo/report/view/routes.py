@@ -56,15 +56,15 @@ class Routes:
         """The camera's sliders for one frame, and the effects of the model."""
         source = self._library.source(given.get("entry"))
         _simulation(source)
-        shot = source.shot(_frame(given))
-        camera = [slider.as_json() for slider in camera_sliders(shot)]
-        return packed({"camera": camera, "effects": present_effects(shot.model)})
+        exposure = source.exposure(_frame(given))
+        camera = [slider.as_json() for slider in camera_sliders(exposure)]
+        return packed({"camera": camera, "effects": present_effects(exposure.model)})
 
     def surface(self, given: dict[str, Any]) -> bytes:
         """The name and the sliders of the material at pixel u, v of the left image; no name where nothing is."""
         source = self._library.source(given.get("entry"))
         simulation = _simulation(source)
-        found = simulation.surface(source.shot(_frame(given)), self._settings(given, simulation), *_pixel(given))
+        found = simulation.surface(source.exposure(_frame(given)), self._settings(given, simulation), *_pixel(given))
         name, values = (None, None) if found is None else found
         return packed({"name": name, "sliders": [s.as_json() for s in surface_sliders(values)] if values else []})
 
@@ -72,7 +72,7 @@ class Routes:
         """Writes the sensor under the settings as a model; tells where, and what simulates it."""
         source = self._library.source(given.get("entry"))
         simulation = _simulation(source)
-        model, remark = saved_model(source.shot(_frame(given)), self._settings(given, simulation))
+        model, remark = saved_model(source.exposure(_frame(given)), self._settings(given, simulation))
         with free_name(self._save_as) as path:
             write_model(path, model)
         return packed({"path": str(path), "remark": remark})
@@ -89,11 +89,10 @@ class Routes:
             self._newest.pop(next(iter(self._newest)))
         is_wanted = lambda: self._newest.get(page, serial) <= serial  # noqa: E731
         try:
-            taken = simulation.picture(source.shot(_frame(given)), settings, bool(given.get("is_draft")), is_wanted)
+            taken = simulation.picture(source.exposure(_frame(given)), settings, bool(given.get("is_draft")), is_wanted)
         except Superseded:
             return packed({"superseded": True})
         return _answer(taken)
-
 
     def _settings(self, given: dict[str, Any], simulation: Simulation) -> Settings:
         return settings_of(given.get("settings", {}), self._effects, simulation.material_names())

@@ -12,16 +12,16 @@ from pathlib import Path
 from activestereo.model import Quantity, SensorModel
 from activestereo.model.model import NUISANCES
 from activestereo.report.view.settings import BY_HAND, Settings
-from activestereo.report.view.simulation import Shot
+from activestereo.report.view.simulation import Exposure
 
 _MOST_NUMBERS = 10_000
 _POWER = "projector_scale"
 
 
-def saved_model(shot: Shot, settings: Settings) -> tuple[SensorModel, str]:
+def saved_model(exposure: Exposure, settings: Settings) -> tuple[SensorModel, str]:
     """The model, and the settings that a model without a rig or a fitted projector has no words for, as options of
     simulate: empty where it says all."""
-    config, model = settings.applied(deepcopy(shot.config), shot.model)
+    config, model = settings.applied(deepcopy(exposure.config), exposure.model)
     remarks = []
     if model.rig is not None:
         rig = replace(model.rig, exposure_s=config.ir_camera_exposure, gain=config.ir_camera_gain)

@@ -13,7 +13,7 @@ from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.computed_once import computed_once
 from activestereo.common.pose import CAMERA_TO_BODY, as_matrix, look_at
 from activestereo.model import SensorModel
-from activestereo.report.view.simulation import Pictures, Shot, Simulation, with_left_as_colour
+from activestereo.report.view.simulation import Exposure, Pictures, Simulation, with_left_as_colour
 from activestereo.scene_io.scene_files import ROOM_RADIANCE, ROOM_WITHOUT_LAMPS, load_scene_file
 
 _ALL_OF_IT = 2.6  # radii from the middle, at which the scene fills half of the picture
@@ -50,7 +50,7 @@ class SceneSource:
     def simulation(self) -> Simulation:
         return Simulation(self._scene())
 
-    def shot(self, frame_id: int) -> Shot:
+    def exposure(self, frame_id: int) -> Exposure:
         """The sensor's colour camera at one of the scene's cameras."""
         scene = self._scene()
         known = [frame["id"] for frame in self.frames()]
@@ -58,7 +58,7 @@ class SceneSource:
             raise ValueError(f"{self.title} has no camera {frame_id!r}, only {known[0]} to {known[-1]}")
         colour = scene.camera(frame_id).camera_to_world if scene.summary.camera_count else _overall_view(scene.summary)
         colour_to_left = CAMERA_TO_BODY.T @ as_matrix(self._config.trans_pose_l) @ CAMERA_TO_BODY
-        return Shot(self._left_config, self._model, np.asarray(colour) @ colour_to_left)
+        return Exposure(self._left_config, self._model, np.asarray(colour) @ colour_to_left)
 
     # ---- inside ----
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One exposure of a sensor in a scene, as often as settings change: the scene stays loaded, the sensor is made anew,
+"""One exposure of a sensor in a scene, as often as settings change: the scene stays loaded, the sensor is made again,
 which takes a fiftieth of a second."""
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _REFINED_SAMPLES = 64
 
 
 @dataclass(frozen=True)
-class Shot:
+class Exposure:
     """One exposure before any setting. config: with the colour camera in the left infrared one's place; model: what is
     known of the sensor; camera_to_world: the left camera's, 4x4. room_radiance: infrared, from all sides; None: the
     scene's own. twist: (6,) m/s and rad/s, as a capture's camera_velocity."""
@@ -80,7 +80,7 @@ class Simulation:
         return [self._scene.material_name(number) for number in range(self._scene.summary.material_count)]
 
     def picture(
-        self, shot: Shot, settings: Settings, is_draft: bool, is_wanted: Callable[[], bool] = lambda: True
+        self, exposure: Exposure, settings: Settings, is_draft: bool, is_wanted: Callable[[], bool] = lambda: True
     ) -> Pictures:
         """The exposure under these settings. Superseded where is_wanted() ceases to be true before it is rendered."""
         begin = perf_counter()
@@ -88,15 +88,15 @@ class Simulation:
             if not is_wanted():
                 raise Superseded
             try:
-                with self._sensor(shot, settings, is_draft) as sensor:
+                with self._sensor(exposure, settings, is_draft) as sensor:
                     sensor.take_picture(infrared_only=True, progress=lambda _: not is_wanted())
                     return _pictures(sensor, begin)
             except kuafu.CancelledError as error:
                 raise Superseded from error
 
-    def surface(self, shot: Shot, settings: Settings, u: int, v: int) -> tuple[str, dict[str, float]] | None:
+    def surface(self, exposure: Exposure, settings: Settings, u: int, v: int) -> tuple[str, dict[str, float]] | None:
         """The material at a pixel of the left image and its SURFACE_FIELDS, None where there is nothing."""
-        with self._one_at_a_time, self._sensor(shot, settings, is_draft=True) as sensor:
+        with self._one_at_a_time, self._sensor(exposure, settings, is_draft=True) as sensor:
             numbers = sensor.get_picture("material_id", "left")[..., 0]
             materials = [self._scene.get_material(n) for n in range(self._scene.summary.material_count)]
         names = self.material_names()
@@ -111,21 +111,21 @@ class Simulation:
             values["ir_albedo"] = materials[number].base_color[0]
         return names[number], values
 
-    def _sensor(self, shot: Shot, settings: Settings, is_draft: bool) -> StereoDepthSensor:
-        config, model = settings.applied(deepcopy(shot.config), shot.model)
+    def _sensor(self, exposure: Exposure, settings: Settings, is_draft: bool) -> StereoDepthSensor:
+        config, model = settings.applied(deepcopy(exposure.config), exposure.model)
         quality = dict(_DRAFT) if is_draft else {"samples_per_pixel": _REFINED_SAMPLES}
         for entry in model.effects if is_draft else ():
             quality |= _SCATTERING.get(entry.effect.id, {})
         for name, value in quality.items():
             setattr(config, name, value)
-        if shot.room_radiance is not None:
-            self._scene.set_environment((shot.room_radiance,) * 3, ir_radiance=shot.room_radiance)
+        if exposure.room_radiance is not None:
+            self._scene.set_environment((exposure.room_radiance,) * 3, ir_radiance=exposure.room_radiance)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ModelCostWarning)
-            sensor = StereoDepthSensor(config, self._scene, body_pose(shot.camera_to_world), model=model)
-        sensor.set_conditions(shot.temperature_c, shot.time_s)
-        if settings.has_motion(shot.model):
-            sensor.set_velocity(shot.twist[:3], shot.twist[3:])
+            sensor = StereoDepthSensor(config, self._scene, body_pose(exposure.camera_to_world), model=model)
+        sensor.set_conditions(exposure.temperature_c, exposure.time_s)
+        if settings.has_motion(exposure.model):
+            sensor.set_velocity(exposure.twist[:3], exposure.twist[3:])
         return sensor
 
 

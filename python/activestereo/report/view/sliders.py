@@ -13,7 +13,7 @@ from activestereo.effects.core.surfaces import SURFACES
 from activestereo.model import SensorModel
 from activestereo.model.model import MATERIAL_FIELDS
 from activestereo.report.view.settings import SURFACE_FIELDS
-from activestereo.report.view.simulation import Shot
+from activestereo.report.view.simulation import Exposure
 
 # A camera's slider reaches so many times below and above where it stands.
 _REACH = 16.0
@@ -40,14 +40,14 @@ class Slider:
         return asdict(self)
 
 
-def camera_sliders(shot: Shot) -> list[Slider]:
+def camera_sliders(exposure: Exposure) -> list[Slider]:
     """Exposure, gain and laser power of one exposure. Where the sensor chooses exposure and gain by itself, the picture
     tells what they are."""
-    config = shot.config
-    exposure, gain = config.ir_camera_exposure, config.ir_camera_gain
+    config = exposure.config
+    exposure_s, gain = config.ir_camera_exposure, config.ir_camera_gain
     power, (_, strongest, _) = config.laser_power_mw, config.laser_power_limits_mw
     return [
-        _ratio("exposure_s", "exposure", "s", exposure),
+        _ratio("exposure_s", "exposure", "s", exposure_s),
         _ratio("gain", "gain", "", gain),
         Slider("laser_power_mw", "laser power", "mW", power, 0.0, strongest, 0.0, strongest),
     ]

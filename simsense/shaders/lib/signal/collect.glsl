@@ -39,7 +39,7 @@ vec4 speckle_part(SignalBlockAddress block, uint n, uint quad, uint y, uint part
   return gamma_of(block, part, normal);
 }
 
-/// Gamma variates of one scale add up to one of the summed shape: the part that frames share is static, the other drawn anew.
+/// Gamma variates of one scale add up to one of the summed shape: the part that frames share is static, the other newly drawn.
 vec4 speckle(SignalBlockAddress block, uint n, uint quad, uint y) {
   uint parts = block.head.parameters.speckle_parts;
   if (parts == 0u) return vec4(1.0f);

@@ -47,7 +47,7 @@ HWY_INLINE void gamma_row(const SignalRow& row, const SpeckleRow& part, const Ph
   }
 }
 
-/// Gamma variates of one scale add up to one of the summed shape: the part that frames share is static, the other drawn anew.
+/// Gamma variates of one scale add up to one of the summed shape: the part that frames share is static, the other newly drawn.
 HWY_INLINE void speckle_row(const SignalRow& row, const SpeckleRow& fixed, const SpeckleRow& temporal) {
   if (!fixed.table && !temporal.table) return;
   if (fixed.table) gamma_row(row, fixed, row.keys.scene, Dimension::speckle_static, true);

@@ -14,7 +14,7 @@ from virtual_sensor.held_out.lightmap import Lightmap
 from virtual_sensor.held_out.more import more_frames
 from virtual_sensor.held_out.optics import on_pixels
 from virtual_sensor.held_out.rig import HEIGHT, WIDTH, Rig, believed, draw_frames, draw_rig
-from virtual_sensor.held_out.scene import draw_scene, surveyed, texel_spacing
+from virtual_sensor.held_out.scene import draw_scene, measured_solids, texel_spacing
 from virtual_sensor.held_out.surface import Layers, projector_irradiance, shade
 
 SIDES = ("left", "right")
@@ -53,11 +53,11 @@ class Hardware:
 
 
 class Case:
-    """Everything follows from the seed, the hidden effects {id: {parameter: value}}, and the survey errors' size; more:
-    a change of frames that are recorded beside the usual ones, see more.py."""
+    """Everything follows from the seed, the hidden effects {id: {parameter: value}}, and the size of the scene's
+    errors; more: a change of frames that are recorded beside the usual ones, see more.py."""
 
-    def __init__(self, seed, hidden, survey=1.0, sub=SUB, moving_exposure=1 / 8, more=None):
-        self.seed, self.hidden, self._survey, self._sub = seed, hidden, survey, sub
+    def __init__(self, seed, hidden, scene_errors=1.0, sub=SUB, moving_exposure=1 / 8, more=None):
+        self.seed, self.hidden, self._scene_errors, self._sub = seed, hidden, scene_errors, sub
         draw = np.random.Generator(np.random.PCG64([seed, 0]))
         self.solids, self.rig = draw_scene(draw), draw_rig(draw)
         self.frames = draw_frames(draw, moving_exposure)
@@ -68,7 +68,7 @@ class Case:
 
     def in_scene(self, scene_seed):
         """The same sensor, wrong in the same way, in front of another scene."""
-        other = Case(self.seed, self.hidden, self._survey, self._sub)
+        other = Case(self.seed, self.hidden, self._scene_errors, self._sub)
         other.solids = draw_scene(np.random.Generator(np.random.PCG64([scene_seed, 0])))
         other.frames = tuple(frame for frame in other.frames if frame.power > 0 and not frame.is_moving)
         other.__dict__.update(sensor=self.sensor)
@@ -76,7 +76,7 @@ class Case:
 
     def hiding(self, hidden):
         """The same world with other hidden effects; shares what has been computed."""
-        other = Case(self.seed, hidden, self._survey, self._sub)
+        other = Case(self.seed, hidden, self._scene_errors, self._sub)
         other._layers, other._ambient, other._hardwares = self._layers, self._ambient, self._hardwares
         other.__dict__.update(lightmap=self.lightmap, sensor=self.sensor)
         return other
@@ -179,8 +179,11 @@ class Case:
     def capture(self, folder, name):
         """Writes the capture and returns what the oracle says of it."""
         images = {(frame.id, side): self.measured(frame, side) for frame in self.frames for side in SIDES}
-        survey = np.random.Generator(np.random.PCG64([self.seed, 2]))
-        rig, solids = believed(self.rig, survey, self._survey), surveyed(self.solids, survey, self._survey)
+        errors = np.random.Generator(np.random.PCG64([self.seed, 2]))
+        rig, solids = (
+            believed(self.rig, errors, self._scene_errors),
+            measured_solids(self.solids, errors, self._scene_errors),
+        )
         # The second frame only repeats the first, and without dots there is nothing to match.
         depths = {
             frame.id: device_depth(
@@ -196,5 +199,3 @@ class Case:
                 name: oracle.ratio_alone(self, name, figures["test"]["floor_dn"]) for name in self.hidden
             }
         return figures
-
-

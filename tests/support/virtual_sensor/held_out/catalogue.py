@@ -115,7 +115,7 @@ DEPTH_ENGINE = {
     "foreshortening_bias": Entry((0.3, 0.6, 1.2, 2.4), {"px_per_slope": 1.0}),
     "post_filter": Entry((0.6, 1.0, 1.6, 2.5), {"sigma_px": 1.0}),
 }
-# Pairs whose traces resemble each other.
+# Pairs whose signatures resemble each other.
 TWINS = (
     ("baseline_drift", "principal_point_offset"),
     ("speckle_static", "prnu"),
@@ -130,7 +130,7 @@ TWINS = (
     ("laser_power_drift", "chromatic_drift"),
 )
 CATALOGUE = SINGLE | WIDER | OUTSIDE | DEPTH_ENGINE
-# Noise has no trace in mean images: not a partner that a pair could be found with.
+# Noise has no signature in mean images: not a partner that a pair could be found with.
 _PARTNERS = [name for name in SINGLE if name not in ("row_noise", "quantisation", "motion_blur")]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws table-top scenes, and what a user's survey of one would say."""
+"""Draws table-top scenes, and what a user would measure of one."""
 
 from dataclasses import replace
 
@@ -38,12 +38,12 @@ def texel_spacing(solids):
     return [TEXEL_M.get(solid.name, OBJECT_TEXEL_M) for solid in solids]
 
 
-def surveyed(solids, rng, amount):
+def measured_solids(solids, rng, amount):
     """The scene as measured with errors: places, angles about the vertical (planes: tilts) and albedos."""
-    return tuple(_surveyed(solid, rng, amount) for solid in solids)
+    return tuple(_measured(solid, rng, amount) for solid in solids)
 
 
-def _surveyed(solid, rng, amount):
+def _measured(solid, rng, amount):
     shift = amount * POSITION_M * rng.uniform(-1, 1, 3)
     tilt = amount * TILT_RAD * rng.uniform(-1, 1, 2)
     gain = 1.0 + amount * ALBEDO * rng.uniform(-1, 1)
@@ -108,5 +108,3 @@ def _pipe(rng, x, z):
 def gltf_pieces(solids):
     """One solid per glTF node, each of one material."""
     return [piece for solid in solids for piece in (solid.pieces() if isinstance(solid, Tiles) else [solid])]
-
-

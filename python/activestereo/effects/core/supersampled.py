@@ -14,7 +14,7 @@ from activestereo.effects.core.resample import Spline, blur, shifted_sum
 
 
 @dataclass(frozen=True)
-class FineImages:
+class SupersampledImages:
     """samples, images(): float32 [n][(height + 2 margin_px) scale][(width + 2 margin_px) scale]; margin_px in
     pixels of the camera."""
 
@@ -34,54 +34,57 @@ class FineImages:
         count, height, width = inside.shape
         return inside.reshape(count, height // s, s, width // s, s).mean(axis=(2, 4), dtype=np.float64)
 
-    def warped(self, u: np.ndarray, v: np.ndarray) -> FineImages:
+    def warped(self, u: np.ndarray, v: np.ndarray) -> SupersampledImages:
         """The images of a camera whose pixels show what lies at pixel positions (u, v) [height][width] here.
 
         The displacement goes on beyond the frame as it is at the border."""
-        return _LaterFine(self, lambda fine: fine._warped(u, v))
+        return _LaterSupersampled(self, lambda images: images._warped(u, v))
 
-    def _warped(self, u: np.ndarray, v: np.ndarray) -> FineImages:
+    def _warped(self, u: np.ndarray, v: np.ndarray) -> SupersampledImages:
         height, width = u.shape
         columns, rows = self._positions(width), self._positions(height)[:, None]
         moved_u, moved_v = u - np.arange(width), v - np.arange(height)[:, None]
         moved = columns + self._refined(moved_u), rows + self._refined(moved_v)
-        return FineImages(self.at(*moved), self.scale, self.margin_px)
+        return SupersampledImages(self.at(*moved), self.scale, self.margin_px)
 
-    def blurred(self, sigma_px: float | np.ndarray) -> FineImages:
+    def blurred(self, sigma_px: float | np.ndarray) -> SupersampledImages:
         """The images under a Gaussian blur; sigma_px: a number, or an image of it [height][width] that goes on beyond
         the frame."""
         if np.ndim(sigma_px):
             sigma_px = self._refined(np.asarray(sigma_px, dtype=np.float64))
-        return _LaterFine(
-            self, lambda fine: FineImages(blur(fine.images(), self.scale * sigma_px), self.scale, self.margin_px)
+        return _LaterSupersampled(
+            self,
+            lambda images: SupersampledImages(blur(images.images(), self.scale * sigma_px), self.scale, self.margin_px),
         )
 
-    def shifted_sum(self, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]) -> FineImages:
+    def shifted_sum(
+        self, along_u: Sequence[tuple[float, float]], along_v: Sequence[tuple[float, float]]
+    ) -> SupersampledImages:
         """See resample.shifted_sum; shifts in pixels."""
-        fine_u, fine_v = ([(self.scale * shift, weight) for shift, weight in taps] for taps in (along_u, along_v))
-        return _LaterFine(
-            self, lambda fine: FineImages(shifted_sum(fine.images(), fine_u, fine_v), self.scale, self.margin_px)
+        u, v = ([(self.scale * shift, weight) for shift, weight in taps] for taps in (along_u, along_v))
+        return _LaterSupersampled(
+            self, lambda images: SupersampledImages(shifted_sum(images.images(), u, v), self.scale, self.margin_px)
         )
 
     def at(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Values at pixel positions (u, v) of any shape, float32 [n][...]."""
-        fine_u, fine_v = ((x + self.margin_px + 0.5) * self.scale - 0.5 for x in (u, v))
-        return np.stack([spline(fine_u, fine_v) for spline in self._splines()])
+        u, v = ((x + self.margin_px + 0.5) * self.scale - 0.5 for x in (u, v))
+        return np.stack([spline(u, v) for spline in self._splines()])
 
-    def sum_of(self, indices: tuple[int, ...]) -> FineImages:
-        """FineImages of one image, the sum of those at the indices."""
+    def sum_of(self, indices: tuple[int, ...]) -> SupersampledImages:
+        """SupersampledImages of one image, the sum of those at the indices."""
         known = self._sums()
         if indices not in known:
             known[indices] = self._sum_of(indices)
         return known[indices]
 
-    def _sum_of(self, indices: tuple[int, ...]) -> FineImages:
+    def _sum_of(self, indices: tuple[int, ...]) -> SupersampledImages:
         images = self.images()
         image = images[indices[0]] if len(indices) == 1 else images[list(indices)].sum(axis=0)
-        return FineImages(image[None], self.scale, self.margin_px)
+        return SupersampledImages(image[None], self.scale, self.margin_px)
 
     @computed_once
-    def _sums(self) -> dict[tuple[int, ...], FineImages]:
+    def _sums(self) -> dict[tuple[int, ...], SupersampledImages]:
         return {}
 
     @computed_once
@@ -90,7 +93,7 @@ class FineImages:
         return [Spline(image) for image in self.images()]
 
     def _refined(self, image: np.ndarray) -> np.ndarray:
-        """An image [height][width] at the fine samples, linear between pixels; beyond the frame as at its border."""
+        """An image [height][width] at the samples, linear between pixels; beyond the frame as at its border."""
         for axis, size in enumerate(image.shape):
             at = np.clip(self._positions(size), 0.0, size - 1.0)
             low = np.minimum(at.astype(np.intp), max(size - 2, 0))
@@ -100,22 +103,24 @@ class FineImages:
         return image
 
     def _positions(self, size: int) -> np.ndarray:
-        """Pixel coordinates of the fine samples along an axis of `size` pixels."""
+        """Pixel coordinates of the samples along an axis of `size` pixels."""
         return (np.arange((size + 2 * self.margin_px) * self.scale) + 0.5) / self.scale - 0.5 - self.margin_px
 
 
-class _LaterFine(FineImages):
-    """FineImages under a linear operation that is done for the images that are asked for."""
+class _LaterSupersampled(SupersampledImages):
+    """SupersampledImages under a linear operation that is done for the images that are asked for."""
 
-    _source: FineImages
-    _operation: Callable[[FineImages], FineImages]
+    _source: SupersampledImages
+    _operation: Callable[[SupersampledImages], SupersampledImages]
 
-    def __init__(self, source: FineImages, operation: Callable[[FineImages], FineImages]) -> None:
+    def __init__(
+        self, source: SupersampledImages, operation: Callable[[SupersampledImages], SupersampledImages]
+    ) -> None:
         self.__dict__.update(scale=source.scale, margin_px=source.margin_px, _source=source, _operation=operation)
 
     @computed_once
     def images(self) -> np.ndarray:
         return self._operation(self._source).images()
 
-    def _sum_of(self, indices: tuple[int, ...]) -> FineImages:
+    def _sum_of(self, indices: tuple[int, ...]) -> SupersampledImages:
         return self._operation(self._source.sum_of(indices))

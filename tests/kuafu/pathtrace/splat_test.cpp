@@ -1,54 +1,54 @@
 // SPDX-License-Identifier: Apache-2.0
-// The table of landed pencils, on the shaders' text compiled as C++: a point finds the pencils that cover it, each once, whatever their
-// sections are; and the grids of pencils cover the glass.
+// The table of landed beams, on the shaders' text compiled as C++: a point finds the beams that cover it, each once, whatever their
+// sections are; and the grids of beams cover the glass.
 #include <gtest/gtest.h>
 
 #include <random>
 #include <vector>
 
 #include "frame/host_language.h"
-#include "tables/pencil_sources.h"
+#include "tables/beam_sources.h"
 
 #define KUAFU_CHANNELS 3
 namespace kuafu {
 namespace {
 
 constexpr uint features = 0u;
-#include "lib/landing.glsl"
 #include "lib/refraction.glsl"
 #include "lib/shading.glsl"
+#include "lib/splat_table.glsl"
 
-struct Land {
-  const LandPush& push;
-#include "stage/land.glsl"
+struct Follow {
+  const BeamPush& push;
+#include "stage/follow.glsl"
 };
 struct TableSteps {
-  const LandingTablePush& push;
-#include "stage/landing_table.glsl"
+  const SplatTablePush& push;
+#include "stage/splat_table.glsl"
 };
 struct TablePush {
-  LandingTableArray landings;
+  SplatTableArray splats;
 };
-struct Landed {
+struct Gather {
   const TablePush& push;
-#include "stage/landed.glsl"
+#include "stage/gather_splats.glsl"
 };
 
-/// Pencils with any sections, from points to slivers, on a plane that stands askew.
-class Pencils {
+/// Beams with any sections, from points to slivers, on a plane that stands askew.
+class Beams {
  public:
   static constexpr uint32_t count = 2000, lights = 2;
 
-  explicit Pencils(uint32_t seed)
-      : random_(seed), pencils_(count), words_(landing_heads + landing_words_per_head * buckets + landing_entries_per_pencil * count) {
+  explicit Beams(uint32_t seed)
+      : random_(seed), beams_(count), words_(splat_heads + splat_words_per_head * buckets + splat_entries_per_beam * count) {
     surface_.geometric_normal = normalize(vec3(0.3f, -0.2f, 1.0f));
     surface_.coordinate_size = 1.0f;
-    const PencilSource source{.least_level = -9};
-    LandPush push{};
+    const BeamSource source{.least_level = -9};
+    BeamPush push{};
     push.sources = reinterpret_cast<uint64_t>(&source);
-    Land stage{push};
+    Follow stage{push};
     for (uint32_t i = 0; i < count; ++i) {
-      Pencil& p = pencils_[i];
+      Beam& p = beams_[i];
       p = {};
       p.direction = normalize(vec3(between(-0.7f, 0.7f), between(-0.7f, 0.7f), -1.0f));
       const float size = std::pow(10.0f, between(-3.5f, -0.8f)), aspect = std::pow(10.0f, between(0.0f, 2.0f));
@@ -61,21 +61,21 @@ class Pencils {
       p.length_m = 1.0f;
       p.light = i % lights;
       surface_.position = point();
-      stage.land(p, i, surface_);
+      stage.splat(p, i, surface_);
     }
-    table_.pencils.at = pencils_.data();
+    table_.beams.at = beams_.data();
     table_.words.at = words_.data();
     table_.buckets = buckets;
-    table_.pencil_count = count;
-    table_.entries = landing_entries_per_pencil * count;
-    for (uint32_t step = 0; step < landing_steps; ++step) {
-      const LandingTablePush table{.table = reinterpret_cast<uint64_t>(&table_), .step = step};
+    table_.beam_count = count;
+    table_.entries = splat_entries_per_beam * count;
+    for (uint32_t step = 0; step < splat_steps; ++step) {
+      const SplatTablePush table{.table = reinterpret_cast<uint64_t>(&table_), .step = step};
       TableSteps steps{table};
       for (uint32_t i = std::max(buckets, count); i-- > 0;) steps.table_step(i);  // backwards: the order does not matter
     }
   }
-  Pencils(const Pencils&) = delete;
-  Pencils& operator=(const Pencils&) = delete;
+  Beams(const Beams&) = delete;
+  Beams& operator=(const Beams&) = delete;
 
   /// A point of the plane.
   vec3 point() {
@@ -85,17 +85,17 @@ class Pencils {
   }
   [[nodiscard]] float in_table(const vec3& at, uint32_t light) const {
     const TablePush push{reinterpret_cast<uint64_t>(&table_)};
-    return Landed{push}.gather_about(at, light, 0, 0.5f).total;
+    return Gather{push}.gather_about(at, light, 0, 0.5f).total;
   }
   [[nodiscard]] float in_all(const vec3& at, uint32_t light) const {
     const TablePush push{reinterpret_cast<uint64_t>(&table_)};
-    Landed landed{push};
+    Gather gather{push};
     float total = 0, random = 0.5f;
-    Landed::Gathered found{};
-    for (const Pencil& p : pencils_) {
+    Gather::Gathered found{};
+    for (const Beam& p : beams_) {
       vec2 place;
-      if ((p.state & pencil_landed) == 0 || p.light != light || !landed.find_in_section(p, at, place)) continue;
-      landed.weigh_pencil(p, place, found, random);
+      if ((p.state & beam_landed) == 0 || p.light != light || !gather.find_in_section(p, at, place)) continue;
+      gather.weigh_beam(p, place, found, random);
       total = found.total;
     }
     return total;
@@ -107,19 +107,19 @@ class Pencils {
   static constexpr uint32_t buckets = 512;  // few: cells share them
   std::mt19937 random_;
   Surface surface_{};
-  std::vector<Pencil> pencils_;
+  std::vector<Beam> beams_;
   std::vector<uint32_t> words_;
-  LandingTable table_{};
+  SplatTable table_{};
 };
 
-TEST(Landing, a_point_finds_all_pencils_that_cover_it_once) {
-  Pencils pencils(1);
+TEST(Splats, a_point_finds_all_beams_that_cover_it_once) {
+  Beams beams(1);
   double found = 0;
   for (int i = 0; i < 4000; ++i) {
-    const vec3 at = pencils.point();
-    for (uint32_t light = 0; light < Pencils::lights; ++light) {
-      const float all = pencils.in_all(at, light);
-      EXPECT_NEAR(pencils.in_table(at, light), all, 1e-4f * all);
+    const vec3 at = beams.point();
+    for (uint32_t light = 0; light < Beams::lights; ++light) {
+      const float all = beams.in_all(at, light);
+      EXPECT_NEAR(beams.in_table(at, light), all, 1e-4f * all);
       found += all > 0 ? 1 : 0;
     }
   }
@@ -127,11 +127,11 @@ TEST(Landing, a_point_finds_all_pencils_that_cover_it_once) {
 }
 
 /// Whether the grids of the sources have a node on each side of the way to a corner of the box, wherever in a step the grid stands.
-void expect_covered(const PencilSources& sources, const SharpLight& light, const GlassBody& body) {
+void expect_covered(const BeamSources& sources, const SharpLight& light, const GlassBody& body) {
   for (int corner = 0; corner < 8; ++corner) {
     const vec3 at(corner & 1 ? body.max.x : body.min.x, corner & 2 ? body.max.y : body.min.y, corner & 4 ? body.max.z : body.min.z);
     bool covered = false;
-    for (const PencilSource& s : sources.sources) {
+    for (const BeamSource& s : sources.sources) {
       const vec3 way = at - s.origin;
       const float along = dot(way, s.axis);
       if (along <= 0) continue;
@@ -144,20 +144,20 @@ void expect_covered(const PencilSources& sources, const SharpLight& light, const
   }
 }
 
-TEST(Landing, grids_cover_the_glass_from_afar_from_near_and_from_inside) {
+TEST(Splats, grids_cover_the_glass_from_afar_from_near_and_from_inside) {
   const GlassBody body{.min = glm::dvec3(-0.1, 0.2, 0.9), .max = glm::dvec3(0.3, 0.4, 1.1), .slot = 3, .environment = none};
   for (const SharpLight& light : {SharpLight{0, 0, false, {0, 0, 0}, {}}, SharpLight{0, 0, false, {0.31f, 0.3f, 1.0f}, {}},
                                   SharpLight{0, 0, false, {0.1f, 0.3f, 1.0f}, {}}, SharpLight{0, 0, true, {}, normalize(vec3(1, 2, 3))}}) {
-    const PencilSources sources = make_pencil_sources({light}, {body}, 2.0, 1, 4096);
-    EXPECT_NEAR(sources.pencil_count, 4096, 1500);
+    const BeamSources sources = make_beam_sources({light}, {body}, 2.0, 1, 4096);
+    EXPECT_NEAR(sources.beam_count, 4096, 1500);
     expect_covered(sources, light, body);
   }
 }
 
-TEST(Landing, a_body_of_another_environment_has_no_pencils) {
+TEST(Splats, a_body_of_another_environment_has_no_beams) {
   const GlassBody body{.min = glm::dvec3(-1), .max = glm::dvec3(1), .slot = 0, .environment = 1};
   const SharpLight light{0, 0, false, {0, 0, -5}, {}};
-  EXPECT_EQ(make_pencil_sources({light}, {body}, 2.0, 2, 4096).pencil_count, 0u);
+  EXPECT_EQ(make_beam_sources({light}, {body}, 2.0, 2, 4096).beam_count, 0u);
 }
 
 }  // namespace

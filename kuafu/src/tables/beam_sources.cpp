@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tables/pencil_sources.h"
+#include "tables/beam_sources.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,7 +10,7 @@ namespace kuafu {
 namespace {
 
 constexpr double least_facing = 0.2;  // of a box's corners, else the light is too near for one plane
-constexpr uint32_t turned_part = 4;   // of all pencils, those of light that is reflected in part
+constexpr uint32_t turned_part = 4;   // of all beams, those of light that is reflected in part
 constexpr uint32_t least_side = 8;    // nodes along a grid
 
 struct Frame {
@@ -31,22 +31,22 @@ struct Window {
   }
 };
 
-/// Adds grids, of about so many pencils, to what there is.
+/// Adds grids, of about so many beams, to what there is.
 class Grids {
  public:
   /// grids: how many the light's environment has.
-  Grids(PencilSources& out, uint32_t& grids, const SharpLight& light, const GlassBody& body)
+  Grids(BeamSources& out, uint32_t& grids, const SharpLight& light, const GlassBody& body)
       : out_(out), grids_(grids), light_(light), body_(body) {}
 
-  void add(const glm::dvec3& origin, const Frame& frame, const Window& window, double pencils) {
-    add_grid(origin, frame, window, pencils * (turned_part - 1) / turned_part, 0);
-    add_grid(origin, frame, window, pencils / turned_part, source_turned);
+  void add(const glm::dvec3& origin, const Frame& frame, const Window& window, double beams) {
+    add_grid(origin, frame, window, beams * (turned_part - 1) / turned_part, 0);
+    add_grid(origin, frame, window, beams / turned_part, source_turned);
   }
 
  private:
   /// The nodes go one step beyond the window on one side: moved by up to a step they cover it.
-  void add_grid(const glm::dvec3& origin, const Frame& frame, const Window& window, double pencils, uint32_t flags) {
-    const uint32_t side = std::max(least_side, uint32_t(std::sqrt(pencils)));
+  void add_grid(const glm::dvec3& origin, const Frame& frame, const Window& window, double beams, uint32_t flags) {
+    const uint32_t side = std::max(least_side, uint32_t(std::sqrt(beams)));
     const glm::dvec2 step = glm::max(window.high - window.low, glm::dvec2(1e-9)) / double(side);
     const double reach_m = light_.directional ? 1.0 : glm::length(0.5 * (body_.min + body_.max) - origin);
     const double finest_m = std::max(1e-7, std::min(step.x, step.y) * reach_m);  // between neighbours where they reach their glass
@@ -57,31 +57,31 @@ class Grids {
                             .first = glm::vec2(window.low - step),
                             .step = glm::vec2(step),
                             .columns = side + 2,
-                            .first_pencil = out_.pencil_count,
+                            .first_beam = out_.beam_count,
                             .light = light_.index,
                             .environment = light_.environment,
                             .instance = body_.slot,
                             .flags = flags | (light_.directional ? source_directional : 0),
                             .key = grids_++,
-                            .least_level = std::clamp(int(std::floor(std::log2(finest_m))), landing_least_level, landing_most_level)});
-    out_.pencil_count += (side + 2) * (side + 2);
+                            .least_level = std::clamp(int(std::floor(std::log2(finest_m))), splat_least_level, splat_most_level)});
+    out_.beam_count += (side + 2) * (side + 2);
   }
 
-  PencilSources& out_;
+  BeamSources& out_;
   uint32_t& grids_;
   const SharpLight& light_;
   const GlassBody& body_;
 };
 
-void add_directional(Grids& grids, const SharpLight& light, const GlassBody& body, double world_radius_m, double pencils) {
+void add_directional(Grids& grids, const SharpLight& light, const GlassBody& body, double world_radius_m, double beams) {
   const Frame frame = frame_around(light.direction);
   const glm::dvec3 middle = 0.5 * (body.min + body.max);
   Window window;
   for (const glm::dvec3& corner : box_corners(body)) window.take({glm::dot(corner - middle, frame.u), glm::dot(corner - middle, frame.v)});
-  grids.add(middle - frame.axis * (2 * world_radius_m + glm::length(body.max - body.min)), frame, window, pencils);
+  grids.add(middle - frame.axis * (2 * world_radius_m + glm::length(body.max - body.min)), frame, window, beams);
 }
 
-void add_from_point(Grids& grids, const SharpLight& light, const GlassBody& body, double pencils) {
+void add_from_point(Grids& grids, const SharpLight& light, const GlassBody& body, double beams) {
   const glm::dvec3 from(light.position), middle = 0.5 * (body.min + body.max);
   const bool inside = glm::all(glm::greaterThanEqual(from, body.min)) && glm::all(glm::lessThanEqual(from, body.max));
   if (!inside) {
@@ -94,7 +94,7 @@ void add_from_point(Grids& grids, const SharpLight& light, const GlassBody& body
       faces = faces && along > least_facing * glm::length(way);
       if (faces) window.take({glm::dot(way, frame.u) / along, glm::dot(way, frame.v) / along});
     }
-    if (faces) return grids.add(from, frame, window, pencils);
+    if (faces) return grids.add(from, frame, window, beams);
   }
   Window whole;
   whole.take(glm::dvec2(-1));
@@ -103,15 +103,15 @@ void add_from_point(Grids& grids, const SharpLight& light, const GlassBody& body
     for (const double sign : {-1.0, 1.0}) {
       glm::dvec3 towards(0);
       towards[axis] = sign;
-      grids.add(from, frame_around(towards), whole, pencils / 6);
+      grids.add(from, frame_around(towards), whole, beams / 6);
     }
 }
 
 }  // namespace
 
-PencilSources make_pencil_sources(const std::vector<SharpLight>& lights, const std::vector<GlassBody>& bodies, double world_radius_m,
-                                  uint32_t environment_count, uint32_t pencils_per_environment) {
-  PencilSources out;
+BeamSources make_beam_sources(const std::vector<SharpLight>& lights, const std::vector<GlassBody>& bodies, double world_radius_m,
+                              uint32_t environment_count, uint32_t beams_per_environment) {
+  BeamSources out;
   const auto meet = [](const SharpLight& light, const GlassBody& body) {
     return body.environment == none || body.environment == light.environment;
   };
@@ -123,11 +123,11 @@ PencilSources make_pencil_sources(const std::vector<SharpLight>& lights, const s
     for (const GlassBody& body : bodies) {
       if (!meet(light, body)) continue;
       Grids grids(out, grids_of[light.environment], light, body);
-      const double pencils = double(pencils_per_environment) / pairs[light.environment];
+      const double beams = double(beams_per_environment) / pairs[light.environment];
       if (light.directional)
-        add_directional(grids, light, body, world_radius_m, pencils);
+        add_directional(grids, light, body, world_radius_m, beams);
       else
-        add_from_point(grids, light, body, pencils);
+        add_from_point(grids, light, body, beams);
     }
   return out;
 }

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Built once for each band (KUAFU_CHANNELS): one pencil per invocation.
+// Built once for each band (KUAFU_CHANNELS): one beam per invocation.
 #include "lib/invocation.glsl"
 #include "lib/shading.glsl"
 
-layout(push_constant, scalar) uniform Push { LandPush push; };
-#include "stage/land.glsl"
+layout(push_constant, scalar) uniform Push { BeamPush push; };
+#include "stage/follow.glsl"
 
 void main() {
   uint i = gl_GlobalInvocationID.x, block = push.block * counter_words, count = push.counters.at[block + counter_ray_count];
@@ -17,7 +17,7 @@ void main() {
   }
   Segment onward;
   onward.wanted = false;
-  if (i < count) onward = follow_pencil(i);
+  if (i < count) onward = follow_beam(i);
   uint place = append(onward.wanted, push.counters, block + counter_ray_count);
-  if (onward.wanted) queue_pencil(onward, place);
+  if (onward.wanted) queue_beam(onward, place);
 }

@@ -1,38 +1,38 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage `land`: pencils of light go from a light without extent through bodies of smooth glass to where they land, by Snell's law, with their differentials:
+// Stage `follow`: beams of light go from a light without extent through bodies of smooth glass to where they land, by Snell's law, with their differentials:
 // photon differentials (Schjøth, Frisvad, Erleben, Sporring, "Photon Differentials", GRAPHITE 2007) on a regular grid. The tents that neighbours of the grid
 // weigh with add up to one, so that what lands has no noise, and a point knows where in the light's pattern it lies to second order of the grid's step.
-#include "lib/landing.glsl"
+#include "lib/splat_table.glsl"
 #include "lib/refraction.glsl"
 
 struct Segment {
   bool wanted;
   Ray ray;
-  uint pencil;
+  uint beam;
 };
 
-uint pencil_field(uint i, uint field) { return push.rays_in.at[closest_word(i, field, push.capacity)]; }
-float pencil_value(uint i, uint field) { return uintBitsToFloat(pencil_field(i, field)); }
+uint beam_field(uint i, uint field) { return push.rays_in.at[closest_word(i, field, push.capacity)]; }
+float beam_value(uint i, uint field) { return uintBitsToFloat(beam_field(i, field)); }
 
 // --- from the light ---
 
-uint source_of(uint pencil) {
+uint source_of(uint beam) {
   uint low = 0u, high = push.source_count;
   while (low + 1u < high) {
     uint middle = (low + high) / 2u;
-    if (pencil < push.sources.at[middle].first_pencil) high = middle;
+    if (beam < push.sources.at[middle].first_beam) high = middle;
     else low = middle;
   }
   return low;
 }
 
-/// The pencil's ray from its light.
-Ray begin_pencil(uint index) {
+/// The beam's ray from its light.
+Ray begin_beam(uint index) {
   uint source = source_of(index);
-  IN(PencilSource) s = push.sources.at[source];
-  uint row = (index - s.first_pencil) / s.columns, column = index - s.first_pencil - row * s.columns;
+  IN(BeamSource) s = push.sources.at[source];
+  uint row = (index - s.first_beam) / s.columns, column = index - s.first_beam - row * s.columns;
   vec2 at = s.first + (vec2(float(column), float(row)) + push.jitter) * s.step;
-  Pencil p;
+  Beam p;
   p.position_u = p.position_v = p.direction_u = p.direction_v = vec3(0.0f);
   if ((s.flags & source_directional) != 0u) {
     p.position = p.lit = s.origin + s.axis_u * at.x + s.axis_v * at.y;
@@ -53,23 +53,23 @@ Ray begin_pencil(uint index) {
   p.length_m = 0.0f;
   p.source = source;
   p.state = 0u;
-  p.level = landing_least_level;
+  p.level = splat_least_level;
   p.light = s.light;
   p.environment = s.environment;
-  push.pencils.at[index] = p;
+  push.beams.at[index] = p;
   return Ray(p.position, 0.0f, p.direction, uintBitsToFloat(0x7f800000u));
 }
 
 // --- through surfaces ---
 
 const float most_steps = 8.0f;            // of the grid, were there no glass: half of the longest section
-const float pencil_least = 1.0f / 64.0f;  // of the light that would be there without glass
+const float beam_least = 1.0f / 64.0f;  // of the light that would be there without glass
 
-/// Follows the pencil's place in its own source's grid, whatever other sources there are.
-float pencil_chance(IN(Pencil) p, uint index, uint purpose) {
-  IN(PencilSource) s = push.sources.at[p.source];
-  uint surfaces = p.state & pencil_surfaces_mask;
-  return unit_float(hash((index - s.first_pencil) ^ hash((4u * surfaces + purpose) ^ hash(push.key ^ hash(s.key)))));
+/// Follows the beam's place in its own source's grid, whatever other sources there are.
+float beam_chance(IN(Beam) p, uint index, uint purpose) {
+  IN(BeamSource) s = push.sources.at[p.source];
+  uint surfaces = p.state & beam_surfaces_mask;
+  return unit_float(hash((index - s.first_beam) ^ hash((4u * surfaces + purpose) ^ hash(push.key ^ hash(s.key)))));
 }
 
 vec3 colour_of(Spectrum s) {
@@ -80,9 +80,9 @@ vec3 colour_of(Spectrum s) {
 #endif
 }
 
-Differential spread_of(IN(Pencil) p) { return Differential(p.position_u, p.position_v, p.direction_u, p.direction_v); }
+Differential spread_of(IN(Beam) p) { return Differential(p.position_u, p.position_v, p.direction_u, p.direction_v); }
 
-void set_spread(INOUT(Pencil) p, IN(Differential) d) {
+void set_spread(INOUT(Beam) p, IN(Differential) d) {
   p.position_u = d.position_u;
   p.position_v = d.position_v;
   p.direction_u = d.direction_u;
@@ -94,7 +94,7 @@ vec3 reflected_change(vec3 change, vec3 normal_change, vec3 direction, vec3 n) {
 }
 
 /// At a boundary of a body. Light that no surface turns back in part goes on refracted; of the other a chance says where it goes. False: nothing is left.
-bool cross_boundary(INOUT(Pencil) p, uint index, IN(MetSurface) met, IN(Surface) s, IN(MaterialPoint) m, vec3 side, OUT(vec3) outward) {
+bool cross_boundary(INOUT(Beam) p, uint index, IN(MetSurface) met, IN(Surface) s, IN(MaterialPoint) m, vec3 side, OUT(vec3) outward) {
   bool front = dot(s.geometric_normal, p.direction) <= 0.0f;
   NormalField field = normal_field(push.scene.at[0], met.instance, met.primitive, met.u, met.v, 0.0f, side);
   float flip = front ? 1.0f : -1.0f, eta = front ? 1.0f / m.ior : m.ior, cos_t;
@@ -110,10 +110,10 @@ bool cross_boundary(INOUT(Pencil) p, uint index, IN(MetSurface) met, IN(Surface)
   bool turns = total;
   float weight = 1.0f;
   if (!total && (push.sources.at[p.source].flags & source_turned) != 0u) {
-    float chance = (p.state & pencil_turned) != 0u ? mean : clamp(mean, 0.25f, 0.75f);
-    turns = pencil_chance(p, index, 0u) < chance;
+    float chance = (p.state & beam_turned) != 0u ? mean : clamp(mean, 0.25f, 0.75f);
+    turns = beam_chance(p, index, 0u) < chance;
     weight = 1.0f / (turns ? chance : 1.0f - chance);
-    if (turns) p.state |= pencil_turned;
+    if (turns) p.state |= beam_turned;
   }
   Differential d = spread_of(p);
   carry(d, met.t, p.direction, s.geometric_normal);
@@ -135,9 +135,9 @@ bool cross_boundary(INOUT(Pencil) p, uint index, IN(MetSurface) met, IN(Surface)
   return dot(p.direction, outward) > 0.0f && max(p.gain.x, max(p.gain.y, p.gain.z)) > 1e-4f;
 }
 
-/// The pencil's cross section at the surface, and what of its light falls on each part of it. A section much longer than wide is made wider, for it is then
+/// The beam's cross section at the surface, and what of its light falls on each part of it. A section much longer than wide is made wider, for it is then
 /// curved, too: what it is worth stays.
-void land(INOUT(Pencil) p, uint index, IN(Surface) s) {
+void splat(INOUT(Beam) p, uint index, IN(Surface) s) {
   Frame f = frame_around(p.direction);
   vec2 u = vec2(dot(f.tangent, p.position_u), dot(f.bitangent, p.position_u)), v = vec2(dot(f.tangent, p.position_v), dot(f.bitangent, p.position_v));
   // Its longest direction, of the section (e) and of the grid (g): singular values of the matrix (u, v).
@@ -159,7 +159,7 @@ void land(INOUT(Pencil) p, uint index, IN(Surface) s) {
   p.direction_v = along / extent;
   vec3 half_width = half_width_of(p);
   float most = max(half_width.x, max(half_width.y, half_width.z));
-  p.level = max(level_of(max(width, max(0.5f * extent, most * (2.0f / float(landing_most_cells_along - 2u))))), push.sources.at[p.source].least_level);
+  p.level = max(level_of(max(width, max(0.5f * extent, most * (2.0f / float(splat_most_cells_along - 2u))))), push.sources.at[p.source].least_level);
   p.gain *= p.weight * reach_m * reach_m / (extent * width);
   if (!directional) {
     p.lit = push.sources.at[p.source].origin + p.lit * reach_m;
@@ -168,14 +168,14 @@ void land(INOUT(Pencil) p, uint index, IN(Surface) s) {
   }
   p.position = s.position;
   // Where a node's light goes far apart, many cover each point: a few of them, as much brighter, do.
-  float brings = max(p.gain.x, max(p.gain.y, p.gain.z)), chance = min(1.0f, brings / pencil_least);
-  if (pencil_chance(p, index, 2u) >= chance || p.level > landing_most_level) return;
+  float brings = max(p.gain.x, max(p.gain.y, p.gain.z)), chance = min(1.0f, brings / beam_least);
+  if (beam_chance(p, index, 2u) >= chance || p.level > splat_most_level) return;
   p.gain /= chance;
-  p.state |= pencil_landed;
+  p.state |= beam_landed;
 }
 
 /// Straight through a sheet, or what is not there.
-void pass_straight(INOUT(Pencil) p, float t, IN(Surface) s, Spectrum through) {
+void pass_straight(INOUT(Beam) p, float t, IN(Surface) s, Spectrum through) {
   Differential d = spread_of(p);
   carry(d, t, p.direction, s.geometric_normal);
   set_spread(p, d);
@@ -183,63 +183,63 @@ void pass_straight(INOUT(Pencil) p, float t, IN(Surface) s, Spectrum through) {
 }
 
 MetSurface met_surface(uint i) {
-  return MetSurface(pencil_field(i, hit_instance), pencil_field(i, hit_primitive), pencil_value(i, hit_u), pencil_value(i, hit_v), pencil_value(i, ray_t_far));
+  return MetSurface(beam_field(i, hit_instance), beam_field(i, hit_primitive), beam_value(i, hit_u), beam_value(i, hit_v), beam_value(i, ray_t_far));
 }
 
-/// What becomes of a pencil where its ray ended.
-Segment follow_pencil(uint i) {
-  Segment onward = Segment(false, empty_ray(), pencil_field(i, ray_id));
-  if (pencil_field(i, hit_geometry) == miss) return onward;
-  uint index = onward.pencil;
-  Pencil p = push.pencils.at[index];
+/// What becomes of a beam where its ray ended.
+Segment follow_beam(uint i) {
+  Segment onward = Segment(false, empty_ray(), beam_field(i, ray_id));
+  if (beam_field(i, hit_geometry) == miss) return onward;
+  uint index = onward.beam;
+  Beam p = push.beams.at[index];
   IN(SceneAddresses) scene = push.scene.at[0];
   MetSurface met = met_surface(i);
   Surface s = surface_at(scene, met.instance, met.primitive, met.u, met.v, 0.0f);
   vec3 side = s.shading_normal;
   MaterialPoint m = load_material(scene, scene.materials.at[s.material], s);
   bool bends = bends_light(m), front = dot(s.geometric_normal, p.direction) <= 0.0f;
-  if (bends && (p.state & pencil_bent) == 0u && met.instance != push.sources.at[p.source].instance) return onward;
+  if (bends && (p.state & beam_bent) == 0u && met.instance != push.sources.at[p.source].instance) return onward;
   if ((features & feature_materials) != 0u && !front && m.transmission > 0.0f) p.gain *= colour_of(band_exp(m.attenuation * -met.t));
-  if ((push.flags & land_medium) != 0u && (front || !bends)) p.gain *= colour_of(medium_transmittance(scene.medium.at[0], p.position, p.direction, 0.0f, met.t));
+  if ((push.flags & beam_medium) != 0u && (front || !bends)) p.gain *= colour_of(medium_transmittance(scene.medium.at[0], p.position, p.direction, 0.0f, met.t));
   p.length_m += met.t;
   Spectrum straight = bends ? Spectrum(0.0f) : straight_transmittance(m, abs(dot(s.geometric_normal, p.direction)));
   // What lets only a part of the light through has something for it to land on, too: a chance says which it is.
   float through = bends ? (1.0f - m.metallic) * m.transmission : max_component(straight) > 0.0f ? (1.0f - m.metallic) * m.transmission : 0.0f;
-  bool passes = through > 0.0f && (through >= 1.0f || pencil_chance(p, index, 1u) < through);
+  bool passes = through > 0.0f && (through >= 1.0f || beam_chance(p, index, 1u) < through);
   p.gain /= passes ? through : 1.0f - through;
   if (!passes) {
-    if ((p.state & pencil_bent) == 0u) return onward;
-    if ((push.sources.at[p.source].flags & source_turned) != 0u && (p.state & pencil_turned) == 0u) return onward;
+    if ((p.state & beam_bent) == 0u) return onward;
+    if ((push.sources.at[p.source].flags & source_turned) != 0u && (p.state & beam_turned) == 0u) return onward;
     Differential d = spread_of(p);
     carry(d, met.t, p.direction, s.geometric_normal);
     set_spread(p, d);
-    land(p, index, s);
-    push.pencils.at[index] = p;
+    splat(p, index, s);
+    push.beams.at[index] = p;
     return onward;
   }
-  if ((p.state & pencil_surfaces_mask) >= push.surfaces) return onward;
+  if ((p.state & beam_surfaces_mask) >= push.surfaces) return onward;
   vec3 outward = front ? -s.geometric_normal : s.geometric_normal;
   if (bends) {
     if (!cross_boundary(p, index, met, s, m, side, outward)) return onward;
-    p.state |= pencil_bent;
+    p.state |= beam_bent;
   } else {
     pass_straight(p, met.t, s, straight);
   }
   ++p.state;
   p.position = offset_origin(s.position, s.coordinate_size, outward);
-  push.pencils.at[index] = p;
+  push.beams.at[index] = p;
   onward.wanted = true;
   onward.ray = Ray(p.position, 0.0f, p.direction, uintBitsToFloat(0x7f800000u));
   return onward;
 }
 
-void queue_pencil(IN(Segment) onward, uint i) {
-  store_closest_ray(push.rays_out, i, push.capacity, onward.ray, 0.0f, onward.pencil);
-  if ((push.flags & land_environments) != 0u) push.environments_out.at[i] = push.pencils.at[onward.pencil].environment;
+void queue_beam(IN(Segment) onward, uint i) {
+  store_closest_ray(push.rays_out, i, push.capacity, onward.ray, 0.0f, onward.beam);
+  if ((push.flags & beam_environments) != 0u) push.environments_out.at[i] = push.beams.at[onward.beam].environment;
 }
 
-/// Pencil push.first + i goes to place i of the queue.
-void send_pencil(uint i) {
+/// Beam push.first + i goes to place i of the queue.
+void send_beam(uint i) {
   uint index = push.first + i;
-  queue_pencil(Segment(true, begin_pencil(index), index), i);
+  queue_beam(Segment(true, begin_beam(index), index), i);
 }

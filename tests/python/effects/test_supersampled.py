@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fine images: warps that look between and beyond pixels, lenses of the nominal rig, and the filter of bounced
+"""Supersampled images: warps that look between and beyond pixels, lenses of the nominal rig, and the filter of bounced
 light."""
 
 import sys
@@ -27,12 +27,14 @@ def radiance(x, y):
 
 def rendered(camera, sampling):
     """Layers of the picture as a renderer gives them: means over samples, the depth a slanted plane's."""
-    fine = sampling.camera(ViewCamera(camera.width, camera.height, camera.K, np.eye(4)))
+    supersampled = sampling.camera(ViewCamera(camera.width, camera.height, camera.K, np.eye(4)))
     within = (np.arange(4) - 1.5) / 4
-    v, u = np.mgrid[0 : fine.height, 0 : fine.width].astype(float)
+    v, u = np.mgrid[0 : supersampled.height, 0 : supersampled.width].astype(float)
 
     def direction(du, dv):
-        return (u + du - fine.K[0, 2]) / fine.K[0, 0], (v + dv - fine.K[1, 2]) / fine.K[1, 1]
+        return (u + du - supersampled.K[0, 2]) / supersampled.K[0, 0], (v + dv - supersampled.K[1, 2]) / supersampled.K[
+            1, 1
+        ]
 
     image = np.mean([radiance(*direction(a, b)) for a in within for b in within], axis=0).astype(np.float32)
     x, y = direction(0, 0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The right eye beside the left one: where the pair shows a place, and where the measured depth says it should."""
+"""The right camera beside the left one: where the pair shows a place, and where the measured depth says it should."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.calibrate.world.views import Image, SceneView, blurred, fine, right_at_depth
+from activestereo.calibrate.world.views import Image, SceneView, blurred, high_pass, right_at_depth
 from activestereo.capture.capture import Rig
 
 _BLOCK_PX = 12.0  # half a block: shifts are told by windows of this Gaussian's width
@@ -22,9 +22,9 @@ _MOST_VIEWS = 6
 
 
 @dataclass(frozen=True)
-class EyesEstimate:
-    """baseline_m; column_px, row_px: the right eye's centre less where the rig had it; deviations of the three by the
-    scatter over views; own_depth: whether depth is the device's own, which tells neither baseline nor column."""
+class PairEstimate:
+    """baseline_m; column_px, row_px: the right camera's centre less where the rig had it; deviations of the three by
+    the scatter over views; own_depth: whether depth is the device's own, which tells neither baseline nor column."""
 
     baseline_m: float
     column_px: float
@@ -36,7 +36,7 @@ class EyesEstimate:
         return {
             "baseline_m": self.baseline_m,
             "right_centre_shift_px": [self.column_px, self.row_px],
-            "eyes_deviation": list(self.deviation),
+            "pair_deviation": list(self.deviation),
             "depth_is_the_devices": self.own_depth,
         }
 
@@ -46,28 +46,28 @@ class EyesEstimate:
         baseline = f"baseline {1e3 * self.baseline_m:.2f} +- {1e3 * sd[0]:.2f} mm"
         if self.own_depth:
             baseline = f"baseline {1e3 * self.baseline_m:.2f} mm (nominal: depth was computed with it)"
-        return f"eyes: {baseline}; the right eye's rows are {self.row_px:+.2f} +- {sd[2]:.2f} px off (90 %)"
+        return f"cameras: {baseline}; the right camera's rows are {self.row_px:+.2f} +- {sd[2]:.2f} px off (90 %)"
 
 
-def eyes_of(views: Sequence[SceneView], rig: Rig) -> EyesEstimate:
-    """The EyesEstimate of rectified pairs at their measured depth."""
+def pair_geometry(views: Sequence[SceneView], rig: Rig) -> PairEstimate:
+    """The PairEstimate of rectified pairs at their measured depth."""
     each = np.array([f for view in views[:_MOST_VIEWS] if (f := _one(view, rig)) is not None])
     if not len(each):
-        return EyesEstimate(rig.baseline_m, 0.0, 0.0, (np.inf, np.inf, np.inf), True)
+        return PairEstimate(rig.baseline_m, 0.0, 0.0, (np.inf, np.inf, np.inf), True)
     mean = np.median(each, axis=0)
     deviation = each.std(axis=0, ddof=1) / np.sqrt(len(each)) if len(each) > 1 else np.full(3, np.inf)
     own = abs(mean[0]) * 1.0 < _OWN_PX and abs(mean[1]) < _OWN_PX
     share = 0.0 if own else float(mean[0]) / rig.left.K[0, 0]
-    return EyesEstimate(
+    return PairEstimate(
         rig.baseline_m - share, 0.0 if own else float(mean[1]), float(mean[2]),
         (float(deviation[0]) / rig.left.K[0, 0], float(deviation[1]), float(deviation[2])), bool(own),
     )  # fmt: skip
 
 
 def _one(view: SceneView, rig: Rig) -> tuple[float, float, float] | None:
-    """(change of f b in px m, columns, rows) by which the right eye shows places beside where depth says; None where
+    """(change of f b in px m, columns, rows) by which the right camera shows places beside where depth says; None where
     too few windows correlate."""
-    left = fine(view.left)
+    left = high_pass(view.left)
     shifted = {s: right_at_depth(view, rig, s) for s in ((0.0, 0.0), (-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0))}
     inside = np.all([ok for _, ok in shifted.values()], axis=0).astype(np.float32)
     r = {s: _correlated(left, image, inside)[::_STEP, ::_STEP] for s, (image, _) in shifted.items()}
@@ -88,7 +88,7 @@ def _one(view: SceneView, rig: Rig) -> tuple[float, float, float] | None:
 
 
 def _correlated(a: Image, b: Image, weight: Image) -> NDArray[np.float32]:
-    """The local correlation of two fine images."""
+    """The local correlation of two high-pass images."""
     ab, aa, bb = (blurred(x * y * weight, _BLOCK_PX) for x, y in ((a, b), (a, a), (b, b)))
     return np.asarray(ab / np.sqrt(np.maximum(aa * bb, 1e-12)))
 
