@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import simsense
 from activestereo import Pose, StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.capture.capture import Capture, Frame, read_capture
-from activestereo.camera.matching import matcher_parameters
+from activestereo.camera.plan import matcher_parameters
 from activestereo.common.pose import CAMERA_TO_BODY, as_matrix
 from activestereo.model import Quantity, SensorModel
 

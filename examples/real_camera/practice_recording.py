@@ -21,6 +21,7 @@ from PIL import Image
 
 import kuafu
 from activestereo import StereoDepthSensorConfig
+from activestereo.camera.plan import pattern_of
 from activestereo.scene_io import meshes
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.capture.images import write_gray
@@ -88,7 +89,7 @@ class Practice:
         self.random = np.random.default_rng(5)
         self.device = kuafu.Device()
         self.renderer = kuafu.Renderer(self.device)
-        pattern = StereoDepthSensorConfig("d435").pattern()
+        pattern = pattern_of(StereoDepthSensorConfig("d435"))
         assert pattern is not None
         self.pattern, self.pattern_K = pattern
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 import kuafu
 from activestereo import StereoDepthSensorConfig
+from activestereo.camera.plan import pattern_of
 from activestereo.capture.images import write_gray
 from activestereo.cli import main as activestereo
 from activestereo.scene_io import meshes
@@ -71,7 +72,7 @@ def record(out: Path, samples: int) -> None:
         mesh = scene.add_mesh(sheet.positions, sheet.indices.reshape(-1, 3), normals=sheet.normals, uvs=sheet.uvs)
         scene.add_instance(mesh, [scene.add_material(material)])
     scene.set_environment((0.0, 0.0, 0.0), ir_radiance=0.12)
-    pattern, pattern_K = StereoDepthSensorConfig("d415").pattern() or (np.zeros((2, 2), np.uint8), np.eye(3))
+    pattern, pattern_K = pattern_of(StereoDepthSensorConfig("d415")) or (np.zeros((2, 2), np.uint8), np.eye(3))
     texture = scene.add_texture(pattern)
     v, u = np.mgrid[0:HEIGHT, 0:WIDTH]
     r2 = ((u - K[0, 2]) / K[0, 0]) ** 2 + ((v - K[1, 2]) / K[1, 1]) ** 2

@@ -13,6 +13,7 @@ from activestereo.benchmarks.sim_to_real.sgbm import Sgbm
 from activestereo.benchmarks.grasp import GraspWorld
 from activestereo.benchmarks.grasp.world import CAMERA_ON_GRIPPER
 from activestereo.common.pose import Pose
+from activestereo.camera.plan import plan_of
 from activestereo.camera.registration import registered
 
 RENDERERS = ("ours", "mitsuba")
@@ -25,6 +26,7 @@ class ForeignCamera:
 
     def __init__(self, camera: DepthCamera) -> None:
         self._sensors, self._config = camera.sensors, camera.sensors.get_config()
+        self._plan = plan_of(self._config)
         count = -(-self._config.max_disparity // 16) * 16
         self._matcher = cv2.StereoSGBM_create(0, count, 5, 8 * 25, 32 * 25, 1, 0, 5, 60, 2, cv2.STEREO_SGBM_MODE_HH4)
         self._border = count
@@ -43,7 +45,7 @@ class ForeignCamera:
         disparity = self._matcher.compute(*wide)[:, self._border :].astype(np.float32) / 16.0
         depth = np.where(disparity > 0.5, self._config.focal_baseline_px_m / np.maximum(disparity, 0.5), 0.0)
         depth = depth.astype(np.float32)
-        return registered(depth, self._config.ir_intrinsic, np.eye(4), self._config)
+        return registered(depth, self._config.ir_intrinsic, np.eye(4), self._plan)
 
 
 class MitsubaWrist:

@@ -15,7 +15,7 @@ from bench_pairs import HH4, sgbm
 import simsense
 from activestereo.camera.advanced_mode import AdvancedSettings
 from activestereo.camera.advanced_mode.matcher import PairMatcher
-from activestereo.camera.matching import matcher_parameters
+from activestereo.camera.plan import matcher_parameters
 from activestereo.camera.presets import StereoDepthSensorConfig
 
 WIDTH, HEIGHT, DISPARITIES = 848, 480, 128

@@ -12,6 +12,7 @@ import numpy as np
 
 from activestereo.benchmarks.inject.light import Light
 from activestereo.benchmarks.inject.noise import NoiseModel, with_noise
+from activestereo.camera.plan import pattern_of
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig, read_capture
 from activestereo.capture.images import read_gray, write_gray
@@ -58,7 +59,7 @@ def _without_images(place: Path) -> Capture:
     scene, pattern_path = place / "table_top.gltf", place / "pattern.png"
     write_table_top(scene, is_matt=True)
     config = StereoDepthSensorConfig("D435").scaled(_SCALE)
-    drawn = config.pattern()
+    drawn = pattern_of(config)
     assert drawn is not None, "a D435 has a pattern"
     pattern, pattern_K = drawn
     write_gray(pattern_path, pattern)

@@ -10,13 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from activestereo.camera.presets import StereoDepthSensorConfig
 
 _DAMPING = 0.8
 _LARGEST_STEP = 2.0
@@ -32,51 +28,33 @@ class Setting:
     exposure_s: float
     gain: float
 
+    def of(self, signal: Mapping[str, float]) -> dict[str, float]:
+        """The imagers' parameters under this setting. signal: those at gain 1."""
+        return {**signal, "exposure_s": self.exposure_s, "gain": signal["gain"] * self.gain}
+
     @property
     def light_s(self) -> float:
         return self.exposure_s * self.gain
 
 
+@dataclass(frozen=True)
 class AutoExposure:
-    """The rule of one sensor. ValueError where the configuration's figures cannot be."""
+    """The rule of one sensor: 'fixed', 'converging' or 'settled', from a first setting to a mean count of target_dn in
+    a region (left, top, right, bottom), or everywhere."""
 
-    def __init__(self, config: StereoDepthSensorConfig) -> None:
-        self.mode = config.ir_exposure_mode
-        if self.mode not in ("fixed", "converging", "settled"):
-            raise ValueError(f"ir_exposure_mode is '{self.mode}' (known: fixed, converging, settled)")
-        self.start = Setting(float(config.ir_camera_exposure), float(config.ir_camera_gain))
-        self._target_dn = float(config.ir_exposure_target_dn)
-        self._exposures, self._gains = config.ir_exposure_limits_s, config.ir_gain_limits
-        self._region = config.ir_exposure_region
-        if self.mode == "fixed":
-            return
-        for name, (low, high) in (("ir_exposure_limits_s", self._exposures), ("ir_gain_limits", self._gains)):
-            if not 0.0 < low <= high:
-                raise ValueError(f"{name} is {low:g} to {high:g}, expected two numbers above 0 in order")
-        if not config.ir_black_level_dn < self._target_dn:
-            raise ValueError(
-                f"ir_exposure_target_dn is {self._target_dn:g}, "
-                f"expected more than the black level, {config.ir_black_level_dn:g}"
-            )
-        if self._region is not None:
-            left, top, right, bottom = self._region
-            width, height = config.ir_resolution
-            if not (0 <= left < right <= width and 0 <= top < bottom <= height):
-                raise ValueError(
-                    f"ir_exposure_region {self._region} is not inside of {width}x{height} (left, top, right, bottom)"
-                )
+    mode: str
+    start: Setting
+    target_dn: float
+    exposure_limits_s: tuple[float, ...]
+    gain_limits: tuple[float, ...]
+    region: tuple[int, int, int, int] | None = None
 
-    def after(
-        self, config: StereoDepthSensorConfig, signal: Mapping[str, float], light: NDArray[np.float32], max_dn: float
-    ) -> Setting:
-        """The setting that follows the configuration's on one view; 'settled': what the steps from the start end at.
+    def after(self, now: Setting, signal: Mapping[str, float], light: NDArray[np.float32], max_dn: float) -> Setting:
+        """The setting that follows the present one on one view; 'settled': what the steps from the start end at.
         signal: simsense's, under the present setting; light: radiance [height][width]."""
-        now = Setting(config.ir_camera_exposure, config.ir_camera_gain)
-        dn_per_light_s = (
-            signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"] / config.ir_camera_gain
-        )
+        dn_per_light_s = signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"] / now.gain
         black_dn = signal["black_level_dn"]
-        left, top, right, bottom = self._region or (0, 0, light.shape[1], light.shape[0])
+        left, top, right, bottom = self.region or (0, 0, light.shape[1], light.shape[0])
         seen = np.asarray(light[top:bottom:STRIDE, left:right:STRIDE], dtype=np.float32) * np.float32(dn_per_light_s)
         counts = np.empty_like(seen)
         if self.mode == "converging":
@@ -97,10 +75,10 @@ class AutoExposure:
         np.maximum(counts, np.float32(0.0), out=counts)
         np.minimum(counts, np.float32(max_dn), out=counts)
         mean_dn = float(counts.mean())
-        wanted = (self._target_dn - black_dn) / max(mean_dn - black_dn, 1e-6)
+        wanted = (self.target_dn - black_dn) / max(mean_dn - black_dn, 1e-6)
         light_s = now.light_s * _clipped(wanted**_DAMPING, 1.0 / _LARGEST_STEP, _LARGEST_STEP)
-        exposure_s = _clipped(light_s / self._gains[0], *self._exposures)
-        return Setting(exposure_s, _clipped(light_s / exposure_s, *self._gains))
+        exposure_s = _clipped(light_s / self.gain_limits[0], *self.exposure_limits_s)
+        return Setting(exposure_s, _clipped(light_s / exposure_s, *self.gain_limits))
 
 
 def _clipped(value: float, low: float, high: float) -> float:

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
+from functools import partial
 from math import inf
 from os import PathLike
 from typing import Any, TypeAlias
@@ -37,7 +38,7 @@ from activestereo.common.pattern import PatternDesign
 from activestereo.common.pose import Pose
 from activestereo.common.render_table import OPTICS, RENDER, RENDERER
 
-# {camera: (resolution, its matrix, a copy of that)}: what belongs together.
+# {camera: (resolution, its matrix, a copy of that)}: what came together.
 Calibrated: TypeAlias = "Mapping[str, tuple[tuple[int, int], NDArray[np.float64], NDArray[np.float64]]]"
 _TABLE = {p.name: p for p in (*MATCHER, *RIG, *RENDERER, *RENDER)}
 _NEUTRAL_OPTICS = kuafu.Optics()
@@ -46,7 +47,6 @@ _IMAGER: tuple[dict[str, Parameter], dict[str, int]] = {p.name: p for p in SIGNA
 _OPTICS = {p.name: p for p in OPTICS}, {
     name: len(value) for name in dir(_NEUTRAL_OPTICS) if isinstance(value := getattr(_NEUTRAL_OPTICS, name), tuple)
 }
-_RECORDS = {"ir_signal": _IMAGER, "ir_optics": _OPTICS, "rgb_optics": _OPTICS}
 # Where infinity says that there is no limit.
 _ENDLESS = ("max_depth_m",)
 _SHARE = Limits(0.0, 1.0)
@@ -105,39 +105,10 @@ _MAY_BE_NONE = ("rgb_exposure", "ir_exposure_region", "ir_distortion_right", "ir
 
 def check_field(name: str, value: Any) -> None:
     """ValueError says what is wrong with a field's value, and what it may be."""
-    fault = None
-    if value is None and name in _MAY_BE_NONE:
-        return
-    if name in _TABLE:
-        fault = _parameter_fault(_TABLE[name], value)
-    elif name in _NUMBERS:
-        fault = _NUMBERS[name].fault(value)
-    elif name in _LISTS:
-        fault = _list_fault(value, _LISTS[name])
-    elif name in _LENSES:
-        fault = _lens_fault(value)
-    elif name in _MATRICES:
-        fault = _matrix_fault(value)
-    elif name in _POSES:
-        fault = _pose_fault(value)
-    elif name == "ir_signal" and isinstance(value, str):
-        simsense.signal_preset(value)  # type: ignore[arg-type]  # the engine knows them, and says so
-    elif name in _RECORDS:
-        fault = _record_fault(value, *_RECORDS[name])
-    elif name in _FLAGS:
-        fault = _flag_fault(value)
-    elif name == "depth_maps":
-        fault = _names_fault(value, DEPTH_MAPS)
-    elif name == "light_pattern":
-        fault = _pattern_fault(value)
-    elif name == "pattern_design" and not isinstance(value, PatternDesign):
-        fault = f"is {value!r}, expected a PatternDesign"
-    elif name == "light_dots":
-        fault = _dots_fault(value)
-    elif name in _CHOICES and value not in _CHOICES[name]:
-        fault = f"is {value!r} (known: {', '.join(_CHOICES[name])})"
-    if fault is not None:
-        raise ValueError(f"{name} {fault}")
+    if name in _FAULT_OF and not (value is None and name in _MAY_BE_NONE):
+        fault = _FAULT_OF[name](value)
+        if fault is not None:
+            raise ValueError(f"{name} {fault}")
 
 
 def _parameter_fault(p: Parameter, value: Any) -> str | None:
@@ -187,6 +158,13 @@ def _pattern_fault(value: Any) -> str | None:
     return None if is_named else f"is {value!r}, expected 'generated', an image, the path of one, or None"
 
 
+def _signal_fault(value: Any) -> str | None:
+    if isinstance(value, str):
+        simsense.signal_preset(value)  # type: ignore[arg-type]  # the engine knows them, and says so
+        return None
+    return _record_fault(value, *_IMAGER)
+
+
 def _record_fault(values: Any, table: Mapping[str, Parameter], lengths: Mapping[str, int]) -> str | None:
     if values is None:
         return None
@@ -222,6 +200,14 @@ def _dots_fault(dots: Any) -> str | None:
     return f"[{first}] is {table[first].tolist()}, expected u and v in pixels and a power of 0 or more"
 
 
+def _choice_fault(known: Sequence[str], value: Any) -> str | None:
+    return None if value in known else f"is {value!r} (known: {', '.join(known)})"
+
+
+def _design_fault(value: Any) -> str | None:
+    return None if isinstance(value, PatternDesign) else f"is {value!r}, expected a PatternDesign"
+
+
 def _list_fault(values: Any, limits: Sequence[Limits]) -> str | None:
     if isinstance(values, str) or np.shape(values) != (len(limits),):
         return f"is {values!r}, expected {len(limits)} numbers"
@@ -255,6 +241,25 @@ def _matrix_fault(value: Any) -> str | None:
     return None
 
 
+# Of each field: the reason why a value cannot be, in words that follow its name.
+_FAULT_OF: dict[str, Callable[[Any], str | None]] = {
+    **{name: partial(_parameter_fault, p) for name, p in _TABLE.items()},
+    **{name: limits.fault for name, limits in _NUMBERS.items()},
+    **{name: partial(_list_fault, limits=limits) for name, limits in _LISTS.items()},
+    **{name: partial(_choice_fault, known) for name, known in _CHOICES.items()},
+    **dict.fromkeys(_LENSES, _lens_fault),
+    **dict.fromkeys(_MATRICES, _matrix_fault),
+    **dict.fromkeys(_POSES, _pose_fault),
+    **dict.fromkeys(_FLAGS, _flag_fault),
+    **dict.fromkeys(("ir_optics", "rgb_optics"), lambda values: _record_fault(values, *_OPTICS)),
+    "ir_signal": _signal_fault,
+    "depth_maps": partial(_names_fault, known=DEPTH_MAPS),
+    "light_pattern": _pattern_fault,
+    "pattern_design": _design_fault,
+    "light_dots": _dots_fault,
+}
+
+
 def check_matrix(name: str, k: Any, fields: Mapping[str, Any]) -> None:
     """ValueError where a camera's matrix is not of the resolution that is set."""
     camera = name.partition("_")[0]
@@ -263,11 +268,12 @@ def check_matrix(name: str, k: Any, fields: Mapping[str, Any]) -> None:
         _check_middle(name, np.asarray(k), width, height, f"set {camera}_resolution first")
 
 
-def check_together(fields: Mapping[str, Any], calibrated: Calibrated) -> None:
-    """ValueError where an array was filled with what a field may not be, or a camera's matrix is of another
-    resolution. calibrated: the resolutions and matrices that came together."""
+def check_together(fields: Mapping[str, Any]) -> None:
+    """ValueError where an array was filled with what a field may not be, or fields do not go together. fields: vars()
+    of a configuration."""
     for name, value in fields.items():
         check_field(name, value)
+    calibrated: Calibrated = fields["_calibrated"]
     for camera in ("rgb", "ir"):
         width, height = fields[f"{camera}_resolution"]
         remedy = f"take config.scaled(factor), or set {camera}_intrinsic to that of {width}x{height}"
@@ -278,6 +284,34 @@ def check_together(fields: Mapping[str, Any], calibrated: Calibrated) -> None:
         _check_middle(f"{camera}_intrinsic", fields[f"{camera}_intrinsic"], width, height, remedy)
     if fields["ir_intrinsic_right"] is not None:
         _check_middle("ir_intrinsic_right", fields["ir_intrinsic_right"], width, height, remedy)
+    _check_light(fields)
+
+
+def _check_light(fields: Mapping[str, Any]) -> None:
+    """ValueError where laser, noise or automatic exposure are told what cannot be."""
+    (low, high, _), power_mw = fields["laser_power_limits_mw"], fields["laser_power_mw"]
+    if not low <= power_mw <= high:
+        raise ValueError(f"laser_power_mw is {power_mw:g}, expected {low:g} to {high:g}")
+    speckle, thermal = fields["ir_speckle_noise"], fields["ir_thermal_noise"]
+    if fields["ir_signal"] is None and speckle > 0 and thermal <= 0:
+        raise ValueError(
+            f"noise scales must be positive, or ir_speckle_noise 0 for none; they are {speckle} and {thermal}"
+        )
+    if fields["ir_exposure_mode"] == "fixed":
+        return
+    for name in ("ir_exposure_limits_s", "ir_gain_limits"):
+        low, high = fields[name]
+        if low > high:
+            raise ValueError(f"{name} is {low:g} to {high:g}, expected two numbers above 0 in order")
+    target_dn, black_dn = fields["ir_exposure_target_dn"], fields["ir_black_level_dn"]
+    if not black_dn < target_dn:
+        raise ValueError(f"ir_exposure_target_dn is {target_dn:g}, expected more than the black level, {black_dn:g}")
+    if (region := fields["ir_exposure_region"]) is not None:
+        (left, top, right, bottom), (width, height) = region, fields["ir_resolution"]
+        if not (0 <= left < right <= width and 0 <= top < bottom <= height):
+            raise ValueError(
+                f"ir_exposure_region {tuple(region)} is not inside of {width}x{height} (left, top, right, bottom)"
+            )
 
 
 def _check_middle(name: str, k: NDArray[np.float64], width: int, height: int, remedy: str) -> None:

@@ -10,7 +10,6 @@ mean dot reaches about 130 counts at 1 m on a surface of albedo 0.5.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from copy import deepcopy
 from os import PathLike
 from pathlib import Path
@@ -24,7 +23,7 @@ from activestereo.camera.config_limits import Calibrated, check_field, check_mat
 from activestereo.common.limits import SIDE, Limits
 from activestereo.common.matcher_table import MATCHER, RIG, MatcherFields
 from activestereo.common.nearest import did_you_mean
-from activestereo.common.pattern import PatternDesign, make_pattern
+from activestereo.common.pattern import PatternDesign
 from activestereo.common.pose import Pose, as_matrix
 from activestereo.common.render_table import RENDER, RENDERER, RenderFields
 
@@ -255,8 +254,9 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         object.__setattr__(self, "_calibrated", kept)
 
     def check(self) -> None:
-        """ValueError where fields do not go together: a camera's matrix is of another resolution. Sensors ask it."""
-        check_together({name: getattr(self, name) for name in self._FIELDS}, self._calibrated)
+        """ValueError where fields do not go together, as sensors refuse them: a camera's matrix of another resolution,
+        a power that the laser has not."""
+        check_together(vars(self))
 
     @classmethod
     def _unknown(cls, name: str) -> str:
@@ -322,25 +322,6 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         """The projector's place in the left IR camera's frame (x right, y down, z forward), metres."""
         forward, left, up = (self.pose_rgb_irproj.p - self.trans_pose_l.p).tolist()
         return -left, -up, forward
-
-    def emitter_power(self, frame_index: int) -> float:
-        """The laser's light in a picture over that at its nominal setting. ValueError for a setting that there is
-        not."""
-        low, high, _ = self.laser_power_limits_mw
-        if not low <= self.laser_power_mw <= high:
-            raise ValueError(f"laser_power_mw is {self.laser_power_mw:g}, expected {low:g} to {high:g}")
-        if self.emitter not in ("on", "off", "alternating"):
-            raise ValueError(f"emitter is '{self.emitter}' (known: on, off, alternating)")
-        if self.emitter == "off" or (self.emitter == "alternating" and frame_index % 2):
-            return 0.0
-        return self.laser_power_mw / self.laser_power_nominal_mw
-
-    def ir_intrinsics(self, is_right: bool) -> tuple[np.ndarray, Sequence[float]]:
-        """(K, distortion) of an infrared camera."""
-        if not is_right:
-            return self.ir_intrinsic, self.ir_distortion
-        k, lens = self.ir_intrinsic_right, self.ir_distortion_right
-        return self.ir_intrinsic if k is None else k, self.ir_distortion if lens is None else lens
 
     def scaled(self, factor: float) -> StereoDepthSensorConfig:
         """A copy with all images and the disparity range `factor` times as large; fields of view, readout times,
@@ -411,28 +392,6 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
             setattr(out, f"{camera}_optics", {n: v * focal[0] if n.endswith("_px") else v for n, v in optics.items()})
         lines = 0 if "columns" in getattr(self, f"{camera}_readout") else 1
         setattr(out, f"{camera}_line_time_s", getattr(self, f"{camera}_line_time_s") / ratio[lines])
-
-    def pattern(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """The projector's image as uint8 [height, width] and its 3x3 K, or None where there is no projector."""
-        if self.light_pattern is None:
-            return None
-        if isinstance(self.light_pattern, str) and self.light_pattern == "generated":
-            image = make_pattern(self.pattern_design)
-        elif isinstance(self.light_pattern, np.ndarray):
-            image = self.light_pattern
-        else:
-            from activestereo.capture.images import read_gray
-
-            image = read_gray(Path(self.light_pattern), key="light_pattern")
-        height, width = image.shape
-        return image, self.pattern_k(width, height)
-
-    def pattern_k(self, width: int, height: int) -> np.ndarray:
-        """The projector's 3x3 K for a pattern image of this size."""
-        if self.pattern_intrinsic is not None:
-            return np.array(self.pattern_intrinsic, dtype=np.float64)
-        focal = 0.5 * width / np.tan(0.5 * self.active_light_fov)
-        return _k(focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
 
 
 StereoDepthSensorConfig._FIELDS = tuple(name for name in vars(StereoDepthSensorConfig()) if name != "_calibrated")

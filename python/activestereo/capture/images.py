@@ -30,19 +30,11 @@ def image_size(path: str | Path, key: str = "image") -> tuple[int, int]:
 def read_gray(path: str | Path, expected_size: tuple[int, int] | None = None, key: str = "image") -> np.ndarray:
     """Pixels as stored: uint8 or uint16 [height][width]. expected_size: (width, height). A colour image whose channels
     are equal is gray, too."""
-    with _open(path, key) as image:
-        if image.mode in _COLOR_MODES:
-            return _of_equal_channels(image, path, expected_size, key)
-        if image.mode not in _GRAY_MODES:
-            raise CaptureError(f"{path}: {key}: is a {image.mode} image, expected 8-bit or 16-bit gray")
-        if expected_size is not None and image.size != expected_size:
-            raise CaptureError(
-                f"{path}: {key}: is {image.size[0]}x{image.size[1]}, expected {expected_size[0]}x{expected_size[1]}"
-            )
-        try:
-            pixels = np.asarray(image)
-        except _DAMAGES as error:
-            raise CaptureError(f"{path}: {key}: is damaged: {error}") from error
+    mode, pixels = _pixels(path, key, expected_size, (*_GRAY_MODES, *_COLOR_MODES), "8-bit or 16-bit gray")
+    if mode in _COLOR_MODES:
+        if not (pixels == pixels[..., :1]).all():
+            raise CaptureError(f"{path}: {key}: is a colour image, expected 8-bit or 16-bit gray, or equal channels")
+        return np.ascontiguousarray(pixels[..., 0])
     if pixels.dtype == np.uint8:
         return pixels
     if pixels.size and not 0 <= pixels.min() <= pixels.max() <= 65535:
@@ -60,16 +52,8 @@ def block_means(image: np.ndarray, size: int) -> np.ndarray:
 def read_color(path: str | Path, expected_size: tuple[int, int] | None = None, key: str = "image") -> np.ndarray:
     """A colour image as stored, uint8 [height][width][3]; a gray one has three equal channels. expected_size: (width,
     height)."""
-    with _open(path, key) as image:
-        if image.mode not in (*_COLOR_MODES, "L"):
-            raise CaptureError(f"{path}: {key}: is a {image.mode} image, expected 8-bit colour")
-        if expected_size is not None and image.size != expected_size:
-            sizes = tuple(f"{width}x{height}" for width, height in (image.size, expected_size))
-            raise CaptureError(f"{path}: {key}: is {sizes[0]}, expected {sizes[1]}")
-        try:
-            return np.asarray(image.convert("RGB"))
-        except _DAMAGES as error:
-            raise CaptureError(f"{path}: {key}: is damaged: {error}") from error
+    _, pixels = _pixels(path, key, expected_size, (*_COLOR_MODES, "L"), "8-bit colour")
+    return pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=2)
 
 
 def read_image_array(path: str | Path, key: str = "image") -> np.ndarray:
@@ -83,21 +67,6 @@ def read_image_array(path: str | Path, key: str = "image") -> np.ndarray:
     if pixels.ndim != 2 or pixels.dtype not in (np.uint8, np.uint16):
         raise CaptureError(f"{path}: {key}: is {pixels.dtype} {pixels.shape}, expected uint8 or uint16 [height][width]")
     return np.array(pixels)
-
-
-def _of_equal_channels(
-    image: Image.Image, path: str | Path, expected_size: tuple[int, int] | None, key: str
-) -> np.ndarray:
-    if expected_size is not None and image.size != expected_size:
-        sizes = (f"{width}x{height}" for width, height in (image.size, expected_size))
-        raise CaptureError(f"{path}: {key}: is {next(sizes)}, expected {next(sizes)}")
-    try:
-        channels = np.asarray(image.convert("RGB"))
-    except _DAMAGES as error:
-        raise CaptureError(f"{path}: {key}: is damaged: {error}") from error
-    if not (channels == channels[..., :1]).all():
-        raise CaptureError(f"{path}: {key}: is a colour image, expected 8-bit or 16-bit gray, or equal channels")
-    return np.ascontiguousarray(channels[..., 0])
 
 
 def write_gray(path: str | Path, pixels: np.ndarray) -> None:
@@ -118,3 +87,19 @@ def _open(path: str | Path, key: str) -> Image.Image:
     if image.width * image.height > _MOST_PIXELS:
         raise CaptureError(f"{path}: {key}: is {image.width}x{image.height}, at most {_MOST_PIXELS} pixels are read")
     return image
+
+
+def _pixels(
+    path: str | Path, key: str, expected_size: tuple[int, int] | None, modes: tuple[str, ...], expected: str
+) -> tuple[str, np.ndarray]:
+    """(Pillow's mode, which is one of these, the pixels: of colour uint8 [height][width][3])."""
+    with _open(path, key) as image:
+        if image.mode not in modes:
+            raise CaptureError(f"{path}: {key}: is a {image.mode} image, expected {expected}")
+        if expected_size is not None and image.size != expected_size:
+            width, height = image.size
+            raise CaptureError(f"{path}: {key}: is {width}x{height}, expected {expected_size[0]}x{expected_size[1]}")
+        try:
+            return image.mode, np.asarray(image.convert("RGB") if image.mode in _COLOR_MODES else image)
+        except _DAMAGES as error:
+            raise CaptureError(f"{path}: {key}: is damaged: {error}") from error

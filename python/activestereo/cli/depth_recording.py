@@ -148,7 +148,7 @@ def _matcher(
 ) -> PairMatcher:
     import simsense
     from activestereo.camera.advanced_mode.matcher import PairMatcher
-    from activestereo.camera.matching import matcher_parameters
+    from activestereo.camera.plan import matcher_parameters
     from activestereo.camera.presets import StereoDepthSensorConfig
 
     base = matcher_parameters(StereoDepthSensorConfig(args.sensor))

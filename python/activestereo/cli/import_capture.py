@@ -235,6 +235,7 @@ def _pattern(sensor: str) -> tuple[Any, Any]:
     """The preset's nominal pattern and its K; black where a camera has no projector."""
     import numpy as np
 
+    from activestereo.camera.plan import pattern_of
     from activestereo.camera.presets import StereoDepthSensorConfig
 
-    return StereoDepthSensorConfig(sensor).pattern() or (np.zeros((2, 2), np.uint8), np.eye(3))
+    return pattern_of(StereoDepthSensorConfig(sensor)) or (np.zeros((2, 2), np.uint8), np.eye(3))

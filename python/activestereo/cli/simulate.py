@@ -170,7 +170,6 @@ def read_sensor_model(args: argparse.Namespace) -> SensorModel | None:
 
 def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> StereoDepthSensorConfig:
     """The preset, the model's own figures, and the options that were given."""
-    from activestereo.camera.matching import engine_parameters
     from activestereo.camera.presets import StereoDepthSensorConfig
 
     config = (
@@ -186,7 +185,6 @@ def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> S
         config.projector_intensity = args.projector_intensity
     if args.laser_power is not None:
         config.laser_power_mw = args.laser_power
-        config.emitter_power(0)  # its check comes before any work
     if args.ir_camera_exposure is not None:
         config.ir_exposure_mode, config.ir_camera_gain = "fixed", 1.0
         config.ir_camera_exposure = args.ir_camera_exposure
@@ -197,7 +195,7 @@ def make_config(args: argparse.Namespace, model: SensorModel | None = None) -> S
     config.depth_maps = wanted_maps(args)
     if args.no_noise:
         config.ir_speckle_noise, config.ir_signal = 0.0, None
-    engine_parameters(config)  # its checks come before any work
+    config.check()  # before any work
     return config
 
 

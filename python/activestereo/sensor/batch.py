@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from activestereo.camera.config_limits import RENDER_SEED
+from activestereo.camera.plan import plan_of
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.limits import POWER
 from activestereo.common.pose import PoseLike, as_matrix
@@ -74,6 +75,8 @@ class StereoDepthSensorBatch(SensorResults):
         model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False, pipelined: bool = False,
         matcher: MatcherLike = "simsense",
     ) -> None:  # fmt: skip
+        self._config = deepcopy(config)
+        plan = plan_of(self._config)
         devices = list(mounts) if isinstance(mounts, Sequence) else [mounts]
         on_mount = np.eye(4) if pose is None else as_matrix(pose)
         self._places = [Places(one, on_mount) for one in devices]
@@ -91,7 +94,7 @@ class StereoDepthSensorBatch(SensorResults):
             for k, own in enumerate(self._numbers):
                 engines.append(
                     SensorEngine(
-                        config, devices[k].scene, np.repeat(own, sensors).tolist(),
+                        plan, devices[k].scene, np.repeat(own, sensors).tolist(),
                         (len(own), *self._shape[1:]), model=model, on_cuda=on_cuda, pipelined=pipelined,
                         first_view=self._own[k].start, results=None if self._results is None else self._results.part(k),
                         matcher=matcher,
@@ -207,10 +210,6 @@ class StereoDepthSensorBatch(SensorResults):
         times = [engine.stage_times for engine in self._engines]
         return {name: max(of[name] for of in times if name in of) for name in times[0]}
 
-    def get_config(self) -> StereoDepthSensorConfig:
-        """A copy."""
-        return deepcopy(self._engines[0].config)
-
     def vary(
         self,
         environment: int | None = None,
@@ -261,6 +260,7 @@ class StereoDepthSensorBatch(SensorResults):
         """The next picture is frame 0 under this seed, of the render and of the noise: from here on all is as it was
         after the same restart."""
         seed = int(RENDER_SEED.check("the seed", seed))
+        self._config.render_seed = self._config.noise_seed = seed
         self._each(lambda engine, _: engine.restart(seed))
 
     def close(self) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.camera.plan import ir_intrinsics
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import SIDES
 from activestereo.common.nearest import unknown
@@ -35,7 +36,7 @@ def camera_info(config: StereoDepthSensorConfig, camera: str) -> CameraInfo:
     if camera == "rgb":
         width, height = config.rgb_resolution
         return CameraInfo(width, height, config.rgb_intrinsic.copy(), config.rgb_distortion, np.eye(4))
-    k, distortion = config.ir_intrinsics(camera == "right")
+    k, distortion = ir_intrinsics(config, camera == "right")
     width, height = config.ir_resolution
     pose = config.trans_pose_r if camera == "right" else config.trans_pose_l
     return CameraInfo(width, height, k.copy(), tuple(distortion), camera_to_camera(pose, Pose()))

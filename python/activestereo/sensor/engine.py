@@ -5,8 +5,8 @@ match for all. StereoDepthSensor and StereoDepthSensorBatch are its views."""
 from __future__ import annotations
 
 import weakref
-from collections.abc import Sequence
-from copy import deepcopy
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from typing import Any
 
@@ -15,55 +15,58 @@ from numpy.typing import NDArray
 
 import kuafu
 import simsense
-from activestereo.camera.auto_exposure import AutoExposure, Setting
-from activestereo.camera.matching import Taken, engine_parameters, make_engine, renderer_parameters
-from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.camera.auto_exposure import Setting
+from activestereo.camera.plan import SensorPlan
 from activestereo.common.progress_bar import Progress, part_of
 from activestereo.model import SensorModel
 from activestereo.sensor.exposure import expose_each
 from activestereo.sensor.foreign_matcher import MatcherLike, as_matcher, foreign_maps
 from activestereo.sensor.image_effects import ImageEffects
-from activestereo.sensor.inputs import render_settings
 from activestereo.sensor.ir_link import IrLink
 from activestereo.sensor.maps import Maps
 from activestereo.sensor.picture_memory import RGB_OUTPUTS, PictureMemory
-from activestereo.sensor.pictures import Picture, UnderWay
+from activestereo.sensor.pictures import Picture, Taken, UnderWay
 from activestereo.sensor.result_memory import PartOfResults
 from activestereo.sensor.rig import Rig
 from activestereo.sensor.rig_inputs import RigInputs
 
 
 class SensorEngine:
-    """config: a copy is the engine's, which automatic exposure changes. environments: each sensor's, or [None]: one
-    sensor in a scene without environments, which alone has a velocity, conditions, 'converging' exposure and effects
-    that act outside of the engines. shape: (), (E,) or (E, S). source: what the scene is from. first_view: the first
-    sensor's number among those of all devices. results: where maps lie, if not in arrays of their own.
-    matcher: what makes disparities.
+    """environments: each sensor's, or [None]: one sensor in a scene without environments, which alone has a velocity,
+    conditions, 'converging' exposure and effects that act outside of the engines. shape: (), (E,) or (E, S). source:
+    what the scene is from. first_view: the first sensor's number among those of all devices. results: where maps lie,
+    if not in arrays of their own. matcher: what makes disparities.
 
     ValueError for a model that does not fit the scene or such sensors, and for exposure that does not; then nothing has
     been changed."""
 
     def __init__(
-        self, config: StereoDepthSensorConfig, scene: kuafu.Scene, environments: Sequence[int | None] = (None,),
+        self, plan: SensorPlan, scene: kuafu.Scene, environments: Sequence[int | None] = (None,),
         shape: tuple[int, ...] = (), *, model: SensorModel | str | PathLike[str] | None = None, source: object = None,
         pipelined: bool = False, on_cuda: bool = False, copy_ir: bool = False, first_view: int = 0,
         results: PartOfResults | None = None, matcher: MatcherLike = "simsense",
     ) -> None:  # fmt: skip
         self.scene, self.shape, self.pipelined, self._count = scene, shape, pipelined, len(environments)
-        self._foreign = as_matcher(matcher, config)
-        if self._foreign is not None and on_cuda:
+        if on_cuda and matcher != "simsense":
             raise ValueError("results in CUDA's memory are simsense's own matcher's: leave out on_cuda or matcher")
-        takes_image_effects = not (pipelined or on_cuda or self._foreign) and list(environments) == [None]
-        self.rig = RigInputs(config, scene, environments, model, source, takes_image_effects)
-        self._auto = AutoExposure(self.config)
+        takes_image_effects = not (pipelined or on_cuda) and matcher == "simsense" and list(environments) == [None]
+        self.rig = RigInputs(plan, scene, environments, model, source, takes_image_effects)
         self._next_setting: Setting | None = None
-        if self._auto.mode == "converging" and not self.rig.is_one:
+        if plan.exposure.mode == "converging" and not self.rig.is_one:
             raise ValueError("ir_exposure_mode of a batch is 'fixed' or 'settled', not 'converging'")
-        self._renderer = kuafu.Renderer(scene.device, **renderer_parameters(self.config))
-        self.matcher = self.make_matcher()
+        self._renderer = kuafu.Renderer(scene.device, **plan.renderer)
+        self.matcher = self.rig.make_matcher(self._count)
+        self._foreign = as_matcher(matcher, self.matcher)
         self._first_view = first_view
-        self._present = self._new_picture(on_cuda, copy_ir)
-        self._next = self._new_picture(on_cuda, copy_ir) if pipelined else self._present
+        (width, height), (rgb_width, rgb_height) = ((c["width"], c["height"]) for c in (plan.left, plan.rgb))
+        pictures = [
+            Picture(
+                IrLink(scene.device, self.matcher.device, width, height, copy=copy_ir, count=self._count),
+                PictureMemory(scene.device, (self._count, rgb_height, rgb_width), RGB_OUTPUTS, on_cuda=on_cuda),
+            )
+            for _ in range(2 if pipelined else 1)
+        ]
+        self._present, self._next = pictures[0], pictures[-1]
         self._under_way = UnderWay()
         self._maps = Maps(weakref.proxy(self), on_cuda, results)
         self.light_share = np.ones(self._count)  # of each sensor, over what its exposure makes of the view
@@ -74,15 +77,11 @@ class SensorEngine:
         self.stage_times: dict[str, float] = {}
         self.image_effects: ImageEffects | None = None
         weakref.finalize(self, _end, self._under_way, self.rig.in_scene).atexit = False
-        try:
-            self._tell(self.rig.signals())
-        except BaseException:
-            self.close()
-            raise
+        self.rig.enter()
 
     @property
-    def config(self) -> StereoDepthSensorConfig:
-        return self.rig.config
+    def plan(self) -> SensorPlan:
+        return self.rig.plan
 
     # ---- pictures ----
 
@@ -223,25 +222,19 @@ class SensorEngine:
         self.matcher.set_parameters(frame_index=frame_index, scene_index=0)
         return self._computed(pair, outputs, lasers)
 
-    def make_matcher(self) -> simsense.Engine:
-        """Another depth engine of these sensors, a simsense.Engine."""
-        return make_engine(self.config, simsense.Device(self.scene.device.info.device_uuid), self._count)
-
     # ---- what changes ----
 
-    def set(self, **changes: Any) -> None:
-        """Fields of the configuration that matcher and noise depend on. They hold for the pictures that there are,
-        each under its own exposure; maps that have been matched stay. ValueError changes nothing."""
+    def set(self, matcher: Mapping[str, Any], signal: dict[str, float]) -> None:
+        """The matcher's parameters and the plan's signal. They hold for the pictures that there are, each under its own
+        exposure; maps that have been matched stay. simsense.ArgumentError changes nothing."""
         self.wait()
-        config = deepcopy(self.config)
-        for name, value in changes.items():
-            setattr(config, name, value)
-        parameters = engine_parameters(config)
         self._maps.complete()
-        self.matcher.set_parameters(**parameters)
-        self._auto, self._told = AutoExposure(config), []
-        self.rig.set_config(config)
-        now = self.rig.setting()
+        now = self.rig.setting
+        told: dict[str, Any] = {**matcher, **now.of(signal)}
+        self.matcher.set_parameters(**told)
+        exposure = replace(self.plan.exposure, start=now)
+        self._told = []
+        self.rig.set_plan(replace(self.plan, engine=self.plan.engine | matcher, signal=signal, exposure=exposure))
         for picture in (self._present, self._next):
             if picture.setting is not None:
                 self.rig.set_exposure(picture.setting)
@@ -263,7 +256,7 @@ class SensorEngine:
     def restart(self, seed: int) -> None:
         """The next picture is frame 0 under this seed; there is none now."""
         self.wait()
-        self.config.render_seed = self.config.noise_seed = seed
+        self.rig.plan = replace(self.plan, render_seed=seed, engine=self.plan.engine | {"noise_seed": seed})
         self.matcher.set_parameters(noise_seed=seed)
         self.frame, self._place, self._speckle_draw = -1, None, -1
         for picture in (self._present, self._next):
@@ -279,19 +272,10 @@ class SensorEngine:
 
     def _computed(self, pair: tuple[Any, Any], outputs: Any, lasers: dict[str, Any]) -> dict[str, NDArray[Any]]:
         if self._foreign is not None:
-            return foreign_maps(self._foreign, self.matcher, self.config, pair, outputs, lasers)
+            return foreign_maps(self._foreign, self.matcher, self.plan, pair, outputs, lasers)
         if self.image_effects is None:
             return self.matcher.compute(*pair, outputs, **lasers)
         return self.image_effects.depth(self.matcher, pair, outputs, **lasers)
-
-    def _new_picture(self, on_cuda: bool, copy_ir: bool) -> Picture:
-        width, height = self.config.ir_resolution
-        rgb_width, rgb_height = self.config.rgb_resolution
-        device = self.scene.device
-        return Picture(
-            IrLink(device, self.matcher.device, width, height, copy=copy_ir, count=self._count),
-            PictureMemory(device, (self._count, rgb_height, rgb_width), RGB_OUTPUTS, on_cuda=on_cuda),
-        )
 
     def _prepare(self, place: NDArray[np.float64]) -> Taken:
         """Sets what changes from picture to picture: exposure, emitter, static speckle where a sensor has moved."""
@@ -305,8 +289,8 @@ class SensorEngine:
 
     def _settings(self, outputs: Any, frame: int) -> dict[str, Any]:
         """Keyword arguments of a render that any camera has."""
-        scales = {"srgb": self.config.rgb_exposure or 0.0} if "srgb" in outputs else {}
-        return render_settings(self.config, frame) | {"scales": scales}
+        scales = {"srgb": self.plan.rgb_exposure or 0.0} if "srgb" in outputs else {}
+        return self.plan.render | {"seed": (self.plan.render_seed << 32) + frame, "scales": scales}
 
     def _render(
         self, group: str, cameras: list[kuafu.Camera], targets: Any, taken: Taken, progress: Any, seen: dict[str, Any]
@@ -332,11 +316,11 @@ class SensorEngine:
                 is_laser_apart = picture.taken is not None and picture.taken.is_laser_apart
                 self.image_effects.on_light(picture.link, is_laser_apart)
             if not self.rig.is_one:
-                expose_each(picture, self._auto, self.config, self.rig.inputs())
+                expose_each(picture, self.plan.exposure, self.rig.inputs())
             picture.link.deliver()
             if self.rig.is_one:
                 self._expose(picture.link)
-            picture.setting, picture.signals = self.rig.setting(), self.rig.signals()
+            picture.setting, picture.signals = self.rig.setting, self.rig.signals()
             if not self.pipelined:
                 self._tell(picture.signals)
         except BaseException:
@@ -360,11 +344,12 @@ class SensorEngine:
 
     def _expose(self, link: IrLink) -> None:
         """Automatic exposure looks at the light of one sensor's picture: for the same picture, or for the next."""
-        if self._auto.mode == "fixed":
+        auto = self.plan.exposure
+        if auto.mode == "fixed":
             return
         inputs = self.rig.inputs()
-        after = self._auto.after(self.config, inputs.left.signal, link.first_image(), inputs.max_dn)
-        if self._auto.mode == "settled":
+        after = auto.after(self.rig.setting, inputs.left.signal, link.first_image(), inputs.max_dn)
+        if auto.mode == "settled":
             self.rig.set_exposure(after)
         else:
             self._next_setting = after

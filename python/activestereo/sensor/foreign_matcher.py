@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import simsense
-from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.camera.plan import SensorPlan
 from activestereo.camera.registration import registered
 
 
@@ -27,19 +27,20 @@ class Matcher(Protocol):
 
 # What a sensor takes: simsense's own matcher, OpenCV's, the path of an ONNX file, or a Matcher.
 MatcherLike = str | PathLike[str] | Matcher
+_SGBM_BLOCK = 7
+_SGBM_STEPS = 16  # of a pixel in its disparities
+_SGBM_STEP_PX = 16  # disparities come in multiples of this
 _IMAGES = ("ir_left", "ir_right", "rectified_left", "rectified_right")
 
 
-def as_matcher(given: MatcherLike, config: StereoDepthSensorConfig) -> Matcher | None:
-    """The matcher, None for simsense's. ValueError says what else it may be."""
+def as_matcher(given: MatcherLike, engine: simsense.Engine) -> Matcher | None:
+    """The matcher, None for simsense's own, `engine`. ValueError says what else it may be."""
     if callable(given):
         return given
     if given == "simsense":
         return None
     if given == "opencv":
-        from activestereo.sensor.opencv_matcher import OpenCVMatcher
-
-        return OpenCVMatcher(config)
+        return OpenCVMatcher(engine.parameters)
     if str(given).endswith(".onnx"):
         from activestereo.sensor.onnx_matcher import OnnxMatcher
 
@@ -48,7 +49,7 @@ def as_matcher(given: MatcherLike, config: StereoDepthSensorConfig) -> Matcher |
 
 
 def foreign_maps(
-    matcher: Matcher, engine: simsense.Engine, config: StereoDepthSensorConfig, pair: tuple[Any, Any], outputs: Any,
+    matcher: Matcher, engine: simsense.Engine, plan: SensorPlan, pair: tuple[Any, Any], outputs: Any,
     lasers: dict[str, Any],
 ) -> dict[str, NDArray[Any]]:  # fmt: skip
     """simsense.Engine.compute() with this matcher in place of its own: imager and rectification are the engine's.
@@ -63,7 +64,7 @@ def foreign_maps(
             raise ValueError(f"the matcher gives {name} of {list(found.shape)}, expected {list(expected)}")
     maps = images | {
         name: values.reshape(*leading, *values.shape[1:])
-        for name, values in _maps(engine, config, np.asarray(disparity, np.float32), confidence).items()
+        for name, values in _maps(engine, plan, np.asarray(disparity, np.float32), confidence).items()
     }
     missing = [name for name in outputs if name not in maps]
     if missing:
@@ -75,15 +76,13 @@ def foreign_maps(
 
 
 def _maps(
-    engine: simsense.Engine,
-    config: StereoDepthSensorConfig,
-    disparity: NDArray[np.float32],
-    confidence: NDArray[np.float32] | None,
+    engine: simsense.Engine, plan: SensorPlan, disparity: NDArray[np.float32], confidence: NDArray[np.float32] | None
 ) -> dict[str, NDArray[Any]]:
     k, baseline_m, left_to_rectified = engine.rectified
     is_measured = np.isfinite(disparity) & (disparity > 0)
     z = np.where(is_measured, k[0, 0] * baseline_m / np.where(is_measured, disparity, 1.0), 0.0)
-    depth = np.where((z >= config.min_depth_m) & (z < config.max_depth_m), z, 0.0).astype(np.float32)
+    is_near = (z >= plan.engine["min_depth_m"]) & (z < plan.engine["max_depth_m"])
+    depth = np.where(is_near, z, 0.0).astype(np.float32)
     v, u = np.indices(depth.shape[-2:])
     rays = np.stack([(u - k[0, 2]) / k[0, 0], (v - k[1, 2]) / k[1, 1], np.ones(u.shape)], axis=-1)
     reason = np.where(is_measured, simsense.REASONS.index("valid"), simsense.REASONS.index("not_unique"))
@@ -94,5 +93,36 @@ def _maps(
         "reason": reason.astype(np.uint8),
         "depth": depth,
         "points": (rays * depth[..., None]).astype(np.float32),
-        "depth_rgb": np.stack([registered(one, k, left_to_rectified, config) for one in depth]),
+        "depth_rgb": np.stack([registered(one, k, left_to_rectified, plan) for one in depth]),
     }
+
+
+class OpenCVMatcher:
+    """SGBM with eight paths of simsense's disparities, uniqueness and left-right check; other parameters are those of
+    OpenCV's documentation. ImportError where cv2 is missing."""
+
+    def __init__(self, parameters: Mapping[str, Any]) -> None:
+        import cv2
+
+        self._least = parameters["min_disparity"]
+        count = -(-parameters["max_disparity"] // _SGBM_STEP_PX) * _SGBM_STEP_PX
+        self._margin = count + max(0, self._least)
+        self._cv2, self._sgbm = cv2, cv2.StereoSGBM_create(
+            minDisparity=self._least, numDisparities=count, blockSize=_SGBM_BLOCK, P1=8 * _SGBM_BLOCK**2,
+            P2=32 * _SGBM_BLOCK**2, disp12MaxDiff=parameters["lr_max_diff"], preFilterCap=63,
+            uniquenessRatio=parameters["uniqueness_ratio"], mode=cv2.STEREO_SGBM_MODE_HH4,
+        )  # fmt: skip
+
+    def __call__(self, left: NDArray[Any], right: NDArray[Any]) -> tuple[NDArray[np.float32], None]:
+        return np.stack([self._match(*pair) for pair in zip(left, right, strict=True)]), None
+
+    def _match(self, left: NDArray[Any], right: NDArray[Any]) -> NDArray[np.float32]:
+        scale = 255.0 / max(255, int(left.max()), int(right.max()))
+        wide = (  # OpenCV leaves the first columns out, as many as there are disparities
+            self._cv2.copyMakeBorder(
+                (image * scale).astype(np.uint8), 0, 0, self._margin, 0, self._cv2.BORDER_REPLICATE
+            )
+            for image in (left, right)
+        )
+        disparity = self._sgbm.compute(*wide)[:, self._margin :].astype(np.float32) / _SGBM_STEPS
+        return np.where(disparity >= self._least, disparity, np.float32(np.nan))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import simsense
+from activestereo.camera.plan import SensorPlan
 from activestereo.camera.registration import registered
 from activestereo.capture.capture import SIDES, Frame
 from activestereo.effects.core.descriptor import Effect, Stage
@@ -37,7 +38,8 @@ class Sensor(Protocol):
 
     def engine_inputs(self) -> EngineInputs: ...
 
-    def get_config(self) -> Any: ...
+    @property
+    def plan(self) -> SensorPlan: ...
 
     def get_pictures(self, names: Sequence[str], camera: str) -> Pictures: ...
 
@@ -145,20 +147,17 @@ class ImageEffects:
         view = self._view("left", self._sensor.engine_inputs(), self._sensor.get_pictures(_GEOMETRY, "left"))
         depth = model.depth(result["depth"], view).astype(np.float32)
         disparity = np.where(depth > 0, k[0, 0] * baseline_m / np.where(depth > 0, depth, 1.0), -1.0).astype(np.float32)
-        return result | {
-            "disparity": disparity,
-            "depth_rgb": registered(depth, k, left_to_rectified, self._sensor.get_config()),
-        }
+        depth_rgb = registered(depth, k, left_to_rectified, self._sensor.plan)
+        return result | {"disparity": disparity, "depth_rgb": depth_rgb}
 
     def _view(self, side: str, inputs: EngineInputs, seen: Pictures) -> View:
-        config = self._sensor.get_config()
-        k, distortion = config.ir_intrinsics(side == "right")
+        camera: dict[str, Any] = getattr(self._sensor.plan, side)
         left, right = (part.camera.camera_to_world for part in inputs.sides)
         own = right if side == "right" else left
         projector = inputs.projector
         return View(
             side=side,
-            K=k,
+            K=camera["k"],
             depth_m=seen["depth"][..., 0].astype(np.float64),
             normal=seen["normal"].astype(np.float64) @ own[:3, :3],
             pattern=np.zeros((1, 1), np.float32) if inputs.pattern is None else inputs.pattern,
@@ -169,9 +168,9 @@ class ImageEffects:
             left_to_camera=np.linalg.inv(own) @ left,
             frame=self._frame(inputs.frame),
             max_dn=inputs.max_dn,
-            line_time_s=config.ir_line_time_s or None,
+            line_time_s=camera.get("line_time_s"),
             seed=inputs.seed,
-            distortion=tuple(distortion),
+            distortion=camera["distortion"],
             baseline_m=float(np.linalg.norm((np.linalg.inv(right) @ left)[:3, 3])),
             material=seen["material_id"][..., 0],
         )

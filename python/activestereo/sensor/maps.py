@@ -10,7 +10,7 @@ from typing import Any, Protocol
 from numpy.typing import NDArray
 
 import simsense
-from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.camera.plan import SensorPlan
 from activestereo.sensor.cuda_maps import CudaMap, CudaMaps
 from activestereo.sensor.cuda_memory import CudaArray
 from activestereo.sensor.result_memory import Kind, PartOfResults
@@ -19,7 +19,7 @@ from activestereo.sensor.result_memory import Kind, PartOfResults
 class ComputesMaps(Protocol):
     """A SensorEngine."""
 
-    config: StereoDepthSensorConfig
+    plan: SensorPlan
     matcher: simsense.Engine
     shape: tuple[int, ...]
 
@@ -56,7 +56,7 @@ class Maps:
     def complete(self) -> None:
         """Has all at hand where the pictures have been matched, as before the engine changes: all maps of a picture are
         of one engine."""
-        names = ("disparity", "ir_left", "ir_right", *self._engine.config.depth_maps)
+        names = ("disparity", "ir_left", "ir_right", *self._engine.plan.depth_maps)
         missing = [name for name in names if name not in self._found]
         if self._has_begun and missing:
             self._found |= self._compute(missing)

@@ -7,16 +7,23 @@ from __future__ import annotations
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
 from activestereo.camera.auto_exposure import Setting
-from activestereo.camera.matching import Taken
 from activestereo.sensor.ir_link import IrLink
 from activestereo.sensor.picture_memory import PictureMemory
+
+
+class Taken(NamedTuple):
+    """Facts of a picture, beside its images, that matching depends on."""
+
+    frame: int = -1
+    speckle_draw: int = -1
+    is_laser_apart: bool = False
 
 
 @dataclass

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ class SensorResults(ABC):
 
     # Those that get_depth_map() gives.
     _depth_maps: tuple[str, ...] = DEPTH_MAPS
+    _config: StereoDepthSensorConfig
 
     @abstractmethod
     def _of(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
@@ -39,13 +41,13 @@ class SensorResults(ABC):
     def _poses(self) -> NDArray[np.float64]:
         """[..., 4, 4] of the RGB cameras, body axes."""
 
-    @abstractmethod
     def get_config(self) -> StereoDepthSensorConfig:
-        """A copy."""
+        """A copy, with the exposure and gain that there are now."""
+        return deepcopy(self._config)
 
     def camera_info(self, camera: str = "rgb") -> CameraInfo:
         """Size, intrinsics, lens and place of 'rgb', 'left' or 'right', as the calibration has them."""
-        return camera_info(self.get_config(), camera)
+        return camera_info(self._config, camera)
 
     def get_intrinsics(self, camera: str = "rgb") -> NDArray[np.float64]:
         """[..., 3, 3] of this camera, as the calibration has it; pixel centres are at integers."""
@@ -95,7 +97,7 @@ class SensorResults(ABC):
     def get_rgb(self) -> NDArray[np.float32]:
         """float32 [..., height, width, 3] in 0..1, as get_rgba8() but not rounded, and encoded here: three times the
         copy, and work."""
-        return self._of(lambda engine: encoded_rgb(engine.rgb_output("radiance"), engine.config.rgb_exposure))
+        return self._of(lambda engine: encoded_rgb(engine.rgb_output("radiance"), engine.plan.rgb_exposure))
 
     def get_true_depth(self) -> NDArray[np.float32]:
         """float32 metres in the RGB camera of the first surface at each pixel's centre; 0 = none."""

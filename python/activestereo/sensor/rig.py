@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
+from activestereo.camera.plan import Pattern
 from activestereo.effects.core.engine import EngineInputs
 from activestereo.effects.engines.world import copy_light, copy_record, enter_world
 
@@ -35,12 +36,8 @@ class Rig:
     by all. Materials that a model changes are the model's until leave(). laser_power: of each sensor, over the inputs'.
     """
 
-    def __init__(
-        self, scene: kuafu.Scene, environments: Sequence[int | None], pattern: NDArray[np.uint8] | None
-    ) -> None:
-        self._scene, self._environments, self._pattern = scene, environments, pattern
-        # The engines' inputs for it; None where the projector has dots or there is none.
-        self.pattern = None if pattern is None else pattern_of(pattern)
+    def __init__(self, scene: kuafu.Scene, environments: Sequence[int | None]) -> None:
+        self._scene, self._environments = scene, environments
         self.laser_power = np.ones(len(environments))
         self._texture: int | None = None
         self._changed_texture: int | None = None
@@ -61,10 +58,15 @@ class Rig:
             return self._scene.get_material(number)
         return copy_record(self._materials[number])
 
-    def enter(self, inputs: EngineInputs, laser_w_sr: float) -> None:
+    def enter(self, inputs: EngineInputs, laser_w_sr: float, pattern: Pattern | None) -> None:
         """Puts the inputs' world into the scene, in place of what was there; lights on the rig are dark until shine().
-        laser_w_sr: the projector's intensity before any effect, which a light's record has rounded."""
+        laser_w_sr: the projector's intensity before any effect, which a light's record has rounded. pattern: before any
+        effect."""
         self._leave_but_pattern()
+        own = [] if inputs.projector is None else [inputs.projector]
+        for light in (*own, *inputs.rig_lights, *inputs.lights):
+            if light.kind == "projector" and pattern is not None and not len(light.dots):
+                light.texture = self._texture_of(pattern, inputs.pattern)
         self._materials = {number: self._scene.get_material(number) for number in inputs.materials}
         self._has_medium = inputs.medium is not None
         enter_world(self._scene, inputs)
@@ -72,9 +74,7 @@ class Rig:
         if inputs.right.delay_s:
             # The right camera opens at another time: it looks into an environment of its own, where the rig is by then.
             instants = [([0], 0.0), ([LATER], inputs.right.delay_s)]
-        own = [] if inputs.projector is None else [inputs.projector]
         for light in (*own, *inputs.rig_lights):
-            self._project(light, inputs)
             infrared = laser_w_sr if light.ir_intensity == np.float32(laser_w_sr) else light.ir_intensity
             for environments, delay_s in instants:
                 # The first record is the inputs' own, which follows the rig's velocity.
@@ -87,7 +87,6 @@ class Rig:
                 )
         self.darken()
         for light in inputs.lights:
-            self._project(light, inputs)
             self._standing.append(self._scene.add_light(light))
 
     def shine(self, rigs: NDArray[np.float64]) -> None:
@@ -131,25 +130,13 @@ class Rig:
         self._on_rig, self._numbers, self._standing, self._materials = [], [], [], {}
         self._changed_texture, self._has_medium = None, False
 
-    def _project(self, light: kuafu.Light, inputs: EngineInputs) -> None:
-        """Gives a projector of an image its texture: the sensor's own one, or what effects made of it."""
-        own = self.pattern
-        if light.kind != "projector" or self._pattern is None or own is None or len(light.dots):
-            return
-        pattern = own if inputs.pattern is None else inputs.pattern
-        if pattern is own or np.array_equal(pattern, own):
+    def _texture_of(self, own: Pattern, seen: NDArray[np.float32] | None) -> int:
+        """The texture of the sensor's own pattern, or of what effects made of it."""
+        if seen is None or seen is own.radiant or np.array_equal(seen, own.radiant):
             if self._texture is None:
-                self._texture = self._scene.add_texture(self._pattern, name="projector pattern")
-            light.texture = self._texture
-        else:
-            if self._changed_texture is None:
-                changed = np.ascontiguousarray(pattern, np.float32)
-                self._changed_texture = self._scene.add_texture(changed, name="changed projector pattern")
-            light.texture = self._changed_texture
-
-
-def pattern_of(image: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Relative radiant intensity 0..1 of an 8-bit image, which nobody may change in place."""
-    pattern = image.astype(np.float32) / np.float32(255.0)
-    pattern.flags.writeable = False
-    return pattern
+                self._texture = self._scene.add_texture(own.image, name="projector pattern")
+            return self._texture
+        if self._changed_texture is None:
+            changed = np.ascontiguousarray(seen, np.float32)
+            self._changed_texture = self._scene.add_texture(changed, name="changed projector pattern")
+        return self._changed_texture

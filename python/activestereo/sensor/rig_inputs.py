@@ -1,47 +1,53 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Like sensors as both engines are told of them: inputs by configuration, model, velocity and conditions, and the
-cameras and lights that follow from them."""
+"""Like sensors as both engines are told of them: inputs by plan, model, velocity and conditions, and the cameras and
+lights that follow from them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import deepcopy
+from dataclasses import replace
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
+import simsense
 from activestereo.camera.auto_exposure import Setting
-from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.common.lens import lens_fields
-from activestereo.common.pose import Pose, camera_to_world
+from activestereo.camera.plan import SensorPlan
+from activestereo.capture.capture import Frame
+from activestereo.common.pose import Pose, camera_to_world, carried_twist
 from activestereo.effects.core.descriptor import Effect
-from activestereo.effects.core.engine import EngineInputs, apply_engine, moved_pose
+from activestereo.effects.core.engine import EngineCamera, EngineInputs, apply_engine, moved_pose
+from activestereo.effects.core.model import Model
+from activestereo.effects.core.scene_surfaces import split_surfaces
+from activestereo.effects.engines.scene_measurement import SceneMeasurement
 from activestereo.effects.engines.world import copy_camera
-from activestereo.model import SensorModel
-from activestereo.sensor.inputs import exposed_anew, fitted_to, give_velocity, sensor_inputs, shutter, twist_of
+from activestereo.model import SensorModel, read_model
 from activestereo.sensor.rig import LATER, Rig
+
+# Media reach so far beyond scene and rig.
+_MARGIN_M = 0.05
 
 
 class RigInputs:
-    """config: a copy is kept, which automatic exposure changes. environments, model, source: as SensorEngine has them.
-    takes_image_effects: whether effects may act outside of the engines. ValueError for a model that does not fit."""
+    """environments, model, source: as SensorEngine has them. takes_image_effects: whether effects may act outside of
+    the engines. ValueError for a model that does not fit."""
 
     def __init__(
-        self, config: StereoDepthSensorConfig, scene: kuafu.Scene, environments: Sequence[int | None],
+        self, plan: SensorPlan, scene: kuafu.Scene, environments: Sequence[int | None],
         model: SensorModel | str | PathLike[str] | None, source: object, takes_image_effects: bool,
     ) -> None:  # fmt: skip
-        self.config = deepcopy(config)
-        self.config.check()
+        self.plan, self.setting = plan, plan.exposure.start
         self.scene, self.is_one = scene, list(environments) == [None]
         # What each sensor's cameras look into.
         self.environments = [environment or 0 for environment in environments]
         self._takes_image_effects = takes_image_effects
-        self._effects, self._scene_measurement, self._ambient_radiance = fitted_to(scene, source, model, self.config)
-        pattern = self.config.pattern() if self.config.light_dots is None else None
-        self.in_scene = Rig(scene, environments, None if pattern is None else pattern[0])
+        self._effects, self._scene_measurement, ambient_dn = _fitted_to(scene, source, model)
+        self._ambient_radiance = plan.ambient_radiance if ambient_dn is None else ambient_dn / plan.responsivity_dn
+        self.in_scene = Rig(scene, environments)
         # The effects that act outside of the engines.
         self.left_over: tuple[tuple[Effect, dict[str, float]], ...] = ()
         self.twist = np.zeros(6)
@@ -49,34 +55,34 @@ class RigInputs:
         self.right_turn: NDArray[np.float64] | None = None  # [sensors, 4, 4]: how the right cameras are turned
         self._frame = 0
         self._rigs: NDArray[np.float64] | None = None
-        self._inputs: EngineInputs | None = None
         self._is_closed = False
+        self._inputs: EngineInputs | None = self._found()
 
     def inputs(self) -> EngineInputs:
         """The engines' inputs, with the RGB camera at the origin; found again where sensor or conditions have
         changed."""
         if self._inputs is None:
-            c, emitter = self.config, self.config.emitter_power(self._frame)
-            inputs = sensor_inputs(
-                c, self.scene, self.twist, *self._conditions, self.in_scene.pattern, self._ambient_radiance, emitter
-            )
-            inputs.scene_materials = self.in_scene.material
-            self._scene_measurement.apply(inputs)
-            self.left_over = apply_engine(inputs, self._effects.effects)
-            self._refuse(inputs)
-            cameras = [(side.camera, side.delay_s) for side in inputs.sides]
-            self._cameras_on_rig = [
-                moved_pose(e.camera_to_world, e.linear_velocity, e.angular_velocity, t) for e, t in cameras
-            ]
+            inputs = self._found()
             if not self._is_closed:
-                self.in_scene.enter(inputs, c.projector_intensity * emitter)
-                if c.projector_always_on and self._rigs is not None:
-                    self.in_scene.shine(self._rigs)
-            others = self.environments[1:]
-            self._ir_cameras = [[camera, *(copy_camera(camera, 0.0) for _ in others)] for camera, _ in cameras]
-            self._rgb_cameras = [self._rgb_camera() for _ in self.environments]
+                self._enter(inputs)
             self._inputs = inputs
         return self._inputs
+
+    def enter(self) -> None:
+        """Puts what the sensors have in the scene into it, for the first time; where that fails, nothing."""
+        try:
+            self._enter(self.inputs())
+        except BaseException:
+            self.in_scene.leave()
+            raise
+
+    def make_matcher(self, count: int) -> simsense.Engine:
+        """A depth engine for so many pairs at a time."""
+        device = simsense.Device(self.scene.device.info.device_uuid)
+        told: dict[str, Any] = self.plan.engine | self.setting.of(self.plan.signal)
+        engine = simsense.Engine(device, batch_count=count, **told)
+        engine.set_signal(*self.signals())
+        return engine
 
     def signals(self) -> list[dict[str, float]]:
         """The imagers' parameters, left and right."""
@@ -102,7 +108,7 @@ class RigInputs:
 
     def visible(self) -> dict[str, Any]:
         """Keyword arguments of a render of the RGB cameras."""
-        return {"band": "visible", "environments": self.environments, "optics": self.config.rgb_optics}
+        return {"band": "visible", "environments": self.environments, "optics": self.plan.rgb_optics}
 
     def infrared(self, side: int | None = None) -> dict[str, Any]:
         """Keyword arguments of a render of the infrared cameras. side: 0 or 1, one sensor's; None: all."""
@@ -119,7 +125,7 @@ class RigInputs:
 
     def darken(self) -> None:
         """Ends that, so that other sensors do not see them."""
-        if not self.config.projector_always_on:
+        if not self.plan.projector_always_on:
             self.in_scene.darken()
 
     # ---- what changes ----
@@ -127,21 +133,25 @@ class RigInputs:
     def begin(self, frame: int) -> EngineInputs:
         """The inputs of a picture."""
         self._frame = frame
-        if self.config.emitter == "alternating":
+        if len(set(self.plan.laser_w_sr)) > 1:
             self._inputs = None
         return self.inputs()
 
-    def set_config(self, config: StereoDepthSensorConfig) -> None:
-        self.config, self._inputs = config, None
-
-    def setting(self) -> Setting:
-        """The exposure and gain that there are."""
-        return Setting(self.config.ir_camera_exposure, self.config.ir_camera_gain)
+    def set_plan(self, plan: SensorPlan) -> None:
+        self.plan, self._inputs = plan, None
 
     def set_exposure(self, setting: Setting) -> None:
-        if setting != self.setting():
-            self.config.ir_camera_exposure, self.config.ir_camera_gain = setting.exposure_s, setting.gain
-            self._inputs = exposed_anew(self._inputs, self.config, self._effects, self._scene_measurement)
+        """The inputs are found again where effects or a scene measurement, which may depend on the exposure, have
+        touched them."""
+        if setting == self.setting:
+            return
+        self.setting = setting
+        if self._inputs is None or self._effects.effects or self._scene_measurement != SceneMeasurement():
+            self._inputs = None
+            return
+        self._inputs.frame = replace(self._inputs.frame, exposure_s=setting.exposure_s)
+        for side in self._inputs.sides:
+            side.signal, side.camera.exposure_s = self._signal(), setting.exposure_s
 
     def set_twist(self, twist: NDArray[np.float64]) -> None:
         """[6] m/s and rad/s of the left infrared camera in its own axes, of one sensor."""
@@ -149,7 +159,7 @@ class RigInputs:
         if self._inputs is None or any(side.delay_s for side in self._inputs.sides):
             self._inputs = None
             return
-        give_velocity(self._inputs, self.config, twist)
+        self._give_velocity(self._inputs)
         self._rgb_cameras = [self._rgb_camera()]
 
     def set_conditions(self, temperature_c: float | None, time_s: float) -> None:
@@ -163,13 +173,84 @@ class RigInputs:
 
     # ---- inside ----
 
-    def _rgb_camera(self) -> kuafu.Camera:
-        c, (width, height) = self.config, self.config.rgb_resolution
-        linear, angular = twist_of(c, self.twist, Pose())
-        return kuafu.Camera(
-            width, height, c.rgb_intrinsic, linear_velocity=linear, angular_velocity=angular,
-            exposure_s=c.rgb_exposure_s, **lens_fields(c.rgb_distortion), **shutter(c.rgb_line_time_s, c.rgb_readout),
+    @property
+    def _laser_w_sr(self) -> float:
+        return self.plan.laser_w_sr[self._frame % 2]
+
+    def _enter(self, inputs: EngineInputs) -> None:
+        self.in_scene.enter(inputs, self._laser_w_sr, self.plan.pattern)
+        if self.plan.projector_always_on and self._rigs is not None:
+            self.in_scene.shine(self._rigs)
+
+    def _found(self) -> EngineInputs:
+        """The inputs under the model, and the cameras that follow from them."""
+        inputs = self._unchanged()
+        self._scene_measurement.apply(inputs)
+        self.left_over = apply_engine(inputs, self._effects.effects)
+        self._refuse(inputs)
+        cameras = [(side.camera, side.delay_s) for side in inputs.sides]
+        self._cameras_on_rig = [
+            moved_pose(e.camera_to_world, e.linear_velocity, e.angular_velocity, t) for e, t in cameras
+        ]
+        others = self.environments[1:]
+        self._ir_cameras = [[camera, *(copy_camera(camera, 0.0) for _ in others)] for camera, _ in cameras]
+        self._rgb_cameras = [self._rgb_camera() for _ in self.environments]
+        return inputs
+
+    def _unchanged(self) -> EngineInputs:
+        """The inputs before any effect."""
+        plan, exposure_s = self.plan, self.setting.exposure_s
+        temperature_c, time_s = self._conditions
+        frame = Frame(
+            id=0, left_path=None, right_path=None, timestamp_s=time_s, exposure_s=exposure_s,
+            camera_to_world=np.eye(4), split="train", temperature_c=temperature_c, camera_velocity=self.twist,
         )  # fmt: skip
+        left, right = (
+            EngineCamera(
+                kuafu.Camera(**camera, exposure_s=exposure_s), kuafu.Optics(**plan.ir_optics), self._signal(), is_right
+            )
+            for camera, is_right in ((plan.left, False), (plan.right, True))
+        )
+        summary = self.scene.summary
+        inputs = EngineInputs(
+            left=left,
+            right=right,
+            projector=None if plan.projector is None else kuafu.Light(**plan.projector, ir_intensity=self._laser_w_sr),
+            pattern=plan.pattern and plan.pattern.radiant,
+            frame=frame,
+            new_light=kuafu.Light,
+            new_medium=kuafu.Medium,
+            scene_materials=self.in_scene.material,
+            material_count=summary.material_count,
+            bounds_m=_bounds(summary),
+            max_dn=float(2 ** int(plan.signal["bit_depth"]) - 1),
+            seed=plan.engine["noise_seed"],
+            ambient_radiance=self._ambient_radiance,
+            speckle_of_laser=plan.speckle_of_laser,
+        )
+        self._give_velocity(inputs)
+        return inputs
+
+    def _signal(self) -> dict[str, float]:
+        temperature_c, signal = self._conditions[0], self.setting.of(self.plan.signal)
+        return signal if temperature_c is None else signal | {"temperature_c": temperature_c}
+
+    def _twist_of(self, name: str) -> NDArray[np.float64]:
+        """[2, 3] linear and angular velocity of a part of the rig in its own camera axes."""
+        if not np.any(self.twist):  # as nearly always; each picture under automatic exposure asks
+            return np.zeros((2, 3))
+        return carried_twist(self.plan.left_to[name], self.twist).reshape(2, 3)
+
+    def _give_velocity(self, inputs: EngineInputs) -> None:
+        """Lets all that is on the rig move as the left camera does."""
+        for record, name in ((inputs.left.camera, "left"), (inputs.right.camera, "right")):
+            record.linear_velocity, record.angular_velocity = self._twist_of(name)
+        for light in ([] if inputs.projector is None else [inputs.projector]) + inputs.rig_lights:
+            light.linear_velocity, light.angular_velocity = self._twist_of("projector")
+
+    def _rgb_camera(self) -> kuafu.Camera:
+        linear, angular = self._twist_of("rgb")
+        return kuafu.Camera(**self.plan.rgb, linear_velocity=linear, angular_velocity=angular)
 
     def _refuse(self, inputs: EngineInputs) -> None:
         """ValueError for effects that these sensors have not."""
@@ -179,3 +260,31 @@ class RigInputs:
             raise ValueError(
                 f"such sensors have no {', '.join(names)}: a StereoDepthSensor has, without on_cuda and pipelined"
             )
+
+
+def _bounds(summary: kuafu.SceneSummary) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Corners of the box, metres, that holds the scene and the sensor."""
+    corners = [summary.bounds_min_m, summary.bounds_max_m] if summary.triangle_count else []
+    points = np.array([*corners, np.zeros(3)])
+    return tuple(points.min(axis=0) - _MARGIN_M), tuple(points.max(axis=0) + _MARGIN_M)
+
+
+def _fitted_to(
+    scene: kuafu.Scene, source: object, model: SensorModel | str | PathLike[str] | None
+) -> tuple[Model, SceneMeasurement, float | None]:
+    """(effects, scene measurement, the infrared light of the model's room in counts or None) in this scene. source:
+    what the scene is from; where the model tells two objects of one material apart and it is a file's path, each gets
+    a material of its own."""
+    if model is None:
+        return Model(), SceneMeasurement(), None
+    model = model if isinstance(model, SensorModel) else read_model(Path(model))
+    names = _material_names(scene)
+    if isinstance(source, (str, PathLike)) and not model.surfaces <= set(names):
+        split_surfaces(scene, Path(source))
+        names = _material_names(scene)
+    ambient = model.nuisances.get("ambient_scale")
+    return model.bound(names), model.scene_measurement(names), None if ambient is None else ambient.value
+
+
+def _material_names(scene: kuafu.Scene) -> list[str]:
+    return [scene.material_name(number) for number in range(scene.summary.material_count)]

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 import kuafu
 import simsense
 from activestereo.camera.config_limits import checked_twist
-from activestereo.camera.matching import linear_counts
+from activestereo.camera.plan import SensorPlan, matcher_parameters, plan_of, signal_parameters
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import SIDES
 from activestereo.common.limits import TEMPERATURE, TIME
@@ -72,14 +72,16 @@ class StereoDepthSensor(SensorResults):
         model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False, pipelined: bool = False,
         matcher: MatcherLike = "simsense",
     ) -> None:  # fmt: skip
+        self._config = deepcopy(config)
+        plan = plan_of(self._config)
         mount = as_mount(scene_or_mount, device)
         self._place = RigPlace(mount, Pose() if pose is None else pose)
         self._engine = SensorEngine(
-            config, mount.scene, model=model, source=scene_or_mount, pipelined=pipelined, on_cuda=on_cuda,
+            plan, mount.scene, model=model, source=scene_or_mount, pipelined=pipelined, on_cuda=on_cuda,
             copy_ir=copy_ir, matcher=matcher,
         )  # fmt: skip
-        self._depth_maps = self._engine.config.depth_maps
-        if self._engine.config.projector_always_on:
+        self._depth_maps = plan.depth_maps
+        if plan.projector_always_on:
             self._engine.rig.shine(self._rigs())
         if self._engine.rig.left_over:
             self._engine.image_effects = ImageEffects(weakref.proxy(self), self._engine.rig.left_over)
@@ -120,7 +122,7 @@ class StereoDepthSensor(SensorResults):
     ) -> dict[str, np.ndarray]:  # fmt: skip
         """{output of simsense.Engine.compute: array} of radiance of one's own, [height, width] W/(sr m^2), with picture
         frame_index's noise. *_laser: the projector's part, which alone has speckle; without, all has."""
-        shape = self._engine.config.ir_resolution[::-1]
+        shape = self._config.ir_resolution[::-1]
         pair, lasers = checked_radiance(left, right, left_laser, right_laser, shape)
         return self._engine.compute_from(pair, outputs, lasers, frame_index)
 
@@ -130,7 +132,7 @@ class StereoDepthSensor(SensorResults):
         """[left, right] float32 [height, width] in 0..1: what linear imagers would count without noise and dark
         current, over full scale."""
         light, signals = self._engine.light(), self._engine.picture().signals
-        return [linear_counts(*side) for side in zip(light, signals, strict=True)]
+        return [_linear_counts(*side) for side in zip(light, signals, strict=True)]
 
     def get_depth_map(self, name: str) -> NDArray[Any]:
         """One of the config's depth_maps, of the (rectified) left infrared camera: 'confidence' float32 [height, width]
@@ -167,8 +169,9 @@ class StereoDepthSensor(SensorResults):
     # ---- the sensor itself ----
 
     def get_config(self) -> StereoDepthSensorConfig:
-        """A copy."""
-        return deepcopy(self._engine.config)
+        config, setting = super().get_config(), self._engine.rig.setting
+        config.ir_camera_exposure, config.ir_camera_gain = setting.exposure_s, setting.gain
+        return config
 
     def get_pose(self) -> Pose:
         """The RGB camera's pose in the scene (body axes)."""
@@ -207,13 +210,18 @@ class StereoDepthSensor(SensorResults):
         return self._engine.scene.device
 
     @property
+    def plan(self) -> SensorPlan:
+        """The configuration in the engines' terms."""
+        return self._engine.plan
+
+    @property
     def engine(self) -> simsense.Engine:
         """The depth engine, a simsense.Engine."""
         return self._engine.matcher
 
     def make_engine(self) -> simsense.Engine:
         """Another depth engine of this rig and these parameters, a simsense.Engine."""
-        return self._engine.make_matcher()
+        return self._engine.rig.make_matcher(1)
 
     def engine_inputs(self) -> EngineInputs:
         """The engines' inputs for this sensor under its model, with the infrared cameras at their present poses."""
@@ -223,7 +231,7 @@ class StereoDepthSensor(SensorResults):
     @property
     def projector_to_world(self) -> NDArray[np.float64]:
         """4x4, the projector's own axes to the scene's."""
-        return self._place.matrix() @ camera_to_world(self._engine.config.pose_rgb_irproj)
+        return self._place.matrix() @ camera_to_world(self._config.pose_rgb_irproj)
 
     @property
     def frame_index(self) -> int:
@@ -238,8 +246,8 @@ class StereoDepthSensor(SensorResults):
     @property
     def ir_gain(self) -> float:
         """Counts per W/(sr m^2)."""
-        c = self._engine.config
-        return c.ir_camera_exposure * c.ir_camera_gain * c.ir_responsivity_dn
+        setting = self._engine.rig.setting
+        return setting.exposure_s * setting.gain * self._config.ir_responsivity_dn
 
     @property
     def stage_times(self) -> dict[str, float]:
@@ -267,25 +275,34 @@ class StereoDepthSensor(SensorResults):
 
     def set_ir_noise(self, ir_speckle_noise: float, ir_thermal_noise: float) -> None:
         """Scales of the default noise; ir_speckle_noise 0 switches both off. It takes the place of ir_signal."""
-        self._engine.set(ir_speckle_noise=ir_speckle_noise, ir_thermal_noise=ir_thermal_noise, ir_signal=None)
+        self._set(ir_speckle_noise=ir_speckle_noise, ir_thermal_noise=ir_thermal_noise, ir_signal=None)
 
     def set_census_window_size(self, census_width: int, census_height: int) -> None:
-        self._engine.set(census_width=census_width, census_height=census_height)
+        self._set(census_width=census_width, census_height=census_height)
 
     def set_matching_block_size(self, block_width: int, block_height: int) -> None:
-        self._engine.set(block_width=block_width, block_height=block_height)
+        self._set(block_width=block_width, block_height=block_height)
 
     def set_penalties(self, p1: int, p2: int) -> None:
-        self._engine.set(p1=p1, p2=p2)
+        self._set(p1=p1, p2=p2)
 
     def set_uniqueness_ratio(self, uniqueness_ratio: int) -> None:
-        self._engine.set(uniqueness_ratio=uniqueness_ratio)
+        self._set(uniqueness_ratio=uniqueness_ratio)
 
     def set_lr_max_diff(self, lr_max_diff: int) -> None:
         """-1 switches the check off."""
-        self._engine.set(lr_max_diff=lr_max_diff)
+        self._set(lr_max_diff=lr_max_diff)
 
     # ---- inside ----
+
+    def _set(self, **changes: Any) -> None:
+        """Changes fields of the configuration that matcher and noise depend on. ValueError changes nothing."""
+        config = self.get_config()
+        for name, value in changes.items():
+            setattr(config, name, value)
+        config.check()
+        self._engine.set(matcher_parameters(config), signal_parameters(config))
+        self._config = config
 
     def _of(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
         return get(self._engine)
@@ -296,3 +313,12 @@ class StereoDepthSensor(SensorResults):
     def _rigs(self) -> NDArray[np.float64]:
         """[1, 4, 4]."""
         return self._place.matrix()[None]
+
+
+def _linear_counts(image: NDArray[np.float32], signal: dict[str, float]) -> NDArray[np.float32]:
+    """Counts over full scale, 0..1, of a linear imager without noise and dark current for an image of radiance."""
+    full_scale_dn = 2 ** signal["bit_depth"] - 1
+    per_radiance = signal["exposure_s"] * signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"]
+    warming_k = signal["temperature_c"] - signal["dark_reference_c"]
+    black_dn = signal["black_level_dn"] + signal["black_level_dn_per_k"] * warming_k
+    return np.clip(image * np.float32(per_radiance / full_scale_dn) + np.float32(black_dn / full_scale_dn), 0.0, 1.0)

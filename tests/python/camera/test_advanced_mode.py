@@ -17,7 +17,7 @@ from activestereo.camera.advanced_mode import (
 )
 from activestereo.camera.advanced_mode.page import page
 from activestereo.camera.advanced_mode.settings import keys, parse_settings
-from activestereo.camera.matching import matcher_parameters as of_config
+from activestereo.camera.plan import matcher_parameters as of_config
 from activestereo.camera.presets import StereoDepthSensorConfig
 
 BASE = of_config(StereoDepthSensorConfig("D415"))

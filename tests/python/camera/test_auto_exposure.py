@@ -66,7 +66,8 @@ def test_a_new_exposure_reaches_all_that_the_engines_are_told(config):
     sensor.take_picture(infrared_only=True)
     now, changed = sensor.get_config(), sensor.engine_inputs()
     told = sensor.engine.signal
-    sensor.set_conditions(temperature_c=50.0)
+    for temperature_c in (51.0, 50.0):
+        sensor.set_conditions(temperature_c)
     afresh = sensor.engine_inputs()
     assert afresh is not changed and changed.frame.exposure_s == now.ir_camera_exposure != config.ir_camera_exposure
     assert sensor.engine.signal == told

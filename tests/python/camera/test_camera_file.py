@@ -4,6 +4,7 @@
 import pytest
 
 from activestereo import StereoDepthSensorConfig
+from activestereo.camera.plan import pattern_of
 from activestereo.camera.camera_file import BASES, FIELDS, FOLDER, camera_names, read_camera
 from activestereo.cli import main
 
@@ -27,7 +28,7 @@ def test_the_asked_cameras_are_there_and_make_configurations():
     )
     blacks = {name: StereoDepthSensorConfig(name).ir_black_level_dn for name in ("D415", "D435i")}
     assert 3 <= blacks["D415"] <= 5 and blacks["D435i"] == 17
-    assert StereoDepthSensorConfig("d405").pattern() is None
+    assert pattern_of(StereoDepthSensorConfig("d405")) is None
     for name, baseline_m in {"D415": 0.055, "D435": 0.05, "D455": 0.095, "D405": 0.018}.items():
         config = StereoDepthSensorConfig(name)
         assert config.focal_baseline_px_m / config.ir_intrinsic[0, 0] == pytest.approx(baseline_m, rel=0.01)

@@ -90,11 +90,11 @@ def test_scaled_keeps_what_a_camera_sees():
 
 @pytest.mark.parametrize("model", StereoDepthSensorConfig.SUPPORTED_MODELS)
 def test_every_sensor_can_be_small(model):
-    from activestereo.camera.matching import engine_parameters
+    from activestereo.camera.plan import plan_of
 
     config = StereoDepthSensorConfig(model).scaled(0.125)
     if config.ir_signal:
-        assert engine_parameters(config)["speckle_psf_sigma_px"] == 0.0
+        assert plan_of(config).signal["speckle_psf_sigma_px"] == 0.0
         assert config.ir_optics["psf_sigma_px"] == pytest.approx(
             StereoDepthSensorConfig(model).ir_optics["psf_sigma_px"] / 8
         )

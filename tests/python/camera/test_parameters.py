@@ -15,7 +15,7 @@ from activestereo.cli.arguments import CommandError
 from activestereo.cli.engine_options import given_matching, given_rig
 from activestereo.cli.simulate import make_config
 from activestereo.common.matcher_table import MATCHER, RIG
-from activestereo.camera.matching import matcher_parameters, render_parameters, renderer_parameters, rig_parameters
+from activestereo.camera.plan import matcher_parameters, parameters
 from activestereo.common.parameter import Parameter
 from activestereo.camera.presets import OF_THE_CAMERA, SAPIEN_DEFAULTS, SAPIEN_NAMES
 from activestereo.common.render_table import RENDER, RENDERER
@@ -86,7 +86,7 @@ def test_the_engines_place_memory_and_faults_are_options_too(command: str) -> No
     expected = {"back_end": "cpu", "low_memory": True, "faults": ("splat_invalid", "remap_nearest")}
     assert given_rig(args) == expected and {p.name for p in RIG} == set(expected)
     if command == "simulate":
-        assert rig_parameters(make_config(args)) == expected
+        assert parameters(make_config(args), RIG) == expected
 
 
 def test_names_of_faults_and_back_ends_are_those_of_the_library() -> None:
@@ -112,10 +112,10 @@ def test_every_option_of_a_render_is_in_the_configuration_and_on_the_command_lin
 
 def test_what_a_render_is_told_are_all_options_that_a_sensor_does_not_decide_itself() -> None:
     device = kuafu.Device("cpu")
-    renderer = kuafu.Renderer(device, **renderer_parameters(StereoDepthSensorConfig()))
+    renderer = kuafu.Renderer(device, **parameters(StereoDepthSensorConfig(), RENDERER))
     camera = kuafu.Camera(4, 4, [[4, 0, 2], [0, 4, 2], [0, 0, 1]])
     config = make_config(parse("simulate", "--spp", "3", "--ir-ambient-radiance", "0.5", "--max-bounces", "0"))
-    image = renderer.render(kuafu.Scene(device), camera, **render_parameters(config))["radiance"]
+    image = renderer.render(kuafu.Scene(device), camera, **parameters(config, RENDER))["radiance"]
     assert renderer.summary.samples_per_pixel == 3
     np.testing.assert_allclose(image, 0.5, rtol=1e-6)
 

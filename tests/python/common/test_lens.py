@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
+from activestereo.camera.plan import plan_of
 from activestereo.camera.registration import registered
 from activestereo.common.lens import distort, is_distorting, is_drawn, undistort
 from activestereo.compare.camera_warp import warp_between
@@ -85,8 +86,8 @@ def test_points_beyond_the_fold_are_not_registered(small_config):
     k = np.array([[100.0, 0, 149.5], [0, 100.0, 19.5], [0, 0, 1]])
     beyond = np.zeros((40, 300), np.float32)
     beyond[:, np.abs(np.arange(300) - 149.5) > 110] = 1.0
-    assert not registered(beyond, k, np.eye(4), small_config).any()
-    assert registered(1.0 - beyond, k, np.eye(4), small_config).any()
+    assert not registered(beyond, k, np.eye(4), plan_of(small_config)).any()
+    assert registered(1.0 - beyond, k, np.eye(4), plan_of(small_config)).any()
 
 
 def test_the_other_camera_does_not_see_beyond_its_fold():

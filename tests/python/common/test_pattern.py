@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from activestereo import StereoDepthSensorConfig
+from activestereo.camera.plan import pattern_of
 from activestereo.common.pattern import UNIQUE_WINDOW, PatternDesign, dots, make_pattern
 
 
 def camera_pixels(config):
     """Pattern pixels in one pixel of the infrared camera; the same at every distance, since both see angles."""
-    image, k = config.pattern()
+    image, k = pattern_of(config)
     return k[0, 0] / config.ir_intrinsic[0, 0]
 
 
@@ -40,7 +41,7 @@ def test_windows_along_a_row_are_unique_within_the_disparity_range(model):
 
 def test_d435_shows_about_5000_dots_to_its_cameras():
     config = StereoDepthSensorConfig("D435")
-    _, k = config.pattern()
+    _, k = pattern_of(config)
     x, y, _ = dots(config.pattern_design)
     u = (x - k[0, 2]) / k[0, 0] * config.ir_intrinsic[0, 0] + config.ir_intrinsic[0, 2]
     v = (y - k[1, 2]) / k[1, 1] * config.ir_intrinsic[1, 1] + config.ir_intrinsic[1, 2]
@@ -51,7 +52,7 @@ def test_d435_shows_about_5000_dots_to_its_cameras():
 @pytest.mark.parametrize("model", ["D415", "D435"])
 def test_pattern_covers_the_infrared_view(model):
     config = StereoDepthSensorConfig(model)
-    image, k = config.pattern()
+    image, k = pattern_of(config)
     for axis, pixels in ((0, image.shape[1]), (1, image.shape[0])):
         half_camera = 0.5 * config.ir_resolution[axis] / config.ir_intrinsic[axis, axis]
         assert 0.5 * pixels / k[axis, axis] > half_camera

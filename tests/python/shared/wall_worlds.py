@@ -9,6 +9,7 @@ import numpy as np
 
 import kuafu
 from activestereo import StereoDepthSensorConfig
+from activestereo.camera.plan import pattern_k
 from activestereo.scene_io import meshes
 from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig
 from activestereo.capture.write import write_capture
@@ -33,7 +34,7 @@ class WallWorld:
 
     @property
     def projector_K(self) -> np.ndarray:
-        return self.config.pattern_k(self.config.pattern_design.width, self.config.pattern_design.height)
+        return pattern_k(self.config, self.config.pattern_design.width, self.config.pattern_design.height)
 
     def true_dots(self) -> np.ndarray:
         """[n][3]: u, v and peak."""

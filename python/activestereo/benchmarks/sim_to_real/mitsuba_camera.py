@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from activestereo.benchmarks.sim_to_real.mitsuba_scene import mitsuba, pose, projector
 from activestereo.benchmarks.sim_to_real.views import rotation
+from activestereo.camera.plan import pattern_k
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pattern import PatternDesign, make_pattern
 from activestereo.common.pose import Pose, camera_to_world
@@ -34,7 +35,7 @@ class MitsubaCamera:
         design = config.pattern_design
         own = {"seed": design.seed + _PATTERN_SEED, "dot_sigma_px": _DOT_WIDTH * design.dot_sigma_px}
         pattern = make_pattern(PatternDesign(**{**vars(design), **own})) / 255.0
-        k = config.pattern_k(design.width, design.height)
+        k = pattern_k(config, design.width, design.height)
         k[[0, 1], [0, 1]] /= config.light_pattern_scale
         self._laser = projector(self._mi, pattern, k, _LASER_SHARE * config.projector_intensity, np.eye(4))
 

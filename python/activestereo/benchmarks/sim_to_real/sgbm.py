@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.camera.plan import plan_of
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.camera.registration import registered
 
@@ -15,7 +16,7 @@ class Sgbm:
     """OpenCV's matcher for rectified pairs that `config` describes."""
 
     def __init__(self, config: StereoDepthSensorConfig) -> None:
-        self._config = config
+        self._config, self._plan = config, plan_of(config)
         self._border = -(-config.max_disparity // 16) * 16
         mode = cv2.STEREO_SGBM_MODE_HH
         self._matcher = cv2.StereoSGBM_create(0, self._border, 5, 8 * 25, 32 * 25, 1, 0, 8, 60, 2, mode)
@@ -25,4 +26,4 @@ class Sgbm:
         wide = [cv2.copyMakeBorder(i, 0, 0, self._border, 0, cv2.BORDER_REPLICATE) for i in (left, right)]
         disparity = self._matcher.compute(*wide)[:, self._border :].astype(np.float32) / 16.0
         depth = np.where(disparity > 0.5, self._config.focal_baseline_px_m / np.maximum(disparity, 0.5), 0.0)
-        return registered(depth.astype(np.float32), self._config.ir_intrinsic, np.eye(4), self._config)
+        return registered(depth.astype(np.float32), self._config.ir_intrinsic, np.eye(4), self._plan)

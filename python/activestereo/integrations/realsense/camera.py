@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo.camera.advanced_mode import AdvancedSettings, camera_fields, depth_table, matcher_parameters
 from activestereo.camera.advanced_mode.presets import visual_preset
-from activestereo.camera.matching import matcher_parameters as matcher_of
+from activestereo.camera.plan import matcher_parameters as matcher_of
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import Pose, body_pose, camera_to_camera
 from activestereo.integrations.realsense.enums import option, rs400_visual_preset, stream
@@ -193,7 +193,8 @@ class SimulatedCamera:
 
     def is_lit(self) -> bool:
         """Whether the projector shone in the last picture."""
-        return self.config().emitter_power(self._ready().frame_index) > 0
+        sensor = self._ready()
+        return sensor.plan.laser_w_sr[sensor.frame_index % 2] > 0
 
     def close(self) -> None:
         if self._sensor is not None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from activestereo.camera.plan import ir_intrinsics
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig
 from activestereo.capture.images import image_size, read_gray
@@ -33,7 +34,7 @@ def pictures_capture(folder: Path, config: StereoDepthSensorConfig) -> Capture:
         scaled = config.scaled(size[0] / config.ir_resolution[0])
         config = scaled if scaled.ir_resolution == size else config.resized(*size)
     left, right = (
-        Camera(*size, *(np.array(part) for part in config.ir_intrinsics(is_right))) for is_right in (False, True)
+        Camera(*size, *(np.array(part) for part in ir_intrinsics(config, is_right))) for is_right in (False, True)
     )
     left_to_right = camera_to_camera(config.trans_pose_l, config.trans_pose_r)
     rig = Rig(left, right, left_to_right, Projector(_NONE, np.eye(3), np.eye(4)), bits)

@@ -54,7 +54,7 @@ class Settings:
             config.ir_camera_gain = self.gain
         if self.laser_power_mw is not None:
             config.laser_power_mw = self.laser_power_mw
-            config.emitter_power(0)  # ValueError for a power that the laser has not
+            config.check()  # ValueError for a power that the laser has not
         if not self.has_noise:
             config.ir_speckle_noise, config.ir_speckle_of_laser = 0.0, False
             if config.ir_signal is not None:

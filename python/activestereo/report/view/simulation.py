@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
+from activestereo.camera.plan import pattern_of
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.lens import is_distorting
 from activestereo.common.pose import Pose, body_pose
@@ -133,7 +134,7 @@ def with_left_as_colour(config: StereoDepthSensorConfig) -> StereoDepthSensorCon
     """The sensor with its colour camera moved into the left infrared one's place, which it then sees exactly as: depth
     is registered to the left image. Its pattern is drawn once for all pictures."""
     out = deepcopy(config)
-    drawn = out.pattern()
+    drawn = pattern_of(out)
     out.light_pattern = None if drawn is None else drawn[0]
     to_left = config.trans_pose_l.inv()
     out.trans_pose_l = Pose()

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
 
 import simsense
+from activestereo.camera.plan import ir_intrinsics
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.window_statistics import mean_and_deviation
 from activestereo.sensor.gbuffer.warp import in_front
@@ -49,7 +50,7 @@ def hidden_from_right(
 
 def _right_column(config: StereoDepthSensorConfig, inverse_depth: Floats) -> Floats:
     """Columns of the right image where the left one's pixels lie."""
-    k_left, k_right = config.ir_intrinsics(False)[0], config.ir_intrinsics(True)[0]
+    k_left, k_right = ir_intrinsics(config, False)[0], ir_intrinsics(config, True)[0]
     disparity = config.focal_baseline_px_m * inverse_depth
     return np.asarray(np.arange(disparity.shape[-1]) - disparity + (k_right[0, 2] - k_left[0, 2]))
 

@@ -17,10 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import kuafu
-import simsense
-from activestereo.camera.auto_exposure import AutoExposure
 from activestereo.camera.config_limits import FRAME
-from activestereo.camera.matching import make_engine
+from activestereo.camera.plan import plan_of
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.lens import is_distorting
 from activestereo.common.limits import POWER, Limits
@@ -63,7 +61,7 @@ class GBufferStereo:
         config = StereoDepthSensorConfig(config) if isinstance(config, str) else deepcopy(config)
         if config.ir_exposure_mode == "converging":
             config.ir_exposure_mode = "settled"
-        config.check()
+        plan, self._config = plan_of(config), config
         for name in ("ir_distortion", "ir_distortion_right"):
             if is_distorting(getattr(config, name) or (0.0,)):
                 raise ValueError(f"{name} is {getattr(config, name)}: G-buffers are of pinholes: set it to zeros")
@@ -73,17 +71,17 @@ class GBufferStereo:
         device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
         self._scene = kuafu.Scene(device)
         self._materials = MaterialNumbers(self._scene, materials)
-        self._rig = RigInputs(config, self._scene, [None], model, None, takes_image_effects=False)
+        self._rig = RigInputs(plan, self._scene, [None], model, None, takes_image_effects=False)
         self._renderer = kuafu.Renderer(device)
         self._views = [InputImages(device, self.shape, self._materials) for _ in range(2)]
         self._shadows = InputImages(device, self.shape, self._materials)
-        own = simsense.Device(device.info.device_uuid)
+        self._engine = self._rig.make_matcher(self._count)
         width, height = config.ir_resolution
-        self._link = IrLink(device, own, width, height, count=self._count)
-        self._engine = make_engine(config, own, self._count)
-        self._exposure, self._frame = AutoExposure(config), -1
+        self._link = IrLink(device, self._engine.device, width, height, count=self._count)
+        self._exposure, self._frame = plan.exposure, -1
         self._seeds: list[int] | None = None
-        self._k = np.array(config.ir_intrinsics(False)[0])
+        self._k = plan.left["k"]
+        self._rig.enter()
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -203,10 +201,6 @@ class GBufferStereo:
 
     # ---- inside ----
 
-    @property
-    def _config(self) -> StereoDepthSensorConfig:
-        return self._rig.config
-
     def _require(self, given: Mapping[str, Any], whose: str) -> None:
         """That the images say what surfaces are of."""
         if given.get("depth") is None:
@@ -263,7 +257,7 @@ class GBufferStereo:
             link.put(images)
 
     def _light_of(self, left: NDArray[np.float32], inputs: EngineInputs) -> float:
-        setting = self._exposure.after(self._config, inputs.left.signal, left, inputs.max_dn)
+        setting = self._exposure.after(self._exposure.start, inputs.left.signal, left, inputs.max_dn)
         return setting.light_s / self._exposure.start.light_s
 
     def _per_environment(self, name: str, values: ArrayLike, limits: Limits) -> NDArray[np.float64]:

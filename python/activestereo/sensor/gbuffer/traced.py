@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
+from activestereo.camera.plan import ir_intrinsics
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.lens import is_distorting
 from activestereo.effects.core.engine import EngineInputs
@@ -38,7 +39,7 @@ def traced_causes(sensor: TracedSensor, reason: NDArray[np.uint8]) -> NDArray[np
     """uint8 [height, width], an index into cause.CAUSES, of the scene as it is now. reason: the matcher's. ValueError
     for a sensor whose images are rectified before they are matched."""
     config = sensor.get_config()
-    if not config.rectified or any(is_distorting(config.ir_intrinsics(is_right)[1]) for is_right in (False, True)):
+    if not config.rectified or any(is_distorting(ir_intrinsics(config, is_right)[1]) for is_right in (False, True)):
         raise ValueError("causes are told of pairs that are matched as they come: rectified=True, and no distortion")
     inputs = sensor.engine_inputs()
     depth, numbers = (sensor.get_picture(name, "left")[None, ..., 0] for name in ("depth", "material_id"))

@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor's configuration in the engines' terms, resolved once, when the sensor is made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import simsense
+from activestereo.camera.auto_exposure import AutoExposure, Setting
+from activestereo.camera.config_limits import check_together
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.capture.images import read_gray
+from activestereo.common.lens import is_distorting, lens_fields
+from activestereo.common.matcher_table import MATCHER, RIG
+from activestereo.common.parameter import Parameter
+from activestereo.common.pattern import make_pattern
+from activestereo.common.pose import Pose, camera_to_camera, camera_to_world
+from activestereo.common.render_table import RENDER, RENDERER
+
+# SAPIEN's noise at scale 1: a gamma factor of shape 1333.33 and mean 1, and Gaussian noise of 0.25 counts.
+SPECKLE_SHAPE = 1333.33
+THERMAL_SIGMA_DN = 0.25
+# A collimated beam is in focus here: a dot is the beam's width in metres beside its angle.
+_FAR_M = 1e6
+
+
+class Pattern(NamedTuple):
+    """A projector's image, and its relative radiant intensity 0..1, which nobody may change in place."""
+
+    image: NDArray[np.uint8]
+    radiant: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class SensorPlan:
+    """The parts that renderer, imagers, rectification, matcher and registration get of a sensor whose RGB camera is at
+    the origin. A mapping holds keyword arguments.
+
+    rgb, left, right: of kuafu.Camera, but for velocities and the infrared exposure. left_to: 4x4 from the left camera's
+    axes to those of 'rgb', 'left', 'right' and 'projector'. ir_optics: of kuafu.Optics; rgb_optics: the same or None.
+    projector: of kuafu.Light, but for its intensity; None where there is none. pattern: the projector's image, None
+    where it has dots. laser_w_sr: its intensity in even and in odd pictures. renderer: of kuafu.Renderer; render: of
+    its render(). engine: of simsense.Engine, but for the imagers. signal: the imagers' parameters at gain 1.
+    responsivity_dn: counts per W s / (sr m^2) at gain 1."""
+
+    rgb: dict[str, Any]
+    left: dict[str, Any]
+    right: dict[str, Any]
+    left_to: dict[str, NDArray[np.float64]]
+    ir_optics: dict[str, Any]
+    rgb_optics: dict[str, Any] | None
+    rgb_exposure: float | None
+    projector: dict[str, Any] | None
+    pattern: Pattern | None
+    laser_w_sr: tuple[float, float]
+    projector_always_on: bool
+    ambient_radiance: float
+    renderer: dict[str, Any]
+    render: dict[str, Any]
+    render_seed: int
+    engine: dict[str, Any]
+    signal: dict[str, float]
+    responsivity_dn: float
+    speckle_of_laser: bool
+    exposure: AutoExposure
+    depth_maps: tuple[str, ...]
+
+
+def plan_of(config: StereoDepthSensorConfig) -> SensorPlan:
+    """ValueError where fields of the configuration do not go together."""
+    pattern = _pattern(config) if config.light_dots is None else None
+    check_together(vars(config))
+    seen = {
+        "rgb": (config.rgb_resolution, config.rgb_intrinsic, config.rgb_distortion),
+        "left": (config.ir_resolution, *ir_intrinsics(config, is_right=False)),
+        "right": (config.ir_resolution, *ir_intrinsics(config, is_right=True)),
+    }
+    cameras = {
+        name: {"width": width, "height": height, "k": np.array(k, np.float64), **lens_fields(lens)}
+        for name, ((width, height), k, lens) in seen.items()
+    }
+    is_distorted = is_distorting(seen["left"][2]) or is_distorting(seen["right"][2])
+    shutter = _shutter(config.ir_line_time_s, config.ir_readout)
+    rgb_shutter = _shutter(config.rgb_line_time_s, config.rgb_readout) | {"exposure_s": config.rgb_exposure_s}
+    laser_w_sr, signal, exposure = _laser_w_sr(config), signal_parameters(config), _exposure(config)
+    projector = _projector(config, pattern)
+    places = {"left": config.trans_pose_l, "right": config.trans_pose_r, "projector": config.pose_rgb_irproj}
+    on_rig = {name: camera_to_world(Pose() * place) for name, place in places.items()}
+    left_to = {name: camera_to_camera(places["left"], place) for name, place in (places | {"rgb": Pose()}).items()}
+    matching: dict[str, Any] = {name: simsense.Camera(**camera) for name, camera in cameras.items()}
+    matching |= {"left_to_right": left_to["right"], "left_to_rgb": left_to["rgb"], "noise_seed": config.noise_seed}
+    matching["rectified"] = config.rectified and not is_distorted
+    return SensorPlan(
+        rgb=cameras["rgb"] | rgb_shutter,
+        left=cameras["left"] | shutter | {"camera_to_world": on_rig["left"]},
+        right=cameras["right"] | shutter | {"camera_to_world": on_rig["right"]},
+        left_to=left_to,
+        ir_optics=dict(config.ir_optics or {}),
+        rgb_optics=config.rgb_optics,
+        rgb_exposure=config.rgb_exposure,
+        projector=projector and projector | {"light_to_world": on_rig["projector"]},
+        pattern=pattern,
+        laser_w_sr=laser_w_sr,
+        projector_always_on=config.projector_always_on,
+        ambient_radiance=config.ir_ambient_radiance,
+        renderer=parameters(config, RENDERER),
+        render=parameters(config, RENDER),
+        render_seed=config.render_seed,
+        engine=matching | parameters(config, RIG) | matcher_parameters(config),
+        signal=signal,
+        responsivity_dn=config.ir_responsivity_dn,
+        speckle_of_laser=bool(config.ir_speckle_of_laser),
+        exposure=exposure,
+        depth_maps=tuple(config.depth_maps),
+    )
+
+
+def parameters(config: StereoDepthSensorConfig, table: Sequence[Parameter]) -> dict[str, Any]:
+    """The configuration's values of an engine's parameters."""
+    return {p.name: getattr(config, p.name) for p in table}
+
+
+def matcher_parameters(config: StereoDepthSensorConfig) -> dict[str, Any]:
+    """The stereo matcher's parameters."""
+    return parameters(config, MATCHER)
+
+
+def ir_intrinsics(config: StereoDepthSensorConfig, is_right: bool) -> tuple[np.ndarray, Sequence[float]]:
+    """(K, distortion) of an infrared camera."""
+    k, lens = (config.ir_intrinsic_right, config.ir_distortion_right) if is_right else (None, None)
+    return config.ir_intrinsic if k is None else k, config.ir_distortion if lens is None else lens
+
+
+def signal_parameters(config: StereoDepthSensorConfig) -> dict[str, float]:
+    """Both imagers' parameters, all of them, at gain 1: ir_signal or SAPIEN's noise, with responsivity and black
+    level."""
+    signal = config.ir_signal
+    if isinstance(signal, str):
+        signal = simsense.signal_preset(signal)  # type: ignore[arg-type]  # the engine knows them, and says so
+    signal = simsense.signal_preset("neutral") | (_sapien_noise(config) if signal is None else signal)
+    signal["responsivity_e"] *= config.ir_responsivity_dn
+    signal["black_level_dn"] += config.ir_black_level_dn
+    return signal
+
+
+def _sapien_noise(config: StereoDepthSensorConfig) -> dict[str, float]:
+    speckle = config.ir_speckle_noise
+    if speckle == 0:
+        return {"speckle_shape": 0.0, "speckle_scale": 0.0, "adc_noise_dn": 0.0}
+    return {
+        "speckle_shape": SPECKLE_SHAPE / speckle,
+        "speckle_scale": speckle / SPECKLE_SHAPE,
+        "adc_noise_dn": THERMAL_SIGMA_DN * config.ir_thermal_noise,
+    }
+
+
+def pattern_of(config: StereoDepthSensorConfig) -> tuple[NDArray[np.uint8], NDArray[np.float64]] | None:
+    """The projector's image as uint8 [height, width] and its 3x3 K, or None where there is no projector."""
+    pattern = _pattern(config)
+    return None if pattern is None else (pattern.image, pattern_k(config, *pattern.image.shape[::-1]))
+
+
+def _pattern(config: StereoDepthSensorConfig) -> Pattern | None:
+    image: Any = config.light_pattern
+    if image is None:
+        return None
+    if not isinstance(image, np.ndarray):
+        image = make_pattern(config.pattern_design) if image == "generated" else read_gray(image, key="light_pattern")
+    radiant = image.astype(np.float32) / np.float32(255.0)
+    radiant.flags.writeable = False
+    return Pattern(image, radiant)
+
+
+def pattern_k(config: StereoDepthSensorConfig, width: int, height: int) -> np.ndarray:
+    """The projector's 3x3 K for a pattern image of this size."""
+    if config.pattern_intrinsic is not None:
+        return np.array(config.pattern_intrinsic, dtype=np.float64)
+    focal = 0.5 * width / np.tan(0.5 * config.active_light_fov)
+    return np.array([[focal, 0.0, 0.5 * (width - 1)], [0.0, focal, 0.5 * (height - 1)], [0.0, 0.0, 1.0]])
+
+
+def _projector(config: StereoDepthSensorConfig, pattern: Pattern | None) -> dict[str, Any] | None:
+    """Keyword arguments of kuafu.Light but for the place; None where there are neither dots nor an image."""
+    fields: dict[str, Any] = {"kind": "projector", "name": "projector"}
+    fields |= {"falloff": config.projector_falloff, "pattern_scale": config.light_pattern_scale}
+    if config.projector_beam_radius_m > 0.0:
+        fields |= {"radius_m": config.projector_beam_radius_m, "focus_m": _FAR_M}
+    if config.light_dots is not None:
+        design = config.pattern_design
+        dots: dict[str, Any] = {"dots": config.light_dots, "dot_background": config.light_dot_background}
+        dots |= {"pattern_width": design.width, "pattern_height": design.height, "dot_sigma_px": design.dot_sigma_px}
+        return fields | dots | {"k": pattern_k(config, design.width, design.height)}
+    return None if pattern is None else fields | {"k": pattern_k(config, *pattern.image.shape[::-1])}
+
+
+def _laser_w_sr(config: StereoDepthSensorConfig) -> tuple[float, float]:
+    power = config.laser_power_mw / config.laser_power_nominal_mw
+    lit = config.projector_intensity * power
+    return {"on": (lit, lit), "off": (0.0, 0.0), "alternating": (lit, 0.0)}[config.emitter]
+
+
+def _exposure(config: StereoDepthSensorConfig) -> AutoExposure:
+    return AutoExposure(
+        config.ir_exposure_mode, Setting(float(config.ir_camera_exposure), float(config.ir_camera_gain)),
+        float(config.ir_exposure_target_dn), config.ir_exposure_limits_s, config.ir_gain_limits,
+        config.ir_exposure_region,
+    )  # fmt: skip
+
+
+def _shutter(line_time_s: float, readout: str) -> dict[str, Any]:
+    """kuafu.Camera's arguments of a rolling shutter, none of a global one."""
+    return {"shutter": "rolling", "line_time_s": line_time_s, "readout": readout} if line_time_s else {}
