@@ -58,15 +58,24 @@ def _direction(generator: np.random.Generator) -> dict[str, float]:
 
 
 KINDS: dict[str, Kind] = {
-    "blur": Kind(optics.blur, "radius_px", "px", (0.8, 1.4, 2.2), 0.0, 10.0, ("lens_psf",), one_camera=True),
+    "blur": Kind(
+        optics.blur, "radius_px", "px", (0.8, 1.4, 2.2), 0.0, 10.0, ("focus_mismatch", "lens_psf"), one_camera=True
+    ),
     "veiling_glare": Kind(optics.veiling_glare, "fraction", "1", (0.03, 0.08, 0.2), 0.0, 0.9, ("veiling_glare",)),
-    "ghost": Kind(optics.ghost, "fraction", "1", (0.02, 0.05, 0.12), 0.0, 0.9, ()),
+    "ghost": Kind(optics.ghost, "fraction", "1", (0.02, 0.05, 0.12), 0.0, 0.9, ("lens_ghost",)),
     "gain": Kind(electronics.gain, "excess", "1", (0.03, 0.08, 0.2), -0.9, 4.0, ("gain_mismatch",), True, True),
     "radial_distortion": Kind(
         optics.radial_distortion, "k1", "1", (0.001, 0.003, 0.01), -0.1, 0.1, ("radial_distortion",)
     ),
     "tangential_distortion": Kind(
-        optics.tangential_distortion, "size", "1", (0.0005, 0.0015, 0.005), -0.03, 0.03, (), drawn=_direction
+        optics.tangential_distortion,
+        "size",
+        "1",
+        (0.0005, 0.0015, 0.005),
+        -0.03,
+        0.03,
+        ("tangential_distortion",),
+        drawn=_direction,
     ),
     "bands": Kind(electronics.bands, "depth", "1", (0.03, 0.08, 0.2), 0.0, 1.0, ("flicker_banding",), drawn=_mains),
     "black_level": Kind(
