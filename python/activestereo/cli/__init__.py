@@ -76,6 +76,7 @@ def make_parser() -> argparse.ArgumentParser:
         "path-traced image pair, stereo matching.",
         epilog="Each command has its own help: activestereo simulate --help. Exit status: 0 fine, 1 a check found "
         "something, 2 an option or a file is wrong, 3 the device or the program failed.",
+        formatter_class=argparse.HelpFormatter,
     )
     text = "files that captures, models and lists of recordings name may lie outside of their folders"
     parser.add_argument("--allow-outside", action="store_true", help=text)

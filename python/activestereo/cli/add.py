@@ -20,9 +20,7 @@ examples:
 
 
 def add_parser(commands: argparse._SubParsersAction) -> None:
-    parser = commands.add_parser(
-        "add", help="add an effect to a model", description=_TEXT, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = commands.add_parser("add", help="add an effect to a model", description=_TEXT)
     parser.add_argument("effect", metavar="EFFECT", help="an id of 'activestereo effect list' or of your own file")
     parser.add_argument("--model", type=Path, metavar="FILE", help="model.json to start from (default: no effects)")
     parser.add_argument(

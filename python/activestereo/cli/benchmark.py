@@ -61,15 +61,14 @@ examples:
 
 
 def add_parser(commands: Commands) -> None:
-    raw = argparse.RawDescriptionHelpFormatter
     text = "measure how well simulated depth stands for real depth, and how well the lab finds a known effect"
     benchmarks = commands.add_parser("benchmark", help=text)
     kinds = benchmarks.add_subparsers(dest="benchmark", metavar="BENCHMARK", required=True)
     add_inject(kinds)
     text = "measure how well simulated depth ranks methods as a foreign world does"
-    parser = kinds.add_parser("sim-to-real", help=text, description=_TEXT, formatter_class=raw)
+    parser = kinds.add_parser("sim-to-real", help=text, description=_TEXT)
     parts = parser.add_subparsers(dest="part", metavar="PART", required=True)
-    make = parts.add_parser("run", help="pictures, tuning, poses, scores", description=_RUN, formatter_class=raw)
+    make = parts.add_parser("run", help="pictures, tuning, poses, scores", description=_RUN)
     add_out(make)
     add_device(make)
     add_seed(make, "of everything that is drawn; same seed, same scores")
@@ -100,7 +99,7 @@ def add_parser(commands: Commands) -> None:
     add_json(score)
     score.set_defaults(run=_score)
     text = "rays, denoiser, noise, materials"
-    ablation = parts.add_parser("ablate", help=text, description=_ABLATE, formatter_class=raw)
+    ablation = parts.add_parser("ablate", help=text, description=_ABLATE)
     ablation.add_argument("folder", type=Path, metavar="DIR", help="folder of a run")
     text = "how many of the run's test views (default: 80)"
     ablation.add_argument("--views", type=integer_from(8), default=80, metavar="N", help=text)

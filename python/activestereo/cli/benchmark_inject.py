@@ -25,10 +25,7 @@ examples:
 
 def add_inject(kinds: Commands) -> None:
     parser = kinds.add_parser(
-        "inject",
-        help="put a known effect into the measured images of a capture",
-        description=_TEXT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "inject", help="put a known effect into the measured images of a capture", description=_TEXT
     )
     parser.add_argument("capture", type=Path, metavar="CAPTURE", help="a capture's folder")
     parser.add_argument("effect", nargs="?", metavar="EFFECT", help="one of those above")

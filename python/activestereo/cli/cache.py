@@ -28,14 +28,13 @@ examples:
 
 
 def add_parser(commands: Commands) -> None:
-    raw = argparse.RawDescriptionHelpFormatter
     text = "list or clear the renders and fits that are kept on disk"
-    parser = commands.add_parser("cache", help=text, description=_TEXT, formatter_class=raw)
+    parser = commands.add_parser("cache", help=text, description=_TEXT)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-    listing = actions.add_parser("list", help="how much there is, of what", formatter_class=raw)
+    listing = actions.add_parser("list", help="how much there is, of what")
     add_json(listing)
     listing.set_defaults(run=run_list)
-    actions.add_parser("clear", help="remove all of it", formatter_class=raw).set_defaults(run=run_clear)
+    actions.add_parser("clear", help="remove all of it").set_defaults(run=run_clear)
 
 
 def run_list(args: argparse.Namespace) -> None:

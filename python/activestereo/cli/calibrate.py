@@ -81,9 +81,8 @@ examples:
 
 def add_parser(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
-        "calibrate", help="measure a real camera: frames become sections of model.json", description=_TEXT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+        "calibrate", help="measure a real camera: frames become sections of model.json", description=_TEXT
+    )
     parts = parser.add_subparsers(dest="part", metavar="PART", required=True)
     noise = _part(parts, "noise", "the imager's temporal noise from repeats", _NOISE)
     noise.add_argument("frames", type=Path, metavar="FRAMES", help="repeats of static views")
@@ -119,9 +118,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
 
 
 def _part(parts: argparse._SubParsersAction, name: str, summary: str, text: str) -> argparse.ArgumentParser:
-    parser = parts.add_parser(
-        name, help=summary, description=text, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parts.add_parser(name, help=summary, description=text)
     parser.add_argument(
         "-o",
         "--out",

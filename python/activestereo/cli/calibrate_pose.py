@@ -37,12 +37,7 @@ examples:
 
 def add_part(parts: argparse._SubParsersAction) -> None:
     """The parser of calibrate's part."""
-    parser = parts.add_parser(
-        "pose",
-        help="where CAD parts stand, from edges in all views",
-        description=TEXT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = parts.add_parser("pose", help="where CAD parts stand, from edges in all views", description=TEXT)
     add = parser.add_argument
     add("capture", type=Path, metavar="CAPTURE", help="capture whose poses of the camera are known")
     add("--object", action="append", required=True, metavar="NAME=CAD", help="a part and its file; may be repeated")

@@ -44,8 +44,7 @@ example:
 
 def add_parts(parts: argparse._SubParsersAction) -> None:
     """The parsers of calibrate's two parts."""
-    raw = argparse.RawDescriptionHelpFormatter
-    scene = parts.add_parser("scene", help="a measured depth map as a scene", description=_SCENE, formatter_class=raw)
+    scene = parts.add_parser("scene", help="a measured depth map as a scene", description=_SCENE)
     scene.add_argument("capture", type=Path, metavar="CAPTURE", help="capture with depth")
     scene.add_argument(
         "--frame", type=integer_from(0), metavar="ID", help="frame of the pose (default: first with depth)"
@@ -55,9 +54,7 @@ def add_parts(parts: argparse._SubParsersAction) -> None:
     )
     scene.add_argument("-o", "--out", required=True, type=Path, metavar="FILE", help=".gltf or .glb")
     scene.set_defaults(run=_run_scene)
-    materials = parts.add_parser(
-        "materials", help="what an object is made of", description=_MATERIALS, formatter_class=raw
-    )
+    materials = parts.add_parser("materials", help="what an object is made of", description=_MATERIALS)
     add = materials.add_argument
     add("capture", type=Path, metavar="CAPTURE", help="capture whose scene has the object at its place")
     add("--object", required=True, metavar="NAME", help="the object's name in the scene")

@@ -39,19 +39,14 @@ _STEP_OF = {"dots": "pattern"}
 
 def add_parts(parts: argparse._SubParsersAction) -> None:
     """The parsers of calibrate's parts that take recordings with depth."""
-    world = parts.add_parser(
-        "world", help="a camera and a room from views with depth", description=_WORLD,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    world = parts.add_parser("world", help="a camera and a room from views with depth", description=_WORLD)
     _add_arguments(world)
     text = "a step whose part of the capture stays as it is; repeatable"
     world.add_argument("--keep", choices=tuple(_STEPS)[:-1], action="append", default=[], help=text)
     world.set_defaults(run=_run, steps=None)
     for name, summary in _STEPS.items():
         text = f"One step of calibrate world: {summary}.\nThe rest of the capture stays as it is."
-        step = parts.add_parser(
-            name, help=summary, description=text, formatter_class=argparse.RawDescriptionHelpFormatter
-        )
+        step = parts.add_parser(name, help=summary, description=text)
         _add_arguments(step)
         step.set_defaults(run=_run, steps=(_STEP_OF.get(name, name),), keep=[])
 

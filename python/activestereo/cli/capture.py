@@ -17,10 +17,9 @@ example:
 
 
 def add_parser(commands: Commands) -> None:
-    raw = argparse.RawDescriptionHelpFormatter
-    parser = commands.add_parser("capture", help="check a capture", description=_TEXT, formatter_class=raw)
+    parser = commands.add_parser("capture", help="check a capture", description=_TEXT)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-    check = actions.add_parser("check", help="all that is wrong, at once", description=_TEXT, formatter_class=raw)
+    check = actions.add_parser("check", help="all that is wrong, at once", description=_TEXT)
     check.add_argument("folder", type=Path, metavar="FOLDER", help="the capture's folder")
     add_json(check)
     check.set_defaults(run=run_check)

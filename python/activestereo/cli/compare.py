@@ -47,12 +47,7 @@ examples:
 
 
 def add_parser(commands: argparse._SubParsersAction) -> None:
-    parser = commands.add_parser(
-        "compare",
-        help="compare the simulator with a measured capture",
-        description=_TEXT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = commands.add_parser("compare", help="compare the simulator with a measured capture", description=_TEXT)
     parser.add_argument("capture", type=Path, metavar="CAPTURE", help="the capture's folder")
     add_out(parser)
     parser.add_argument(

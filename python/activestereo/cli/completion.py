@@ -40,9 +40,8 @@ _ZSH = "#compdef activestereo\nautoload -U +X bashcompinit && bashcompinit\n"
 
 
 def add_parser(commands: Commands) -> None:
-    raw = argparse.RawDescriptionHelpFormatter
     text = "print the script that completes commands in a shell"
-    parser = commands.add_parser("completion", help=text, description=_TEXT, formatter_class=raw)
+    parser = commands.add_parser("completion", help=text, description=_TEXT)
     parser.add_argument("shell", choices=("bash", "zsh"), help="which shell's")
     parser.set_defaults(run=run)
 

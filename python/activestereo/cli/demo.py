@@ -25,10 +25,7 @@ _HIDDEN = ("radial_distortion", "vignetting", "gain")
 
 def add_parser(commands: Commands) -> None:
     parser = commands.add_parser(
-        "demo",
-        help="simulate, hide an effect, find it, and open the report",
-        description=_TEXT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "demo", help="simulate, hide an effect, find it, and open the report", description=_TEXT
     )
     text = "new folder for the results (default: out/demo)"
     parser.add_argument("-o", "--out", type=Path, default=Path("out/demo"), metavar="DIR", help=text)

@@ -72,12 +72,7 @@ example, a RealSense D435's pair; a D415's recording under other settings:
 
 
 def add_parser(commands: Commands) -> None:
-    parser = commands.add_parser(
-        "depth",
-        help="compute depth from an image pair",
-        description=_TEXT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = commands.add_parser("depth", help="compute depth from an image pair", description=_TEXT)
     text = "left image, 8-bit or 16-bit gray; or .npy; or, alone, a recording: a folder of PNG files or a bag"
     parser.add_argument("left", type=Path, metavar="LEFT.png|RECORDING", help=text)
     text = "right image of the same size; rows are aligned"

@@ -43,10 +43,7 @@ _COARSE_STEP_PX = 0.05
 
 def add_parser(commands: Commands) -> None:
     parser = commands.add_parser(
-        "depth-quality",
-        help="measure depth maps of a flat target by Intel's metrics",
-        description=_TEXT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "depth-quality", help="measure depth maps of a flat target by Intel's metrics", description=_TEXT
     )
     parser.add_argument("depth", type=Path, nargs="+", metavar="DEPTH", help="depth maps of one size: PNG or .npy")
     parser.add_argument(

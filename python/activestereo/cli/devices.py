@@ -25,12 +25,7 @@ _INSTALL = (
 
 
 def add_parser(commands: Commands) -> None:
-    parser = commands.add_parser(
-        "devices",
-        help="list Vulkan devices and what each can do",
-        description=_TEXT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = commands.add_parser("devices", help="list Vulkan devices and what each can do", description=_TEXT)
     add_json(parser)
     parser.set_defaults(run=run)
 

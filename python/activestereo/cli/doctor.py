@@ -28,10 +28,7 @@ PACKAGES = {
 
 def add_parser(commands: Commands) -> None:
     parser = commands.add_parser(
-        "doctor",
-        help="what this machine renders on, and what stands in the way",
-        description=_TEXT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "doctor", help="what this machine renders on, and what stands in the way", description=_TEXT
     )
     add_json(parser)
     parser.set_defaults(run=run)

@@ -49,32 +49,25 @@ engines' change; of random fields, that of their standard deviations.
 
 
 def add_parser(commands: argparse._SubParsersAction) -> None:
-    raw = argparse.RawDescriptionHelpFormatter
-    parser = commands.add_parser(
-        "effect", help="list physical effects, check your own", description=_TEXT, formatter_class=raw
-    )
+    parser = commands.add_parser("effect", help="list physical effects, check your own", description=_TEXT)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-    listing = actions.add_parser("list", help="the built-in effects", formatter_class=raw)
+    listing = actions.add_parser("list", help="the built-in effects")
     listing.add_argument(
         "--markdown", action="store_true", help="the whole documentation page, examples/effects/README.md"
     )
     add_json(listing)
     listing.set_defaults(run=run_list)
-    check = actions.add_parser(
-        "check", help="try the laws on effects of your own", description=_CHECK, formatter_class=raw
-    )
+    check = actions.add_parser("check", help="try the laws on effects of your own", description=_CHECK)
     check.add_argument("file", type=Path, metavar="FILE", help="Python file or shared library")
     add_json(check)
     check.set_defaults(run=run_check)
-    show = actions.add_parser("show", help="draw what an effect does", description=_SHOW, formatter_class=raw)
+    show = actions.add_parser("show", help="draw what an effect does", description=_SHOW)
     show.add_argument("effects", nargs="+", metavar="EFFECT|FILE", help="ids, or files of your own effects")
     show.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="picture.png, or page.html")
     add_device(show)
     add_json(show)
     show.set_defaults(run=run_show)
-    measure = actions.add_parser(
-        "measure", help="image functions against the engines", description=_MEASURE, formatter_class=raw
-    )
+    measure = actions.add_parser("measure", help="image functions against the engines", description=_MEASURE)
     measure.add_argument("effects", nargs="*", metavar="EFFECT", help="ids (default: all built-in ones)")
     add_effects(measure, dest="files")
     measure.add_argument(

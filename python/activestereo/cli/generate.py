@@ -43,10 +43,7 @@ examples:
 
 def add_parser(commands: Commands) -> None:
     parser = commands.add_parser(
-        "generate",
-        help="make a data set of things on a table, with poses and masks",
-        description=_TEXT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "generate", help="make a data set of things on a table, with poses and masks", description=_TEXT
     )
     parser.add_argument("things", type=Path, nargs="+", metavar="THING", help="file of one thing")
     add_out(parser)

@@ -64,10 +64,7 @@ example:
 
 def add_parser(commands: Commands) -> None:
     parser = commands.add_parser(
-        "import",
-        help="make a capture of a camera's or a data set's recording",
-        description=_TEXT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "import", help="make a capture of a camera's or a data set's recording", description=_TEXT
     )
     add = parser.add_argument
     add("recording", type=Path, metavar="RECORDING", help="folder of PNG files, a bag, or live")

@@ -20,16 +20,13 @@ examples:
 
 
 def add_parser(commands: argparse._SubParsersAction) -> None:
-    raw = argparse.RawDescriptionHelpFormatter
-    parser = commands.add_parser(
-        "model", help="show a sensor model in words, tell two apart", description=_TEXT, formatter_class=raw
-    )
+    parser = commands.add_parser("model", help="show a sensor model in words, tell two apart", description=_TEXT)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     for name, files, run, text in (
         ("show", "+", run_show, "what models say"),
         ("diff", 2, run_diff, "what two models say differently"),
     ):
-        action = actions.add_parser(name, help=text, formatter_class=raw)
+        action = actions.add_parser(name, help=text)
         action.add_argument("files", nargs=files, type=Path, metavar="FILE", help="model.json")
         add_effects(action, "your own effects, where a model has some")
         add_json(action)

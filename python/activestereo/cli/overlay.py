@@ -32,12 +32,7 @@ examples:
 
 
 def add_parser(commands: Commands) -> None:
-    parser = commands.add_parser(
-        "overlay",
-        help="lay the rendered scene over a camera's pictures",
-        description=_TEXT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = commands.add_parser("overlay", help="lay the rendered scene over a camera's pictures", description=_TEXT)
     parser.add_argument("source", type=Path, metavar="SOURCE", help="capture, PNG file, folder of PNG files, or live")
     parser.add_argument("--scene", type=Path, metavar="FILE", help="glTF scene (default: the capture's own)")
     parser.add_argument("--blend", type=share, default=0.0, metavar="SHARE", help="of the surfaces, 0 to 1 (0)")

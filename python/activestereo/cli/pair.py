@@ -38,12 +38,7 @@ example, the D435 pair of SimSense's tests:
 
 
 def add_parser(commands: Commands) -> None:
-    parser = commands.add_parser(
-        "pair",
-        help="state what a real infrared pair tells of its sensor",
-        description=_TEXT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = commands.add_parser("pair", help="state what a real infrared pair tells of its sensor", description=_TEXT)
     parser.add_argument("left", type=Path, metavar="LEFT.png", help="left image, 8-bit or 16-bit gray")
     parser.add_argument("right", type=Path, metavar="RIGHT.png", help="right image of the same size; rows are aligned")
     parser.add_argument(

@@ -18,7 +18,11 @@ def printable(text: str) -> str:
 
 
 class Parser(argparse.ArgumentParser):
-    """argparse's own, whose commands and options are looked up by the nearest name where they are not known."""
+    """argparse's own, whose commands and options are looked up by the nearest name where they are not known, and whose
+    description is shown as it is written."""
+
+    def __init__(self, *, formatter_class: Any = argparse.RawDescriptionHelpFormatter, **own: Any) -> None:
+        super().__init__(formatter_class=formatter_class, **own)
 
     def error(self, message: str) -> NoReturn:
         self.exit(USAGE, f"{self.prog}: {printable(message)} (see {self.prog} --help)\n")

@@ -32,10 +32,7 @@ examples:
 
 def add_parser(commands: Commands) -> None:
     parser = commands.add_parser(
-        "presets",
-        help="print the known cameras and their figures' sources",
-        description=_TEXT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "presets", help="print the known cameras and their figures' sources", description=_TEXT
     )
     parser.add_argument("name", nargs="?", metavar="NAME", help="a camera, or the path of a .toml file (default: all)")
     add_json(parser)

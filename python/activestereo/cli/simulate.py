@@ -68,12 +68,7 @@ _OF_THE_CAMERA = dict.fromkeys(OF_THE_CAMERA, "the camera's")
 
 
 def add_parser(commands: Commands) -> None:
-    parser = commands.add_parser(
-        "simulate",
-        help="what a depth sensor gives in a scene",
-        description=_TEXT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = commands.add_parser("simulate", help="what a depth sensor gives in a scene", description=_TEXT)
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file")
     text = "the scene as its animations pose it then (default: without animation)"
     parser.add_argument("--time", type=positive, metavar="SECONDS", help=text)

@@ -36,10 +36,7 @@ examples:
 
 def add_parser(commands: Commands) -> None:
     parser = commands.add_parser(
-        "view",
-        help="look at captures and scenes in the browser, with sliders that render again",
-        description=_TEXT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "view", help="look at captures and scenes in the browser, with sliders that render again", description=_TEXT
     )
     parser.add_argument("path", type=Path, metavar="PATH", help="capture, scene file, recording, or a folder of them")
     text = "a sensor model to begin with: its calibration, noise and effects"
