@@ -21,11 +21,12 @@ def write_scene_and_models(folder: pathlib.Path) -> None:
     """A scene under two names, and models before and after an effect was found."""
     from activestereo.effects import builtin
     from activestereo.scene_io.example_scene import write_table_top
-    from activestereo.model import RigCamera, Quantity, Rig, SensorModel, write_model
+    from activestereo.capture.capture import Camera
+    from activestereo.model import Quantity, Rig, SensorModel, write_model
 
     for name in ("scene.gltf", "SCENE.gltf"):
         write_table_top(folder / name)
-    camera = RigCamera(212, 120, np.array([[215.0, 0, 105.5], [0, 215.0, 59.5], [0, 0, 1]]))
+    camera = Camera(212, 120, np.array([[215.0, 0, 105.5], [0, 215.0, 59.5], [0, 0, 1]]))
     beside = np.eye(4)
     beside[0, 3] = -0.05
     before = SensorModel(rig=Rig(camera, camera, beside, beside))

@@ -25,7 +25,7 @@ from activestereo.capture.images import read_gray
 from activestereo.common.progress_bar import part_of
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.model import Pattern as SensorPattern
-from activestereo.model import Rig, RigCamera, SensorModel
+from activestereo.model import Rig, SensorModel
 from activestereo.model.calibrated import calibrated
 
 # A dot covers some ten pixels of a hundred: a tenth of the dots may clip at their tops.
@@ -93,11 +93,9 @@ class Pattern:
             background=0.0 if self.background is None else self.background[0],
             source=f"{source}; {where}",
         )
-        sides = (self.rig.left, self.rig.right)
-        left, right = (RigCamera(c.width, c.height, c.K, tuple(c.distortion)) for c in sides)
         nominal = Rig(
-            left,
-            right,
+            self.rig.left,
+            self.rig.right,
             self.rig.left_to_right,
             self.left_to_projector,
             self.rig.bit_depth,

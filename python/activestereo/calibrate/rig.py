@@ -17,10 +17,10 @@ from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 
 from activestereo.calibrate.boards import Board
-from activestereo.capture.capture import SIDES
+from activestereo.capture.capture import SIDES, Camera
 from activestereo.capture.images import read_gray
 from activestereo.common.progress_bar import part_of
-from activestereo.model import Rig, RigCamera, SensorModel
+from activestereo.model import Rig, SensorModel
 
 LEAST_BOARDS = 3
 _FEW_BOARDS = 10
@@ -58,7 +58,7 @@ class Calibration:
 
     def model(self, left_to_projector: NDArray[np.float64] | None = None) -> SensorModel:
         """model.json's `rig`."""
-        left, right = (RigCamera(*self.size, self.K[side], tuple(map(float, self.distortion[side]))) for side in SIDES)
+        left, right = (Camera(*self.size, self.K[side], self.distortion[side]) for side in SIDES)
         errors = "; ".join(
             f"{side} f ± {_INTERVAL_90 * self.error[side][0]:.2g}, c ± {_INTERVAL_90 * self.error[side][2]:.2g} px"
             for side in SIDES

@@ -26,8 +26,9 @@ def folder_device(args: argparse.Namespace, files: Sequence[FrameFiles]) -> tupl
     """(calibration, what was assumed) of a folder of images: the device's text, else --k and --baseline, and what they
     leave out from the preset."""
     from activestereo.camera.presets import StereoDepthSensorConfig
+    from activestereo.capture.capture import Camera
     from activestereo.capture.images import image_size
-    from activestereo.capture.importers.realsense_text import DeviceText, Intrinsic
+    from activestereo.capture.importers.realsense_text import DeviceText
 
     device = given_device(args)
     if device is not None:
@@ -58,7 +59,7 @@ def folder_device(args: argparse.Namespace, files: Sequence[FrameFiles]) -> tupl
             f"--k has its centre at {K[0, 2]:g}, {K[1, 2]:g}, outside of the images' {width}x{height}: were they "
             "rescaled? K is scaled along with them"
         )
-    lens, left_to_right = Intrinsic(width, height, K, np.zeros(5)), np.eye(4)
+    lens, left_to_right = Camera(width, height, K), np.eye(4)
     left_to_right[0, 3] = -baseline_m
     modes = {(name, width, height): lens for name in ("Infrared 1", "Infrared 2")}
     assumed.append("both cameras are rectified to this K")

@@ -6,12 +6,11 @@ sensor = StereoDepthSensor(StereoDepthSensorConfig.from_model(model), "scene.glt
 """
 
 from activestereo.model.diagnosed import diagnosed_model
-from activestereo.model.model import Imager, ModelEffect, Pattern, Quantity, Rig, RigCamera, SensorModel
+from activestereo.model.model import Imager, ModelEffect, Pattern, Quantity, Rig, SensorModel
 from activestereo.model.read import read_model
 from activestereo.model.write import model_json, write_model
 
 __all__ = [
-    "RigCamera",
     "Imager",
     "ModelEffect",
     "Pattern",

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.capture import Camera, Capture, Projector
+from activestereo.capture.capture import Capture, Projector
 from activestereo.capture.images import read_gray
-from activestereo.model.model import Pattern, RigCamera, SensorModel
+from activestereo.model.model import Pattern, SensorModel
 
 _REACH_SIGMAS = 4.0
 
@@ -40,7 +40,7 @@ def calibrated(capture: Capture, model: SensorModel) -> Capture:
                     f"{camera.width}x{camera.height}: calibrate the rig at the size that is recorded"
                 )
         own = model.rig
-        rig = replace(rig, left=_camera(own.left), right=_camera(own.right), left_to_right=own.left_to_right)
+        rig = replace(rig, left=own.left, right=own.right, left_to_right=own.left_to_right)
         if model.rig.left_to_projector is not None:
             rig = replace(rig, projector=replace(rig.projector, left_to_projector=model.rig.left_to_projector))
     if model.pattern is not None:
@@ -74,7 +74,3 @@ def pattern_image(pattern: Pattern) -> NDArray[np.float32]:
     np.add.at(image, places, (peak[:, None, None] * down[:, :, None] * across[:, None, :])[inside])
     image = image[reach:-reach, reach:-reach] + pattern.background
     return (image / max(float(image.max()), 1e-12)).astype(np.float32)
-
-
-def _camera(side: RigCamera) -> Camera:
-    return Camera(side.width, side.height, side.K, np.asarray(side.distortion, dtype=np.float64))

@@ -51,9 +51,9 @@ def _rig(left_pose: Pose, rig: Rig) -> dict[str, Any]:
     changes: dict[str, Any] = {
         "ir_resolution": (rig.left.width, rig.left.height),
         "ir_intrinsic": np.array(rig.left.K),
-        "ir_distortion": tuple(rig.left.distortion),
+        "ir_distortion": tuple(map(float, rig.left.distortion)),
         "ir_intrinsic_right": np.array(rig.right.K),
-        "ir_distortion_right": tuple(rig.right.distortion),
+        "ir_distortion_right": tuple(map(float, rig.right.distortion)),
         "trans_pose_r": _beside(left_pose, rig.left_to_right),
         "rectified": bool(
             ideal

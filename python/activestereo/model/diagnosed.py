@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from activestereo.capture.capture import Camera, Capture
+from activestereo.capture.capture import Capture
 from activestereo.effects.core.model import Model
 from activestereo.model.model import (
     NOISE_TERMS,
@@ -16,7 +16,6 @@ from activestereo.model.model import (
     Pattern,
     Quantity,
     Rig,
-    RigCamera,
     SensorModel,
     with_surfaces,
 )
@@ -86,8 +85,8 @@ def _rig(capture: Capture) -> Rig:
     rig, frames = capture.rig, capture.split("train") or list(capture.frames)
     usual = sorted(frames, key=lambda frame: frame.exposure_gain)[len(frames) // 2]
     return Rig(
-        _side(rig.left),
-        _side(rig.right),
+        rig.left,
+        rig.right,
         rig.left_to_right,
         rig.projector.left_to_projector,
         rig.bit_depth,
@@ -96,10 +95,6 @@ def _rig(capture: Capture) -> Rig:
         usual.gain,
         source=f"nominal, of {capture.name}",
     )
-
-
-def _side(camera: Camera) -> RigCamera:
-    return RigCamera(camera.width, camera.height, camera.K, tuple(map(float, camera.distortion)))
 
 
 def _imager(terms: NoiseTerms, source: str) -> Imager:

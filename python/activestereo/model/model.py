@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.capture.capture import Camera
 from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.scene_surfaces import material_of, names_of, numbers_of
@@ -55,22 +56,12 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class RigCamera:
-    """One infrared camera: pixels, 3x3 K, and the coefficients of the lens (activestereo/common/lens.py)."""
-
-    width: int
-    height: int
-    K: NDArray[np.float64]
-    distortion: tuple[float, ...] = (0.0,) * 5
-
-
-@dataclass(frozen=True)
 class Rig:
     """The calibration. 4x4 transforms a_to_b map coordinates in a to coordinates in b, camera axes x right, y down, z
     forward. exposure_s, gain: the settings that the sensor is used with."""
 
-    left: RigCamera
-    right: RigCamera
+    left: Camera
+    right: Camera
     left_to_right: NDArray[np.float64]
     left_to_projector: NDArray[np.float64] | None = None
     bit_depth: int = 8

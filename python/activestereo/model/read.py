@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from activestereo.capture.capture import Camera
 from activestereo.capture.capture_json import CaptureError, JsonObject
 from activestereo.common.limits import BITS, EXPOSURE, FOCAL, GAIN, LINE_TIME, POWER, SIDE
 from activestereo.common.nearest import unknown
@@ -25,7 +26,6 @@ from activestereo.model.model import (
     Pattern,
     Quantity,
     Rig,
-    RigCamera,
     SensorModel,
 )
 
@@ -168,10 +168,10 @@ def _rig(entry: JsonObject) -> Rig:
     )
 
 
-def _side(entry: JsonObject) -> RigCamera:
+def _side(entry: JsonObject) -> Camera:
     width, height = entry.integer("width", _IMAGE_SIDE), entry.integer("height", _IMAGE_SIDE)
-    lens = tuple(entry.lens("distortion").tolist()) if entry.has("distortion") else (0.0,) * 5
-    return RigCamera(width, height, entry.camera_matrix("K"), lens)
+    lens = entry.lens("distortion") if entry.has("distortion") else np.zeros(5)
+    return Camera(width, height, entry.camera_matrix("K"), lens)
 
 
 def _pattern(entry: JsonObject) -> Pattern:

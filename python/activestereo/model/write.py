@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from activestereo.capture.capture import Camera
 from activestereo.common.input_files import open_file
 from activestereo.common.output_files import replace_file
-from activestereo.model.model import NOISE_TERMS, Pattern, Quantity, Rig, RigCamera, SensorModel
+from activestereo.model.model import NOISE_TERMS, Pattern, Quantity, Rig, SensorModel
 from activestereo.model.read import FORMAT, VERSION
 
 
@@ -82,7 +83,7 @@ def _rig(rig: Rig) -> dict[str, Any]:
     return out | ({"source": rig.source} if rig.source else {})
 
 
-def _side(side: RigCamera) -> dict[str, Any]:
+def _side(side: Camera) -> dict[str, Any]:
     return {
         "width": side.width,
         "height": side.height,

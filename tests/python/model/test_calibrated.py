@@ -9,7 +9,6 @@ import pytest
 from activestereo.capture.capture import Camera, Capture, Projector, Rig
 from activestereo.model import Pattern, SensorModel, read_model, write_model
 from activestereo.model.calibrated import calibrated, pattern_image
-from activestereo.model.model import RigCamera
 from activestereo.model.model import Rig as ModelRig
 
 _K = np.array([[100.0, 0, 31.5], [0, 100.0, 23.5], [0, 0, 1.0]])
@@ -25,7 +24,7 @@ def capture():
 
 
 def model_rig(width=64):
-    side = RigCamera(width, 48, _NEW, (0.1, 0.0, 0.0, 0.0, 0.0))
+    side = Camera(width, 48, _NEW, (0.1, 0.0, 0.0, 0.0, 0.0))
     right, projector = np.eye(4), np.eye(4)
     right[0, 3], projector[0, 3] = -0.0502, -0.03
     return ModelRig(side, side, right, projector)

@@ -15,7 +15,8 @@ from activestereo.effects.core.surfaces import SURFACES
 from activestereo.common.pose import body_pose
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD
 from activestereo.sensor.image_effects import ModelCostWarning
-from activestereo.model import RigCamera, Imager, Quantity, Rig, SensorModel, write_model
+from activestereo.capture.capture import Camera
+from activestereo.model import Imager, Quantity, Rig, SensorModel, write_model
 
 EFFECTS = builtin()
 POSE = body_pose(CAMERA_TO_WORLD)
@@ -195,8 +196,8 @@ def test_a_configuration_from_a_model_has_its_rig_imager_and_scales(tmp_path):
     to_right[0, 3], to_projector[:2, 3] = -0.06, (-0.02, 0.01)
     model = SensorModel(
         rig=Rig(
-            RigCamera(320, 180, k),
-            RigCamera(320, 180, k),
+            Camera(320, 180, k),
+            Camera(320, 180, k),
             to_right,
             to_projector,
             bit_depth=10,

@@ -21,10 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from activestereo.capture.capture import Camera
 from activestereo.capture.images import write_gray
 from activestereo.capture.importers.lone_db3 import described
 from activestereo.capture.importers.realsense_folder import LEAST_TIME_MS, SAME_FRAME_MS
-from activestereo.capture.importers.realsense_text import DeviceText, Intrinsic
+from activestereo.capture.importers.realsense_text import DeviceText
 
 _STREAMS = {
     "Infrared 1": re.compile(r"infra(?:red)?_?1", re.I),
@@ -43,7 +44,7 @@ _ROS2_DEPTH_SCALE_M = 0.001  # realsense-ros publishes 16UC1 in millimetres (REP
 class _Found:
     """A bag's contents beside its images."""
 
-    intrinsics: dict[str, Intrinsic] = field(default_factory=dict)
+    intrinsics: dict[str, Camera] = field(default_factory=dict)
     baselines_m: dict[str, float] = field(default_factory=dict)
     nominal_baseline_m: float | None = None  # librealsense's option, where nothing else tells it
     depth_units_m: float | None = None
@@ -243,7 +244,7 @@ def _pixels(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
     return np.ascontiguousarray(pixels.byteswap() if message.is_bigendian and kind == np.uint16 else pixels)
 
 
-def _intrinsic(path: Path, topic: str, message: Any) -> Intrinsic:
+def _intrinsic(path: Path, topic: str, message: Any) -> Camera:
     K = np.asarray(_either(message, "k"), float).reshape(3, 3)
     if message.distortion_model.lower() in _FISHEYE:
         distortion = np.asarray(_either(message, "d"), float)[:4]
@@ -264,10 +265,10 @@ def _intrinsic(path: Path, topic: str, message: Any) -> Intrinsic:
 
 def _sized(
     path: Path, topic: str, message: Any, K: NDArray[np.float64], distortion: NDArray[np.float64]
-) -> Intrinsic:
+) -> Camera:
     if not (K[0, 0] > 0 and K[1, 1] > 0):
         raise ValueError(f"{path}: {topic}: K is {K.ravel().tolist()}, expected focal lengths above 0")
-    return Intrinsic(int(message.width), int(message.height), K, distortion)
+    return Camera(int(message.width), int(message.height), K, distortion)
 
 
 def _device(path: Path, found: _Found) -> DeviceText:

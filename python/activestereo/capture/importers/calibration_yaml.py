@@ -17,7 +17,8 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.importers.realsense_text import DeviceText, Intrinsic
+from activestereo.capture.capture import Camera
+from activestereo.capture.importers.realsense_text import DeviceText
 from activestereo.common.input_files import read_bytes
 from activestereo.common.limits import DISTORTION, FOCAL, PIXEL, SIDE, Limits
 from activestereo.common.pose import printed_motion
@@ -75,7 +76,7 @@ class _Camera:
     """A camera as ROS has it; R and P are those of its rectified image."""
 
     name: str
-    raw: Intrinsic
+    raw: Camera
     R: NDArray[np.float64]
     P: NDArray[np.float64]
 
@@ -137,7 +138,7 @@ def _ros_camera(entry: _Entry) -> _Camera:
     R = printed_motion(R, np.zeros(3), f"{entry.name}: rectification_matrix")[:3, :3]
     P = entry.numbers((12,), PIXEL, "projection_matrix", "P", "p").reshape(3, 4)
     _matrix(entry, P[:, :3], "projection_matrix")
-    return _Camera(entry.name, Intrinsic(width, height, K, lens if is_fisheye else _five_or_eight(lens)), R, P)
+    return _Camera(entry.name, Camera(width, height, K, lens if is_fisheye else _five_or_eight(lens)), R, P)
 
 
 def _ros_pair(path: Path, cameras: list[_Camera], are_rectified: bool) -> DeviceText:
@@ -152,7 +153,7 @@ def _ros_pair(path: Path, cameras: list[_Camera], are_rectified: bool) -> Device
     left_to_right[0, 3] = -baseline_m
     lenses = [left.raw, right.raw]
     if are_rectified:
-        lenses = [Intrinsic(c.raw.width, c.raw.height, c.P[:, :3].copy(), _NO_LENS) for c in (left, right)]
+        lenses = [Camera(c.raw.width, c.raw.height, c.P[:, :3].copy(), _NO_LENS) for c in (left, right)]
     else:
         # R turns a camera's own axes into the rectified ones, which differ by the baseline alone.
         left_to_right[:3, :3] = right.R.T @ left.R
@@ -178,7 +179,7 @@ def _kalibr(path: Path, chain: _Entry) -> DeviceText:
     return _device(path, lenses, to_second)
 
 
-def _kalibr_lens(camera: _Entry) -> Intrinsic:
+def _kalibr_lens(camera: _Entry) -> Camera:
     for key, known in (("camera_model", ("pinhole",)), ("distortion_model", ("radtan", "equi", "none"))):
         value = camera.named(key)[1]
         if value not in known:
@@ -188,7 +189,7 @@ def _kalibr_lens(camera: _Entry) -> Intrinsic:
     K = _matrix(camera, np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]), "intrinsics")
     model = camera.values["distortion_model"]
     lens = _NO_LENS if model == "none" else camera.numbers((4,), DISTORTION, "distortion_coeffs")
-    return Intrinsic(int(width), int(height), K, lens if model == "equi" else _five_or_eight(lens))
+    return Camera(int(width), int(height), K, lens if model == "equi" else _five_or_eight(lens))
 
 
 def _number(value: Any) -> Any:
@@ -210,6 +211,6 @@ def _five_or_eight(lens: NDArray[np.float64]) -> NDArray[np.float64]:
     return lens if len(lens) == 8 else np.pad(lens, (0, 5 - len(lens)))
 
 
-def _device(path: Path, lenses: Sequence[Intrinsic], left_to_right: NDArray[np.float64]) -> DeviceText:
+def _device(path: Path, lenses: Sequence[Camera], left_to_right: NDArray[np.float64]) -> DeviceText:
     modes = {(name, lens.width, lens.height): lens for name, lens in zip(_SIDES, lenses, strict=True)}
     return DeviceText(path, modes, {_SIDES: left_to_right})

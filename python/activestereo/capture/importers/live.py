@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from activestereo.capture.capture import Camera
 from activestereo.capture.images import write_gray
-from activestereo.capture.importers.realsense_text import DeviceText, Intrinsic
+from activestereo.capture.importers.realsense_text import DeviceText
 from activestereo.common.output_files import write_png
 from activestereo.common.pose import printed_motion
 
@@ -75,7 +76,7 @@ def _calibration(rs: Any, profile: Any) -> DeviceText:
     for name, stream in streams.items():
         lens = stream.get_intrinsics()
         K = np.array([[lens.fx, 0.0, lens.ppx], [0.0, lens.fy, lens.ppy], [0.0, 0.0, 1.0]])
-        modes[name, lens.width, lens.height] = Intrinsic(lens.width, lens.height, K, np.array(lens.coeffs, dtype=float))
+        modes[name, lens.width, lens.height] = Camera(lens.width, lens.height, K, np.array(lens.coeffs, dtype=float))
     first = streams["Infrared 1"]
     between = {}
     for name in ("Infrared 2", "Color"):

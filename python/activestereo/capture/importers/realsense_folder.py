@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.capture import Camera, Capture, ColorCamera, Frame, Projector, Rig
+from activestereo.capture.capture import Capture, ColorCamera, Frame, Projector, Rig
 from activestereo.capture.images import image_size, read_color, read_gray
 from activestereo.capture.importers.color_depth import EMPTY_SCENE
 from activestereo.capture.importers.realsense_text import DeviceText
@@ -235,11 +235,8 @@ def import_realsense(
         images = {key: image.astype(np.uint8) for key, image in images.items()}
     left_to_projector = np.eye(4)
     left_to_projector[:3, 3] = -np.array(projector_in_left_m)
-    rig = Rig(
-        Camera(width, height, left.K, left.distortion), Camera(width, height, right.K, right.distortion), left_to_right,
-        Projector(Path("pattern.png"), pattern_K, left_to_projector), 8 if is_byte else 16,
-        color=color,
-    )  # fmt: skip
+    projector = Projector(Path("pattern.png"), pattern_K, left_to_projector)
+    rig = Rig(left, right, left_to_right, projector, 8 if is_byte else 16, color=color)
     out = Path(out)
     empty = out.with_name(f".{out.name}.scene.gltf")
     try:

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.capture.capture import Camera
 from activestereo.common.input_files import read_text
 from activestereo.common.pose import printed_motion
 
@@ -32,24 +33,14 @@ _BROWN = ("brown conrady", "modified brown conrady", "none", "inverse brown conr
 
 
 @dataclass(frozen=True)
-class Intrinsic:
-    """One stream in one mode."""
-
-    width: int
-    height: int
-    K: NDArray[np.float64]
-    distortion: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
 class DeviceText:
     """intrinsics: by (stream, width, height); extrinsics: a_to_b 4x4 by (a, b)."""
 
     path: Path
-    intrinsics: dict[tuple[str, int, int], Intrinsic]
+    intrinsics: dict[tuple[str, int, int], Camera]
     extrinsics: dict[tuple[str, str], NDArray[np.float64]]
 
-    def intrinsic(self, stream: str, width: int, height: int) -> Intrinsic:
+    def intrinsic(self, stream: str, width: int, height: int) -> Camera:
         """ValueError lists the modes that there are."""
         found = self.intrinsics.get((stream, width, height))
         if found is None:
@@ -81,7 +72,7 @@ def read_device_text(path: Path) -> DeviceText:
         lines = read_text(path, errors="replace").splitlines()
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from error
-    intrinsics: dict[tuple[str, int, int], Intrinsic] = {}
+    intrinsics: dict[tuple[str, int, int], Camera] = {}
     extrinsics: dict[tuple[str, str], NDArray[np.float64]] = {}
     for number, line in enumerate(lines):
         if found := _INTRINSIC.search(line):
@@ -96,7 +87,7 @@ def read_device_text(path: Path) -> DeviceText:
     return DeviceText(path, intrinsics, extrinsics)
 
 
-def _intrinsic(path: Path, key: tuple[str, int, int], lines: list[str]) -> Intrinsic:
+def _intrinsic(path: Path, key: tuple[str, int, int], lines: list[str]) -> Camera:
     stream, width, height = key
     name = f'Intrinsic of "{stream}" / {width}x{height}'
     fields: dict[str, str] = {}
@@ -122,7 +113,7 @@ def _intrinsic(path: Path, key: tuple[str, int, int], lines: list[str]) -> Intri
             "(Y8)"
         )
     K = np.array([[numbers["Fx"], 0.0, numbers["PPX"]], [0.0, numbers["Fy"], numbers["PPY"]], [0.0, 0.0, 1.0]])
-    return Intrinsic(width, height, K, coefficients)
+    return Camera(width, height, K, coefficients)
 
 
 def _extrinsic(path: Path, name: str, lines: list[str]) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from activestereo.common.pose import Pose
 from activestereo.compare.depth_model import DepthModel
 from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.effects.core.scene_surfaces import split_surfaces
-from activestereo.model import Pattern, Rig, RigCamera, SensorModel
+from activestereo.model import Pattern, Rig, SensorModel
 from activestereo.model.calibrated import calibrated
 from activestereo.model.configure import configured
 from activestereo.report.view.fit import fitted_noise, fitted_nuisances
@@ -130,8 +130,7 @@ class CaptureSource:
         """Everything that is known of the sensor, without the settings of single frames."""
         capture, given = self._capture, self._given
         rig, projector = capture.rig, capture.rig.projector
-        left, right = (RigCamera(c.width, c.height, c.K, tuple(c.distortion)) for c in (rig.left, rig.right))
-        own = Rig(left, right, rig.left_to_right, projector.left_to_projector, rig.bit_depth, rig.line_time_s)
+        own = Rig(rig.left, rig.right, rig.left_to_right, projector.left_to_projector, rig.bit_depth, rig.line_time_s)
         pattern = given.pattern or Pattern(projector.K, projector.pattern_path)
         model = replace(given, rig=own, pattern=pattern)
         if not {"projector_scale", "ambient_scale", "black_dn"} <= set(given.nuisances):
