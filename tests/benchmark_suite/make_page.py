@@ -81,6 +81,7 @@ def make_page():
     lines += ["![Answers by strength](answers.png)", "", "![Truth against the first name](confusion.png)", ""]
     lines += ["![Stated confidence against how often it was right](calibration.png)", "", "## What goes wrong", ""]
     lines += [*_rows(_read("causes"), ("hidden", "answer", "cause")), "", *BOUND]
+    lines += ["", *_decision(_read("decision"))]
     return "\n".join([*lines, "", *_next(_read("next")), "", *_practice(_read("practice"))]) + "\n"
 
 
@@ -121,6 +122,10 @@ def _rows(records, keys):
         "|--" * len(keys) + "|",
         *(f"|{'|'.join(str(record[key]) for key in keys)}|" for record in records),
     ]
+
+
+def _decision(run):
+    return ["## Rules and law", "", run["protocol"], "", f"    {run['command']}"]
 
 
 def _next(run):

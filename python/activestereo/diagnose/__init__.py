@@ -11,6 +11,6 @@ answer     what a diagnosis says, as data
 rank.py    the way through them; findings.py: the records that they hand on; thresholds.py: every threshold
 """
 
-from activestereo.diagnose.diagnosis import Diagnosis, diagnose, examine
+from activestereo.diagnose.diagnosis import Diagnosis, Settings, diagnose, examine
 
-__all__ = ["Diagnosis", "diagnose", "examine"]
+__all__ = ["Diagnosis", "Settings", "diagnose", "examine"]

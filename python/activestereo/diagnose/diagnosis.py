@@ -40,6 +40,7 @@ from activestereo.diagnose.answer.residual_model import residual_model
 from activestereo.diagnose.base_fit import BaseFits
 from activestereo.diagnose.channels import Progress
 from activestereo.diagnose.channels.fields_together import shown_together
+from activestereo.diagnose.decision.gathered import findings_of
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.findings import BaseFit, Finding, NotRanked, Ranking
 from activestereo.diagnose.greedy import Step, greedy
@@ -167,12 +168,12 @@ def diagnose(
     known = _effects_of(model, capture.scene_path)
     render = partial(render_frames, renderer=renderer, **sampled)
     made_by = renderer.version, sampled["samples_per_pixel"], max_bounces
-    places: list[_Place] = []
+    places: list[Place] = []
 
-    def located(model: Model) -> _Place:
+    def located(model: Model) -> Place:
         evidence = gather_where_it_stands(capture, render, model, seed, workers, kept, made_by)
         engine = None if rendering is None else rendering(evidence.capture)
-        places.append(_Place(evidence, engine, FitCache(kept, evidence.train)))
+        places.append(Place(evidence, engine, FitCache(kept, evidence.train)))
         return places[-1]
 
     place = located(known)
@@ -181,9 +182,9 @@ def diagnose(
     base = partial(render_halves, renderer=renderer, cache=kept, **told)
     measured = _whole(place.evidence, whole)
     errors = ErrorsOfModels(whole, measured, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0))
-    settings = steps, workers, phases, thresholds, place.rendering, place.memory, errors, located
+    settings = Settings(steps, workers, phases, thresholds, place.rendering, place.memory, errors, located)
     try:
-        diagnosis = examine(place.evidence, model, list(effects.values()), *settings)
+        diagnosis = examine(place.evidence, model, list(effects.values()), settings)
         return replace(diagnosis, made=RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed))
     finally:
         for place in places:
@@ -191,7 +192,7 @@ def diagnose(
 
 
 @dataclass(frozen=True)
-class _Place:
+class Place:
     """Evidence from where a capture stands, with the engine and the fits there."""
 
     evidence: Evidence
@@ -249,34 +250,38 @@ def _undetermined(reason: str, model: Model) -> Diagnosis:
     return Diagnosis(result, model)
 
 
+@dataclass(frozen=True)
+class Settings:
+    """How evidence is examined. steps: "one" or "greedy". phases: told of each of PHASES_S but the first. rendering:
+    the engine of the evidence. memory: where its fits are kept, or None. errors: None leaves the held-out figures out.
+    located: the evidence from where the capture stands under a model; None leaves it where it is."""
+
+    steps: str = "one"
+    workers: int = 2
+    phases: Phases | None = None
+    thresholds: Thresholds = THRESHOLDS
+    rendering: Rendering | None = None
+    memory: FitCache | None = None
+    errors: ErrorsOfModels | None = None
+    located: Callable[[Model], Place] | None = None
+
+
 def examine(
-    evidence: Evidence,
-    given: Model | SensorModel | None,
-    candidates: Sequence[Effect],
-    steps: str = "one",
-    workers: int = 2,
-    phases: Phases | None = None,
-    thresholds: Thresholds = THRESHOLDS,
-    rendering: Rendering | None = None,
-    memory: FitCache | None = None,
-    errors: ErrorsOfModels | None = None,
-    located: Callable[[Model], _Place] | None = None,
+    evidence: Evidence, given: Model | SensorModel | None, candidates: Sequence[Effect], settings: Settings = Settings()
 ) -> Diagnosis:
-    """diagnose() on gathered evidence. memory: where its fits are kept, or None. errors: None leaves the held-out
-    figures out. located: the evidence from where the capture stands under a model; None leaves it where it is. phases:
-    told of each of PHASES_S but the first."""
-    phases = phases or Phases(None, PHASES_S)
+    """diagnose() on gathered evidence."""
+    phases, thresholds, errors = settings.phases or Phases(None, PHASES_S), settings.thresholds, settings.errors
     model = _effects_of(given, evidence.capture.scene_path)
     if all(np.ptp(o.measured) == 0 for o in evidence.train):
         return _undetermined("the infrared images are blank", model)
     phases.begin(FITTING)
-    context, bases = _on(evidence, model, thresholds, workers, rendering, memory)
+    context, bases = _on(evidence, model, settings, settings.rendering, settings.memory)
     first = rank(context, bases(model), candidates, phases)
     phases.begin(ADDING)
-    if located is not None and _asks_for_geometry(first, evidence):
+    if settings.located is not None and _asks_for_geometry(first, evidence):
         # The geometry took what it could of the effect: it is searched again beside what explains the images best.
-        place = located(_with_own_functions(first.findings[0].fitted.model, candidates))
-        there = _on(place.evidence, model, thresholds, workers, place.rendering, place.memory)
+        place = settings.located(_with_own_functions(first.findings[0].fitted.model, candidates))
+        there = _on(place.evidence, model, settings, place.rendering, place.memory)
         likely, others = _likely(first, candidates)
         again = rank(there[0], there[1](model), likely)
         if again.best is not None and again.best.chi2 < (1.0 + _WORSE) * first.findings[0].chi2:
@@ -286,11 +291,11 @@ def examine(
     fitters = context.fitters
     if is_named(first):
         first = settled_first(context, first)
-    way = _way(context, bases, first, candidates, steps, phases)
-    last = way[-1].ranking
+    way = _way(context, bases, first, candidates, settings.steps, phases)
+    last, whole = way[-1].ranking, findings_of(way, evidence.has_floor)
     verdict = verdict_of(first, last, evidence.has_floor)
     residual = residual_model(last.base, evidence.capture.name, evidence.seed) if verdict == UNKNOWN else None
-    way, on_top = _accepted(verdict, first, way, steps)
+    way, on_top = _accepted(verdict, first, way, settings.steps)
     accepted = _model_of(way[-1].ranking.base.solution.model, on_top)
     phases.begin(DEPTH)
     depth = rank_depth(context, bases(accepted), candidates)
@@ -314,6 +319,7 @@ def examine(
         "geometry": geometry_json(replace(standing(evidence, solution), deviations=evidence.geometry.deviations)),
         "albedos": albedo_json(evidence, fitters.train, solution),
         "judging": judging_json(first, evidence.has_floor),
+        "findings": whole.as_json(),
         "residual_model": residual and residual.as_json(),
         "model": model_json(found, solution.nuisances),
     }
@@ -330,18 +336,13 @@ def examine(
 
 
 def _on(
-    evidence: Evidence,
-    model: Model,
-    thresholds: Thresholds,
-    workers: int,
-    rendering: Rendering | None,
-    memory: FitCache | None,
+    evidence: Evidence, model: Model, settings: Settings, rendering: Rendering | None, memory: FitCache | None
 ) -> tuple[DiagnosisContext, BaseFits]:
     """The context of rankings on evidence, and the base fits there."""
-    fitters = Fitters.of(evidence, scan_observations(evidence.train, evidence.seed), memory, workers)
+    fitters = Fitters.of(evidence, scan_observations(evidence.train, evidence.seed), memory, settings.workers)
     given = frozenset(e.id for e, _ in model.effects)
-    context = DiagnosisContext(evidence, fitters, thresholds, workers, given, rendering)
-    return context, BaseFits(evidence, fitters, thresholds)
+    context = DiagnosisContext(evidence, fitters, settings.thresholds, settings.workers, given, rendering)
+    return context, BaseFits(evidence, fitters, settings.thresholds)
 
 
 def _asks_for_geometry(first: Ranking, evidence: Evidence) -> bool:

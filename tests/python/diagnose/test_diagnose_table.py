@@ -18,7 +18,7 @@ from activestereo.capture.write import write_capture
 from activestereo.effects import Model, View, builtin
 from activestereo.effects.core.judging import Channel
 from activestereo.compare.depth_model import DepthModel
-from activestereo.diagnose import examine
+from activestereo.diagnose import Settings, examine
 from activestereo.diagnose.evidence import gather
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import render_frames
@@ -150,7 +150,7 @@ def test_an_effect_of_a_clear_strength_is_found(table, tmp_path, name):
         stated, hidden = Model().with_effect(e), hidden.with_effect(e, **{e.parameters[0].name: 0.05})
     capture = captured(table, tmp_path, hidden)
     rivals = [e for e in EFFECTS.values() if e.id in ALWAYS or e.family == EFFECTS[name].family or e.id == name]
-    result = examine(gather(capture, table[1]), stated, rivals, workers=1).result
+    result = examine(gather(capture, table[1]), stated, rivals, Settings(workers=1)).result
     fault = EFFECTS[name].channel is Channel.DEPTH_ENGINE
     judged = result["depth"] if fault else result
     if fault and EFFECTS[name].engine_fault.is_matcher_choice:
@@ -177,5 +177,5 @@ def test_what_some_surfaces_show_is_found_on_those(table, tmp_path, name):
     chosen = float(sum(2 ** int(k) for k in seen[np.argsort(-counts)[1:3]]))
     capture = captured(table, tmp_path, Model().with_effect(EFFECTS[name], **STRENGTH[name], surfaces=chosen))
     rivals = [e for e in EFFECTS.values() if e.id in ALWAYS or e.family == EFFECTS[name].family]
-    first = examine(gather(capture, table[1]), Model(), rivals, workers=1).result["ranking"][0]
+    first = examine(gather(capture, table[1]), Model(), rivals, Settings(workers=1)).result["ranking"][0]
     assert (first["effect"], first["parameters"]["surfaces"]["value"]) == (name, chosen)

@@ -12,7 +12,7 @@ from activestereo.capture.capture import read_capture
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.compare.render import render_frames
-from activestereo.diagnose.diagnosis import examine
+from activestereo.diagnose.diagnosis import Settings, examine
 from activestereo.diagnose.evidence import gather
 from activestereo.effects import Model, builtin
 from activestereo.effects.engines import CaptureRenderer
@@ -49,7 +49,7 @@ def test_many_diagnoses_with_many_threads_give_one_result(hazy):
             renders.append(split)
             return renderer.lights(model, hazy.capture.split(split), half=half)
 
-        return examine(hazy, Model(), EFFECTS, workers=workers, rendering=rendering).result
+        return examine(hazy, Model(), EFFECTS, Settings(workers=workers, rendering=rendering)).result
 
     first = result(1)
     assert first["ranking"][0]["effect"] == "haze" and renders

@@ -7,7 +7,7 @@ never extrapolated.
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import islice
@@ -40,6 +40,7 @@ _LEAST_CHI2 = 0.9
 _REMEMBERED = 12
 # Threads that take turns in Python: more of them take longer.
 MOST_THREADS = 4
+_Group = TypeVar("_Group", bound=Hashable)
 _In = TypeVar("_In")
 _Out = TypeVar("_Out")
 _SomePixels = TypeVar("_SomePixels", Pixels, AllPixels)
@@ -192,6 +193,19 @@ class Fitter:
                 sums.add_blocks(pixels, columns, residual, n_theta, phi)
         return sums
 
+    def sums_by(self, solution: Solution, group_of: Callable[[Observation], _Group]) -> dict[_Group, Sums]:
+        """Sums at a solution, of the observations of each group."""
+        space, theta, phi = solution.space, solution.theta, solution.phi
+        out: dict[_Group, Sums] = {}
+        for pixels, columns, residual in self._slopes(
+            self._pixels(), space, theta, phi, self.lights(space, theta), len(theta)
+        ):
+            size = len(theta) + len(phi), self._tiles
+            out.setdefault(group_of(pixels.observation), Sums.of_size(*size)).add(
+                pixels, columns, residual, len(theta), phi
+            )
+        return out
+
     def slopes(
         self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light], n_theta: int
     ) -> Iterator[tuple[Observation, list[np.ndarray], np.ndarray]]:
@@ -275,14 +289,17 @@ class Fitter:
         self, sums: Sums, phi: np.ndarray, n_theta: int, space: ParameterSpace, theta: np.ndarray, damping: float
     ) -> np.ndarray:
         """The damped Gauss-Newton step in (theta, phi)."""
-        prior = self.prior(n_theta, space)
-        offset = np.where(space.given, 0.0, theta - space.neutral)[:n_theta]
-        scales = [*np.zeros(SCALES - 1), self._black_offset(phi)]
-        offset = np.concatenate([offset, scales, phi[SCALES:] - self._nuisance_prior.value])
-        gram, moment = sums.gram.sum(0) + np.diag(prior), sums.moment.sum(0) - prior * offset
+        pull = self.pull(phi, n_theta, space, theta)
+        gram, moment = sums.gram.sum(0) + np.diag(self.prior(n_theta, space)), sums.moment.sum(0) - pull
         norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         scaled = gram / np.outer(norm, norm) + damping * np.eye(len(norm))
         return np.linalg.lstsq(scaled, moment / norm, rcond=1e-10)[0] / norm
+
+    def pull(self, phi: np.ndarray, n_theta: int, space: ParameterSpace, theta: np.ndarray) -> np.ndarray:
+        """What priors pull (theta, phi) back by: precision times offset."""
+        offset = np.where(space.given, 0.0, theta - space.neutral)[:n_theta]
+        scales = [*np.zeros(SCALES - 1), self._black_offset(phi)]
+        return self.prior(n_theta, space) * np.concatenate([offset, scales, phi[SCALES:] - self._nuisance_prior.value])
 
     def prior(self, n_theta: int, space: ParameterSpace) -> np.ndarray:
         """Precisions of the priors: wide for effects, none for scales, the albedo's own. A measured black level is
