@@ -128,9 +128,13 @@ def posterior(law: Law, findings: Findings) -> Posterior:
         of_step = [(tuple(sorted(m.effects)), *log_evidence(law, findings, m, step[0])) for m in step]
         base = of_step[0][0]
         if base:
-            before = max((value for (effects, missing), value in logs.items() if not missing and effects == base), default=None)
+            before = max(
+                (value for (effects, missing), value in logs.items() if not missing and effects == base), default=None
+            )
             if before is None:  # swapped: as likely as what it stands for
-                before = max(value for (effects, missing), value in logs.items() if not missing and len(effects) == len(base))
+                before = max(
+                    value for (effects, missing), value in logs.items() if not missing and len(effects) == len(base)
+                )
             offset = before - of_step[0][1]
             logs = {key: value for key, value in logs.items() if key[0] != base}
         else:

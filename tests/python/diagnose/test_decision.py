@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The law of decision on findings that are written down: 100 000 pixels in two views."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from activestereo.diagnose.decision.law import Law, decide, posterior
+from activestereo.diagnose.decision.records import Findings, Freedom, ModelRecord
+
+PIXELS = (60_000, 40_000)
+ONE = Freedom((1.0,), (-1.8,), ((1e4,),))
+
+
+def model(*effects: str, left: float, structure: float = 0.0, **more) -> ModelRecord:
+    """left: mean square that the model leaves; structure: what a discrepancy explains of that, in noise variances."""
+    views = tuple(left * n for n in PIXELS)
+    return ModelRecord(
+        effects, "expected image" if effects else "", sum(views), views, views, (structure,) * 4,
+        strain=0.0, freedom=ONE if effects else None, **more,
+    )  # fmt: skip
+
+
+def findings(*models: ModelRecord) -> Findings:
+    return Findings(PIXELS, 0.0, 0.0, 0.0, 40, True, models)
+
+
+NOTHING = findings(model(left=1.005, structure=0.002), model("blur", left=1.004, structure=0.002))
+BLUR = findings(
+    model(left=1.9, structure=0.8),
+    model("blur", left=1.01, structure=0.005, closed_low=0.9),
+    model("haze", left=1.6, structure=0.5, closed_low=0.2),
+)
+ELSE = findings(model(left=1.9, structure=0.8), model("blur", left=1.5, structure=0.45, closed_low=0.3))
+TWO = findings(
+    model(left=1.9, structure=0.8),
+    model("blur", left=1.01, structure=0.005, closed_low=0.9),
+    model("haze", left=1.012, structure=0.005, closed_low=0.9),
+)
+
+
+@pytest.mark.parametrize(
+    ("found", "verdict", "named"),
+    [(NOTHING, "none", ()), (BLUR, "effect", ("blur",)), (ELSE, "unknown", ()), (TWO, "effect", ("blur",))],
+)
+def test_what_is_said_is_what_is_likely(found, verdict, named):
+    said = decide(Law(), Findings.of_json(json.loads(json.dumps(found.as_json()))))
+    assert (said.verdict, said.named) == (verdict, named)
+    given = said.posterior
+    assert sum(given.known.values()) + sum(given.unknown.values()) == pytest.approx(1.0)
+    assert {"none": given.none, "unknown": given.something_else, "effect": given.known.get(("blur",), 0.0)}[
+        verdict
+    ] > 0.3
+    assert said.equivalent.get("blur", ()) == (("haze",) if found is TWO else ())
+
+
+def test_a_name_is_given_at_the_rate_of_false_names_that_is_asked_for():
+    weak = findings(model(left=1.12, structure=0.02), model("blur", left=1.01, structure=0.005, closed_low=0.9))
+    sure = posterior(Law(), weak).known[("blur",)]
+    assert 0.5 < sure < 0.999
+    for alpha, verdict in ((1.1 * (1.0 - sure), "effect"), (0.9 * (1.0 - sure), "none")):
+        assert decide(Law(alpha=alpha), weak).verdict == verdict
+
+
+def test_what_removes_less_than_is_asked_for_has_no_name():
+    assert decide(Law(least_share=0.91), BLUR).named == ()
+
+
+def test_images_count_as_the_pixels_that_the_discrepancy_allows():
+    """Of two models of one freedom, 2 / discrepancy pixels tell: the log of their odds is half that of their errors."""
+    for law in (Law(discrepancy=0.01), Law(discrepancy=0.04)):
+        known = posterior(law, TWO).known
+        assert np.log(known["blur",] / known["haze",]) == pytest.approx(np.log(1.012 / 1.01) / law.discrepancy)
+
+
+def test_without_a_floor_nothing_unnamed_is_told():
+    assert decide(Law(), replace(ELSE, has_floor=False)).verdict == "undetermined"
+    assert decide(Law(), replace(BLUR, has_floor=False)).verdict == "effect"
+
+
+def test_a_second_effect_is_added_by_other_weights():
+    """The second step's noise is another: its models are compared with their own base."""
+    first = (model(left=2.6, structure=1.4), model("blur", left=1.8, structure=0.6, closed_low=0.4))
+    second = (
+        replace(model("blur", left=3.6, structure=1.2), channel=""),
+        model("blur", "haze", left=2.02, structure=0.01, closed_low=0.4),
+    )
+    both = decide(Law(), findings(*first, *second))
+    assert (both.verdict, sorted(both.named)) == ("effect", ["blur", "haze"])
+    alone = decide(Law(), findings(*first))
+    assert alone.verdict == "unknown"
