@@ -1,57 +1,60 @@
 # SPDX-License-Identifier: Apache-2.0
 """The law of decision: posterior probabilities of models from their marginal likelihoods, and what may be named.
 
-No model is exact. Formulas, and errors of the scene measurement that no nuisance takes, leave a discrepancy whose
-mean square, in noise variances, is taken to be exponential with mean DISCREPANCY. This has two consequences. A
-likelihood conditional on the data being that near to a model, not equal to it, is the usual one to the power
-alpha / (alpha + n) with alpha = 2 / DISCREPANCY, so that images count as alpha pixels (Miller and Dunson 2019, Robust
-Bayesian inference via coarsening, sections 2 and 3). And where something is missing that no effect of the library is,
-the discrepancy is as large as effects are: that is the model of something else (Kennedy and O'Hagan 2001), whose
-discrepancy is what both halves of the images agree on (score/structure.py).
+No model is exact. Formulas, and errors of the scene measurement that no nuisance takes, leave a discrepancy in each
+view whose mean square, in noise variances, is exponential with mean Law.discrepancy. Two things follow. A likelihood
+of data that are that near to a model, not equal to it, is the usual one to the power alpha / (alpha + n) with alpha =
+2 / discrepancy: a view counts as alpha pixels (Miller and Dunson 2019, Robust Bayesian inference via coarsening,
+sections 2 and 3). And where something is missing that the library lacks, the discrepancy is as large as effects are:
+that is the model of something else (Kennedy and O'Hagan 2001, Bayesian calibration of computer models). Its
+discrepancy is a linear basis in each tile (score/structure.py), with its variance integrated out.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import exp, log, log1p, pi
+from itertools import chain
+from math import log, pi
 
 import numpy as np
+from numpy.typing import NDArray
 
 from activestereo.diagnose.decision.records import Findings, Freedom, ModelRecord
+from activestereo.effects.core.judging import Channel
 
+EFFECT, NONE, UNKNOWN, UNDETERMINED = "effect", "none", "unknown", "undetermined"
 Effects = tuple[str, ...]
-# A discrepancy explains at most this share of a residual.
-_MOST = 0.95
+Values = NDArray[np.float64]
+# A mean square of no less counts, and a discrepancy explains at most this share of a residual: logarithms end there.
+_LEAST, _MOST = 0.05, 0.95
 
 
 @dataclass(frozen=True)
 class Law:
-    """discrepancy: mean square that a right model leaves, noise variances: the tempering exponent follows from it.
-    something_else: prior probability of what the library lacks. more: prior probability of one more effect. alpha:
-    expected share of false names. least_share: of the squared error above the floor, that a name removes. largest:
-    scale of something else's mean square, noise variances. alike: ratio of probabilities within which two models
-    predict alike."""
+    """All constants of a decision.
 
-    discrepancy: float = 0.01
+    discrepancy: mean square that a right model leaves in a view (calibrated: the truths of training cases are
+    likeliest). rendering: the same where it has no structure (theory: Monte Carlo noise of 32 samples). largest: scale
+    of something else's mean square (convention: the noise). something_else: prior probability of what the library
+    lacks; shows: that it shows in a view; more: that one more effect is missing (conventions). alpha: expected share
+    of false names, least_share: of the squared error that a name removes, both a user's. alike: ratio of probabilities
+    within which two models predict alike (convention).
+    """
+
+    discrepancy: float = 0.0075
+    rendering: float = 0.06
+    largest: float = 1.0
     something_else: float = 0.1
+    shows: float = 0.5
     more: float = 0.5
     alpha: float = 0.01
     least_share: float = 0.05
-    largest: float = 1.0
     alike: float = 0.01
-    left_out: bool = True
-    use_strain: float = 1.0
-    use_unsteady: float = 1.0
-
-    @property
-    def observations(self) -> float:
-        """So many independent pixels the images count as."""
-        return 2.0 / self.discrepancy
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """known: {effects: probability that they are what is missing, all of it}, () of nothing. unknown: the same where
-    something else is missing, too. They add up to 1."""
+    """known: {effects: probability that they are what is missing, and all of it}, () of nothing. unknown: the same
+    where something else is missing, too. They add up to 1."""
 
     known: Mapping[Effects, float]
     unknown: Mapping[Effects, float]
@@ -65,93 +68,10 @@ class Posterior:
         return sum(self.unknown.values())
 
 
-def log_evidence(law: Law, findings: Findings, model: ModelRecord, base: ModelRecord) -> tuple[float, float]:
-    """(log of prior times marginal likelihood of a model, the same beside something else), up to a constant that all
-    models on top of one base share. What was not computed of a model is as the base has it."""
-    n, pixels = law.observations, float(sum(findings.pixels))
-    chi2 = model.chi2
-    if law.left_out and base.view_left_out:
-        own = sum(model.view_left_out) if model.view_left_out else None
-        chi2 = sum(base.view_left_out) + model.chi2 - base.chi2 if own is None else own
-    left = max(chi2 / pixels - findings.white - model.rounding, 1e-3)
-    fitted = model if model.freedom else base
-    common = len(model.effects) * log(law.more / max(findings.tried, 1)) - model.choice_nats
-    common += _occam(fitted.freedom, n / pixels) - 0.5 * law.use_strain * (fitted.strain or 0.0)
-    if model.own_nats is not None:
-        common += max(min(model.own_nats, -0.5 * n * log(max(1.0 - model.own_share, 1e-9))), 0.0)
-    known = common - 0.5 * n * log(left)
-    missing = max(float(np.mean(model.structure or base.structure or (0.0,))) + fitted.varying, 0.0)
-    if model.effects == ():
-        missing = max(missing, law.use_unsteady * findings.unsteady)
-    missing = min(missing, _MOST * left)
-    beside = left - missing
-    # Cauchy's density of what is missing, exponential where nothing is.
-    size = missing / beside / law.largest
-    broad = log(2.0 / pi / law.largest) - log1p(size**2)
-    unknown = common - 0.5 * n * log(beside) + broad + log(law.discrepancy)
-    return known + log(1.0 - law.something_else), unknown + log(law.something_else)
-
-
-def _occam(freedom: Freedom | None, part: float) -> float:
-    """Laplace's volume of the parameters, of so large a part of the information; those that are better left neutral
-    are."""
-    if freedom is None or not freedom.away:
-        return 0.0
-    away, density = np.array(freedom.away), np.array(freedom.log_density)
-    information = part * np.array(freedom.information)
-    kept = list(range(len(away)))
-    best = _volume(kept, away, density, information)
-    while len(kept) > 1:
-        fewer = [(_volume([i for i in kept if i != gone], away, density, information), gone) for gone in kept]
-        value, gone = max(fewer)
-        if value <= best:
-            break
-        best = value
-        kept.remove(gone)
-    return best
-
-
-def _volume(kept: list[int], away: np.ndarray, density: np.ndarray, information: np.ndarray) -> float:
-    used, unused = np.array(kept, dtype=np.int64), np.setdiff1d(np.arange(len(away)), kept)
-    across, inner = information[np.ix_(unused, used)], information[np.ix_(used, used)]
-    alone = information[np.ix_(unused, unused)] - across @ np.linalg.pinv(inner, hermitian=True) @ across.T
-    loss = away[unused] @ alone @ away[unused]
-    volume = np.log(2.0 * np.pi / (1.0 + np.maximum(np.linalg.eigvalsh(inner), 0.0)))
-    return float(density[kept].sum() + 0.5 * volume.sum() - 0.5 * max(loss, 0.0))
-
-
-def posterior(law: Law, findings: Findings) -> Posterior:
-    """The Posterior of all models; of fits of the same effects the best one counts. Later steps have other weights:
-    their models are compared with their own base, which is as likely as the first step has it."""
-    logs: dict[tuple[Effects, bool], float] = {}
-    for step in findings.steps():
-        of_step = [(tuple(sorted(m.effects)), *log_evidence(law, findings, m, step[0])) for m in step]
-        base = of_step[0][0]
-        if base:
-            before = max(
-                (value for (effects, missing), value in logs.items() if not missing and effects == base), default=None
-            )
-            if before is None:  # swapped: as likely as what it stands for
-                before = max(
-                    value for (effects, missing), value in logs.items() if not missing and len(effects) == len(base)
-                )
-            offset = before - of_step[0][1]
-            logs = {key: value for key, value in logs.items() if key[0] != base}
-        else:
-            offset = 0.0
-        for effects, known, unknown in of_step:
-            for value, missing in ((known, False), (unknown, True)):
-                logs[effects, missing] = max(logs.get((effects, missing), -np.inf), value + offset)
-    most = max(logs.values())
-    weights = {key: exp(value - most) for key, value in logs.items()}
-    total = sum(weights.values())
-    of = [{e: w / total for (e, missing), w in weights.items() if missing == kind} for kind in (False, True)]
-    return Posterior(*of)
-
-
 @dataclass(frozen=True)
 class Decision:
-    """verdict: as diagnose.json has it. named: effects, likeliest first; equivalent: of each, what predicts alike."""
+    """verdict: as diagnose.json has it. named: effects, likeliest first. equivalent: of each effect of the likeliest
+    model, what predicts alike."""
 
     verdict: str
     named: Effects
@@ -162,39 +82,146 @@ class Decision:
 def decide(law: Law, findings: Findings) -> Decision:
     """The Decision that findings allow."""
     given = posterior(law, findings)
-    best = max(given.known, key=lambda e: given.known[e])
+    best = max(given.known, key=lambda effects: given.known[effects])
     alike = {name: _alike(law, given, best, name) for name in best}
-    sure = {name: _any_of(given, (name, *alike[name])) for name in best}
-    closed = {m.effects: m.closed_low for m in findings.models}
-    order = sorted((name for name in best if _closes(law, closed, name)), key=lambda name: -sure[name])
+    sure = {name: sum(p for e, p in given.known.items() if {name, *alike[name]} & set(e)) for name in best}
+    order = sorted((name for name in best if _may_be_named(law, findings, name)), key=lambda name: -sure[name])
     named: list[str] = []
-    for name in order:  # expected share of false names (Mueller, Parmigiani and Rice 2007)
+    for name in order:  # the expected share of false names (Mueller, Parmigiani and Rice 2007)
         if sum(1.0 - sure[n] for n in (*named, name)) <= law.alpha * (len(named) + 1):
             named.append(name)
     if named:
-        verdict = "effect"
+        verdict = EFFECT
     elif not findings.has_floor:
-        verdict = "undetermined"
+        verdict = UNDETERMINED
     else:
-        verdict = "none" if given.none >= given.something_else else "unknown"
+        verdict = NONE if given.none >= given.something_else else UNKNOWN
     return Decision(verdict, tuple(named), alike, given)
 
 
-def _closes(law: Law, closed: Mapping[Effects, float | None], name: str) -> bool:
-    lows = [low for effects, low in closed.items() if effects and effects[-1] == name and low is not None]
-    return not lows or max(lows) >= law.least_share
+def posterior(law: Law, findings: Findings) -> Posterior:
+    """The Posterior of all models; of fits of the same effects the best one counts. Later steps have other weights:
+    their models are compared with their own base, which is as likely as the first step has it."""
+    known: dict[Effects, float] = {}
+    unknown: dict[Effects, float] = {}
+    for step in findings.steps():
+        floor = np.minimum(1.0, np.min([_left(findings, step[0], m) for m in step], axis=0))
+        logs = [(tuple(sorted(m.effects)), *log_evidence(law, findings, m, step[0], floor)) for m in step]
+        base, offset = logs[0][0], 0.0
+        if known:  # what took another effect's place on the way is as likely as the best of its size
+            alike = [value for effects, value in known.items() if len(effects) == len(base)]
+            before = known.get(base, max(alike, default=max(known.values())))
+            offset = before - logs[0][1]
+            unknown.pop(base, None)
+        for effects, alone, beside in logs:
+            known[effects] = max(known.get(effects, -np.inf), alone + offset)
+            unknown[effects] = max(unknown.get(effects, -np.inf), beside + offset)
+    most = max(chain(known.values(), unknown.values()))
+    total = float(sum(np.exp(value - most) for value in chain(known.values(), unknown.values())))
+    share = lambda logs: {e: float(np.exp(value - most)) / total for e, value in logs.items()}  # noqa: E731
+    return Posterior(share(known), share(unknown))
+
+
+def log_evidence(
+    law: Law, findings: Findings, model: ModelRecord, base: ModelRecord, floor: Values
+) -> tuple[float, float]:
+    """(log of prior times marginal likelihood of a model, the same beside something else), up to a constant that all
+    models on top of a base share. floor: mean square of each view that no discrepancy goes below. What was not
+    computed of a model is as the base has it."""
+    fitted, left = model if model.freedom else base, _left(findings, base, model)
+    common = len(model.effects) * log(law.more / max(findings.tried, 1)) - model.choice_nats
+    common += _volume(fitted.freedom) - 0.5 * (fitted.strain or 0.0)
+    if model.channel == Channel.STATIC_FIELD.value or model.own_nats is not None:
+        common -= 0.5 * log(2.0 / law.discrepancy)  # a deviation alone is free (Schwarz 1978)
+    if model.own_nats is not None:
+        gain = len(left) / law.discrepancy * -log(max(1.0 - model.own_share, 1.0 - _MOST))
+        common += max(min(model.own_nats, gain), 0.0)
+    missing = np.maximum(model.structure or base.structure or 0.0, fitted.varying)
+    missing = np.clip(missing, 0.0, np.clip(left - floor, 0.0, _MOST * left))
+    beside = left - missing
+    narrow = -np.log(left) / law.discrepancy
+    broad = -np.log(beside) / law.discrepancy + _broad(law, missing / beside, law.discrepancy)
+    known = common + narrow.sum() + log(1.0 - law.something_else)
+    unknown = common + _somewhere(law, narrow, broad) + log(law.something_else)
+    if model.effects:
+        return float(known), float(unknown)
+    # What a view's frames do not share, and what has no structure, is known of nothing else: it tells only whether
+    # something is missing where no effect is.
+    size, mean = _of_none(law, findings)
+    narrow = np.append(narrow, -size / mean)
+    odds = _somewhere(law, narrow, np.append(broad, _broad(law, size, mean))) - narrow.sum()
+    odds += log(law.something_else / (1.0 - law.something_else))
+    both = np.logaddexp(known, unknown)
+    return float(both - np.logaddexp(0.0, odds)), float(both - np.logaddexp(0.0, -odds))
+
+
+def _somewhere(law: Law, narrow: Values, broad: Values) -> float:
+    """log of the likelihood where something else shows in some view: narrow, broad are each one's without and with."""
+    without = np.log1p(-law.shows) + narrow
+    somewhere = np.logaddexp(without, np.log(law.shows) + broad).sum()
+    return float(somewhere + np.log1p(-np.exp(min(without.sum() - somewhere, -1e-12))))
+
+
+def _left(findings: Findings, base: ModelRecord, model: ModelRecord) -> Values:
+    """The mean square that a model leaves of each view. The renderer's own noise, which stays between repeats, is no
+    model's but a field's."""
+    field = model.channel == Channel.STATIC_FIELD.value
+    own = base.left if model.channel == Channel.NOISE_MODEL.value else model.left
+    return np.maximum(np.array(own) - model.rounding - (0.0 if field else findings.white), _LEAST)
+
+
+def _of_none(law: Law, findings: Findings) -> tuple[Values, Values]:
+    """Further discrepancies where nothing is named, and their means."""
+    plain = max(findings.plain - findings.white, 0.0)
+    return np.array([findings.unsteady, plain]), np.array([law.discrepancy, law.rendering])
+
+
+def _broad(law: Law, size: Values, mean: Values | float) -> Values:
+    """log of Cauchy's density of a discrepancy, which something else makes, over the exponential one's at zero."""
+    return np.log(2.0 / pi / law.largest * np.asarray(mean)) - np.log1p((size / law.largest) ** 2)
+
+
+def _volume(freedom: Freedom | None) -> float:
+    """Laplace's integral over the parameters, beside the best likelihood; those that are better left neutral are."""
+    if freedom is None or not freedom.away:
+        return 0.0
+    kept, best = list(range(len(freedom.away))), -np.inf
+    while kept:
+        value = _volume_of(kept, freedom)
+        if value <= best:
+            break
+        best = value
+        fewer = [[i for i in kept if i != gone] for gone in kept]
+        kept = max(fewer, key=lambda some: _volume_of(some, freedom)) if len(kept) > 1 else []
+    return best
+
+
+def _volume_of(kept: Sequence[int], freedom: Freedom) -> float:
+    away, density, information = (np.array(x) for x in (freedom.away, freedom.log_density, freedom.information))
+    used, unused = np.array(kept, dtype=np.int64), np.setdiff1d(np.arange(len(away)), kept)
+    across, inner = information[np.ix_(unused, used)], information[np.ix_(used, used)]
+    alone = information[np.ix_(unused, unused)] - across @ np.linalg.pinv(inner, hermitian=True) @ across.T
+    loss = away[unused] @ alone @ away[unused]
+    volume = np.log(2.0 * np.pi / (1.0 + np.maximum(np.linalg.eigvalsh(inner), 0.0)))
+    return float(density[used].sum() + 0.5 * volume.sum() - 0.5 * max(loss, 0.0))
+
+
+def _may_be_named(law: Law, findings: Findings, name: str) -> bool:
+    """Whether an effect removes its share of the error, and views are predicted better with it than without, as far as
+    that is known."""
+    closed, predicts = [], []
+    for step in findings.steps():
+        for model in (m for m in step if m.channel and m.effects[-1] == name):
+            if model.closed_low is not None:
+                closed.append(model.closed_low >= law.least_share)
+            if model.left_out is not None and step[0].left_out is not None:
+                predicts.append(sum(model.left_out) < sum(step[0].left_out))
+    return all(not known or any(known) for known in (closed, predicts))
 
 
 def _alike(law: Law, given: Posterior, best: Effects, name: str) -> Effects:
+    """What stands for an effect as well, the others of the best model beside it, likeliest first."""
     rest = set(best) - {name}
-    others = {e for effects in given.known for e in effects if len(effects) == len(best) and rest <= set(effects)}
-    out = []
-    for other in sorted(others - set(best)):
-        p = given.known.get(tuple(sorted(rest | {other})), 0.0)
-        if p >= law.alike * given.known[best]:
-            out.append((p, other))
-    return tuple(other for _, other in sorted(out, reverse=True))
-
-
-def _any_of(given: Posterior, names: Effects) -> float:
-    return sum(p for effects, p in given.known.items() if set(effects) & set(names))
+    alone = {effects: p for effects, p in given.known.items() if len(effects) == len(best) and rest < set(effects)}
+    others = [(p, *set(effects) - rest) for effects, p in alone.items() if effects != best]
+    return tuple(other for p, other in sorted(others, reverse=True) if p >= law.alike * given.known[best])

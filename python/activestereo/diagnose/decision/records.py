@@ -9,10 +9,10 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Freedom:
-    """The free parameters of a model's effects: what a marginal likelihood asks of them.
+    """The free parameters of a model's effects, as Laplace's integral asks for them.
 
     away: distances from neutral in typical values. log_density: of the prior there, per typical value. information: of
-    all pixels on them in those units, nuisances fitted beside, [n][n]; no discrepancy of any model is in it.
+    the images on them in those units, [n][n], nuisances fitted beside, neighbours counted as far as they vary apart.
     """
 
     away: tuple[float, ...]
@@ -22,45 +22,39 @@ class Freedom:
 
 @dataclass(frozen=True)
 class ModelRecord:
-    """One model: the given one with effects added.
+    """One model: the given one with effects added. Mean squares are in noise variances; None: not computed.
 
-    channel: of the last effect; empty where a step starts. chi2: cross-validated. view_chi2, view_left_out: of each view as fitted, and predicted with what the other views
-    tell of all that views share. structure: of each image, in noise variances (score/structure.py). varying: what
-    varying amplitudes explain, in noise variances. strain: sum of squares of nuisances in the deviations that are
-    stated of them. rounding: what coarse steps leave in repeats alike, in noise variances. own_nats, own_share: of
-    channels with evidence of their own. closed_low: the lower end of the share of the squared error that it removes.
-    at_range_end: a shape was driven to an end of its range. None: not known.
+    channel: of the last effect; empty where a step starts. left: mean square of each view. left_out: the same,
+    predicted by what the other views tell. structure: of each view (score/structure.py). varying: what varying
+    amplitudes explain (score/constancy.py). strain: sum of squares of nuisances, in the deviations stated of them.
+    rounding: what coarse steps leave in repeats alike. own_nats, own_share: of channels with evidence of their own.
+    choice_nats: of choices that were open. closed_low: the lower end of the share of the squared error that it removes.
     """
 
     effects: tuple[str, ...]
     channel: str
-    chi2: float
-    view_chi2: tuple[float, ...] = ()
-    view_left_out: tuple[float, ...] | None = None
+    left: tuple[float, ...]
+    left_out: tuple[float, ...] | None = None
     structure: tuple[float, ...] | None = None
     varying: float = 0.0
     strain: float | None = None
+    freedom: Freedom | None = None
     rounding: float = 0.0
     own_nats: float | None = None
     own_share: float = 0.0
-    closed_low: float | None = None
-    at_range_end: bool = False
-    freedom: Freedom | None = None
     choice_nats: float = 0.0
+    closed_low: float | None = None
 
 
 @dataclass(frozen=True)
 class Findings:
-    """All models that a diagnosis fitted, on the same pixels.
+    """All models that a diagnosis fitted. Of the given one: white, what stays between repeats and is white; unsteady,
+    by how much one frame of a view differs more than another (score/steadiness.py); plain, the excess of the squared
+    error in DN. tried: how many effects. has_floor: whether noise was measured."""
 
-    pixels: how many, of each view. white: what stays between repeats and is white, in noise variances. unsteady,
-    uneven: of the given model (score/steadiness.py). tried: how many effects. has_floor: whether noise was measured.
-    """
-
-    pixels: tuple[int, ...]
     white: float
     unsteady: float
-    uneven: float
+    plain: float
     tried: int
     has_floor: bool
     models: tuple[ModelRecord, ...]

@@ -280,6 +280,10 @@ class Fitter:
         strain = np.abs(self._strain(solution.phi))
         return float((strain if base is None else strain - np.abs(self._strain(base.phi))).max(initial=0.0))
 
+    def strain(self, solution: Solution) -> float:
+        """How far a solution takes nuisances from what is stated: the sum of squares, in its deviations."""
+        return float((self._strain(solution.phi) ** 2).sum())
+
     def inverse(self, solution: Solution) -> np.ndarray:
         """The inverse of the normal matrix with its priors, at a solution: (theta, phi) in rows and columns."""
         gram = solution.sums.gram.sum(0) + np.diag(self.prior(len(solution.theta), solution.space))

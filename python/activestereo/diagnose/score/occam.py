@@ -56,8 +56,8 @@ def occam_nats(fitter: Fitter, solution: Solution, effect: Effect, design: float
     return max(_cost(k, away, density, information) for k in kept)
 
 
-def freedom_of(fitter: Fitter, solution: Solution, effects: Sequence[Effect]) -> Freedom:
-    """What a marginal likelihood asks of the free parameters of these effects."""
+def freedom_of(fitter: Fitter, solution: Solution, effects: Sequence[Effect], design: float) -> Freedom:
+    """The Freedom of these effects. design: the residuals' design effect."""
     own, space = {e.id for e in effects}, solution.space
     free = [i for i, (e, _) in enumerate(space.pairs) if e.id in own and not (space.fixed[i] or space.given[i])]
     if not free:
@@ -66,7 +66,7 @@ def freedom_of(fitter: Fitter, solution: Solution, effects: Sequence[Effect]) ->
     typical = np.array([p.typical for p in parameters])
     away = (solution.theta[free] - space.neutral[free]) / typical
     density = [float(_log_density(p, x)) for p, x in zip(parameters, away, strict=True)]
-    information = _information(fitter, solution, np.array(free)) * np.outer(typical, typical)
+    information = _information(fitter, solution, np.array(free)) * np.outer(typical, typical) / design
     return Freedom(tuple(map(float, away)), tuple(density), tuple(map(tuple, information.tolist())))
 
 
