@@ -46,7 +46,7 @@ def decided(result: Result, law: Law) -> Result:
     """A Result as if the law had given its answer."""
     answer, decision = result.answer, decide(law, Findings.of_json(result.answer["findings"]))
     rows = {entry["effect"]: entry for entry in answer["ranking"]}
-    order = sorted(rows, key=lambda name: -_probability(decision, name))
+    order = sorted(rows, key=lambda name: -decision.likeness(name))
     first = [name for name in decision.named if name in rows]
     ranking = [_row(rows[name], decision) for name in dict.fromkeys([*first, *order])]
     said = {"verdict": decision.verdict, "added": list(decision.named), "ranking": ranking}
@@ -55,13 +55,8 @@ def decided(result: Result, law: Law) -> Result:
 
 def _row(entry: dict, decision: Decision) -> dict:
     name = entry["effect"]
-    p = _probability(decision, name)
-    return entry | {"confidence": p, "equivalent": list(decision.equivalent.get(name, ()))}
-
-
-def _probability(decision: Decision, name: str) -> float:
-    given = decision.posterior
-    return sum(p for effects, p in given.known.items() if name in effects)
+    equivalent = list(decision.equivalent.get(name, ()))
+    return entry | {"confidence": decision.confidence(name), "equivalent": equivalent}
 
 
 def _text(measure: dict) -> str:

@@ -12,8 +12,10 @@ discrepancy is a linear basis in each tile (score/structure.py), with its varian
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from math import log, pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +79,26 @@ class Decision:
     named: Effects
     equivalent: Mapping[str, Effects]
     posterior: Posterior
+
+    def confidence(self, name: str) -> float:
+        """The probability that an effect is missing, and nothing that the library lacks."""
+        return sum(p for effects, p in self.posterior.known.items() if name in effects)
+
+    def likeness(self, name: str) -> float:
+        """The probability that an effect is missing, whatever else is."""
+        return self.confidence(name) + sum(p for effects, p in self.posterior.unknown.items() if name in effects)
+
+    def as_json(self) -> dict[str, Any] | None:
+        """{"named": {id: p}, "none": p, "something_else": p}, which add up to 1, several effects by the likeliest of
+        them; None where the data cannot tell."""
+        if self.verdict == UNDETERMINED:
+            return None
+        named: dict[str, float] = {}
+        for effects, p in self.posterior.known.items():
+            if effects:
+                first = max(effects, key=self.confidence)
+                named[first] = named.get(first, 0.0) + p
+        return {"named": named, "none": self.posterior.none, "something_else": self.posterior.something_else}
 
 
 def decide(law: Law, findings: Findings) -> Decision:
@@ -187,16 +209,16 @@ def _volume(freedom: Freedom | None) -> float:
         return 0.0
     kept, best = list(range(len(freedom.away))), -np.inf
     while kept:
-        value = _volume_of(kept, freedom)
+        value = _volume_of(freedom, kept)
         if value <= best:
             break
         best = value
         fewer = [[i for i in kept if i != gone] for gone in kept]
-        kept = max(fewer, key=lambda some: _volume_of(some, freedom)) if len(kept) > 1 else []
+        kept = max(fewer, key=partial(_volume_of, freedom)) if len(kept) > 1 else []
     return best
 
 
-def _volume_of(kept: Sequence[int], freedom: Freedom) -> float:
+def _volume_of(freedom: Freedom, kept: Sequence[int]) -> float:
     away, density, information = (np.array(x) for x in (freedom.away, freedom.log_density, freedom.information))
     used, unused = np.array(kept, dtype=np.int64), np.setdiff1d(np.arange(len(away)), kept)
     across, inner = information[np.ix_(unused, used)], information[np.ix_(used, used)]
@@ -223,5 +245,5 @@ def _alike(law: Law, given: Posterior, best: Effects, name: str) -> Effects:
     """What stands for an effect as well, the others of the best model beside it, likeliest first."""
     rest = set(best) - {name}
     alone = {effects: p for effects, p in given.known.items() if len(effects) == len(best) and rest < set(effects)}
-    others = [(p, *set(effects) - rest) for effects, p in alone.items() if effects != best]
-    return tuple(other for p, other in sorted(others, reverse=True) if p >= law.alike * given.known[best])
+    likely = sorted((p, effects) for effects, p in alone.items() if p >= law.alike * given.known[best])
+    return tuple(next(iter(set(effects) - rest)) for _, effects in reversed(likely) if effects != best)

@@ -73,7 +73,8 @@ class Findings:
 
     @classmethod
     def of_json(cls, stored: Mapping[str, Any]) -> "Findings":
-        return cls(**{**stored, "models": tuple(_record(model) for model in stored["models"])})
+        known: dict[str, Any] = {**stored, "models": tuple(_record(model) for model in stored["models"])}
+        return cls(**known)
 
 
 def _record(stored: Mapping[str, Any]) -> ModelRecord:
