@@ -292,7 +292,7 @@ def examine(
     if is_named(first):
         first = settled_first(context, first)
     way = _way(context, bases, first, candidates, settings.steps, phases)
-    last, whole = way[-1].ranking, findings_of(way, evidence.has_floor)
+    last, findings = way[-1].ranking, findings_of(way, evidence.has_floor)
     verdict = verdict_of(first, last, evidence.has_floor)
     residual = residual_model(last.base, evidence.capture.name, evidence.seed) if verdict == UNKNOWN else None
     way, on_top = _accepted(verdict, first, way, settings.steps)
@@ -319,7 +319,7 @@ def examine(
         "geometry": geometry_json(replace(standing(evidence, solution), deviations=evidence.geometry.deviations)),
         "albedos": albedo_json(evidence, fitters.train, solution),
         "judging": judging_json(first, evidence.has_floor),
-        "findings": whole.as_json(),
+        "findings": findings.as_json(),
         "residual_model": residual and residual.as_json(),
         "model": model_json(found, solution.nuisances),
     }
