@@ -110,7 +110,7 @@ def test_a_second_effect_is_added_by_other_weights():
 
 
 def test_parameters_that_the_data_hardly_tell_cost_less_where_they_are_left_neutral():
-    """Of three that fit alike, what needs two parameters is behind what needs one; what could do without is not."""
+    """Three models fit alike: the one that needs two parameters is behind, the one that could do without is not."""
     both = Freedom((1.0, 1.0), (-1.8, -1.8), ((1e4, 0.0), (0.0, 1e4)))
     spare = replace(both, away=(1.0, 1e-4))
     one, two, idle = (model(name, left=1.01, freedom=f) for name, f in (("one", ONE), ("two", both), ("idle", spare)))

@@ -64,7 +64,8 @@ def _records(step: Step) -> Iterator[ModelRecord]:
 def _whole(
     context: DiagnosisContext, solution: Solution | None, rows: Sequence[ImageResidual], design: float
 ) -> dict[str, object]:
-    """What takes long to compute of a model. rows: the train images under it. solution: None where it is a field."""
+    """The part of a record that takes long to compute. rows: the train images under the model. solution: None of a
+    field."""
     train, fitter = context.evidence.train, context.fitters.train
     of_view = [[row for row in rows if view_of(row.observation) == view] for view in views(train)]
     known: dict[str, object] = {"structure": tuple(map(local_structure, of_view))}

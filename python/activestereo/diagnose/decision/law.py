@@ -63,7 +63,7 @@ class Posterior:
 
     @property
     def none(self) -> float:
-        return self.known.get((), 0.0)
+        return sum(p for effects, p in self.known.items() if not effects)
 
     @property
     def something_else(self) -> float:
@@ -242,7 +242,7 @@ def _may_be_named(law: Law, findings: Findings, name: str) -> bool:
 
 
 def _alike(law: Law, given: Posterior, best: Effects, name: str) -> Effects:
-    """What stands for an effect as well, the others of the best model beside it, likeliest first."""
+    """The effects that stand for one as well, the others of the best model beside them, likeliest first."""
     rest = set(best) - {name}
     alone = {effects: p for effects, p in given.known.items() if len(effects) == len(best) and rest < set(effects)}
     likely = sorted((p, effects) for effects, p in alone.items() if p >= law.alike * given.known[best])

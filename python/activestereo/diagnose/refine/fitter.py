@@ -281,7 +281,7 @@ class Fitter:
         return float((strain if base is None else strain - np.abs(self._strain(base.phi))).max(initial=0.0))
 
     def strain(self, solution: Solution) -> float:
-        """How far a solution takes nuisances from what is stated: the sum of squares, in its deviations."""
+        """The distance of a solution's nuisances from what is stated: the sum of squares, in its deviations."""
         return float((self._strain(solution.phi) ** 2).sum())
 
     def inverse(self, solution: Solution) -> np.ndarray:
@@ -300,7 +300,7 @@ class Fitter:
         return np.linalg.lstsq(scaled, moment / norm, rcond=1e-10)[0] / norm
 
     def pull(self, phi: np.ndarray, n_theta: int, space: ParameterSpace, theta: np.ndarray) -> np.ndarray:
-        """What priors pull (theta, phi) back by: precision times offset."""
+        """The pull of the priors on (theta, phi): precision times offset."""
         offset = np.where(space.given, 0.0, theta - space.neutral)[:n_theta]
         scales = [*np.zeros(SCALES - 1), self._black_offset(phi)]
         return self.prior(n_theta, space) * np.concatenate([offset, scales, phi[SCALES:] - self._nuisance_prior.value])
