@@ -73,7 +73,7 @@ def test_what_predicts_other_views_worse_than_nothing_does_has_no_name():
 
 
 def test_a_view_counts_as_the_pixels_that_the_discrepancy_allows():
-    """Of two models of one freedom, 2 / discrepancy pixels of each view tell."""
+    """The odds of two models of one freedom are those of 2 / discrepancy pixels of each view."""
     for law in (Law(discrepancy=0.01), Law(discrepancy=0.04)):
         known = posterior(law, TWO).known
         odds = np.log(known["blur",] / known["haze",])
