@@ -38,7 +38,8 @@ def united_sources() -> dict[str, list[pathlib.Path]]:
     for command in json.loads((BUILD / "compile_commands.json").read_text()):
         source = pathlib.Path(command["file"])
         folder = source.relative_to(ROOT).parts[0] if ROOT in source.parents else "build"
-        if source.suffix == ".cpp" and folder in ("capi", "kuafu", "simsense", "python") and source not in apart:
+        is_product = source.suffix == ".cpp" and folder in ("capi", "kuafu", "simsense", "python")
+        if is_product and source not in apart and source.exists():  # a build folder may be older than the sources
             targets[command["command"].split("CMakeFiles/")[1].split(".dir/")[0]].append(source)
     return targets
 

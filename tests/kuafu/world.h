@@ -8,7 +8,6 @@
 #include <cmath>
 #include <cstring>
 #include <map>
-#include <mutex>
 #include <numbers>
 #include <vector>
 
@@ -179,19 +178,17 @@ inline kuafu_material_desc glass(float ior) {
   return m;
 }
 
-/// Renderers that wait for their next scene. Those that compile their shaders for a CPU device take seconds to make.
-inline std::vector<kuafu_renderer>& idle_renderers(uint32_t tracer, uint32_t worker_count) {
-  static std::map<std::pair<uint32_t, uint32_t>, std::vector<kuafu_renderer>> idle;
-  return idle[{tracer, worker_count}];
+/// The one renderer of a thread's worlds whose tracer compiles its shaders, which takes seconds.
+inline kuafu_renderer& kept_renderer(uint32_t tracer, uint32_t worker_count) {
+  thread_local std::map<std::pair<uint32_t, uint32_t>, kuafu_renderer> renderers;
+  return renderers[{tracer, worker_count}];
 }
-inline std::mutex idle_renderers_mutex;
 
 /// A member of a fixture whose tracer the device cannot have skips the test; a test that makes one in its body asks SKIP_IF(why_not(...))
 /// before.
 class World {
  public:
-  explicit World(uint32_t tracer = KUAFU_TRACER_AUTO, uint32_t worker_count = 0)
-      : device_(shared_device(worker_count)), tracer_(tracer), worker_count_(worker_count) {
+  explicit World(uint32_t tracer = KUAFU_TRACER_AUTO, uint32_t worker_count = 0) : device_(shared_device(worker_count)), tracer_(tracer) {
     desc_ = kuafu_render_desc_init();
     desc_.ir_ambient_radiance = 0;
     if (const std::string why = why_not(tracer); !why.empty()) {
@@ -199,24 +196,15 @@ class World {
       return;
     }
     ok(kuafu_scene_create(device_, &scene_));
-    {
-      const std::lock_guard lock(idle_renderers_mutex);
-      if (auto& idle = idle_renderers(tracer, worker_count); !idle.empty()) {
-        renderer_ = idle.back();
-        idle.pop_back();
-        return;
-      }
+    kuafu_renderer& renderer = compiles(tracer) ? kept_renderer(tracer, worker_count) : renderer_;
+    if (renderer == nullptr) {
+      const kuafu_renderer_desc desc{ks_header_make(KUAFU_TYPE_RENDERER_DESC, sizeof desc), tracer, 0};
+      ok(kuafu_renderer_create(device_, &desc, &renderer));
     }
-    kuafu_renderer_desc desc{ks_header_make(KUAFU_TYPE_RENDERER_DESC, sizeof desc), tracer, 0};
-    ok(kuafu_renderer_create(device_, &desc, &renderer_));
+    renderer_ = renderer;
   }
   ~World() {
-    if (renderer_ != nullptr && compiles(tracer_)) {
-      const std::lock_guard lock(idle_renderers_mutex);
-      idle_renderers(tracer_, worker_count_).push_back(renderer_);
-    } else {
-      kuafu_renderer_release(renderer_);
-    }
+    if (!compiles(tracer_)) kuafu_renderer_release(renderer_);
     kuafu_scene_release(scene_);
   }
   World(const World&) = delete;
@@ -324,7 +312,7 @@ class World {
   static bool compiles(uint32_t tracer) { return tracer == KUAFU_TRACER_COMPUTE || tracer == KUAFU_TRACER_RT_PIPELINE; }
 
   kuafu_device device_;
-  uint32_t tracer_, worker_count_;
+  uint32_t tracer_;
   kuafu_scene scene_ = nullptr;
   kuafu_renderer renderer_ = nullptr;
   kuafu_render_desc desc_{};

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <map>
 #include <numeric>
 #include <optional>
 
@@ -40,11 +41,16 @@ class Tracers : public testing::TestWithParam<Maker> {
  protected:
   void SetUp() override {
     if (!can_make(GetParam())) GTEST_SKIP() << why_not(GetParam());
-    tracer_ = GetParam().make();
+    std::unique_ptr<Tracer>& made = tracers_[GetParam().name];
+    if (made == nullptr) made = GetParam().make();
+    tracer_ = made.get();
     bench_.emplace(*tracer_);
   }
+  static void TearDownTestSuite() { tracers_.clear(); }
 
-  std::unique_ptr<Tracer> tracer_;
+  // Made once, for some compile shaders; each goes from scene to scene.
+  static inline std::map<std::string, std::unique_ptr<Tracer>> tracers_;
+  Tracer* tracer_ = nullptr;
   std::optional<RayBench> bench_;
 
   /// The triangle named is really hit, where t, u and v say, and no triangle that is surely hit is nearer.
@@ -428,7 +434,8 @@ TEST_P(Tracers, AnAnswerDoesNotDependOnTheNeighboursInTheQueue) {
 TEST_P(Tracers, MisuseIsAnError) {
   const Scene scene;
   EXPECT_THROW(tracer_->update(scene, 0, {}), ks::Error);
-  EXPECT_THROW(bench_->closest(random_rays(23, 8, 1.0)), ks::Error) << "no scene yet";
+  const auto fresh = GetParam().make();
+  EXPECT_THROW(RayBench(*fresh).closest(random_rays(23, 8, 1.0)), ks::Error) << "no scene yet";
 }
 
 INSTANTIATE_TEST_SUITE_P(All, Tracers, testing::ValuesIn(makers), [](const auto& info) { return std::string(info.param.name); });

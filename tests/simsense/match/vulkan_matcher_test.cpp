@@ -93,17 +93,17 @@ class VulkanFuzz : public Fuzz {
 
 TEST(vulkan_matcher, fuzzed_parameters_without_block_equal_the_reference) {
   VulkanFuzz fuzz(1);
-  for (int i = 0; i < 12; ++i) compare(fuzz.pair(), fuzz.parameters(false), fuzz.tuning());
+  for (int i = 0; i < 7; ++i) compare(fuzz.pair(), fuzz.parameters(false), fuzz.tuning());
 }
 
 TEST(vulkan_matcher, fuzzed_parameters_with_block_equal_the_reference) {
   VulkanFuzz fuzz(2);
-  for (int i = 0; i < 10; ++i) compare(fuzz.pair(), fuzz.parameters(true), fuzz.tuning());
+  for (int i = 0; i < 7; ++i) compare(fuzz.pair(), fuzz.parameters(true), fuzz.tuning());
 }
 
 TEST(vulkan_matcher, fuzzed_extensions_equal_the_reference) {
   VulkanFuzz fuzz(3);
-  for (int i = 0; i < 10; ++i) {
+  for (int i = 0; i < 8; ++i) {
     MatchParameters p = fuzz.parameters(i % 2 == 1);
     fuzz.extend(p);
     if (p.block_area() * (p.census_bits() + p.p2) > 65535) continue;
@@ -133,7 +133,7 @@ TEST(vulkan_matcher, disparities_far_from_the_image_equal_the_reference) {
 TEST(vulkan_matcher, lines_of_every_length_around_a_block_of_steps_meet_right) {
   MatchParameters p;
   p.max_disparity = 24;
-  for (uint32_t extra = 0; extra < 17; ++extra) {
+  for (uint32_t extra = 0; extra < 8; ++extra) {  // odd and even remainders of both block sizes, of rows and of columns
     const MatchTuning tuning{8, extra % 2 ? 8u : 4u};
     compare(random_dots(32 + extra, 49 - extra, 5, 10, extra), p, tuning);
   }
@@ -156,7 +156,7 @@ TEST(vulkan_matcher, most_disparities_equal_the_reference) {
   compare(random_dots(64, 32, 9, 10, 5), p);
 }
 
-TEST(vulkan_matcher, a_large_pair_equals_the_reference) { compare(random_dots(640, 360, 37, 10, 6), MatchParameters{}); }
+TEST(vulkan_matcher, a_large_pair_equals_the_reference) { compare(random_dots(640, 200, 37, 10, 6), MatchParameters{}); }
 
 TEST(vulkan_matcher, a_pair_of_the_sensors_size_needs_at_most_150_megabytes) {
   MatchParameters p;

@@ -71,6 +71,7 @@ TEST(Imager, EqualsTheReferenceButForRounding) {
 TEST(Imager, SpeckleOfTheLaserAloneEqualsTheReferenceButForRounding) {
   const std::vector<float> image = ramp(), laser = laser_part(image);
   for (const auto& [name, signal] : every_stage()) {
+    if (signal.speckle_shape == 0) continue;
     const auto fast = measure(signal, key, image, width, height, 2, &laser);
     const auto exact = reference::measure(signal, key, {image.begin(), image.end()}, width, height, {laser.begin(), laser.end()});
     size_t different = 0;

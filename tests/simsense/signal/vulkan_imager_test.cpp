@@ -86,6 +86,7 @@ TEST(VulkanImager, SpeckleOfTheLaserAloneEqualsTheReferenceButForRounding) {
   for (size_t i = 0; i < laser.size(); ++i) laser[i] *= i % 3 == 0 ? 1.0f / 3 : i % 3 == 1 ? 1.5f : 0.0f;
   const auto all = upload(image.data(), image.size() * 4), part = upload(laser.data(), laser.size() * 4);
   for (const auto& [name, signal] : every_stage()) {
+    if (signal.speckle_shape == 0) continue;
     const LightRefs light{packed_ref(*all, KS_FORMAT_F32, width, height), packed_ref(*part, KS_FORMAT_F32, width, height)};
     const auto found = run(signal, {key}, light);
     const auto exact = reference::measure(signal, key, {image.begin(), image.end()}, width, height, {laser.begin(), laser.end()});
