@@ -17,7 +17,7 @@ import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 CONFIG = pathlib.Path(__file__).with_name("mkdocs.yml")
-LANGUAGES = {".c": "c", ".cpp": "cpp", ".py": "python", ".rs": "rust", ".txt": "cmake"}
+LANGUAGES = {".c": "c", ".cpp": "cpp", ".json": "json", ".py": "python", ".rs": "rust", ".txt": "cmake"}
 LINK = re.compile(r"(?P<text>\[(?:[^\[\]]|\[[^\]]*\](?:\([^)]*\))?)*\])\((?P<path>[^)#\s]*)(?P<anchor>#[^)\s]*)?\)")
 FENCE = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
 # Doxygen writes this folder after the pages have been gathered.

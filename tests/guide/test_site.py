@@ -72,6 +72,7 @@ def test_the_references_have_what_programs_call(site: pathlib.Path) -> None:
         assert name in python
     main_page = (site / "capi/include/html/index.html").read_text()
     assert "kuafu_renderer_render" in main_page and "simsense_engine_compute" in main_page
+    assert "<table" in main_page and "|---|" not in main_page and "**" not in main_page
 
 
 @pytest.mark.parametrize("module", ["kuafu", "simsense"])

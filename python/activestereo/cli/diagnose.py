@@ -50,8 +50,9 @@ The verdict is one of
   undetermined  the data cannot tell; what to measure next is printed
 
 Writes into DIR:
-  report.html    the verdict on its first screen, then pictures to explore, the ranking
-                 and where the model fails, on one page that needs no other file
+  report.html    the verdict on its first screen, then pictures to explore, a slider of the
+                 strength of what was found, the ranking and where the model fails, on one
+                 page that needs no other file
   diagnose.json  verdict, ranking, held-out figures, next measurements
   model.json     the model with what was added: compare --model, diagnose --model
 

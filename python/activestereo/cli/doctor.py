@@ -22,7 +22,8 @@ The exit status is 0 where all is well, else 1.
 # {module: the extra that brings it}
 PACKAGES = {
     "cv2": "lab", "sapien": "sapien", "mani_skill": "mani_skill", "mujoco": "mujoco", "ray": "ray", "rosbags": "bags",
-    "pyrealsense2": "live", "yaml": "yaml", "mitsuba": "mitsuba", "pxr": "usd", "opengl_basisu": "ktx2",
+    "pyrealsense2": "live", "yaml": "yaml", "mitsuba": "mitsuba", "pxr": "usd", "onnxruntime": "onnx",
+    "opengl_basisu": "ktx2",
 }  # fmt: skip
 
 

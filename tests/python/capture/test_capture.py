@@ -9,11 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from activestereo.capture.capture import CaptureError, CaptureWarning, read_capture
+import activestereo
+from activestereo.capture.capture import CaptureError, CaptureWarning, capture_from, read_capture
+from activestereo.capture.capture_json import JsonObject
 from activestereo.capture.write import write_capture
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.common.own_files import outside_allowed
+from schema_check import violations
 from virtual_sensor.world import make_world
+
+CAPTURE = "capture.json"
+SCHEMA = Path(activestereo.__file__).parent / "capture" / "schema"
 
 
 @pytest.fixture(scope="module")
@@ -246,3 +252,32 @@ def test_every_damaged_byte_of_an_image_is_an_error_that_names_it(folder):
             read_gray(path, key="left")
         except CaptureError as error:
             assert "000000.png: left: " in str(error)
+
+
+def test_the_schema_has_every_key_that_is_read_and_its_example_is_a_capture(pristine, tmp_path):
+    schema = json.loads((SCHEMA / "capture.schema.json").read_text())
+    example = json.loads((SCHEMA / "example.json").read_text())
+    written = json.loads((pristine.capture_path / CAPTURE).read_text())
+    assert violations(example, schema) == [] and violations(written, schema) == []
+    assert violations(example | {"frames": [{"id": 0}]}, schema)
+    for name in ("scene.gltf", "pattern.png", *(f"{kind}/000000.png" for kind in ("left", "right", "depth"))):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("{}")
+        if name.endswith(".png"):
+            write_gray(tmp_path / name, np.zeros((240, 424), np.uint16 if "depth" in name else np.uint8))
+    example["rig"] |= {"black_dn": [4, 0.1], "readout": {}}
+    example["rig"] |= {"color": example["rig"]["left"] | {"left_to_color": np.eye(4).ravel().tolist()}}
+    example |= {"lights": [{"name": "lamp", "position_m": [0, 1, 0]}], "uncertainty": {}}
+    example["frames"][0]["gripper_to_base"] = np.eye(4).ravel().tolist()
+    (tmp_path / CAPTURE).write_text(json.dumps(example))
+    root = JsonObject.read(tmp_path / CAPTURE)
+    assert capture_from(root).name == "desk"
+
+    def compared(entry, described):
+        own = described.get("items", described).get("properties", {})
+        assert entry._known == set(own), entry.name
+        for child in entry._children:
+            key = child.name.rpartition(".")[2].partition("[")[0]
+            compared(child, own[key])
+
+    compared(root, schema)
