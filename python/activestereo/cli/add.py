@@ -5,7 +5,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from activestereo.cli.arguments import CommandError, add_effects, check_out_file
+from activestereo.cli.arguments import CommandError, add_shared, check_out_file
 from activestereo.common.input_files import read_json
 
 _TEXT = """\
@@ -34,7 +34,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         metavar="MATERIAL",
         help="a surface that shows it, by its material's name (default: all)",
     )
-    add_effects(parser)
+    add_shared(parser, effects=True)
     parser.add_argument(
         "-o", "--out", required=True, type=Path, metavar="FILE", help="the model to write; may be the same file"
     )

@@ -4,7 +4,7 @@
 import argparse
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -106,48 +106,51 @@ def positive_share(text: str) -> float:
     return value
 
 
-def add_device(parser: argparse.ArgumentParser) -> None:
-    text = "Vulkan device: the best one, lavapipe, or number N of 'activestereo devices' (default: auto)"
-    parser.add_argument("--device", default="auto", metavar="auto|cpu|N", help=text)
-
-
-def add_effects(parser: argparse.ArgumentParser, text: str = "your own effects", dest: str = "effects") -> None:
-    parser.add_argument("--effects", dest=dest, type=Path, action="append", default=[], metavar="FILE", help=text)
-
-
-def add_samples(parser: argparse.ArgumentParser, text: str = "samples per pixel (default: 64)") -> None:
-    parser.add_argument("--spp", type=integer_from(1), default=64, metavar="N", help=text)
-
-
-def add_max_bounces(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
-    parser.add_argument(
-        "--max-bounces",
-        type=integer_from(0),
-        default=_MAX_BOUNCES.default,
-        metavar="N",
-        help=f"surface interactions after the first (default: {_MAX_BOUNCES.default})",
-    )
-
-
-def add_seed(parser: argparse.ArgumentParser | argparse._ArgumentGroup, text: str) -> None:
-    parser.add_argument("--seed", type=integer_from(0), default=0, metavar="N", help=f"{text} (default: 0)")
-
-
 def _folder(text: str) -> Path:
     if not text:
         raise argparse.ArgumentTypeError("the name of a folder is needed; . is the present one")
     return Path(text)
 
 
-def add_out(parser: argparse.ArgumentParser, is_required: bool = True) -> None:
-    text = "folder for the results; made if it is not there, files of the same names are replaced"
-    parser.add_argument("-o", "--out", required=is_required, type=_folder, metavar="DIR", help=text)
+# Options that several commands have: names, and argparse's keywords; a %s in the help is what the command says of it.
+_SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
+    "out": (("-o", "--out"), {
+        "required": True, "type": _folder, "metavar": "DIR",
+        "help": "folder for the results; made if it is not there, files of the same names are replaced",
+    }),
+    "device": (("--device",), {
+        "default": "auto", "metavar": "auto|cpu|N",
+        "help": "Vulkan device: the best one, lavapipe, or number N of 'activestereo devices' (default: auto)",
+    }),
+    "effects": (("--effects",), {
+        "type": Path, "action": "append", "default": [], "metavar": "FILE", "help": "your own effects%s",
+    }),
+    "samples": (("--spp",), {
+        "type": integer_from(1), "default": 64, "metavar": "N", "help": "samples per pixel%s (default: 64)",
+    }),
+    "max_bounces": (("--max-bounces",), {
+        "type": integer_from(0), "default": _MAX_BOUNCES.default, "metavar": "N",
+        "help": f"surface interactions after the first (default: {_MAX_BOUNCES.default})",
+    }),
+    "seed": (("--seed",), {"type": integer_from(0), "default": 0, "metavar": "N", "help": "%s (default: 0)"}),
+    "pdf": (("--pdf",), {
+        "type": Path, "metavar": "FILE", "help": "also figures with axes, units and colour bars, for a paper",
+    }),
+    "csv": (("--csv",), {"type": Path, "metavar": "FILE", "help": "also a table: %s"}),
+    "json": (("--json",), {"action": "store_true", "help": "print JSON in place of words and tables"}),
+}  # fmt: skip
 
 
-def add_paper(parser: argparse.ArgumentParser, rows: str) -> None:
-    text = "also figures with axes, units and colour bars, for a paper"
-    parser.add_argument("--pdf", type=Path, metavar="FILE", help=text)
-    parser.add_argument("--csv", type=Path, metavar="FILE", help=f"also a table: {rows}")
+def add_shared(
+    parser: argparse.ArgumentParser | argparse._ArgumentGroup, **said: str | bool | Mapping[str, Any]
+) -> None:
+    """Adds options that several commands have, in the order given: True, what the command says of one, or what it has
+    otherwise of argparse's keywords."""
+    for name, words in said.items():
+        names, option = _SHARED[name]
+        own = words if isinstance(words, Mapping) else {}
+        text = option["help"].replace("%s", words if isinstance(words, str) else "")
+        parser.add_argument(*names, **{**option, "help": text, **own})
 
 
 def check_paper(args: argparse.Namespace) -> None:
@@ -155,10 +158,6 @@ def check_paper(args: argparse.Namespace) -> None:
     for path in (args.pdf, args.csv):
         if path is not None:
             check_out_file(path)
-
-
-def add_json(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--json", action="store_true", help="print JSON in place of words and tables")
 
 
 def print_section(args: argparse.Namespace, section: str, text: str) -> None:

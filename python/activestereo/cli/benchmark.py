@@ -9,17 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from activestereo.benchmarks.sim_to_real.worlds import FOREIGN
-from activestereo.cli.arguments import (
-    CommandError,
-    Commands,
-    add_device,
-    add_json,
-    add_out,
-    add_seed,
-    integer_from,
-    make_folder,
-    print_json,
-)
+from activestereo.cli.arguments import CommandError, Commands, add_shared, integer_from, make_folder, print_json
 from activestereo.cli.benchmark_inject import add_inject
 from activestereo.common.input_files import read_json
 
@@ -69,9 +59,7 @@ def add_parser(commands: Commands) -> None:
     parser = kinds.add_parser("sim-to-real", help=text, description=_TEXT)
     parts = parser.add_subparsers(dest="part", metavar="PART", required=True)
     make = parts.add_parser("run", help="pictures, tuning, poses, scores", description=_RUN)
-    add_out(make)
-    add_device(make)
-    add_seed(make, "of everything that is drawn; same seed, same scores")
+    add_shared(make, out=True, device=True, seed="of everything that is drawn; same seed, same scores")
     text = "test views, in whole rounds of eight (default: 320)"
     make.add_argument("--views", type=integer_from(8), default=320, metavar="N", help=text)
     text = "views that methods are tuned on (default: 64)"
@@ -89,14 +77,14 @@ def add_parser(commands: Commands) -> None:
     )
     make.add_argument("--imager", type=Path, metavar="FILE", help=text)
     _add_workers(make)
-    add_json(make)
+    add_shared(make, json=True)
     make.set_defaults(run=_run)
     score = parts.add_parser("score", help="the scores of what a run has so far")
     score.add_argument("folder", type=Path, metavar="DIR", help="folder of a run")
     text = "scores of more models, learned ones for instance: a table with the columns method,tuned_on,world,mm,deg "
     text += "and then view,found or score (benchmarks/sim_to_real/README.md); may be given again"
     score.add_argument("--add", type=Path, action="append", default=[], metavar="FILE.csv", help=text)
-    add_json(score)
+    add_shared(score, json=True)
     score.set_defaults(run=_score)
     text = "rays, denoiser, noise, materials"
     ablation = parts.add_parser("ablate", help=text, description=_ABLATE)
@@ -109,9 +97,9 @@ def add_parser(commands: Commands) -> None:
     ablation.add_argument("--only", choices=("samples", "noise", "materials"), action="append", help=text)
     text = "model.json whose materials, which 'calibrate materials' found, are called as the objects are"
     ablation.add_argument("--measured", type=Path, metavar="FILE", help=text)
-    add_device(ablation)
+    add_shared(ablation, device=True)
     _add_workers(ablation)
-    add_json(ablation)
+    add_shared(ablation, json=True)
     ablation.set_defaults(run=_ablate)
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import CommandError, Commands, add_seed, check_out_file, positive
+from activestereo.cli.arguments import CommandError, Commands, add_shared, check_out_file, positive
 
 _TEXT = """\
 Copies a capture and puts one known effect into its measured infrared images, so that
@@ -31,7 +31,7 @@ def add_inject(kinds: Commands) -> None:
     parser.add_argument("effect", nargs="?", metavar="EFFECT", help="one of those above")
     text = "weak, medium, strong, or a value of the effect's parameter (default: medium)"
     parser.add_argument("--strength", default="medium", metavar="weak|medium|strong|VALUE", help=text)
-    add_seed(parser, "of what is drawn: the camera, phases, directions, noise")
+    add_shared(parser, seed="of what is drawn: the camera, phases, directions, noise")
     text = "the images' black level (default: their darkest thousandth)"
     parser.add_argument("--black-level", type=positive, metavar="DN", help=text)
     parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="the capture's folder, which must not exist")

@@ -7,7 +7,7 @@ import argparse
 import time
 from typing import TYPE_CHECKING, Any
 
-from activestereo.cli.arguments import Commands, add_json, print_json
+from activestereo.cli.arguments import Commands, add_shared, print_json
 
 if TYPE_CHECKING:
     from activestereo.compare.cache import CacheEntry, LayerCache
@@ -32,7 +32,7 @@ def add_parser(commands: Commands) -> None:
     parser = commands.add_parser("cache", help=text, description=_TEXT)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     listing = actions.add_parser("list", help="how much there is, of what")
-    add_json(listing)
+    add_shared(listing, json=True)
     listing.set_defaults(run=run_list)
     actions.add_parser("clear", help="remove all of it").set_defaults(run=run_clear)
 

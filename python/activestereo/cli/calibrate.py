@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from activestereo.cli import calibrate_pose, calibrate_scene, calibrate_world
-from activestereo.cli.arguments import CommandError, add_json, add_seed, camera_matrix, check_out_file, print_section
+from activestereo.cli.arguments import CommandError, add_shared, camera_matrix, check_out_file, print_section
 
 _TEXT = """\
 Measures a real camera. Each part replaces its own section of model.json, and
@@ -127,8 +127,7 @@ def _part(parts: argparse._SubParsersAction, name: str, summary: str, text: str)
         metavar="FILE",
         help="model.json; made if it is not there, else one section is replaced",
     )
-    add_seed(parser, "same seed, same result")
-    add_json(parser)
+    add_shared(parser, seed="same seed, same result", json=True)
     return parser
 
 

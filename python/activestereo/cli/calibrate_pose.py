@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from activestereo.cli.arguments import CommandError, add_json, add_seed, check_out_file, numbers, positive, print_json
+from activestereo.cli.arguments import CommandError, add_shared, check_out_file, numbers, positive, print_json
 
 if TYPE_CHECKING:
     import numpy as np
@@ -44,8 +44,7 @@ def add_part(parts: argparse._SubParsersAction) -> None:
     add("--start", action="append", default=[], metavar="NAME=x,y,z,qx,qy,qz,qw", help="its pose to begin with, world")
     add("--unit", type=positive, default=1.0, metavar="M", help="metres per unit of the CAD files (default: 1)")
     add("-o", "--out", required=True, type=Path, metavar="FILE", help="the scene with the parts, .gltf")
-    add_seed(parser, "same seed, same result")
-    add_json(parser)
+    add_shared(parser, seed="same seed, same result", json=True)
     parser.set_defaults(run=run)
 
 

@@ -6,15 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import (
-    CommandError,
-    add_device,
-    add_json,
-    add_seed,
-    check_out_file,
-    integer_from,
-    print_section,
-)
+from activestereo.cli.arguments import CommandError, add_shared, check_out_file, integer_from, print_section
 
 _SCENE = """\
 A scene where no geometry exists: the surface that one pose of the camera measured, as
@@ -66,9 +58,7 @@ def add_parts(parts: argparse._SubParsersAction) -> None:
         metavar="FILE",
         help="ONNX, such as AlexNet: its early layers compare the pictures, in place of the filter bank",
     )
-    add_device(materials)
-    add_seed(materials, "same seed, same result")
-    add_json(materials)
+    add_shared(materials, device=True, seed="same seed, same result", json=True)
     materials.set_defaults(run=_run_materials)
 
 

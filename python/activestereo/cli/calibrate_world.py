@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import CommandError, add_json, add_seed, integer_from, print_json
+from activestereo.cli.arguments import CommandError, add_shared, integer_from, print_json
 from activestereo.common.input_files import read_json_object
 
 _WORLD = """\
@@ -56,8 +56,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add("recording", type=Path, metavar="RECORDING", help="capture of views with depth")
     add("-o", "--out", required=True, type=Path, metavar="DIR", help="the new capture, which must not exist")
     add("--test", type=integer_from(0), action="append", default=[], metavar="ID", help="frame to hold out; repeatable")
-    add_seed(parser, "same seed, same result")
-    add_json(parser)
+    add_shared(parser, seed="same seed, same result", json=True)
 
 
 def _run(args: argparse.Namespace) -> None:

@@ -5,7 +5,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from activestereo.cli.arguments import Commands, Finding, add_json, print_json
+from activestereo.cli.arguments import Commands, Finding, add_shared, print_json
 
 _TEXT = """\
 Checks a capture: each key of capture.json and each image. All that is wrong is printed at
@@ -21,7 +21,7 @@ def add_parser(commands: Commands) -> None:
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     check = actions.add_parser("check", help="all that is wrong, at once", description=_TEXT)
     check.add_argument("folder", type=Path, metavar="FOLDER", help="the capture's folder")
-    add_json(check)
+    add_shared(check, json=True)
     check.set_defaults(run=run_check)
 
 

@@ -5,19 +5,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from activestereo.cli.arguments import (
-    add_device,
-    add_effects,
-    add_json,
-    add_max_bounces,
-    add_out,
-    add_paper,
-    add_samples,
-    add_seed,
-    check_paper,
-    make_folder,
-    print_json,
-)
+from activestereo.cli.arguments import add_shared, check_paper, make_folder, print_json
 
 if TYPE_CHECKING:
     from activestereo.effects import Effect
@@ -49,17 +37,21 @@ examples:
 def add_parser(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser("compare", help="compare the simulator with a measured capture", description=_TEXT)
     parser.add_argument("capture", type=Path, metavar="CAPTURE", help="the capture's folder")
-    add_out(parser)
+    add_shared(parser, out=True)
     parser.add_argument(
         "--model", type=Path, metavar="FILE", help="model.json: its effects act inside of the engines (default: none)"
     )
-    add_effects(parser, "your own effects, where the model has some")
-    add_samples(parser)
-    add_max_bounces(parser)
-    add_seed(parser, "same seed, same pictures")
-    add_device(parser)
-    add_paper(parser, "the errors of each frame and camera")
-    add_json(parser)
+    add_shared(
+        parser,
+        effects=", where the model has some",
+        samples=True,
+        max_bounces=True,
+        seed="same seed, same pictures",
+        device=True,
+        pdf=True,
+        csv="the errors of each frame and camera",
+        json=True,
+    )
     parser.set_defaults(run=run)
 
 

@@ -9,7 +9,7 @@ import webbrowser
 from pathlib import Path
 from typing import Any
 
-from activestereo.cli.arguments import CommandError, Commands, add_device, add_seed, make_folder
+from activestereo.cli.arguments import CommandError, Commands, add_shared, make_folder
 
 _TEXT = """\
 Shows in a minute or two what the project does, each step with the command that does it alone:
@@ -29,9 +29,9 @@ def add_parser(commands: Commands) -> None:
     )
     text = "new folder for the results (default: out/demo)"
     parser.add_argument("-o", "--out", type=Path, default=Path("out/demo"), metavar="DIR", help=text)
-    add_seed(parser, "another one hides another effect")
+    add_shared(parser, seed="another one hides another effect")
     parser.add_argument("--no-browser", action="store_true", help="tell the report's place only")
-    add_device(parser)
+    add_shared(parser, device=True)
     parser.set_defaults(run=run)
 
 

@@ -14,8 +14,7 @@ from activestereo.cli import depth_recording
 from activestereo.cli.arguments import (
     CommandError,
     Commands,
-    add_json,
-    add_out,
+    add_shared,
     camera_matrix,
     make_folder,
     positive,
@@ -81,9 +80,9 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--k", type=camera_matrix, metavar="fx,0,cx,0,fy,cy,0,0,1", help=text)
     text = "distance between the cameras, metres; needed for a pair"
     parser.add_argument("--baseline", type=positive, metavar="M", help=text)
-    add_out(parser, is_required=False)
+    add_shared(parser, out={"required": False})
     depth_recording.add_options(parser)
-    add_json(parser)
+    add_shared(parser, json=True)
     text = (
         "values of the options below that are not given: active for pictures of dots, passive for plain pictures of "
         "textured things, engine for the engine's own defaults (default: active)"

@@ -13,7 +13,7 @@ import numpy as np
 from activestereo.cli.arguments import (
     CommandError,
     Commands,
-    add_json,
+    add_shared,
     camera_matrix,
     check_out_file,
     positive,
@@ -75,7 +75,7 @@ def add_parser(commands: Commands) -> None:
     )
     parser.add_argument("--disparity", action="store_true", help="the .npy files hold disparities, pixels")
     parser.add_argument("-o", "--out", type=Path, metavar="FILE", help="write the metrics there too, as JSON")
-    add_json(parser)
+    add_shared(parser, json=True)
     parser.set_defaults(run=run)
 
 

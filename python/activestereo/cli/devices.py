@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from activestereo.cli.arguments import CommandError, Commands, add_json, print_json
+from activestereo.cli.arguments import CommandError, Commands, add_shared, print_json
 
 if TYPE_CHECKING:
     import kuafu
@@ -26,7 +26,7 @@ _INSTALL = (
 
 def add_parser(commands: Commands) -> None:
     parser = commands.add_parser("devices", help="list Vulkan devices and what each can do", description=_TEXT)
-    add_json(parser)
+    add_shared(parser, json=True)
     parser.set_defaults(run=run)
 
 

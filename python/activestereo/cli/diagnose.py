@@ -11,14 +11,7 @@ from typing import TYPE_CHECKING
 
 from activestereo.cli.arguments import (
     Commands,
-    add_device,
-    add_effects,
-    add_json,
-    add_max_bounces,
-    add_out,
-    add_paper,
-    add_samples,
-    add_seed,
+    add_shared,
     check_paper,
     integer_from,
     make_folder,
@@ -82,9 +75,9 @@ def add_parser(commands: Commands) -> None:
         formatter_class=_HelpWithGates,
     )
     parser.add_argument("capture", type=Path, metavar="CAPTURE", help="the capture's folder")
-    add_out(parser)
+    add_shared(parser, out=True)
     parser.add_argument("--model", type=Path, metavar="FILE", help="model.json to start from (default: no effects)")
-    add_effects(parser, "your own effects, ranked beside the built-in ones")
+    add_shared(parser, effects=", ranked beside the built-in ones")
     parser.add_argument(
         "--greedy", action="store_true", help="add, refit, swap and remove effects until nothing passes"
     )
@@ -100,14 +93,15 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--least-share", type=share, metavar="SHARE", help=text)
     text = "search in images averaged over NxN pixels (default: 1 up to 848x480, more for larger images)"
     parser.add_argument("--bin", type=integer_from(1), metavar="N", help=text)
-    add_samples(parser, "samples per pixel of what is told, as of compare; the search takes half (default: 64)")
-    add_max_bounces(parser)
-    add_seed(parser, "same seed, same answer")
+    add_shared(
+        parser,
+        samples=" of what is told, as of compare; the search takes half",
+        max_bounces=True,
+        seed="same seed, same answer",
+    )
     text = "processes that fit (default: one per core)"
     parser.add_argument("--workers", type=integer_from(1), default=os.cpu_count() or 1, metavar="N", help=text)
-    add_device(parser)
-    add_paper(parser, "the ranking, a row for each parameter")
-    add_json(parser)
+    add_shared(parser, device=True, pdf=True, csv="the ranking, a row for each parameter", json=True)
     parser.set_defaults(run=run)
 
 

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from importlib.util import find_spec
 from typing import Any
 
-from activestereo.cli.arguments import Commands, Finding, add_json, print_json
+from activestereo.cli.arguments import Commands, Finding, add_shared, print_json
 from activestereo.cli.devices import as_json
 
 _TEXT = """\
@@ -31,7 +31,7 @@ def add_parser(commands: Commands) -> None:
     parser = commands.add_parser(
         "doctor", help="what this machine renders on, and what stands in the way", description=_TEXT
     )
-    add_json(parser)
+    add_shared(parser, json=True)
     parser.set_defaults(run=run)
 
 

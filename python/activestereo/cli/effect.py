@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from activestereo.cli.arguments import add_device, add_effects, add_json, check_out_file, print_json
+from activestereo.cli.arguments import add_shared, check_out_file, print_json
 
 if TYPE_CHECKING:
     from activestereo.effects import Effect
@@ -55,21 +55,20 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     listing.add_argument(
         "--markdown", action="store_true", help="the whole documentation page, examples/effects/README.md"
     )
-    add_json(listing)
+    add_shared(listing, json=True)
     listing.set_defaults(run=run_list)
     check = actions.add_parser("check", help="try the laws on effects of your own", description=_CHECK)
     check.add_argument("file", type=Path, metavar="FILE", help="Python file or shared library")
-    add_json(check)
+    add_shared(check, json=True)
     check.set_defaults(run=run_check)
     show = actions.add_parser("show", help="draw what an effect does", description=_SHOW)
     show.add_argument("effects", nargs="+", metavar="EFFECT|FILE", help="ids, or files of your own effects")
     show.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="picture.png, or page.html")
-    add_device(show)
-    add_json(show)
+    add_shared(show, device=True, json=True)
     show.set_defaults(run=run_show)
     measure = actions.add_parser("measure", help="image functions against the engines", description=_MEASURE)
     measure.add_argument("effects", nargs="*", metavar="EFFECT", help="ids (default: all built-in ones)")
-    add_effects(measure, dest="files")
+    add_shared(measure, effects={"dest": "files"})
     measure.add_argument(
         "-o",
         "--out",
@@ -77,8 +76,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         metavar="FILE",
         help="figures as JSON; python/activestereo/effects/differences.json is the page's",
     )
-    add_device(measure)
-    add_json(measure)
+    add_shared(measure, device=True, json=True)
     measure.set_defaults(run=run_measure)
 
 

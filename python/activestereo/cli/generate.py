@@ -6,16 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import (
-    CommandError,
-    Commands,
-    add_device,
-    add_out,
-    add_seed,
-    integer_from,
-    make_folder,
-    size,
-)
+from activestereo.cli.arguments import CommandError, Commands, add_shared, integer_from, make_folder, size
 
 _TEXT = """\
 Puts things on a table again and again, each time with other poses, lamps and another
@@ -46,8 +37,7 @@ def add_parser(commands: Commands) -> None:
         "generate", help="make a data set of things on a table, with poses and masks", description=_TEXT
     )
     parser.add_argument("things", type=Path, nargs="+", metavar="THING", help="file of one thing")
-    add_out(parser)
-    add_device(parser)
+    add_shared(parser, out=True, device=True)
     parser.add_argument("--format", choices=("bop",), default="bop", help="the files' format (default: bop)")
     parser.add_argument("--count", type=integer_from(1), default=100, metavar="N", help="frames (default: 100)")
     text = "processes, each with a device of its own (default: 1; a device that is a processor is busy with one or two)"
@@ -58,7 +48,7 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--ray", metavar="ADDRESS", help=text)
     text = "with --ray: processors of an actor, where the cluster has no GPUs or --device is given (default: 2)"
     parser.add_argument("--ray-cpus", type=integer_from(1), metavar="N", help=text)
-    add_seed(parser, "of everything that is drawn; same seed, same files")
+    add_shared(parser, seed="of everything that is drawn; same seed, same files")
     parser.add_argument("--sensor", default="d435", metavar="NAME", help="as simulate's (default: d435)")
     text = "of the colour image and of depth (default: 640x480)"
     parser.add_argument("--rgb-size", type=size, default=(640, 480), metavar="WxH", help=text)

@@ -4,7 +4,7 @@
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import add_effects, add_json, print_json
+from activestereo.cli.arguments import add_shared, print_json
 
 _TEXT = """\
 A sensor model (model.json) in words.
@@ -28,8 +28,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     ):
         action = actions.add_parser(name, help=text)
         action.add_argument("files", nargs=files, type=Path, metavar="FILE", help="model.json")
-        add_effects(action, "your own effects, where a model has some")
-        add_json(action)
+        add_shared(action, effects=", where a model has some", json=True)
         action.set_defaults(run=run)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from activestereo.cli.arguments import CommandError, Commands, add_device, make_folder, share, size
+from activestereo.cli.arguments import CommandError, Commands, add_shared, make_folder, share, size
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,7 +40,7 @@ def add_parser(commands: Commands) -> None:
         "-o", "--out", type=Path, metavar="DIR", help="folder for PNG files; without it a window opens"
     )
     parser.add_argument("--size", type=size, default=(848, 480), metavar="WxH", help="of a live camera (848x480)")
-    add_device(parser)
+    add_shared(parser, device=True)
     parser.set_defaults(run=_run)
 
 

@@ -12,8 +12,7 @@ import numpy as np
 from activestereo.cli.arguments import (
     CommandError,
     Commands,
-    add_json,
-    add_out,
+    add_shared,
     camera_matrix,
     make_folder,
     positive,
@@ -59,8 +58,7 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument(
         "--against", type=Path, metavar="SIMULATED", help="a simulated pair's folder, shown beside this one"
     )
-    add_out(parser)
-    add_json(parser)
+    add_shared(parser, out=True, json=True)
     parser.set_defaults(run=run)
 
 

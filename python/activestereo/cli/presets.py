@@ -7,7 +7,7 @@ import argparse
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from activestereo.cli.arguments import Commands, add_json, print_json
+from activestereo.cli.arguments import Commands, add_shared, print_json
 
 if TYPE_CHECKING:
     from activestereo.camera.camera_file import CameraData, Figure
@@ -35,7 +35,7 @@ def add_parser(commands: Commands) -> None:
         "presets", help="print the known cameras and their figures' sources", description=_TEXT
     )
     parser.add_argument("name", nargs="?", metavar="NAME", help="a camera, or the path of a .toml file (default: all)")
-    add_json(parser)
+    add_shared(parser, json=True)
     parser.set_defaults(run=run)
 
 

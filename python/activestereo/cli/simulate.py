@@ -14,11 +14,7 @@ from activestereo.camera.presets import OF_THE_CAMERA, SAPIEN_DEFAULTS
 from activestereo.cli.arguments import (
     CommandError,
     Commands,
-    add_device,
-    add_effects,
-    add_json,
-    add_out,
-    add_seed,
+    add_shared,
     integer_from,
     make_folder,
     positive,
@@ -83,10 +79,7 @@ def add_parser(commands: Commands) -> None:
         "not say"
     )
     parser.add_argument("--model", type=Path, metavar="FILE", help=text)
-    add_effects(parser, "your own effects, where the model has some")
-    add_out(parser)
-    add_json(parser)
-    add_device(parser)
+    add_shared(parser, effects=", where the model has some", out=True, json=True, device=True)
     _add_view(parser.add_argument_group("view"))
     add_camera_options(parser.add_argument_group("lenses, shutters and motion"))
     _add_rendering(parser.add_argument_group("rendering and noise"))
@@ -110,7 +103,7 @@ def _add_view(group: argparse._ArgumentGroup) -> None:
 def _add_rendering(group: argparse._ArgumentGroup) -> None:
     add_options(group, RENDERER, _OF_THE_CAMERA)
     add_options(group, RENDER, _OF_THE_CAMERA)
-    add_seed(group, "of rendering and noise; same seed, same files")
+    add_shared(group, seed="of rendering and noise; same seed, same files")
     text = "uniform visible radiance from all sides, W/(sr m^2) (default: 0.1; 1 where a scene has no light)"
     group.add_argument("--ambient", type=positive, metavar="R", help=text)
     text = "equirectangular map of the light from all sides (.hdr, .exr, .png, .jpg); --ambient multiplies it"

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from activestereo.cli.arguments import CommandError, Commands, add_device, add_effects, size, whole
+from activestereo.cli.arguments import CommandError, Commands, add_shared, size, whole
 
 _TEXT = """\
 Serves a page on this machine alone and opens it in the browser: what was measured,
@@ -41,7 +41,7 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("path", type=Path, metavar="PATH", help="capture, scene file, recording, or a folder of them")
     text = "a sensor model to begin with: its calibration, noise and effects"
     parser.add_argument("--model", type=Path, metavar="FILE", help=text)
-    add_effects(parser, "your own effects, to be added on the page")
+    add_shared(parser, effects=", to be added on the page")
     text = "the sensor in scene files and of recordings, as simulate's (default: d435)"
     parser.add_argument("--sensor", default="d435", metavar="NAME", help=text)
     text = "of the infrared images in scene files (default: the sensor's own; smaller ones are quicker)"
@@ -50,7 +50,7 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("-o", "--out", type=Path, default=Path("model.json"), metavar="FILE", help=text)
     parser.add_argument("--port", type=whole, default=0, metavar="N", help="of the address (default: a free one)")
     parser.add_argument("--no-browser", action="store_true", help="print the address only")
-    add_device(parser)
+    add_shared(parser, device=True)
     parser.set_defaults(run=run)
 
 
