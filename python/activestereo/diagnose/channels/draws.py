@@ -11,8 +11,8 @@ from activestereo.diagnose.score.whiteness import pose_key
 from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
 
-# Cells of the pattern, in pattern pixels, that share a dot's gain.
-DOT_CELL_PX = 4
+# Cells of the pattern, in pattern pixels, that share a dot's gain: as large as a dot.
+DOT_CELL_PX = 3
 
 
 def lever_image(lever: Lever, row: ImageResidual, black_dn: float) -> np.ndarray:
@@ -77,5 +77,5 @@ def draw_grid(shared_by: SharedBy, o: Observation) -> tuple[tuple[int, ...], int
     if shared_by is SharedBy.ROW:
         return o.measured.shape[:1], 3
     if shared_by is SharedBy.DOT:
-        return tuple(-(-n // DOT_CELL_PX) for n in o.view.pattern.shape), 2
+        return tuple(-(-n // DOT_CELL_PX) for n in o.view.pattern.shape), 3
     return o.measured.shape, 3
