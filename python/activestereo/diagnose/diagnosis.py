@@ -170,8 +170,8 @@ def diagnose(
     made_by = renderer.version, sampled["samples_per_pixel"], max_bounces
     places: list[Place] = []
 
-    def located(model: Model) -> Place:
-        evidence = gather_where_it_stands(capture, render, model, seed, workers, kept, made_by)
+    def located(model: Model, near: Evidence | None = None) -> Place:
+        evidence = gather_where_it_stands(capture, render, model, seed, workers, kept, made_by, near)
         engine = None if rendering is None else rendering(evidence.capture)
         places.append(Place(evidence, engine, FitCache(kept, evidence.train)))
         return places[-1]
@@ -263,7 +263,7 @@ class Settings:
     rendering: Rendering | None = None
     memory: FitCache | None = None
     errors: ErrorsOfModels | None = None
-    located: Callable[[Model], Place] | None = None
+    located: Callable[[Model, Evidence], Place] | None = None
 
 
 def examine(
@@ -278,9 +278,11 @@ def examine(
     context, bases = _on(evidence, model, settings, settings.rendering, settings.memory)
     first = rank(context, bases(model), candidates, phases)
     phases.begin(ADDING)
+    place = None
     if settings.located is not None and _asks_for_geometry(first, evidence):
         # The geometry took what it could of the effect: it is searched again beside what explains the images best.
-        place = settings.located(_with_own_functions(first.findings[0].fitted.model, candidates))
+        place = settings.located(_with_own_functions(first.findings[0].fitted.model, candidates), evidence)
+    if place is not None and place.evidence is not evidence:
         there = _on(place.evidence, model, settings, place.rendering, place.memory)
         likely, others = _likely(first, candidates)
         again = rank(there[0], there[1](model), likely)

@@ -104,7 +104,10 @@ def rank_depth(context: DiagnosisContext, base: BaseFit, candidates: Sequence[Ef
     known = {e.id for e, _ in base.model.effects}
     faults = [e for e in candidates if e.channel is Channel.DEPTH_ENGINE and e.id not in known]
     explained, skipped = _split(
-        DepthEngineChannel(context.evidence, base, context.thresholds, context.workers).explain(faults), []
+        DepthEngineChannel(
+            context.evidence, base, context.thresholds, context.workers, context.fitters.train.memory
+        ).explain(faults),
+        [],
     )
     ranking = replace(bare_ranking(context, base), not_ranked=tuple(skipped))
     ranking = _with_findings(ranking, (Finding(e, _own_score(e)) for e in explained))

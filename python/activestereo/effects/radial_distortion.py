@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lens distortion that the nominal calibration lacks."""
 
-from activestereo.common.lens import undistort
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.light import Light
@@ -30,4 +29,4 @@ def radial_distortion(light: Light, view: View, k1: float, k2: float) -> Light:
     """Straight lines bend: image radius r is drawn at r (1 + k1 r^2 + k2 r^4), r in focal lengths, in both cameras."""
     if k1 == 0.0 and k2 == 0.0:
         return light
-    return light.warped(*view.to_pixels(*undistort(*view.rays(), (k1, k2, 0.0, 0.0, 0.0))))
+    return light.warped(*view.through_lens((k1, k2, 0.0, 0.0, 0.0)))

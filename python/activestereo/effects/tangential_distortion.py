@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lens elements that are off their common axis."""
 
-from activestereo.common.lens import undistort
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.light import Light
@@ -31,4 +30,4 @@ def tangential_distortion(light: Light, view: View, p1: float, p2: float) -> Lig
     both cameras: a side of the image is stretched, the other one shrinks."""
     if p1 == 0.0 and p2 == 0.0:
         return light
-    return light.warped(*view.to_pixels(*undistort(*view.rays(), (0.0, 0.0, p1, p2, 0.0))))
+    return light.warped(*view.through_lens((0.0, 0.0, p1, p2, 0.0)))

@@ -18,10 +18,12 @@ from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import render_frames
 from activestereo.diagnose.answer.geometry_json import geometry_json
 from activestereo.diagnose.answer.verdict_words import geometry_words
+from activestereo.diagnose.evidence import gather
+from activestereo.diagnose.evidence.coarse import coarse
 from activestereo.diagnose.evidence.geometry import TWIST, Geometry, geometry_slopes, matrix_of
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
-from activestereo.diagnose.refine.geometry_fit import _moving_beyond_others, gather_where_it_stands
-from activestereo.effects import Model
+from activestereo.diagnose.refine.geometry_fit import _moving_beyond_others, _searched, gather_where_it_stands
+from activestereo.effects import Model, builtin
 from activestereo.effects.core.laws import example_view
 from activestereo.effects.core.view import transform
 from activestereo.model import SensorModel
@@ -145,6 +147,50 @@ def test_a_capture_that_stands_as_stated_is_left_as_it_is(lab_world, lab_cache):
     assert evidence.capture is capture and geometry_json(evidence.geometry) == []
 
 
+def render_never(capture):
+    raise AssertionError("nothing has to be rendered again")
+
+
+def test_a_lens_that_distorts_moves_nothing(lab_world, lab_cache):
+    """Beside it, focal lengths and poses would take what they can of it."""
+    capture = read_capture(lab_world.capture_path)
+    layers = render_frames(capture, RememberingRenderer(WorldRenderer(lab_world, grid=3)), cache=lab_cache)
+    evidence = gather(capture, layers)
+    hidden = Model().with_effect(builtin()["radial_distortion"], k1=-0.04)
+
+    def seen(o, model):
+        return model.signal(model.light(o.layers, o.view), o.view, evidence.nuisances)
+
+    def bent(observations):
+        return tuple(replace(o, measured=o.measured + seen(o, hidden) - seen(o, Model())) for o in observations)
+
+    evidence = replace(evidence, train=bent(evidence.train), test=bent(evidence.test))
+    assert _searched(evidence, render_never, Model(), 1, (3.0,)).geometry.is_as_stated()
+
+
+def test_a_coarse_observation_is_what_a_blurred_camera_sees(lab_world, lab_cache):
+    capture = read_capture(lab_world.capture_path)
+    evidence = gather(capture, render_frames(capture, WorldRenderer(lab_world, grid=3), cache=lab_cache))
+    o, dim = evidence.train[0], Nuisances(1e3, 30.0, 4.0)  # nothing is clipped
+    known = np.ones(o.measured.shape, bool)
+    for where in (None, np.where(np.arange(known.shape[1]) < 20, False, known)):
+        view = replace(o.view, known=where)
+        far = coarse(replace(o, view=view, measured=Model().signal(Model().light(o.layers, view), view, dim)), 2.0)
+        expected = Model().signal(Model().light(far.layers, far.view), far.view, dim)
+        assert far.measured.ravel()[far.pick] == pytest.approx(expected.ravel()[far.pick], rel=1e-4)
+        assert np.std(far.measured) < np.std(o.measured)
+        assert where is None or where.ravel()[far.pick].all()
+
+
+def test_views_are_believed_as_far_as_those_at_rest_were_right(lab_world):
+    geometry = Geometry.as_stated(read_capture(lab_world.capture_path))
+    assert geometry.beyond_stated().tolist() == [1.0, 1.0]
+    known = geometry.stated.uncertainty
+    sigma = np.repeat([3.0 * known.pose_m, 0.5 * known.pose_rad], 3)
+    poses = np.where(geometry.moving()[:, None], 0.0, sigma)
+    assert replace(geometry, poses=poses).beyond_stated() == pytest.approx([3.0, 1.0])
+
+
 def test_corrections_add_up_as_motions_do(lab_world):
     geometry = Geometry.as_stated(read_capture(lab_world.capture_path))
     poses, focal = len(geometry.poses), np.array([0.01, -0.02])
@@ -165,9 +211,10 @@ def test_a_model_puts_the_views_that_it_was_found_on_where_they_stand(lab_world,
 
 
 def test_a_moving_view_that_only_an_effect_could_displace_stays_where_it_is_stated(found):
-    moving = replace(found.capture.frames[0], camera_velocity=np.full(6, 0.1))
-    evidence = replace(found, capture=replace(found.capture, frames=(moving, *found.capture.frames[1:])))
-    evidence = replace(evidence, geometry=Geometry.as_stated(found.geometry.stated))
+    stated = found.geometry.stated
+    moving = replace(stated.frames[0], camera_velocity=np.full(6, 0.1))
+    stated = replace(stated, frames=(moving, *stated.frames[1:]))
+    evidence = replace(found, capture=stated, geometry=Geometry.as_stated(stated))
     step = np.zeros(evidence.geometry.twists().shape)
     step[TWIST : 2 * TWIST] = 0.03
     assert _moving_beyond_others(evidence, step).tolist() == [True] + [False] * (len(step) // TWIST - 2)

@@ -134,3 +134,22 @@ def test_a_blur_is_the_same_where_opencv_is_missing(monkeypatch, sigma_px):
     without = blur(images, sigma_px)
     assert without.dtype == with_opencv.dtype
     np.testing.assert_allclose(without, with_opencv, atol=1e-6)
+
+
+def test_a_pixel_of_a_warped_image_is_the_mean_of_its_samples():
+    """A warp looks up means where whole images or some pixels are asked for, and samples for what follows it."""
+    view = example_view("left")
+    camera = Camera(view.shape[1], view.shape[0], K)
+    sampling = Sampling(2, 3)
+    light = Light.of(sampling.pixel_layers(rendered(camera, sampling), camera))
+    u, v = view.pixels()
+    for moved_u, moved_v, error in ((u + 0.3, v - 0.4, 1e-5), (1.02 * u - 1.0, v + 0.01 * u, 2e-3)):
+        by_samples = light.supersampled.warped(moved_u, moved_v).images()
+        edge = sampling.margin_px * sampling.scale
+        inside = by_samples[:, edge:-edge, edge:-edge].reshape(4, view.shape[0], 2, view.shape[1], 2).mean((2, 4))
+        warped = light.warped(moved_u, moved_v)
+        assert np.abs(warped.direct - inside[0])[2:-2, 2:-2].max() < error * inside.max()
+        pick = np.array([7, 500, 1234])
+        again = light.warped(moved_u, moved_v).seen(pick)
+        assert again[0] == pytest.approx(warped.projector.ravel()[pick], rel=1e-5)
+        assert again[1] == pytest.approx(warped.ambient.ravel()[pick], rel=1e-5)

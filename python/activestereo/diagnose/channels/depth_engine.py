@@ -10,19 +10,22 @@ Differences that depend on the matcher alone (EngineFault.is_matcher_choice) are
 most of the error; faults are judged on the rest.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 from scipy.optimize import minimize
 
+from activestereo.common.computed_once import computed_once
 from activestereo.compare.depth_compare import model_depths
 from activestereo.diagnose.channels.channel import JudgingChannel, Progress
 from activestereo.diagnose.evidence import TILE_PX, Evidence
 from activestereo.diagnose.findings import BaseFit, Explanation, NotRanked, OwnEvidence
+from activestereo.diagnose.refine.fit_cache import FitCache, content_key, effect_content
 from activestereo.diagnose.refine.fitter import MOST_THREADS
+from activestereo.diagnose.refine.parallel_prefit import parallel_prefit
 from activestereo.diagnose.score.intervals import Z90, Limits, within_ranges
 from activestereo.diagnose.score.likelihood import design_effect
 from activestereo.diagnose.thresholds import Thresholds
@@ -52,6 +55,19 @@ class _DepthFit:
     values: np.ndarray
     limits: dict[str, Limits]
     is_filter: bool = False
+
+    def as_arrays(self) -> dict[str, np.ndarray]:
+        """By name, as a FitCache keeps them."""
+        limits = np.array(list(self.limits.values()))
+        own = np.array(astuple(self.own))
+        return {"own": own, "values": self.values, "limits": limits, "is_filter": np.array(self.is_filter)}
+
+    @classmethod
+    def of_arrays(cls, arrays: Mapping[str, np.ndarray], effect: Effect) -> "_DepthFit":
+        """The fit of an effect that as_arrays() gave."""
+        rows = zip(effect.parameters, arrays["limits"].tolist(), strict=True)
+        limits: dict[str, Limits] = {p.name: (value, low, high) for p, (value, low, high) in rows}
+        return cls(OwnEvidence(*arrays["own"].tolist()), arrays["values"], limits, bool(arrays["is_filter"]))
 
 
 @dataclass(frozen=True)
@@ -102,14 +118,22 @@ class DepthEngineChannel(JudgingChannel):
 
     kind: ClassVar[Channel] = Channel.DEPTH_ENGINE
 
-    def __init__(self, evidence: Evidence, base: BaseFit, thresholds: Thresholds, workers: int) -> None:
+    def __init__(
+        self,
+        evidence: Evidence,
+        base: BaseFit,
+        thresholds: Thresholds,
+        workers: int,
+        memory: FitCache | None = None,
+    ) -> None:
         self._evidence, self._base, self._thresholds, self._workers = evidence, base, thresholds, workers
+        self._memory = memory
 
     def explain(self, effects: Sequence[Effect], progress: Progress | None = None) -> list[Explanation | NotRanked]:
         frames = list(_frames(self._evidence, self._base)) if effects else []
         if not frames:
             return [NotRanked(effect, "the capture has no device depth in its train frames") for effect in effects]
-        fits = self._fits(_Judge(frames, self._thresholds), effects)
+        fits = self._fits(_Judge(frames, self._thresholds, self._memory), effects)
         return [self._explanation(e, fits[e.id]) for e in effects]
 
     def _fits(self, judge: "_Judge", effects: Sequence[Effect]) -> dict[str, "_DepthFit"]:
@@ -117,6 +141,8 @@ class DepthEngineChannel(JudgingChannel):
         fits: dict[str, _DepthFit] = {}
         waiting = list(effects)
         while waiting:
+            if self._memory is not None:
+                parallel_prefit(self._memory, judge.fit, waiting, self._workers, lambda done: None)
             with ThreadPoolExecutor(min(self._workers, MOST_THREADS)) as pool:
                 now = dict(zip((e.id for e in waiting), pool.map(judge.fit, waiting), strict=True))
             best = max(waiting, key=lambda e: now[e.id].own.nats)
@@ -160,10 +186,10 @@ def _frames(evidence: Evidence, base: BaseFit) -> Iterator[_DepthFrame]:
 
 
 class _Judge:
-    """Fits effects to the disparity errors of frames."""
+    """Fits effects to the disparity errors of frames. memory: where fits are kept, or None."""
 
-    def __init__(self, frames: Sequence[_DepthFrame], thresholds: Thresholds) -> None:
-        self._frames, self._thresholds = frames, thresholds
+    def __init__(self, frames: Sequence[_DepthFrame], thresholds: Thresholds, memory: FitCache | None = None) -> None:
+        self._frames, self._thresholds, self._memory = frames, thresholds, memory
         # A fault acts on disparities that are as noisy before it as our engine's errors.
         squares = [np.square(frame.engine[0][frame.inside]) for frame in frames]
         count = sum(s.size for s in squares)
@@ -175,9 +201,21 @@ class _Judge:
             return self
         shifts = [self._shift(effect, fit.values, frame) for frame in self._frames]
         moved = zip(self._frames, shifts, strict=True)
-        return _Judge([replace(f, device=np.where(f.valid, f.device - s, 0.0)) for f, s in moved], self._thresholds)
+        left = [replace(f, device=np.where(f.valid, f.device - s, 0.0)) for f, s in moved]
+        return _Judge(left, self._thresholds, self._memory)
 
     def fit(self, effect: Effect) -> _DepthFit:
+        content = effect_content(effect)
+        if self._memory is None or content is None:
+            return self._fit(effect)
+        key = content_key("depth", self._content(), content)
+        return _DepthFit.of_arrays(self._memory.once(key, lambda: self._fit(effect).as_arrays()), effect)
+
+    @computed_once
+    def _content(self) -> str:
+        return content_key(self._frames, self._thresholds)
+
+    def _fit(self, effect: Effect) -> _DepthFit:
         bias, smooth = self._fit_bias(effect), self._fit_smoothness(effect)
         return smooth if smooth is not None and smooth.own.nats > bias.own.nats else bias
 

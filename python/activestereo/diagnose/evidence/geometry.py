@@ -69,6 +69,18 @@ class Geometry:
             poses=np.array([_composed(a, b) for a, b in zip(self.poses, poses, strict=True)]),
         )
 
+    def beyond_stated(self) -> NDArray[np.float64]:
+        """By how much the views at rest are farther off than is stated, [2]: the root mean square of their moves and of
+        their turns in the stated deviations; at least 1, which they are where the capture is as stated."""
+        moving, known = self.moving(), self.stated.uncertainty
+        at_rest = self.poses[~moving].reshape(-1, 2, TWIST // 2) / np.array([[known.pose_m], [known.pose_rad]])
+        return np.maximum(np.sqrt((at_rest**2).mean(axis=(0, 2))), 1.0) if at_rest.size else np.ones(2)
+
+    def moving(self) -> NDArray[np.bool_]:
+        """Which poses are of moving frames, [n]."""
+        moving = {f.id for f in self.stated.frames if f.is_moving}
+        return np.array([not moving.isdisjoint(self.frames_of(row)) for row in range(len(self.poses))])
+
     def places(self) -> dict[int, NDArray[np.intp]]:
         """{frame id: where the numbers that its images depend on stand in twists()}."""
         of_projector, own = np.arange(TWIST), TWIST + np.arange(TWIST)

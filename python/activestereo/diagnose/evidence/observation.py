@@ -96,9 +96,10 @@ class Evidence:
 
     def nuisance_prior(self) -> NuisancePrior:
         """The calibration's and scene measurement's word on the nuisances, from where images were rendered; poses of
-        test frames alone stay where they were found."""
+        test frames alone stay where they were found. All views were measured alike: where those at rest were found
+        farther off than is stated, so may the others be."""
         known = self.capture.uncertainty
-        twist = np.repeat([known.pose_m, known.pose_rad], TWIST // 2)
+        twist = np.repeat(self.geometry.beyond_stated() * [known.pose_m, known.pose_rad], TWIST // 2)
         projector = np.repeat([known.projector_m, known.projector_rad], TWIST // 2)
         focal, albedo = np.full(len(SIDES), known.focal), np.full(self.materials, known.albedo)
         sigma = np.concatenate([focal, albedo, projector, *[twist] * len(self.geometry.poses)])

@@ -75,7 +75,7 @@ class Fitter:
     ) -> None:
         self.observations, self.memory, self.threads = observations, memory, min(threads, MOST_THREADS)
         self._supersampled = supersampled
-        self._nuisance_prior = prior
+        self.nuisance_prior = prior
         self._tiles = tiles
         self._lights = LightMemory(observations)
         self._residuals: OrderedDict[int, tuple[Solution, list[ImageResidual]]] = OrderedDict()
@@ -83,12 +83,12 @@ class Fitter:
     @property
     def materials(self) -> int:
         """How many materials have an albedo nuisance."""
-        return self._nuisance_prior.materials
+        return self.nuisance_prior.materials
 
     @property
     def albedo_sigma(self) -> float:
         """The relative deviation that a stated albedo is believed to."""
-        return self._nuisance_prior.albedo_sigma
+        return self.nuisance_prior.albedo_sigma
 
     @computed_once
     def _pixels(self) -> list[Pixels]:
@@ -96,7 +96,7 @@ class Fitter:
 
     @computed_once
     def _content(self) -> str:
-        return content_key(self.observations, self._nuisance_prior, self._tiles, self._supersampled)
+        return content_key(self.observations, self.nuisance_prior, self._tiles, self._supersampled)
 
     def remembered(
         self, make: Callable[[], Mapping[str, np.ndarray]], space: ParameterSpace, *values: object
@@ -107,9 +107,9 @@ class Fitter:
         return self.memory.once(fit_key(self._content(), space, *values), make)
 
     def phi0(self, nuisances: Nuisances) -> np.ndarray:
-        known = self._nuisance_prior.black_dn
+        known = self.nuisance_prior.black_dn
         scales = nuisances.vector() if known is None else [*nuisances.vector()[:-1], known[0]]
-        return np.concatenate([scales, np.zeros(len(self._nuisance_prior.sigma))])
+        return np.concatenate([scales, np.zeros(len(self.nuisance_prior.sigma))])
 
     def _side_by_side(self, work: Callable[[_In], _Out], items: Sequence[_In]) -> list[_Out]:
         """work(item) of each, by the threads."""
@@ -177,10 +177,10 @@ class Fitter:
 
     def _strain(self, phi: np.ndarray) -> np.ndarray:
         """How far nuisances are from what is stated, in its deviations."""
-        return (phi[SCALES:] - self._nuisance_prior.value) / self._nuisance_prior.sigma
+        return (phi[SCALES:] - self.nuisance_prior.value) / self.nuisance_prior.sigma
 
     def _black_offset(self, phi: np.ndarray) -> float:
-        known = self._nuisance_prior.black_dn
+        known = self.nuisance_prior.black_dn
         return 0.0 if known is None else float(phi[SCALES - 1]) - known[0]
 
     def linearise(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> Sums:
@@ -228,22 +228,17 @@ class Fitter:
         steps = space.steps(theta)
         models = [self._moved(space, theta, steps, j) for j in range(n_theta)]
         here = space.model(theta)
-        # The slope of a warp is known well enough from the pixels alone; what is fitted are the supersampled images.
-        coarse = self._supersampled and bool(space.in_camera[:n_theta].any())
 
         def one(seen: tuple[int, _SomePixels, Light]) -> tuple[_SomePixels, list[np.ndarray], np.ndarray]:
             i, pixels, light = seen
             image, scale_columns = exposed(here, pixels, light, phi, True)
-            near = self._lights(here, i, False) if coarse else light
-            from_there = exposed(here, pixels, near, phi)[0] if coarse else image
             columns = []
             for j, model in enumerate(models):
                 if model is None:
                     columns.append(np.zeros(image.shape))
                     continue
-                in_light = space.in_light[j]
-                moved = self._lights(model, i, self._supersampled and not coarse) if in_light else light
-                columns.append((exposed(model, pixels, moved, phi)[0] - (from_there if in_light else image)) / steps[j])
+                moved = self._lights(model, i, self._supersampled) if space.in_light[j] else light
+                columns.append((exposed(model, pixels, moved, phi)[0] - image) / steps[j])
             columns += scale_columns or []
             none, is_right = np.zeros(image.shape), pixels.observation.view.is_right
             columns += [none, pixels.focal_slope] if is_right else [pixels.focal_slope, none]
@@ -303,15 +298,15 @@ class Fitter:
         """The pull of the priors on (theta, phi): precision times offset."""
         offset = np.where(space.given, 0.0, theta - space.neutral)[:n_theta]
         scales = [*np.zeros(SCALES - 1), self._black_offset(phi)]
-        return self.prior(n_theta, space) * np.concatenate([offset, scales, phi[SCALES:] - self._nuisance_prior.value])
+        return self.prior(n_theta, space) * np.concatenate([offset, scales, phi[SCALES:] - self.nuisance_prior.value])
 
     def prior(self, n_theta: int, space: ParameterSpace) -> np.ndarray:
         """Precisions of the priors: wide for effects, none for scales, the albedo's own. A measured black level is
         held: what a model lacks bends it by more than its deviation."""
-        known = self._nuisance_prior.black_dn
+        known = self.nuisance_prior.black_dn
         scales = [*np.zeros(SCALES - 1), 0.0 if known is None else (_HELD * known[1]) ** -2]
         width = np.where(space.fixed, _FIXED_RANGES, _PRIOR_RANGES)[:n_theta] * (space.high - space.low)[:n_theta]
-        return np.concatenate([1.0 / width**2, scales, 1.0 / self._nuisance_prior.sigma**2])
+        return np.concatenate([1.0 / width**2, scales, 1.0 / self.nuisance_prior.sigma**2])
 
     def nuisance_fit(
         self,

@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finds where views and projector stand, from the images, beside what the capture states of them.
 
-The search is Gauss-Newton on the nuisances of a fit without further effects (fitter.py): where the corrections change
+The search is Gauss-Newton on the nuisances of a fit (fitter.py), first on blurred images: where the corrections change
 the images by more than the rest of a linear step may err, the capture is rendered again from where it stands. The
 prior stays around what is stated, so that a later fit with an effect is free to take a correction back.
+
+A lens that distorts otherwise than stated is fitted along where the images ask for it: without it, the focal lengths
+and poses would take what they can of it.
 
 Rolling shutters, clocks and motion blur displace moving views, too: one that would be corrected by far more than the
 views at rest stays where it is stated, for an effect to explain.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,18 +21,23 @@ from activestereo.capture.capture import SIDES, Capture
 from activestereo.compare.cache import LayerCache, scene_digest
 from activestereo.compare.render import LayersOfFrames
 from activestereo.diagnose.evidence import Evidence, Geometry, Observation, gather
+from activestereo.diagnose.evidence.coarse import coarse
 from activestereo.diagnose.evidence.geometry import TWIST
+from activestereo.diagnose.propose.scan import scan_observations, starts
 from activestereo.diagnose.refine.fit_cache import code_digest, content_key, effect_content
 from activestereo.diagnose.refine.fitter import Fitter
 from activestereo.diagnose.refine.light import SCALES
 from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solution
 from activestereo.diagnose.score.likelihood import design_effect
-from activestereo.effects import Model
+from activestereo.effects import Model, builtin
 
 # What a Geometry holds beside the capture.
 _FOUND = ("focal", "projector", "poses", "deviations")
-_MOST_ROUNDS = 2
+# Blurs of the images, one round each, before they are looked at once more as they are: dots are about a pixel wide.
+_BLURS_PX = (3.0, 0.0)
 _ITERATIONS = 4
+# What moves this is a lens that may be fitted along; the share of chi2 that it has to take away in a scan.
+_LENS, _WORTH = "camera.distortion", 0.2
 # Images are rendered again where corrections change them by more than this share of the noise, in the quadratic mean.
 _LINEAR_SHARE = 0.1
 # A moving view is off by at most so many times what the views at rest are, and by so many stated deviations.
@@ -37,6 +45,15 @@ _MOVING_RATIO, _MOVING_SIGMAS = 2.0, 2.0
 
 
 Render = Callable[[Capture], LayersOfFrames]
+
+
+@dataclass(frozen=True)
+class _Step:
+    """Corrections from where the evidence was rendered, as of Geometry.moved(), and the standard errors of both."""
+
+    focal: np.ndarray
+    twists: np.ndarray
+    deviations: np.ndarray
 
 
 def gather_where_it_stands(
@@ -47,73 +64,111 @@ def gather_where_it_stands(
     threads: int = 1,
     memory: LayerCache | None = None,
     rendered_by: object = None,
+    near: Evidence | None = None,
 ) -> Evidence:
     """The Evidence of the capture with its geometry corrected. capture: as stated. render: the layers of a capture.
     model: the effects that are known already. memory: where the geometry is kept for a second diagnosis; rendered_by:
-    all that decides the layers of a capture, for its key."""
-    key = None if memory is None else _key(capture, model, seed, rendered_by)
+    all that decides the layers of a capture, for its key. near: from where to search on under another model; itself
+    where nothing has to be rendered again."""
+    key = None if memory is None else _key(capture, model, seed, rendered_by, near)
     known = None if memory is None or key is None else memory.get_arrays(key)
     if known is not None:
         geometry = replace(Geometry.as_stated(capture), **{name: known[f"geometry/{name}"] for name in _FOUND})
+        if near is not None and _is_same(geometry, near.geometry):
+            return near
         capture = geometry.capture()
         return gather(capture, render(capture), seed, geometry)
-    evidence = _searched(capture, render, model, seed, threads)
+    start = near or gather(capture, render(capture), seed)
+    evidence = _searched(start, render, model, threads, _BLURS_PX if near is None else ())
     if memory is not None and key is not None:
         memory.put_arrays(key, {f"geometry/{name}": getattr(evidence.geometry, name) for name in _FOUND})
-    return evidence
+    return near if near is not None and _is_same(evidence.geometry, near.geometry) else evidence
 
 
-def _key(capture: Capture, model: Model, seed: int, rendered_by: object) -> str | None:
+def _is_same(a: Geometry, b: Geometry) -> bool:
+    return np.array_equal(a.focal, b.focal) and np.array_equal(a.twists(), b.twists())
+
+
+def _key(capture: Capture, model: Model, seed: int, rendered_by: object, near: Evidence | None) -> str | None:
     """The key of all that decides where a capture stands; None where a part of the model is a user's own."""
     effects = [(effect_content(effect), values) for effect, values in model.effects]
     if any(content is None for content, _ in effects):
         return None
     images = [(capture.ir(f, side), capture.known(f, side)) for f in capture.frames for side in SIDES]
     seen = capture, capture.rig.projector.pattern(), images, scene_digest(capture.scene_path)
-    return content_key("geometry", code_digest(), *seen, effects, seed, rendered_by)
+    start = None if near is None else (near.geometry.focal, near.geometry.twists())
+    return content_key("geometry", code_digest(), *seen, effects, seed, rendered_by, start)
 
 
-def _searched(capture: Capture, render: Render, model: Model, seed: int, threads: int) -> Evidence:
-    """See gather_where_it_stands()."""
-    evidence = gather(capture, render(capture), seed)
-    as_stated = np.zeros(len(evidence.geometry.poses), dtype=bool)
-    for _ in range(_MOST_ROUNDS):
-        focal, twists, deviations = _step(evidence, model, threads)
-        as_stated |= _moving_beyond_others(evidence, twists)
-        twists[_of_poses(as_stated)] = -evidence.geometry.twists()[_of_poses(as_stated)]
-        geometry = replace(evidence.geometry, deviations=deviations)
-        if _change(evidence, focal, twists) < _LINEAR_SHARE:
-            return replace(evidence, geometry=geometry)
-        geometry = geometry.moved(focal, twists)
-        moved = geometry.capture()
-        evidence = gather(moved, render(moved), seed, geometry)
-    return evidence
+def _searched(evidence: Evidence, render: Render, model: Model, threads: int, blurs_px: Sequence[float]) -> Evidence:
+    """See gather_where_it_stands(). Where the images as they are ask for no correction, blurred ones are not asked."""
+    step = _step(evidence, model, threads)
+    if _change(evidence, step.focal, step.twists) >= _LINEAR_SHARE:
+        for sigma_px in blurs_px:
+            evidence = _moved(evidence, _step(evidence, model, threads, sigma_px), render)
+        step = _step(evidence, model, threads) if blurs_px else step
+        evidence = _moved(evidence, step, render)
+    return replace(evidence, geometry=replace(evidence.geometry, deviations=step.deviations))
 
 
-def _step(evidence: Evidence, model: Model, threads: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(relative focal lengths, twists, standard errors of both) from where the evidence was rendered: of the train
-    frames, and of the test frames' own poses, which nothing else depends on."""
-    fitter = Fitter(evidence.train, evidence.nuisance_prior(), evidence.tiles, threads=threads)
-    space = ParameterSpace.of(model)
-    solution = fitter.refine(space, space.start, fitter.phi0(evidence.nuisances), _ITERATIONS)
+def _moved(evidence: Evidence, step: _Step, render: Render) -> Evidence:
+    """The evidence from where the step leads; itself where that makes no difference."""
+    twists, stated = step.twists.copy(), _of_poses(_moving_beyond_others(evidence, step.twists))
+    twists[stated] = -evidence.geometry.twists()[stated]
+    if _change(evidence, step.focal, twists) < _LINEAR_SHARE:
+        return evidence
+    geometry = evidence.geometry.moved(step.focal, twists)
+    capture = geometry.capture()
+    return gather(capture, render(capture), evidence.seed, geometry)
+
+
+def _step(evidence: Evidence, model: Model, threads: int, blur_px: float = 0.0) -> _Step:
+    """Gauss-Newton of the train frames at rest, and of all other frames' own poses, which nothing else depends on: a
+    view that moves shows more than geometry."""
+    at_rest = [o for o in evidence.train if not o.frame.is_moving] or list(evidence.train)
+    fitted = {o.key for o in at_rest}
+    others = [o for o in (*evidence.train, *evidence.test) if o.key not in fitted]
+    if blur_px:
+        at_rest, others = [coarse(o, blur_px) for o in at_rest], [coarse(o, blur_px) for o in others]
+    prior = evidence.nuisance_prior()
+    fitter = Fitter(at_rest, prior, evidence.tiles, not blur_px, threads=threads)
+    start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)
+    space, theta = (start, start.start) if blur_px else _with_lens(evidence, model, fitter, phi0)
+    solution = fitter.refine(space, theta, phi0, _ITERATIONS)
     phi, first = solution.phi.copy(), len(solution.theta) + SCALES
     variance = np.diag(fitter.inverse(solution))[first:].copy()
-    own = _own_places(evidence)
+    own = _own_places(at_rest, others)
     if own.size:
-        test = Fitter(_tiled(evidence.test), evidence.nuisance_prior(), evidence.tiles, threads=threads)
-        sums = test.linearise(space, solution.theta, phi, test.lights(space, solution.theta))
-        prior = 1.0 / evidence.nuisance_prior().sigma[own] ** 2
+        other = Fitter(_tiled(others), prior, evidence.tiles, not blur_px, threads=threads)
+        sums = other.linearise(space, solution.theta, phi, other.lights(space, solution.theta))
+        precision = 1.0 / prior.sigma[own] ** 2
         stated = -evidence.geometry.twists()[own - len(SIDES) - evidence.materials]
-        gram = sums.gram.sum(0)[np.ix_(first + own, first + own)] + np.diag(prior)
-        moment = sums.moment.sum(0)[first + own] - prior * (phi[SCALES + own] - stated)
+        gram = sums.gram.sum(0)[np.ix_(first + own, first + own)] + np.diag(precision)
+        moment = sums.moment.sum(0)[first + own] - precision * (phi[SCALES + own] - stated)
         inverse = np.linalg.inv(gram)
         phi[SCALES + own] += inverse @ moment
         variance[own] = np.diag(inverse)
-    design = design_effect(solution.sums.tile_chi2, evidence.tile_pixels) * max(
-        1.0, solution.sums.total / evidence.pixels
-    )
+    tiles, pixels = solution.sums.tile_chi2 > 0, sum(o.pixels for o in at_rest)
+    design = design_effect(solution.sums.tile_chi2[tiles], evidence.tile_pixels[tiles])
+    design *= max(1.0, solution.sums.total / pixels)
     focal, twists = np.split(_without_albedos(phi[SCALES:], evidence), [len(SIDES)])
-    return focal, twists, np.sqrt(design * _without_albedos(variance, evidence))
+    return _Step(focal, twists, np.sqrt(design * _without_albedos(variance, evidence)))
+
+
+def _with_lens(evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarray) -> tuple[ParameterSpace, np.ndarray]:
+    """The space of a model, and of the lens that is fitted along, and where to start: a scan tells, for nuisances that
+    gave way to the lens' displacements would hold its parameters where they are."""
+    space, known = ParameterSpace.of(model), {effect.id for effect, _ in model.effects}
+    lenses = [e for e in builtin().values() if e.engine_fields == (_LENS,) and e.id not in known]
+    seen = scan_observations(evidence.train, evidence.seed)
+    scan = Fitter(seen, fitter.nuisance_prior, evidence.tiles, supersampled=False)
+    _, chi2 = scan.nuisance_fit(space, space.start, phi, scan.lights(space, space.start), 1)
+    least, found = (1.0 - _WORTH) * chi2, (space, space.start)
+    for lens in lenses:
+        with_lens = ParameterSpace.of(model, lens)
+        for start in starts(scan, with_lens, lens, phi, least)[:1]:
+            least, found = start.chi2, (with_lens, start.theta)
+    return found
 
 
 def _without_albedos(stated: np.ndarray, evidence: Evidence) -> np.ndarray:
@@ -134,8 +189,7 @@ def _moving_beyond_others(evidence: Evidence, twists: np.ndarray) -> np.ndarray:
     """Which poses are of moving frames and would be corrected by far more than those of frames at rest, [poses]."""
     sigma = evidence.nuisance_prior().sigma[len(SIDES) + evidence.materials :]
     strain = np.abs((evidence.geometry.twists() + twists) / sigma).reshape(-1, TWIST)[1:].max(axis=1)
-    moving = {f.id for f in evidence.capture.frames if f.is_moving}
-    moves = np.array([not moving.isdisjoint(evidence.geometry.frames_of(row)) for row in range(len(strain))])
+    moves = evidence.geometry.moving()
     return moves & (strain > max(_MOVING_SIGMAS, _MOVING_RATIO * strain[~moves].max(initial=0.0)))
 
 
@@ -144,14 +198,16 @@ def _of_poses(chosen: np.ndarray) -> np.ndarray:
     return np.repeat(np.concatenate([[False], chosen]), TWIST)
 
 
-def _own_places(evidence: Evidence) -> np.ndarray:
-    """Where the poses of test frames alone stand in NuisancePrior."""
-    train = {int(place) for o in evidence.train for place in o.geometry_places}
-    return np.array(sorted({int(place) for o in evidence.test for place in o.geometry_places} - train), dtype=np.intp)
+def _own_places(fitted: Sequence[Observation], others: Sequence[Observation]) -> np.ndarray:
+    """Where the poses that only others have stand in NuisancePrior."""
+    seen, all_seen = (
+        {int(place) for o in observations for place in o.geometry_places} for observations in (fitted, others)
+    )
+    return np.array(sorted(all_seen - seen), dtype=np.intp)
 
 
 def _tiled(observations: Sequence[Observation]) -> list[Observation]:
-    """Test observations as a Fitter takes them: all in one tile and fold."""
+    """Observations that are not fitted as a Fitter takes them: all in one tile and fold."""
     return [replace(o, tile=np.zeros_like(o.tile), fold=np.zeros_like(o.fold)) for o in observations]
 
 

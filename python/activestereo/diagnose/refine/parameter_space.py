@@ -78,10 +78,6 @@ class ParameterSpace:
         return self.of_parameters("choice").astype(bool)
 
     @property
-    def in_camera(self) -> np.ndarray:
-        return np.array([e.stage is Stage.CAMERA for e, _ in self.pairs], dtype=bool)
-
-    @property
     def in_light(self) -> np.ndarray:
         """Which entries act up to the lens."""
         return np.array([e.stage <= Stage.OPTICS for e, _ in self.pairs], dtype=bool)

@@ -109,14 +109,13 @@ class Light:
 
     def seen(self, pick: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
         """Projector and ambient light, float64 [n] each, at flat indices of pixels."""
-        later = self.__dict__.get("_later")
-        if (
-            later is not None
-            and later.at is not None
-            and not {"_direct", "_indirect", "_ambient"} & self.__dict__.keys()
-        ):
-            return later.at(_PROJECTOR, pick), later.at(_AMBIENT, pick)
-        return self.projector.ravel()[pick], self.ambient.ravel()[pick]
+        later, has_images = self.__dict__.get("_later"), {"_direct", "_indirect", "_ambient"} & self.__dict__.keys()
+        if later is None or later.at is None or has_images or isinstance(pick, slice):
+            return self.projector.ravel()[pick], self.ambient.ravel()[pick]
+        at = later.at
+        # A fit asks twice: for its error, and where that fell for the slopes there.
+        _, *both = self._once(("seen", id(pick)), lambda: (pick, at(_PROJECTOR, pick), at(_AMBIENT, pick)))
+        return both[0], both[1]
 
     def map(self, operation: Callable[[np.ndarray], np.ndarray]) -> Light:
         """The same linear operation on every light; images come stacked, [...][height][width], any number of them."""
@@ -129,14 +128,37 @@ class Light:
         known per pixel only: a local gain, and what that leaves."""
         if self.supersampled is not None:
             operation = lambda images: sample(images, u, v)  # noqa: E731
-            return _Later(
-                self, operation, lambda images: images.warped(u, v), lambda gain: sample(gain, u, v, order=1)
-            ).light()
+            of_gain = lambda gain: sample(gain, u, v, order=1)  # noqa: E731
+            later = _Later(self, operation, lambda images: images.warped(u, v), of_gain)
+            later.at = lambda names, pick: self._warped_at(later, names, u, v, pick)
+            return later.light()
         look = lambda names: self._once(("spline", names), lambda: Spline(self.sum_of(names)))  # noqa: E731
         later = _Later(self, lambda images: sample(images, u, v))
         later.whole = lambda names: look(names)(u, v)
         later.at = lambda names, pick: look(names)(u.ravel()[pick], v.ravel()[pick])
         return later.light()
+
+    def _warped_at(
+        self, later: _Later, names: tuple[str, ...], u: np.ndarray, v: np.ndarray, pick: np.ndarray | slice
+    ) -> np.ndarray:
+        """The named images' sum after a warp, at flat indices of pixels."""
+        if self.supersampled is None or self.is_changed(names):
+            return later.image(names).ravel()[pick]
+        return self.supersampled.sum_of(_places(names)).means_at(u.ravel()[pick], v.ravel()[pick])[0]
+
+    def is_changed(self, names: tuple[str, ...]) -> bool:
+        """Whether effects have changed the sum of the named images since the supersampled ones were rendered."""
+
+        def changed() -> bool:
+            before = self.rendered(names)
+            return bool(np.abs(self.sum_of(names) - before).max() > _UNCHANGED * before.max())
+
+        return self._once(("changed", names), changed)
+
+    def rendered(self, names: tuple[str, ...]) -> np.ndarray:
+        """The named images' sum by the supersampled images."""
+        assert self.supersampled is not None
+        return self.supersampled.sum_of(_places(names)).pixels()[0]
 
     def blurred(self, sigma_px: float | np.ndarray) -> Light:
         """The light under a Gaussian blur of sigma_px, a number or an image of it; of the supersampled images where
@@ -164,6 +186,11 @@ class Light:
 
 
 _NAMES = ("direct", "indirect", "ambient", "flat")
+
+
+def _places(names: tuple[str, ...]) -> tuple[int, ...]:
+    """Where the named images stand among the four."""
+    return tuple(map(_NAMES.index, names))
 
 
 class _Later:
@@ -199,14 +226,13 @@ class _Later:
         now = self._source.sum_of(names)
         if self._supersampled is None:
             return self._of_images(now[None])[0]
-        indices = tuple(_NAMES.index(name) for name in names)
-        before = self._source.supersampled.sum_of(indices).pixels()[0]
-        changed = np.abs(now - before).max() > _UNCHANGED * before.max()
+        changed = self._source.is_changed(names)
         if changed and len(names) > 1:
             return np.sum([self.image((name,)) for name in names], axis=0)
-        after = self._supersampled.sum_of(indices).pixels()[0]
+        after = self._supersampled.sum_of(_places(names)).pixels()[0]
         if not changed:
             return after
+        before = self._source.rendered(names)
         gain = _local_gain(before, now)
         return np.maximum(after * self._of_gain(gain) + self._of_images((now - gain * before)[None])[0], 0.0)
 

@@ -38,7 +38,7 @@ class SupersampledImages:
         """The images of a camera whose pixels show what lies at pixel positions (u, v) [height][width] here.
 
         The displacement goes on beyond the frame as it is at the border."""
-        return _LaterSupersampled(self, lambda images: images._warped(u, v))
+        return _WarpedSupersampled(self, u, v)
 
     def _warped(self, u: np.ndarray, v: np.ndarray) -> SupersampledImages:
         height, width = u.shape
@@ -71,6 +71,11 @@ class SupersampledImages:
         u, v = ((x + self.margin_px + 0.5) * self.scale - 0.5 for x in (u, v))
         return np.stack([spline(u, v) for spline in self._splines()])
 
+    def means_at(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Means over squares of a pixel's size around pixel positions (u, v) of any shape, float32 [n][...]."""
+        u, v = ((x + self.margin_px) * self.scale for x in (u, v))
+        return np.stack([spline(u, v) for spline in self._splines_of_means()])
+
     def sum_of(self, indices: tuple[int, ...]) -> SupersampledImages:
         """SupersampledImages of one image, the sum of those at the indices."""
         known = self._sums()
@@ -91,6 +96,15 @@ class SupersampledImages:
     def _splines(self) -> list[Spline]:
         """One set serves every warp of a fit."""
         return [Spline(image) for image in self.images()]
+
+    @computed_once
+    def _splines_of_means(self) -> list[Spline]:
+        """Splines of the means over squares of a pixel's size, by the sample where each square begins."""
+        means, s = self.images(), self.scale
+        for axis in (1, 2):
+            count = means.shape[axis] - s + 1
+            means = np.mean([means.take(range(i, i + count), axis) for i in range(s)], axis=0)
+        return [Spline(image) for image in means]
 
     def _refined(self, image: np.ndarray) -> np.ndarray:
         """An image [height][width] at the samples, linear between pixels; beyond the frame as at its border."""
@@ -124,3 +138,21 @@ class _LaterSupersampled(SupersampledImages):
 
     def _sum_of(self, indices: tuple[int, ...]) -> SupersampledImages:
         return self._operation(self._source.sum_of(indices))
+
+
+class _WarpedSupersampled(_LaterSupersampled):
+    """SupersampledImages under a warp. Within a pixel a warp hardly changes but for its displacement: means over pixels
+    are means of the source."""
+
+    _place: tuple[np.ndarray, np.ndarray]
+
+    def __init__(self, source: SupersampledImages, u: np.ndarray, v: np.ndarray) -> None:
+        super().__init__(source, lambda images: images._warped(u, v))
+        self.__dict__["_place"] = u, v
+
+    @computed_once
+    def pixels(self) -> np.ndarray:
+        return self._source.means_at(*self._place)
+
+    def _sum_of(self, indices: tuple[int, ...]) -> SupersampledImages:
+        return _WarpedSupersampled(self._source.sum_of(indices), *self._place)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -137,23 +138,22 @@ class View:
 
     def pixels(self) -> tuple[np.ndarray, np.ndarray]:
         """(u, v) of every pixel's centre, float64 [height][width] each."""
-        height, width = self.shape
-        u, v = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
-        return u, v
+        return _pixels(self.shape)
 
     def rays(self, u: np.ndarray | None = None, v: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(x, y) with z = 1 through pixels (all of them by default) of the nominal camera, its lens included."""
-        if u is None:
+        if u is None or v is None:
             return self.once("rays", lambda: _read_only(*self.rays(*self.pixels())))
-        y = (v - self.K[1, 2]) / self.K[1, 1]
-        x = (u - self.K[0, 2] - self.K[0, 1] * y) / self.K[0, 0]
-        return undistort(x, y, self.distortion) if is_distorting(self.distortion) else (x, y)
+        return _rays(u, v, self.K, self.distortion)
 
     def to_pixels(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(u, v) at which the nominal camera draws the direction (x, y, 1)."""
-        if is_distorting(self.distortion):
-            x, y = distort(x, y, self.distortion)
-        return self.K[0, 0] * x + self.K[0, 1] * y + self.K[0, 2], self.K[1, 1] * y + self.K[1, 2]
+        return _to_pixels(x, y, self.K, self.distortion)
+
+    def through_lens(self, distortion: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """(u, v) at which the nominal camera draws what each pixel shows where light goes through this distortion, too;
+        computed once for all views of the same camera."""
+        return _through_lens(self.shape, tuple(self.K.ravel().tolist()), self.distortion, distortion)
 
     def field(self) -> tuple[np.ndarray, np.ndarray]:
         """(fx, fy): position in the image, -1..1 from border to border, 0 at its middle."""
@@ -185,6 +185,35 @@ class View:
             "frame": f"{self.side} {self.frame.id}".encode(),
         }[per]
         return random_stream(self.seed, name, salt)
+
+
+def _pixels(shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    u, v = np.meshgrid(np.arange(shape[1], dtype=np.float64), np.arange(shape[0], dtype=np.float64))
+    return u, v
+
+
+def _rays(u: np.ndarray, v: np.ndarray, K: np.ndarray, distortion: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
+    y = (v - K[1, 2]) / K[1, 1]
+    x = (u - K[0, 2] - K[0, 1] * y) / K[0, 0]
+    return undistort(x, y, distortion) if is_distorting(distortion) else (x, y)
+
+
+def _to_pixels(
+    x: np.ndarray, y: np.ndarray, K: np.ndarray, distortion: tuple[float, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    if is_distorting(distortion):
+        x, y = distort(x, y, distortion)
+    return K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]
+
+
+@lru_cache(maxsize=8)
+def _through_lens(
+    shape: tuple[int, int], k: tuple[float, ...], nominal: tuple[float, ...], further: tuple[float, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    K = np.reshape(k, (3, 3))
+    u, v = _to_pixels(*undistort(*_rays(*_pixels(shape), K, nominal), further), K, nominal)
+    _read_only(u, v)
+    return u, v
 
 
 def _bounced_share(ambient: np.ndarray, direct: np.ndarray | None) -> np.ndarray | None:
