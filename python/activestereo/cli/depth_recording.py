@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 _RUN = "depth.json"
 _SEARCHED_PAIRS = 4
+_LARGEST_DIFFERENCE = 0.01  # between both rectified cameras' K
 _GOALS = ("fill", "noise", "truth")
 
 
@@ -128,7 +129,12 @@ def _geometry(args: argparse.Namespace) -> tuple[np.ndarray, float, list[str]]:
         width, height = image_size(files[0].files["left"], "Infrared 1")
     else:
         raise CommandError(f"{args.left}: is neither a folder nor a bag; of a pair of images give both")
-    lens = device.intrinsic("Infrared 1", width, height)
+    lens, right = (device.intrinsic(stream, width, height) for stream in ("Infrared 1", "Infrared 2"))
+    if not np.allclose(lens.K, right.K, rtol=_LARGEST_DIFFERENCE):
+        focal = f"{lens.K[0, 0]:g} and {right.K[0, 0]:g} px, cy {lens.K[1, 2]:g} and {right.K[1, 2]:g} px"
+        raise CommandError(
+            f"{device.path}: the infrared streams do not match: focal lengths of {focal}; record the rectified ones"
+        )
     left_to_right = device.extrinsic("Infrared 1", "Infrared 2")
     if is_distorting(lens.distortion) or not np.allclose(left_to_right[:3, :3], np.eye(3), atol=1e-3):
         raise CommandError(f"{device.path}: the pairs are not rectified: record the rectified infrared streams")

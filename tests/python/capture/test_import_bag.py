@@ -3,12 +3,14 @@
 
 import io
 from contextlib import ExitStack
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from activestereo.capture.capture import read_capture
+from activestereo.capture.importers import bag
 from activestereo.capture.importers.bag import _intrinsic, count_pairs, read_calibration
 from activestereo.capture.importers.pairs import recorded_pairs
 from activestereo.cli import main, make_parser
@@ -17,6 +19,7 @@ from activestereo.report.view.library import Library
 
 pytest.importorskip("rosbags", reason="the package rosbags is not installed (pip install rosbags)")
 from rosbags.rosbag1 import Writer as Writer1  # noqa: E402
+from rosbags.rosbag2 import StoragePlugin  # noqa: E402
 from rosbags.rosbag2 import Writer as Writer2  # noqa: E402
 from rosbags.typesys import Stores, get_typestore  # noqa: E402
 
@@ -90,18 +93,19 @@ def write_librealsense(path, frames=2, skip=()):
                     )
 
 
-def write_ros2(path):
+def write_ros2(path, storage=StoragePlugin.SQLITE3, second_later_ns=0):
     store = get_typestore(Stores.ROS2_HUMBLE)
     topics = {1: "/camera/infra1", 2: "/camera/infra2", 0: "/camera/depth"}
-    with Writer2(path, version=8) as writer:
+    with Writer2(path, version=8, storage_plugin=storage) as writer:
         for stream, topic in topics.items():
             info = writer.add_connection(f"{topic}/camera_info", "sensor_msgs/msg/CameraInfo", typestore=store)
             writer.write(
                 info, 1, store.serialize_cdr(camera_info(store, _BASELINE_M if stream == 2 else 0.0), info.msgtype)
             )
             image = writer.add_connection(f"{topic}/image_rect_raw", "sensor_msgs/msg/Image", typestore=store)
-            message = image_message(store, images()[stream], 1_700_000_000_000_000_000)
-            writer.write(image, 1_700_000_000_000_000_000, store.serialize_cdr(message, image.msgtype))
+            time_ns = 1_700_000_000_000_000_000 + second_later_ns * (stream == 2)
+            message = image_message(store, images()[stream], time_ns)
+            writer.write(image, time_ns, store.serialize_cdr(message, image.msgtype))
 
 
 def check(path, frames, depth_scale, first):
@@ -207,12 +211,15 @@ def test_pairs_come_one_by_one_and_those_that_are_not_wanted_are_not_decoded(tmp
     assert device.extrinsic("Infrared 1", "Infrared 2")[0, 3] == pytest.approx(-_BASELINE_M)
 
 
-def test_a_bag_that_was_cut_is_told_in_one_line(tmp_path, capsys):
-    write_librealsense(tmp_path / "a.bag")
-    whole = (tmp_path / "a.bag").read_bytes()
-    (tmp_path / "a.bag").write_bytes(whole[: len(whole) // 2])
-    assert main(["depth", str(tmp_path / "a.bag"), "--out", str(tmp_path / "out")]) == 2
-    assert (error := capsys.readouterr().err).count("\n") == 1 and "cannot be read as a bag" in error
+def write_lone_mcap(path, **more):
+    write_ros2(path.parent / "whole", StoragePlugin.MCAP, **more)
+    next((path.parent / "whole").glob("*.mcap")).rename(path)
+
+
+def test_a_lone_mcap_is_a_bag(tmp_path):
+    write_lone_mcap(tmp_path / "a.mcap")
+    assert main(["import", str(tmp_path / "a.mcap"), "--out", str(tmp_path / "capture")]) == 0
+    check(tmp_path / "capture", 1, 0.001, images())
 
 
 def write_lone_db3(path):
@@ -253,8 +260,31 @@ def test_a_lone_db3_of_librealsense_is_a_bag(tmp_path):
     assert (tmp_path / "a.db3").read_bytes() == before
 
 
-def test_a_lone_db3_that_was_cut_is_told_in_one_line(tmp_path, capsys):
-    write_lone_db3(tmp_path / "a.db3")
-    (tmp_path / "a.db3").write_bytes((tmp_path / "a.db3").read_bytes()[:4096])
-    assert main(["depth", str(tmp_path / "a.db3"), "--out", str(tmp_path / "out")]) == 2
-    assert (error := capsys.readouterr().err).count("\n") == 1 and "a.db3: cannot be read as a bag" in error
+@pytest.mark.parametrize(
+    ("write", "name", "mending"),
+    [
+        (write_librealsense, "a.bag", "rosbag reindex"),
+        (write_lone_mcap, "a.mcap", "mcap recover"),
+        (write_lone_db3, "a.db3", ".recover"),
+    ],
+)
+def test_a_recording_that_was_cut_is_told_in_one_line(tmp_path, capsys, write, name, mending):
+    write(tmp_path / name)
+    whole = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(whole[: len(whole) // 2])
+    assert main(["depth", str(tmp_path / name), "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and f"{name}: cannot be read as a bag" in error and mending in error
+
+
+def test_streams_that_do_not_match_are_told(tmp_path, capsys, monkeypatch):
+    write_lone_mcap(tmp_path / "a.mcap", second_later_ns=16_000_000)
+    depth = ["depth", str(tmp_path / "a.mcap"), "--out", str(tmp_path / "out")]
+    assert main(depth) == 2
+    assert "its two streams have no images of one time" in capsys.readouterr().err
+    device = read_calibration(tmp_path / "a.mcap")
+    key = "Infrared 2", _SIZE[1], _SIZE[0]
+    device.intrinsics[key] = replace(device.intrinsics[key], K=np.array([[50.0, 0, 32.1], [0, 50, 24.2], [0, 0, 1]]))
+    monkeypatch.setattr(bag, "read_calibration", lambda path: device)
+    assert main(depth) == 2
+    assert "do not match: focal lengths of 43 and 50 px" in capsys.readouterr().err

@@ -36,6 +36,7 @@ _TYPES = {"mono8": np.uint8, "8UC1": np.uint8, "mono16": np.uint16, "16UC1": np.
 _SIDES = ("Infrared 1", "Infrared 2")
 _IMAGES = ("Image", "CompressedImage")
 _STEREO_BASELINE = "stereo_baseline"
+_MENDED_BY = {".bag": "'rosbag reindex'", ".mcap": "'mcap recover'", ".db3": "sqlite3's '.recover'"}
 _PNG = b"\x89PNG\r\n"
 _ROS2_DEPTH_SCALE_M = 0.001  # realsense-ros publishes 16UC1 in millimetres (REP 118)
 
@@ -154,22 +155,24 @@ def _stream(topic: str) -> str | None:
 def _opened(path: Path) -> Iterator[Any]:
     """A reader of the bag. ValueError where it cannot be read, there or inside of the block."""
     try:
-        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise ValueError(
             f"{path}: bags are read by the package rosbags, which is missing: pip install rosbags"
         ) from error
-    is_file = path.suffix in (".db3", ".mcap")
-    is_lone = path.suffix == ".db3" and path.is_file() and not (path.parent / "metadata.yaml").is_file()
-    folder = described(path) if is_lone else nullcontext(path.parent if is_file else path)
+    is_part = path.suffix in (".db3", ".mcap") and (path.parent / "metadata.yaml").is_file()
+    is_lone_db3 = path.suffix == ".db3" and path.is_file() and not is_part
+    folder = described(path) if is_lone_db3 else nullcontext(path.parent if is_part else path)
     try:
         with folder as source, AnyReader([source], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             yield reader
-    except (AnyReaderError, OSError, KeyError, AssertionError) as error:
-        raise ValueError(
-            f"{path}: cannot be read as a bag: {' '.join(str(error).split()) or 'it is damaged'}"
-        ) from error
+    except ValueError:
+        raise
+    except Exception as error:  # rosbags and what it reads with have classes of their own
+        reason, mending = " ".join(str(error).split()) or "it is damaged", _MENDED_BY.get(path.suffix)
+        hint = f" (of one that was cut off, {mending} saves what is there)" if mending and path.is_file() else ""
+        raise ValueError(f"{path}: cannot be read as a bag: {reason}{hint}") from error
 
 
 def _messages(

@@ -15,15 +15,12 @@ from activestereo.common.output_files import write_text
 
 @contextmanager
 def described(path: Path) -> Iterator[Path]:
-    """A folder with a link to the file and its metadata.yaml; the file is only read. ValueError where it is no such
+    """A folder with a link to the file and its metadata.yaml; the file is only read. sqlite3.Error where it is no such
     bag."""
     with TemporaryDirectory(prefix="activestereo.") as name:
         folder = Path(name)
         (folder / path.name).symlink_to(path.absolute())
-        try:
-            write_text(folder / "metadata.yaml", json.dumps(_metadata(path)))  # JSON is YAML
-        except sqlite3.Error as error:
-            raise ValueError(f"{path}: cannot be read as a bag: {error}") from error
+        write_text(folder / "metadata.yaml", json.dumps(_metadata(path)))  # JSON is YAML
         yield folder
 
 
