@@ -80,6 +80,7 @@ FIELDS: dict[str, dict[str, Field]] = {
         "field_of_view_deg": _numbers("width of the pattern image", "deg", 0, 1, 170),
         "pattern_size": _numbers("width and height of the pattern image", "px", 2, 16, 16384, whole=True),
         "dot_pitch_px": _numbers("side of the cell that holds one dot, of the pattern image", "px", 0, 2, 1000),
+        "lattice_angles_deg": _numbers("of two square lattices of dots, of that pitch", "deg", 2, 0, 90),
         "dot_sigma_px": _numbers("sigma of a dot, of the pattern image", "px", 0, 0.1, 100),
         "weakest_dot": _numbers("power of the weakest dot over the strongest's", "", 0, 0, 1),
         "background": _numbers("light between the dots over the strongest dot's", "", 0, 0, 1),

@@ -47,7 +47,11 @@ def _pattern_design(camera: CameraData) -> PatternDesign:
     figures = {
         name: camera.value("projector", name) for name in ("dot_pitch_px", "dot_sigma_px", "weakest_dot", "background")
     }
-    return PatternDesign(width, height, seed=camera.value("projector", "pattern_seed"), **figures)
+    half_view = np.deg2rad(0.5 * camera.value("projector", "field_of_view_deg"))
+    return PatternDesign(
+        width, height, seed=camera.value("projector", "pattern_seed"), focal_px=float(0.5 * width / np.tan(half_view)),
+        lattice_angles_deg=tuple(camera.value("projector", "lattice_angles_deg", ())), **figures,
+    )  # fmt: skip
 
 
 def _signal(camera: CameraData) -> dict[str, float] | None:

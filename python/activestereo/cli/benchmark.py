@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """activestereo benchmark sim-to-real run | score | ablate: how well simulated depth ranks methods as a foreign world
-does. activestereo benchmark inject: a known effect in a capture's measured images (benchmark_inject.py)."""
+does. activestereo benchmark inject, matchers, network, realism: in files of their own."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from pathlib import Path
 from activestereo.benchmarks.sim_to_real.worlds import FOREIGN
 from activestereo.cli.arguments import CommandError, Commands, add_shared, integer_from, make_folder, print_json
 from activestereo.cli.benchmark_inject import add_inject
+from activestereo.cli.benchmark_matchers import add_matchers
+from activestereo.cli.benchmark_realism import add_realism
 from activestereo.common.input_files import read_json
 
 _TEXT = """\
@@ -55,6 +57,8 @@ def add_parser(commands: Commands) -> None:
     benchmarks = commands.add_parser("benchmark", help=text)
     kinds = benchmarks.add_subparsers(dest="benchmark", metavar="BENCHMARK", required=True)
     add_inject(kinds)
+    add_matchers(kinds)
+    add_realism(kinds)
     text = "measure how well simulated depth ranks methods as a foreign world does"
     parser = kinds.add_parser("sim-to-real", help=text, description=_TEXT)
     parts = parser.add_subparsers(dest="part", metavar="PART", required=True)

@@ -6,6 +6,9 @@ takes the four quarters of the cell height in random order, so that no low, wide
 stereo work is the uniqueness law (tested): along a row, every window of UNIQUE_WINDOW camera pixels differs from all
 others within the disparity range by at least half the energy of a mean dot. Density and size are those measured on D435
 and D415 images: about 5000 dots in view, visible sigma 1.2 and 1.8 pixels with the pixel's own blur.
+
+Or square lattices turned against each other, as a D415 throws them: rosettes where dots of both meet. A grating's
+orders are evenly spaced in the sines of their angles (its equation), so that lattices widen towards the border.
 """
 
 from collections.abc import Sequence
@@ -22,13 +25,15 @@ class PatternDesign:
 
     width: int
     height: int
-    dot_pitch_px: float  # side of the cell that holds one dot
+    dot_pitch_px: float  # side of the cell that holds one dot; of lattices, in the image's middle
     dot_sigma_px: float  # of the Gaussian spot
     weakest_dot: float = (
         0.5  # dot peaks are uniform in weakest_dot..1, about the spread seen on devices once falloff is taken out
     )
     background: float = 0.02  # light between the dots, relative to the brightest peak
     seed: int = 0
+    lattice_angles_deg: tuple[float, ...] = ()  # one lattice each, turned from the rows; () = one dot a cell
+    focal_px: float = 0.0  # of the image; lattices need it
 
 
 def make_pattern(design: PatternDesign) -> np.ndarray:
@@ -50,6 +55,13 @@ def make_pattern(design: PatternDesign) -> np.ndarray:
 
 def dots(design: PatternDesign) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Centres x, y in pattern pixels, inside the image, and peaks 0..1 of all dots."""
+    x, y = _lattices(design) if design.lattice_angles_deg else _cells(design)
+    peak = design.weakest_dot + (1.0 - design.weakest_dot) * _random(design.seed, 3, x.shape)
+    inside = (x >= 0) & (y >= 0) & (x <= design.width - 1) & (y <= design.height - 1)
+    return x[inside], y[inside], peak[inside]
+
+
+def _cells(design: PatternDesign) -> tuple[np.ndarray, np.ndarray]:
     across = int(np.ceil(design.width / design.dot_pitch_px / 4)) * 4
     down = int(np.ceil(design.height / design.dot_pitch_px))
     column, row = np.meshgrid(np.arange(across), np.arange(down))
@@ -58,9 +70,23 @@ def dots(design: PatternDesign) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     # A tenth of the cell stays free on either side, so that neighbours do not merge.
     x = (column + 0.1 + 0.8 * _random(design.seed, 1, column.shape)) * design.dot_pitch_px
     y = (row + (quarter + _random(design.seed, 2, row.shape)) / 4) * design.dot_pitch_px
-    peak = design.weakest_dot + (1.0 - design.weakest_dot) * _random(design.seed, 3, row.shape)
-    inside = (x <= design.width - 1) & (y <= design.height - 1)
-    return x[inside], y[inside], peak[inside]
+    return x, y
+
+
+def _lattices(design: PatternDesign) -> tuple[np.ndarray, np.ndarray]:
+    pitch = design.dot_pitch_px / design.focal_px  # of the direction cosines
+    orders = np.arange(-int(1.0 / pitch), int(1.0 / pitch) + 1)
+    places = []
+    for number, angle_deg in enumerate(design.lattice_angles_deg):
+        start_u, start_v = _random(design.seed, number, (2,))
+        u, v = np.meshgrid(pitch * (orders + start_u), pitch * (orders + start_v))
+        angle = np.deg2rad(angle_deg)
+        sines = np.stack([np.cos(angle) * u - np.sin(angle) * v, np.sin(angle) * u + np.cos(angle) * v])
+        forward = 1.0 - np.sum(sines**2, axis=0)
+        seen = sines[:, forward > 0.0] / np.sqrt(forward[forward > 0.0])
+        places.append(design.focal_px * seen + [[0.5 * (design.width - 1)], [0.5 * (design.height - 1)]])
+    x, y = np.concatenate(places, axis=1)
+    return x, y
 
 
 def _random(seed: int, stream: int, shape: Sequence[int]) -> np.ndarray:

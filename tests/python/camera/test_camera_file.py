@@ -33,9 +33,9 @@ def test_the_asked_cameras_are_there_and_make_configurations():
         config = StereoDepthSensorConfig(name)
         assert config.focal_baseline_px_m / config.ir_intrinsic[0, 0] == pytest.approx(baseline_m, rel=0.01)
     sizes = {name: StereoDepthSensorConfig(name).median_size for name in ("sapien-D415", "D415", "D435")}
-    assert sizes == {"sapien-D415": 3, "D415": 7, "D435": 5}
+    assert sizes == {"sapien-D415": 3, "D415": 7, "D435": 7}
     steps = {name: StereoDepthSensorConfig(name).edge_step_px for name in sizes}
-    assert steps == {"sapien-D415": 0, "D415": 2, "D435": 0}
+    assert steps == {"sapien-D415": 0, "D415": 2, "D435": 2}
 
 
 def test_a_file_of_ones_own_changes_what_it_tells_and_keeps_the_rest(tmp_path):

@@ -18,12 +18,11 @@ def camera_pixels(config):
     return k[0, 0] / config.ir_intrinsic[0, 0]
 
 
-@pytest.mark.parametrize("model", ["D415", "D435"])
-def test_windows_along_a_row_are_unique_within_the_disparity_range(model):
-    """Two windows of UNIQUE_WINDOW pixels (of a D435: a third as long as a dot's cell is high) at 1..max_disparity
-    pixels from each other differ by at least half the energy of a mean dot. From one dot's width on: nearer than that a
-    window overlaps itself."""
-    config = StereoDepthSensorConfig(model)
+def test_windows_along_a_row_are_unique_within_the_disparity_range():
+    """A law of random dots; a D415's lattices repeat, as the device's do. Two windows of UNIQUE_WINDOW pixels (of a
+    D435: a third as long as a dot's cell is high) at 1..max_disparity pixels from each other differ by at least half
+    the energy of a mean dot. From one dot's width on: nearer than that a window overlaps itself."""
+    config = StereoDepthSensorConfig("D435")
     design = config.pattern_design
     image = (make_pattern(design).astype(np.float32) / 255.0 - design.background) / (1.0 - design.background)
     mean_square_peak = (1.0 + design.weakest_dot + design.weakest_dot**2) / 3.0
@@ -67,6 +66,24 @@ def test_every_cell_has_one_dot_and_dots_do_not_merge():
     assert len(x) >= 0.97 * 80 * 40  # a few centres fall outside the last row and column
     assert peak.min() >= design.weakest_dot and peak.max() <= 1.0
     assert np.ptp(peak) > 0.45
+
+
+def test_lattices_have_their_pitch_in_the_middle_and_even_sines_everywhere():
+    """A grating's orders lie at even steps of the sine (its equation), which is what turns back into a lattice here."""
+    config = StereoDepthSensorConfig("D415")
+    design = replace(config.pattern_design, lattice_angles_deg=(30.0,))
+    x, y, peak = dots(design)
+    ray = np.stack([x - 0.5 * (design.width - 1), y - 0.5 * (design.height - 1), np.full(len(x), design.focal_px)])
+    sines = (ray / np.linalg.norm(ray, axis=0))[:2]
+    turn = np.deg2rad(30.0)
+    steps = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) @ sines
+    steps *= design.focal_px / design.dot_pitch_px
+    offset = steps - np.rint(steps - steps[:, :1]) - steps[:, :1]
+    assert np.abs(offset).max() < 1e-9
+    near = np.hypot(*(ray[:2] - ray[:2, [np.argmin(np.hypot(*ray[:2]))]]))
+    assert np.sort(near)[1] == pytest.approx(design.dot_pitch_px, rel=0.01)
+    assert len(dots(config.pattern_design)[0]) == pytest.approx(2 * len(x), rel=0.02)
+    assert peak.min() >= design.weakest_dot
 
 
 def test_contrast():

@@ -43,11 +43,14 @@ def _dots(rms_dn, room_dn):
 
 
 @pytest.mark.parametrize("model", ["D415", "D435"])
-def test_a_covered_lens_and_a_black_surface_give_no_depth(model):
+def test_a_covered_lens_gives_no_depth(model):
     assert _fill(model, np.zeros((_HEIGHT, _WIDTH))) < 0.02
+
+
+def test_a_black_surface_gives_no_depth():
     velvet = _dots(12.0, 40.0) * 0.004 / 0.5  # 12 DN on albedo 0.5 at 0.6 m
-    assert _fill(model, velvet, min_texture_dn=0) > 0.2
-    assert _fill(model, velvet) < 0.02
+    assert _fill("D435", velvet, min_texture_dn=0) > 0.2
+    assert _fill("D435", velvet) < 0.02
 
 
 @pytest.mark.parametrize("room_dn", [45.0, 0.0])

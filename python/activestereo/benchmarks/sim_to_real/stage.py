@@ -95,7 +95,7 @@ class Stage:
         if self._world.materials == "random":
             random = np.random.default_rng(seed)
             for number in self.materials:
-                self.scene.set_material(number, _any_material(self.scene.get_material(number), random))
+                self.scene.set_material(number, any_material(self.scene.get_material(number), random))
         self.bodies.move({self._objects[v.object_index].name: self._in_all(v.object_to_world) for v in views})
         self.mounts.poses = np.stack([v.camera_to_world @ CAMERA_TO_BODY.T for v in views])
         self.camera.seed(seed)
@@ -188,7 +188,7 @@ def _furnish(scene: kuafu.Scene, room: Room) -> None:
     scene.add_light(kuafu.Light(kind="point", intensity=(room.lamp_w_per_sr,) * 3, light_to_world=lamp))
 
 
-def _any_material(material: kuafu.Material, random: np.random.Generator) -> kuafu.Material:
+def any_material(material: kuafu.Material, random: np.random.Generator) -> kuafu.Material:
     """One that nobody has measured: any roughness and albedo, a quarter of them metal, an eighth glass."""
     kind = int(random.integers(8))
     material.metallic, material.transmission = float(kind in (1, 2)), float(kind == 0)

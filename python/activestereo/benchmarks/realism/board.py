@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All methods on all views, with intervals from resampled views."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.benchmarks.realism.measures import depth_measures, distance_names, infrared_measures
+from activestereo.benchmarks.realism.methods import METHODS, Simulated, simulated
+from activestereo.benchmarks.realism.patches import Patch, planar_patches
+from activestereo.benchmarks.realism.views import RealView, real_views
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.capture.capture import read_capture
+
+DEVICE = "device"
+HOLES, NOISE = "hole IoU", "spatial noise: factor to the device's"
+_DRAWS, _LEVEL = 4000, 0.9
+
+Values = dict[str, list[dict[str, float]]]  # of each method, one of each view
+
+
+@dataclass(frozen=True)
+class Interval:
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Board:
+    """rows: {measure: {method: Interval}}; pictures: {view: {method: disparity}} of the first view of each capture."""
+
+    views: tuple[str, ...]
+    rows: dict[str, dict[str, Interval]]
+    pictures: dict[str, dict[str, NDArray[np.float32]]]
+
+
+def board(
+    captures: list[tuple[Path, Path | None]], sensor: str, samples: int, seed: int, device: str | int,
+    progress: Callable[[float], object] = lambda share: None,
+) -> Board:  # fmt: skip
+    """captures: folders, and of each the folder of the device's depth where the capture's own is another's."""
+    views, values, pictures = [], {method: [] for method in (DEVICE, *METHODS)}, {}
+    for number, (path, device_depth) in enumerate(captures):
+        own = real_views(read_capture(path), device_depth, device)
+        planes = [planar_patches(view.disparity(view.truth_m), view.focal_baseline_px_m) for view in own]
+        shown: dict[str, NDArray[np.float32]] = {}
+        # Method by method: raster, which changes the materials, comes last.
+        for step, method in enumerate((DEVICE, *(m for m in METHODS if m != "raster"), "raster")):
+            for view, patches in zip(own, planes, strict=True):
+                made = None if method == DEVICE else simulated(view, method, sensor, samples, seed)
+                values[method].append(_measured(view, made, patches, sensor, method))
+                if view is own[0]:
+                    shown[method] = view.disparity(view.device_m if made is None else made.depth_m[0])
+            progress((number + (step + 1) / (len(METHODS) + 1)) / len(captures))
+        pictures[own[0].name] = {"truth": own[0].disparity(own[0].truth_m), **shown}
+        views += [view.name for view in own]
+    return Board(tuple(views), _rows(values, seed), pictures)
+
+
+def _measured(
+    view: RealView, made: Simulated | None, patches: list[Patch], sensor: str, method: str
+) -> dict[str, float]:
+    if made is None:
+        black = view.capture.rig.black_dn
+        level = float(np.percentile(view.left, 0.1)) if black is None else black[0]
+        return depth_measures(view, view.device_m, None, patches) | infrared_measures(
+            view, view.left, view.right, patches, level
+        )
+    found = depth_measures(view, *made.depth_m, patches)
+    if made.left is not None and made.right is not None:
+        black_dn = StereoDepthSensorConfig(sensor).ir_black_level_dn
+        if method == "calibrated" and view.capture.rig.black_dn is not None:
+            black_dn = view.capture.rig.black_dn[0]
+        found |= infrared_measures(view, made.left, made.right, patches, black_dn)
+    return found
+
+
+def _rows(values: Values, seed: int) -> dict[str, dict[str, Interval]]:
+    """Means over views with 90 % intervals: views are drawn with replacement."""
+    count = len(values[DEVICE])
+    chosen = np.random.default_rng(seed).integers(count, size=(_DRAWS, count))
+    names = list(dict.fromkeys(name for own in values.values() for view in own for name in view))
+    rows = {
+        name: {
+            method: _interval(np.array([view.get(name, np.nan) for view in own]), chosen)
+            for method, own in values.items()
+            if any(np.isfinite(view.get(name, np.nan)) for view in own)
+        }
+        for name in names
+    }
+    rows[NOISE] = {method: _interval(_noise_factors(own, values[DEVICE]), chosen) for method, own in values.items()}
+    return {name: row for name, row in rows.items() if row}
+
+
+def _noise_factors(own: list[dict[str, float]], real: list[dict[str, float]]) -> NDArray[np.float64]:
+    """The factor by which each view's noise is off, above or below, over the distances; 1 is the device's."""
+    bins = [f"spatial noise, px: {name}" for name in distance_names()]
+    off = [[abs(np.log(max(a[name], 1e-3) / b[name])) for name in bins] for a, b in zip(own, real, strict=True)]
+    with np.errstate(all="ignore"):
+        return np.array([np.exp(np.nanmean(one)) if np.isfinite(one).any() else np.nan for one in off])
+
+
+def _interval(of_views: NDArray[np.float64], chosen: NDArray[np.int64]) -> Interval:
+    if not np.isfinite(of_views).any():
+        return Interval(*[float("nan")] * 3)
+    drawn = of_views[chosen]
+    sums, counts = np.nansum(drawn, axis=1), np.isfinite(drawn).sum(axis=1)
+    means = sums[counts > 0] / counts[counts > 0]
+    tail = 50.0 * (1.0 - _LEVEL)
+    low, high = np.percentile(means, [tail, 100.0 - tail])
+    return Interval(float(np.nanmean(of_views)), float(low), float(high))
+
+
+def verdicts(found: Board) -> list[str]:
+    """Sentences: who is closest in holes and in noise, and whether the runner-up's interval lies apart."""
+    if len(found.views) < 2:
+        return ["one view has no interval: who is closest is told from two on"]
+    lines = []
+    for name, is_more_better in ((HOLES, True), (NOISE, False)):
+        row = {method: one for method, one in found.rows[name].items() if method != DEVICE}
+        order = sorted(row, key=lambda method: -row[method].value if is_more_better else row[method].value)
+        first, second = (row[method] for method in order[:2])
+        apart = first.low > second.high if is_more_better else first.high < second.low
+        one, other = (f"{x.value:.2f} ({x.low:.2f} to {x.high:.2f})" for x in (first, second))
+        overlap = "the intervals lie apart" if apart else "the intervals overlap"
+        lines.append(f"{name}: {order[0]} is closest, {one}, before {order[1]}, {other}: {overlap}")
+    return lines

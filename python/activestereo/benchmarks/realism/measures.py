@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measures of one depth image, of a device or simulated, beside the device's and the scene's model."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.benchmarks.realism.infrared import STATISTICS, statistics
+from activestereo.benchmarks.realism.patches import Patch, fitted_plane
+from activestereo.benchmarks.realism.views import RealView
+
+Map = NDArray[np.float32]
+DISTANCES_M = (0.5, 0.8, 1.2, 1.7, 2.3, 3.2)
+_STEP_PX, _NEAR_EDGE_PX, _RUN_PX = 3.0, 5, 12
+_BETWEEN_PX = 1.0  # a flying pixel is so far from both surfaces
+_LEAST_MEASURED = 0.5  # of a patch
+_MOST_LAG_PX = 12
+_PLAIN = ("fill, %", "hole IoU", "edge width, px", "flying pixels, %", "dead band, px", "noise's correlation, px")
+_BINNED = ("bias, px", "spatial noise, px", "temporal noise, px")
+BLACK = "black level, DN"
+
+
+def distance_names() -> list[str]:
+    return [f"{low:g}-{high:g} m" for low, high in zip(DISTANCES_M, DISTANCES_M[1:], strict=False)]
+
+
+def depth_measures(view: RealView, depth_m: Map, again_m: Map | None, patches: list[Patch]) -> dict[str, float]:
+    """{measure: value}, NaN where a view does not tell it. again_m: another exposure of the same view.
+
+    hole IoU: of the holes with the device's, where the scene is known. edge width: mean run of foreground beyond an
+    edge of the truth. flying pixels: of those measured within 5 px of an edge, they lie between both surfaces. dead
+    band: unmeasured columns at the left, the median row. Spatial noise: RMS from its own plane on patches that are
+    planes; its correlation: the lag at which it falls to 1/e. Temporal noise: between two exposures, over sqrt 2.
+    Bias: the median error. All in pixels of disparity, by distance."""
+    found, truth = view.disparity(depth_m), view.disparity(view.truth_m)
+    is_known, is_measured = np.isfinite(truth), np.isfinite(found)
+    holes, device_holes = ~is_measured & is_known, ~(view.device_m > 0) & is_known
+    width, flying = _edges(truth, found)
+    out = {
+        "fill, %": 100.0 * float(is_measured[is_known].mean()),
+        "hole IoU": float((holes & device_holes).sum() / max(1, (holes | device_holes).sum())),
+        "edge width, px": width,
+        "flying pixels, %": flying,
+        "dead band, px": float(np.median(np.argmax(is_measured, axis=1))),
+    }
+    change = None if again_m is None else view.disparity(again_m) - found
+    lags = []
+    for (low, high), name in zip(zip(DISTANCES_M, DISTANCES_M[1:], strict=False), distance_names(), strict=True):
+        inside = is_known & is_measured & (view.truth_m >= low) & (view.truth_m < high)
+        out[f"bias, px: {name}"] = float(np.median((found - truth)[inside])) if inside.sum() > 1000 else np.nan
+        spread, own = [], [patch for patch in patches if low <= patch.depth_m < high]
+        for patch in own:
+            rows, columns = patch.place
+            plane, rms = fitted_plane(found[patch.place], rows.start, columns.start, _LEAST_MEASURED)
+            if np.isfinite(rms):
+                spread.append(rms)
+                v, u = np.mgrid[patch.place]
+                lags.append(_correlation_px(found[patch.place] - (plane[0] * u + plane[1] * v + plane[2])))
+        out[f"spatial noise, px: {name}"] = float(np.median(spread)) if spread else np.nan
+        repeated = [] if change is None else [np.nanstd(np.clip(change[p.place], -1, 1)) / np.sqrt(2) for p in own]
+        out[f"temporal noise, px: {name}"] = float(np.median(repeated)) if repeated else np.nan
+    out["noise's correlation, px"] = float(np.nanmedian(lags)) if lags else np.nan
+    return out
+
+
+def infrared_measures(view: RealView, left: Map, right: Map, patches: list[Patch], black_dn: float) -> dict[str, float]:
+    """Medians of the statistics over the even patches by distance, and the black level: the darkest thousandth."""
+    out = {BLACK: float(np.percentile(left, 0.1))}
+    found = [(patch.depth_m, statistics(left, right, patch, black_dn)) for patch in patches]
+    for (low, high), name in zip(zip(DISTANCES_M, DISTANCES_M[1:], strict=False), distance_names(), strict=True):
+        own = [one for depth_m, one in found if one is not None and low <= depth_m < high]
+        for statistic in STATISTICS:
+            out[f"{statistic}: {name}"] = float(np.median([one[statistic] for one in own])) if own else np.nan
+    return out
+
+
+def _edges(truth: Map, found: Map) -> tuple[float, float]:
+    """(mean run of foreground beyond edges, share of flying pixels in percent) on both sides of objects."""
+    runs, between, near = [], 0, 0
+    for turn in (1, -1):
+        t, d = truth[:, ::turn], found[:, ::turn]
+        y, x = np.nonzero(t[:, 41:-39] - t[:, 40:-40] > _STEP_PX)
+        x += 40  # the background's last pixel
+        behind, before = t[y, x - _RUN_PX], t[y, x + _NEAR_EDGE_PX]
+        is_clean = (before - behind > _STEP_PX) & (abs(t[y, x] - behind) < 1.5) & (abs(t[y, x + 1] - before) < 1.5)
+        y, x, behind, before = y[is_clean], x[is_clean], behind[is_clean], before[is_clean]
+        goes_on, run = np.ones(len(y), bool), np.zeros(len(y))
+        for k in range(_RUN_PX):
+            goes_on &= d[y, x - k] > 0.5 * (behind + before)
+            run += goes_on
+        runs.append(run)
+        for k in range(-_NEAR_EDGE_PX, _NEAR_EDGE_PX + 1):
+            beside = d[y, x + k]
+            near += int(np.isfinite(beside).sum())
+            between += int(((beside > behind + _BETWEEN_PX) & (beside < before - _BETWEEN_PX)).sum())
+    every = np.concatenate(runs)
+    return (float(every.mean()) if len(every) else np.nan), (100.0 * between / near if near else np.nan)
+
+
+def _correlation_px(residual: Map) -> float:
+    """The lag along rows and columns at which the autocorrelation of what is measured falls to 1/e."""
+    values = np.where(np.abs(residual) < 1.0, residual, np.nan)
+    values = values - np.nanmean(values)
+    variance = np.nanmean(values**2)
+    if not variance > 0:
+        return np.nan
+    before = 1.0
+    for lag in range(1, _MOST_LAG_PX + 1):
+        across, down = values[:, lag:] * values[:, :-lag], values[lag:] * values[:-lag]
+        now = float(0.5 * (np.nanmean(across) + np.nanmean(down)) / variance)
+        if now < np.exp(-1.0):
+            return lag - 1 + (before - np.exp(-1.0)) / (before - now)
+        before = now
+    return float(_MOST_LAG_PX)

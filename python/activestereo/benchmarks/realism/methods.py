@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulated depth of a real view, in ten kinds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.benchmarks.realism.views import Map, RealView
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.camera.registration import with_rgb_at_left
+from activestereo.common.pose import CAMERA_TO_BODY, Pose
+from activestereo.sensor.depth_modes import make_lambertian
+from activestereo.sensor.rival_noise import IsaacSettings, datasheet, gaussian, isaac, redwood, simkinect
+from activestereo.sensor.sensor import StereoDepthSensor
+
+OF_TRUTH = ("clean", "gaussian", "datasheet", "simkinect", "redwood", "isaac-like")
+OF_PAIRS = ("raster", "preset", "calibrated")
+METHODS = (*OF_TRUTH, *OF_PAIRS)
+_SIGMA_M_AT_1_M = 0.004
+_FIT_STEP_PX = 7  # of the pixels that the light's two levels are fitted to
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """depth_m: two exposures that differ by their noise alone. left, right: DN, None where there is no pair."""
+
+    depth_m: tuple[Map, Map]
+    left: Map | None = None
+    right: Map | None = None
+
+
+def simulated(view: RealView, method: str, sensor: str, samples: int, seed: int) -> Simulated:
+    """A view as a method makes it. 'raster' makes the scene's materials Lambertian, for good: take it last."""
+    if method in OF_TRUTH:
+        return Simulated((_of_truth(view, method, seed), _of_truth(view, method, seed + 1)))
+    config = rig_config(view, sensor, method == "calibrated")
+    config.samples_per_pixel, config.noise_seed = samples, seed
+    if method == "raster":
+        make_lambertian(view.scene)
+        config.max_bounces = 0
+    with StereoDepthSensor(config, view.scene, pose=Pose(view.pose())) as taken:
+        taken.take_picture(infrared_only=True)
+        if method == "calibrated":
+            light, laser = _fitted_light(view, taken)
+        else:
+            light = [taken.get_picture("radiance", side)[..., 0] for side in ("left", "right")]
+            laser = [_laser(taken, side) for side in ("left", "right")]
+        lasers = {"left_laser": laser[0], "right_laser": laser[1]}
+        found = [
+            taken.compute_depth_from(*light, **lasers, outputs=("depth", "ir_left", "ir_right"), frame_index=n)
+            for n in range(2)
+        ]
+    depths = [np.array(one["depth"], np.float32) for one in found]
+    pair = (np.array(found[0][f"ir_{side}"], np.float32) for side in ("left", "right"))
+    return Simulated((depths[0], depths[1]), *pair)
+
+
+def _of_truth(view: RealView, method: str, seed: int) -> Map:
+    random, truth = np.random.default_rng(seed), view.truth_m[None]
+    focal_baseline = view.focal_baseline_px_m
+    if method == "clean":
+        return view.truth_m
+    if method == "gaussian":
+        return gaussian(truth, _SIGMA_M_AT_1_M, random)[0]
+    if method == "isaac-like":
+        focal = float(view.capture.rig.left.K[0, 0])
+        gray = (view.left / view.capture.rig.max_dn)[None]
+        return isaac(truth, gray, focal, focal_baseline / focal, IsaacSettings(), random)[0]
+    return {"datasheet": datasheet, "simkinect": simkinect, "redwood": redwood}[method](truth, focal_baseline, random)[
+        0
+    ]
+
+
+def rig_config(view: RealView, sensor: str, is_calibrated: bool) -> StereoDepthSensorConfig:
+    """The preset with the capture's cameras; calibrated: with its projector, pattern, black level and falloff, too."""
+    rig, config = view.capture.rig, with_rgb_at_left(StereoDepthSensorConfig(sensor))
+    config.ir_resolution = (rig.left.width, rig.left.height)
+    config.ir_intrinsic = np.array(rig.left.K)
+    beside = np.eye(4)
+    beside[1, 3] = -rig.baseline_m
+    config.trans_pose_r = Pose(beside)
+    config.max_depth_m = float("inf")
+    if not is_calibrated:
+        if config.ir_exposure_mode == "converging":
+            config.ir_exposure_mode = "settled"
+        return config
+    there = CAMERA_TO_BODY @ np.linalg.inv(rig.projector.left_to_projector) @ CAMERA_TO_BODY.T
+    config.pose_rgb_irproj = Pose(there)
+    config.pattern_intrinsic = np.array(rig.projector.K)
+    config.light_pattern = np.rint(255.0 * rig.projector.pattern()).astype(np.uint8)
+    # The pattern was seen through the camera's lens, which has blurred it once.
+    config.projector_beam_radius_m, config.ir_exposure_mode = 0.0, "fixed"
+    config.ir_optics = {name: value for name, value in (config.ir_optics or {}).items() if name != "psf_sigma_px"}
+    if rig.black_dn is not None:
+        config.ir_black_level_dn = rig.black_dn[0]
+    exposure = view.capture.measured.get("exposure", view.capture.measured.get("light", {}))
+    if "vignetting_exponent" in exposure:
+        config.ir_optics["vignetting_exponent"] = exposure["vignetting_exponent"][0]
+    return config
+
+
+def _laser(taken: StereoDepthSensor, side: str) -> Map:
+    return taken.get_picture("projector_direct", side)[..., 0] + taken.get_picture("projector_indirect", side)[..., 0]
+
+
+def _fitted_light(view: RealView, taken: StereoDepthSensor) -> tuple[list[Map], list[Map]]:
+    """(radiance, the laser's part) of both eyes, the laser and the room each as bright as the real left image has
+    them."""
+    config = taken.get_config()
+    per_radiance = config.ir_camera_exposure * config.ir_camera_gain * config.ir_responsivity_dn
+    laser = [_laser(taken, side) for side in ("left", "right")]
+    room = [
+        taken.get_picture("radiance", side)[..., 0] - own for side, own in zip(("left", "right"), laser, strict=True)
+    ]
+    part = np.s_[::_FIT_STEP_PX, ::_FIT_STEP_PX]
+    known = (view.truth_m > 0)[part] & (view.left < view.capture.rig.max_dn)[part]
+    terms = np.stack([laser[0][part][known], room[0][part][known]], axis=1).astype(np.float64) * per_radiance
+    levels = _robust(terms, view.left[part][known].astype(np.float64) - config.ir_black_level_dn)
+    own = [(levels[0] * one).astype(np.float32) for one in laser]
+    return [one + (levels[1] * rest).astype(np.float32) for one, rest in zip(own, room, strict=True)], own
+
+
+def _robust(terms: NDArray[np.float64], counts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Least squares of factors, none below 0, by Huber's weights."""
+    weights = np.ones(len(counts))
+    levels = np.zeros(2)
+    for _ in range(10):
+        root = np.sqrt(weights)
+        levels = np.maximum(np.linalg.lstsq(terms * root[:, None], counts * root, rcond=None)[0], 0.0)
+        error = np.abs(counts - terms @ levels)
+        weights = np.minimum(1.0, 1.5 * np.median(error) / np.maximum(error, 1e-9))
+    return levels

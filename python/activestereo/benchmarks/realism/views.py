@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Real views: a pair, the device's depth, and the surfaces that it looked at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kuafu
+from activestereo.capture.capture import Capture, Frame
+from activestereo.capture.images import read_gray
+from activestereo.common.pose import body_pose
+
+Map = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class RealView:
+    """left, right: DN. device_m: the device's depth in the left camera, truth_m that of the scene's model; 0 = none.
+    pose: of the left camera's body in the scene."""
+
+    name: str
+    capture: Capture
+    frame: Frame
+    left: Map
+    right: Map
+    device_m: Map
+    truth_m: Map
+    scene: kuafu.Scene
+
+    @property
+    def focal_baseline_px_m(self) -> float:
+        return float(self.capture.rig.left.K[0, 0]) * self.capture.rig.baseline_m
+
+    def pose(self) -> NDArray[np.float64]:
+        return body_pose(self.frame.camera_to_world).to_transformation_matrix()
+
+    def disparity(self, depth_m: Map) -> Map:
+        """Pixels, NaN where there is no depth."""
+        with np.errstate(divide="ignore"):
+            return np.where(depth_m > 0, self.focal_baseline_px_m / depth_m, np.float32(np.nan)).astype(np.float32)
+
+
+def real_views(capture: Capture, device_depth: Path | None, device: str | int) -> list[RealView]:
+    """The views of a capture that have a pair and the device's depth. device_depth: a folder of its 16-bit PNG files in
+    millimetres, in order of the frames, where the capture's own depth is a better instrument's. ValueError where there
+    are not as many."""
+    frames = [frame for frame in capture.frames if frame.has_infrared]
+    files: list[Path] | None = None
+    if device_depth is not None:
+        files = sorted(device_depth.glob("*.png"))
+        if len(files) != len(frames):
+            raise ValueError(f"{device_depth}: has {len(files)} PNG files, {capture.path} {len(frames)} pairs")
+    scene = kuafu.Scene(kuafu.Device(device))
+    scene.load(capture.scene_path)
+    renderer, views = kuafu.Renderer(scene.device), []
+    camera = capture.rig.left
+    for number, frame in enumerate(frames):
+        if files is not None:
+            depth = read_gray(files[number], (camera.width, camera.height), "depth").astype(np.float32) * 1e-3
+        else:
+            found = capture.depth(frame)
+            if found is None:
+                continue
+            depth = found.astype(np.float32)
+        eye = kuafu.Camera(camera.width, camera.height, camera.K, frame.camera_to_world)
+        truth = renderer.render(scene, eye, ["depth"], band="infrared", spp=1)["depth"].reshape(depth.shape)
+        left, right = (capture.ir(frame, side) for side in ("left", "right"))
+        name = f"{capture.path.name} {frame.id}"
+        views.append(RealView(name, capture, frame, left, right, np.nan_to_num(depth), np.array(truth), scene))
+    if not views:
+        raise ValueError(f"{capture.path}: has no frame with an infrared pair and depth")
+    return views
