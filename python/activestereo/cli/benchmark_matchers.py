@@ -94,7 +94,7 @@ def _run(args: argparse.Namespace) -> None:
 
 
 def _run_network(args: argparse.Namespace) -> None:
-    from activestereo.benchmarks.matchers.pairs import PairStudio, joined
+    from activestereo.benchmarks.matchers.pairs import Pairs, PairStudio, joined
     from activestereo.common.progress_bar import ProgressBar
 
     check_out_file(args.file)
@@ -106,7 +106,7 @@ def _run_network(args: argparse.Namespace) -> None:
         raise CommandError(f"{error.name} is missing: pip install torch onnx") from error
     rounds = -(-args.views // _VIEWS)
     studio = PairStudio(min(_VIEWS, args.views), True, args.sensor, args.samples_per_pixel, args.device)
-    taken = []
+    taken: list[Pairs] = []
     with ProgressBar(f"{args.views} views to train on") as bar:
         for number in range(rounds):
             taken += studio.take(_TRAINING_SEED + args.seed * rounds + number).values()

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -51,10 +52,11 @@ def score(found: NDArray[np.float32], truth: NDArray[np.float32]) -> Score:
 class SimsenseMatcher:
     """simsense's engine on the processor, with these parameters of its matcher."""
 
-    def __init__(self, config: StereoDepthSensorConfig, parameters: dict[str, object]) -> None:
-        camera, left_to_right = simsense.Camera(*config.ir_resolution, config.ir_intrinsic), np.eye(4)
+    def __init__(self, config: StereoDepthSensorConfig, parameters: dict[str, Any]) -> None:
+        width, height = config.ir_resolution
+        camera, left_to_right = simsense.Camera(width, height, config.ir_intrinsic), np.eye(4)
         left_to_right[0, 3] = -config.focal_baseline_px_m / config.ir_intrinsic[0, 0]
-        fitting = parameters | {"max_disparity": config.max_disparity}
+        fitting: dict[str, Any] = parameters | {"max_disparity": config.max_disparity}
         self._engine = simsense.Engine(
             simsense.Device("host"), camera, camera, left_to_right, rectified=True, **fitting
         )
@@ -78,7 +80,7 @@ def _block_matcher(config: StereoDepthSensorConfig) -> Matcher:
 
 
 def matchers(
-    config: StereoDepthSensorConfig, profiles: dict[str, dict[str, object]], networks: list[Path]
+    config: StereoDepthSensorConfig, profiles: dict[str, dict[str, Any]], networks: list[Path]
 ) -> dict[str, Matcher]:
     """By name: simsense's profiles and the camera's own matcher, OpenCV's two, and networks in ONNX files."""
     out: dict[str, Matcher] = {f"simsense {name}": SimsenseMatcher(config, own) for name, own in profiles.items()}

@@ -45,7 +45,9 @@ def board(
     progress: Callable[[float], object] = lambda share: None,
 ) -> Board:  # fmt: skip
     """captures: folders, and of each the folder of the device's depth where the capture's own is another's."""
-    views, values, pictures = [], {method: [] for method in (DEVICE, *METHODS)}, {}
+    views: list[str] = []
+    values: Values = {method: [] for method in (DEVICE, *METHODS)}
+    pictures: dict[str, dict[str, NDArray[np.float32]]] = {}
     for number, (path, device_depth) in enumerate(captures):
         own = real_views(read_capture(path), device_depth, device)
         planes = [planar_patches(view.disparity(view.truth_m), view.focal_baseline_px_m) for view in own]

@@ -58,8 +58,8 @@ def depth_measures(view: RealView, depth_m: Map, again_m: Map | None, patches: l
                 v, u = np.mgrid[patch.place]
                 lags.append(_correlation_px(found[patch.place] - (plane[0] * u + plane[1] * v + plane[2])))
         out[f"spatial noise, px: {name}"] = float(np.median(spread)) if spread else np.nan
-        repeated = [] if change is None else [np.nanstd(np.clip(change[p.place], -1, 1)) / np.sqrt(2) for p in own]
-        out[f"temporal noise, px: {name}"] = float(np.median(repeated)) if repeated else np.nan
+        repeated = [] if change is None else [_spread(change[patch.place]) / np.sqrt(2) for patch in own]
+        out[f"temporal noise, px: {name}"] = float(np.nanmedian(repeated)) if np.isfinite(repeated).any() else np.nan
     out["noise's correlation, px"] = float(np.nanmedian(lags)) if lags else np.nan
     return out
 
@@ -96,6 +96,11 @@ def _edges(truth: Map, found: Map) -> tuple[float, float]:
             between += int(((beside > behind + _BETWEEN_PX) & (beside < before - _BETWEEN_PX)).sum())
     every = np.concatenate(runs)
     return (float(every.mean()) if len(every) else np.nan), (100.0 * between / near if near else np.nan)
+
+
+def _spread(change: Map) -> float:
+    known = change[np.isfinite(change)]
+    return float(np.clip(known, -1.0, 1.0).std()) if known.size else np.nan
 
 
 def _correlation_px(residual: Map) -> float:

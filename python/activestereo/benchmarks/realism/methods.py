@@ -48,11 +48,8 @@ def simulated(view: RealView, method: str, sensor: str, samples: int, seed: int)
         else:
             light = [taken.get_picture("radiance", side)[..., 0] for side in ("left", "right")]
             laser = [_laser(taken, side) for side in ("left", "right")]
-        lasers = {"left_laser": laser[0], "right_laser": laser[1]}
-        found = [
-            taken.compute_depth_from(*light, **lasers, outputs=("depth", "ir_left", "ir_right"), frame_index=n)
-            for n in range(2)
-        ]
+        wanted = ("depth", "ir_left", "ir_right")
+        found = [taken.compute_depth_from(light[0], light[1], laser[0], laser[1], wanted, frame) for frame in range(2)]
     depths = [np.array(one["depth"], np.float32) for one in found]
     pair = (np.array(found[0][f"ir_{side}"], np.float32) for side in ("left", "right"))
     return Simulated((depths[0], depths[1]), *pair)
