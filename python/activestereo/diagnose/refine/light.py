@@ -8,13 +8,16 @@ lengths, the materials' relative albedos, and twists of the geometry (evidence/g
 
 from collections import OrderedDict
 from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
 from threading import Lock
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from activestereo.capture.capture import Frame
 from activestereo.diagnose.evidence.observation import Observation
-from activestereo.effects import Effect, Light, Model
+from activestereo.effects import Effect, Light, Model, View
 from activestereo.effects.core.model import acted, scales
 
 if TYPE_CHECKING:
@@ -22,41 +25,71 @@ if TYPE_CHECKING:
 
 # Lights that are remembered, per observation: those of a model's first effects, before the last one.
 _REMEMBERED = 3
+# Of a frame, what effects may look at where several frames share a light.
+_SHARED = ("camera_to_world", "camera_velocity", "is_moving", "temperature_c")
 # The first entries of phi: scales and black level; with the focal lengths after them, those that all pixels share.
 SCALES, DENSE = 3, 5
 _STEP = 1e-3
 
 
+class _AskedForFrame(Exception):
+    """An effect asks for what the frames of one group differ in."""
+
+
+class _SharedFrame:
+    """A frame, of which effects see what frames of one pose, motion and temperature have in common."""
+
+    def __init__(self, frame: Frame) -> None:
+        self._frame = frame
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in _SHARED:
+            raise _AskedForFrame(name)
+        return getattr(self._frame, name)
+
+
 class LightMemory:
     """Lights of observations under models; effects that came earlier in the pipeline are not applied again when a
-    later one changes."""
+    later one changes. Frames that differ in nothing that an effect looks at share its light."""
 
     def __init__(self, observations: Sequence[Observation]) -> None:
         self._observations = observations
         self._rendered: list[tuple[Light, Light] | None] = [None] * len(observations)
         self._before: OrderedDict[tuple, Light] = OrderedDict()
         self._lock = Lock()
+        self._first = _first_of_group(observations)
+        self._views = {i: _shared_view(observations[i].view) for i in set(self._first)}
+        self._of_frames: set[Effect] = set()
 
     def __call__(self, model: Model, i: int, supersampled: bool = True) -> Light:
         """The Light of observation i that falls on the sensor; supersampled: see Model.light."""
-        *first, last = ((None, ()), *((e, tuple(values.items())) for e, values in model.on_light()))
-        return self._acted(last, self._remembered(tuple(first), i, supersampled), i, supersampled)
+        chain = tuple((e, tuple(values.items())) for e, values in model.on_light())
+        if not chain:
+            return self._of_layers(i)[supersampled]
+        first = self._first[i]
+        if self._first.count(first) > 1 and self._of_frames.isdisjoint(effect for effect, _ in chain):
+            with suppress(_AskedForFrame):
+                return self._remembered(chain, first, supersampled, self._views[first])
+        view = self._observations[i].view
+        return self._acted(chain[-1], self._remembered(chain[:-1], i, supersampled, view), view)
 
-    def _acted(self, link: tuple[Effect | None, tuple], light: Light, i: int, supersampled: bool) -> Light:
+    def _acted(self, link: tuple[Effect, tuple], light: Light, view: View) -> Light:
         effect, values = link
-        if effect is None:
-            return self._of_layers(i)[supersampled]
-        return acted(effect, dict(values), light, self._observations[i].view)
+        try:
+            return acted(effect, dict(values), light, view)
+        except _AskedForFrame:
+            self._of_frames.add(effect)
+            raise
 
-    def _remembered(self, chain: tuple, i: int, supersampled: bool) -> Light:
-        if len(chain) < 2:
+    def _remembered(self, chain: tuple, i: int, supersampled: bool, view: View) -> Light:
+        if not chain:
             return self._of_layers(i)[supersampled]
-        key = chain, i, supersampled
+        key = chain, i, supersampled, id(view)
         with self._lock:
             if key in self._before:
                 self._before.move_to_end(key)
                 return self._before[key]
-        light = self._acted(chain[-1], self._remembered(chain[:-1], i, supersampled), i, supersampled)
+        light = self._acted(chain[-1], self._remembered(chain[:-1], i, supersampled, view), view)
         with self._lock:
             self._before[key] = light
             while len(self._before) > _REMEMBERED * len(self._observations):
@@ -70,6 +103,17 @@ class LightMemory:
             light = Light.of(self._observations[i].layers)
             known = self._rendered[i] = Light(light.direct, light.indirect, light.ambient, light.flat), light
         return known
+
+
+def _first_of_group(observations: Sequence[Observation]) -> list[int]:
+    """The first observation, for each, that shows the same light but for what single frames change."""
+    firsts: dict[tuple, int] = {}
+    keys = ((o.side, id(o.layers), o.frame.camera_velocity.tobytes(), o.frame.temperature_c) for o in observations)
+    return [firsts.setdefault(key, i) for i, key in enumerate(keys)]
+
+
+def _shared_view(view: View) -> View:
+    return replace(view, frame=cast(Frame, _SharedFrame(view.frame)))
 
 
 class AllPixels:

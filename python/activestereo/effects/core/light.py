@@ -110,7 +110,7 @@ class Light:
     def seen(self, pick: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
         """Projector and ambient light, float64 [n] each, at flat indices of pixels."""
         later, has_images = self.__dict__.get("_later"), {"_direct", "_indirect", "_ambient"} & self.__dict__.keys()
-        if later is None or later.at is None or has_images or isinstance(pick, slice):
+        if later is None or later.at is None or has_images or isinstance(pick, slice) or pick.size >= later.size:
             return self.projector.ravel()[pick], self.ambient.ravel()[pick]
         at = later.at
         # A fit asks twice: for its error, and where that fell for the slopes there.
@@ -130,12 +130,12 @@ class Light:
             operation = lambda images: sample(images, u, v)  # noqa: E731
             of_gain = lambda gain: sample(gain, u, v, order=1)  # noqa: E731
             later = _Later(self, operation, lambda images: images.warped(u, v), of_gain)
-            later.at = lambda names, pick: self._warped_at(later, names, u, v, pick)
+            later.size, later.at = u.size, lambda names, pick: self._warped_at(later, names, u, v, pick)
             return later.light()
         look = lambda names: self._once(("spline", names), lambda: Spline(self.sum_of(names)))  # noqa: E731
         later = _Later(self, lambda images: sample(images, u, v))
         later.whole = lambda names: look(names)(u, v)
-        later.at = lambda names, pick: look(names)(u.ravel()[pick], v.ravel()[pick])
+        later.size, later.at = u.size, lambda names, pick: look(names)(u.ravel()[pick], v.ravel()[pick])
         return later.light()
 
     def _warped_at(
@@ -198,11 +198,12 @@ class _Later:
     SupersampledImages, where there are any.
 
     of_gain: what becomes of a local gain, see Light.warped. whole: function of names, which takes the place of all
-    this, or None; at: the same of (names, flat indices of pixels).
+    this, or None; at: the same of (names, flat indices of pixels), of which there are `size`.
     """
 
     whole: Callable[[tuple[str, ...]], np.ndarray] | None = None
     at: Callable[[tuple[str, ...], np.ndarray | slice], np.ndarray] | None = None
+    size = 0
 
     def __init__(
         self,
