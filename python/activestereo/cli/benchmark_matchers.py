@@ -10,10 +10,7 @@ from pathlib import Path
 from activestereo.cli.arguments import (
     CommandError,
     Commands,
-    add_device,
-    add_json,
-    add_out,
-    add_seed,
+    add_shared,
     check_out_file,
     integer_from,
     make_folder,
@@ -48,11 +45,11 @@ def add_matchers(kinds: Commands) -> None:
     raw = argparse.RawDescriptionHelpFormatter
     text = "measure how matchers err by material, with the projector on, off and in turn"
     parser = kinds.add_parser("matchers", help=text, description=_TEXT, formatter_class=raw)
-    add_out(parser)
+    add_shared(parser, out=True)
     text = "a network to measure, too; may be given again"
     parser.add_argument("--network", type=Path, action="append", default=[], metavar="FILE.onnx", help=text)
     _add_pictures(parser, 64)
-    add_json(parser)
+    add_shared(parser, json=True)
     parser.set_defaults(run=_run)
     parser = kinds.add_parser("network", help="train a small stereo network", description=_NETWORK, formatter_class=raw)
     parser.add_argument("file", type=Path, metavar="FILE.onnx", help="the network")
@@ -63,8 +60,7 @@ def add_matchers(kinds: Commands) -> None:
 
 
 def _add_pictures(parser: argparse.ArgumentParser, views: int) -> None:
-    add_device(parser)
-    add_seed(parser, "of everything that is drawn; same seed, same scores")
+    add_shared(parser, device=True, seed="of everything that is drawn; same seed, same scores")
     text = f"views, in whole rounds of {_VIEWS} (default: {views})"
     parser.add_argument("--views", type=integer_from(1), default=views, metavar="N", help=text)
     parser.add_argument("--sensor", default="d435", metavar="NAME", help="as simulate's (default: d435)")

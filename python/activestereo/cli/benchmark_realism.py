@@ -8,10 +8,7 @@ from pathlib import Path
 
 from activestereo.cli.arguments import (
     Commands,
-    add_device,
-    add_json,
-    add_out,
-    add_seed,
+    add_shared,
     integer_from,
     make_folder,
     print_json,
@@ -44,13 +41,11 @@ def add_realism(kinds: Commands) -> None:
     )
     text = "a capture's folder, or with =DIR the device's depth of it"
     parser.add_argument("captures", nargs="+", type=_capture, metavar="CAPTURE[=DIR]", help=text)
-    add_out(parser)
-    add_device(parser)
-    add_seed(parser, "of all noise")
+    add_shared(parser, out=True, device=True, seed="of all noise")
     parser.add_argument("--sensor", default="d415", metavar="NAME", help="the camera's preset (default: d415)")
     text = "rays per pixel (default: 16)"
     parser.add_argument("--samples-per-pixel", type=integer_from(1), default=16, metavar="N", help=text)
-    add_json(parser)
+    add_shared(parser, json=True)
     parser.set_defaults(run=_run)
 
 
