@@ -165,7 +165,8 @@ def start_images(fitter: Fitter, space: ParameterSpace, phi: np.ndarray) -> list
     images = []
     for (o, slopes, residual), light in zip(fitter.slopes(space, space.start, phi, lights, 0), lights, strict=True):
         ambient_dn = phi[1] * scales(o.frame)[1]
-        images.append(StartImage(o.view, light, o.weight, residual, slopes[1] * phi[1], ambient_dn))
+        seen = residual if o.view.known is None else np.where(o.view.known, residual, 0.0)
+        images.append(StartImage(o.view, light, o.weight, seen, slopes[1] * phi[1], ambient_dn))
     return images
 
 

@@ -20,8 +20,10 @@ from activestereo.effects.core.sphere_match import SphereMatch
 
 _IMAGES, _COARSE_PIXELS, _FINE_PIXELS = 4, 10000, 20000
 # Places around the seen points: so far beyond them, so far apart (blurred dots meet their own within some 3 cm), not
-# nearer to them, and how many are looked at with the pattern.
+# nearer to them, and how many are looked at with the pattern. In a room that would have more places than the grid's
+# most they are farther apart.
 _BEYOND_M, _STEP_M, _NEAR_M, _PLACES = 0.7, 0.05, 0.15, 5000
+_MOST_OF_GRID = 200_000
 # Of the pattern: (Gaussian in radians, focal length in pixels) of the search and of the polish.
 _COARSE, _FINE = (4.0 / 592.0, 148.0), (2.0 / 592.0, 296.0)
 _ROUGHLY_POLISHED, _POLISHED, _STARTS = 16, 3, 2
@@ -79,7 +81,8 @@ def _likely_places(seen: SeenPoints) -> np.ndarray:
     if len(seen.points) == 0:
         return np.empty((0, 3))
     low, high = np.quantile(seen.points, 0.02, axis=0) - _BEYOND_M, np.quantile(seen.points, 0.98, axis=0) + _BEYOND_M
-    few, (xs, ys, zs) = seen.some(800), (np.arange(a, b, _STEP_M) for a, b in zip(low, high, strict=True))
+    step_m = max(_STEP_M, float(np.cbrt(np.prod(high - low) / _MOST_OF_GRID)))
+    few, (xs, ys, zs) = seen.some(800), (np.arange(a, b, step_m) for a, b in zip(low, high, strict=True))
     dots = few.dots - few.dots.mean()
     places, likeness = [], []
     for x, y in product(xs, ys):

@@ -50,10 +50,10 @@ def smooth_light(
 ) -> dict[str, NDArray]:
     """Images [height][width] of bounced and ambient light, by their output's name, smoothed on matt surfaces. normal
     and points [height][width][3] in one frame; material: ids; surfaces: at least those materials, by id."""
-    if not light:
-        return {}
-    smooth = smooth_bounced(np.stack(list(light.values())), depth_m, normal, points, material, focal_px)
     is_matt = np.isin(material, [number for number, m in surfaces.items() if _is_matt(m)])
+    if not light or not is_matt.any():
+        return light
+    smooth = smooth_bounced(np.stack(list(light.values())), depth_m, normal, points, material, focal_px)
     is_opaque = is_matt & np.isin(material, [number for number, m in surfaces.items() if m.subsurface == 0])
     return {
         name: np.where(is_matt if name in _EVEN else is_opaque, filtered, raw)
