@@ -18,10 +18,16 @@ def written(path: Path, rgb: np.ndarray) -> Path:
     return path
 
 
-def test_radiance_hdr_and_exr_keep_radiances(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_exr_keeps_radiances(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OPENCV_IO_ENABLE_OPENEXR", "1")
+    if not cv2.haveImageWriter("a.exr"):
+        pytest.skip(f"this OpenCV {cv2.__version__} is built without OpenEXR")
     radiance = np.random.default_rng(1).uniform(0.5, 30, (4, 8, 3)).astype(np.float32)
     np.testing.assert_allclose(read_environment_map(written(tmp_path / "a.exr", radiance)), radiance, rtol=1e-3)
+
+
+def test_radiance_hdr_keeps_radiances(tmp_path: Path) -> None:
+    radiance = np.random.default_rng(1).uniform(0.5, 30, (4, 8, 3)).astype(np.float32)
     found = read_environment_map(written(tmp_path / "a.hdr", radiance))
     assert np.abs(found - radiance).max() < 30 / 128, "8 bits of mantissa shared by a pixel's channels"
 
