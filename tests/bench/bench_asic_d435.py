@@ -23,7 +23,7 @@ from bench_pairs import plane_residual
 from numpy.typing import NDArray
 
 import simsense
-from activestereo.camera.matching import matcher_parameters
+from activestereo.camera.plan import matcher_parameters
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.cli.depth import PROFILES
 

@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 import simsense
 from activestereo.benchmarks.matchers.pairs import MATERIALS, Pairs, PairStudio
-from activestereo.camera.matching import matcher_parameters
+from activestereo.camera.plan import matcher_parameters
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.sensor.foreign_matcher import Matcher
+from activestereo.sensor.foreign_matcher import Matcher, OpenCVMatcher
 from activestereo.sensor.onnx_matcher import OnnxMatcher
-from activestereo.sensor.opencv_matcher import OpenCVMatcher
 
 EMITTERS = ("on", "off", "in turn")
 _WRONG_PX = 1.0
@@ -83,9 +82,10 @@ def matchers(
     config: StereoDepthSensorConfig, profiles: dict[str, dict[str, Any]], networks: list[Path]
 ) -> dict[str, Matcher]:
     """By name: simsense's profiles and the camera's own matcher, OpenCV's two, and networks in ONNX files."""
-    out: dict[str, Matcher] = {f"simsense {name}": SimsenseMatcher(config, own) for name, own in profiles.items()}
-    out[f"simsense {config.model}"] = SimsenseMatcher(config, matcher_parameters(config))
-    out |= {"OpenCV SGBM": OpenCVMatcher(config), "OpenCV BM": _block_matcher(config)}
+    out: dict[str, Matcher] = {f"simsense {name}": SimsenseMatcher(config, given) for name, given in profiles.items()}
+    own = matcher_parameters(config)
+    out[f"simsense {config.model}"] = SimsenseMatcher(config, own)
+    out |= {"OpenCV SGBM": OpenCVMatcher(own), "OpenCV BM": _block_matcher(config)}
     return out | {path.stem: OnnxMatcher(path) for path in networks}
 
 
