@@ -153,7 +153,8 @@ template <class Api, class Class, class ToImage>
 void bind_array_protocols(Class& bound, const ToImage& to_image) {
   bound
       .def_property_readonly(
-          "__array_interface__", [to_image](const py::object& self) -> py::object { return to_image(self).array().attr("__array_interface__"); },
+          "__array_interface__",
+          [to_image](const py::object& self) -> py::object { return to_image(self).array().attr("__array_interface__"); },
           "NumPy's array interface, version 3.")
       .def(
           "__dlpack__",
