@@ -36,11 +36,15 @@ def united_sources() -> dict[str, list[pathlib.Path]]:
             apart |= {script.parent / name for name in names.split()}
     targets = collections.defaultdict(list)
     for command in json.loads((BUILD / "compile_commands.json").read_text()):
-        source = pathlib.Path(command["file"])
-        folder = source.relative_to(ROOT).parts[0] if ROOT in source.parents else "build"
-        is_product = source.suffix == ".cpp" and folder in ("capi", "kuafu", "simsense", "python")
-        if is_product and source not in apart and source.exists():  # a build folder may be older than the sources
-            targets[command["command"].split("CMakeFiles/")[1].split(".dir/")[0]].append(source)
+        compiled = pathlib.Path(command["file"])
+        sources = [compiled]
+        if compiled.name.startswith("unity_") and compiled.exists():
+            sources = [pathlib.Path(name) for name in re.findall(r'#include "(.+)"', compiled.read_text())]
+        for source in sources:
+            folder = source.relative_to(ROOT).parts[0] if ROOT in source.parents else "build"
+            is_product = source.suffix == ".cpp" and folder in ("capi", "kuafu", "simsense", "python")
+            if is_product and source not in apart and source.exists():  # a build folder may be older than the sources
+                targets[re.search(r" -o \S*CMakeFiles/(\w[\w-]*)\.dir/", command["command"])[1]].append(source)
     return targets
 
 

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every code block on every page of the documentation site is run, in a folder that looks like the repository's root.
 
-A block in `sh`, `python`, `c`, `cpp`, `rust` or `cmake` is a program. `toml` must parse. `text`, `tree` and `layers`
-are pictures. Commands that build or test the whole project, need other machines, or take hours are looked at instead:
-SPECIAL says how each is, and the test prints it (-rP).
+A block in `sh`, `python`, `c`, `cpp`, `rust` or `cmake` is a program. `toml` and `json` must parse. `text`, `tree`
+and `layers` are pictures. Commands that build or test the whole project, need other machines, or take hours are
+looked at instead: SPECIAL says how each is, and the test prints it (-rP).
 """
 
+import json
 import os
 import pathlib
 import re
@@ -128,9 +129,14 @@ def test_first_programs_have_80_lines() -> None:
 
 
 def test_every_block_says_its_language() -> None:
-    known = PICTURES | {"sh", "python", "c", "cpp", "rust", "cmake", "toml"}
+    known = PICTURES | {"sh", "python", "c", "cpp", "rust", "cmake", "toml", "json"}
     assert len(PAGES) > 20
     assert not [(page, text[:80]) for page in PAGES for kind, text in blocks_of(page) if kind not in known]
+
+
+@pytest.mark.parametrize("page", programs("json"))
+def test_json(page: str) -> None:
+    assert all(json.loads(text) for kind, text in blocks_of(page) if kind == "json")
 
 
 @pytest.mark.parametrize("page", programs("toml"))

@@ -42,7 +42,6 @@ class Tracer {
   /// Indirect arguments ask for at least so many groups, or for one per ray where those are fewer; 0: never for more than rays fill.
   [[nodiscard]] virtual uint32_t spread_groups() const { return 0; }
   /// Brings the acceleration structure up to date with the scene; cost follows what changed (Scene::revisions). No work may be in flight.
-  /// A scene is known by its address: keep the last one given alive until another is given.
   /// open: times that rays may have (ray_time), where instances move; an instant is time 0.
   virtual void update(const Scene& scene, uint32_t environment_count, const TimeSpan& open) = 0;
   /// After update, has a driver compile side by side what `closest` needs, and `occluded` where it will be called. cutouts: some surfaces

@@ -53,16 +53,16 @@ void kuafu_renderer_release(kuafu_renderer renderer) { ks::release(renderer, "re
 ks_status kuafu_renderer_render(kuafu_renderer renderer, kuafu_scene scene, const kuafu_render_desc* desc) {
   return ks::call([&] {
     kuafu::RenderQueue& images = *ks::object_of(renderer, "renderer");
-    const std::shared_ptr<kuafu::DeviceScene>& owner = ks::object_of(scene, "scene");
-    images.render(std::shared_ptr<const kuafu::Scene>(owner, &owner->scene), read_launch(images, owner->scene, desc));
+    const std::shared_ptr<kuafu::DeviceScene> owner = ks::object_of(scene, "scene");  // also where the caller's callback releases it
+    images.render(owner->scene, read_launch(images, owner->scene, desc));
   });
 }
 
 ks_status kuafu_renderer_light_gbuffers(kuafu_renderer renderer, kuafu_scene scene, const kuafu_gbuffer_desc* desc) {
   return ks::call([&] {
     kuafu::RenderQueue& images = *ks::object_of(renderer, "renderer");
-    const std::shared_ptr<kuafu::DeviceScene>& owner = ks::object_of(scene, "scene");
-    images.light(std::shared_ptr<const kuafu::Scene>(owner, &owner->scene), kuafu::read_gbuffers(desc, owner->scene, images.device()));
+    const std::shared_ptr<kuafu::DeviceScene> owner = ks::object_of(scene, "scene");  // also where the caller's callback releases it
+    images.light(owner->scene, kuafu::read_gbuffers(desc, owner->scene, images.device()));
   });
 }
 

@@ -8,7 +8,7 @@
 namespace kuafu {
 
 void History::begin(const Launch& launch, const Scene& scene, size_t planes, std::shared_ptr<ks::Buffer>& guides, DenoiseImages& images) {
-  if (std::exchange(scene_, &scene) != &scene || views_.size() != launch.views.size() || width_ != launch.width ||
+  if (std::exchange(scene_, scene.identity()) != scene.identity() || views_.size() != launch.views.size() || width_ != launch.width ||
       height_ != launch.height || planes_ != planes)
     forget();
   std::swap(guides_, guides);

@@ -39,7 +39,7 @@ class History {
   std::vector<Pose> poses_;       // by slot, in the last launch that began
   std::vector<View> views_;       // the views of [0]; empty: there is no last launch
   std::vector<View> next_views_;  // the views of this launch, until end()
-  const Scene* scene_ = nullptr;  // the last launch's; another scene has instance ids of its own
+  uint64_t scene_ = 0;            // identity of the last launch's; another scene has instance ids of its own
   uint32_t width_ = 0, height_ = 0;
   size_t planes_ = 0;
   bool has_last_ = false;

@@ -56,13 +56,11 @@ std::string complaint(const GbufferImages& images, uint32_t what, uint64_t pixel
 
 GbufferLight::GbufferLight(Memory memory) : memory_(memory), tables_(memory), step_(memory, gbuffer_spirv, host::gbuffer) {}
 
-void GbufferLight::run(ks::Commands& commands, const std::shared_ptr<const Scene>& scene, const GbufferLaunch& gbuffers,
-                       const Frame& frame) {
-  tables_.update(*scene, gbuffers.launch.band, 1, {});
+void GbufferLight::run(ks::Commands& commands, const Scene& scene, const GbufferLaunch& gbuffers, const Frame& frame) {
+  tables_.update(scene, gbuffers.launch.band, 1, {});
   fit(gbuffers);
-  prepare_pattern(*scene, gbuffers);
-  write_record(*scene, gbuffers, frame);
-  scene_ = scene;
+  prepare_pattern(scene, gbuffers);
+  write_record(scene, gbuffers, frame);
   const Launch& launch = gbuffers.launch;
   const uint32_t pixels = launch.pixel_count(), camera_pixels = pixels / 2;
   const GbufferRecord& record = record_.resize(memory_, 1)[0];
@@ -104,7 +102,8 @@ void GbufferLight::prepare_pattern(const Scene& scene, const GbufferLaunch& gbuf
   const bool blurs = light.radius_m > 0 && light.focus_m > 0;
   const double diameter = blurs ? 2 * projector_focal.x * light.radius_m * std::abs(1 / least_depth_m - 1 / light.focus_m) : 0;
   const Texture& image = pattern_of(scene, light);
-  const PatternKey key{&scene, light.texture, image.revision, light.raster, projector_focal / glm::dvec2(k[0][0], k[1][1]), diameter};
+  const PatternKey key{scene.identity(), light.texture, image.revision, light.raster, projector_focal / glm::dvec2(k[0][0], k[1][1]),
+                       diameter};
   if (key == pattern_key_) return;
   const PatternStack stack = pattern_stack(image, key.pixel_px, diameter, memory_.device->workers());
   means_ = ks::Buffer::create_array(memory_.device, stack.means.size() * 4);

@@ -34,7 +34,7 @@ class GbufferLight {
  public:
   explicit GbufferLight(Memory memory);
   /// Writes the frame's images. Call check() when the commands have run.
-  void run(ks::Commands& commands, const std::shared_ptr<const Scene>& scene, const GbufferLaunch& gbuffers, const Frame& frame);
+  void run(ks::Commands& commands, const Scene& scene, const GbufferLaunch& gbuffers, const Frame& frame);
   /// Throws for what was wrong with the images, with the environment, the pixel and the value.
   void check(const GbufferLaunch& gbuffers) const;
 
@@ -46,7 +46,7 @@ class GbufferLight {
 
   /// What the means of a pattern depend on.
   struct PatternKey {
-    const Scene* scene = nullptr;
+    uint64_t scene = 0;  // its identity
     uint32_t texture = none;
     uint64_t revision = 0;
     std::shared_ptr<const Texture> raster;  // kept, so that no other has its address
@@ -63,7 +63,6 @@ class GbufferLight {
   MappedTable<uint32_t> places_, measured_;  // of materials
   std::shared_ptr<ks::Buffer> inverse_[2], source_, projector_inverse_, matt_, lobes_, laser_, cells_, errors_, means_;
   PatternMeans pattern_{};
-  std::shared_ptr<const Scene> scene_;  // the tables know it by its address
   PatternKey pattern_key_;
   const Light* projector_ = nullptr;  // of this run
   uint32_t materials_ = 0;

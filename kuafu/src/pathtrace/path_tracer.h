@@ -27,8 +27,7 @@ class PathTracer {
   [[nodiscard]] const Memory& memory() const { return backend_.memory; }
   [[nodiscard]] uint32_t queue_layout() const { return backend_.tracer->queue_layout(); }
 
-  // Call these three before the first wave of a launch, in this order. The tracer and the tables know a scene by its address: keep the last
-  // scene alive until both have taken another.
+  // Call these three before the first wave of a launch, in this order.
 
   /// Brings the tables that stages read up to date with the scene and the launch.
   void update_tables(const Scene& scene, const Launch& launch);

@@ -28,7 +28,7 @@ void RenderQueue::heed_cancel(Launch& launch) const {
   };
 }
 
-void RenderQueue::render(const std::shared_ptr<const Scene>& scene, Launch launch) {
+void RenderQueue::render(const Scene& scene, Launch launch) {
   heed_cancel(launch);
   (void)wait_for_ended(submitted_, UINT64_MAX);
   renderer_.render(scene, launch);
@@ -36,7 +36,7 @@ void RenderQueue::render(const std::shared_ptr<const Scene>& scene, Launch launc
   summary_ = renderer_.summary();
 }
 
-void RenderQueue::light(const std::shared_ptr<const Scene>& scene, const GbufferLaunch& gbuffers) {
+void RenderQueue::light(const Scene& scene, const GbufferLaunch& gbuffers) {
   (void)wait_for_ended(submitted_, UINT64_MAX);
   renderer_.light(scene, gbuffers);
   stage_times_ = renderer_.stage_times();
@@ -122,7 +122,7 @@ void RenderQueue::serve() {
 
 void RenderQueue::run(Submission& submission) {
   try {
-    renderer_.render(submission.scene, submission.launch);
+    renderer_.render(*submission.scene, submission.launch);
     submission.stage_times = renderer_.stage_times();
     submission.summary = renderer_.summary();
   } catch (...) {

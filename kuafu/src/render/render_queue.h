@@ -24,9 +24,9 @@ class RenderQueue {
   RenderQueue& operator=(const RenderQueue&) = delete;
 
   /// Waits for what was submitted, then renders in the caller's thread.
-  void render(const std::shared_ptr<const Scene>& scene, Launch launch);
+  void render(const Scene& scene, Launch launch);
   /// The same of surfaces that another renderer saw.
-  void light(const std::shared_ptr<const Scene>& scene, const GbufferLaunch& gbuffers);
+  void light(const Scene& scene, const GbufferLaunch& gbuffers);
   /// Returns the submission's number, as soon as fewer than two are under way. `held` is let go when the render has ended: until then the
   /// scene must stay as it is.
   uint64_t submit(std::shared_ptr<const Scene> scene, Launch launch, std::shared_ptr<const void> held);

@@ -15,8 +15,7 @@ void hold_images(Launch& launch) {
 Renderer::Renderer(const std::shared_ptr<ks::Device>& device, TracerKind tracer, std::string oidn_library)
     : parts_(device, tracer, std::move(oidn_library)) {}
 
-void Renderer::render(const std::shared_ptr<const Scene>& scene, const Launch& launch) {
-  next_scene_ = scene;
+void Renderer::render(const Scene& scene, const Launch& launch) {
   // The recorder is kept from call to call. An error may leave it in the middle of its work, so the call after a failed one makes another.
   std::unique_ptr<ks::Commands> commands = commands_ ? std::move(commands_) : std::make_unique<ks::Commands>(device());
   parts_.paths.collect_times(*commands);  // those of a failed render
@@ -26,8 +25,7 @@ void Renderer::render(const std::shared_ptr<const Scene>& scene, const Launch& l
   launch.wait.wait_on_host();
   RenderRun run(parts_, launch, *commands);
   try {
-    run.prepare(*scene);
-    scene_ = scene;
+    run.prepare(scene);
     run.render();
   } catch (...) {
     parts_.accumulation.clear();  // some pixels have more samples than others
@@ -39,7 +37,7 @@ void Renderer::render(const std::shared_ptr<const Scene>& scene, const Launch& l
   commands_ = std::move(commands);
 }
 
-void Renderer::light(const std::shared_ptr<const Scene>& scene, const GbufferLaunch& gbuffers) {
+void Renderer::light(const Scene& scene, const GbufferLaunch& gbuffers) {
   std::unique_ptr<ks::Commands> commands = commands_ ? std::move(commands_) : std::make_unique<ks::Commands>(device());
   commands->reset_stage_times();
   if (!gbuffers_) gbuffers_ = std::make_unique<GbufferLight>(parts_.paths.memory());

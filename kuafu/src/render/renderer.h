@@ -24,9 +24,9 @@ class Renderer {
   Renderer(const std::shared_ptr<ks::Device>& device, TracerKind tracer, std::string oidn_library = {});
 
   /// Blocks until the outputs are written. Throws KS_ERROR_CANCELLED when the launch's callback says so.
-  void render(const std::shared_ptr<const Scene>& scene, const Launch& launch);
+  void render(const Scene& scene, const Launch& launch);
   /// The same of surfaces that another renderer saw.
-  void light(const std::shared_ptr<const Scene>& scene, const GbufferLaunch& gbuffers);
+  void light(const Scene& scene, const GbufferLaunch& gbuffers);
   /// Milliseconds per stage of the last render.
   [[nodiscard]] const std::vector<std::pair<std::string, double>>& stage_times() const { return stage_times_; }
   [[nodiscard]] const RenderSummary& summary() const { return summary_; }
@@ -35,8 +35,6 @@ class Renderer {
  private:
   RenderParts parts_;
   std::unique_ptr<GbufferLight> gbuffers_;  // from the first of them on
-  // The tracer and the tables know a scene by its address, so the last scene lives until both have taken the next.
-  std::shared_ptr<const Scene> scene_, next_scene_;
   std::unique_ptr<ks::Commands> commands_;  // null during a render and after a failed one
   std::vector<std::pair<std::string, double>> stage_times_;
   RenderSummary summary_{};

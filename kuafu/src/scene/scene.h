@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <limits>
@@ -100,6 +101,22 @@ struct Revisions {
   uint64_t meshes = 1, textures = 1, materials = 1, instances = 1, lights = 1;
 };
 
+/// A number above 0 that no other object of this process has, nor one that is gone. A copy has its own; what is assigned to takes another.
+class Identity {
+ public:
+  Identity() = default;
+  Identity(const Identity&) : Identity() {}
+  Identity& operator=(const Identity&) {
+    value_ = ++last_;
+    return *this;
+  }
+  [[nodiscard]] uint64_t value() const { return value_; }
+
+ private:
+  static inline std::atomic<uint64_t> last_{0};
+  uint64_t value_ = ++last_;
+};
+
 class Scene {
  public:
   // Each add validates (finite numbers, indices in range, existing ids) and throws ks::Error with the numbers.
@@ -156,6 +173,8 @@ class Scene {
   [[nodiscard]] const std::optional<Medium>& medium() const { return medium_; }
   [[nodiscard]] const std::vector<Camera>& cameras() const { return cameras_; }
   [[nodiscard]] const std::vector<std::shared_ptr<const Rig>>& rigs() const { return rigs_; }
+  /// Revisions of scenes with another identity have nothing to do with these.
+  [[nodiscard]] uint64_t identity() const { return identity_.value(); }
   [[nodiscard]] const Revisions& revisions() const { return revisions_; }
   /// Whether an instance has a velocity.
   [[nodiscard]] bool instances_move() const { return moving_instances_ > 0; }
@@ -174,6 +193,7 @@ class Scene {
   void move_vertices(uint32_t id, std::vector<glm::vec3> positions, std::vector<glm::vec3> normals, std::vector<glm::vec4> tangents);
   void note_instance(uint32_t slot);
 
+  Identity identity_;
   Table<Mesh> meshes_;
   Table<Texture> textures_;
   Table<Material> materials_;

@@ -21,7 +21,6 @@ class SceneTables {
  public:
   explicit SceneTables(Memory memory);
 
-  /// A scene is known by its address: keep the last one given alive until another is given.
   void update(const Scene& scene, const Band& band, uint32_t environment_count, const TimeSpan& open);
 
   [[nodiscard]] uint64_t address() const { return tables_.address(); }
@@ -64,7 +63,7 @@ class SceneTables {
   Memory memory_;
   std::shared_ptr<ks::Buffer> specular_albedo_;
   bool has_glass_albedo_ = false, has_sheen_albedo_ = false;
-  const Scene* scene_ = nullptr;  // null: the last update failed
+  uint64_t scene_ = 0;  // its identity; 0: none, or the last update failed
   Revisions seen_{0, 0, 0, 0, 0};
   Band band_;
   uint32_t environment_count_ = 0;

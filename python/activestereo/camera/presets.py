@@ -369,6 +369,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         out.block_width, out.block_height = (
             _scaled_block(side, factor) for side in (self.block_width, self.block_height)
         )
+        out.speckle_max_size = round(out.speckle_max_size * factor**2)  # an area
         if isinstance(out.ir_signal, dict) and "speckle_psf_sigma_px" in out.ir_signal:
             grain_px = factor * out.ir_signal["speckle_psf_sigma_px"]
             out.ir_signal["speckle_psf_sigma_px"] = grain_px if grain_px >= 0.1 else 0.0  # less is a pixel's own

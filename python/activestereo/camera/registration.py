@@ -39,11 +39,3 @@ def registered(
             np.minimum.at(out, (r[inside], c[inside]), z[inside].astype(np.float32))
     out[~np.isfinite(out) | (out < matcher["min_depth_m"]) | (out >= matcher["max_depth_m"])] = 0.0
     return out
-
-
-def with_rgb_at_left(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
-    """The configuration, changed: its RGB camera stands in the left infrared one's place, the rest where it stood."""
-    to_left = np.linalg.inv(config.trans_pose_l.to_transformation_matrix())
-    for name in ("pose_rgb_irproj", "trans_pose_r", "trans_pose_l"):
-        setattr(config, name, Pose(to_left @ getattr(config, name).to_transformation_matrix()))
-    return config

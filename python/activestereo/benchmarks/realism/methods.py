@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.benchmarks.left_view import with_rgb_at_left
 from activestereo.benchmarks.realism.views import Map, RealView
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.camera.registration import with_rgb_at_left
 from activestereo.common.pose import CAMERA_TO_BODY, Pose
 from activestereo.sensor.depth_modes import make_lambertian
 from activestereo.sensor.rival_noise import IsaacSettings, datasheet, gaussian, isaac, redwood, simkinect

@@ -13,6 +13,7 @@ import kuafu
 from activestereo.capture.capture import Capture, Frame
 from activestereo.capture.images import read_gray
 from activestereo.common.pose import body_pose
+from activestereo.scene_io.scene_files import load_scene_file
 
 Map = NDArray[np.float32]
 
@@ -55,7 +56,7 @@ def real_views(capture: Capture, device_depth: Path | None, device: str | int) -
         if len(files) != len(frames):
             raise ValueError(f"{device_depth}: has {len(files)} PNG files, {capture.path} {len(frames)} pairs")
     scene = kuafu.Scene(kuafu.Device(device))
-    scene.load(capture.scene_path)
+    load_scene_file(scene, capture.scene_path)
     renderer, views = kuafu.Renderer(scene.device), []
     camera = capture.rig.left
     for number, frame in enumerate(frames):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plain numbers that a decision needs of each model that was fitted: answers keep them, so that it is made again without
-a renderer."""
+"""Plain numbers that a decision needs of each model that was fitted: answers keep them, so that it is made again
+without a renderer."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
