@@ -62,7 +62,7 @@ class BvhWorld {
   void upload_roots();
 
   std::shared_ptr<ks::Device> device_;
-  uint64_t scene_ = 0;  // its identity; 0: none, or the last update failed
+  std::shared_ptr<const void> scene_;  // its identity; null: none, or the last update failed
   MeshWatch watch_;
   std::unordered_map<uint32_t, PlacedMesh> meshes_;  // by id
   uint64_t instances_revision_ = 0;

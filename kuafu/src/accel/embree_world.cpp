@@ -50,7 +50,7 @@ void commit(RTCScene scene, size_t primitives) {
 void EmbreeWorld::update(const Scene& scene, uint32_t environment_count, const TimeSpan& open) {
   if (environment_count == 0) ks::fail(KS_ERROR_INVALID_ARGUMENT, "a tracer needs at least one environment");
   check_embree_lives();
-  if (std::exchange(scene_, 0) != scene.identity()) forget();  // and forget too what a failed update left
+  if (std::exchange(scene_, nullptr) != scene.identity()) forget();  // and forget too what a failed update left
   follow_cutouts(scene);
   const std::vector<uint32_t> deformed = follow_meshes(scene);
   const auto changed = changed_slots(scene, instances_revision_, deformed, placements_);

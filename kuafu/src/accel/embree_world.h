@@ -53,7 +53,7 @@ class EmbreeWorld {
   static void follow_in(Environment& environment, uint32_t slot, RTCGeometry geometry);
 
   EmbreeDevice device_;
-  uint64_t scene_ = 0;  // its identity; 0: none, or the last update failed
+  std::shared_ptr<const void> scene_;  // its identity; null: none, or the last update failed
   uint64_t instances_revision_ = 0;
   TimeSpan times_;
   MeshWatch watch_;

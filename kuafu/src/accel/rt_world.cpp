@@ -53,7 +53,7 @@ RtWorld::RtWorld(std::shared_ptr<ks::Device> device) : device_(std::move(device)
 
 void RtWorld::update(const Scene& scene, uint32_t environment_count, const TimeSpan& open) {
   if (environment_count == 0) ks::fail(KS_ERROR_INVALID_ARGUMENT, "a tracer needs at least one environment");
-  if (std::exchange(scene_, 0) != scene.identity()) forget();  // and forget too what a failed update left
+  if (std::exchange(scene_, nullptr) != scene.identity()) forget();  // and forget too what a failed update left
   if (!ray_times(scene, open).instant())
     ks::fail(KS_ERROR_UNSUPPORTED,
              "an instance moves while the shutter is open (%g to %g s), which VK_KHR_ray_tracing_pipeline cannot follow: use "

@@ -42,7 +42,7 @@ class RtWorld {
 
   std::shared_ptr<ks::Device> device_;
   RtBuilder builder_;
-  uint64_t scene_ = 0;  // its identity; 0: none, or the last update failed
+  std::shared_ptr<const void> scene_;  // its identity; null: none, or the last update failed
   MeshWatch watch_;
   std::unordered_map<uint32_t, Bottom> meshes_;              // by id
   std::vector<Placement> placements_;                        // by slot

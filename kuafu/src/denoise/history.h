@@ -36,10 +36,10 @@ class History {
   std::shared_ptr<ks::Buffer> light_[2], pixels_[2], places_[2], guides_;
   MappedTable<HistoryView> last_views_;
   MappedTable<glm::vec4> last_poses_;
-  std::vector<Pose> poses_;       // by slot, in the last launch that began
-  std::vector<View> views_;       // the views of [0]; empty: there is no last launch
-  std::vector<View> next_views_;  // the views of this launch, until end()
-  uint64_t scene_ = 0;            // identity of the last launch's; another scene has instance ids of its own
+  std::vector<Pose> poses_;            // by slot, in the last launch that began
+  std::vector<View> views_;            // the views of [0]; empty: there is no last launch
+  std::vector<View> next_views_;       // the views of this launch, until end()
+  std::shared_ptr<const void> scene_;  // identity of the last launch's; another scene has instance ids of its own
   uint32_t width_ = 0, height_ = 0;
   size_t planes_ = 0;
   bool has_last_ = false;

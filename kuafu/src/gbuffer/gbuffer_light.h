@@ -46,7 +46,7 @@ class GbufferLight {
 
   /// What the means of a pattern depend on.
   struct PatternKey {
-    uint64_t scene = 0;  // its identity
+    std::shared_ptr<const void> scene;  // its identity
     uint32_t texture = none;
     uint64_t revision = 0;
     std::shared_ptr<const Texture> raster;  // kept, so that no other has its address

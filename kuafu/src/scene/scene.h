@@ -4,7 +4,6 @@
 #pragma once
 
 #include <array>
-#include <atomic>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <limits>
@@ -101,20 +100,20 @@ struct Revisions {
   uint64_t meshes = 1, textures = 1, materials = 1, instances = 1, lights = 1;
 };
 
-/// A number above 0 that no other object of this process has, nor one that is gone. A copy has its own; what is assigned to takes another.
+/// Tells an object from all others, also from those at its address before and after it, for as long as somebody keeps the token. A copy
+/// has its own; what is assigned to takes another.
 class Identity {
  public:
   Identity() = default;
   Identity(const Identity&) : Identity() {}
   Identity& operator=(const Identity&) {
-    value_ = ++last_;
+    token_ = std::make_shared<const char>();
     return *this;
   }
-  [[nodiscard]] uint64_t value() const { return value_; }
+  [[nodiscard]] const std::shared_ptr<const void>& token() const { return token_; }
 
  private:
-  static inline std::atomic<uint64_t> last_{0};
-  uint64_t value_ = ++last_;
+  std::shared_ptr<const void> token_ = std::make_shared<const char>();
 };
 
 class Scene {
@@ -174,7 +173,7 @@ class Scene {
   [[nodiscard]] const std::vector<Camera>& cameras() const { return cameras_; }
   [[nodiscard]] const std::vector<std::shared_ptr<const Rig>>& rigs() const { return rigs_; }
   /// Revisions of scenes with another identity have nothing to do with these.
-  [[nodiscard]] uint64_t identity() const { return identity_.value(); }
+  [[nodiscard]] const std::shared_ptr<const void>& identity() const { return identity_.token(); }
   [[nodiscard]] const Revisions& revisions() const { return revisions_; }
   /// Whether an instance has a velocity.
   [[nodiscard]] bool instances_move() const { return moving_instances_ > 0; }

@@ -24,7 +24,7 @@ void SceneTables::write_albedos(bool frosted, bool sheen) {
 }
 
 void SceneTables::update(const Scene& scene, const Band& band, uint32_t environment_count, const TimeSpan& open) {
-  if (std::exchange(scene_, 0) != scene.identity()) forget();  // an update that failed leaves no scene, so this one forgets what it left
+  if (std::exchange(scene_, nullptr) != scene.identity()) forget();  // and forget too what a failed update left
   const Revisions& now = scene.revisions();
   const bool patterns_changed = now.textures != seen_.textures && textures_.update(scene);
   const bool lights_changed = now.lights != seen_.lights || patterns_changed || now.materials != seen_.materials || !(band == band_) ||

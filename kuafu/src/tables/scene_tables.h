@@ -63,7 +63,7 @@ class SceneTables {
   Memory memory_;
   std::shared_ptr<ks::Buffer> specular_albedo_;
   bool has_glass_albedo_ = false, has_sheen_albedo_ = false;
-  uint64_t scene_ = 0;  // its identity; 0: none, or the last update failed
+  std::shared_ptr<const void> scene_;  // its identity; null: none, or the last update failed
   Revisions seen_{0, 0, 0, 0, 0};
   Band band_;
   uint32_t environment_count_ = 0;
