@@ -256,12 +256,24 @@ class StereoDepthSensorBatch(SensorResults):
             engine.rig.in_scene.laser_power, engine.light_share = self._laser_power[mine], self._light_share[mine]
             engine.rig.right_turn = self._right_turn[mine]
 
-    def restart(self, seed: int) -> None:
+    def restart(self, seed: int | Sequence[int]) -> None:
         """The next picture is frame 0 under this seed, of the render and of the noise: from here on all is as it was
-        after the same restart."""
-        seed = int(RENDER_SEED.check("the seed", seed))
-        self._config.render_seed = self._config.noise_seed = seed
-        self._each(lambda engine, _: engine.restart(seed))
+        after the same restart. seed: a number, or one for each environment, [E]: under it an environment's imagers have
+        the same noise at any place among the others, and samples of light are those of the configuration's render_seed
+        and of the environment's number. ValueError names all environments whose seed is none; then nothing has
+        changed."""
+        if np.ndim(seed) == 0:
+            one = int(RENDER_SEED.check("the seed", seed))
+            self._config.render_seed = self._config.noise_seed = one
+            self._each(lambda engine, _: engine.restart(one))
+            return
+        if np.shape(seed) != self._shape[:1]:
+            raise ValueError(f"seeds are {list(np.shape(seed))}, expected a number or [{self._shape[0]}]")
+        seeds = np.asarray(seed).tolist()
+        raise_faults("the seed", np.arange(len(seeds)), [RENDER_SEED.fault(one) for one in seeds])
+        sensors = range(prod(self._shape[1:]))
+        own = [one + (sensor << 32) for one in seeds for sensor in sensors]  # sensors of an environment differ
+        self._each(lambda engine, k: engine.restart(self._config.render_seed, own[self._own[k]]))
 
     def close(self) -> None:
         """Takes the projectors, and what else a model brought, out of the scenes, and ends the devices' threads."""

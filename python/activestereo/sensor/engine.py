@@ -71,6 +71,7 @@ class SensorEngine:
         self._maps = Maps(weakref.proxy(self), on_cuda, results)
         self.light_share = np.ones(self._count)  # of each sensor, over what its exposure makes of the view
         self._told: list[dict[str, float]] = []
+        self._noise_seeds: list[int] | None = None
         self._place: NDArray[np.float64] | None = None
         self._speckle_draw = -1
         self.frame = -1
@@ -209,8 +210,10 @@ class SensorEngine:
         self.matcher.set_parameters(
             frame_index=taken.frame, scene_index=taken.speckle_draw, first_view=self._first_view
         )
-        pair, lasers = (picture.link.left, picture.link.right), picture.link.lasers(taken.is_laser_apart)
-        return self._computed(pair, outputs, lasers)
+        own: dict[str, Any] = dict(picture.link.lasers(taken.is_laser_apart))
+        if self._noise_seeds is not None:
+            own["noise_seeds"] = self._noise_seeds
+        return self._computed((picture.link.left, picture.link.right), outputs, own)
 
     def compute_from(
         self, pair: tuple[Any, Any], outputs: tuple[str, ...], lasers: dict[str, Any], frame_index: int
@@ -253,9 +256,10 @@ class SensorEngine:
         self._maps.complete()
         self.rig.set_conditions(temperature_c, time_s)
 
-    def restart(self, seed: int) -> None:
-        """The next picture is frame 0 under this seed; there is none now."""
+    def restart(self, seed: int, noise_seeds: list[int] | None = None) -> None:
+        """The next picture is frame 0 under this seed; there is none now. noise_seeds: of each sensor's imagers."""
         self.wait()
+        self._noise_seeds = noise_seeds
         self.rig.plan = replace(self.plan, render_seed=seed, engine=self.plan.engine | {"noise_seed": seed})
         self.matcher.set_parameters(noise_seed=seed)
         self.frame, self._place, self._speckle_draw = -1, None, -1

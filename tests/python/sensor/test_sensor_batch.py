@@ -96,6 +96,28 @@ def test_environments_that_look_alike_differ_in_noise_and_repeat_under_a_seed(co
     assert (first[0] != first[1]).mean() > 0.1
 
 
+def test_each_environment_has_the_noise_of_its_own_seed(config):
+    """The same light counts alike at any place of the batch, under the same seed."""
+    batch = StereoDepthSensorBatch(config, Mounts(walls([0.8, 0.8], 2), [FORWARD] * 2))
+
+    def counts(seeds):
+        batch.restart(seeds)
+        batch.take_picture(infrared_only=True)
+        batch.get_ir_radiance()[:, 1] = batch.get_ir_radiance()[:, 0]
+        batch.compute_depth()
+        return batch.get_ir_measured()[0].copy()
+
+    first, turned, other = counts([5, 9]), counts(np.array([9, 5])), counts([5, 6])
+    np.testing.assert_array_equal(first, turned[::-1])
+    np.testing.assert_array_equal(first[0], other[0])
+    assert (first[1] != other[1]).mean() > 0.1 and (first[0] != first[1]).mean() > 0.1
+    batch.restart(3)
+    with pytest.raises(ValueError, match=r"seeds are \[3\], expected a number or \[2\]"):
+        batch.restart([1, 2, 3])
+    with pytest.raises(ValueError, match="the seed of environment 0 is -1, .*; environment 1 is 1.5, expected a whole"):
+        batch.restart([-1, 1.5])
+
+
 def test_several_sensors_in_each_environment(config):
     poses = np.array([[FORWARD, [0.2, 0, 0, 1, 0, 0, 0]]] * 2, float)
     batch = StereoDepthSensorBatch(config, Mounts(walls([0.8, 1.0], 2), poses))
