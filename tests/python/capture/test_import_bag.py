@@ -66,7 +66,8 @@ def write_librealsense(path, frames=2, skip=()):
             connection = known.get(topic) or known.setdefault(
                 topic, writer.add_connection(topic, kind, typestore=store)
             )
-            writer.write(connection, time_ns, store.serialize_ros1(message, kind))
+            tail = b"tail" if kind.endswith("/Image") else b""  # as librealsense has it
+            writer.write(connection, time_ns, bytes(store.serialize_ros1(message, kind)) + tail)
 
         known = {}
         vector, turn = store.types["geometry_msgs/msg/Vector3"], store.types["geometry_msgs/msg/Quaternion"]

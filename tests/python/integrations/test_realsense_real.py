@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames in the real pyrealsense2's software device, and our filters beside its own."""
 
+import gc
+import time
+from importlib.metadata import version
+
 import numpy as np
 import pytest
 
@@ -92,3 +96,44 @@ def test_align_is_the_real_one_in_nine_pixels_of_ten(pairs):
     mine = rs.align(rs.stream.color).process(ours).get_depth_frame().get_data()
     theirs = np.asanyarray(real.align(real.stream.color).process(there).get_depth_frame().get_data())
     assert (mine == theirs).mean() > 0.9
+
+
+def test_what_the_real_recorder_writes_is_played_and_imported(tmp_path):
+    """Four streams of the simulated camera's shapes; since 2.58 recordings are .db3 files."""
+    pytest.importorskip("rosbags", reason="the package rosbags is not installed (pip install rosbags)")
+    from activestereo.capture.importers.bag import extract_bag
+
+    baseline_m, lens = 0.055, frameset(1)[0].profile.get_intrinsics()
+    streams = []
+    for index in (1, 2):
+        place = np.eye(4)
+        place[0, 3] = -baseline_m * (index - 1)
+        request = StreamRequest(rs.stream.infrared, index, 64, 48, rs.format.y8, 30)
+        streams.append(rs.video_stream_profile(request, lens, place))
+
+    def whole(number):
+        pixels = np.random.default_rng(number).integers(0, 255, (2, 48, 64), np.uint8)
+        pair = [rs.video_frame(p, s, number, 33.0 * number) for p, s in zip(pixels, streams)]
+        return rs.composite_frame([*frameset(number), *pair])
+
+    device = rs.to_software_device([one.profile for one in whole(1)])
+    suffix = ".db3" if tuple(map(int, version("pyrealsense2").split(".")[:2])) >= (2, 58) else ".bag"
+    path = tmp_path / f"recorded{suffix}"
+    recorder = real.recorder(str(path), device.device)
+    for number in range(1, 4):
+        device.send(whole(number))
+        time.sleep(0.05)  # or the recorder drops frames
+    recorder.pause()
+    device.stop()
+    del recorder, device  # closes the file
+    gc.collect()
+    found, unit_m = extract_bag(path, tmp_path)
+    assert unit_m == pytest.approx(0.001)
+    assert -found.extrinsic("Infrared 1", "Infrared 2")[0, 3] == pytest.approx(baseline_m)
+    assert len(list(tmp_path.glob("Infrared 2*.png"))) == len(list(tmp_path.glob("Depth*.png"))) == 3
+    config, again = real.config(), real.pipeline()
+    config.enable_device_from_file(str(path), repeat_playback=False)
+    again.start(config)
+    played = np.asanyarray(again.wait_for_frames(2000).get_infrared_frame(2).get_data())
+    assert any((played == whole(number).get_infrared_frame(2).get_data()).all() for number in range(1, 4))
+    again.stop()

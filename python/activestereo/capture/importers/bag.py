@@ -189,11 +189,21 @@ def _messages(
         ]
         total, seen = max(1, sum(c.msgcount for c in wanted)), set()
         for number, (connection, time_ns, raw) in enumerate(reader.messages(wanted)):
+            if path.suffix == ".bag" and connection.msgtype.endswith("/Image"):
+                raw = _without_tail(raw)
             message = reader.deserialize(raw, connection.msgtype)
             yield connection.topic, message, 1e-6 * time_ns, (number + 1) / total
             seen.add(connection.topic)
             if is_first_enough and len(seen) == len({c.topic for c in wanted}):
                 return
+
+
+def _without_tail(raw: bytes) -> bytes:
+    """A ROS 1 image without the bytes that librealsense writes behind it."""
+    at = 12  # behind the header's number and time
+    for behind in (8, 5, 0):  # frame_id, height and width; encoding, is_bigendian and step; the pixels
+        at += 4 + int.from_bytes(raw[at : at + 4], "little") + behind
+    return raw[:at]
 
 
 # How many numbers of k1, k2, p1, p2, k3, k4, k5, k6 a lens model has at most: ROS's names and librealsense's.

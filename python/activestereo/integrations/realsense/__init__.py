@@ -52,7 +52,7 @@ from activestereo.integrations.realsense.pipeline import (
     pipeline_wrapper,
 )
 from activestereo.integrations.realsense.profiles import stream_profile, video_stream_profile
-from activestereo.integrations.realsense.ros_topics import write_topics
+from activestereo.integrations.realsense.ros_topics import TopicPublisher, write_topics
 from activestereo.integrations.realsense.software import to_software_device
 
 

@@ -191,6 +191,10 @@ class SimulatedCamera:
     def exposure_us(self) -> int:
         return round(1e6 * self._ready().get_config().ir_camera_exposure)
 
+    def gain_steps(self) -> int:
+        """As the option's: 16 is a gain of 1."""
+        return round(_GAIN_STEPS * self._ready().get_config().ir_camera_gain)
+
     def is_lit(self) -> bool:
         """Whether the projector shone in the last picture."""
         sensor = self._ready()

@@ -229,6 +229,7 @@ def _metadata(
     if profile.stream_type() != stream.color:
         out |= {
             frame_metadata_value.actual_exposure: camera.exposure_us(),
+            frame_metadata_value.gain_level: camera.gain_steps(),
             frame_metadata_value.frame_laser_power: round(camera.config().laser_power_mw),
             frame_metadata_value.frame_laser_power_mode: int(camera.is_lit()),
             frame_metadata_value.auto_exposure: int(camera.values[option.enable_auto_exposure]),

@@ -30,6 +30,8 @@ class SoftwareDevice:
         self.syncer: Any = rs.syncer()
         self._sensors: dict[str, Any] = {}
         self._profiles: dict[tuple[stream, int], Any] = {}
+        right = [p.left_to_stream for p in profiles if (p.stream_type(), p.stream_index()) == (stream.infrared, 2)]
+        self._baseline_mm = -1e3 * float(right[0][0, 3]) if right else None
         for profile in profiles:
             self._add(profile)
         self._relate(profiles)
@@ -43,7 +45,8 @@ class SoftwareDevice:
             self._sensors[name] = self.device.add_sensor(name)
             if name == "Stereo Module":
                 self._sensors[name].add_read_only_option(rs.option.depth_units, self._unit_m)
-                self._sensors[name].add_read_only_option(rs.option.stereo_baseline, 50.0)
+                if self._baseline_mm is not None:
+                    self._sensors[name].add_read_only_option(rs.option.stereo_baseline, self._baseline_mm)
         made = rs.video_stream()
         made.type, made.index, made.uid = rs.stream(int(kind)), profile.stream_index(), profile.unique_id()
         made.width, made.height, made.fps = profile.width(), profile.height(), profile.fps()
