@@ -11,7 +11,8 @@ those of 'held-out' were looked at once, after it.
 fill: share of the visible pixels with truth that are measured. bad-1, bad-2: share of the measured ones that err by
 more than 1 and 2 px; with holes: of all, where a hole errs. plane: RMS about a matcher's own plane, the median patch of
 48 x 48 px whose truth is a plane. fattening: mean run of foreground disparities beside an edge of the truth's
-foreground, px. IoU: holes in common with the ASIC's over holes of either, in all of the image.
+foreground, px. IoU: holes in common with the ASIC's over holes of either, in all of the image. dark, bright: with holes
+where the left image's mean around a pixel is below 12 counts and elsewhere; the ASIC sees 10 bits, a recording has 8.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ FOCAL_BASELINE_PX_MM = 49470.45
 MAX_DISPARITY = 128
 PATCH, PLANE_RMS_PX = 48, 0.05
 STEP_PX, EDGE_PX = 3.0, 12
+DARK_DN, AROUND_PX = 12.0, 15
 # Scenes in order of their first view; some were seen from several places.
 SCENES = (("0060",), ("0441",), ("0742",), ("1241",), ("1982",), ("2441", "2537"), ("3049",), ("3375",))
 SCENES += (("3617", "3629", "3990"),)
@@ -118,7 +120,8 @@ def _fattening(truth: Map, found: Map) -> NDArray[np.float64]:
 
 
 def figures(views: list[View], found: list[Map]) -> list[float]:
-    """fill, bad-1, bad-2, bad-2 with holes in percent, plane and fattening in pixels, IoU."""
+    """fill, bad-1, bad-2, bad-2 with holes in percent, plane and fattening in pixels, IoU, with holes in the dark and
+    elsewhere."""
     visible = sum(int(view.is_visible.sum()) for view in views)
     errors = [abs(d - v.truth)[v.is_visible & np.isfinite(d)] for v, d in zip(views, found, strict=True)]
     error = np.concatenate(errors)
@@ -126,6 +129,10 @@ def figures(views: list[View], found: list[Map]) -> list[float]:
     runs = np.concatenate([_fattening(v.truth, d) for v, d in zip(views, found, strict=True)])
     holes = [(np.isnan(d), np.isnan(v.device)) for v, d in zip(views, found, strict=True)]
     common, either = (sum(int(op(a, b).sum()) for a, b in holes) for op in (np.logical_and, np.logical_or))
+    lost = [~(abs(d - v.truth) <= 2) for v, d in zip(views, found, strict=True)]
+    dark = [cv2.blur(v.left.astype(np.float32), (AROUND_PX, AROUND_PX)) < DARK_DN for v in views]
+    parts = [[v.is_visible & (one == side) for v, one in zip(views, dark, strict=True)] for side in (True, False)]
+    by_light = [100 * float(np.concatenate([a[b] for a, b in zip(lost, part, strict=True)]).mean()) for part in parts]
     return [
         100 * len(error) / visible,
         100 * float((error > 1).mean()),
@@ -134,6 +141,7 @@ def figures(views: list[View], found: list[Map]) -> list[float]:
         float(np.nanmedian(planes)),
         float(runs.mean()),
         common / either,
+        *by_light,
     ]
 
 
@@ -165,7 +173,8 @@ def main() -> None:
         "depth --profile active": [active(view) for view in views],
     }
     print(f"{args.part}, {len(views)} views\n")
-    print("| | fill % | bad-1 % | bad-2 % | with holes % | plane px | fattening px | IoU |\n|--|--|--|--|--|--|--|--|")
+    names = ("fill %", "bad-1 %", "bad-2 %", "with holes %", "plane px", "fattening px", "IoU", "dark %", "bright %")
+    print(f"| | {' | '.join(names)} |\n|{'--|' * (len(names) + 1)}")
     found = {name: figures(views, maps) for name, maps in rows.items()}
     for name, values in found.items():
         print(f"| {name} | {' | '.join(f'{value:.3f}' for value in values)} |")
