@@ -15,7 +15,9 @@ view, and takes pictures with a depth sensor. THING is a file of one thing, in m
 
 Writes the BOP format into DIR (train_pbr/000000/rgb, depth, mask, mask_visib,
 scene_camera.json, scene_gt.json, scene_gt_info.json, scene_gt_coco.json), and beside it
-ir_left, ir_right and depth_true. depth is what the sensor measures, in the RGB camera.
+ir_left, ir_right, depth_true, and the left infrared camera's confidence and reasons why a
+pixel has no depth; ir_cameras.json has both cameras' matrices, their baseline and the
+reasons' names. depth is what the sensor measures, in the RGB camera.
 
 Frame N depends on the options, the seed and N alone. A run that was ended, however it
 was, goes on when it is started again; with a larger --count it makes more.
@@ -52,6 +54,8 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--sensor", default="d435", metavar="NAME", help="as simulate's (default: d435)")
     text = "of the colour image and of depth (default: 640x480)"
     parser.add_argument("--rgb-size", type=size, default=(640, 480), metavar="WxH", help=text)
+    text = "of the infrared images, with the same horizontal field of view (default: the sensor's own)"
+    parser.add_argument("--ir-size", type=size, metavar="WxH", help=text)
     text = "rays per pixel (default: 16)"
     parser.add_argument("--samples-per-pixel", type=integer_from(1), default=16, metavar="N", help=text)
     text = "also write WebDataset tar files of N frames each, once all frames are there"
@@ -89,6 +93,7 @@ def run(args: argparse.Namespace) -> None:
         things=tuple(args.things),
         sensor=args.sensor,
         rgb_size=args.rgb_size,
+        ir_size=args.ir_size,
         samples=args.samples_per_pixel,
         seed=args.seed,
         layout=args.layout,

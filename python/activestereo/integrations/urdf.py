@@ -232,7 +232,8 @@ def _read(path: Path) -> Mesh:
     try:
         import trimesh
     except ImportError as error:
-        raise ImportError(f"reading {path} needs the package trimesh; {', '.join(SUFFIXES)} need none") from error
+        others = f"{', '.join(SUFFIXES)} need none"
+        raise ImportError(f"reading {path} needs the package trimesh (pip install trimesh); {others}") from error
     try:
         loaded = trimesh.load(path, force="mesh")
     except Exception as error:  # trimesh raises what its many readers raise

@@ -36,7 +36,7 @@ def _torch() -> Any:
     try:
         import torch
     except ImportError as error:
-        raise RuntimeError("an array on a CUDA device needs the package torch; the host's is get_...()") from error
+        raise RuntimeError("arrays on CUDA need torch (pip install torch); the host's is get_...()") from error
     if not torch.cuda.is_available():
         raise RuntimeError("torch sees no CUDA device here: read the host's array, get_...() without _cuda")
     return torch

@@ -2,6 +2,7 @@
 """Data sets: geometry of poses and masks, BOP's rules, the same bits by any way of making them, and refusals."""
 
 import json
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -21,8 +22,10 @@ from activestereo.common.declared_ranges import read_ranges
 from activestereo.benchmarks.generate import bop
 from activestereo.benchmarks.generate.layout import drop, scatter
 from activestereo.benchmarks.generate.ranges import Ranges
-from activestereo.benchmarks.generate.studio import Settings, Studio
+from activestereo.benchmarks.generate.run import generate
+from activestereo.benchmarks.generate.studio import Settings, Studio, sensor_config
 from activestereo.benchmarks.generate.things import Things
+from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.effects.core.scene_surfaces import instance_transforms
 
@@ -162,6 +165,39 @@ def test_a_killed_run_goes_on(things: tuple[Path, ...], tmp_path: Path, capsys: 
     assert made + there == 4 and there >= 1
     assert read_all(out / "train_pbr/000000/rgb")["000000.png"] == kept
     assert len(json.loads((out / "train_pbr/000000/scene_gt.json").read_text())) == 4
+
+
+def test_a_killed_worker_is_replaced(things: tuple[Path, ...], tmp_path: Path) -> None:
+    """Whoever makes the second frame finds a worker killed; all frames come, each once."""
+    seen = []
+
+    def kill(share: float) -> None:
+        seen.append(share)
+        if len(seen) == 1:
+            os.kill(multiprocessing.active_children()[0].pid, signal.SIGKILL)
+
+    done = generate(settings(things), tmp_path / "lost", 5, workers=2, progress=kill)
+    assert len(seen) == done.made == 5 and not done.missing
+    assert sorted(seen) == seen and seen[-1] == 1.0
+
+
+def test_infrared_cameras_are_written_beside_bop_s_files(things: tuple[Path, ...], tmp_path: Path) -> None:
+    own = settings(things, ir_size=(160, 90))
+    generate(own, tmp_path, 1, workers=1)
+    scene, ir = tmp_path / "train_pbr/000000", json.loads((tmp_path / "ir_cameras.json").read_text())
+    whole = StereoDepthSensorConfig("sapien-D435")
+    for side in ("ir_left", "ir_right"):
+        assert (ir[side]["width"], ir[side]["height"]) == Image.open(scene / side / "000000.png").size == (160, 90)
+        field = whole.ir_resolution[0] / whole.ir_intrinsic[0, 0]
+        assert 160 / ir[side]["cam_K"][0] == pytest.approx(field)
+    right = np.reshape(ir["ir_right"]["camera_to_rgb"], (4, 4)) - np.reshape(ir["ir_left"]["camera_to_rgb"], (4, 4))
+    assert np.linalg.norm(right[:3, 3]) == pytest.approx(ir["baseline_m"]) and 0.04 < ir["baseline_m"] < 0.06
+    reason, confidence = (np.asarray(Image.open(scene / n / "000000.png")) for n in ("reason", "confidence"))
+    assert reason.shape == confidence.shape == (90, 160) and reason.max() < len(ir["reasons"])
+    valid = reason == ir["reasons"].index("valid")
+    assert 0.1 < valid.mean() < 1.0 and confidence[valid].mean() > confidence[~valid].mean()
+    assert Image.open(scene / "rgb/000000.png").size == SIZE
+    assert sensor_config(own).rgb_intrinsic == pytest.approx(sensor_config(settings(things)).rgb_intrinsic)
 
 
 def test_the_files_keep_bop_s_rules(things: tuple[Path, ...], tmp_path: Path) -> None:

@@ -3,11 +3,13 @@
 format is described beside the BOP toolkit).
 
     DIR/camera.json  DIR/models/models_info.json  DIR/dataset.json
-    DIR/train_pbr/000000/{rgb,depth,ir_left,ir_right,depth_true,mask,mask_visib}/000000.png
+    DIR/train_pbr/000000/{rgb,depth,mask,mask_visib}/000000.png
+    DIR/train_pbr/000000/{ir_left,ir_right,confidence,reason,depth_true}/000000.png  DIR/ir_cameras.json
     DIR/train_pbr/000000/{scene_camera,scene_gt,scene_gt_info,scene_gt_coco}.json
 
-ir_left, ir_right and depth_true are ours. Lengths are millimetres. A frame's record is written after its pictures: a
-frame with a record is whole.
+Those of the last line are ours: confidence (0..255 for 0..1) and reason are of the left infrared camera, the reasons'
+names, both cameras' matrices and the baseline in ir_cameras.json. Lengths of BOP's files are millimetres. A frame's
+record is written after its pictures: a frame with a record is whole.
 """
 
 from __future__ import annotations
@@ -21,8 +23,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import simsense
 from activestereo.benchmarks.generate.studio import Found, Frame
 from activestereo.benchmarks.generate.things import Thing
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.capture.capture import SIDES
 from activestereo.common.input_files import checked_file, read_bytes, read_json
 from activestereo.common.output_files import (
     left_over,
@@ -32,6 +37,7 @@ from activestereo.common.output_files import (
     write_text,
     written_together,
 )
+from activestereo.sensor.camera_info import CameraInfo, camera_info
 
 SPLIT = "train_pbr"
 FRAMES_PER_SCENE = 1000
@@ -56,7 +62,7 @@ def remove_left_over(out: Path, numbers: Collection[int]) -> None:
 def write_frame(out: Path, frame: Frame) -> None:
     """Pictures, then the record; none of them where one cannot be written."""
     folder, name = scene_folder(out, frame.number), f"{frame.number % FRAMES_PER_SCENE:06d}"
-    kinds = ("rgb", "depth", "ir_left", "ir_right", "depth_true", "mask", "mask_visib")
+    kinds = ("rgb", "depth", "ir_left", "ir_right", "confidence", "reason", "depth_true", "mask", "mask_visib")
     for kind in (*kinds, _RECORDS):
         (folder / kind).mkdir(parents=True, exist_ok=True)
     record_file = record_path(out, frame.number).relative_to(folder)
@@ -66,6 +72,8 @@ def write_frame(out: Path, frame: Frame) -> None:
         write_png(aside / "rgb" / f"{name}.png", frame.rgb)
         write_png(aside / "ir_left" / f"{name}.png", frame.left)
         write_png(aside / "ir_right" / f"{name}.png", frame.right)
+        write_png(aside / "confidence" / f"{name}.png", np.rint(255.0 * frame.confidence).astype(np.uint8))
+        write_png(aside / "reason" / f"{name}.png", frame.reason)
         write_depth_png(aside / "depth" / f"{name}.png", frame.depth)
         write_depth_png(aside / "depth_true" / f"{name}.png", frame.true_depth)
         for order, found in enumerate(frame.found):
@@ -108,12 +116,15 @@ def write_scenes(out: Path, count: int) -> None:
         _write_json(folder / "scene_gt_coco.json", _coco(folder, records))
 
 
-def write_head(
-    out: Path, things: list[Thing], k: NDArray[np.float64], size: tuple[int, int], about: dict[str, Any]
-) -> None:
-    """camera.json, models_info.json (boxes; `diameter` is the box's diagonal) and dataset.json: how it was made."""
+def write_head(out: Path, things: list[Thing], config: StereoDepthSensorConfig, about: dict[str, Any]) -> None:
+    """camera.json, ir_cameras.json, models_info.json (boxes; `diameter` is the box's diagonal) and dataset.json: how it
+    was made."""
+    k, (width, height) = config.rgb_intrinsic, config.rgb_resolution
     camera = {"fx": k[0, 0], "fy": k[1, 1], "cx": k[0, 2], "cy": k[1, 2], "depth_scale": 1.0}
-    _write_json(out / "camera.json", camera | {"width": size[0], "height": size[1]})
+    _write_json(out / "camera.json", camera | {"width": width, "height": height})
+    sides = {f"ir_{side}": _infrared(camera_info(config, side)) for side in SIDES}
+    baseline_m = config.focal_baseline_px_m / float(config.ir_intrinsic[0, 0])
+    _write_json(out / "ir_cameras.json", sides | {"baseline_m": baseline_m, "reasons": list(simsense.REASONS)})
     models = {}
     for thing in things:
         low, extent = 1000.0 * thing.low_m, 1000.0 * (thing.high_m - thing.low_m)
@@ -123,6 +134,16 @@ def write_head(
     (out / "models").mkdir(exist_ok=True)
     _write_json(out / "models" / "models_info.json", models)
     _write_json(out / "dataset.json", about)
+
+
+def _infrared(camera: CameraInfo) -> dict[str, Any]:
+    return {
+        "width": camera.width,
+        "height": camera.height,
+        "cam_K": camera.k.ravel().tolist(),
+        "distortion": list(camera.distortion),
+        "camera_to_rgb": camera.camera_to_rgb.ravel().tolist(),
+    }
 
 
 def _pose(found: Found) -> dict[str, Any]:

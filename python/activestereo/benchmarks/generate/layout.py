@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,14 +45,20 @@ def scatter(things: list[Thing], ranges: Ranges, random: np.random.Generator) ->
     return out
 
 
-def drop(things: list[Thing], ranges: Ranges, random: np.random.Generator) -> Poses:
-    """Turned at random and dropped one above the other, with MuJoCo's physics and the things' convex hulls. What rolls
-    away from the place is left out. ImportError where mujoco or trimesh is missing."""
+def physics() -> tuple[Any, Any]:
+    """The modules mujoco and trimesh. ImportError where one is missing."""
     try:
         import mujoco
         import trimesh
     except ImportError as error:
         raise ImportError(f"the layout 'drop' needs the package {error.name} (pip install mujoco trimesh)") from error
+    return mujoco, trimesh
+
+
+def drop(things: list[Thing], ranges: Ranges, random: np.random.Generator) -> Poses:
+    """Turned at random and dropped one above the other, with MuJoCo's physics and the things' convex hulls. What rolls
+    away from the place is left out. ImportError where mujoco or trimesh is missing."""
+    mujoco, trimesh = physics()
     spread, order = ranges.draw("spread_m", random), chosen(things, ranges, random)
     spec = mujoco.MjSpec()
     spec.option.timestep = _STEP_S

@@ -127,13 +127,19 @@ def frames_of(
             ray.kill(actor)
 
 
-@contextmanager
-def _cluster(address: str) -> Iterator[Any]:
-    """The module ray, connected; a connection that there was stays."""
+def ray_package() -> Any:
+    """The module ray. ValueError where it is missing."""
     try:
         import ray
     except ImportError as error:
         raise ValueError("--ray needs the package ray, which is missing: pip install ray") from error
+    return ray
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[Any]:
+    """The module ray, connected; a connection that there was stays."""
+    ray = ray_package()
     if ray.is_initialized():
         yield ray
         return

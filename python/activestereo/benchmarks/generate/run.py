@@ -9,18 +9,21 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, replace
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import kuafu
 from activestereo.benchmarks.generate import bop
-from activestereo.benchmarks.generate.ray_actors import made_by_ray
+from activestereo.benchmarks.generate.layout import physics
+from activestereo.benchmarks.generate.ray_actors import made_by_ray, ray_package
 from activestereo.benchmarks.generate.studio import Frame, Settings, Studio, sensor_config
 from activestereo.benchmarks.generate.things import Things
 from activestereo.common.input_files import read_json
 from activestereo.common.processes import process_pool
 from activestereo.scene_io import usd
 
+_MOST_LOSSES = 3  # of workers, one after another
 _studio: Studio | None = None  # a worker's
 
 
@@ -45,16 +48,20 @@ def generate(
 ) -> Done:
     """Frames 0 to count - 1 in BOP's format under `out`, or part k of n of them; other parts may be made at the same
     time, also by other machines that share the folder. Whoever makes the last frame writes the scenes' tables.
-    ValueError where `out` has frames of other settings; ChildProcessError where a worker was ended from outside: what
-    is done stays, and the same call goes on. ray: a cluster's address and the processors of an actor there, which take
-    the place of the workers (ray_actors.py). Things that are USD stages are written to out/things as .glb first."""
+    ValueError where `out` has frames of other settings; ChildProcessError where workers were ended from outside again
+    and again: what is done stays, and the same call goes on. ray: a cluster's address and the processors of an actor
+    there, which take the place of the workers (ray_actors.py). Things that are USD stages are written to out/things as
+    .glb first."""
+    if settings.layout == "drop":
+        physics()  # what is missing is said first
+    if ray is not None:
+        ray_package()
     settings = replace(settings, things=tuple(_as_gltf(path, out / "things") for path in settings.things))
     things = Things(kuafu.Scene(kuafu.Device(settings.device)), list(settings.things)).things  # its checks come first
     about = description(settings)
     _check_same(out, about)
     out.mkdir(parents=True, exist_ok=True)
-    config = sensor_config(settings)
-    bop.write_head(out, things, config.rgb_intrinsic, settings.rgb_size, about)
+    bop.write_head(out, things, sensor_config(settings), about)
     number, parts = part
     own = range(number - 1, count, parts)
     missing = [frame for frame in own if not bop.is_done(out, frame)]
@@ -84,24 +91,34 @@ def description(settings: Settings) -> dict[str, Any]:
     """Everything that the frames depend on, for dataset.json."""
     about = asdict(settings)
     del about["device"]
+    if settings.ir_size is None:
+        del about["ir_size"]
     return about | {"things": [path.name for path in settings.things], "rgb_size": list(settings.rgb_size),
                     "ranges": {name: list(pair) for name, pair in about["ranges"].items()}}  # fmt: skip
 
 
 def _made(settings: Settings, out: Path, missing: list[int], workers: int) -> Iterator[int]:
-    """The number of each frame after it is written."""
+    """The number of each frame after it is written. Where a worker is lost all are replaced and go on."""
     if workers == 1 or len(missing) < 2:
         yield from _made_here(settings, out, missing)
         return
-    with process_pool(workers, _begin, settings) as pool:
-        tasks = [pool.submit(_make, out, number) for number in missing]
+    left, told, losses = missing, set[int](), 0
+    while left:
+        before = len(left)
         try:
-            for task in as_completed(tasks):
-                yield task.result()
+            with process_pool(workers, _begin, settings, get_context("spawn").Value("i", 0)) as pool:
+                for task in as_completed([pool.submit(_make, out, number) for number in left]):
+                    told.add(task.result())
+                    yield task.result()
         except BrokenProcessPool as error:
-            raise ChildProcessError(
-                "a worker was ended from outside, perhaps for want of memory; what is done is kept: run the same again"
-            ) from error
+            for number in (number for number in left if number not in told and bop.is_done(out, number)):
+                told.add(number)
+                yield number
+            losses = losses + 1 if len(told) == len(missing) - before else 1
+            if losses == _MOST_LOSSES:
+                text = f"workers were ended from outside {losses} times without a frame, perhaps for want of memory"
+                raise ChildProcessError(f"{text}; what is done is kept: run the same again") from error
+        left = [number for number in left if number not in told]
 
 
 def _made_here(settings: Settings, out: Path, missing: list[int]) -> Iterator[int]:
@@ -125,8 +142,14 @@ def _write(out: Path, frame: Frame) -> int:
     return frame.number
 
 
-def _begin(settings: Settings) -> None:
+def _begin(settings: Settings, begun: Any) -> None:
+    """begun: a shared counter of the workers, which takes them to one GPU after another."""
     global _studio
+    with begun.get_lock():
+        number, begun.value = begun.value, begun.value + 1
+    gpus = [info.index for info in kuafu.Device.enumerate() if info.usable and "gpu" in info.kind]
+    if settings.device == "auto" and gpus:
+        settings = replace(settings, device=gpus[number % len(gpus)])
     _studio = Studio(settings)
 
 

@@ -28,11 +28,12 @@ _UP = np.array([0.0, 0.0, 1.0])
 @dataclass(frozen=True)
 class Settings:
     """The settings that a data set is made of. layout: 'scatter' or 'drop'. sensor: a preset's name or a camera's .toml
-    file."""
+    file. ir_size: of the infrared cameras, None = as the sensor has it."""
 
     things: tuple[Path, ...]
     sensor: str = "d435"
     rgb_size: tuple[int, int] = (640, 480)
+    ir_size: tuple[int, int] | None = None
     samples: int = 16
     seed: int = 0
     layout: str = "scatter"
@@ -54,7 +55,8 @@ class Found:
 @dataclass(frozen=True)
 class Frame:
     """rgb uint8 [h, w, 3]; left, right: uint8 or uint16 infrared images; depth, true_depth: float32 [h, w] metres in
-    the RGB camera, 0 = none."""
+    the RGB camera, 0 = none; confidence: float32 0..1, and reason: uint8, an index into simsense.REASONS, of the left
+    infrared camera."""
 
     number: int
     rgb: NDArray[np.uint8]
@@ -62,6 +64,8 @@ class Frame:
     right: NDArray[np.integer]
     depth: NDArray[np.float32]
     true_depth: NDArray[np.float32]
+    confidence: NDArray[np.float32]
+    reason: NDArray[np.uint8]
     k: NDArray[np.float64]
     world_to_camera: NDArray[np.float64]
     found: tuple[Found, ...]
@@ -106,6 +110,8 @@ class Studio:
             right=right[0].copy(),
             depth=self._sensor.get_depth()[0].copy(),
             true_depth=self._sensor.get_true_depth()[0].copy(),
+            confidence=self._sensor.get_depth_map("confidence")[0].copy(),
+            reason=self._sensor.get_depth_map("reason")[0].copy(),
             k=self._config.rgb_intrinsic,
             world_to_camera=world_to_camera,
             found=tuple(
@@ -163,8 +169,13 @@ class Studio:
 
 def sensor_config(settings: Settings) -> StereoDepthSensorConfig:
     """The preset with an RGB image of the wanted size, cut or widened about its middle, without distortion: BOP's
-    cameras are pinholes."""
+    cameras are pinholes. Infrared cameras of another size keep their horizontal field of view."""
     config = StereoDepthSensorConfig(settings.sensor)
+    if settings.ir_size is not None:
+        whole, config = config, config.resized(*settings.ir_size)
+        for name in vars(whole):
+            if name.startswith("rgb_"):
+                setattr(config, name, getattr(whole, name))
     width, height = settings.rgb_size
     old_width, old_height = config.rgb_resolution
     scale = height / old_height

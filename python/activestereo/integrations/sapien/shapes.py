@@ -100,7 +100,7 @@ def _file_parts(path: str, scale: ArrayLike, material: Any) -> Iterator[Part]:
     try:
         import trimesh
     except ImportError as error:
-        raise ImportError(f"reading {path} for a SAPIEN actor needs the package trimesh") from error
+        raise ImportError(f"{path} is read by the package trimesh, which is missing: pip install trimesh") from error
     try:
         loaded = trimesh.load(path, force="mesh", process=False)
     except Exception as error:  # trimesh raises what its many readers raise
