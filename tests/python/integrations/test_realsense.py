@@ -70,6 +70,33 @@ def test_presets_and_advanced_settings_reach_the_matcher(camera):
         advanced.load_json('{"param-nothing": 1}')
 
 
+def test_groups_of_controls_are_the_json_s_keys():
+    device = rs.device()
+    advanced = rs.rs400_advanced_mode(device)
+    table = advanced.get_depth_table()
+    assert (table.depthUnits, table.disparityShift) == (1000, 0)
+    assert advanced.get_depth_control(2).deepSeaSecondPeakThreshold == 1023
+    rsm = advanced.get_rsm()
+    assert (rsm.rsmBypass, rsm.removeThresh) == (0, 63)
+    table.depthClampMax, rsm.rsmBypass = 1200, 1
+    advanced.set_depth_table(table)
+    advanced.set_rsm(rsm)
+    written = json.loads(advanced.serialize_json())
+    assert (written["aux-param-depthclampmax"], written["param-usersm"]) == ("1200", "0")
+    assert device.camera.config().speckle_max_size == 0
+    with pytest.raises(RuntimeError, match="aux-param-depthclampmax is 70000"):
+        table.depthClampMax = 70000
+        advanced.set_depth_table(table)
+    fresh = rs.device()
+    before, default = fresh.camera.config(), rs.rs400_advanced_mode(fresh).serialize_json()
+    rs.rs400_advanced_mode(fresh).load_json(default)
+    assert fresh.camera.config() == before, "the camera's defaults change nothing"
+    fresh.first_depth_sensor().set_option(rs.option.depth_units, 0.0005)
+    assert fresh.first_depth_sensor().get_depth_scale() == 0.0005
+    with pytest.raises(AttributeError, match="get_nothing"):
+        advanced.get_nothing()
+
+
 def test_frames_end_and_drop_by_seed():
     def numbers(seed):
         rs.simulate(rs.World(frames=9, drop_share=0.4, seed=seed))

@@ -73,7 +73,7 @@ def camera_fields(settings: AdvancedSettings) -> dict[str, Any]:
     """Fields of StereoDepthSensorConfig for exposure and laser, of the keys that were given."""
     given, number = settings.values, settings.number
     out: dict[str, Any] = {}
-    if "aux-param-autoexposure-setpoint" in given:
+    if settings.is_changed("aux-param-autoexposure-setpoint"):
         out["ir_exposure_target_dn"] = max(1.0, _DN_OF_12_BITS * number("aux-param-autoexposure-setpoint"))
     if "controls-autoexposure-auto" in given:
         is_automatic = settings.word("controls-autoexposure-auto") == "True"

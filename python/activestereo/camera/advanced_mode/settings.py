@@ -62,6 +62,11 @@ class AdvancedSettings:
         """Whether one of these keys was given and differs from the camera's default."""
         return any(name in self.values and self.values[name] != keys()[name].default for name in names)
 
+    def as_text(self) -> dict[str, str]:
+        """Values as librealsense writes them: of each param- and aux-param- key, and of the others that were given."""
+        whole = {name: key.default for name, key in keys().items() if name.startswith(("param-", "aux-param-"))}
+        return {name: _text(value) for name, value in sorted({**whole, **self.values}.items())}
+
     def unmapped(self) -> list[str]:
         """Given keys that differ from the camera's default and set nothing here."""
         return [name for name in self.values if not keys()[name].to and self.is_changed(name)]

@@ -94,7 +94,7 @@ class SimulatedCamera:
     def set_option(self, which: option, value: float) -> None:
         """Takes effect in the next picture."""
         if which == option.visual_preset:
-            self.settings = visual_preset(rs400_visual_preset(int(value)).name)
+            self.set_settings(visual_preset(rs400_visual_preset(int(value)).name))
         if which in (option.exposure, option.gain):
             self.values[option.enable_auto_exposure] = 0.0
         self.values[which] = value
@@ -102,14 +102,14 @@ class SimulatedCamera:
 
     def set_settings(self, settings: AdvancedSettings) -> None:
         """Advanced-mode settings, from the next picture on."""
-        depth_table(settings)  # refuses clamps that exclude all
+        table = depth_table(settings)  # refuses clamps that exclude all
+        if "param-depthunits" in settings.values:
+            self.values[option.depth_units] = table.unit_m
         self.settings, self._config = settings, None
 
     @property
     def unit_m(self) -> float:
-        """Metres of one count of depth: the option's, or the advanced mode's."""
-        if "param-depthunits" in self.settings.values:
-            return 1e-6 * float(self.settings.values["param-depthunits"])
+        """Metres of one count of depth: the option's or the advanced mode's, whichever was set later."""
         return self.values[option.depth_units]
 
     def config(self) -> StereoDepthSensorConfig:

@@ -9,6 +9,7 @@ from typing import Any
 
 from activestereo.camera.advanced_mode.settings import parse_settings
 from activestereo.integrations.realsense.camera import SimulatedCamera, World, sensor_ranges
+from activestereo.integrations.realsense.control_groups import GROUPS, ControlGroup, group_of, with_group
 from activestereo.integrations.realsense.enums import camera_info, format, option, rs400_visual_preset, stream
 from activestereo.integrations.realsense.options import Options
 from activestereo.integrations.realsense.profiles import StreamRequest, video_stream_profile
@@ -165,7 +166,8 @@ class context:
 
 
 class rs400_advanced_mode:
-    """Settings as JSON of a device."""
+    """A device's settings as JSON, and as groups of controls: get_depth_table(mode) and set_depth_table(group), and so
+    on for each of GROUPS."""
 
     def __init__(self, of: device) -> None:
         self._device = of
@@ -183,5 +185,20 @@ class rs400_advanced_mode:
         except ValueError as error:
             raise RuntimeError(str(error)) from error
 
+    def __getattr__(self, name: str) -> Any:
+        what, _, group = name.partition("_")
+        if what not in ("get", "set") or group not in GROUPS:
+            raise AttributeError(f"'rs400_advanced_mode' object has no attribute '{name}'")
+        if what == "get":
+            return lambda mode=0: group_of(self._device.camera.settings, group, mode)
+        return lambda numbers: self._set(group, numbers)
+
+    def _set(self, group: str, numbers: ControlGroup) -> None:
+        try:
+            self._device.camera.set_settings(with_group(self._device.camera.settings, group, numbers))
+        except ValueError as error:
+            raise RuntimeError(str(error)) from error
+
     def serialize_json(self) -> str:
-        return json.dumps(dict(self._device.camera.settings.values), indent=4)
+        """Every key of the matcher and the depth table, as librealsense writes them, and the others that were given."""
+        return json.dumps(self._device.camera.settings.as_text(), indent=4)
