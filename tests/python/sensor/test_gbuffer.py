@@ -208,3 +208,14 @@ def test_what_does_not_go_together_is_told(config):
     config.ir_distortion = (0.1, 0, 0, 0, 0)
     with pytest.raises(ValueError, match="pinhole"):
         GBufferStereo(config)
+
+
+def test_what_has_no_surface_needs_no_material(config):
+    """A simulator's number of nothing, as -1, is none of the materials."""
+    sensor = GBufferStereo(config, materials={3: kuafu.Material(ir_albedo=0.5)})
+    depth, material = np.full(sensor.shape, 0.8), np.full(sensor.shape, 3)
+    depth[:, :20], material[:, :20] = 0.0, -1
+    out = sensor(depth=depth, material=material)
+    assert out["valid"][:, 40:].mean() > 0.5
+    with pytest.raises(ValueError, match=r"pixel \(0, 0\): material is -1, expected a number of materials \[3\]"):
+        sensor(depth=np.full(sensor.shape, 0.8), material=material)

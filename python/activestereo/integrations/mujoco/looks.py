@@ -8,6 +8,8 @@ off with the square of the distance, where MuJoCo's does not fall off by default
 
 from __future__ import annotations
 
+from typing import Any
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -31,39 +33,18 @@ class Looks:
 
     def material(self, geom: int) -> int:
         """The scene's material of a geom."""
-        model = self._model
-        number, rgba = int(model.geom_matid[geom]), tuple(float(v) for v in model.geom_rgba[geom])
-        if number >= 0 and np.allclose(rgba, _DEFAULT_RGBA):
-            rgba = tuple(float(v) for v in model.mat_rgba[number])
-        key = (number, rgba)
+        key = (int(self._model.geom_matid[geom]), _rgba(self._model, geom))
         if key not in self._materials:
-            self._materials[key] = self._scene.add_material(self._made(number, rgba))
+            fields, texture = geom_surface(self._model, geom), self._colour_texture(key[0])
+            if texture is not None:
+                fields["base_color_texture"] = self._texture(texture)
+            self._materials[key] = self._scene.add_material(kuafu.Material(**fields))
         return self._materials[key]
 
     def texture_kind(self, geom: int) -> int | None:
         """MuJoCo's kind of the colour texture on a geom, None where there is none."""
         texture = self._colour_texture(int(self._model.geom_matid[geom]))
         return None if texture is None else int(self._model.tex_type[texture])
-
-    def _made(self, number: int, rgba: tuple[float, ...]) -> kuafu.Material:
-        model = self._model
-        red, green, blue, alpha = (min(max(v, 0.0), 1.0) for v in rgba)
-        if number < 0:
-            shine = {"roughness": 1.0 - _DEFAULT_SHININESS, "specular": _DEFAULT_SPECULAR}
-            return kuafu.Material(base_color=(red, green, blue, alpha), **shine)
-        rough, metallic = float(model.mat_roughness[number]), float(model.mat_metallic[number])
-        fields = {
-            "name": model.material(number).name,
-            "base_color": (red, green, blue, alpha),
-            "roughness": rough if rough >= 0 else 1.0 - float(np.clip(model.mat_shininess[number], 0, 1)),
-            "specular": float(np.clip(model.mat_specular[number], 0, 1)),
-            "metallic": max(metallic, 0.0),
-            "emission": tuple(float(model.mat_emission[number]) * v for v in (red, green, blue)),
-        }
-        texture = self._colour_texture(number)
-        if texture is not None:
-            fields["base_color_texture"] = self._texture(texture)
-        return kuafu.Material(**fields)
 
     def _colour_texture(self, number: int) -> int | None:
         if number < 0:
@@ -82,6 +63,32 @@ class Looks:
             texels = texture_image(self._model, number)
             self._textures[number] = self._scene.add_texture(texels, srgb=not is_linear, name=name)
         return self._textures[number]
+
+
+def geom_surface(model: mujoco.MjModel, geom: int) -> dict[str, Any]:
+    """Fields of a kuafu.Material without textures."""
+    number, rgba = int(model.geom_matid[geom]), _rgba(model, geom)
+    red, green, blue, alpha = (min(max(v, 0.0), 1.0) for v in rgba)
+    if number < 0:
+        shine = {"roughness": 1.0 - _DEFAULT_SHININESS, "specular": _DEFAULT_SPECULAR}
+        return {"base_color": (red, green, blue, alpha), **shine}
+    rough, metallic = float(model.mat_roughness[number]), float(model.mat_metallic[number])
+    return {
+        "name": model.material(number).name,
+        "base_color": (red, green, blue, alpha),
+        "roughness": rough if rough >= 0 else 1.0 - float(np.clip(model.mat_shininess[number], 0, 1)),
+        "specular": float(np.clip(model.mat_specular[number], 0, 1)),
+        "metallic": max(metallic, 0.0),
+        "emission": tuple(float(model.mat_emission[number]) * v for v in (red, green, blue)),
+    }
+
+
+def _rgba(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:
+    """A geom's own colour, or its material's."""
+    number, rgba = int(model.geom_matid[geom]), tuple(float(v) for v in model.geom_rgba[geom])
+    if number >= 0 and np.allclose(rgba, _DEFAULT_RGBA):
+        return tuple(float(v) for v in model.mat_rgba[number])
+    return rgba
 
 
 def texture_image(model: mujoco.MjModel, number: int) -> NDArray[np.uint8]:

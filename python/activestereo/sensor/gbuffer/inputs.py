@@ -76,7 +76,7 @@ class InputImages:
         else:
             image = host_image(name, values, shape)
         if name == "material":
-            image = self._materials.ids(image)
+            image = self._materials.ids(image, unknown=0)  # where nothing is, after require_known()
         if self._is_on_gpu:
             buffer.write(np.ascontiguousarray(image, _TYPES[name]))
         else:

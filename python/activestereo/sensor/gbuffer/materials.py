@@ -40,9 +40,10 @@ class MaterialNumbers:
             self._is_odd[number] = mirrors_or_is_glass(found[number])
         self._ids_on_cuda: Any = None
 
-    def ids(self, numbers: NDArray[Any]) -> NDArray[np.uint32]:
-        """As kuafu's light_gbuffers() takes them; of an unknown number the largest id."""
-        return self._ids[self._places(numbers)]
+    def ids(self, numbers: NDArray[Any], unknown: np.uint32 | int = _NONE) -> NDArray[np.uint32]:
+        """As kuafu's light_gbuffers() takes them, of an unknown number this one."""
+        ids = self._ids[self._places(numbers)]
+        return np.where(ids == _NONE, np.uint32(unknown), ids)
 
     def ids_of_tensor(self, numbers: Any) -> Any:
         """The same of a torch tensor, on its device."""

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""MuJoCo: the materials of its geoms, a camera with the sensor's matrix, and depth and geoms of mujoco.Renderer."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+import kuafu
+from activestereo.integrations.mujoco.looks import geom_surface
+from activestereo.sensor.gbuffer.stereo import GBufferStereo
+
+
+def geom_materials(model: mujoco.MjModel) -> dict[int, kuafu.Material]:
+    """By geom, without textures."""
+    return {geom: kuafu.Material(**geom_surface(model, geom)) for geom in range(model.ngeom)}
+
+
+def set_camera(model: mujoco.MjModel, camera: int, sensor: GBufferStereo) -> None:
+    """Gives a camera of the model the sensor's matrix."""
+    k, (_, height, width) = sensor.k, sensor.shape
+    model.cam_resolution[camera] = model.cam_sensorsize[camera] = width, height
+    model.cam_intrinsic[camera] = k[0, 0], k[1, 1], 0.5 * (width - 1) - k[0, 2], 0.5 * (height - 1) - k[1, 2]
+
+
+class MujocoGBuffers:
+    """One environment. camera: of the model, prepared by set_camera(); the sensor's materials are geom_materials()."""
+
+    def __init__(self, model: mujoco.MjModel, sensor: GBufferStereo, camera: int = 0) -> None:
+        self._camera, (_, height, width) = camera, sensor.shape
+        self._renderer = mujoco.Renderer(model, height, width)
+
+    def __call__(self, data: mujoco.MjData) -> dict[str, Any]:
+        renderer = self._renderer
+        renderer.update_scene(data, self._camera)
+        renderer.enable_segmentation_rendering()
+        numbers, kinds = np.moveaxis(renderer.render(), -1, 0)
+        renderer.enable_depth_rendering()
+        is_geom = kinds == mujoco.mjtObj.mjOBJ_GEOM
+        return {"depth": np.where(is_geom, renderer.render(), 0.0), "material": np.where(is_geom, numbers, -1)}

@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""MuJoCo Warp's renderer: depth and geoms of all worlds, on its device."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco_warp as mjw
+import warp as wp
+
+from activestereo.integrations.gbuffers.warp_arrays import as_array
+from activestereo.sensor.gbuffer.stereo import GBufferStereo
+
+
+class MujocoWarpGBuffers:
+    """camera: its number among those of `context`, an mjw.create_render_context() with render_depth and render_seg of a
+    model that set_camera() has prepared; the sensor's materials are geom_materials()."""
+
+    def __init__(self, context: Any, sensor: GBufferStereo, camera: int = 0) -> None:
+        self._context, self._camera, self._shape = context, camera, sensor.shape
+        self._first = int(context.depth_adr.numpy()[camera])
+        self._geoms = wp.zeros(sensor.shape, wp.vec2i, device=context.depth_data.device)
+
+    def __call__(self, model: Any, data: Any) -> dict[str, Any]:
+        """model, data: mujoco_warp's, after a step or forward()."""
+        mjw.refit_bvh(model, data, self._context)
+        mjw.render(model, data, self._context)
+        mjw.get_segmentation(self._context, self._camera, self._geoms)
+        pixels = self._shape[1] * self._shape[2]
+        depth = as_array(self._context.depth_data)[:, self._first : self._first + pixels].reshape(self._shape)
+        return {"depth": depth, "material": as_array(self._geoms)[..., 0]}

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cameras of simulators that know a field of view and no principal point."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+
+import numpy as np
+
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.sensor.gbuffer.stereo import GBufferStereo
+
+_CENTRED_PX = 0.01
+
+
+def centred(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
+    """A copy whose infrared cameras have their principal points in the middle of the image."""
+    out = deepcopy(config)
+    middle = (np.array(config.ir_resolution) - 1.0) / 2.0
+    for name in ("ir_intrinsic", "ir_intrinsic_right"):
+        if getattr(config, name) is not None:
+            k = getattr(config, name).copy()
+            k[:2, 2] = middle
+            setattr(out, name, k)
+    return out
+
+
+def vertical_fov_deg(sensor: GBufferStereo) -> float:
+    """Field of view from the upper edge to the lower one. ValueError for a principal point that is not in the middle
+    and for pixels that are no squares."""
+    k, (_, height, width) = sensor.k, sensor.shape
+    off_px = k[:2, 2] - (np.array([width, height]) - 1.0) / 2.0
+    if np.abs(off_px).max() > _CENTRED_PX or abs(k[0, 0] / k[1, 1] - 1.0) > 1e-3:
+        text = f"the principal point is {np.round(off_px, 2).tolist()} px beside the middle, focal lengths are"
+        raise ValueError(f"{text} {k[0, 0]:.2f} and {k[1, 1]:.2f} px: make the sensor of centred(config)")
+    return float(2.0 * np.rad2deg(np.arctan(0.5 * height / k[1, 1])))
