@@ -41,6 +41,11 @@ class Estimate:
 class SpotCheck:
     """Path-traces a share of the frames that a quick sensor sees, and estimates what all of them would give.
 
+        check = SpotCheck(traced, show, config.focal_baseline_px_m, share=0.01)
+        out = fast(depth=depth_m, material=material)  # a GBufferStereo, at each step
+        check.see(out["disparity"], depth_m, material)
+        print(check)
+
     sensor: traces one environment. show(n): places environment n in that sensor's scene, as it stands now. share: of
     frames, drawn under the seed whatever is in them. focal_baseline_px_m: of the rectified pair. names: of material
     numbers. bounds: {measure: (low, high)}; see() raises BoundExceededError once the whole interval of a material
