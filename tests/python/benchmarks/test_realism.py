@@ -10,6 +10,7 @@ from scipy.ndimage import gaussian_filter
 from activestereo.benchmarks.realism.board import DEVICE, HOLES, NOISE, Board, Interval, verdicts
 from activestereo.benchmarks.realism.infrared import statistics
 from activestereo.benchmarks.realism.measures import depth_measures
+from activestereo.benchmarks.realism.methods import fitted_light
 from activestereo.benchmarks.realism.patches import PATCH_PX, planar_patches
 from activestereo.benchmarks.realism.views import RealView
 
@@ -84,3 +85,22 @@ def test_a_verdict_says_whether_intervals_lie_apart():
     assert "clean is closest" in noise, "of a factor less is better"
     assert verdicts(Board(("a", "b"), rows(0.15, 0.6), {}))[0].endswith("overlap")
     assert "one view has no interval" in verdicts(Board(("a",), rows(0.4, 0.6), {}))[0]
+
+
+def test_the_light_s_levels_are_those_of_the_real_image():
+    laser = np.random.default_rng(0).uniform(0.0, 1.0, (70, 70)).astype(np.float32)
+    room = np.linspace(0.5, 1.0, 70, dtype=np.float32) * np.ones((70, 1), np.float32)
+    settings = SimpleNamespace(
+        ir_camera_exposure=0.01, ir_camera_gain=1.0, ir_responsivity_dn=100.0, ir_black_level_dn=4.0,
+        samples_per_pixel=1,
+    )  # fmt: skip
+    pictures = {"projector_direct": laser, "projector_indirect": 0.0 * laser, "radiance": laser + room}
+    taken = SimpleNamespace(get_config=lambda: settings, get_picture=lambda name, side: pictures[name][..., None])
+    left = 4.0 + 30.0 * laser + 20.0 * room
+    left[:7, :7] += 100.0  # which no light of the scene explains
+    rig = SimpleNamespace(max_dn=255.0)
+    depths = np.ones_like(laser), np.ones_like(laser)
+    view = RealView("v", SimpleNamespace(rig=rig), None, left, left, *depths, None)
+    light, own = fitted_light(view, taken)
+    np.testing.assert_allclose(own[0], 30.0 * laser, rtol=0.01)
+    np.testing.assert_allclose(light[1], 30.0 * laser + 20.0 * room, rtol=0.01)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+import kuafu
 from activestereo.benchmarks.left_view import with_rgb_at_left
 from activestereo.benchmarks.realism.views import Map, RealView
 from activestereo.camera.presets import StereoDepthSensorConfig
@@ -43,11 +44,7 @@ def simulated(view: RealView, method: str, sensor: str, samples: int, seed: int)
         config.max_bounces = 0
     with StereoDepthSensor(config, view.scene, pose=Pose(view.pose())) as taken:
         taken.take_picture(infrared_only=True)
-        if method == "calibrated":
-            light, laser = _fitted_light(view, taken)
-        else:
-            light = [taken.get_picture("radiance", side)[..., 0] for side in ("left", "right")]
-            laser = [_laser(taken, side) for side in ("left", "right")]
+        light, laser = fitted_light(view, taken)
         wanted = ("depth", "ir_left", "ir_right")
         found = [taken.compute_depth_from(light[0], light[1], laser[0], laser[1], wanted, frame) for frame in range(2)]
     depths = [np.array(one["depth"], np.float32) for one in found]
@@ -80,16 +77,17 @@ def rig_config(view: RealView, sensor: str, is_calibrated: bool) -> StereoDepthS
     beside[1, 3] = -rig.baseline_m
     config.trans_pose_r = Pose(beside)
     config.max_depth_m = float("inf")
+    config.ir_exposure_mode = "fixed"  # the light is fitted to the real image's
+    if view.room is not None:  # measured with all its bounces, and without noise
+        config.max_bounces, config.denoise = 1, "none"
     if not is_calibrated:
-        if config.ir_exposure_mode == "converging":
-            config.ir_exposure_mode = "settled"
         return config
     there = CAMERA_TO_BODY @ np.linalg.inv(rig.projector.left_to_projector) @ CAMERA_TO_BODY.T
     config.pose_rgb_irproj = Pose(there)
     config.pattern_intrinsic = np.array(rig.projector.K)
     config.light_pattern = np.rint(255.0 * rig.projector.pattern()).astype(np.uint8)
     # The pattern was seen through the camera's lens, which has blurred it once.
-    config.projector_beam_radius_m, config.ir_exposure_mode = 0.0, "fixed"
+    config.projector_beam_radius_m = 0.0
     config.ir_optics = {name: value for name, value in (config.ir_optics or {}).items() if name != "psf_sigma_px"}
     if rig.black_dn is not None:
         config.ir_black_level_dn = rig.black_dn[0]
@@ -103,15 +101,18 @@ def _laser(taken: StereoDepthSensor, side: str) -> Map:
     return taken.get_picture("projector_direct", side)[..., 0] + taken.get_picture("projector_indirect", side)[..., 0]
 
 
-def _fitted_light(view: RealView, taken: StereoDepthSensor) -> tuple[list[Map], list[Map]]:
+def fitted_light(view: RealView, taken: StereoDepthSensor) -> tuple[list[Map], list[Map]]:
     """(radiance, the laser's part) of both eyes, the laser and the room each as bright as the real left image has
-    them."""
+    them: exposure and the room's level are not the camera's."""
     config = taken.get_config()
     per_radiance = config.ir_camera_exposure * config.ir_camera_gain * config.ir_responsivity_dn
     laser = [_laser(taken, side) for side in ("left", "right")]
-    room = [
-        taken.get_picture("radiance", side)[..., 0] - own for side, own in zip(("left", "right"), laser, strict=True)
-    ]
+    if view.room is not None:
+        renderer, options = kuafu.Renderer(view.scene.device), {"spp": config.samples_per_pixel}
+        room = [image[..., 0] for image in view.room.images(renderer, list(taken.ir_cameras()), **options)]
+    else:
+        sides = zip(("left", "right"), laser, strict=True)
+        room = [taken.get_picture("radiance", side)[..., 0] - own for side, own in sides]
     part = np.s_[::_FIT_STEP_PX, ::_FIT_STEP_PX]
     known = (view.truth_m > 0)[part] & (view.left < view.capture.rig.max_dn)[part]
     terms = np.stack([laser[0][part][known], room[0][part][known]], axis=1).astype(np.float64) * per_radiance

@@ -13,6 +13,7 @@ import kuafu
 from activestereo.capture.capture import Capture, Frame
 from activestereo.capture.images import read_gray
 from activestereo.common.pose import body_pose
+from activestereo.effects.core.room_light import RoomLight, has_room_light, light_by_room
 from activestereo.scene_io.scene_files import load_scene_file
 
 Map = NDArray[np.float32]
@@ -21,7 +22,7 @@ Map = NDArray[np.float32]
 @dataclass(frozen=True)
 class RealView:
     """left, right: DN. device_m: the device's depth in the left camera, truth_m that of the scene's model; 0 = none.
-    pose: of the left camera's body in the scene."""
+    room: the room's light that was measured on the surfaces, None where the scene has lights of its own."""
 
     name: str
     capture: Capture
@@ -31,6 +32,7 @@ class RealView:
     device_m: Map
     truth_m: Map
     scene: kuafu.Scene
+    room: RoomLight | None = None
 
     @property
     def focal_baseline_px_m(self) -> float:
@@ -57,6 +59,8 @@ def real_views(capture: Capture, device_depth: Path | None, device: str | int) -
             raise ValueError(f"{device_depth}: has {len(files)} PNG files, {capture.path} {len(frames)} pairs")
     scene = kuafu.Scene(kuafu.Device(device))
     load_scene_file(scene, capture.scene_path)
+    has_room = has_room_light(capture.scene_path)
+    room = light_by_room(scene, scene.device, capture.scene_path) if has_room else None
     renderer, views = kuafu.Renderer(scene.device), []
     camera = capture.rig.left
     for number, frame in enumerate(frames):
@@ -71,7 +75,8 @@ def real_views(capture: Capture, device_depth: Path | None, device: str | int) -
         truth = renderer.render(scene, eye, ["depth"], band="infrared", spp=1)["depth"].reshape(depth.shape)
         left, right = (capture.ir(frame, side) for side in ("left", "right"))
         name = f"{capture.path.name} {frame.id}"
-        views.append(RealView(name, capture, frame, left, right, np.nan_to_num(depth), np.array(truth), scene))
+        depth_m = np.nan_to_num(depth)
+        views.append(RealView(name, capture, frame, left, right, depth_m, np.array(truth), scene, room))
     if not views:
         raise ValueError(f"{capture.path}: has no frame with an infrared pair and depth")
     return views
