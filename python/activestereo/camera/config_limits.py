@@ -47,9 +47,12 @@ _IMAGER: tuple[dict[str, Parameter], dict[str, int]] = {p.name: p for p in SIGNA
 _OPTICS = {p.name: p for p in OPTICS}, {
     name: len(value) for name in dir(_NEUTRAL_OPTICS) if isinstance(value := getattr(_NEUTRAL_OPTICS, name), tuple)
 }
+# Sides of the matcher's windows, whose products are at most 65 and 256.
+_WINDOWS = {"census_width": 65, "census_height": 65, "block_width": 255, "block_height": 255}
 # Where infinity says that there is no limit.
 _ENDLESS = ("max_depth_m",)
 _SHARE = Limits(0.0, 1.0)
+_PENALTY = Limits(1, 223, whole=True)
 _COUNTS = Limits(-65535.0, 65535.0, "DN")
 _LASER = Limits(0.0, 1e6, "mW")
 _SEED = Limits(0, 2**64 - 1, whole=True)
@@ -78,6 +81,8 @@ _NUMBERS = {
     "ir_thermal_noise": POWER,
     "noise_seed": _SEED,
     "render_seed": RENDER_SEED,
+    "p1": _PENALTY,
+    "p2": _PENALTY,
 }
 _LISTS = {
     "rgb_resolution": [SIDE] * 2,
@@ -126,10 +131,15 @@ def _parameter_fault(p: Parameter, value: Any) -> str | None:
     low, high = p.range or (ANY.low, ANY.high)
     whole = p.kind is int
     limits = Limits(-(2**53) if whole else max(low, ANY.low), 2**53 if whole else min(high, ANY.high), p.unit, whole)
-    fault = limits.fault(value)
+    fault, may_be = limits.fault(value), f"{p.possible or f'{low:.10g} to {high:.10g}'} {p.unit}".rstrip()
     if fault is None and not p.takes(value):
-        fault = f"is {value}, expected {p.possible} {p.unit}".rstrip()
-    return fault
+        return f"is {value}, expected {may_be}"
+    return f"{fault.partition(',')[0]}, expected a whole number, {may_be}" if fault is not None and whole else fault
+
+
+def _window_fault(most: int, value: Any) -> str | None:
+    fault = Limits(1, most, "px", whole=True).fault(value)
+    return fault if fault is not None or value % 2 else f"is {value}, expected an odd number, 1 to {most} px"
 
 
 def _flag_fault(value: Any) -> str | None:
@@ -244,6 +254,7 @@ def _matrix_fault(value: Any) -> str | None:
 # Of each field: the reason why a value cannot be, in words that follow its name.
 _FAULT_OF: dict[str, Callable[[Any], str | None]] = {
     **{name: partial(_parameter_fault, p) for name, p in _TABLE.items()},
+    **{name: partial(_window_fault, most) for name, most in _WINDOWS.items()},
     **{name: limits.fault for name, limits in _NUMBERS.items()},
     **{name: partial(_list_fault, limits=limits) for name, limits in _LISTS.items()},
     **{name: partial(_choice_fault, known) for name, known in _CHOICES.items()},
@@ -285,6 +296,20 @@ def check_together(fields: Mapping[str, Any]) -> None:
     if fields["ir_intrinsic_right"] is not None:
         _check_middle("ir_intrinsic_right", fields["ir_intrinsic_right"], width, height, remedy)
     _check_light(fields)
+    _check_matcher(fields)
+
+
+def _check_matcher(fields: Mapping[str, Any]) -> None:
+    """ValueError where the matcher's parameters do not go together, as the engine has it."""
+    if not fields["p1"] < fields["p2"]:
+        raise ValueError(f"p1 is {fields['p1']} and p2 is {fields['p2']}, expected a larger p2")
+    if not fields["min_depth_m"] < fields["max_depth_m"]:
+        low, high = fields["min_depth_m"], fields["max_depth_m"]
+        raise ValueError(f"min_depth_m is {low:g}, expected less than max_depth_m, {high:g}")
+    for name, least, most in (("census", 3, 63 if fields["census_kind"] == "plain" else 65), ("block", 1, 256)):
+        width, height = fields[f"{name}_width"], fields[f"{name}_height"]
+        if not least <= width * height <= most:
+            raise ValueError(f"{name} is {width}x{height} pixels, expected {least} to {most} pixels in all")
 
 
 def _check_light(fields: Mapping[str, Any]) -> None:

@@ -244,6 +244,39 @@ def test_configurations_compare_by_value_and_show_what_was_changed():
     assert one != "D435"
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("block_width", 4, "block_width is 4, expected an odd number, 1 to 255 px"),
+        ("census_height", 0, "census_height is 0, expected 1 to 65 px"),
+        ("p1", 224, "p1 is 224, expected 1 to 223"),
+        ("max_disparity", "x", "max_disparity is 'x', expected a whole number, 16..1024 px"),
+    ],
+)
+def test_the_matchers_parameters_are_checked_when_they_are_set(name, value, words):
+    config = StereoDepthSensorConfig("D435")
+    with pytest.raises(ValueError, match=words):
+        setattr(config, name, value)
+    assert config == StereoDepthSensorConfig("D435")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"p1": 40, "p2": 40}, "p1 is 40 and p2 is 40, expected a larger p2"),
+        ({"block_width": 17, "block_height": 17}, "block is 17x17 pixels, expected 1 to 256 pixels in all"),
+        ({"census_width": 9, "census_height": 9}, "census is 9x9 pixels, expected 3 to 65"),
+        ({"min_depth_m": 2.0, "max_depth_m": 1.0}, "min_depth_m is 2, expected less than max_depth_m, 1"),
+    ],
+)
+def test_the_matchers_parameters_go_together(changes, words):
+    config = StereoDepthSensorConfig("D435")
+    for name, value in changes.items():
+        setattr(config, name, value)
+    with pytest.raises(ValueError, match=words):
+        config.check()
+
+
 def test_an_unknown_name_suggests_the_nearest():
     with pytest.raises(ValueError, match="unknown sensor 'd436'.*did you mean 'D43.'"):
         StereoDepthSensorConfig("d436")
