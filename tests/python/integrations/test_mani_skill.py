@@ -249,7 +249,7 @@ def test_a_late_camera_takes_another_picture_where_the_one_begun_does_not_serve(
         raise kuafu.Error("lost")  # as where a device is lost
 
     with monkeypatch.context() as patch, pytest.raises(kuafu.Error, match="lost"):
-        patch.setattr(camera.sensors, "_expose", fails)
+        patch.setattr("activestereo.sensor.engine.expose_each", fails)
         observe(cameras, rgb=True)
     parallel.actors["box"].pose.raw_pose[:, 1] = 0.3
     _, (found,) = observe(cameras)
@@ -291,9 +291,9 @@ def test_a_simulation_on_cuda_does_without_the_host_where_it_can(
     world = ManiSkillWorld(parallel, "cpu")
     parallel.device = SimpleNamespace(type="cuda")
     with pytest.warns(UserWarning, match="observations pass through the host: there is no CUDA driver"):
-        sensors = camera._made(world)
+        seen = camera._made(world)
     with pytest.raises(RuntimeError, match="on_cuda=True"):
-        sensors.get_cuda("depth")
+        seen.sensors.get_cuda("depth")
 
 
 def test_what_is_not_there_is_said(parallel: Any) -> None:
