@@ -98,8 +98,8 @@ def test_groups_of_controls_are_the_json_s_keys():
 
 
 def test_frames_end_and_drop_by_seed():
-    def numbers(seed):
-        rs.simulate(rs.World(frames=9, drop_share=0.4, seed=seed))
+    def numbers(seed, arrival=False, **delivery):
+        rs.simulate(rs.World(frames=9, seed=seed, **({"drop_share": 0.4} | delivery)))
         pipeline = rs.pipeline()
         pipeline.device().camera.take = lambda time_s, with_color: None
         pipeline.device().camera.depth = lambda: np.zeros((4, 4), np.uint16)
@@ -112,11 +112,16 @@ def test_frames_end_and_drop_by_seed():
         found = []
         with pytest.raises(RuntimeError, match="didn't arrive"):
             while True:
-                found.append(pipeline.wait_for_frames().get_frame_number())
+                frames = pipeline.wait_for_frames()
+                late_ms = frames.get_depth_frame().get_frame_metadata(rs.frame_metadata_value.time_of_arrival)
+                found.append(late_ms - round(frames.get_timestamp()) if arrival else frames.get_frame_number())
         return found
 
     assert numbers(3) == numbers(3) != numbers(4)
     assert 0 < len(numbers(3)) < 9
+    late_ms = numbers(3, True, drop_share=0.0, jitter_ms=20.0)
+    assert len(late_ms) == 9 and np.std(late_ms) > 3.0 and min(late_ms) >= -1
+    assert set(numbers(3, True, drop_share=0.0)) <= {8, 9, 10}
     rs.simulate(rs.World())
 
 

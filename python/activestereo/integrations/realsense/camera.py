@@ -36,14 +36,16 @@ LATENCY_MS: dict[stream, float] = {stream.depth: 9.0, stream.infrared: 9.0, stre
 class World:
     """The world that a simulated camera looks at, and how it delivers. scene: a scene file, or None for the example's
     table top. pose: the RGB camera's, in body axes; None: that of the scene's first camera. before_frame: called with
-    the sensor and the time in seconds before each picture, to move what moves. drop_share: of each stream's frames, by
-    seed. frames: after so many none arrives, and waiting fails as on a camera that was unplugged; None: for ever."""
+    the sensor and the time in seconds before each picture, to move what moves. jitter_ms: standard deviation of the
+    latency, by seed. drop_share: of each stream's frames, by seed. frames: after so many none arrives, and
+    waiting fails as on a camera that was unplugged; None: for ever."""
 
     scene: str | os.PathLike[str] | kuafu.Scene | None = None
     sensor: str = "D435"
     pose: Pose | None = None
     before_frame: Callable[[StereoDepthSensor, float], object] = lambda sensor, time_s: None
     latency_ms: Mapping[stream, float] = field(default_factory=lambda: dict(LATENCY_MS))
+    jitter_ms: float = 0.0
     drop_share: float = 0.0
     frames: int | None = None
     seed: int = 0

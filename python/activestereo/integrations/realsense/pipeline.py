@@ -196,7 +196,11 @@ class pipeline:
     def _frame(self, camera: SimulatedCamera, profile: video_stream_profile, time_ms: float) -> frame:
         pixels, kind = _pixels(camera, profile), profile.stream_type()
         made = depth_frame if kind == stream.depth else video_frame
-        metadata = _metadata(camera, profile, self._number, time_ms)
+        world = camera.world
+        late_ms = world.latency_ms.get(kind, 0.0)
+        if world.jitter_ms:
+            late_ms = max(late_ms + world.jitter_ms * self._random.standard_normal(), 0.0)
+        metadata = _metadata(camera, profile, self._number, time_ms, late_ms)
         return made(pixels, profile, self._number, time_ms, metadata, camera.unit_m)
 
 
@@ -216,14 +220,13 @@ def _pixels(camera: SimulatedCamera, profile: video_stream_profile) -> NDArray[A
 
 
 def _metadata(
-    camera: SimulatedCamera, profile: video_stream_profile, number: int, time_ms: float
+    camera: SimulatedCamera, profile: video_stream_profile, number: int, time_ms: float, late_ms: float
 ) -> dict[frame_metadata_value, int]:
-    latency_ms = camera.world.latency_ms.get(profile.stream_type(), 0.0)
     out = {
         frame_metadata_value.frame_counter: number,
         frame_metadata_value.frame_timestamp: round(1e3 * time_ms),
         frame_metadata_value.sensor_timestamp: round(1e3 * time_ms),
-        frame_metadata_value.time_of_arrival: round(time_ms + latency_ms),
+        frame_metadata_value.time_of_arrival: round(time_ms + late_ms),
         frame_metadata_value.actual_fps: profile.fps(),
     }
     if profile.stream_type() != stream.color:

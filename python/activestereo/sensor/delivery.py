@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Frames on their way from the camera to the program: late, unevenly late, or lost, in each environment by itself.
+
+    delivery = Delivery(environments=E, latency_ms=33.0, jitter_ms=5.0, drop_share=0.02, seed=0)
+    delivery.put(batch.get_depth(), time_s)  # when a frame is taken
+    depth_m, taken_s = delivery.get(time_s)  # at each step of the policy
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from activestereo.common.limits import Limits
+
+_LATENCY, _SHARE = Limits(0.0, 1e6, "ms"), Limits(0.0, 1.0)
+_ENVIRONMENTS, _SEED = Limits(1, 1_000_000, whole=True), Limits(0, 2**64 - 1, whole=True)
+
+
+class Delivery:
+    """latency_ms: from the middle of the exposure to the arrival, a number or [E]. jitter_ms: standard deviation of
+    that, likewise; no frame arrives before it was taken, and none overtakes another. drop_share: of frames that never
+    arrive. The same seed draws the same. ValueError for what none of these may be."""
+
+    def __init__(
+        self, environments: int, latency_ms: ArrayLike = 0.0, jitter_ms: ArrayLike = 0.0, drop_share: ArrayLike = 0.0,
+        seed: int = 0,
+    ) -> None:  # fmt: skip
+        self._count = int(_ENVIRONMENTS.check("environments", environments))
+        self._latency_s = 1e-3 * self._checked("latency_ms", latency_ms, _LATENCY)
+        self._jitter_s = 1e-3 * self._checked("jitter_ms", jitter_ms, _LATENCY)
+        self._drop_share = self._checked("drop_share", drop_share, _SHARE)
+        self.restart(seed)
+
+    def restart(self, seed: int) -> None:
+        """Nothing is on its way, and nothing has arrived."""
+        self._random = np.random.default_rng(int(_SEED.check("the seed", seed)))
+        self._under_way: deque[tuple[Any, float, NDArray[np.float64]]] = deque()
+        self._last_s = np.full(self._count, -np.inf)  # when each environment's last frame arrives
+        self._taken_s = np.full(self._count, np.nan)
+        self._arrived: Any = None
+
+    def put(self, images: Any, time_s: float) -> None:
+        """images: [E, ...] of NumPy or torch, which are copied."""
+        if len(images) != self._count:
+            raise ValueError(f"images are of {len(images)} environments, expected {self._count}")
+        late_s = self._latency_s + self._jitter_s * self._random.standard_normal(self._count)
+        arrives_s = np.maximum(time_s + np.maximum(late_s, 0.0), self._last_s)
+        is_dropped = self._random.random(self._count) < self._drop_share
+        self._last_s = np.where(is_dropped, self._last_s, arrives_s)
+        copy = images.clone() if hasattr(images, "clone") else np.array(images)
+        self._under_way.append((copy, time_s, np.where(is_dropped, np.inf, arrives_s)))
+
+    def get(self, time_s: float) -> tuple[Any, NDArray[np.float64]]:
+        """The newest images that have arrived, [E, ...], 0 where none has, and when each was taken, [E] seconds, NaN
+        likewise. RuntimeError before the first put()."""
+        if self._arrived is None:
+            if not self._under_way:
+                raise RuntimeError("no image was put in yet")
+            self._arrived = self._under_way[0][0] * 0
+        for images, taken_s, arrives_s in self._under_way:
+            rows = np.flatnonzero(arrives_s <= time_s).tolist()
+            self._arrived[rows] = images[rows]
+            self._taken_s[rows] = taken_s
+            arrives_s[rows] = np.inf
+        while self._under_way and np.isinf(self._under_way[0][2]).all():
+            self._under_way.popleft()
+        return self._arrived, self._taken_s.copy()
+
+    def _checked(self, name: str, values: ArrayLike, limits: Limits) -> NDArray[np.float64]:
+        numbers = np.asarray(values, np.float64)
+        if numbers.shape not in ((), (self._count,)):
+            raise ValueError(f"{name} is {list(numbers.shape)}, expected a number or [{self._count}]")
+        for n, value in enumerate(np.atleast_1d(numbers).tolist()):
+            limits.check(f"{name} of environment {n}" if numbers.shape else name, value)
+        return np.broadcast_to(numbers, (self._count,))
