@@ -43,7 +43,7 @@ SPECIAL: dict[str, tuple[str, str]] = {
     r"/usr/bin/python3 \S+/(bench_\w+|run_\w+|noisy_planes).py": ("test -f {1}", "it is run by hand; it is there"),
     r"pip install|pre-commit|sudo|apt-get": ("true", "it installs packages; tests/wheel.sh tries the wheel"),
     r"python3 -m venv|out/clean/bin/": ("true", "it needs a wheel; python/wheels.sh runs the same lines"),
-    r"python3 examples/(mani_skill_depth|mujoco_wrist|sapien_sensor|train_depth_policy)/":
+    r"python3 examples/(gbuffers|mani_skill_depth|mujoco_wrist|sapien_sensor|train_depth_policy)/":
         ("test -f {1}", "it needs a package that Debian lacks; tests/guide/test_examples.py runs it where it is"),
     r"/usr/bin/python3 examples/notebooks/run.py": ("test -f {1}", "it runs the pages of the notebooks, as tests do"),
     r"rs-enumerate-devices": ("true", "it needs a RealSense camera"),

@@ -25,6 +25,13 @@ def test_mujoco_wrist(tmp_path):
     assert (tmp_path / "mujoco_wrist.png").stat().st_size > 1000
 
 
+@pytest.mark.parametrize("simulator", ["newton", "mujoco", "mujoco_warp"])  # Genesis compiles for a minute
+def test_gbuffers(simulator):
+    pytest.importorskip(simulator, reason=f"the package {simulator} is not installed (pip install {simulator})")
+    picture, share = load(EXAMPLES / "gbuffers/play.py").run(simulator)
+    assert picture.shape == (120, 3 * 212, 3) and share > 0.8
+
+
 def test_sapien_sensor(tmp_path):
     pytest.importorskip("sapien", reason="the package sapien is not installed (pip install sapien)")
     good_share = load(EXAMPLES / "sapien_sensor/sapien_sensor.py").run(tmp_path, scale=0.25, samples=4, steps=150)
