@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 import kuafu
-from activestereo import StereoDepthSensor, StereoDepthSensorConfig
+from activestereo import Mounts, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
 from activestereo.benchmarks.grasp import GraspWorld
 from activestereo.common.pose import body_pose
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD, write_table_top
@@ -116,7 +116,9 @@ def our_times(
     return out, late, stages, name
 
 
-def picture_and_depth(sensor: StereoDepthSensor, with_rgb: bool, as_floats: bool = False) -> Callable[[], object]:
+def picture_and_depth(
+    sensor: StereoDepthSensor | StereoDepthSensorBatch, with_rgb: bool, as_floats: bool = False
+) -> Callable[[], object]:
     def take() -> None:
         sensor.take_picture(infrared_only=not with_rgb)
         sensor.compute_depth()
@@ -178,6 +180,28 @@ def print_batches(counts: list[int], samples: list[int], rounds: int, device: st
             print(f"| {count} | {spp} | {figures} |", flush=True)
 
 
+def print_loops(counts: list[int], size_px: int, rounds: int, device: str, model: str) -> None:
+    """A batch beside one sensor that is asked as often, in turn."""
+    print(f"\n| environments, {size_px}x{size_px} | one sensor in a loop, pairs/s | batch, pairs/s | batch / loop |")
+    print("|--|--|--|--|")
+    config = StereoDepthSensorConfig(model).resized(size_px, size_px)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "table_top.gltf"
+        write_table_top(path)
+        scene = kuafu.Scene(kuafu.Device(device))
+        scene.load(path)
+        one = picture_and_depth(StereoDepthSensor(config, scene, pose=body_pose(CAMERA_TO_WORLD)), with_rgb=False)
+        pose = np.asarray(body_pose(CAMERA_TO_WORLD).to_transformation_matrix())
+        for count in counts:
+            with StereoDepthSensorBatch(config, Mounts(scene, np.repeat(pose[None], count, axis=0))) as batch:
+                all_of_it = picture_and_depth(batch, with_rgb=False)
+                loop_s, batch_s = np.inf, np.inf
+                for _ in range(rounds):
+                    loop_s = min(loop_s, least(lambda n=count: [one() for _ in range(n)], 1))
+                    batch_s = min(batch_s, least(all_of_it, 1))
+            print(f"| {count} | {count / loop_s:.1f} | {count / batch_s:.1f} | {loop_s / batch_s:.2f} |", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--size", default="848x480", help="of all images; a D435's fields of view")
@@ -186,8 +210,12 @@ def main() -> None:
     parser.add_argument("--model", default="sapien-D435", help="our sensor's preset")
     parser.add_argument("--environments", default="1,16", help="of the second table; empty for none")
     parser.add_argument("--samples", default="1,4", help="of the second table")
+    parser.add_argument("--loops", default="", metavar="E,E", help="only batches beside loops, at --size WxW")
     args = parser.parse_args()
     width, height = (int(n) for n in args.size.split("x"))
+    if args.loops:
+        print_loops([int(n) for n in args.loops.split(",")], width, args.rounds, args.device, args.model)
+        return
     ours, late, stages, name = our_times((width, height), args.rounds, args.device, args.model)
     theirs = sapien_times((width, height), args.rounds)
     print(f"{name}, {width}x{height}, {args.model}, wall milliseconds, least of {args.rounds}")
