@@ -61,6 +61,7 @@ class Bodies:
         self._semantic_ids = np.zeros(1, np.uint32)
         self._to_body = np.empty((0, 4, 4))
         self._materials: list[tuple[int, ...]] = []  # as they were given
+        self._varied: dict[tuple[int, int], int] = {}  # materials by environment and the one that was given
         self._last = np.zeros((environment_count or 1, 0, 4, 4))
 
     def add(
@@ -127,6 +128,35 @@ class Bodies:
             if own:
                 materials = [material_of(int(environment), number) for number in own]
                 self.scene.set_instance_materials(int(instance), materials)
+
+    def vary_albedo(self, name: str, factors: ArrayLike) -> None:
+        """Scales base colours and infrared albedos, up to 1, of one body's materials in each environment: factors [E],
+        over what the body was added with. Where bodies share a material, they share the last of their factors.
+        ValueError names all environments whose factor is none; then nothing has changed."""
+        body, values = self.index(name), np.asarray(factors, np.float64)
+        if values.shape != (self.environment_count,):
+            raise ValueError(f"albedo of '{name}' is {list(values.shape)}, expected [{self.environment_count}] factors")
+        if bad := [f"environment {n} is {value:g}" for n, value in enumerate(values) if not 0.0 <= value < np.inf]:
+            raise ValueError(f"albedo of '{name}' in {'; '.join(bad)}, expected finite factors of 0 or more")
+        for row in np.flatnonzero(self._bodies == body).tolist():
+            environment = int(self._environments[row])
+            own = [self._scaled(environment, number, float(values[environment])) for number in self._materials[row]]
+            if own:
+                self.scene.set_instance_materials(int(self._instances[row]), own)
+
+    def _scaled(self, environment: int, number: int, factor: float) -> int:
+        material = self.scene.get_material(number)
+        red, green, blue, alpha = material.base_color
+        red, green, blue = (min(factor * channel, 1.0) for channel in (red, green, blue))
+        material.base_color = (red, green, blue, alpha)
+        if material.ir_albedo is not None:
+            material.ir_albedo = min(factor * material.ir_albedo, 1.0)
+        key = environment, number
+        if key in self._varied:
+            self.scene.set_material(self._varied[key], material)
+        else:
+            self._varied[key] = self.scene.add_material(material)
+        return self._varied[key]
 
     def index(self, name: str) -> int:
         """A body's number. Raises ValueError where there is none of this name."""

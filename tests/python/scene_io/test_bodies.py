@@ -44,6 +44,29 @@ def test_each_environment_has_its_own_poses():
     np.testing.assert_allclose(middle_depth(scene, [0, 1, 2]), [0.9, 1.9, 2.9], rtol=1e-6)
 
 
+def test_albedos_differ_between_environments():
+    scene = kuafu.Scene(kuafu.Device())
+    bodies, mesh = Bodies(scene, 3), add_mesh(scene, solids.box())
+    paint = scene.add_material(kuafu.Material(base_color=(0.4, 0.4, 0.4, 1.0), ir_albedo=0.6))
+    for name in ("red", "blue"):
+        bodies.add(name, [Shape(mesh, [paint], np.diag([0.1, 0.1, 0.1, 1.0]))])
+    bodies.move(at(1.0, 1.0, 1.0))
+
+    def albedo():
+        renderer, cameras = kuafu.Renderer(scene.device), [kuafu.Camera(32, 32, K)] * 3
+        seen = renderer.render(scene, cameras, ["albedo"], environments=[0, 1, 2], spp=1, band="infrared")
+        return seen["albedo"][:, 16, 16, 0]
+
+    for factors in ([1.0, 0.5, 0.0], [0.25, 1.0, 9.0]):
+        bodies.vary_albedo("red", factors)
+        np.testing.assert_allclose(albedo(), np.minimum(0.6 * np.array(factors), 1.0), rtol=1e-3, atol=1e-6)
+    assert scene.get_material(paint).ir_albedo == pytest.approx(0.6)
+    with pytest.raises(ValueError, match="environment 0 is -1; environment 2 is nan, expected finite factors"):
+        bodies.vary_albedo("red", [-1, 1, np.nan])
+    with pytest.raises(ValueError, match=r"is \[2\], expected \[3\] factors"):
+        bodies.vary_albedo("red", [1, 1])
+
+
 def test_only_what_moved_is_updated():
     _, bodies = cubes(3)
     assert bodies.move(at(1.0, 2.0, 3.0)) == 6
