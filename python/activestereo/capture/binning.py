@@ -18,11 +18,20 @@ MOST_PIXELS = 848 * 480
 _Camera = TypeVar("_Camera", bound=Camera)
 
 
+def usual_samples(capture: Capture) -> int:
+    """Samples of each pixel where nothing else is asked for: 64, and of larger images as many for a whole image."""
+    return max(4, round(64 * min(1.0, MOST_PIXELS / _pixels(capture))))
+
+
 def usual_binning(capture: Capture) -> int:
     """Over how many pixels, along rows and columns, the images of a capture are averaged where nothing else is asked
     for."""
-    pixels = max(capture.rig.camera(side).width * capture.rig.camera(side).height for side in SIDES)
+    pixels = _pixels(capture)
     return 1 if pixels <= MOST_PIXELS else int(np.ceil(np.sqrt(2.0 * pixels / MOST_PIXELS)))
+
+
+def _pixels(capture: Capture) -> int:
+    return max(capture.rig.camera(side).width * capture.rig.camera(side).height for side in SIDES)
 
 
 def binned(capture: Capture, size: int) -> Capture:

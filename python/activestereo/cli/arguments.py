@@ -126,7 +126,8 @@ _SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
         "type": Path, "action": "append", "default": [], "metavar": "FILE", "help": "your own effects%s",
     }),
     "samples": (("--spp",), {
-        "type": integer_from(1), "default": 64, "metavar": "N", "help": "samples per pixel%s (default: 64)",
+        "type": integer_from(1), "metavar": "N",
+        "help": "samples per pixel%s (default: 64 up to 848x480, fewer of larger images)",
     }),
     "max_bounces": (("--max-bounces",), {
         "type": integer_from(0), "default": _MAX_BOUNCES.default, "metavar": "N",

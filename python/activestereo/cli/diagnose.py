@@ -7,7 +7,7 @@ import argparse
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from activestereo.cli.arguments import (
     Commands,
@@ -21,6 +21,7 @@ from activestereo.cli.arguments import (
 )
 
 if TYPE_CHECKING:
+    from activestereo.capture.capture import Capture
     from activestereo.diagnose import Diagnosis
 
 _TEXT = """\
@@ -106,6 +107,7 @@ def add_parser(commands: Commands) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
+    from activestereo.capture.binning import usual_samples
     from activestereo.common.phases import Phases
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.compare.cache import LayerCache
@@ -122,12 +124,14 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.report.write import WRITING, write_diagnosis_report
     from activestereo.report.write_diagnosis import write_diagnosis
 
+    def sampled(capture: Capture) -> tuple[Any, ...]:
+        return args.device, args.spp or usual_samples(capture), args.max_bounces, args.seed
+
     make_folder(args.out)
     check_paper(args)
     effects = library(*args.effects)
     given = {name: getattr(args, name) for name in ("alpha", "least_share") if getattr(args, name) is not None}
     model = None if args.model is None else read_model(args.model, effects)
-    sampled = args.device, args.spp, args.max_bounces, args.seed
     times = PhaseTimes("diagnose")
     with ProgressBar(f"diagnosing {args.capture.name}") as bar:
         phases = Phases(bar, times.usual_s(PHASES_S | {WRITING: 8.0}))
@@ -143,8 +147,8 @@ def run(args: argparse.Namespace) -> None:
             workers=args.workers,
             progress=phases,
             thresholds=replace(THRESHOLDS, **given),
-            rendering=(lambda capture: EngineImages(capture, *sampled)) if args.refine else None,
-            engines=lambda capture: CaptureRenderer(capture, *sampled),
+            rendering=(lambda capture: EngineImages(capture, *sampled(capture))) if args.refine else None,
+            engines=lambda capture: CaptureRenderer(capture, *sampled(capture)),
             binning=args.bin,
         )
         phases.begin(WRITING)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from activestereo.capture.binning import usual_samples
 from activestereo.capture.capture import Capture, read_capture
 from activestereo.common.html_table import table, text
 from activestereo.common.phases import Phases
@@ -80,8 +81,8 @@ class RenderedWith:
 
 
 def compare(
-    capture_path: str | Path, model: Model | None = None, renderer: Renderer | None = None, samples_per_pixel: int = 64,
-    max_bounces: int = 8, seed: int = 0, cache: LayerCache | None = None,
+    capture_path: str | Path, model: Model | None = None, renderer: Renderer | None = None,
+    samples_per_pixel: int | None = None, max_bounces: int = 8, seed: int = 0, cache: LayerCache | None = None,
     progress: Callable[[float], object] | None = None,
     engines: Callable[[Capture], CaptureRenderer] | None = None, scene_measurement: SceneMeasurement | None = None,
     calibrate: Callable[[Capture], Capture] | None = None,
@@ -89,11 +90,11 @@ def compare(
     """A Comparison of the capture folder. CaptureError where the capture cannot be used.
 
     model: effects on top of the base renderer, a Model; expected images are compared, so random effects show in the
-    noise floor alone. renderer: see render.py; None for kuafu on the best device. progress: called as
-    progress(fraction done); Phases that begin with PHASES_S are told of each. engines: makes a CaptureRenderer of the
-    capture, in which the model's effects act; None: their image functions do. scene_measurement: an
-    engines.SceneMeasurement, what is known of focal lengths and albedos. calibrate: replaces the capture's nominal rig
-    and pattern by measured ones.
+    noise floor alone. renderer: see render.py; None for kuafu on the best device. samples_per_pixel: None for
+    usual_samples(). progress: called as progress(fraction done); Phases that begin with PHASES_S are told of each.
+    engines: makes a CaptureRenderer of the capture, in which the model's effects act; None: their image functions do.
+    scene_measurement: an engines.SceneMeasurement, what is known of focal lengths and albedos. calibrate: replaces the
+    capture's nominal rig and pattern by measured ones.
     """
     capture = read_capture(capture_path)
     if calibrate is not None:
@@ -105,7 +106,7 @@ def compare(
     phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES_S)
     phases.work = megapixels(capture)
     phases.begin(RENDERING)
-    model = model or Model()
+    model, samples_per_pixel = model or Model(), samples_per_pixel or usual_samples(capture)
     halves = render_halves(capture, renderer, samples_per_pixel, max_bounces, seed, cache, phases, WARP_SCALE)
     phases.begin(PREDICTING)
     errors = image_errors(capture, model, halves, seed, engines, scene_measurement, phases)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.binning import binned, unbinned, usual_binning
+from activestereo.capture.binning import binned, unbinned, usual_binning, usual_samples
 from activestereo.capture.capture import Capture, ImageKey, read_capture
 from activestereo.common.computed_once import computed_once
 from activestereo.common.input_files import read_json
@@ -128,7 +128,7 @@ def diagnose(
     effects: Mapping[str, Effect] | None = None,
     steps: str = "one",
     renderer: Renderer | None = None,
-    samples_per_pixel: int = 64,
+    samples_per_pixel: int | None = None,
     max_bounces: int = 8,
     seed: int = 0,
     cache: LayerCache | None = None,
@@ -143,9 +143,9 @@ def diagnose(
 
     model: to start from; the search takes a SensorModel's effects alone. effects: {id: Effect} to choose from, None for
     the built-in ones. steps: "one" adds the best effect at most, "greedy" goes on until nothing may be named.
-    samples_per_pixel: of the held-out figures' images, as compare() has them; the search looks at half as many.
-    progress: called with the fraction done; Phases that begin with PHASES_S are told of each. rendering: makes a
-    capture's engine, by whose images effects of light transport are refined (diagnose/refine/by_rendering.py).
+    samples_per_pixel: of the held-out figures' images, as compare() has them; the search looks at half as many of its
+    own images. progress: called with the fraction done; Phases that begin with PHASES_S are told of each. rendering:
+    makes a capture's engine, by whose images effects of light transport are refined (diagnose/refine/by_rendering.py).
     engines: as of compare(), for the same held-out figures. binning: the search looks at images averaged over so many
     pixels along rows and columns, None for usual_binning(); what is told of the model's images is of whole ones.
     """
@@ -163,7 +163,9 @@ def diagnose(
     phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES_S)
     phases.work = megapixels(capture)
     phases.begin(RENDERING)
-    sampled: dict[str, Any] = {"samples_per_pixel": half_samples(samples_per_pixel), "max_bounces": max_bounces}
+    searched = half_samples(samples_per_pixel or usual_samples(capture))
+    samples_per_pixel = samples_per_pixel or usual_samples(whole)
+    sampled: dict[str, Any] = {"samples_per_pixel": searched, "max_bounces": max_bounces}
     sampled |= {"seed": seed, "cache": kept, "progress": phases, "scale": WARP_SCALE}
     known = _effects_of(model, capture.scene_path)
     render = partial(render_frames, renderer=renderer, **sampled)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from activestereo.capture.binning import binned, unbinned, usual_binning
+from activestereo.capture.binning import binned, unbinned, usual_binning, usual_samples
 from activestereo.capture.capture import Camera, CaptureError, read_capture
 from activestereo.capture.images import block_means, write_gray
 from activestereo.effects import Light, Model, builtin
@@ -66,9 +66,11 @@ def test_lengths_in_pixels_are_those_of_whole_images():
 
 
 def test_large_images_are_averaged_and_small_ones_are_not(whole):
-    sized = lambda width, height: usual_binning(  # noqa: E731
+    sized = [
         replace(whole, rig=replace(whole.rig, left=Camera(width, height, np.eye(3))))
-    )
-    assert [sized(424, 240), sized(848, 480), sized(1280, 720)] == [1, 1, 3]
+        for width, height in ((424, 240), (848, 480), (1280, 720))
+    ]
+    assert [usual_binning(capture) for capture in sized] == [1, 1, 3]
+    assert [usual_samples(capture) for capture in sized] == [64, 64, 28]  # as many for a whole image
     with pytest.raises(CaptureError, match="cannot be averaged over 9: give 1 to 3"):
         binned(whole, 9)
