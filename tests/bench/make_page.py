@@ -20,7 +20,7 @@ RESULTS = FOLDER / "results"
 CHAPTERS = {
     "Rendering": ("first_image", "render", "cpu", "mitsuba", "denoise", "noise", "scenes", "cancel", "load"),
     "Matching": ("matcher", "matcher_vulkan", "memory", "depth", "accuracy", "pairs"),
-    "Sensor": ("sensor", "split", "model_sensor", "gbuffer", "camera"),
+    "Sensor": ("sensor", "split", "model_sensor", "gbuffer", "camera", "realism"),
     "Calibration": ("calibrate", "pose", "materials"),
 }
 HEAD = """# Benchmarks
@@ -50,8 +50,8 @@ def main(arguments):
 def make_page():
     """The page as text."""
     machines = _read("machines")
-    lines = [HEAD, "| machine | parts |", "|--|--|", *(f"|`{name}`|{parts}|" for name, parts in machines.items()), ""]
-    lines += ["![Measured times over their targets](targets.svg)", ""]
+    lines = [HEAD, "|machine|parts|", "|--|--|", *(f"|`{name}`|{parts}|" for name, parts in machines.items()), ""]
+    lines += ["![Times over targets](targets.svg)", ""]
     for chapter, names in CHAPTERS.items():
         lines += [f"## {chapter}", ""]
         for name in names:
