@@ -205,6 +205,10 @@ def isaac_lab(monkeypatch):
     """Modules with the abstract methods of Isaac Lab 3's renderers, and no others."""
 
     class BaseRenderer(ABC):
+        @property
+        def visual_material_writer(self):
+            return None
+
         def initialize(self):
             return
 
@@ -263,6 +267,8 @@ def test_isaac_lab(monkeypatch) -> None:
     class Seeing(BaseRenderer):
         """Writes into its buffers when it renders, as Newton's does; cameras look along -y, which is x of their own."""
 
+        visual_material_writer = "writer"
+
         def __init__(self, cfg):
             self.outputs = {}
 
@@ -312,7 +318,7 @@ def test_isaac_lab(monkeypatch) -> None:
     renderer = cfg.class_type(cfg)
     renderer.initialize()
     renderer.prepare_stage(None, 2)
-    assert renderer.supported_output_types() == {"depth": 1}
+    assert renderer.supported_output_types() == {"depth": 1} and renderer.visual_material_writer == "writer"
     data = renderer.create_render_data(None)
     renderer.set_outputs(data, output)
     renderer.update_transforms()

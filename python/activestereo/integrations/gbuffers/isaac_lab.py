@@ -26,12 +26,14 @@ _OWN = ("update_camera", "read_output")
 
 
 def _passed_on(name: str) -> Any:
+    if isinstance(getattr(BaseRenderer, name), property):
+        return property(lambda self: getattr(self.source, name))
     return lambda self, *given, **named: getattr(self.source, name)(*given, **named)
 
 
-_methods = [name for name in dir(BaseRenderer) if callable(getattr(BaseRenderer, name)) and not name.startswith("_")]
+_names = [name for name in dir(BaseRenderer) if not name.startswith("_") and name not in _OWN]
 # All else that an Isaac Lab's version has its renderers do, the other renderer does.
-_Forwarding: Any = type("_Forwarding", (BaseRenderer,), {n: _passed_on(n) for n in _methods if n not in _OWN})
+_Forwarding: Any = type("_Forwarding", (BaseRenderer,), {name: _passed_on(name) for name in _names})
 
 
 class ActiveStereoRenderer(_Forwarding):
@@ -39,14 +41,12 @@ class ActiveStereoRenderer(_Forwarding):
 
     def __init__(self, cfg: ActiveStereoRendererCfg) -> None:
         self.cfg, self.source = cfg, cfg.source.class_type(cfg.source)
-        self._focal_px = 0.0
-        self._sensors: dict[tuple[int, ...], GBufferStereo] = {}
-        self._turns: dict[int, Any] = {}
+        self._sensors: dict[tuple[int, int, int, float], GBufferStereo] = {}
+        self._cameras: dict[int, tuple[Any, float]] = {}  # orientations and focal length, by render data
 
     def update_camera(self, render_data: Any, positions: Any, orientations: Any, intrinsics: Any) -> None:
         self.source.update_camera(render_data, positions, orientations, intrinsics)
-        self._turns[id(render_data)] = _tensor(orientations)
-        self._focal_px = float(_tensor(intrinsics)[0, 0, 0])
+        self._cameras[id(render_data)] = _tensor(orientations), float(_tensor(intrinsics)[0, 0, 0])
 
     def read_output(self, render_data: Any, camera_data: Any) -> None:
         """ValueError where the camera lacks one of the data types above."""
@@ -55,18 +55,21 @@ class ActiveStereoRenderer(_Forwarding):
         if missing:
             raise ValueError(f"an active stereo camera's data_types lack {missing}, it needs {list(_NEEDS)}")
         depth, planar, normal, albedo = (_tensor(camera_data.output[name]) for name in _NEEDS)
-        sensor = self._sensor(tuple(planar.shape[:3]))
-        seen = _in_camera(_tensor(self._turns[id(render_data)]), normal)
-        found = sensor(depth=planar[..., 0], normal=seen, albedo=albedo, outputs=("depth",))["depth"]
-        depth.copy_(depth.new_tensor(found)[..., None])
+        turns, focal_px = self._cameras[id(render_data)]
+        count, height, width, _ = planar.shape
+        sensor = self._sensor(count, height, width, focal_px)
+        seen = _in_camera(turns, normal)
+        found = sensor(depth=planar[..., 0], normal=seen, albedo=albedo, outputs=("depth",))
+        depth.copy_(depth.new_tensor(found["depth"])[..., None])
 
-    def _sensor(self, shape: tuple[int, ...]) -> GBufferStereo:
-        if shape not in self._sensors:
-            fov_deg = 2.0 * float(np.rad2deg(np.arctan(0.5 * shape[2] / self._focal_px)))
-            config = StereoDepthSensorConfig(self.cfg.camera).resized(shape[2], shape[1], fov_deg)
-            self._sensors[shape] = GBufferStereo(centred(config), environments=shape[0])
-            self._sensors[shape].restart(self.cfg.seed)
-        return self._sensors[shape]
+    def _sensor(self, count: int, height: int, width: int, focal_px: float) -> GBufferStereo:
+        key = count, height, width, focal_px
+        if key not in self._sensors:
+            fov_deg = 2.0 * float(np.rad2deg(np.arctan(0.5 * width / focal_px)))
+            config = StereoDepthSensorConfig(self.cfg.camera).resized(width, height, fov_deg)
+            self._sensors[key] = GBufferStereo(centred(config), environments=count)
+            self._sensors[key].restart(self.cfg.seed)
+        return self._sensors[key]
 
 
 def _tensor(values: Any) -> Any:
