@@ -127,7 +127,9 @@ GbufferSurface surface_at_pixel(IN(GbufferPlace) p) {
   GbufferPlace q = shown_place(p);
   IN(GbufferCamera) camera = push.record.at[0].cameras[q.camera];
   s.normal = surface_normal(camera, q, camera.inverse_depth.at[q.pixel], s.to_camera);
-  s.material = (camera.given & gbuffer_has_material) != 0u ? push.record.at[0].material_places.at[camera.material.at[q.pixel]] : 0u;
+  uint material = (camera.given & gbuffer_has_material) != 0u ? camera.material.at[q.pixel] : 0u;
+  // Where nothing is, and in an image that was refused, it may be any number.
+  s.material = material < push.record.at[0].materials ? push.record.at[0].material_places.at[material] : 0u;
   s.albedo = (camera.given & gbuffer_has_albedo) != 0u ? camera.albedo.at[q.pixel] : -1.0f;
   return s;
 }

@@ -150,6 +150,7 @@ def test_the_host_and_vulkan_compute_agree():
         ({"normal": 2.0}, "environment 1, pixel .*: the length of normal is .*, expected unit vectors"),
         ({"albedo": 1.5}, "environment 1, pixel .*: albedo is 1.5, expected 0 to 1"),
         ({"material": 2}, "environment 1, pixel .*: material is 2, expected a number below 2"),
+        ({"material": 0xFFFFFFFF}, "environment 1, pixel .*: material is 4294967295, expected a number below 2"),
     ],
 )
 def test_a_bad_value_is_named_with_its_environment(change, words):
@@ -168,6 +169,14 @@ def test_materials_are_named_by_ids_that_are_given_once():
     np.testing.assert_array_equal(named["projector_direct"], lit(given)["projector_direct"])
     with pytest.raises(ValueError, match="material is 1, expected .* that is there"):
         lit(given, removed=1)
+
+
+def test_where_nothing_is_the_material_may_be_any_number():
+    given = wall(0.5)
+    given["depth"][0, 3:9, 20:40] = 0.0
+    numbers = np.where(given["depth"] > 0, 1, 0xFFFFFFFF)
+    for name, image in lit(given | {"material": numbers}, ambient=0.1).items():
+        np.testing.assert_array_equal(image, lit(given, ambient=0.1)[name], err_msg=name)
 
 
 def test_infinite_depth_is_nothing():
