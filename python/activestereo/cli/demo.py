@@ -12,7 +12,7 @@ from typing import Any
 from activestereo.cli.arguments import CommandError, Commands, add_shared, make_folder
 
 _TEXT = """\
-Shows in a minute or two what the project does, each step with the command that does it alone:
+Shows in a few minutes what the project does, each step with the command that does it alone:
 
   1  simulates a D435 in front of the example's table: DIR/simulated/overview.png
   2  renders a small capture of that table and hides an effect in its images, by formulas that

@@ -94,6 +94,8 @@ def _words(found: dict[str, Any]) -> str:
     cache, free = found["cache"], found["memory_free_bytes"]
     lines.append(f"cache: {cache['used_bytes'] / 1e9:.2f} of {cache['limit_bytes'] / 1e9:g} GB in {cache['folder']}")
     lines.append("free memory: " + ("not known" if free is None else f"{free / 1e9:.1f} GB"))
+    if found["renders_on"]:
+        lines.append("next: activestereo demo")
     return "\n".join(lines)
 
 

@@ -15,7 +15,8 @@ def load_effects(path: str | Path) -> dict[str, Effect]:
     file."""
     path = Path(path)
     if not path.is_file():
-        raise FileNotFoundError(2, "no such effect file", str(path))
+        words = "no such effect file (Python, or a shared library; built-in effects need none)"
+        raise FileNotFoundError(2, words, str(path))
     found = _from_python(path) if path.suffix == ".py" else _from_library(path)
     if not found:
         raise ValueError(f"{path}: holds no effect; make one with the decorator activestereo.effects.effect")
