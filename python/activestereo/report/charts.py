@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from activestereo.common.palette import BLUE, GREEN, GRID, INK, MUTED, ORANGE
 from activestereo.compare.covariates import COVARIATES
+from activestereo.diagnose.answer.verdict_words import error_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -154,10 +155,12 @@ def effects_chart(steps: Sequence[Mapping[str, Any]], floor: float | None) -> Fi
     floor: DN or None."""
     figure = Figure(figsize=(4.9, 2.5), layout="constrained")
     axes = _axes(figure, 1, 1, 1, y="held-out infrared RMSE, DN", title="Error against effects added", grid="y")
-    error = [step["heldout_ir_rmse"] for step in steps]
+    told = [step["heldout_ir_rmse"] for step in steps]
+    error = [value if floor is None else max(value, floor) for value in told]
     axes.plot(range(len(error)), error, "o-", color=BLUE, lw=2, ms=8)
-    for i, value in enumerate(error):
-        axes.annotate(f"{value:.2f}", (i, value), (0, 9), textcoords="offset points", ha="center", size=9.5, color=INK)
+    for i, value in enumerate(told):
+        said = error_text(value, floor, 2)
+        axes.annotate(said, (i, error[i]), (0, 9), textcoords="offset points", ha="center", size=9.5, color=INK)
     if floor is not None:
         axes.axhline(floor, color=INK, lw=1.4, ls=(0, (4, 2)))
         axes.annotate(

@@ -17,10 +17,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "shared"))
 
 from room_worlds import BALLS, BASELINE_M, CX, CY, EXPONENT, PLACE_M, F, Room
 
+from activestereo.calibrate.world.camera import information_of
 from activestereo.calibrate.world.light import black_level
 from activestereo.calibrate.world.views import SceneView, read_views
 from activestereo.calibrate.world.world import calibrate_world
 from activestereo.capture.capture import read_capture
+from activestereo.capture.capture_json import CaptureError
 from activestereo.cli import main
 
 NOMINAL = f"{F - 3},{F - 3},{CX + 4},{CY - 3}"
@@ -182,3 +184,12 @@ def test_counts_that_end_abruptly_are_the_black_level():
     assert black_level([view]) == (4.0, pytest.approx(0.4))
     level, deviation = black_level([replace(view, left=thins_out, right=thins_out)])
     assert deviation > 4.0 and level < 12.0
+
+
+@pytest.mark.parametrize(
+    "covariance", [np.diag([1.0, 1.0, -0.5]), np.ones((3, 3)), np.eye(2), [[1, 2, 0], [0, 1, 0], [0, 0, 1]]]
+)
+def test_a_covariance_that_is_none_is_refused_in_a_line(covariance):
+    with pytest.raises(CaptureError, match="covariance_px2: is no covariance .* step camera again"):
+        information_of(covariance)
+    assert np.allclose(information_of(np.diag([4.0, 1.0, 1.0])), np.diag([0.25, 1.0, 1.0]))

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from lab_worlds import WorldRenderer
-from activestereo.capture.capture import read_capture
+from report_worlds import DIAGNOSIS
+from activestereo.capture.capture import Uncertainty, read_capture
 from activestereo.compare.nuisances import Nuisances, predict
 from activestereo.compare.render import render_frames
 from activestereo.diagnose.answer.albedo_json import albedo_json, albedo_surfaces
-from activestereo.diagnose.answer.verdict_words import geometry_words
+from activestereo.diagnose.answer.verdict_words import geometry_words, next_steps
 from activestereo.diagnose.evidence import gather
 from activestereo.diagnose.refine import Fitter, ParameterSpace
 from activestereo.effects import Model, builtin
@@ -66,3 +67,14 @@ def test_beside_gloss_an_albedo_is_another_quantity(evidence):
     space = ParameterSpace.of(Model(), builtin()["specular"])
     named = fitter.refine(space, space.start, solution.phi, 0)
     assert albedo_json(evidence, fitter, named) == []
+
+
+@pytest.mark.parametrize("stated, impossible", [(0.01, True), (0.1, False)])
+def test_a_stated_albedo_that_is_impossible_for_what_is_seen_is_told(evidence, stated, impossible):
+    wrong, fitter, solution = reflecting(evidence, {0: 0.6})
+    wrong = replace(wrong, capture=replace(wrong.capture, uncertainty=Uncertainty(albedo=stated)))
+    [entry] = albedo_json(wrong, fitter, solution)
+    assert entry["stated_sigmas"] == pytest.approx(0.4 / stated, rel=0.1)
+    assert ("times its stated uncertainty" in entry["text"]) == impossible
+    steps = next_steps(DIAGNOSIS | {"albedos": [entry]})
+    assert any(step.startswith("Measure the albedos again, or state a larger") for step in steps) == impossible

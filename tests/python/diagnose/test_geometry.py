@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 
 from lab_worlds import RememberingRenderer, WorldRenderer
+from report_worlds import DIAGNOSIS
 from activestereo.capture.capture import Uncertainty, read_capture
 from activestereo.capture.capture_json import CaptureError
 from activestereo.compare.layers import Layers
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import render_frames
 from activestereo.diagnose.answer.geometry_json import geometry_json
-from activestereo.diagnose.answer.verdict_words import geometry_words
+from activestereo.diagnose.answer.verdict_words import geometry_words, next_steps
 from activestereo.diagnose.evidence import gather
 from activestereo.diagnose.evidence.coarse import coarse
 from activestereo.diagnose.evidence.geometry import TWIST, Geometry, geometry_slopes, matrix_of
@@ -231,3 +232,16 @@ def test_an_uncertainty_is_a_positive_number(lab_world, tmp_path):
     file.write_text(json.dumps(values | {"uncertainty": {"pose_m": -1.0}}))
     with pytest.raises(CaptureError, match="uncertainty.pose_m: is -1"):
         read_capture(folder)
+
+
+def test_a_stated_place_that_is_impossible_for_what_is_seen_is_told(lab_world):
+    """20 mm off where the file says 0.1 mm; with 20 mm stated, nothing is impossible."""
+    capture = read_capture(lab_world.capture_path)
+    for stated_m, impossible in ((1e-4, True), (0.02, False)):
+        geometry = Geometry.as_stated(replace(capture, uncertainty=Uncertainty(projector_m=stated_m)))
+        geometry = replace(geometry, projector=np.array([0.02, 0, 0, 0, 0, 0]), deviations=geometry.deviations + 1e-4)
+        [entry] = geometry_json(geometry)
+        assert entry["text"].startswith("the projector stands 20.0 mm (0.00 degrees) from where the capture says")
+        assert entry["text"].endswith(", 200 times its stated uncertainty") == impossible
+        steps = next_steps(DIAGNOSIS | {"geometry": [entry]})
+        assert any('state a larger "uncertainty"' in step for step in steps) == impossible

@@ -12,6 +12,7 @@ import pytest
 import activestereo.lab
 from schema_check import violations
 from activestereo.report import explorer, write
+from activestereo.report.charts import effects_chart
 from activestereo.report.diagnosis import diagnosis_sections
 from activestereo.report.diagnosis_text import diagnosis_text
 from activestereo.report.encode import encoded_image
@@ -228,3 +229,11 @@ def test_no_error_below_the_noise_floor_is_told(after, said):
     page = "".join(diagnosis_sections(result))
     assert said.split()[0] in line and f"6.21 DN → {said}" in page
     assert (f"{after:.2f}" in line) == (after > result["heldout_noise_floor"])
+
+
+def test_the_curve_of_errors_ends_at_the_floor():
+    steps = [{"effects": [], "heldout_ir_rmse": 6.21}, {"effects": ["haze"], "heldout_ir_rmse": 2.43}]
+    [axes] = effects_chart(steps, 2.44).axes
+    assert axes.lines[0].get_ydata().tolist() == [6.21, 2.44]
+    said = [note.get_text() for note in axes.texts]
+    assert "at the noise floor" in said and not any("2.43" in words for words in said)

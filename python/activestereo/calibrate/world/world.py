@@ -16,7 +16,12 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.calibrate.world.camera import CameraEstimate, camera_from_boards, camera_from_overlaps
+from activestereo.calibrate.world.camera import (
+    CameraEstimate,
+    camera_from_boards,
+    camera_from_overlaps,
+    information_of,
+)
 from activestereo.calibrate.world.light import darkness
 from activestereo.calibrate.world.light_steps import Progress, albedo_step, exposure_step
 from activestereo.calibrate.world.pair_geometry import pair_geometry
@@ -151,7 +156,7 @@ def _with_camera(world: World, group: Sequence[int], poses: PoseEstimate) -> NDA
     told = world.capture.measured.get("camera", {}).get("covariance_px2")
     if told is None:
         return poses.covariance
-    return solve_poses(world.surfaces, world.overlaps, group, world.K, np.linalg.inv(np.array(told))).covariance
+    return solve_poses(world.surfaces, world.overlaps, group, world.K, information_of(told)).covariance
 
 
 def _pattern(world: World, seed: int, folder: Path, progress: Progress) -> None:

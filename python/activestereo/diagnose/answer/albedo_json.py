@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from activestereo.common.input_files import read_json
+from activestereo.diagnose.answer.verdict_words import beyond_stated
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.refine.fitter import Fitter
 from activestereo.diagnose.refine.light import DENSE
@@ -31,7 +32,8 @@ def albedo_surfaces(evidence: Evidence) -> dict[int, int]:
 
 
 def albedo_json(evidence: Evidence, fitter: Fitter, solution: Solution) -> list[dict[str, Any]]:
-    """[{material, text, factor on the scene's albedo, its standard error}], of materials that are far from what is
+    """[{material, text, factor on the scene's albedo, its standard error, its distance from 1 in the deviations that
+    the capture states}], of materials that are far from what is
     stated; none beside an effect of surfaces, which makes another quantity of it.
 
     Light and albedos have one factor in common: it is what the median material reflects as stated.
@@ -47,11 +49,13 @@ def albedo_json(evidence: Evidence, fitter: Fitter, solution: Solution) -> list[
     surfaces, told = scene_surfaces(evidence.capture.scene_path), []
     for index, number in sorted(albedo_surfaces(evidence).items()):
         factor, error = factors[index] / usual, float(errors[index]) if index >= 0 else 0.0
-        least = _TOLD_SIGMAS * max(error, evidence.capture.uncertainty.albedo)
+        stated = evidence.capture.uncertainty.albedo
+        least, sigmas = _TOLD_SIGMAS * max(error, stated), abs(factor - 1.0) / stated
         if number < len(surfaces) and abs(factor - 1.0) > least:
             name = material_of(surfaces[number].name)
-            text = _text(name, factor, _stated(evidence, surfaces[number].material))
-            told.append({"material": name, "text": text, "factor": factor, "factor_sigma": error})
+            text = _text(name, factor, _stated(evidence, surfaces[number].material)) + beyond_stated(sigmas)
+            entry = {"material": name, "text": text, "factor": factor, "factor_sigma": error}
+            told.append(entry | {"stated_sigmas": sigmas})
     return told
 
 

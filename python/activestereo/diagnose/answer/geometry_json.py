@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from activestereo.capture.capture import SIDES
-from activestereo.diagnose.answer.verdict_words import IMPOSSIBLE_SIGMAS
+from activestereo.diagnose.answer.verdict_words import beyond_stated
 from activestereo.diagnose.evidence.geometry import TWIST, Geometry
 
 # A correction is told where it is more than this many of its standard errors.
@@ -41,7 +41,7 @@ def _focal(side: str, change: float, deviation: float, stated: float) -> dict[st
     text = f"the {side} camera's focal length is {100 * abs(change):.2f} % {which} than the capture says"
     return {
         "what": f"focal_{side}",
-        "text": text + _beyond(sigmas),
+        "text": text + beyond_stated(sigmas),
         "relative": float(change),
         "relative_sigma": float(deviation),
         "stated_sigmas": float(sigmas),
@@ -58,7 +58,7 @@ def _place(
     name = "the projector" if frames is None else f"the camera of frame {', '.join(map(str, frames))}"
     return {
         "what": "projector" if frames is None else "view",
-        "text": f"{name} stands {by} from where the capture says{_beyond(sigmas)}",
+        "text": f"{name} stands {by} from where the capture says{beyond_stated(sigmas)}",
         "frames": frames or [],
         "moved_mm": moved_mm,
         "turned_deg": turned_deg,
@@ -66,8 +66,3 @@ def _place(
         "twist_sigma": deviations.tolist(),
         "stated_sigmas": sigmas,
     }
-
-
-def _beyond(sigmas: float) -> str:
-    """A clause for what the stated uncertainty makes impossible."""
-    return f", {sigmas:.0f} times its stated uncertainty" if sigmas > IMPOSSIBLE_SIGMAS else ""

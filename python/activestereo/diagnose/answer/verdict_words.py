@@ -23,6 +23,11 @@ _REMEDIES = {
 }
 
 
+def beyond_stated(sigmas: float) -> str:
+    """A clause for what the stated uncertainty makes impossible."""
+    return f", {sigmas:.0f} times its stated uncertainty" if sigmas > IMPOSSIBLE_SIGMAS else ""
+
+
 def error_text(rmse_dn: float, floor_dn: float | None, decimals: int) -> str:
     """An error for reading. Nothing is below the noise floor but by chance: no digit of that is told."""
     return f"{rmse_dn:.{decimals}f} DN" if floor_dn is None or rmse_dn > floor_dn else "at the noise floor"
@@ -111,8 +116,9 @@ def _left(result: Mapping[str, Any]) -> str:
 def next_steps(result: Mapping[str, Any]) -> list[str]:
     """Sentences on what to do with the answer, most useful first."""
     steps = [_measurement(advice) for advice in result["next_measurement"][:1]]
-    if any(entry["stated_sigmas"] > IMPOSSIBLE_SIGMAS for entry in result.get("geometry", [])):
-        steps.append("Calibrate the rig again, or state a larger \"uncertainty\" in capture.json.")
+    for kind, again in (("geometry", "Calibrate the rig"), ("albedos", "Measure the albedos")):
+        if any(entry.get("stated_sigmas", 0.0) > IMPOSSIBLE_SIGMAS for entry in result.get(kind, [])):
+            steps.append(f'{again} again, or state a larger "uncertainty" in capture.json.')
     if result["verdict"] == "effect":
         gone = share_gone(result)
         if gone is not None and gone < _MOST:
