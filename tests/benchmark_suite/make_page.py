@@ -38,6 +38,7 @@ doubles each [threshold](../../python/activestereo/diagnose/README.md#thresholds
 | single | 156 | 39 effects at four strengths: below the floor, weak, medium, strong |
 | pairs | 40 | two effects, 11 times twins that resemble each other |
 | wider | 14 | 7 effects that the library got later, medium and strong |
+| filters | 4 | what a device's firmware does to good depth, medium and strong: no fault, and not in `all` |
 | outside | 24 | 12 effects that no library has, medium and strong |
 | none | 100 | nothing |
 | depth | 12 | faults of the device's depth engine; captures without infrared images |

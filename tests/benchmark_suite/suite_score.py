@@ -78,6 +78,8 @@ class Result:
         """Whether the tool said all that is true, and nothing else."""
         if not self.key["infrared"]:
             return self.verdict == "undetermined" and not self.added
+        if self.key["set"] == "filters":
+            return self.verdict == "none" and not self.added
         if self.key["set"] == "outside":
             return self.verdict == "unknown" and not self.added
         if any(entry.get("nuisance") for entry in self.ranking if entry["effect"] in self.truth):
@@ -116,7 +118,7 @@ def read_results(folder, ids):
 
 def score(results):
     """{measure: {value, low, high, n}}, by strength, and what the pictures show."""
-    sets = ("single", "pairs", "outside", "none", "depth", "wider")
+    sets = ("single", "pairs", "outside", "none", "depth", "wider", "filters")
     of = {name: [r for r in results if r.key["set"] == name] for name in sets}
     clear = [r for r in of["single"] if r.detectable]
     measures = {
@@ -128,6 +130,7 @@ def score(results):
         "named and right": rate([r.added == r.truth for r in clear]),
         "wider library: named and right": rate([r.added == r.truth for r in of["wider"] if r.detectable]),
         "false alarms": rate([r.named for r in of["none"]]),
+        "filters of the depth: named as a fault": rate([r.named for r in of["filters"]]),
         "no effect: said so": rate([r.verdict == "none" for r in of["none"]]),
         "outside the library: said so": rate([r.verdict == "unknown" for r in of["outside"]]),
         "outside the library: wrong name": rate([r.verdict == "effect" for r in of["outside"]]),

@@ -15,11 +15,11 @@ import numpy as np
 sys.path.append(str(Path(__file__).resolve().parents[1] / "support"))
 
 from virtual_sensor.held_out import catalogue  # noqa: E402
-from virtual_sensor.held_out.catalogue import DEPTH_ENGINE, OUTSIDE, SINGLE, STRENGTHS, WIDER  # noqa: E402
+from virtual_sensor.held_out.catalogue import DEPTH_ENGINE, FILTERS, OUTSIDE, SINGLE, STRENGTHS, WIDER  # noqa: E402
 
 MEDIUM, STRONG = STRENGTHS.index("medium"), STRENGTHS.index("strong")
 PAIRS, NONES, DEPTH_ONLY = 40, 100, 4
-_CODES = {"single": 1, "pairs": 2, "outside": 3, "none": 4, "depth": 5, "wider": 6}
+_CODES = {"single": 1, "pairs": 2, "outside": 3, "none": 4, "depth": 5, "wider": 6, "filters": 7}
 ALL = ("single", "pairs", "outside", "none", "depth", "wider")
 _SMALL = (
     ("none", 0), ("none", 1), ("single", "projector_defocus"), ("single", "radial_distortion"),
@@ -59,7 +59,7 @@ class Item:
 
 
 def items(name, generation=0):
-    """The items of a set; 'all' is every set but 'small', mixed, so that a part of it is a sample of it."""
+    """The items of a set; 'all' is every set of ALL, mixed, so that a part of it is a sample of it."""
     return [replace(item, generation=generation) for item in _items(name)]
 
 
@@ -70,7 +70,8 @@ def _items(name):
         found = [item for part in ALL for item in _items(part)]
         return [found[i] for i in np.random.Generator(np.random.PCG64(1)).permutation(len(found))]
     lists = {
-        "single": _single, "pairs": _pairs, "outside": _outside, "none": _none, "depth": _depth, "wider": _wider
+        "single": _single, "pairs": _pairs, "outside": _outside, "none": _none, "depth": _depth, "wider": _wider,
+        "filters": _filters,
     }  # fmt: skip
     return [
         Item(name, number, tuple(strengths.items()), infrared)
@@ -92,6 +93,10 @@ def _outside():
 
 def _wider():
     return [({effect: strength}, True) for strength in (MEDIUM, STRONG) for effect in WIDER]
+
+
+def _filters():
+    return [({effect: strength}, True) for strength in (MEDIUM, STRONG) for effect in FILTERS]
 
 
 def _none():

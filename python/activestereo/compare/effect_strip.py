@@ -12,11 +12,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.capture.capture import SIDES
+from activestereo.compare.depth_compare import SETTLING_FRAMES
+from activestereo.compare.depth_model import DepthModel, expose
+from activestereo.compare.noise import NoiseModel
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import WARP_SCALE, render_frames
 from activestereo.compare.surrogate import trial_capture
 from activestereo.effects.core.descriptor import Effect, Stage
-from activestereo.effects.core.model import Model
+from activestereo.effects.core.model import Model, inverse_depth
+from activestereo.effects.core.random_stream import random_stream
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.effects.core.view import View
 
@@ -32,6 +37,8 @@ _SCALE = 2.0
 _SAMPLES, _BOUNCES = 128, 2
 _STRENGTHS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
 _NUISANCES = Nuisances(projector_scale=120000.0, ambient_scale=9000.0, black_dn=5.0)
+# Of the pairs that are matched: an imager with a speckle of a tenth.
+_NOISE = NoiseModel(offset=1.0, shot=0.02, relative=0.01, black_dn=5.0)
 
 
 @dataclass(frozen=True)
@@ -59,6 +66,8 @@ class StripView:
         self._views = {name: View.of(capture, frame, name, layers[name]) for name in layers}
         self._layers, self._nuisances, self._side = layers, nuisances, side
         self._base = Model() if base is None else base
+        self._capture, self._frame = capture, frame
+        self._matched: list[NDArray[np.float64]] = []
 
     def strip(self, effect: Effect, given: Mapping[str, float] | None = None) -> EffectStrip:
         """An EffectStrip. given: parameters that are not to be typical."""
@@ -66,7 +75,8 @@ class StripView:
         values = effect.values(values | dict(given or {}))
         if effect.stage > Stage.DIGITAL:
             return self._of_depth(effect, values)
-        images = [self._image(model) for model in (self._base, self._base.with_effect(effect, **values))]
+        models = self._base, self._base.with_effect(effect, **values)
+        images = [self._image(model, self._side) for model in models]
         return EffectStrip(effect, values, "DN", *images)
 
     def strengths(self, effect: Effect, given: Mapping[str, float] | None = None) -> list[EffectStrip]:
@@ -81,19 +91,34 @@ class StripView:
             strips.append(self.strip(effect, dict(given or {}) | own))
         return strips
 
-    def _image(self, model: Model) -> NDArray[np.float64]:
-        view = self._views[self._side]
-        light = model.light(self._layers[self._side], view, True)
+    def _image(self, model: Model, side: str) -> NDArray[np.float64]:
+        view = self._views[side]
+        light = model.light(self._layers[side], view, True)
         return np.asarray(model.signal(light, view, self._nuisances, True), dtype=np.float64)
 
     def _of_depth(self, effect: Effect, values: dict[str, float]) -> EffectStrip:
-        """The depth engine's effects act on the disparity of the geometry, or on its depth."""
-        view = self._views["left"]
-        depth = np.where(np.isfinite(view.depth_m), view.depth_m, 0.0).astype(np.float64)
-        disparity = np.where(depth > 0.0, view.K[0, 0] * view.baseline_m / np.maximum(depth, 1e-6), 0.0)
-        value, unit = (disparity, "px") if effect.stage is Stage.DISPARITY else (depth, "m")
-        changed = np.asarray(effect.apply(value.copy(), view, **values), dtype=np.float64)
-        return EffectStrip(effect, values, unit, value, changed)
+        """Effects of the depth engine act on the geometry's depth, or, where that has nothing for them to change, on
+        noisy pairs as simsense matches them, with the stream before."""
+        view, stream = self._views["left"], dict[str, np.ndarray]()
+        frames = [np.where(np.isfinite(view.depth_m), view.depth_m, 0.0).astype(np.float64)]
+        if np.allclose(Model().with_effect(effect, **effect.typical_values).depth(frames[0], view), frames[0]):
+            frames = self._matches(SETTLING_FRAMES if effect.remembers else 1)
+        model = Model().with_effect(effect, **values)
+        for depth in frames:
+            changed = model.depth(depth, view, stream)
+        if effect.stage is Stage.DEPTH:
+            return EffectStrip(effect, values, "m", frames[-1], changed)
+        return EffectStrip(effect, values, "px", *(inverse_depth(d, view) for d in (frames[-1], changed)))
+
+    def _matches(self, count: int) -> list[NDArray[np.float64]]:
+        """The depths of so many exposures, metres [height][width], 0 = none."""
+        if len(self._matched) < count:
+            engine, images = DepthModel(self._capture), [self._image(self._base, side) for side in SIDES]
+            for draw in range(len(self._matched), count):
+                rng, most = random_stream(draw, "strip"), self._capture.rig.max_dn
+                pair = [expose(image, self._frame.gain, _NOISE, most, rng) for image in images]
+                self._matched.append(engine.depth(*pair).astype(np.float64))
+        return self._matched[:count]
 
 
 class StripWorld(StripView):

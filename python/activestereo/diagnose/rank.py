@@ -178,8 +178,7 @@ def _of_pixels(context: DiagnosisContext, of_kind: dict[Channel | None, list[Eff
 
 
 def _unjudged(of_kind: Mapping[Channel | None, list[Effect]]) -> list[NotRanked]:
-    reason = "it is random, and its descriptor does not say how it is judged (see effects/core/judging.py)"
-    return [NotRanked(e, reason) for e in of_kind.get(None, [])]
+    return [NotRanked(e, e.unjudged_reason) for e in of_kind.get(None, [])]
 
 
 def _scored(context: DiagnosisContext, base: BaseFit, explained: Sequence[Explanation]) -> Ranking:

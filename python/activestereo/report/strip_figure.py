@@ -39,9 +39,13 @@ def parameter_words(strip: EffectStrip) -> str:
 
 
 def strip_ranges(strip: EffectStrip) -> tuple[float, float]:
-    """(the picture's brightest shown value, the difference's largest), in the strip's unit."""
+    """(the picture's brightest shown value, the difference's largest), in the strip's unit. Depth that comes or goes
+    differs by all of it: where any other changes, that tells the difference's range."""
     shown = lambda image: max(float(np.quantile(image, _SHOWN_QUANTILE)), 1e-6)  # noqa: E731
-    return shown(strip.without), shown(np.abs(strip.difference))
+    difference = np.abs(strip.difference)
+    stays = (strip.without > 0) & (strip.with_it > 0)
+    is_depth = strip.unit != "DN" and difference[stays].any()
+    return shown(strip.without), shown(difference[stays] if is_depth else difference)
 
 
 def _panels(row: Figure, strip: EffectStrip) -> None:

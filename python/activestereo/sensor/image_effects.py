@@ -58,6 +58,7 @@ class ImageEffects:
         self._sensor = sensor
         self._effects = tuple(effects)
         self._matcher: simsense.Engine | None = None
+        self._stream: dict[str, NDArray[Any]] = {}
 
     def __bool__(self) -> bool:
         return bool(self._effects)
@@ -145,7 +146,7 @@ class ImageEffects:
     def _matched(self, model: Model, engine: simsense.Engine, result: dict[str, NDArray]) -> dict[str, NDArray]:
         k, baseline_m, left_to_rectified = engine.rectified
         view = self._view("left", self._sensor.engine_inputs(), self._sensor.get_pictures(_GEOMETRY, "left"))
-        depth = model.depth(result["depth"], view).astype(np.float32)
+        depth = model.depth(result["depth"], view, self._stream).astype(np.float32)
         disparity = np.where(depth > 0, k[0, 0] * baseline_m / np.where(depth > 0, depth, 1.0), -1.0).astype(np.float32)
         depth_rgb = registered(depth, k, left_to_rectified, self._sensor.plan)
         return result | {"disparity": disparity, "depth_rgb": depth_rgb}

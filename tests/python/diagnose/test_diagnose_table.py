@@ -15,7 +15,7 @@ import pytest
 from lab_worlds import WorldRenderer
 from activestereo.capture.capture import SIDES, read_capture
 from activestereo.capture.write import write_capture
-from activestereo.effects import Model, View, builtin
+from activestereo.effects import Model, Stage, View, builtin
 from activestereo.effects.core.judging import Channel
 from activestereo.compare.depth_model import DepthModel
 from activestereo.diagnose import Settings, examine
@@ -113,7 +113,7 @@ class _NoCache:
 def captured(table, folder, model):
     """The capture under a model, written and read again."""
     capture, layers = table
-    engine, images, depths = DepthModel(capture), {}, {}
+    engine, images, depths, stream = DepthModel(capture), {}, {}, {}
     for frame in capture.frames:
         views = {side: View.of(capture, frame, side, layers[frame.id][side], seed=5) for side in SIDES}
         for side in SIDES:
@@ -126,7 +126,7 @@ def captured(table, folder, model):
             if (q := next((v["step_dn"] for e, v in model.effects if e.id == "quantisation"), 0)) > 0:
                 images[frame.id, side] = np.clip(q * np.rint(images[frame.id, side] / q), 0, 255).astype(np.uint8)
         if frame.projector_power > 0:
-            z = model.depth(engine.depth(*(images[frame.id, side] for side in SIDES)), views["left"])
+            z = model.depth(engine.depth(*(images[frame.id, side] for side in SIDES)), views["left"], stream)
             depths[frame.id] = np.rint(z / frame.depth_scale).clip(0, 65535).astype(np.uint16)
     write_capture(
         folder / "capture",
@@ -138,8 +138,17 @@ def captured(table, folder, model):
     return read_capture(folder / "capture")
 
 
-def test_the_table_holds_the_whole_library():
-    assert set(STRENGTH) == set(EFFECTS)
+def test_the_table_holds_all_that_the_lab_judges():
+    assert set(STRENGTH) == {e.id for e in EFFECTS.values() if e.channel is not None}
+
+
+@pytest.mark.parametrize("name", [e.id for e in EFFECTS.values() if e.channel is None])
+def test_a_device_s_filters_are_no_fault(table, tmp_path, name):
+    capture = captured(table, tmp_path, Model().with_effect(EFFECTS[name], **EFFECTS[name].typical_values))
+    rivals = [e for e in EFFECTS.values() if e.stage > Stage.DIGITAL]
+    result = examine(gather(capture, table[1]), Model(), rivals, Settings(workers=1)).result
+    assert (result["verdict"], result["depth"]["verdict"]) == ("none", "none") and not result["added"]
+    assert name in {e["effect"] for e in result["not_ranked"]}
 
 
 @pytest.mark.parametrize("name", TRIED)

@@ -94,7 +94,7 @@ def test_matcher_effects_leave_the_infrared_image_alone(view):
     for e in EFFECTS.values():
         if e.stage >= Stage.DISPARITY:
             model = model.with_effect(e, **e.typical_values)
-    assert len(model.effects) == 4
+    assert len(model.effects) == 6
     nuisances = Nuisances(3e4, 9e3, 4.0)
     images = [m.signal(m.light(layers, view), view, nuisances) for m in (model, Model())]
     np.testing.assert_array_equal(*images)

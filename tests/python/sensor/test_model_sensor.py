@@ -184,6 +184,23 @@ def test_built_in_effects_of_images_act_on_counts_and_on_disparity(config, scene
     sensor.close()
 
 
+@pytest.mark.filterwarnings("ignore::activestereo.sensor.image_effects.ModelCostWarning")
+def test_a_sensor_averages_over_the_frames_that_it_took(config, scene):
+    def change(alpha):
+        config.ir_speckle_noise = 0.3
+        model = model_of(temporal_filter={"alpha": alpha, "delta_px": 1.0})
+        sensor, taken = StereoDepthSensor(config, scene, pose=POSE, model=model), []
+        for _ in range(6):
+            sensor.take_picture(infrared_only=True)
+            sensor.compute_depth()
+            taken.append(sensor.get_disparity())
+        sensor.close()
+        both = (taken[-1] > 0) & (taken[-2] > 0) & (np.abs(taken[-1] - taken[-2]) < 0.9)
+        return np.mean((taken[-1] - taken[-2])[both] ** 2)
+
+    assert change(0.4) < 0.4 * change(1.0)  # by theory 0.4 / (2 - 0.4) * 0.4 = 0.1 where the noise is small
+
+
 def test_a_model_of_engine_fields_alone_warns_of_nothing(config, scene):
     with warnings.catch_warnings():
         warnings.simplefilter("error", ModelCostWarning)

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 from typing import Any
 
-from activestereo.effects.core.judging import Channel, CodeSteps, EngineFault, Judgement, RandomTerm, Starts
+from activestereo.effects.core.judging import Channel, CodeSteps, EngineFault, Judgement, RandomTerm, Starts, Unjudged
 
 
 class Stage(IntEnum):
@@ -94,8 +94,8 @@ class Effect:
     **parameters): changes EngineInputs, see engine.py; None where no engine field expresses the effect: image_only says
     why. judged: how the lab finds it, where its expected image is not what changes. starts: proposes where fits begin,
     where a coarse scan of the parameters would miss. finding: what a verdict says where it is found, a sentence without
-    its full stop. prepare: makes what apply needs for these views; whoever lets
-    threads apply an effect calls it before they start, for it may render.
+    its full stop. prepare: makes what apply needs for these views; whoever lets threads apply an effect calls it before
+    they start, for it may render. remembers: it sees in view.before what it gave for the frame before.
     """
 
     id: str
@@ -113,6 +113,7 @@ class Effect:
     starts: Starts | None = None
     finding: str = ""
     prepare: Callable[[Iterable[Any]], None] | None = None
+    remembers: bool = False
 
     @property
     def engine_fields(self) -> tuple[str, ...]:
@@ -128,7 +129,9 @@ class Effect:
 
     @property
     def channel(self) -> Channel | None:
-        """The channel that the lab judges the effect on; None where it is random and does not say how."""
+        """The channel that the lab judges the effect on; None where unjudged_reason says why there is none."""
+        if any(isinstance(j, Unjudged) for j in self.judged):
+            return None
         if self.stage > Stage.DIGITAL:
             return Channel.DEPTH_ENGINE if self.randomness is Randomness.NONE else None
         if any(isinstance(j, CodeSteps) for j in self.judged):
@@ -138,6 +141,13 @@ class Effect:
         if not self.random_terms:
             return None
         return Channel.STATIC_FIELD if self.randomness is Randomness.STATIC else Channel.NOISE_MODEL
+
+    @property
+    def unjudged_reason(self) -> str:
+        """Why the lab does not rank the effect, where it has no channel."""
+        said = (j.reason for j in self.judged if isinstance(j, Unjudged))
+        silent = "it is random, and its descriptor does not say how it is judged (see effects/core/judging.py)"
+        return next(said, silent)
 
     @property
     def random_terms(self) -> tuple[RandomTerm, ...]:
@@ -185,7 +195,7 @@ def effect(
     id: str, *, stage: Stage, family: str, parameters: list[Parameter], source: str,
     randomness: Randomness = Randomness.NONE,
     variance: Callable | None = None, engine: Callable[..., None] | None = None, image_only: str = "",
-    judged: tuple[Judgement, ...] = (), starts: Starts | None = None, finding: str = "",
+    judged: tuple[Judgement, ...] = (), starts: Starts | None = None, finding: str = "", remembers: bool = False,
 ) -> Callable[[Callable], Effect]:  # fmt: skip
     """Makes an Effect of a function; its docstring is the effect's summary. See Effect."""
 
@@ -216,6 +226,7 @@ def effect(
             tuple(judged),
             starts,
             finding,
+            remembers=remembers,
         )
 
     return make

@@ -9,6 +9,7 @@ say more:
     TEMPORAL randomness   RandomTerms: terms of the noise model, found in the differences of repeats
     CodeSteps             digital numbers come in steps, found in their histogram
     EngineFault           what a fault of the depth engine resembles; other effects on disparity and depth need no word
+    Unjudged              why no capture shows the effect
 """
 
 from __future__ import annotations
@@ -99,7 +100,14 @@ class EngineFault:
     displaces: bool = False
 
 
-Judgement = RandomTerm | CodeSteps | EngineFault
+@dataclass(frozen=True)
+class Unjudged:
+    """The effect is simulated, and never ranked. reason: why a capture does not show it."""
+
+    reason: str
+
+
+Judgement = RandomTerm | CodeSteps | EngineFault | Unjudged
 
 
 @dataclass(frozen=True)

@@ -84,6 +84,7 @@ def example_view(
         line_time_s=1e-5,
         seed=seed,
         material=slanted.astype(np.uint32),
+        before=1.02 * 60.0 * 0.05 / depth * ((u + 3 * v) % 19 > 0),
     )
 
 

@@ -80,23 +80,43 @@ class Model:
             value = effect.apply(value, view, **effect.on_pixels(parameters, view.binning))
         return np.minimum(np.maximum(value, 0.0), view.max_dn)
 
-    def depth(self, depth_m: np.ndarray, view: View) -> np.ndarray:
-        """A matched depth image (left camera, metres, 0 = none) as the device gives it. view: the left camera's."""
-        matched, focal_baseline = np.asarray(depth_m, dtype=np.float64), view.K[0, 0] * view.baseline_m
+    def depth(self, depth_m: np.ndarray, view: View, stream: dict[str, np.ndarray] | None = None) -> np.ndarray:
+        """A matched depth image (left camera, metres, 0 = none) as the device gives it. view: the left camera's.
+
+        stream: {effect: what it gave for the frame before} of effects that remember, changed to this frame's; None:
+        the first frame of one.
+        """
+        stream = {} if stream is None else stream
+        matched = np.asarray(depth_m, dtype=np.float64)
         if self._of(Stage.DISPARITY, Stage.DISPARITY, True):
-            disparity = _inverse(matched, focal_baseline)
+            disparity = inverse_depth(matched, view)
             for effect, parameters in self._of(Stage.DISPARITY, Stage.DISPARITY, True):
-                disparity = effect.apply(disparity, view, **parameters)
-            matched = _inverse(disparity, focal_baseline)
+                disparity = _in_stream(effect, parameters, disparity, view, stream)
+            matched = inverse_depth(disparity, view)
         for effect, parameters in self._of(Stage.DEPTH, Stage.DEPTH, True):
-            matched = effect.apply(matched, view, **parameters)
+            matched = _in_stream(effect, parameters, matched, view, stream)
         return matched
+
+    @property
+    def remembers(self) -> bool:
+        """Whether an effect on disparity or depth follows a stream of frames."""
+        return any(effect.remembers for effect, _ in self.effects)
 
     def _of(self, first: Stage, last: Stage, random: bool) -> tuple[tuple[Effect, dict[str, float]], ...]:
         chosen = [(e, p) for e, p in self.effects if first <= e.stage <= last]
         if not random:
             chosen = [(e, p) for e, p in chosen if e.randomness is Randomness.NONE]
         return tuple(sorted(chosen, key=lambda pair: pair[0].stage))
+
+
+def _in_stream(
+    effect: Effect, parameters: dict[str, float], image: np.ndarray, view: View, stream: dict[str, np.ndarray]
+) -> np.ndarray:
+    """A disparity or depth image after an effect that may remember the frame before."""
+    if not effect.remembers:
+        return effect.apply(image, view, **parameters)
+    stream[effect.id] = effect.apply(image, replace(view, before=stream.get(effect.id)), **parameters)
+    return stream[effect.id]
 
 
 def acted(effect: Effect, parameters: dict[str, float], light: Light, view: View) -> Light:
@@ -113,6 +133,6 @@ def scales(frame: Frame) -> tuple[float, float]:
     return frame.exposure_gain * frame.projector_power, frame.exposure_gain * level
 
 
-def _inverse(image: np.ndarray, focal_baseline: float) -> np.ndarray:
-    """Disparity of depth, or depth of disparity; 0 stays 0."""
-    return np.where(image > 0, focal_baseline / np.where(image > 0, image, 1.0), 0.0)
+def inverse_depth(image: np.ndarray, view: View) -> np.ndarray:
+    """Disparity in px of depth in m, or depth of disparity; 0 stays 0. view: the left camera's."""
+    return np.where(image > 0, view.K[0, 0] * view.baseline_m / np.where(image > 0, image, 1.0), 0.0)

@@ -46,7 +46,8 @@ class View:
     activestereo/common/lens.py; material: index in the scene file, or None; ambient_bounced: the share of the ambient
     light that comes over other surfaces, or None where it is not known; known: where the scene is known, bool, None:
     everywhere. binning: over how many pixels, along rows and columns, its
-    images are averaged. Disparity and depth effects get the left camera's view.
+    images are averaged. before: what a disparity or depth effect that remembers gave for the frame before, None at the
+    start of a stream. Disparity and depth effects get the left camera's view.
     """
 
     side: str
@@ -67,6 +68,7 @@ class View:
     ambient_bounced: np.ndarray | None = None
     known: np.ndarray | None = None
     binning: int = 1
+    before: np.ndarray | None = None
 
     @classmethod
     def of(cls, capture: Capture, frame: Frame, side: str, layers: RenderedSurfaces, seed: int = 0) -> View:

@@ -20,6 +20,7 @@ from virtual_sensor.held_out.surface import Layers, projector_irradiance, shade
 SIDES = ("left", "right")
 SUB = 4
 _BLUR_INSTANTS, _BLUR_SUB = 8, 2
+_FRAMES_BEFORE = 8
 # What acts on rays and surfaces; everything else acts on images.
 RAY_EFFECTS = frozenset(
     "projector_defocus pattern_scale_drift pattern_rotation dot_gain_spread dot_astigmatism projector_vignetting "
@@ -172,9 +173,16 @@ class Case:
             self.sensor, self.lights(frame, side, hidden), frame, side, hidden, self._residue(frame, side, hidden)
         )
 
-    def measured(self, frame, side):
+    def measured(self, frame, side, age=0):
         lights = self.lights(frame, side, self.hidden)
-        return imager.exposed(self.sensor, lights, frame, side, self.hidden, self._residue(frame, side, self.hidden))
+        residue = self._residue(frame, side, self.hidden)
+        return imager.exposed(self.sensor, lights, frame, side, self.hidden, residue, age)
+
+    def depth(self, frame, pair, rig):
+        """The device's depth of a pair that it recorded, metres [height][width]; rig: what it takes for its own."""
+        ages = range(1, 1 + _FRAMES_BEFORE * ("temporal_filter" in self.hidden))
+        earlier = [[self.measured(frame, side, age) for side in SIDES] for age in ages]
+        return device_depth(*pair, rig.focal_px, rig.baseline_m, self.hidden, earlier)
 
     def capture(self, folder, name):
         """Writes the capture and returns what the oracle says of it."""
@@ -186,9 +194,7 @@ class Case:
         )
         # The second frame only repeats the first, and without dots there is nothing to match.
         depths = {
-            frame.id: device_depth(
-                images[frame.id, "left"], images[frame.id, "right"], rig.focal_px, rig.baseline_m, self.hidden
-            )
+            frame.id: self.depth(frame, (images[frame.id, "left"], images[frame.id, "right"]), rig)
             for frame in self.frames
             if frame.power > 0 and frame.id != 1
         }

@@ -129,7 +129,12 @@ TWINS = (
     ("rolling_shutter", "exposure_desync"),
     ("laser_power_drift", "chromatic_drift"),
 )
-CATALOGUE = SINGLE | WIDER | OUTSIDE | DEPTH_ENGINE
+# What a device's firmware does to good depth: no fault, and nothing may be named for it.
+FILTERS = {
+    "temporal_filter": Entry((0.9, 0.7, 0.4, 0.2), {"weight": 1.0}),
+    "hole_filling": Entry((2, 8, 32, 128), {"reach_px": 1.0}),
+}
+CATALOGUE = SINGLE | WIDER | OUTSIDE | DEPTH_ENGINE | FILTERS
 # Noise has no signature in mean images: not a partner that a pair could be found with.
 _PARTNERS = [name for name in SINGLE if name not in ("row_noise", "quantisation", "motion_blur")]
 

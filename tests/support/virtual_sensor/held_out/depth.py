@@ -12,8 +12,35 @@ _CROSS = [
 _PATHS = [(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)]
 
 
-def device_depth(left, right, focal_px, baseline_m, hidden):
-    """Metres [height][width], 0 = none."""
+def device_depth(left, right, focal_px, baseline_m, hidden, earlier=()):
+    """Metres [height][width], 0 = none. earlier: the pairs before, latest first, of a device that averages."""
+    disparity = _matched(left, right, hidden)
+    if "temporal_filter" in hidden:
+        frames = [disparity, *(_matched(*pair, hidden) for pair in earlier)]
+        disparity = _averaged(np.stack(frames), hidden["temporal_filter"]["weight"])
+    if "hole_filling" in hidden:
+        disparity = _filled(disparity, int(hidden["hole_filling"]["reach_px"]))
+    return np.where(disparity > 0.5, focal_px * baseline_m / np.maximum(disparity, 0.5), 0.0)
+
+
+def _averaged(frames, weight):
+    """Frames that are within half a pixel of the latest, with weights that fall as (1 - weight)^age."""
+    near = (frames > 0) & (np.abs(frames - frames[0]) < 0.5)
+    weights = near * (1.0 - weight) ** np.arange(len(frames))[:, None, None]
+    return np.where(frames[0] > 0, (weights * frames).sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-9), 0.0)
+
+
+def _filled(disparity, reach):
+    """Pixel by pixel from the left, at most `reach` of them in a row."""
+    out, since = disparity.copy(), np.zeros(disparity.shape[0], dtype=int)
+    for x in range(1, out.shape[1]):
+        since = np.where(disparity[:, x] > 0, 0, since + 1)
+        out[:, x] = np.where((since > 0) & (since <= reach), out[:, x - 1], disparity[:, x])
+    return out
+
+
+def _matched(left, right, hidden):
+    """Disparity in pixels [height][width], 0 = none, as the matcher with its faults gives it."""
     fattening = hidden.get("edge_fattening", {}).get("block_px", 1)
     cost = _cost(_census(left), _census(right), fattening)
     total = sum(_aggregate(cost, *path) for path in _PATHS)
@@ -21,8 +48,7 @@ def device_depth(left, right, focal_px, baseline_m, hidden):
     other = _right_winner(total)
     disparity = np.where(_consistent(disparity, other), disparity, 0.0)
     disparity = np.rint(_faults(disparity, hidden) * 16) / 16
-    disparity = np.where(disparity > 0, median_filter(disparity, 3), 0.0)
-    return np.where(disparity > 0.5, focal_px * baseline_m / np.maximum(disparity, 0.5), 0.0)
+    return np.where(disparity > 0, median_filter(disparity, 3), 0.0)
 
 
 def _faults(disparity, hidden):

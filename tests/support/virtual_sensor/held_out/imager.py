@@ -41,9 +41,10 @@ def expected(sensor, lights, frame, side, hidden, previous=None):
     return np.clip(_digital(_read_out(charge, sensor, side, hidden), sensor, frame, hidden, rounded=False), 0, MAX_DN)
 
 
-def exposed(sensor, lights, frame, side, hidden, previous=None):
-    """uint8: one exposure with its noise."""
-    rng = np.random.Generator(np.random.PCG64([sensor.seed, 1000 + frame.id, 1 + _SIDES.index(side)]))
+def exposed(sensor, lights, frame, side, hidden, previous=None, age=0):
+    """uint8: one exposure with its noise. age: frames before the one that is recorded."""
+    key = [sensor.seed, 1000 + frame.id, 1 + _SIDES.index(side)] + [age] * (age > 0)
+    rng = np.random.Generator(np.random.PCG64(key))
     k = 1.0 / sensor.speckle**2
     grain = rng.gamma(k, 1 / k, SHAPE)
     charge = _charge(sensor, tuple(light * grain for light in lights), frame, side, hidden, previous)

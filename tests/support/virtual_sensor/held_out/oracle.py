@@ -106,4 +106,5 @@ def _scored(world, name, values):
     }
     # Lamps, second projectors and clear walls have no parameter that every model would name alike.
     free = {"ambient_ir", "second_projector", "transmission", "edge_fattening", "foreshortening_bias", "post_filter"}
+    free |= {"temporal_filter", "hole_filling"}
     return {} if name in free else {k: values[k] for k in main.get(name, values)}
