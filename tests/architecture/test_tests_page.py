@@ -25,13 +25,13 @@ def test_each_named_gtest_exists() -> None:
     wanted = {
         name for name in named() if re.fullmatch(r"(\w+|\.\.)\.(\w+|\*)", name) and not name.endswith((".py", ".sh"))
     }
-    assert len(wanted) > 40
+    assert len(wanted) > 20
     assert not wanted - found
 
 
 def test_each_named_python_file_exists() -> None:
     wanted = {name for name in named() if re.fullmatch(r"\w+/test_\w+\.py", name)}
-    assert len(wanted) >= 8
+    assert len(wanted) >= 4
     assert {name for name in wanted if not (TESTS / "python" / name).exists() and not (TESTS / name).exists()} == set()
 
 
