@@ -29,6 +29,7 @@ from activestereo.compare.phase_times import megapixels
 from activestereo.compare.render import WARP_SCALE, Renderer, render_frames, render_halves
 from activestereo.compare.where_channels import surface_text
 from activestereo.diagnose.answer.albedo_json import albedo_json
+from activestereo.diagnose.answer.depth_split import depth_split
 from activestereo.diagnose.answer.figures import ErrorsOfModels, held_out_figures
 from activestereo.diagnose.answer.found_model import found_model
 from activestereo.diagnose.answer.geometry_json import geometry_json
@@ -230,6 +231,7 @@ _NO_FIGURES: dict[str, Any] = {
     "heldout_ir_rmse_after": None,
     "heldout_noise_floor": None,
     "curve": [],
+    "depth_split": None,
 }
 
 
@@ -334,8 +336,10 @@ def examine(
         phases.begin(BOTH)
         between = [step for step in way[1:] if list(step.added) != result["added"]]
         models = [(step.added, _found_at(step, evidence, candidates)) for step in between]
-        figures, before, after = held_out_figures(errors, given, models, (result["added"], complete))
+        figures, before, moved, after = held_out_figures(errors, given, models, (result["added"], complete))
         result |= figures
+        plain = errors.plain()
+        result["depth_split"] = depth_split(errors.capture, plain, moved, after, depth, name_of, evidence.seed)
     return Diagnosis(result, found, None if residual is None else residual.stub(), complete, before, after)
 
 

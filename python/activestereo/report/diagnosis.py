@@ -8,6 +8,7 @@ from typing import Any
 
 from activestereo.common.html_table import table, text
 from activestereo.diagnose.answer.verdict_words import alike, error_text
+from activestereo.report.depth_parts import depth_parts_section
 from activestereo.report.diagnosis_text import parameter_text
 from activestereo.report.models import ROWS
 from activestereo.report.page import section, share_bar
@@ -37,6 +38,8 @@ def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> 
         parts.append(_ranking(diagnosis, shown))
     if diagnosis.get("depth", {}).get("ranking"):
         parts.append(_depth_engine(diagnosis["depth"]))
+    if diagnosis.get("depth_split"):
+        parts.append(depth_parts_section(diagnosis["depth_split"]))
     if diagnosis["next_measurement"]:
         parts.append(section("What to measure next", _list(diagnosis["next_measurement"])))
     return parts

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from activestereo.diagnose.answer.verdict_words import alike, error_text, geometry_words, headline, next_steps, rivals
+from activestereo.report.depth_parts import depth_parts_lines
 
 _SHOWN = 8
 _BAR = 40
@@ -26,7 +27,7 @@ def diagnosis_text(result: Mapping[str, Any]) -> str:
     lines += _table(result)
     if (size := result.get("binning", 1)) > 1:
         lines.append(f"searched in images averaged over {size}x{size} pixels (--bin); figures are of whole images")
-    lines += _depth_lines(result.get("depth"))
+    lines += _depth_lines(result.get("depth")) + depth_parts_lines(result.get("depth_split"))
     lines += [f"next measurement: {advice['text']}" for advice in result["next_measurement"][1:]]
     if result.get("residual_model"):
         lines.append(f"model of the residual ({result['residual_model']['stage']}): {result['residual_model']['text']}")

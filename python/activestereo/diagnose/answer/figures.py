@@ -43,9 +43,16 @@ class ErrorsOfModels:
         if isinstance(model, SensorModel):
             capture = calibrated(own, model)
             return self._under(model, capture, self.base(capture))
+        if model is None and own is self.measured:
+            return self.plain()
         engines = None if model is None else self.engines
         base = self._measured_base() if measured else self._own_base()
         return image_errors(own, model or Model(), base, self.seed, engines, progress=self.progress)
+
+    @computed_once
+    def plain(self) -> ImageErrors:
+        """Errors of the base model on the capture as measured."""
+        return image_errors(self.measured, Model(), self._measured_base(), self.seed, progress=self.progress)
 
     def found(self, model: SensorModel) -> ImageErrors:
         """Errors of a model with the calibration, pattern and poses that it was found with."""
@@ -68,9 +75,9 @@ class ErrorsOfModels:
 
 def held_out_figures(
     errors: ErrorsOfModels, given: Model | SensorModel | None, between: Sequence[Step], written: Step
-) -> tuple[dict[str, Any], ImageErrors, ImageErrors]:
+) -> tuple[dict[str, Any], ImageErrors, ImageErrors, ImageErrors]:
     """(figures pooled over images, DN, without the renderer's own noise (render_noise.py), None without test frames;
-    the errors of the given model; those of the written one).
+    the errors of the given model; on the capture as measured; those of the written one).
 
     between: models on the way from the given one to the written one, which model.json holds.
     """
@@ -91,7 +98,7 @@ def held_out_figures(
             for names, e in way
         ],
     }
-    return figures, before, after
+    return figures, before, standing, after
 
 
 def _rmse(errors: ImageErrors, split: str) -> float | None:

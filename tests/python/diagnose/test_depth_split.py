@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A depth error's parts add up, and each is found where it alone was made."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from activestereo.capture.capture import read_capture
+from activestereo.compare.cache import LayerCache
+from activestereo.compare.image_errors import image_errors
+from activestereo.compare.render import render_halves
+from activestereo.diagnose.answer.depth_split import OWN, PARTS, DepthErrors, depth_split, split_of
+from activestereo.effects import Model, builtin
+from activestereo.report.depth_parts import depth_parts_lines, depth_parts_section
+from lab_worlds import WorldRenderer, with_device_depth
+from virtual_sensor.world import make_world
+
+FOCAL_BASELINE = 20.0
+
+
+def frame(seed=0, warming_k=0.0, **made):
+    """Errors of one frame: noise of our matcher, of which the device has half and its own, and what is made beside."""
+    rng = np.random.default_rng(seed)
+    n = 20000
+    distance_m = rng.uniform(0.5, 2.0, n)
+    disparity = FOCAL_BASELINE / distance_m
+    shared = 0.1 * rng.standard_normal(n)
+    zero = np.zeros(n)
+    images = {"by_effects": zero, "by_filters": zero} | {k: f(disparity) for k, f in made.items() if k != "own"}
+    own = 0.02 * rng.standard_normal(n) + (made["own"](disparity) if "own" in made else 0.0)
+    measured = shared + images["by_effects"]
+    return DepthErrors(
+        device=measured + images["by_filters"] + own,
+        measured=measured,
+        **images,
+        beside_model=own,
+        disparity=disparity,
+        distance_m=distance_m,
+        metres_per_px=-(distance_m**2) / FOCAL_BASELINE,
+        material=(np.arange(n) >= n // 4).astype(int),
+        warming_k=warming_k,
+    )
+
+
+def largest(frames):
+    told = split_of(frames, frames, str)["after"]
+    assert sum(told["parts"][name]["share_px"] for name in PARTS) == pytest.approx(1.0)
+    assert sum(told["parts"][name]["share_m"] for name in PARTS) == pytest.approx(1.0)
+    squares = sum(np.sign(p["rms_m"]) * p["rms_m"] ** 2 for p in (told["parts"][name] for name in PARTS))
+    assert squares == pytest.approx(told["rms_m"] ** 2)
+    own = told["parts"]["sensor's own"]["share_px"]
+    assert own == pytest.approx(sum(told["parts"][name]["share_px"] for name in OWN))
+    return max(PARTS, key=lambda name: told["parts"][name]["share_px"]), told
+
+
+def test_the_largest_part_is_the_one_that_was_made():
+    assert largest([frame()])[0] == "any matcher"
+    assert largest([frame(by_effects=lambda d: 0.3 * np.sin(d))])[0] == "image effects"
+    assert largest([frame(by_filters=lambda d: 0.3 * np.cos(7 * d))])[0] == "filters"
+    assert largest([frame(own=lambda d: 0.3 * np.cos(7 * d))])[0] == "other matcher"
+    name, told = largest([frame(own=lambda d: 0.012 * d + 0.2)])
+    assert name == "calibration"
+    made = np.sqrt(np.mean((0.012 * frame().disparity + 0.2) ** 2))
+    assert told["parts"][name]["rms_px"] == pytest.approx(made, rel=0.02)
+    cold, warm = frame(), frame(1, 20.0, own=lambda d: 0.5 + 0.0 * d)
+    assert largest([frame(own=lambda d: -0.5 + 0.0 * d), replace(warm, warming_k=0.0)])[0] == "other matcher"
+    assert largest([frame(own=lambda d: -0.5 + 0.0 * d), warm])[0] == "temperature"
+    assert largest([cold, frame(1, 20.0)])[1]["parts"]["temperature"]["share_px"] < 0.01
+
+
+def test_noise_that_the_device_did_not_have_counts_nothing():
+    """Half of what the effects are said to change is noise of our own draws."""
+    noisy = frame(by_effects=lambda d: 0.3 * np.sin(d))
+    rng = np.random.default_rng(5)
+    drawn = replace(noisy, by_effects=noisy.by_effects + 0.3 * rng.standard_normal(noisy.device.size))
+    clean, drawn = (largest([f])[1]["parts"]["image effects"] for f in (noisy, drawn))
+    assert drawn["rms_px"] == pytest.approx(clean["rms_px"], rel=0.03)
+
+
+def test_distances_and_materials_hold_all_pixels():
+    told = split_of([frame()], [frame(by_effects=lambda d: 0.1 * np.sin(d))], {0: "wood", 1: "steel"}.get)
+    assert [m["material"] for m in told["by_material"]] == ["steel", "wood"]
+    assert sum(m["pixels"] for m in told["by_material"]) == told["pixels"] == 20000
+    assert [d["pixels"] for d in told["by_distance"]] == pytest.approx([5000] * 4, abs=2)
+    near, *_, far = told["by_distance"]
+    assert far["after"]["rms_m"] > 3.0 * near["after"]["rms_m"] and near["from_m"] < near["to_m"] < far["from_m"]
+    before, after = (told[when]["parts"]["image effects"]["share_px"] for when in ("before", "after"))
+    assert before == 0.0 < after
+
+
+def test_terminal_and_report_tell_every_part_by_place():
+    told = split_of([frame()], [frame(by_effects=lambda d: 0.1 * np.sin(d))], {0: "wood", 1: "<steel>"}.get)
+    told |= {"images_agree": False, "filters": []}
+    lines = depth_parts_lines(told)
+    assert "still lack something" in lines[0] and depth_parts_lines(None) == [] and depth_parts_section(None) == ""
+    words = " ".join(lines)
+    for name in (*PARTS, "sensor's own", "wood", "<steel>", "0.50 to 0.8"):
+        assert name in words
+    whole = told["after"]
+    [row] = [line for line in lines if line.strip().startswith("whole error")]
+    assert row.split()[-4:] == [f"{1e3 * whole['rms_m']:.2f}", "mm", f"{whole['rms_px']:.3f}", "px"]
+    page = depth_parts_section(told)
+    assert "&lt;steel&gt;" in page and "<steel>" not in page and page.count("<tr>") == 10 + 7
+
+
+@pytest.mark.parametrize("stretch", [1.0, 1.03])
+def test_a_device_that_stretches_depth_is_told_as_out_of_calibration(tmp_path, stretch):
+    world = make_world(tmp_path / "world", size=(160, 90), grid=1)
+    capture = read_capture(with_device_depth(world, tmp_path / "capture", ids=(0, 2), stretch=stretch))
+    halves = render_halves(capture, WorldRenderer(world, grid=1), 2, 1, 0, LayerCache(tmp_path / "cache"))
+    faded = Model().with_effect(builtin()["vignetting"], exponent=1.0)
+    plain, found = (image_errors(capture, model, halves) for model in (Model(), faded))
+    told = depth_split(capture, plain, plain, found, SimpleNamespace(findings=(), at_floor=True), str, 0)
+    share = {name: part["share_px"] for name, part in told["after"]["parts"].items()}
+    assert told["images_agree"] and not told["filters"] and told["pixels"] > 10000
+    assert abs(share["image effects"]) < 0.1 and abs(share["other matcher"]) < 0.02
+    assert 0.3 < share["calibration"] < 0.6 if stretch > 1.0 else abs(share["calibration"]) < 0.02
+    assert told["before"]["parts"]["image effects"]["share_px"] == 0.0
+    assert told["after"]["parts"]["calibration"] == told["before"]["parts"]["calibration"]
