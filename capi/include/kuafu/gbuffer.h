@@ -65,8 +65,8 @@ typedef struct kuafu_gbuffer_desc {
   const float* laser_power;
   /* Array [environment_count]: light from all sides. NULL: the environment's of the scene. [in W/(sr m^2)] */
   const float* ambient_radiance;
-  /* Array [output_count]: KUAFU_OUTPUT_RADIANCE, _PROJECTOR_DIRECT, _DEPTH and _PROJECTOR_VISIBILITY of 2 *
-   * environment_count views, all left ones before all right ones. */
+  /* Array [output_count]: KUAFU_OUTPUT_RADIANCE, _PROJECTOR, _PROJECTOR_DIRECT, _PROJECTOR_INDIRECT, _DEPTH and
+   * _PROJECTOR_VISIBILITY of 2 * environment_count views, all left ones before all right ones. */
   const kuafu_output_desc* outputs;
   /* Length of outputs. */
   uint32_t output_count;

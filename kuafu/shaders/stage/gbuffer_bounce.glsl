@@ -2,9 +2,9 @@
 // Stage `gbuffer`, light between surfaces, as far as the image shows them. Matt surfaces get the room's light over the horizons that the
 // depth image has about them, and from below the horizons what is seen there sends out (Jimenez et al., "Practical Realtime Strategies for
 // Accurate Indirect Occlusion", 2016). Lobes look along mirrored rays.
-const int horizon_slices = 4, horizon_steps = 5;
+const int horizon_slices = 4, horizon_steps = 6;
 const float horizon_growth = 2.2f;    // of the steps
-const float horizon_reach_m = 0.5f;   // what is farther away hides half of what it would, or less
+const float horizon_reach_m = 1.0f;   // what is farther away hides half of what it would, or less
 const int mirror_rays = 4, mirror_steps = 12;
 
 uint cells_per_view() { return push.record.at[0].cell_columns * push.record.at[0].cell_rows; }
@@ -52,6 +52,42 @@ struct Horizon {
   float room, laser, albedo;  // shares of the light: from the room; from surfaces, times their laser and their albedo
 };
 
+/// Where a way through the room meets the image: a pixel, and 1/m of what stands there, which goes on in its plane beyond the border
+/// (inverse depth is linear in a plane's image); 0 where nothing is seen.
+struct Met {
+  vec2 pixel;
+  float inverse_depth;
+};
+
+/// 1/m in the cell at (column, row).
+float cell_inverse(uint first_cell, int column, int row) {
+  return push.record.at[0].cells.at[first_cell + uint(row) * push.record.at[0].cell_columns + uint(column)].inverse_depth;
+}
+
+/// What the inverse depth changes by on the way of `beyond` cells past the border cell (column, row), where the surface goes on to it.
+float change_beyond(uint first_cell, int column, int row, int columns_inward, int rows_inward, float beyond) {
+  const int step = 4;
+  int inner_column = column + step * columns_inward, inner_row = row + step * rows_inward;
+  if (inner_column < 0 || inner_row < 0 || inner_column >= int(push.record.at[0].cell_columns) || inner_row >= int(push.record.at[0].cell_rows)) return 0.0f;
+  float border = cell_inverse(first_cell, column, row), inner = cell_inverse(first_cell, inner_column, inner_row);
+  return inner > 0.0f && abs(border - inner) < 0.1f * border ? abs(beyond) * (border - inner) / float(step) : 0.0f;
+}
+
+Met met_in(uint first_cell, vec2 wanted) {
+  vec2 most = vec2(float(push.record.at[0].width), float(push.record.at[0].height)) - 1.0f;
+  Met m;
+  m.pixel = clamp(wanted, vec2(0.0f), most);
+  int column = int(uint(m.pixel.x + 0.5f) / gbuffer_cell_px), row = int(uint(m.pixel.y + 0.5f) / gbuffer_cell_px);
+  m.inverse_depth = cell_inverse(first_cell, column, row);
+  vec2 beyond = (wanted - m.pixel) / float(gbuffer_cell_px);
+  if (m.inverse_depth == 0.0f) return m;
+  if (beyond.x != 0.0f) m.inverse_depth += change_beyond(first_cell, column, row, beyond.x < 0.0f ? 1 : -1, 0, beyond.x);
+  if (beyond.y != 0.0f) m.inverse_depth += change_beyond(first_cell, column, row, 0, beyond.y < 0.0f ? 1 : -1, beyond.y);
+  return m;
+}
+
+Met met_at(IN(GbufferCamera) camera, uint first_cell, vec3 q) { return met_in(first_cell, camera.centre + camera.focal * xy(q) / q.z); }
+
 /// On one side of a slice, whose normal is `axis`; `side` is the way on the image, `tilt` the normal's in the slice, towards that side.
 Horizon look_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3 to_camera, vec3 axis, vec2 pixel, vec2 side, float tilt) {
   Horizon found = Horizon(0.0f, 0.0f, 0.0f);
@@ -59,13 +95,10 @@ Horizon look_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3 to
   for (int s = 0; s < horizon_steps; ++s) {
     vec2 at = pixel + side * (reach * float(gbuffer_cell_px));
     reach *= horizon_growth;
-    int column = int(floor(at.x)) / int(gbuffer_cell_px), row = int(floor(at.y)) / int(gbuffer_cell_px);
-    if (at.x < 0.0f || at.y < 0.0f || column >= int(push.record.at[0].cell_columns) || row >= int(push.record.at[0].cell_rows)) break;
-    uint cell = first_cell + uint(row) * push.record.at[0].cell_columns + uint(column);
-    float inverse = push.record.at[0].cells.at[cell].inverse_depth;
-    if (inverse == 0.0f) continue;
-    vec2 middle = (vec2(float(column), float(row)) + 0.5f) * float(gbuffer_cell_px);
-    vec3 way = seen_position(camera, middle, inverse) - here;
+    Met m = met_in(first_cell, at);
+    if (!(m.inverse_depth > 1e-3f)) continue;
+    uint cell = first_cell + uint(m.pixel.y + 0.5f) / gbuffer_cell_px * push.record.at[0].cell_columns + uint(m.pixel.x + 0.5f) / gbuffer_cell_px;
+    vec3 way = seen_position(camera, at, m.inverse_depth) - here;
     way -= axis * dot(way, axis);
     float distance = length(way), angle = acos(clamp(dot(way, to_camera) / max(distance, 1e-6f), -1.0f, 1.0f));
     float near = horizon_reach_m / (horizon_reach_m + max(distance - horizon_reach_m, 0.0f));
@@ -93,9 +126,11 @@ void look_around(uint i) {
   vec3 here = seen_position(camera, pixel, s.inverse_depth), to_camera = in_camera(camera, s.to_camera), normal = in_camera(camera, s.normal);
   uint first_cell = i / cells_per_view() * cells_per_view();
   Horizon sum = Horizon(0.0f, 0.0f, 0.0f);
-  float all = 0.0f;
+  uint cell_column = p.column / gbuffer_cell_px, cell_row = p.row / gbuffer_cell_px;
+  float all = 0.0f, turn = 0.25f * float((cell_column & 1u) + 2u * ((cell_row + cell_column) & 1u)) + 0.125f;
   for (int slice = 0; slice < horizon_slices; ++slice) {
-    vec2 side = unit_circle((float(slice) + 0.5f) * (0.5f / float(horizon_slices)));
+    // Neighbours, which are mixed (arriving_at), look other ways.
+    vec2 side = unit_circle((float(slice) + turn) * (0.5f / float(horizon_slices)));
     vec3 across = vec3(side.x / camera.focal.x, side.y / camera.focal.y, 0.0f);
     vec3 along = normalize(across - to_camera * dot(across, to_camera)), axis = cross(along, to_camera);
     vec3 in_slice = normal - axis * dot(normal, axis);
@@ -129,90 +164,96 @@ vec2 arriving_at(uint first_cell, IN(GbufferPlace) p, float inverse) {
   return sum / weights;
 }
 
-/// A point's place on the image, beyond whose border the border goes on.
-vec2 image_place(IN(GbufferCamera) camera, vec3 q) {
-  vec2 most = vec2(float(push.record.at[0].width), float(push.record.at[0].height)) - 1.0f;
-  return clamp(camera.centre + camera.focal * xy(q) / q.z, vec2(0.0f), most);
-}
-
 /// How far a point lies behind what is seen there, metres; below 0: before it, or there is nothing.
-float behind_seen(IN(GbufferCamera) camera, uint first_cell, vec3 q) {
-  vec2 pixel = image_place(camera, q);
-  uint cell = first_cell + uint(pixel.y + 0.5f) / gbuffer_cell_px * push.record.at[0].cell_columns + uint(pixel.x + 0.5f) / gbuffer_cell_px;
-  float inverse = push.record.at[0].cells.at[cell].inverse_depth;
-  return inverse > 0.0f ? q.z - 1.0f / inverse : -1.0f;
-}
+float behind_seen(IN(Met) m, vec3 q) { return m.inverse_depth > 0.0f ? q.z - 1.0f / m.inverse_depth : -1.0f; }
 
-/// The light of what is seen about a place, as matt surfaces send it, of those cells whose depth is about `inverse`.
-float seen_radiance(uint first_cell, vec2 pixel, float inverse, float ambient) {
+/// Light as it is reflected: of the room, and of the projector.
+struct SeenLight {
+  float room, laser;
+};
+
+/// The light of what is seen about a place, as matt surfaces send it, of those cells whose depth is about that of the place's own.
+SeenLight seen_light(uint first_cell, vec2 pixel, float ambient) {
   vec2 place = pixel / float(gbuffer_cell_px) - 0.5f, base = floor(place), f = place - base;
-  float sum = 0.0f, weights = 0.0f;
+  int columns = int(push.record.at[0].cell_columns), rows = int(push.record.at[0].cell_rows);
+  float inverse = cell_inverse(first_cell, int(uint(pixel.x + 0.5f) / gbuffer_cell_px), int(uint(pixel.y + 0.5f) / gbuffer_cell_px));
+  SeenLight sum = SeenLight(0.0f, 0.0f);
+  float weights = 0.0f;
   for (int k = 0; k < 4; ++k) {
     int x = k & 1, y = k >> 1;
-    int column = clamp(int(base.x) + x, 0, int(push.record.at[0].cell_columns) - 1), row = clamp(int(base.y) + y, 0, int(push.record.at[0].cell_rows) - 1);
-    uint cell = first_cell + uint(row) * push.record.at[0].cell_columns + uint(column);
-    float there = push.record.at[0].cells.at[cell].inverse_depth;
+    int column = clamp(int(base.x) + x, 0, columns - 1), row = clamp(int(base.y) + y, 0, rows - 1);
+    IN(GbufferCell) cell = push.record.at[0].cells.at[first_cell + uint(row * columns + column)];
+    float there = cell.inverse_depth;
     float weight = ((x == 1 ? f.x : 1.0f - f.x) * (y == 1 ? f.y : 1.0f - f.y) + 1e-3f) * (there > 0.0f ? 1.0f : 0.0f) * (abs(there - inverse) < 0.15f * inverse ? 1.0f : 1e-3f);
-    sum += weight * (push.record.at[0].cells.at[cell].laser +
-                     push.record.at[0].cells.at[cell].albedo * (push.record.at[0].cells.at[cell].room * ambient + push.record.at[0].cells.at[cell].indirect));
+    sum.room += weight * cell.albedo * cell.room * ambient;
+    sum.laser += weight * (cell.laser + cell.albedo * cell.indirect);
     weights += weight;
   }
-  return weights > 0.0f ? sum / weights : ambient;
+  if (weights == 0.0f) return SeenLight(ambient, 0.0f);
+  return SeenLight(sum.room / weights, sum.laser / weights);
 }
 
 /// What comes along a ray: the light of the surface that it meets in the image, or the room's.
-float radiance_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3 direction, float first_step_m, float ambient) {
+SeenLight light_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3 direction, float first_step_m, float ambient) {
   float t = first_step_m, before = 0.0f;
   for (int s = 0; s < mirror_steps; ++s) {
     vec3 q = here + t * direction;
     if (q.z < 1e-3f) break;
-    float behind = behind_seen(camera, first_cell, q);
+    Met m = met_at(camera, first_cell, q);
+    float behind = behind_seen(m, q);
     if (behind > 0.0f && behind < max(0.1f, 2.0f * t)) {
       for (int half_step = 0; half_step < 3; ++half_step) {
         float middle = 0.5f * (before + t);
-        bool beyond = behind_seen(camera, first_cell, here + middle * direction) > 0.0f;
+        q = here + middle * direction;
+        bool beyond = behind_seen(met_at(camera, first_cell, q), q) > 0.0f;
         t = beyond ? middle : t;
         before = beyond ? before : middle;
       }
-      q = here + t * direction;
-      return seen_radiance(first_cell, image_place(camera, q), 1.0f / q.z, ambient);
+      return seen_light(first_cell, met_at(camera, first_cell, here + t * direction).pixel, ambient);
     }
     before = t;
     t *= 1.5f;
   }
-  return ambient;
+  return SeenLight(ambient, 0.0f);
 }
 
 /// What comes from where a lobe looks.
-float mirrored_radiance(IN(GbufferCamera) camera, uint first_cell, IN(GbufferSurface) s, float roughness, float ambient) {
+SeenLight mirrored_light(IN(GbufferCamera) camera, uint first_cell, IN(GbufferSurface) s, float roughness, float ambient) {
   vec3 normal = in_camera(camera, s.normal), to_camera = in_camera(camera, s.to_camera), here = in_camera(camera, s.position - camera.view.origin);
   vec3 mirrored = normal * (2.0f * dot(normal, to_camera)) - to_camera;
   Frame frame = frame_around(mirrored);
-  float step_m = 2.0f * float(gbuffer_cell_px) / (camera.focal.x * s.inverse_depth), sum = 0.0f;
+  float step_m = 2.0f * float(gbuffer_cell_px) / (camera.focal.x * s.inverse_depth);
+  SeenLight sum = SeenLight(0.0f, 0.0f);
   for (int k = 0; k < mirror_rays; ++k) {
     vec2 aside = unit_circle((float(k) + 0.5f) / float(mirror_rays)) * (roughness * roughness);
-    vec3 direction = normalize(to_world(frame, vec3(aside, 1.0f)));
-    sum += radiance_along(camera, first_cell, here, direction, step_m, ambient);
+    SeenLight along = light_along(camera, first_cell, here, normalize(to_world(frame, vec3(aside, 1.0f))), step_m, ambient);
+    sum.room += along.room;
+    sum.laser += along.laser;
   }
-  return sum / float(mirror_rays);
+  return SeenLight(sum.room / float(mirror_rays), sum.laser / float(mirror_rays));
 }
 
 void bounce_pixel(uint i, IN(GbufferPlace) p) {
   GbufferPlace q = shown_place(p);
-  float ambient = push.record.at[0].ambient.at[p.environment], laser = push.record.at[0].laser.at[i], light = ambient;
+  float ambient = push.record.at[0].ambient.at[p.environment], direct = push.record.at[0].laser.at[i], indirect = 0.0f, light = ambient;
   if (push.record.at[0].cameras[p.camera].inverse_depth.at[p.pixel] > 0.0f) {
     IN(GbufferCamera) camera = push.record.at[0].cameras[q.camera];
     uint first_cell = (q.camera * push.record.at[0].environments + q.environment) * cells_per_view();
     vec2 arriving = arriving_at(first_cell, q, camera.inverse_depth.at[q.pixel]);
-    light = laser + push.record.at[0].matt.at[i] * (arriving.x * ambient + arriving.y);
-    float lobes = push.record.at[0].lobes.at[i];
+    float matt = push.record.at[0].matt.at[i], lobes = push.record.at[0].lobes.at[i];
+    light = matt * arriving.x * ambient;
+    indirect = matt * arriving.y;
     if (lobes > 0.0f) {
       GbufferSurface s = surface_at_pixel(p);
-      light += lobes * mirrored_radiance(camera, first_cell, s, push.record.at[0].scene.at[0].materials.at[s.material].roughness, ambient);
+      SeenLight mirrored = mirrored_light(camera, first_cell, s, push.record.at[0].scene.at[0].materials.at[s.material].roughness, ambient);
+      light += lobes * mirrored.room;
+      indirect += lobes * mirrored.laser;
     }
+    light += direct + indirect;
   }
   write_output(output_radiance, p, light);
-  write_output(output_radiance + 1u + group_projector_direct, p, laser);
+  write_output(output_radiance + 1u + group_projector_direct, p, direct);
+  write_output(output_radiance + 1u + group_projector_indirect, p, indirect);
 }
 
 void gbuffer_step(uint i) {

@@ -16,7 +16,7 @@ namespace kuafu {
 namespace {
 
 constexpr uint32_t possible_outputs =
-    1u << output_radiance | 1u << output_projector_direct | 1u << output_depth | 1u << output_projector_visibility;
+    1u << output_radiance | projector_parts | 1u << output_projector | 1u << output_depth | 1u << output_projector_visibility;
 constexpr double most_aside_m = 5e-3, most_turned = 1e-2;  // of a right camera, from the left one's row
 
 std::shared_ptr<ks::Buffer> read_image(kuafu_buffer handle, const char* name, uint64_t words, const ks::Device& device) {
@@ -90,7 +90,7 @@ GbufferLaunch read_gbuffers(const kuafu_gbuffer_desc* desc, const Scene& scene, 
   for (uint32_t kind = 0; kind < output_kind_count; ++kind)
     if (launch.outputs[kind].buffer && (possible_outputs >> kind & 1) == 0)
       ks::fail(KS_ERROR_INVALID_ARGUMENT,
-               "outputs has one that G-buffers have not: radiance, projector direct, depth and projector visibility");
+               "outputs has one that G-buffers have not: radiance, projector (direct, indirect, both), depth and projector visibility");
   const uint64_t pixels = launch.pixel_count() / 2;
   if (pixels / d.environment_count >> (32 - gbuffer_error_bits) != 0)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "views of %u x %u pixels are too large: at most 2^28 pixels", launch.width, launch.height);

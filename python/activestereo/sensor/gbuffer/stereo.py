@@ -158,7 +158,7 @@ class GBufferStereo:
         wants_cause = "cause" in outputs
         targets: dict[str, Any] = {"radiance": self._link.target}
         if inputs.speckle_of_laser:
-            targets["projector_direct"] = self._link.laser().target
+            targets["projector"] = self._link.laser().target
         if wants_cause:
             targets |= {"depth": None, "projector_visibility": None}
 
