@@ -68,6 +68,25 @@ _COMMANDS = (
     completion,
 )
 
+# What is said where no command is given; README.md has the same table.
+_WANTED = """\
+activestereo simulates active stereo depth cameras, and finds out what the model of one lacks.
+
+you want                                        command
+  see it all in a minute                        activestereo demo
+  depth as a real camera gives it, in a scene   activestereo simulate SCENE --sensor d435 -o DIR
+  depth of a recorded infrared pair             activestereo depth LEFT.png RIGHT.png ...
+  depth of a bag                                activestereo depth FILE.bag
+  recordings of your camera as a capture        activestereo import
+  a capture beside the simulation               activestereo compare CAPTURE -o DIR
+  a capture, scene or bag in the browser        activestereo view CAPTURE
+  the effect that your model lacks              activestereo diagnose CAPTURE -o DIR
+  your own camera measured                      activestereo calibrate
+  training data                                 activestereo generate
+  to know what works on this machine            activestereo doctor
+
+All commands: activestereo --help; one of them: activestereo COMMAND --help."""
+
 
 def make_parser() -> argparse.ArgumentParser:
     parser = Parser(
@@ -96,7 +115,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a file's name may be no UTF-8
     try:
-        args = _parsed(_glued(sys.argv[1:] if arguments is None else arguments))
+        given = _glued(sys.argv[1:] if arguments is None else arguments)
+        if not given:
+            print(_WANTED, file=sys.stderr)
+            return USAGE
+        args = _parsed(given)
         with outside_allowed() if args.allow_outside else nullcontext(), _no_empty_folder(getattr(args, "out", None)):
             _run(args)
         sys.stdout.flush()

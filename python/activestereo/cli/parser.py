@@ -9,7 +9,7 @@ from itertools import takewhile
 from typing import Any, NoReturn
 
 from activestereo.cli.exit_codes import USAGE
-from activestereo.common.nearest import did_you_mean, unknown
+from activestereo.common.nearest import did_you_mean, nearest, unknown
 
 
 def printable(text: str) -> str:
@@ -37,9 +37,13 @@ class Parser(argparse.ArgumentParser):
         if self._subparsers is not None:  # what follows the command is the command's
             own = takewhile(lambda a: a.startswith("-"), own)
         known = [name for name in self._option_string_actions if name.startswith("--")]
+        nameless = {f"--{action.dest}": action.metavar or action.dest for action in self._get_positional_actions()}
         for argument in own:
             name = argument.partition("=")[0]
             if name.startswith("--") and " " not in name and not any(other.startswith(name) for other in known):
+                meant = nearest(name, [*nameless, *known])
+                if meant in nameless:
+                    self.error(f"unknown option {name}; {nameless[meant]} is given as a word alone, without {name}")
                 self.error(f"unknown option {name}{did_you_mean(name, known)}")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:

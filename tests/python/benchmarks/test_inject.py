@@ -292,7 +292,7 @@ def test_nothing_of_the_lab_is_used():
 @pytest.mark.parametrize(
     "arguments, said",
     [
-        (["smoke", "-o", "{out}"], "there is no effect 'smoke': blur, "),
+        (["smoke", "-o", "{out}"], "unknown effect 'smoke' (known: blur, "),
         (["blur", "--strength", "huge", "-o", "{out}"], "the strength of blur is 'huge', expected weak, medium"),
         (["blur", "--strength", "40", "-o", "{out}"], "the strength of blur is 40, expected 0 to 10 px and not 0"),
         (["blur"], "give EFFECT and --out DIR, or --sheet FILE.png"),

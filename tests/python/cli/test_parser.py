@@ -31,6 +31,8 @@ def test_results_go_where_out_or_o_says_in_every_command():
         (["simulate", "x.gltf", "--lazer-power=3", "--out", "x"], "did you mean '--laser-power'?"),
         (["--allow-outsde", "compare", "x"], "did you mean '--allow-outside'?"),
         (["depth", "l", "r", "--profile", "activ"], "did you mean 'active'?"),
+        (["benchmark", "inject", "x", "--effect", "blur"], "unknown option --effect; EFFECT is given as a word alone"),
+        (["simulate", "--scene", "x.gltf"], "unknown option --scene; SCENE is given as a word alone"),
     ],
 )
 def test_a_misspelt_name_is_answered_with_the_nearest(arguments, meant, capsys):
@@ -38,6 +40,16 @@ def test_a_misspelt_name_is_answered_with_the_nearest(arguments, meant, capsys):
         main(arguments)
     said = capsys.readouterr().err
     assert ended.value.code == 2 and said.count("\n") == 1 and meant in said, said
+
+
+def test_no_command_is_answered_with_what_one_may_want(capsys):
+    """The screen has the rows of the first page's table that are commands, and no other."""
+    assert main([]) == 2
+    said = capsys.readouterr().err
+    assert len(said.splitlines()) <= 24 and max(map(len, said.splitlines())) <= 100
+    table = (PAGE.parents[2] / "README.md").read_text(encoding="utf-8").partition("## What you want")[2]
+    named = re.compile(r"\bactivestereo ([a-z]+)")
+    assert set(named.findall(said.partition("\n\n")[2].rpartition("\n\n")[0])) == set(named.findall(table))
 
 
 def test_a_misspelt_effect_is_answered_with_the_nearest(capsys, tmp_path):

@@ -19,6 +19,7 @@ from activestereo.benchmarks.inject.noise import NoiseModel, measured_noise_mode
 from activestereo.capture.capture import SIDES, SPLITS, Capture, Frame
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.common.input_files import read_bytes, read_json
+from activestereo.common.nearest import unknown
 from activestereo.common.output_files import new_folder, write_bytes, write_text
 from activestereo.common.progress_bar import ProgressBar
 
@@ -102,7 +103,7 @@ def plan(capture: Capture, name: str, strength: str, seed: int, black_dn: float 
     """The Injection of an effect at one of STRENGTHS, or at a number. black_dn: the images' black level; None takes
     their darkest pixels for it. ValueError says what is wrong."""
     if name not in KINDS:
-        raise ValueError(f"there is no effect {name!r}: {', '.join(KINDS)}")
+        raise ValueError(unknown("effect", name, KINDS))
     kind = KINDS[name]
     try:
         value = kind.value(strength)
