@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import os
 import webbrowser
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,12 @@ Shows in a few minutes what the project does, each step with the command that do
   3  asks the lab what its model lacks, writes DIR/report/report.html and opens it where there
      is a desktop; only then it tells what was hidden
 """
-_HIDDEN = ("radial_distortion", "vignetting", "gain")
+# Kinds of 'benchmark inject' with the lab's name, its parameter, and that one's value of the kind's where it differs.
+_HIDDEN: dict[str, tuple[str, str, Callable[[float, bool], float]]] = {
+    "radial_distortion": ("radial_distortion", "k1", lambda k1, is_right: k1),
+    "vignetting": ("vignetting", "exponent", lambda exponent, is_right: exponent),
+    "gain": ("gain_mismatch", "gain", lambda excess, is_right: (2.0 if is_right else -2.0) * excess / (2.0 + excess)),
+}
 
 
 def add_parser(commands: Commands) -> None:
@@ -36,6 +42,7 @@ def add_parser(commands: Commands) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
+    from activestereo.common.input_files import read_json_object
     from activestereo.scene_io.example_scene import write_table_top
 
     capture = args.out / "capture"
@@ -49,8 +56,7 @@ def run(args: argparse.Namespace) -> None:
     _step(args, 1, ["simulate", str(scene), "--sensor", "d435", "--spp", "8", "--out", simulated, *device])
     answer = _hide(args, capture)
     _step(args, 3, ["diagnose", str(capture), "--no-refine", "--spp", "32", "--out", str(report), *device])
-    values = ", ".join(f"{name} = {value:.3g}" for name, value in answer["parameters"].items())
-    print(f"\nwhat was hidden: {answer['effect']} ({values}), in the {' and '.join(answer['cameras'])} images")
+    print(f"\n{_told(answer, read_json_object(report / 'diagnose.json'))}")
     page = (report / "report.html").resolve()
     print(f"open {page}")
     if not args.no_browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
@@ -62,6 +68,20 @@ def _step(args: argparse.Namespace, number: int, words: list[str]) -> None:
     print(f"\n== {number} of 3: activestereo {' '.join(words)}", flush=True)
     step = args.parser.parse_args(words)
     step.run(step)
+
+
+def _told(answer: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> str:
+    """The hidden and the found effect, in the lab's names and units."""
+    from activestereo.report.diagnosis_text import parameter_text
+
+    name, parameter, of_lab = _HIDDEN[answer["effect"]]
+    value = of_lab(next(iter(answer["parameters"].values())), answer["cameras"] == ["right"])
+    lines = [f"hidden: {name}, {parameter} {value:.3g} (in the {' and '.join(answer['cameras'])} images)"]
+    found = {entry["effect"]: entry["parameters"] for entry in diagnosis["ranking"]}
+    names = [f"{one}, {parameter_text(*next(iter(found[one].items())))}" for one in diagnosis["added"] if one in found]
+    is_found = "yes" if name in diagnosis["added"] else "no"
+    lines.append(f"found: {is_found}, {'; '.join(names) or 'the verdict is ' + diagnosis['verdict']}")
+    return "\n".join(lines)
 
 
 def _hide(args: argparse.Namespace, capture: Path) -> dict[str, Any]:
@@ -76,5 +96,5 @@ def _hide(args: argparse.Namespace, capture: Path) -> dict[str, Any]:
     plain = args.out / "without_effect"
     with ProgressBar("rendering the capture") as bar:
         taken = write_example_capture(plain, args.device, args.seed, bar)
-    secret = str(np.random.Generator(np.random.PCG64([args.seed, 73])).choice(_HIDDEN))
+    secret = str(np.random.Generator(np.random.PCG64([args.seed, 73])).choice(list(_HIDDEN)))
     return write_injected(plan(taken, secret, "strong", args.seed), capture)

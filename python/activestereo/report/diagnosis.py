@@ -9,7 +9,7 @@ from typing import Any
 from activestereo.common.html_table import table, text
 from activestereo.diagnose.answer.verdict_words import alike, error_text
 from activestereo.report.depth_parts import depth_parts_section
-from activestereo.report.diagnosis_text import parameter_text
+from activestereo.report.diagnosis_text import NATS_WORDS, parameter_text
 from activestereo.report.models import ROWS
 from activestereo.report.page import section, share_bar
 
@@ -97,12 +97,13 @@ def _ranking(diagnosis: dict[str, Any], shown: Iterable[str]) -> str:
     left_out = "".join(f"<p>{text(n)}, yours: {text(why)}</p>" for n, why in own.items() if n not in placed)
     more = len(ranking) - len(rows)
     rest = left_out + (f'<p class="muted small">{more} more in diagnose.json.</p>' if more else "")
+    legend = f'<p class="muted small">Gain in {NATS_WORDS}; confidence: the probability that this name is right.</p>'
     note = (
         '<p class="muted small">What it leaves: the residual of the frame and camera chosen above when this effect '
         "alone is added; projector, ambient and black level are fitted again, focal lengths and albedos are not. A "
         "click shows it among the large pictures.</p>"
     )
-    return section("Ranking", note if shown else "", table(head, rows, numbers=(2,), wide=True), rest)
+    return section("Ranking", note if shown else "", table(head, rows, numbers=(2,), wide=True), legend, rest)
 
 
 def _residual(effect_id: str, shown: Iterable[str]) -> str:

@@ -4,9 +4,19 @@
 from collections.abc import Mapping
 from typing import Any
 
-from activestereo.diagnose.answer.verdict_words import alike, error_text, geometry_words, headline, next_steps, rivals
+from activestereo.diagnose.answer.verdict_words import (
+    alike,
+    error_text,
+    errors_told,
+    geometry_words,
+    headline,
+    next_steps,
+    rivals,
+)
 from activestereo.report.depth_parts import depth_parts_lines
 
+NATS_WORDS = "nats: the logarithm of how much likelier the effect makes the images"
+_EXPLAINS_WORDS = "explains: share of the squared error beyond noise (noise effects: of the noise, no error)"
 _SHOWN = 8
 _BAR = 40
 _LARGEST_SUMMARY = 10
@@ -63,13 +73,9 @@ def _probabilities(result: Mapping[str, Any]) -> list[str]:
 
 def _errors(result: Mapping[str, Any]) -> list[str]:
     """Held-out errors before and after beside the noise, as numbers and bars."""
-    before, after, floor = (
-        result[key] for key in ("heldout_ir_rmse_before", "heldout_ir_rmse_after", "heldout_noise_floor")
-    )
-    if before is None or after is None:
+    rows, floor = errors_told(result), result["heldout_noise_floor"]
+    if not rows:
         return []
-    after_name = "with what was found" if result["added"] else "with its own scales"
-    rows = [("held-out error before", before), (after_name, after)]
     rows += [] if floor is None else [("noise alone", floor)]
     most = max(value for _, value in rows) or 1.0
     lines = []
@@ -98,6 +104,7 @@ def _table(result: Mapping[str, Any]) -> list[str]:
         )
         lines += [f"{'':6}{words}" for words in _notes(result, entry)]
     placed = {entry["effect"] for entry in ranking}
+    lines += [f"{NATS_WORDS}; {_EXPLAINS_WORDS}"] if ranking else []
     return lines + [f" -  {name:26}yours: {why}" for name, why in own.items() if name not in placed]
 
 

@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 
 from activestereo.capture.capture import SIDES, Frame
 from activestereo.common.html_table import text
-from activestereo.diagnose.answer.verdict_words import error_text, geometry_words, headline, next_steps, rivals
+from activestereo.diagnose.answer.verdict_words import (
+    error_text,
+    errors_told,
+    geometry_words,
+    headline,
+    next_steps,
+    rivals,
+)
 from activestereo.report.charts import effects_chart
 from activestereo.report.encode import data_address
 from activestereo.report.models import BASE, FOUND, ModelImages
@@ -48,14 +55,12 @@ def first_screen(
 
 def _errors(diagnosis: Mapping[str, Any]) -> str:
     """The errors, and the effects that cannot be told apart."""
-    before, after, floor = (
-        diagnosis[key] for key in ("heldout_ir_rmse_before", "heldout_ir_rmse_after", "heldout_noise_floor")
-    )
+    told, floor = errors_told(diagnosis), diagnosis["heldout_noise_floor"]
     said = [text(diagnosis["capture"]) + ". "] if diagnosis.get("capture") else []
-    if before is not None and after is not None:
-        noise = "" if floor is None else f", noise alone gives {floor:.2f} DN"
-        errors = f"{error_text(before, floor, 2)} before, {error_text(after, floor, 2)} after"
-        said.append(f"Held-out error {errors}{noise}. ")
+    if told:
+        noise = [] if floor is None else [f"noise alone {floor:.2f} DN"]
+        words = ", ".join([f"{name} {error_text(error, floor, 2)}" for name, error in told] + noise)
+        said.append(f"{words[0].upper()}{words[1:]}. ")
     said += [f"{text(words)} " for words in geometry_words(diagnosis)]
     if others := rivals(diagnosis):
         tags = "".join(f'<span class="tag">{text(name)}</span>' for name in others)

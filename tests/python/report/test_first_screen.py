@@ -36,9 +36,10 @@ def _pictures(html):
 
 def test_the_sentence_the_rivals_and_the_advice_are_there(screen):
     gone = 1.0 - (2.51**2 - 2.44**2) / (6.21**2 - 2.44**2)
-    assert f"<h1>{SAYS}: {100 * gone:.0f} % of the error beyond noise goes.</h1>" in screen
+    assert f"<h1>{SAYS}: {100 * gone:.0f} % of the squared error beyond noise goes.</h1>" in screen
     assert "cannot tell radial_distortion from" in screen and ">principal_point_offset</span>" in screen
-    assert "Measure: a second distance." in screen and "6.21 DN before, 2.51 DN after" in screen
+    assert "Measure: a second distance." in screen
+    assert "Held-out RMSE before 6.21 DN, with what was found 2.51 DN" in screen
     assert screen.count("data:image/svg+xml") == 1  # the curve
 
 

@@ -2,8 +2,11 @@
 """The verdict in a terminal: a sentence, ten lines at most, and a table that says of every row what it cannot be told
 from."""
 
+import re
+
 import pytest
 
+from activestereo.report.diagnosis import diagnosis_sections
 from activestereo.report.diagnosis_text import diagnosis_text, verdict_text
 from activestereo.diagnose.answer.verdict_words import alike, headline, next_steps, share_gone
 from report_worlds import DIAGNOSIS
@@ -34,7 +37,7 @@ def test_the_share_that_goes_is_of_the_square_beyond_noise(before, after, floor,
 def test_a_sentence_for_each_verdict():
     said = [_row("a") | {"finding": "The air is hazy"}, _row("b") | {"finding": "A lamp flickers"}]
     both = _result(ranking=said, added=["a", "b"])
-    assert headline(both).startswith("The air is hazy and a lamp flickers: 99 % of the error")
+    assert headline(both).startswith("The air is hazy and a lamp flickers: 99 % of the squared error")
     assert headline(_result()).startswith("The model lacks a: ")
     assert headline(_result(verdict="unknown", added=[])) == (
         "Something is missing that no known effect explains (2.51 DN, noise alone gives 2.44 DN)."
@@ -45,6 +48,23 @@ def test_a_sentence_for_each_verdict():
         "The images lack nothing; in the depth: the model lacks e."
     )
     assert headline(_result(verdict="undetermined", reason="it is dark")).endswith("missing: it is dark.")
+
+
+def test_the_sentence_is_what_the_figures_below_it_give():
+    """A share of squares, from the geometry as it was measured where that is another than stated."""
+    figures = {"heldout_ir_rmse_before": 5.0, "heldout_ir_rmse_geometry": 4.0, "heldout_ir_rmse_after": 3.1}
+    said = verdict_text(_result(**figures, heldout_noise_floor=3.0))
+    (gone,) = re.findall(r": (\d+) % of the squared error beyond noise goes", said)
+    before, measured, after, noise = (float(x) for x in re.findall(r"^  .* (\d\.\d+) DN ", said, re.M))
+    assert (before, noise) == (5.0, 3.0)
+    assert float(gone) == round(100 * (measured**2 - after**2) / (measured**2 - noise**2))
+
+
+def test_the_columns_of_both_tables_are_told():
+    for said in (diagnosis_text(_result()), "".join(diagnosis_sections(_result(depth={})))):
+        assert said.count("nats: the logarithm of how much likelier") == 1
+    assert "explains: share of the squared error" in diagnosis_text(_result())
+    assert "nats:" not in diagnosis_text(_result(ranking=[], added=[]))
 
 
 def test_what_differs_is_mended_where_it_is():

@@ -33,6 +33,18 @@ def error_text(rmse_dn: float, floor_dn: float | None, decimals: int) -> str:
     return f"{rmse_dn:.{decimals}f} DN" if floor_dn is None or rmse_dn > floor_dn else "at the noise floor"
 
 
+def errors_told(result: Mapping[str, Any]) -> list[tuple[str, float]]:
+    """(name, root mean square of the held-out frames in DN) of the models between which the verdict's share of the
+    squared error goes, and of the one with the geometry as it was measured where that is another; else nothing."""
+    before, after = result["heldout_ir_rmse_before"], result["heldout_ir_rmse_after"]
+    if before is None or after is None:
+        return []
+    standing = result.get("heldout_ir_rmse_geometry", before)
+    measured = [] if standing == before else [("geometry as measured", standing)]
+    last = "with what was found" if result["added"] else "with its own scales"
+    return [("held-out RMSE before", before), *measured, (last, after)]
+
+
 def share_gone(result: Mapping[str, Any]) -> float | None:
     """The share of the held-out squared error beyond noise that goes with what was added, the geometry as it was
     measured; None where it cannot be told."""
@@ -77,7 +89,7 @@ def headline(result: Mapping[str, Any]) -> str:
         gone = share_gone(result)
         if gone is None or gone <= 0.0:
             return f"{said}."
-        return f"{said}: {100 * gone:.0f} % of the error beyond noise goes."
+        return f"{said}: {100 * gone:.0f} % of the squared error beyond noise goes."
     if result["verdict"] == "unknown":
         return f"Something is missing that no known effect explains{left}."
     if result["verdict"] == "none":
