@@ -26,7 +26,7 @@ from activestereo.common.nearest import unknown
 from activestereo.common.pose import PoseLike
 from activestereo.sensor.batch import StereoDepthSensorBatch
 from activestereo.sensor.mounts import HasPoses
-from activestereo.sensor.rival_noise import IsaacSettings, datasheet, gaussian, isaac, redwood, simkinect
+from activestereo.sensor.rival_noise import OF_FOCAL_BASELINE, IsaacSettings, gaussian, isaac
 
 MODES = ("clean", "gaussian", "datasheet", "simkinect", "redwood", "isaac-like", "raster", "full")
 # Of 'gaussian': standard deviation at 1 m. A D435's subpixel noise of 0.08 px gives this.
@@ -79,8 +79,7 @@ class DepthCamera:
             focal_px = float(c.ir_intrinsic[0, 0])
             baseline_m = c.focal_baseline_px_m / focal_px
             return isaac(truth, gray, focal_px, baseline_m, self._isaac, self._random)
-        rival = {"datasheet": datasheet, "simkinect": simkinect, "redwood": redwood}[self.mode]
-        return rival(truth, c.focal_baseline_px_m, self._random)
+        return OF_FOCAL_BASELINE[self.mode](truth, c.focal_baseline_px_m, self._random)
 
 
 def make_lambertian(scene: kuafu.Scene) -> None:

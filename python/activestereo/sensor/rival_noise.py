@@ -6,6 +6,7 @@ All take depth float32 [E, height, width] in metres, 0 = nothing there, and retu
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,14 +66,24 @@ def simkinect(depth: Depth, focal_baseline_px_m: float, random: np.random.Genera
     return _rounded(accepted.astype(np.float32), focal_baseline_px_m, jitter / _KINECT_STEPS, 1.0 / _KINECT_STEPS)
 
 
-def redwood(depth: Depth, focal_baseline_px_m: float, random: np.random.Generator) -> Depth:
+def redwood(
+    depth: Depth, focal_baseline_px_m: float, random: np.random.Generator, farthest_m: float = _REDWOOD_FARTHEST_M
+) -> Depth:
     """Choi et al. 2015: from a place beside each pixel every other pixel's depth, its disparity jittered and rounded;
-    nothing from 10 m on."""
+    nothing from farthest_m on."""
     row, column = (np.rint(at).astype(np.intp) // 2 * 2 for at in _places(depth.shape, _REDWOOD_SHIFT_PX, random))
     coarse = depth[np.arange(len(depth))[:, None, None], row, column]
     jitter = _REDWOOD_SIGMA_PX * random.standard_normal(depth.shape)
-    near = np.where(coarse < _REDWOOD_FARTHEST_M, coarse, np.float32(0.0))
+    near = np.where(coarse < farthest_m, coarse, np.float32(0.0))
     return _rounded(near, focal_baseline_px_m, jitter, 1.0 / _REDWOOD_STEPS)
+
+
+# Those that need a sensor's focal length times baseline alone.
+OF_FOCAL_BASELINE: dict[str, Callable[[Depth, float, np.random.Generator], Depth]] = {
+    "datasheet": datasheet,
+    "simkinect": simkinect,
+    "redwood": redwood,
+}
 
 
 @dataclass(frozen=True)

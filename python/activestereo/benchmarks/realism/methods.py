@@ -14,7 +14,7 @@ from activestereo.benchmarks.realism.views import Map, RealView
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import CAMERA_TO_BODY, Pose
 from activestereo.sensor.depth_modes import make_lambertian
-from activestereo.sensor.rival_noise import IsaacSettings, datasheet, gaussian, isaac, redwood, simkinect
+from activestereo.sensor.rival_noise import OF_FOCAL_BASELINE, IsaacSettings, gaussian, isaac
 from activestereo.sensor.sensor import StereoDepthSensor
 
 OF_TRUTH = ("clean", "gaussian", "datasheet", "simkinect", "redwood", "isaac-like")
@@ -63,9 +63,7 @@ def _of_truth(view: RealView, method: str, seed: int) -> Map:
         focal = float(view.capture.rig.left.K[0, 0])
         gray = (view.left / view.capture.rig.max_dn)[None]
         return isaac(truth, gray, focal, focal_baseline / focal, IsaacSettings(), random)[0]
-    return {"datasheet": datasheet, "simkinect": simkinect, "redwood": redwood}[method](truth, focal_baseline, random)[
-        0
-    ]
+    return OF_FOCAL_BASELINE[method](truth, focal_baseline, random)[0]
 
 
 def rig_config(view: RealView, sensor: str, is_calibrated: bool) -> StereoDepthSensorConfig:

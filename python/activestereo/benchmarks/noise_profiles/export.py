@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fits noise models to a sensor, writes their files, and compares them with the sensor in rooms that no fit saw."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from activestereo.benchmarks.noise_profiles.distance import Distance, distance
+from activestereo.benchmarks.noise_profiles.elevation_mapping import ElevationMapping
+from activestereo.benchmarks.noise_profiles.gazebo import Gazebo
+from activestereo.benchmarks.noise_profiles.isaac import Isaac
+from activestereo.benchmarks.noise_profiles.mujoco_ros2_control import MujocoRos2Control
+from activestereo.benchmarks.noise_profiles.open3d import Open3D
+from activestereo.benchmarks.noise_profiles.profile import Profile, fitted
+from activestereo.benchmarks.noise_profiles.rooms import Views, take_views
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.output_files import write_text
+from activestereo.common.progress_bar import Progress
+from activestereo.model import SensorModel
+
+PROFILES: dict[str, type[Profile]] = {
+    "isaac": Isaac,
+    "gazebo": Gazebo,
+    "mujoco_ros2_control": MujocoRos2Control,
+    "elevation_mapping": ElevationMapping,
+    "open3d": Open3D,
+}
+_ROOMS = 6
+# Rooms of fits have seeds from 0; these have others.
+_HELD_OUT_SEED = 2**40
+
+
+@dataclass(frozen=True)
+class Exported:
+    """default, profile: how far both are from the sensor in rooms that no fit saw; None where none were asked for."""
+
+    profile: Profile
+    file: Path
+    seconds: float
+    default_distance: Distance | None
+    distance: Distance | None
+
+
+def export(
+    config: StereoDepthSensorConfig, model: SensorModel | None, names: list[str], out: Path, held_out: int = 0,
+    seed: int = 0, device: str | int = "auto", progress: Progress | None = None,
+) -> dict[str, Exported]:  # fmt: skip
+    """{name: what was written} for names of PROFILES; profiles.json has the parameters and distances. progress: of
+    taking the views, which takes nearly all of the time."""
+    start = time.perf_counter()
+    views = take_views(config, model, _ROOMS, seed, device, progress)
+    views_s = time.perf_counter() - start
+    fits: dict[str, tuple[Profile, float]] = {}
+    for name in names:
+        start = time.perf_counter()
+        fits[name] = fitted(PROFILES[name], views), views_s + time.perf_counter() - start
+        write_text(out / PROFILES[name].FILE, fits[name][0].text(views))
+    others = take_views(config, model, held_out, _HELD_OUT_SEED + seed, device, progress) if held_out else None
+    found = {
+        name: Exported(profile, out / profile.FILE, seconds, _far(type(profile)(), others), _far(profile, others))
+        for name, (profile, seconds) in fits.items()
+    }
+    write_text(out / "profiles.json", json.dumps({name: said(one) for name, one in found.items()}, indent=1) + "\n")
+    return found
+
+
+def _far(profile: Profile, views: Views | None) -> Distance | None:
+    return None if views is None else distance(views, profile.apply(views, np.random.default_rng(1)))
+
+
+def said(one: Exported) -> dict[str, Any]:
+    """The part of profiles.json that is about one."""
+    distances = {"default": one.default_distance, "exported": one.distance}
+    return {
+        "file": one.file.name,
+        "parameters": one.profile.parameters,
+        "lacks": list(one.profile.LACKS),
+        "held_out": {k: {"error_px": d.error_px, "holes": d.holes} for k, d in distances.items() if d is not None},
+    }

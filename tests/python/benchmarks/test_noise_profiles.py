@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Noise models of other simulators: a fit finds the noise that was put in, and their files say what was found."""
+
+import xml.etree.ElementTree as xml
+
+import numpy as np
+import pytest
+
+from activestereo.benchmarks.noise_profiles.distance import Distance, distance
+from activestereo.benchmarks.noise_profiles.export import PROFILES
+from activestereo.benchmarks.noise_profiles.profile import fitted
+from activestereo.benchmarks.noise_profiles.rooms import Views
+from activestereo.cli import model as command
+
+_K = np.array([[430.0, 0.0, 79.5], [0.0, 430.0, 31.5], [0.0, 0.0, 1.0]])
+_SIGMA_PX, _HOLES = 0.3, 0.1
+
+
+@pytest.fixture(scope="module")
+def views():
+    """A sensor with Gaussian noise of disparity, and a tenth of the pixels without depth."""
+    random = np.random.default_rng(3)
+    truth = np.broadcast_to(np.linspace(1.0, 4.0, 160, dtype=np.float32), (2, 64, 160)).copy()
+    px = 430.0 * 0.05 / truth + _SIGMA_PX * random.standard_normal(truth.shape)
+    found = np.where(random.random(truth.shape) < _HOLES, 0.0, 430.0 * 0.05 / px).astype(np.float32)
+    return Views(truth, found, random.random(truth.shape, np.float32), _K, 0.05, 0.2, 10.0)
+
+
+@pytest.fixture(scope="module")
+def profiles(views):
+    return {name: fitted(kind, views) for name, kind in PROFILES.items()}
+
+
+def test_a_distance_is_what_was_put_in(views):
+    assert distance(views, views.found_m) == Distance(0.0, 0.0)
+    moved = np.where(views.found_m > 0, 21.5 / (21.5 / np.maximum(views.found_m, 0.1) + 0.1), 0.0)
+    assert distance(views, moved).error_px == pytest.approx(0.1, rel=0.01)
+    half = np.where(np.arange(64)[:, None] < 32, views.found_m, 0.0)
+    assert distance(views, half).holes == pytest.approx(0.5 * (1.0 - _HOLES), abs=0.01)
+
+
+def test_noise_of_disparity_is_found_again(profiles):
+    assert profiles["mujoco_ros2_control"].subpixel_px == pytest.approx(_SIGMA_PX, rel=0.1)
+    assert profiles["mujoco_ros2_control"].dropout == pytest.approx(_HOLES, abs=0.02)
+    isaac = profiles["isaac"]
+    assert np.hypot(isaac.sigma_px, isaac.step_px / np.sqrt(12.0)) == pytest.approx(_SIGMA_PX, rel=0.1)
+    mapping = profiles["elevation_mapping"]
+    for depth_m in (1.5, 3.5):  # z^2 sigma / (f B)
+        sigma_m = mapping.a + mapping.b * (depth_m - mapping.c) ** 2
+        assert sigma_m == pytest.approx(depth_m**2 * _SIGMA_PX / 21.5, rel=0.25)
+    assert profiles["gazebo"].stddev_m == pytest.approx(0.07, rel=0.5)  # of sigmas from 0.014 to 0.22 m
+
+
+def test_a_fit_is_nearer_than_the_default(views, profiles):
+    for name, profile in profiles.items():
+        default = type(profile)()
+        far = [distance(views, one.apply(views, np.random.default_rng(5))) for one in (default, profile)]
+        least = 0.75 if name == "gazebo" else 0.5  # one sigma in metres for depths from 1 to 4 m
+        assert far[1].error_px <= least * far[0].error_px, profile
+        assert far[1].total < far[0].total
+
+
+def test_files_say_what_was_found(views, profiles):
+    texts = {name: profile.text(views) for name, profile in profiles.items()}
+    noise = xml.fromstring(texts["gazebo"]).find(".//camera/noise")
+    assert float(noise.find("stddev").text) == pytest.approx(profiles["gazebo"].stddev_m, rel=1e-4)
+    sensor = xml.fromstring(texts["mujoco_ros2_control"]).find("ros2_control/sensor")
+    found = {one.get("name"): float(one.text) for one in sensor}
+    assert found["depth_subpixel"] == pytest.approx(profiles["mujoco_ros2_control"].subpixel_px, rel=1e-4)
+    assert f"noiseSigma = {profiles['isaac'].sigma_px:.6g}" in texts["isaac"]
+    pairs = dict(line.split(": ") for line in texts["elevation_mapping"].splitlines())
+    assert float(pairs["sensor_processor/normal_factor_b"]) == pytest.approx(profiles["elevation_mapping"].b)
+
+
+def test_open3ds_file_has_a_row_for_each_cell_and_divides_bias_away(views):
+    profile = PROFILES["open3d"](zoom=2.0, bias_px=0.1, blind_cells=3)
+    rows = np.loadtxt(profile.text(views).splitlines(), comments="%", skiprows=5).reshape(80, 80, 23)
+    assert (rows[:, :3, 3:8] < 8000).all() and (rows[:, 3:, 3:8] == 8000).all()
+    assert np.allclose(rows[0, 5, 18:], 1.0 + 0.1 * np.array([1, 3, 5, 7, 9]) / 35.13)
+    assert "depth_scale=500" in profile.text(views)
+
+
+def test_the_command_knows_all_formats_and_refuses_others():
+    assert tuple(PROFILES) == command.EXPORTS
+    with pytest.raises(Exception, match="unknown format 'gazeb'.*gazebo"):
+        command._exports("isaac,gazeb")
