@@ -18,6 +18,7 @@ from activestereo.capture.binning import usual_samples
 from activestereo.capture.capture import Capture, read_capture
 from activestereo.common.html_table import table, text
 from activestereo.common.phases import Phases
+from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthFrame, depth_scores, model_depths
 from activestereo.compare.image_errors import ImageErrors, image_errors, residuals_of
 from activestereo.compare.mismatch import match_of, warnings_of
@@ -28,7 +29,6 @@ from activestereo.compare.where_channels import where_it_fails
 from activestereo.effects.core.model import Model
 
 if TYPE_CHECKING:
-    from activestereo.compare.cache import LayerCache
     from activestereo.compare.render import Renderer
     from activestereo.effects.engines import SceneMeasurement
     from activestereo.effects.engines.capture_renderer import CaptureRenderer
@@ -109,7 +109,7 @@ def compare(
     model, samples_per_pixel = model or Model(), samples_per_pixel or usual_samples(capture)
     halves = render_halves(capture, renderer, samples_per_pixel, max_bounces, seed, cache, phases, WARP_SCALE)
     phases.begin(PREDICTING)
-    errors = image_errors(capture, model, halves, seed, engines, scene_measurement, phases)
+    errors = image_errors(capture, model, halves, seed, engines, scene_measurement, phases, cache or LayerCache())
     phases.begin(LOOKING)
     return comparison_of(errors, RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed))
 

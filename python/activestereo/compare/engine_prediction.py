@@ -6,14 +6,14 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-from collections.abc import Callable, Mapping
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.capture import SIDES, Capture, ImageKey
-from activestereo.common.input_files import read_bytes
+from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache, scene_digest
 from activestereo.compare.fit_model import fit_with_exposures
@@ -25,7 +25,6 @@ from activestereo.effects.core.descriptor import Randomness
 from activestereo.effects.engines import CameraLight, CaptureRenderer, SceneMeasurement
 from activestereo.effects.engines.halves import HALVES
 from activestereo.effects.engines.imager import ExpectedImager
-from activestereo.effects.engines.smooth import SMOOTH_VERSION
 
 
 class EngineModel:
@@ -49,7 +48,7 @@ class EngineModel:
             for side, part in zip(SIDES, renderer.inputs(frame, model).sides, strict=True)
         }
 
-    def light(self, seen: CameraLight, flat: NDArray[np.float32], view: View) -> Light:
+    def light(self, seen: CameraLight | LightOnly, flat: NDArray[np.float32], view: View) -> Light:
         """The light that falls on the imager. flat: of the base layers, for effects of the projector that have no
         engine field."""
         images = (seen.direct, seen.indirect, seen.ambient, flat)
@@ -90,13 +89,7 @@ class EngineImages:
 
     def __call__(self, model: Model, split: str, half: int | None = None) -> Mapping[ImageKey, LightOnly]:
         renderer = self._draft if half is None else self._whole
-        frames, key = renderer.capture.split(split), _images_key(renderer, model, split, half)
-        stored = self._cache.get_arrays(key)
-        if stored is None:
-            seen = renderer.lights(model, frames, half=half)
-            stored = {f"{side}_{id}": np.stack([x.direct, x.indirect, x.ambient]) for (id, side), x in seen.items()}
-            self._cache.put_arrays(key, stored)
-        return {(f.id, side): LightOnly(*stored[f"{side}_{f.id}"]) for f in frames for side in SIDES}
+        return kept_lights(renderer, self._cache, model, renderer.capture.split(split), half=half)
 
 
 class LightOnly(NamedTuple):
@@ -107,18 +100,26 @@ class LightOnly(NamedTuple):
     ambient: NDArray[np.float32]
 
 
-def _images_key(renderer: CaptureRenderer, model: Model, split: str, half: int | None) -> str:
-    """Hash of all that decides the images: the capture, the code that renders, and what the effects do to it."""
-    capture, digest = renderer.capture, hashlib.sha256()
-    digest.update(read_bytes(capture.path / "capture.json"))
-    digest.update(scene_digest(capture.scene_path).encode())
-    digest.update(np.ascontiguousarray(capture.rig.projector.pattern()).tobytes())
-    settings = renderer.samples_per_pixel, renderer.max_bounces, renderer.seed, split, half, SMOOTH_VERSION
-    digest.update(repr((settings, engine_version(renderer.device))).encode())
-    for effect, parameters in model.effects:
-        digest.update(repr((effect.id, sorted(parameters.items()))).encode())
-        digest.update(b"" if effect.engine is None else inspect.getsource(effect.engine).encode())
-    return digest.hexdigest()
+def kept_lights(
+    renderer: CaptureRenderer,
+    cache: LayerCache,
+    model: Model,
+    frames: Sequence[Frame],
+    scene_measurement: SceneMeasurement | None = None,
+    progress: Callable[[float], object] | None = None,
+    half: int | None = None,
+) -> dict[ImageKey, LightOnly]:
+    """renderer.lights(), kept in a cache by all that decides them, the code that makes them included."""
+    code = inspect.getsource(sys.modules[type(renderer).__module__])
+    own = renderer.lights_key(model, frames, scene_measurement, half), code
+    of_world = scene_digest(renderer.capture.scene_path), engine_version(renderer.device)
+    key = hashlib.sha256(repr((own, of_world)).encode()).hexdigest()
+    stored = cache.get_arrays(key)
+    if stored is None:
+        seen = renderer.lights(model, frames, scene_measurement, progress=progress, half=half)
+        stored = {f"{side}_{id}": np.stack([x.direct, x.indirect, x.ambient]) for (id, side), x in seen.items()}
+        cache.put_arrays(key, stored)
+    return {(f.id, side): LightOnly(*stored[f"{side}_{f.id}"]) for f in frames for side in SIDES}
 
 
 def predict_in_engines(
@@ -130,17 +131,23 @@ def predict_in_engines(
     views: Mapping[ImageKey, View],
     measured: Mapping[ImageKey, NDArray],
     progress: Callable[[float], object] | None = None,
+    cache: LayerCache | None = None,
 ) -> tuple[Fit, dict[ImageKey, list[NDArray[np.float64]]]]:
     """(the Fit of the nuisances on the train frames, {(frame id, side): expected DN [height][width] by each of two
     independent halves of the samples}).
 
-    layers: the base model's; views and measured: {(frame id, side): View and DN}. ValueError where there is nothing to
-    fit.
+    layers: the base model's; views and measured: {(frame id, side): View and DN}. cache: where light is kept, or None.
+    ValueError where there is nothing to fit.
     """
     engine, halves = EngineModel(model, renderer), []
     for half in HALVES:
         share = part_of(progress, half / 2, (half + 1) / 2)
-        seen = renderer.lights(model, scene_measurement=scene_measurement, progress=share, half=half)
+        frames = renderer.capture.frames
+        seen: Mapping[ImageKey, CameraLight | LightOnly]
+        if cache is None:
+            seen = renderer.lights(model, frames, scene_measurement, progress=share, half=half)
+        else:
+            seen = kept_lights(renderer, cache, model, frames, scene_measurement, share, half)
         halves.append({k: engine.light(seen[k], layers[k[0]][k[1]].flat, view) for k, view in views.items()})
     means = {key: mean_light(*(lights[key] for lights in halves)) for key in views}
     fit, exposed = fit_with_exposures(capture, engine, means, views, measured)

@@ -24,6 +24,7 @@ from activestereo.effects.core.view import View
 from activestereo.effects.engines import SceneMeasurement
 
 if TYPE_CHECKING:
+    from activestereo.compare.cache import LayerCache
     from activestereo.effects.engines.capture_renderer import CaptureRenderer
 
 
@@ -91,12 +92,14 @@ def image_errors(
     engines: Callable[[Capture], CaptureRenderer] | None = None,
     scene_measurement: SceneMeasurement | None = None,
     progress: Callable[[float], object] | None = None,
+    cache: LayerCache | None = None,
 ) -> ImageErrors:
     """The ImageErrors of a model with the nuisances that fit the train frames. ValueError: there is nothing to fit.
 
     halves: the base model's light on all frames, by render_halves(). engines: makes a CaptureRenderer of the capture,
     in which the model's effects act; None: their image functions do. scene_measurement: what is known of focal lengths
     and albedos, which engines alone show. progress: called as progress(fraction done) while engines render.
+    cache: where the engines' light is kept, or None.
     """
     layers = mean_of_halves(halves)
     measured = {(frame.id, side): capture.ir(frame, side) for frame in capture.frames for side in SIDES}
@@ -110,7 +113,8 @@ def image_errors(
         fit, expected = predict_under_model(capture, model, (layers, *halves), views, counted)
     else:
         fit, expected = predict_in_engines(
-            capture, model, scene_measurement or SceneMeasurement(), engines(capture), layers, views, counted, progress
+            capture, model, scene_measurement or SceneMeasurement(), engines(capture), layers, views, counted, progress,
+            cache,
         )
     predictions = {key: (0.5 * (a + b)).astype(np.float32) for key, (a, b) in expected.items()}
     seen = {(f, e): (views[f, e].frame, layers[f][e], image) for (f, e), image in measured.items()}

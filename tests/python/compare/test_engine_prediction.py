@@ -15,7 +15,9 @@ from activestereo.cli import main
 from activestereo.effects import Model, builtin
 from activestereo.effects.engines import CaptureRenderer, SceneMeasurement
 from activestereo.capture.images import read_gray
+from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
+from activestereo.compare.engine_prediction import kept_lights
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.surrogate import trial_capture
 from activestereo.model import Quantity, diagnosed_model, write_model
@@ -189,3 +191,36 @@ def test_the_engines_imager_and_the_formulas_count_alike(renderer, nominal, name
             assert np.sqrt(np.mean((formula - counted) ** 2)) < (0.4 if name == "saturation_blooming" else 0.02) * max(
                 change, 0.5
             )
+
+
+def test_light_that_was_rendered_once_is_taken_from_the_cache(renderer, nominal, tmp_path, monkeypatch):
+    cache, model, frames = LayerCache(tmp_path), model_of(radial_distortion={"k1": 0.02}), nominal.frames
+    first = kept_lights(renderer, cache, model, frames, SCENE_MEASUREMENT, half=0)
+    rendered = renderer.lights(model, frames, SCENE_MEASUREMENT, half=0)
+    for key, light in first.items():
+        for name in ("direct", "indirect", "ambient"):
+            np.testing.assert_array_equal(getattr(light, name), getattr(rendered[key], name))
+
+    class Traced(Exception):
+        """A ray was traced."""
+
+    def trace(*_, **__):
+        raise Traced
+
+    monkeypatch.setattr(CaptureRenderer, "_images", trace)
+    moved = replace(frames[0], camera_to_world=frames[0].camera_to_world + np.eye(4)[3] * 1e-4)
+    coarse = replace(nominal, rig=replace(nominal.rig, left=replace(nominal.rig.left, K=1.001 * nominal.rig.left.K)))
+    like = lambda capture, samples=SAMPLES: CaptureRenderer(capture, "auto", samples, BOUNCES, 3)  # noqa: E731
+    again = kept_lights(like(nominal), cache, model, frames, SCENE_MEASUREMENT, half=0)
+    assert all(np.array_equal(a, b) for key in first for a, b in zip(first[key], again[key], strict=True))
+    wholly = (model, frames, SCENE_MEASUREMENT, None, 0)
+    for other, (own, seen, measured, _, half) in (
+        (like(nominal), (model_of(radial_distortion={"k1": 0.021}), *wholly[1:])),
+        (like(nominal), (model, (moved, *frames[1:]), *wholly[2:])),
+        (like(nominal), (model, frames, SceneMeasurement((0.002, 0.001), {1: 1.1}), None, 0)),
+        (like(nominal), (*wholly[:4], 1)),
+        (like(coarse), wholly),
+        (like(nominal, SAMPLES + 2), wholly),
+    ):
+        with pytest.raises(Traced):
+            kept_lights(other, cache, own, seen, measured, half=half)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from activestereo.capture.capture import Capture
 from activestereo.common.computed_once import computed_once
 from activestereo.common.progress_bar import Progress
+from activestereo.compare.cache import LayerCache
 from activestereo.compare.image_errors import ImageErrors, image_errors
 from activestereo.compare.render import Halves
 from activestereo.effects import Model
@@ -27,7 +28,7 @@ Step: TypeAlias = tuple[Sequence[str], SensorModel]  # effects added, and the mo
 class ErrorsOfModels:
     """The ImageErrors of models on a capture, as it is stated, and on what was measured of it. base: renders the base
     model's light on all frames of a capture; seed and engines as of compare(). progress: called with the fraction of a
-    model that engines have rendered."""
+    model that engines have rendered. cache: where their light is kept, or None."""
 
     capture: Capture
     measured: Capture
@@ -35,6 +36,7 @@ class ErrorsOfModels:
     seed: int = 0
     engines: Callable[[Capture], CaptureRenderer] | None = None
     progress: Progress | None = None
+    cache: LayerCache | None = None
 
     def given(self, model: Model | SensorModel | None, measured: bool = False) -> ImageErrors:
         """Errors of the model that a diagnosis starts from, on the capture as stated or as measured. None: there is
@@ -47,7 +49,7 @@ class ErrorsOfModels:
             return self.plain()
         engines = None if model is None else self.engines
         base = self._measured_base() if measured else self._own_base()
-        return image_errors(own, model or Model(), base, self.seed, engines, progress=self.progress)
+        return image_errors(own, model or Model(), base, self.seed, engines, None, self.progress, self.cache)
 
     @computed_once
     def plain(self) -> ImageErrors:
@@ -62,7 +64,8 @@ class ErrorsOfModels:
     def _under(self, model: SensorModel, capture: Capture, base: Halves) -> ImageErrors:
         names = surface_names(capture.scene_path)
         bound, scene_measurement = model.bound(names), model.scene_measurement(names)
-        return image_errors(capture, bound, base, self.seed, self.engines, scene_measurement, self.progress)
+        engines, progress, cache = self.engines, self.progress, self.cache
+        return image_errors(capture, bound, base, self.seed, engines, scene_measurement, progress, cache)
 
     @computed_once
     def _own_base(self) -> Halves:

@@ -4,6 +4,7 @@ and simsense."""
 
 from __future__ import annotations
 
+import hashlib
 import os
 import threading
 from collections.abc import Callable, Iterable
@@ -26,6 +27,7 @@ from activestereo.effects.engines.capture_inputs import capture_inputs
 from activestereo.effects.engines.halves import half_samples, half_seeds
 from activestereo.effects.engines.imager import ExpectedImager
 from activestereo.effects.engines.scene_measurement import SceneMeasurement
+from activestereo.effects.engines.smooth import SMOOTH_VERSION
 from activestereo.effects.engines.smoothing import seen_surfaces, smooth_view
 from activestereo.effects.engines.world import (
     changed_world,
@@ -154,6 +156,20 @@ class CaptureRenderer:
                     for side, view in zip(SIDES, sides, strict=True)
                 }
         return out
+
+    def lights_key(
+        self,
+        model: Model,
+        frames: Iterable[Frame] | None = None,
+        scene_measurement: SceneMeasurement | None = None,
+        half: int | None = None,
+    ) -> str:
+        """Hash of all that decides lights(), but for the scene's files and the engine's version: equal in every
+        process."""
+        inputs = [self.inputs(f, model, scene_measurement) for f in (self.capture.frames if frames is None else frames)]
+        powers = [(i.frame.id, i.ambient.scale, i.projector and i.projector.ir_intensity) for i in inputs]
+        settings = self.samples_per_pixel, self.max_bounces, self.seed, half, self._smooth and SMOOTH_VERSION
+        return hashlib.sha256(repr((settings, powers, [_job_key(i) for i in inputs])).encode()).hexdigest()
 
     def expected(
         self,
@@ -311,8 +327,8 @@ def _job_key(inputs: EngineInputs) -> tuple:
     """The key of everything that decides the images of one pose; powers scale them and do not count."""
     sides = tuple((record_key(side.camera), record_key(side.optics), side.delay_s) for side in inputs.sides)
     projector = () if inputs.projector is None else record_key(_unit(inputs.projector))
-    pattern = b"" if inputs.pattern is None else inputs.pattern.tobytes()
-    return (*sides, projector, hash(pattern), tuple(map(record_key, inputs.added_lights)), world_key(inputs))
+    pattern = hashlib.sha256(b"" if inputs.pattern is None else inputs.pattern.tobytes())
+    return (*sides, projector, pattern.digest(), tuple(map(record_key, inputs.added_lights)), world_key(inputs))
 
 
 def _side_light(view: dict[str, NDArray], inputs: EngineInputs) -> CameraLight:
