@@ -46,6 +46,7 @@ from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.findings import BaseFit, Finding, NotRanked, Ranking
 from activestereo.diagnose.greedy import Step, greedy
 from activestereo.diagnose.next_measurement import next_measurements
+from activestereo.diagnose.object_names import object_json, rank_object
 from activestereo.diagnose.propose.scan import scan_observations
 from activestereo.diagnose.rank import DiagnosisContext, rank, rank_depth, settled_first
 from activestereo.diagnose.refine import Fitters
@@ -184,7 +185,7 @@ def diagnose(
     told |= {"progress": part_of(phases, 0.0, _BASE_SHARE), "scale": WARP_SCALE}
     base = partial(render_halves, renderer=renderer, cache=kept, **told)
     measured = _whole(place.evidence, whole)
-    errors = ErrorsOfModels(whole, measured, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0))
+    errors = ErrorsOfModels(whole, measured, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0), kept)
     settings = Settings(steps, workers, phases, thresholds, place.rendering, place.memory, errors, located)
     try:
         diagnosis = examine(place.evidence, model, list(effects.values()), settings)
@@ -248,6 +249,7 @@ def _undetermined(reason: str, model: Model) -> Diagnosis:
         "residual_model": None,
         "geometry": [],
         "albedos": [],
+        "objects": [],
         "depth": {"verdict": UNDETERMINED, "reason": reason, "ranking": [], "added": []},
         "model": model_json(model),
     }
@@ -301,6 +303,7 @@ def examine(
     last, findings = way[-1].ranking, findings_of(way, evidence.has_floor)
     verdict = verdict_of(first, last, evidence.has_floor)
     residual = residual_model(last.base, evidence.capture.name, evidence.seed) if verdict == UNKNOWN else None
+    of_object = rank_object(context, first, candidates) if verdict == EFFECT else None
     way, on_top = _accepted(verdict, first, way, settings.steps)
     accepted = _model_of(way[-1].ranking.base.solution.model, on_top)
     phases.begin(DEPTH)
@@ -324,6 +327,7 @@ def examine(
         "next_measurement": next_measurements(first, evidence),
         "geometry": geometry_json(replace(standing(evidence, solution), deviations=evidence.geometry.deviations)),
         "albedos": albedo_json(evidence, fitters.train, solution),
+        "objects": [] if of_object is None else [object_json(of_object, context, name_of)],
         "judging": judging_json(first, evidence.has_floor),
         "findings": findings.as_json(),
         "residual_model": residual and residual.as_json(),

@@ -106,6 +106,26 @@ def next_measurements(ranking: Ranking, evidence: Evidence) -> list[Advice]:
     return advice[:_SUGGESTIONS]
 
 
+def separating_view(ranking: Ranking, evidence: Evidence) -> Advice | None:
+    """{text, frame, nats}: the known view of which another frame tells most between a ranking's findings, all of which
+    explain the images alike. None where no view tells enough, or the noise is not known."""
+    members = [f for f in ranking.findings if f.solution is not None][:_MEMBERS]
+    if len(members) < 2 or not evidence.has_floor:
+        return None
+    views: dict[bytes, Observation] = {}
+    for o in scan_observations(evidence.train, evidence.seed):
+        views.setdefault(o.frame.camera_to_world.tobytes(), o)
+    told = {}
+    for o in views.values():
+        one = replace(ranking, pixels=2 * o.view.depth_m.size)  # both cameras of one frame
+        told[o.frame.id] = _worst_pair(one, evidence, members, [o], {})[0]
+    frame = max(told, key=lambda key: told[key])
+    if told[frame] <= ranking.thresholds.worth_nats:
+        return None
+    text = f"the view of frame {frame} separates them best (expected {told[frame]:.0f} nats by each further frame)"
+    return {"text": text, "frame": frame, "nats": told[frame]}
+
+
 def _open_set(ranking: Ranking) -> list[Finding]:
     """The first finding and those that cannot be told from it."""
     best = ranking.best

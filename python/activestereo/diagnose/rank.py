@@ -80,7 +80,7 @@ def rank(
     tell = progress or (lambda fraction: None)
     of_pixels = _of_pixels(context, of_kind)
     explained, skipped = _on_images(context, base, of_kind, part_of(progress, 0.0, _FITS_TIME), earlier)
-    ranking = _rendered(context, _scored(context, base, explained))
+    ranking = _rendered(context, scored(context, base, explained))
     tell(_RENDERED_TIME)
     ranking = _with_findings(ranking, _sized(context, ranking))
     ranking = _simplified(context, ranking)
@@ -116,7 +116,7 @@ def rank_depth(context: DiagnosisContext, base: BaseFit, candidates: Sequence[Ef
 
 def bare_ranking(context: DiagnosisContext, base: BaseFit) -> Ranking:
     """The Ranking of no candidates."""
-    return _scored(context, base, ())
+    return scored(context, base, ())
 
 
 def _on_images(
@@ -181,7 +181,7 @@ def _unjudged(of_kind: Mapping[Channel | None, list[Effect]]) -> list[NotRanked]
     return [NotRanked(e, e.unjudged_reason) for e in of_kind.get(None, [])]
 
 
-def _scored(context: DiagnosisContext, base: BaseFit, explained: Sequence[Explanation]) -> Ranking:
+def scored(context: DiagnosisContext, base: BaseFit, explained: Sequence[Explanation]) -> Ranking:
     """A Ranking of explanations on the infrared images, in the order given."""
     fits: list[BaseFit | Explanation] = [base, *explained]
     best = min(fits, key=lambda e: e.chi2)
@@ -231,7 +231,7 @@ def _rendered(context: DiagnosisContext, ranking: Ranking) -> Ranking:
         is_close = ranking.base.chi2 - f.chi2 >= thresholds.close_share * best
         if _is_transport(f.effect) and is_close and comes_near(ranking, _with_size(context, ranking, f)):
             explained[f.id] = refined_by_rendering(context.fitters.train, f.explanation, context.rendering)
-    return _scored(context, ranking.base, list(explained.values()))
+    return scored(context, ranking.base, list(explained.values()))
 
 
 def _is_transport(effect: Effect) -> bool:
@@ -279,9 +279,9 @@ def _simplified(context: DiagnosisContext, ranking: Ranking) -> Ranking:
         else f.explanation
         for f in ranking.findings
     ]
-    scored = _scored(context, ranking.base, findings)
+    simpler = scored(context, ranking.base, findings)
     checks = {f.id: f.checks for f in ranking.findings}
-    return _with_findings(scored, (replace(f, checks=checks[f.id]) for f in scored.findings))
+    return _with_findings(simpler, (replace(f, checks=checks[f.id]) for f in simpler.findings))
 
 
 def _looked_at(context: DiagnosisContext, ranking: Ranking) -> list[Finding]:

@@ -86,4 +86,5 @@ def _places(split: Split, most: int | None = None) -> list[tuple[str, Split]]:
 def _said(figures: Mapping[str, float]) -> str:
     """RMS in mm and px, with the share of the mean square in mm, where it is a part."""
     share = f" {round(100 * figures['share_m']):4d} %" if "share_m" in figures else ""
-    return f"{1e3 * figures['rms_m']:.2f} mm {figures['rms_px']:.3f} px{share}"
+    rms_mm, rms_px = round(1e3 * figures["rms_m"], 2) + 0.0, round(figures["rms_px"], 3) + 0.0  # no negative zero
+    return f"{rms_mm:.2f} mm {rms_px:.3f} px{share}"

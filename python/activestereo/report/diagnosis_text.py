@@ -35,6 +35,7 @@ def diagnosis_text(result: Mapping[str, Any]) -> str:
     """The text that the command prints: verdict_text(), then the table with all that may be asked of it."""
     lines = [verdict_text(result), "", *_probabilities(result)]
     lines += _table(result)
+    lines += [entry["text"] for entry in result.get("objects", [])]
     if (size := result.get("binning", 1)) > 1:
         lines.append(f"searched in images averaged over {size}x{size} pixels (--bin); figures are of whole images")
     lines += _depth_lines(result.get("depth")) + depth_parts_lines(result.get("depth_split"))

@@ -66,11 +66,14 @@ def _finding_json(ranking: Ranking, f: Finding, confidence: float, name_of: Call
         "closed_share": f.checks.plain_share,
         "closed_share_low": f.checks.plain_share_low,
         "frame_consistency": f.score.consistency,
-        "parameters": {
-            p.name: _parameter_json(p, f.explanation.parameters[p.name], name_of) for p in f.effect.parameters
-        },
+        "parameters": parameters_json(f, name_of),
         "equivalent": equivalents(ranking, f),
     }
+
+
+def parameters_json(f: Finding, name_of: Callable[[int], str]) -> Json:
+    """{name: a parameter as found}."""
+    return {p.name: _parameter_json(p, f.explanation.parameters[p.name], name_of) for p in f.effect.parameters}
 
 
 def _parameter_json(parameter: Parameter, found: Interval, name_of: Callable[[int], str]) -> Json:

@@ -20,7 +20,7 @@ from activestereo.common.computed_once import computed_once
 from activestereo.diagnose.findings import Explanation
 from activestereo.diagnose.refine.fit_cache import content_key
 from activestereo.diagnose.refine.fitter import Fitter
-from activestereo.diagnose.refine.parameter_space import ParameterSpace
+from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solution
 from activestereo.diagnose.score.intervals import intervals
 from activestereo.diagnose.score.likelihood import cross_validated
 from activestereo.effects import Effect, Light, Model, View
@@ -142,10 +142,12 @@ def _is_off(effect: Effect, values: np.ndarray) -> bool:
     )
 
 
-def refined_by_rendering(fitter: Fitter, explanation: Explanation, rendering: Rendering) -> Explanation:
+def refined_by_rendering(
+    fitter: Fitter, explanation: Explanation, rendering: Rendering, worth_chi2: float = np.inf
+) -> Explanation:
     """The explanation by the engine's images, where that is better; itself where it is not.
 
-    fitter: of the train images.
+    fitter: of the train images. worth_chi2: what leaves more in drafts is not rendered whole.
     """
     effect, start = explanation.effect, explanation.fitted
     own = slice(len(start.theta) - len(effect.parameters), None)
@@ -164,16 +166,22 @@ def refined_by_rendering(fitter: Fitter, explanation: Explanation, rendering: Re
         if (distance <= _SETTLED * reach).all():
             break
         steps, slopes = _steps(effect, moved), slopes if (distance <= _NEAR * reach).all() else ()
+    if np.isfinite(worth_chi2) and (drafted := _better(explanation, fitter, solution)).chi2 > worth_chi2:
+        return drafted
     slopes = slopes or change.slopes(theta[own], steps, _TRAIN, change.at(theta[own], _TRAIN))
     final = _Rendered(change, theta[own], steps, change.whole(theta[own], _TRAIN), slopes)
-    solution = fitter.refine(_with_effect(start.space, final.emulated()), theta, phi, 1)
-    chi2 = cross_validated(fitter, solution)
+    return _better(explanation, fitter, fitter.refine(_with_effect(start.space, final.emulated()), theta, phi, 1))
+
+
+def _better(explanation: Explanation, fitter: Fitter, solution: Solution) -> Explanation:
+    """The explanation by a solution with rendered images, or itself where it leaves less."""
+    chi2, rendered = cross_validated(fitter, solution), solution.effects[-1]
     if chi2 >= explanation.chi2:
         return explanation
     return replace(
         explanation,
-        effect=final.emulated(),
-        parameters=intervals(fitter, solution, effect),
+        effect=rendered,
+        parameters=intervals(fitter, solution, explanation.effect),
         chi2=chi2,
         tile_chi2=solution.sums.tile_chi2,
         solution=solution,

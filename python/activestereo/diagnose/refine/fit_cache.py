@@ -22,6 +22,7 @@ from activestereo.compare.cache import LayerCache
 from activestereo.diagnose.evidence.observation import Observation
 from activestereo.diagnose.refine.parameter_space import ParameterSpace
 from activestereo.effects import Effect, builtin
+from activestereo.effects.core.object_rivals import RIVALS
 
 # Raised when the meaning of what is kept changes.
 _FORMAT = 1
@@ -148,7 +149,7 @@ def _opencv_version() -> str:
 
 @cache
 def _builtin() -> dict[str, Effect]:
-    return builtin()
+    return builtin() | {e.id: e for e in RIVALS}
 
 
 def _apart(stored: Arrays) -> dict[str, dict[str, np.ndarray]]:
