@@ -123,8 +123,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with outside_allowed() if args.allow_outside else nullcontext(), _no_empty_folder(getattr(args, "out", None)):
             _run(args)
         sys.stdout.flush()
-    except KeyboardInterrupt:
-        return _fail("stopped", STOPPED)
+    except KeyboardInterrupt as error:
+        return _fail(_text(error) or "stopped", STOPPED)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader of our output has gone; say no more
         return READER_GONE

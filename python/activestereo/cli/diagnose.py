@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +24,7 @@ from activestereo.cli.arguments import (
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Capture
+    from activestereo.common.progress_bar import ProgressBar
     from activestereo.diagnose import Diagnosis
 
 _TEXT = """\
@@ -49,6 +52,7 @@ Writes into DIR:
                  page that needs no other file
   diagnose.json  verdict, ranking, held-out figures, next measurements
   model.json     the model with what was added: compare --model, diagnose --model
+Ctrl-C leaves stopped.txt in place of these; the same command then goes on where it was.
 
 examples:
   activestereo diagnose captures/table --out out/diagnosis
@@ -56,6 +60,9 @@ examples:
 
 Every threshold, with its unit and where it comes from: python/activestereo/diagnose/README.md.
 """
+
+
+_STOPPED = "stopped.txt"
 
 
 class _HelpWithGates(argparse.RawDescriptionHelpFormatter):
@@ -133,7 +140,7 @@ def run(args: argparse.Namespace) -> None:
     given = {name: getattr(args, name) for name in ("alpha", "least_share") if getattr(args, name) is not None}
     model = None if args.model is None else read_model(args.model, effects)
     times = PhaseTimes("diagnose")
-    with ProgressBar(f"diagnosing {args.capture.name}") as bar:
+    with ProgressBar(f"diagnosing {args.capture.name}") as bar, _told_where_stopped(args.out, bar):
         phases = Phases(bar, times.usual_s(PHASES_S | {WRITING: 8.0}))
         diagnosis = diagnose(
             args.capture,
@@ -165,6 +172,26 @@ def run(args: argparse.Namespace) -> None:
     print(f"written: {', '.join(path.name for path in paths)} in {args.out}")
     for line in written:
         print(line)
+
+
+@contextmanager
+def _told_where_stopped(folder: Path, bar: ProgressBar) -> Iterator[None]:
+    """A block that Ctrl-C ends leaves a line in the folder, and says it, on what is kept and how to go on; one that
+    ends takes the line of an earlier one away."""
+    from activestereo.common.output_files import write_text
+    from activestereo.compare.cache import default_cache_folder
+
+    note = folder / _STOPPED
+    try:
+        yield
+    except KeyboardInterrupt:
+        if not bar.phase:
+            raise
+        kept = f"renders and fits so far are kept in {default_cache_folder()}; the same command goes on from there"
+        said = f"stopped in phase {bar.phase}: {kept}"
+        write_text(note, said + "\n")
+        raise KeyboardInterrupt(said) from None
+    note.unlink(missing_ok=True)
 
 
 def _paper(args: argparse.Namespace, diagnosis: Diagnosis) -> list[str]:
