@@ -208,7 +208,7 @@ def _glued(arguments: Sequence[str]) -> list[str]:
 _INPUT_STATUSES = (-1, -3, -7, -11)
 
 
-def _text(error: Exception) -> str:
+def _text(error: BaseException) -> str:
     if isinstance(error, OSError) and error.filename:
         return f"{error.filename}: {error.strerror}"
     return " ".join(str(error).split())

@@ -65,19 +65,19 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.common.phases import Phases
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.compare.cache import LayerCache
-    from activestereo.compare.compare import PHASES_S, compare
+    from activestereo.compare.compare import PHASES, compare
     from activestereo.compare.kuafu_renderer import KuafuRenderer
     from activestereo.compare.model_file import library
     from activestereo.compare.phase_times import PhaseTimes
     from activestereo.report.paper import write_comparison_csv, write_comparison_pdf
     from activestereo.report.summary import summary_table
-    from activestereo.report.write import WRITING, write_report
+    from activestereo.report.write import WRITING, WRITING_TIME, write_report
 
     effects = library(*args.effects)
     under_model = {} if args.model is None else _under_model(args, effects)
     times = PhaseTimes("compare" if args.model is None else "compare --model")
     with ProgressBar(f"comparing {args.capture.name}") as bar:
-        phases = Phases(bar, times.usual_s(PHASES_S | {WRITING: 5.0}))
+        phases = Phases(bar, times.usual(PHASES | {WRITING: WRITING_TIME}))
         comparison = compare(
             args.capture,
             renderer=KuafuRenderer(args.device),

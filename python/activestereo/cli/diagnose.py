@@ -123,12 +123,12 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.compare.model_file import library
     from activestereo.compare.phase_times import PhaseTimes
     from activestereo.diagnose import diagnose
-    from activestereo.diagnose.diagnosis import PHASES_S
+    from activestereo.diagnose.diagnosis import PHASES
     from activestereo.diagnose.thresholds import THRESHOLDS
     from activestereo.effects.engines import CaptureRenderer
     from activestereo.model import read_model
     from activestereo.report.diagnosis_text import diagnosis_text
-    from activestereo.report.write import WRITING, write_diagnosis_report
+    from activestereo.report.write import WRITING, WRITING_TIME, write_diagnosis_report
     from activestereo.report.write_diagnosis import write_diagnosis
 
     def sampled(capture: Capture) -> tuple[Any, ...]:
@@ -139,9 +139,10 @@ def run(args: argparse.Namespace) -> None:
     effects = library(*args.effects)
     given = {name: getattr(args, name) for name in ("alpha", "least_share") if getattr(args, name) is not None}
     model = None if args.model is None else read_model(args.model, effects)
-    times = PhaseTimes("diagnose")
+    asked = "diagnose" + " --greedy" * args.greedy + " --no-refine" * (not args.refine)
+    times = PhaseTimes(asked if args.spp is None else f"{asked} --spp {args.spp}")
     with ProgressBar(f"diagnosing {args.capture.name}") as bar, _told_where_stopped(args.out, bar):
-        phases = Phases(bar, times.usual_s(PHASES_S | {WRITING: 8.0}))
+        phases = Phases(bar, times.usual(PHASES | {WRITING: WRITING_TIME}))
         diagnosis = diagnose(
             args.capture,
             model=model,

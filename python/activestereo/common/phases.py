@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The phases of long work: which one runs, and how long the rest takes by the seconds that each took in earlier runs.
-"""
+"""The phases of long work: which one runs, and how long the rest takes by the time that each took in earlier runs and
+by the pace of this one."""
 
 from __future__ import annotations
 
@@ -8,27 +8,32 @@ import time
 from collections.abc import Callable, Mapping
 
 from activestereo.common.progress_bar import Progress, ProgressBar
+from activestereo.common.usual_time import UsualTime
 
 # A phase that takes longer than it used to is told to need this share of its time so far.
 _OVERTIME = 0.1
+# A phase that passes in less than this share of its usual time was kept on disk: it tells nothing of the pace.
+_KEPT = 0.2
+# The usual pace counts as much as this share of the whole that was done at it.
+_TRUST = 0.05
 
 
 class Phases:
     """Tells the progress of work in phases. Called with the fraction 0..1 of the phase that runs.
 
     progress: a ProgressBar, which names the phases, or a Progress, which is called with the fraction of the whole.
-    usual_s: {phase: seconds per unit of work}, in the order in which they run. taken_s: {phase: seconds} of those that
-    have ended.
+    usual: {phase: its time}, in the order in which they run. work: units of it, by which times grow. taken_s: {phase:
+    seconds} of those that have ended.
     """
 
     def __init__(
         self,
         progress: Progress | None,
-        usual_s: Mapping[str, float],
+        usual: Mapping[str, UsualTime],
         work: float = 1.0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._progress, self._clock, self._usual_s = progress, clock, dict(usual_s)
+        self._progress, self._clock, self._usual = progress, clock, dict(usual)
         self.work = work
         self.taken_s: dict[str, float] = {}
         self._start = self._begun = clock()
@@ -36,12 +41,12 @@ class Phases:
         self._told = 0.0
 
     def begin(self, phase: str) -> None:
-        """Ends the phase that runs and begins one of usual_s."""
+        """Ends the phase that runs and begins one of `usual`."""
         self.end()
         self._phase, self._begun = phase, self._clock()
         if isinstance(self._progress, ProgressBar):
-            number = list(self._usual_s).index(phase) + 1
-            self._progress.phase = f"{phase} {number}/{len(self._usual_s)}"
+            number = list(self._usual).index(phase) + 1
+            self._progress.phase = f"{phase} {number}/{len(self._usual)}"
         self._tell(0.0, begins=True)
 
     def end(self) -> None:
@@ -56,21 +61,35 @@ class Phases:
     def _tell(self, fraction: float, begins: bool = False) -> object:
         if self._progress is None or self._phase is None:
             return None
-        left_s = self._left_s(fraction)
+        low_s, likely_s, high_s = self._left_s(fraction)
         done_s = self._clock() - self._start
-        self._told = max(self._told, done_s / max(done_s + left_s, 1e-9))
+        self._told = max(self._told, done_s / max(done_s + likely_s, 1e-9))
         if isinstance(self._progress, ProgressBar):
-            self._progress.show(self._told, left_s, begins)
+            self._progress.show(self._told, (low_s, high_s), begins)
             return None
         return self._progress(self._told)
 
-    def _left_s(self, fraction: float) -> float:
-        """Seconds that are left of the phase that runs and of those behind it. The more of the phase is done, the more
-        its share says, and the less its usual time: what was kept on disk passes at once."""
+    def _left_s(self, fraction: float) -> tuple[float, float, float]:
+        """(shortest, likely, longest) seconds that are left of the phase that runs and of those behind it. The more of
+        the phase is done, the more its share says, and the less its usual time: what was kept on disk passes at once.
+        """
         assert self._phase is not None
-        here, usual = self._clock() - self._begun, self.work * self._usual_s[self._phase]
-        by_share = here * (1.0 - fraction) / fraction if fraction > 0.0 else usual
-        left = fraction * by_share + (1.0 - fraction) * max(usual - here, _OVERTIME * here)
-        names = list(self._usual_s)
+        here, names = self._clock() - self._begun, list(self._usual)
+        spans = {name: usual.span_s(self.work) for name, usual in self._usual.items()}
         behind = names[names.index(self._phase) + 1 :]
-        return left + self.work * sum(self._usual_s[name] for name in behind)
+        pace = self._pace(spans, here, fraction)
+        out = []
+        for usual, of in zip(spans[self._phase], range(3), strict=True):
+            by_share = here * (1.0 - fraction) / fraction if fraction > 0.0 else pace * usual
+            left = fraction * by_share + (1.0 - fraction) * max(pace * usual - here, _OVERTIME * here)
+            out.append(left + pace * sum(spans[name][of] for name in behind))
+        return out[0], out[1], out[2]
+
+    def _pace(self, spans: Mapping[str, tuple[float, float, float]], here: float, fraction: float) -> float:
+        """This run's time over the usual one, of what is done: a machine that is busy is slow in every phase."""
+        done = [(spans[name][1], seconds) for name, seconds in self.taken_s.items() if name in spans]
+        assert self._phase is not None
+        done.append((spans[self._phase][1] * fraction, here))
+        told = [(usual, seconds) for usual, seconds in done if seconds > _KEPT * usual > 0.0]
+        trust_s = _TRUST * sum(likely for _, likely, _ in spans.values())
+        return (trust_s + sum(seconds for _, seconds in told)) / (trust_s + sum(usual for usual, _ in told))

@@ -13,6 +13,8 @@ from typing import TextIO, overload
 _REDRAW_S = 0.1
 _LINE_S = 15.0
 _WIDTH = 28
+# Times that differ by less than this factor are told as one.
+_SURE = 1.3
 
 # Called with the fraction done, 0..1; work that can be cancelled ends when it returns True.
 Progress = Callable[[float], object]
@@ -62,15 +64,17 @@ class ProgressBar:
 
     def __call__(self, fraction: float) -> None:
         elapsed = self._clock() - self._start
-        self.show(fraction, elapsed * (1.0 - fraction) / fraction if fraction > 0.01 else None)
+        left_s = elapsed * (1.0 - fraction) / fraction if fraction > 0.01 else None
+        self.show(fraction, None if left_s is None else (left_s, left_s))
 
-    def show(self, fraction: float, left_s: float | None, at_once: bool = False) -> None:
-        """Draws what is done and the seconds that are left, where the last drawing is long ago or `at_once`."""
+    def show(self, fraction: float, left_s: tuple[float, float] | None, at_once: bool = False) -> None:
+        """Draws what is done and the fewest and most seconds that are left, where the last drawing is long ago or
+        `at_once`."""
         now = self._clock()
         if not at_once and now - self._drawn < (_REDRAW_S if self._terminal else _LINE_S):
             return
         self._drawn = now
-        self._say(fraction, "..." if left_s is None else f"{duration(left_s)} left")
+        self._say(fraction, "..." if left_s is None else f"{_span(*left_s)} left")
 
     def _say(self, fraction: float, note: str) -> None:
         phase = f"{self.phase}, " if self.phase else ""
@@ -81,6 +85,13 @@ class ProgressBar:
         else:
             self._stream.write(f"{self._label}: {phase}{100.0 * fraction:.0f} %, {note}\n")
         self._stream.flush()
+
+
+def _span(least_s: float, most_s: float) -> str:
+    """'40 s', or '40 s to 2 min 10 s' where the two are far apart."""
+    if most_s <= _SURE * least_s or most_s < 1.0:
+        return duration(0.5 * (least_s + most_s))
+    return f"{duration(least_s)} to {duration(most_s)}"
 
 
 def duration(seconds: float) -> str:

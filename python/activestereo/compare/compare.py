@@ -18,6 +18,7 @@ from activestereo.capture.binning import usual_samples
 from activestereo.capture.capture import Capture, read_capture
 from activestereo.common.html_table import table, text
 from activestereo.common.phases import Phases
+from activestereo.common.usual_time import UsualTime
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthFrame, depth_scores, model_depths
 from activestereo.compare.image_errors import ImageErrors, image_errors, residuals_of
@@ -34,9 +35,9 @@ if TYPE_CHECKING:
     from activestereo.effects.engines.capture_renderer import CaptureRenderer
 
 
-# The phases, each with seconds per megapixel of infrared images on two cores: a guess for a machine's first run.
+# The phases, each with seconds and seconds per megapixel of infrared images on two cores: a guess for a first run.
 RENDERING, PREDICTING, LOOKING = "rendering the views", "expecting the images", "looking where it fails"
-PHASES_S = {RENDERING: 15.0, PREDICTING: 2.0, LOOKING: 5.0}
+PHASES = {RENDERING: UsualTime(1.0, 15.0), PREDICTING: UsualTime(0.5, 2.0), LOOKING: UsualTime(1.0, 5.0)}
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ def compare(
 
     model: effects on top of the base renderer, a Model; expected images are compared, so random effects show in the
     noise floor alone. renderer: see render.py; None for kuafu on the best device. samples_per_pixel: None for
-    usual_samples(). progress: called as progress(fraction done); Phases that begin with PHASES_S are told of each.
+    usual_samples(). progress: called as progress(fraction done); Phases that begin with PHASES are told of each.
     engines: makes a CaptureRenderer of the capture, in which the model's effects act; None: their image functions do.
     scene_measurement: an engines.SceneMeasurement, what is known of focal lengths and albedos. calibrate: replaces the
     capture's nominal rig and pattern by measured ones.
@@ -103,7 +104,7 @@ def compare(
         from activestereo.compare.kuafu_renderer import KuafuRenderer
 
         renderer = KuafuRenderer()
-    phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES_S)
+    phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES)
     phases.work = megapixels(capture)
     phases.begin(RENDERING)
     model, samples_per_pixel = model or Model(), samples_per_pixel or usual_samples(capture)

@@ -7,13 +7,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.input_files import read_json
 from activestereo.common.output_files import write_text
+from activestereo.common.usual_time import UsualTime
 from activestereo.compare.cache import default_cache_folder
 
 _FILE = "phase_times.json"
@@ -27,18 +28,17 @@ def megapixels(capture: Capture) -> float:
 
 
 class PhaseTimes:
-    """Seconds per megapixel of a command's phases in its last runs. A file that cannot be read or written says nothing,
-    and stops nothing."""
+    """Seconds of a command's phases in its last runs, with the megapixels that they worked on. A file that cannot be
+    read or written says nothing, and stops nothing."""
 
     def __init__(self, command: str, folder: str | Path | None = None) -> None:
         self._command, self._path = command, (Path(folder) if folder else default_cache_folder()) / _FILE
 
-    def usual_s(self, first_guess_s: Mapping[str, float]) -> dict[str, float]:
-        """{phase: the median of its last runs}, in the order of first_guess_s, whose values it has where there was no
-        run."""
+    def usual(self, first_guess: Mapping[str, UsualTime]) -> dict[str, UsualTime]:
+        """{phase: its time by its last runs}, in the order of first_guess."""
         own = self._stored().get(self._command)
         runs = own if isinstance(own, dict) else {}
-        return {phase: _median(runs.get(phase), guess) for phase, guess in first_guess_s.items()}
+        return {phase: replace(guess, runs=_runs(runs.get(phase))) for phase, guess in first_guess.items()}
 
     def keep(self, taken_s: Mapping[str, float], work_megapixels: float) -> None:
         """Adds a run."""
@@ -48,9 +48,7 @@ class PhaseTimes:
         own = stored.get(self._command)
         runs: dict[str, Any] = own if isinstance(own, dict) else {}
         for phase, seconds in taken_s.items():
-            before = runs.get(phase)
-            kept = before if isinstance(before, list) else []
-            runs[phase] = [*kept, round(seconds / work_megapixels, 4)][-_KEPT_RUNS:]
+            runs[phase] = [*_runs(runs.get(phase)), (round(work_megapixels, 6), round(seconds, 3))][-_KEPT_RUNS:]
         with suppress(OSError):
             self._path.parent.mkdir(parents=True, exist_ok=True)
             write_text(self._path, json.dumps(stored | {self._command: runs}, indent=1) + "\n")
@@ -63,8 +61,12 @@ class PhaseTimes:
         return stored if isinstance(stored, dict) else {}
 
 
-def _median(seconds: Any, guess: float) -> float:
-    """The median of what is a list of times, else the guess."""
-    runs = seconds if isinstance(seconds, list) else []
-    times = [float(x) for x in runs if isinstance(x, int | float) and 0.0 <= x < 1e6]
-    return median(times) if times else guess
+def _runs(stored: Any) -> tuple[tuple[float, float], ...]:
+    """(megapixels, seconds) of what is a list of these."""
+    pairs = [run for run in stored if isinstance(run, list) and len(run) == 2] if isinstance(stored, list) else []
+    is_run = lambda work, seconds: _is_number(work) and _is_number(seconds) and work > 0.0  # noqa: E731
+    return tuple((float(work), float(seconds)) for work, seconds in pairs if is_run(work, seconds))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and 0.0 <= value < 1e6

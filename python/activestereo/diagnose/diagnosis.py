@@ -21,6 +21,7 @@ from activestereo.common.computed_once import computed_once
 from activestereo.common.input_files import read_json
 from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import part_of
+from activestereo.common.usual_time import UsualTime
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import Comparison, RenderedWith, comparison_of
 from activestereo.compare.image_errors import ImageErrors
@@ -68,7 +69,7 @@ from activestereo.model import SensorModel
 if TYPE_CHECKING:
     from activestereo.effects.engines import CaptureRenderer
 
-# The phases, each with seconds per megapixel of infrared images on two cores: a guess for a machine's first run.
+# The phases, each with seconds and seconds per megapixel of infrared images on two cores: a guess for a first run.
 RENDERING, FITTING, ADDING, DEPTH, BOTH = (
     "rendering the views",
     "fitting effects",
@@ -80,7 +81,13 @@ _BASE_SHARE = 0.4  # of the last phase
 # Effects that are fitted again where the geometry was searched beside the first one, and the share of chi2 that may be
 # lost there: the weights are others.
 _AGAIN, _WORSE = 3, 0.01
-PHASES_S = {RENDERING: 8.0, FITTING: 15.0, ADDING: 1.0, DEPTH: 2.0, BOTH: 15.0}
+PHASES = {
+    RENDERING: UsualTime(2.0, 8.0),
+    FITTING: UsualTime(10.0, 15.0),
+    ADDING: UsualTime(0.5, 1.0),
+    DEPTH: UsualTime(0.3, 2.0),
+    BOTH: UsualTime(3.0, 15.0),
+}
 
 
 @dataclass(frozen=True)
@@ -146,7 +153,7 @@ def diagnose(
     model: to start from; the search takes a SensorModel's effects alone. effects: {id: Effect} to choose from, None for
     the built-in ones. steps: "one" adds the best effect at most, "greedy" goes on until nothing may be named.
     samples_per_pixel: of the held-out figures' images, as compare() has them; the search looks at half as many of its
-    own images. progress: called with the fraction done; Phases that begin with PHASES_S are told of each. rendering:
+    own images. progress: called with the fraction done; Phases that begin with PHASES are told of each. rendering:
     makes a capture's engine, by whose images effects of light transport are refined (diagnose/refine/by_rendering.py).
     engines: as of compare(), for the same held-out figures. binning: the search looks at images averaged over so many
     pixels along rows and columns, None for usual_binning(); what is told of the model's images is of whole ones.
@@ -162,7 +169,7 @@ def diagnose(
 
         renderer = KuafuRenderer()
     kept = cache or LayerCache()
-    phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES_S)
+    phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES)
     phases.work = megapixels(capture)
     phases.begin(RENDERING)
     searched = half_samples(samples_per_pixel or usual_samples(capture))
@@ -258,7 +265,7 @@ def _undetermined(reason: str, model: Model) -> Diagnosis:
 
 @dataclass(frozen=True)
 class Settings:
-    """How evidence is examined. steps: "one" or "greedy". phases: told of each of PHASES_S but the first. rendering:
+    """How evidence is examined. steps: "one" or "greedy". phases: told of each of PHASES but the first. rendering:
     the engine of the evidence. memory: where its fits are kept, or None. errors: None leaves the held-out figures out.
     located: the evidence from where the capture stands under a model; None leaves it where it is."""
 
@@ -276,7 +283,7 @@ def examine(
     evidence: Evidence, given: Model | SensorModel | None, candidates: Sequence[Effect], settings: Settings = Settings()
 ) -> Diagnosis:
     """diagnose() on gathered evidence."""
-    phases, thresholds, errors = settings.phases or Phases(None, PHASES_S), settings.thresholds, settings.errors
+    phases, thresholds, errors = settings.phases or Phases(None, PHASES), settings.thresholds, settings.errors
     model = _effects_of(given, evidence.capture.scene_path)
     if all(np.ptp(o.measured) == 0 for o in evidence.train):
         return _undetermined("the infrared images are blank", model)

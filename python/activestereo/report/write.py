@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from activestereo.common.html_table import text
 from activestereo.common.input_files import read_json
 from activestereo.common.output_files import replace_file, write_text
+from activestereo.common.usual_time import UsualTime
 from activestereo.compare.model_file import library
 from activestereo.report.comparison import cards, comparison_sections, settings_section, summary_line
 from activestereo.report.diagnosis import diagnosis_sections
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from activestereo.effects import Effect
 
 
-WRITING = "writing the report"  # the phase of a command
+WRITING, WRITING_TIME = "writing the report", UsualTime(3.0, 2.0)  # the phase of a command, and its guess
 _SCRIPTS = ("picture.js", "zoom.js", "explorer.js", "strip.js")
 
 

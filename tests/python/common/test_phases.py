@@ -9,9 +9,11 @@ import pytest
 
 from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import ProgressBar
+from activestereo.common.usual_time import UsualTime
 from activestereo.compare.phase_times import PhaseTimes
 
 USUAL_S = {"render": 10.0, "fit": 30.0, "write": 20.0}
+USUAL = {phase: UsualTime(runs=[(1.0, seconds)]) for phase, seconds in USUAL_S.items()}
 
 
 class Clock:
@@ -26,7 +28,7 @@ def _told(phase_lengths, reports=10):
     """[(true fraction of the time, fraction told)] of a run whose phases last so long."""
     clock, out = Clock(), []
     total = sum(phase_lengths.values())
-    phases = Phases(lambda fraction: out.append((clock.now / total, fraction)), USUAL_S, clock=clock)
+    phases = Phases(lambda fraction: out.append((clock.now / total, fraction)), USUAL, clock=clock)
     for name, seconds in phase_lengths.items():
         phases.begin(name)
         for i in range(1, reports + 1):
@@ -53,7 +55,7 @@ def test_a_run_unlike_those_before_never_seems_done_too_early(changed):
 def test_a_silent_phase_that_takes_longer_has_time_left():
     """The last phase takes five times as long as it used to and says nothing of its share."""
     clock, told = Clock(), []
-    phases = Phases(told.append, USUAL_S, clock=clock)
+    phases = Phases(told.append, USUAL, clock=clock)
     for name in USUAL_S:
         phases.begin(name)
         clock.now += USUAL_S[name]
@@ -65,7 +67,7 @@ def test_a_silent_phase_that_takes_longer_has_time_left():
 def test_a_part_that_was_kept_on_disk_does_not_stand_for_the_rest():
     """Half of the last phase passes at once: its other half may take its time."""
     clock, told = Clock(), []
-    phases = Phases(told.append, USUAL_S, clock=clock)
+    phases = Phases(told.append, USUAL, clock=clock)
     for name in USUAL_S:
         phases.begin(name)
         clock.now += 0.0 if name == "write" else USUAL_S[name]
@@ -73,10 +75,54 @@ def test_a_part_that_was_kept_on_disk_does_not_stand_for_the_rest():
     assert told[-1] == pytest.approx(40.0 / 50.0)
 
 
+def _said(usual, seconds, work=1.0, reports=8):
+    """[(true seconds left, fewest told, most told)] of a run whose phases last so long."""
+    clock, out = Clock(), []
+
+    class Bar(ProgressBar):
+        def show(self, fraction, left_s, at_once=False):
+            out.append((sum(seconds.values()) - clock.now, *left_s))
+
+    phases = Phases(Bar("work", io.StringIO()), usual, work, clock)
+    for name, lasts in seconds.items():
+        phases.begin(name)
+        for i in range(1, reports + 1):
+            clock.now += lasts / reports
+            phases(i / reports)
+    return out
+
+
+def test_where_nothing_changed_the_time_left_falls_steadily():
+    said = _said(USUAL, USUAL_S)
+    assert all(low == pytest.approx(high) == pytest.approx(true) for true, low, high in said)
+
+
+def test_a_busy_machine_is_busy_in_the_phases_to_come_too():
+    """Once a tenth of the run is over, at 5 times its usual pace, what is told is never far from what comes."""
+    said = _said(USUAL, {name: 5.0 * seconds for name, seconds in USUAL_S.items()})
+    assert all(0.6 * true <= high <= 1.05 * true for true, _, high in said if 30.0 < true < 270.0)
+
+
+def test_an_unsure_time_is_told_as_a_range_that_closes():
+    guess = {name: UsualTime(0.0, seconds) for name, seconds in USUAL_S.items()}
+    said = _said(guess, USUAL_S)
+    assert said[0][1:] == pytest.approx((30.0, 120.0)) and all(low <= true <= high for true, low, high in said)
+    widths = [high - low for _, low, high in said]
+    assert widths == sorted(widths, reverse=True) and widths[-1] == pytest.approx(0.0)
+
+
+def test_the_time_of_larger_work_is_between_that_of_a_run_and_that_in_proportion():
+    small = UsualTime(1.0, 1.0, [(1.0, 10.0)])
+    assert small.span_s(4.0) == pytest.approx((10.0, 20.0, 40.0))
+    assert small.span_s(0.25) == pytest.approx((2.5, 5.0, 10.0))
+    assert UsualTime(1.0, 1.0, [(1.0, 10.0), (4.0, 25.0), (3.5, 29.0)]).span_s(4.0) == (25.0, 27.0, 29.0)
+
+
 def test_the_bar_names_the_phase_and_its_number():
     stream, clock = io.StringIO(), Clock()
+    usual = {name: UsualTime(runs=[(2.0, 2.0 * lasts)]) for name, lasts in USUAL_S.items()}
     with ProgressBar("work", stream, clock=clock) as bar:
-        phases = Phases(bar, USUAL_S, work=2.0, clock=clock)
+        phases = Phases(bar, usual | {"fit": UsualTime(runs=[(2.0, 50.0), (2.0, 70.0)])}, work=2.0, clock=clock)
         phases.begin("render")
         clock.now += 20.0
         phases.begin("fit")
@@ -91,23 +137,31 @@ def test_the_bar_names_the_phase_and_its_number():
     ]
 
 
-def test_times_are_medians_of_the_last_runs_per_megapixel(tmp_path):
+def test_a_wide_range_is_told_by_both_ends():
+    stream = io.StringIO()
+    bar = ProgressBar("work", stream, clock=Clock())
+    bar.show(0.1, (30.0, 120.0), at_once=True)
+    bar.show(0.1, (30.0, 38.0), at_once=True)
+    assert stream.getvalue() == "work: 10 %, 30 s to 2 min 00 s left\nwork: 10 %, 34 s left\n"
+
+
+def test_the_last_runs_are_kept_with_their_work(tmp_path):
     times = PhaseTimes("diagnose", tmp_path / "cache")
-    assert times.usual_s(USUAL_S) == USUAL_S
+    assert times.usual(USUAL) == {phase: UsualTime() for phase in USUAL}
     for seconds in (100.0, 1.0, 2.0, 3.0, 4.0, 5.0):
-        times.keep({"fit": 2.0 * seconds}, 2.0)
-    assert times.usual_s(USUAL_S) == USUAL_S | {"fit": 3.0}
-    assert PhaseTimes("compare", tmp_path / "cache").usual_s(USUAL_S) == USUAL_S
+        times.keep({"fit": seconds}, 2.0)
+    assert times.usual({"fit": UsualTime(1.0, 2.0)})["fit"].span_s(2.0) == (1.0, 3.0, 5.0)
+    assert PhaseTimes("compare", tmp_path / "cache").usual({"fit": UsualTime(1.0)}) == {"fit": UsualTime(1.0)}
 
 
 @pytest.mark.parametrize("content", ["{", "[]", '{"diagnose": 3}', '{"diagnose": {"fit": "soon"}}',
-                                     '{"diagnose": {"fit": [-1, null, 1e300]}}'])  # fmt: skip
+                                     '{"diagnose": {"fit": [-1, null, [0, 1], [1, "a"], [1, 1e9], [1]]}}'])  # fmt: skip
 def test_a_damaged_file_of_times_is_none(tmp_path, content):
     (tmp_path / "phase_times.json").write_text(content)
     times = PhaseTimes("diagnose", tmp_path)
-    assert times.usual_s(USUAL_S) == USUAL_S
+    assert times.usual({"fit": UsualTime(1.0)}) == {"fit": UsualTime(1.0)}
     times.keep({"fit": 1.0}, 1.0)
-    assert json.loads((tmp_path / "phase_times.json").read_text())["diagnose"]["fit"][-1] == 1.0
+    assert json.loads((tmp_path / "phase_times.json").read_text())["diagnose"]["fit"] == [[1.0, 1.0]]
 
 
 def test_a_folder_that_cannot_be_written_stops_nothing(tmp_path):

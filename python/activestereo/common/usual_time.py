@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The time that a phase of long work may take, by earlier runs of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
+
+# A guess without a run is off by so much, either way.
+_GUESS = 2.0
+# Runs on work that differs by less than this factor tell the time of this one.
+_ALIKE = 1.5
+
+
+@dataclass(frozen=True)
+class UsualTime:
+    """fixed_s, per_work_s: a guess, seconds of any work and of each unit of it. runs: (units of work, seconds) of
+    earlier runs, the guess's betters."""
+
+    fixed_s: float = 0.0
+    per_work_s: float = 0.0
+    runs: Sequence[tuple[float, float]] = ()
+
+    def span_s(self, work: float) -> tuple[float, float, float]:
+        """(shortest, likely, longest) seconds of so much work."""
+        alike = [seconds for other, seconds in self.runs if max(work, other) <= _ALIKE * min(work, other)]
+        if alike:
+            return min(alike), median(alike), max(alike)
+        if self.runs:  # between a time that does not grow with the work and one that grows as it does
+            other, seconds = min(self.runs, key=lambda run: max(run[0] / work, work / run[0]))
+            ends = sorted((seconds, seconds * work / other))
+            return ends[0], (ends[0] * ends[1]) ** 0.5, ends[1]
+        guess = self.fixed_s + self.per_work_s * work
+        return guess / _GUESS, guess, guess * _GUESS
