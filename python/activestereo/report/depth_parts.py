@@ -14,11 +14,12 @@ _MADE_OF = ("filters", "calibration", "temperature", "other matcher")
 _WORDS = {
     "image effects": "what the model's effects on the images do to matched depth",
     "any matcher": "what our matcher makes of the same images beside",
-    _OWN: "what the device makes of these images that our matcher does not:",
+    _OWN: "what the device makes of these images that our matcher does not, which is",
     "filters": "the depth engine's effects that were found",
     "calibration": "an offset and a scale of disparity",
     "temperature": "their change per kelvin",
     "other matcher": "the rest",
+    "beside simulated depth": "the device's depth less the model's, with the noise of both",
 }
 _CAVEAT = "the images still lack something, which stands under 'any matcher'"
 _MATERIALS = 5  # that the terminal tells
@@ -54,7 +55,8 @@ def depth_parts_section(split: Split | None) -> str:
     )
     rows = []
     for name, figures in _rows(split):
-        bars = [share_bar(figures[when].get("share_m", 1.0)) + text(_said(figures[when])) for when in _MODELS]
+        told = [figures[when] for when in _MODELS]
+        bars = [(share_bar(own["share_m"]) if "share_m" in own else "") + text(_said(own)) for own in told]
         label = text(name) if name in _MADE_OF else f"<b>{text(name)}</b>"
         rows.append([label, f"<span class='muted'>{text(_WORDS.get(name, ''))}</span>", *bars])
     whole = table(["part", "", *_MODELS.values()], rows, wide=True)
