@@ -2,7 +2,7 @@
 """Framesets as the messages of ROS 2's realsense2_camera 4.5x, whichever package makes and carries them.
 
 Names, frames and fields are those of its ros2-development branch (github.com/IntelRealSense/realsense-ros), qualities
-of service those of a recording (its issue 3472)."""
+of service those that the recording in its issue 3472 lists for the topics it holds, and alike for the others."""
 
 from __future__ import annotations
 
