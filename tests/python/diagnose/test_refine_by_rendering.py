@@ -107,15 +107,14 @@ def test_a_search_by_small_steps_ends_with_what_its_rounds_reached(evidence):
     assert abs(found - TRUTH) < abs(start - TRUTH) and refined.chi2 < proposed.chi2
 
 
-def test_a_draft_that_leaves_too_much_is_not_rendered_whole(evidence):
+def test_a_draft_that_leaves_too_much_is_rendered_no_further(evidence):
     calls = []
     fitters = Fitters.of(evidence, scan_observations(evidence.train))
     base = fit_base(evidence, fitters, Model(), THRESHOLDS)
     [proposed] = ExpectedImageChannel(fitters, base, THRESHOLDS, workers=1).explain([glow])
     drafted = refined_by_rendering(fitters.train, proposed, rendering_of(evidence, calls), worth_chi2=0.0)
-    assert {half for _, half in calls} == {None}
-    assert drafted.parameters["amount"].value == pytest.approx(TRUTH, rel=0.03)
-    assert drafted.chi2 < 0.2 * proposed.chi2
+    assert calls == [("train", None)] * 3  # without the effect, with it, and one step of it
+    assert drafted.chi2 < proposed.chi2
 
 
 def test_test_frames_are_rendered_before_threads_start(evidence):

@@ -147,7 +147,7 @@ def refined_by_rendering(
 ) -> Explanation:
     """The explanation by the engine's images, where that is better; itself where it is not.
 
-    fitter: of the train images. worth_chi2: what leaves more in drafts is not rendered whole.
+    fitter: of the train images. worth_chi2: what leaves more in a draft is not rendered further.
     """
     effect, start = explanation.effect, explanation.fitted
     own = slice(len(start.theta) - len(effect.parameters), None)
@@ -159,6 +159,8 @@ def refined_by_rendering(
         slopes = slopes or change.slopes(theta[own], steps, _TRAIN, draft)
         space = _with_effect(start.space, _Rendered(change, theta[own], steps, draft, slopes).emulated())
         solution = fitter.refine(space, theta, phi, _STEPS)
+        if np.isfinite(worth_chi2) and (drafted := _better(explanation, fitter, solution)).chi2 > worth_chi2:
+            return drafted
         reach = np.abs(steps)
         moved = np.clip(solution.theta[own], theta[own] - _TRUSTED * reach, theta[own] + _TRUSTED * reach)
         distance = np.abs(moved - theta[own])
@@ -166,8 +168,6 @@ def refined_by_rendering(
         if (distance <= _SETTLED * reach).all():
             break
         steps, slopes = _steps(effect, moved), slopes if (distance <= _NEAR * reach).all() else ()
-    if np.isfinite(worth_chi2) and (drafted := _better(explanation, fitter, solution)).chi2 > worth_chi2:
-        return drafted
     slopes = slopes or change.slopes(theta[own], steps, _TRAIN, change.at(theta[own], _TRAIN))
     final = _Rendered(change, theta[own], steps, change.whole(theta[own], _TRAIN), slopes)
     return _better(explanation, fitter, fitter.refine(_with_effect(start.space, final.emulated()), theta, phi, 1))
