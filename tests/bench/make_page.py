@@ -20,13 +20,13 @@ RESULTS = FOLDER / "results"
 CHAPTERS = {
     "Rendering": ("first_image", "render", "cpu", "mitsuba", "denoise", "noise", "scenes", "cancel", "load"),
     "Matching": ("matcher", "matcher_vulkan", "memory", "depth", "accuracy", "pairs"),
-    "Sensor": ("sensor", "split", "model_sensor", "gbuffer", "camera", "realism"),
+    "Sensor": ("sensor", "split", "model_sensor", "gbuffer", "camera", "realism", "noise_profiles"),
     "Calibration": ("calibrate", "pose", "materials"),
 }
 HEAD = """# Benchmarks
 
-`make_page.py` writes this page from [results](results). Compare within one table
-only. `cmake -DACTIVESTEREO_BENCH=ON` builds the C++ programs; Python's need `PYTHONPATH=build/python`.
+`make_page.py` writes this page from [results](results). Compare within one table.
+`cmake -DACTIVESTEREO_BENCH=ON` builds the C++ programs; Python's need `PYTHONPATH=build/python`.
 """
 PICTURES = {
     "accuracy": "![Rendered](accuracy_rendered.png) ![Real](accuracy_real.png) ![Pixel locking](pixel_locking.png)",

@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from activestereo.common.input_files import read_json_object
+from activestereo.common.nearest import unknown
 from activestereo.common.output_files import check_target
 from activestereo.common.pose import rigid_fault
 from activestereo.common.render_table import RENDER
@@ -104,6 +105,18 @@ def positive_share(text: str) -> float:
     if value == 0.0:
         raise argparse.ArgumentTypeError("0 can never be reached: above 0, up to 1")
     return value
+
+
+def names_of(what: str, known: Sequence[str]) -> Callable[[str], list[str]]:
+    """Names of these with commas between."""
+
+    def parse(text: str) -> list[str]:
+        for name in text.split(","):
+            if name not in known:
+                raise argparse.ArgumentTypeError(unknown(what, name, known))
+        return text.split(",")
+
+    return parse
 
 
 def _folder(text: str) -> Path:

@@ -6,7 +6,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import CommandError, Commands, add_shared, integer_from, make_folder, size
+from activestereo.cli.arguments import CommandError, Commands, add_shared, integer_from, make_folder, names_of, size
+
+FORMATS = ("lerobot", "mcap", "rerun")
 
 _TEXT = """\
 Puts things on a table again and again, each time with other poses, lamps and another
@@ -60,6 +62,8 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--samples-per-pixel", type=integer_from(1), default=16, metavar="N", help=text)
     text = "also write WebDataset tar files of N frames each, once all frames are there"
     parser.add_argument("--shards", type=integer_from(1), metavar="N", help=text)
+    text = f"also in these formats, once all frames are there: comma-separated, of {', '.join(FORMATS)}"
+    parser.add_argument("--also", type=names_of("format", FORMATS), default=[], metavar="NAMES", help=text)
     text = "things upright side by side, or dropped with MuJoCo's physics (default: scatter)"
     parser.add_argument("--layout", choices=("scatter", "drop"), default="scatter", help=text)
     parser.add_argument("--ranges", type=Path, metavar="FILE", help="what is drawn from which ranges")
@@ -75,6 +79,7 @@ def _part(text: str) -> tuple[int, int]:
 
 
 def run(args: argparse.Namespace) -> None:
+    from activestereo.benchmarks.generate.formats import require, write_formats
     from activestereo.benchmarks.generate.ranges import Ranges
     from activestereo.benchmarks.generate.run import generate
     from activestereo.benchmarks.generate.shards import write_shards
@@ -86,6 +91,10 @@ def run(args: argparse.Namespace) -> None:
         raise CommandError("--ray-cpus goes with --ray, which is not given")
     if args.ray is not None and args.workers is not None:
         raise CommandError("--workers does not go with --ray, whose actors take the workers' place: --ray-cpus")
+    try:
+        require(args.also)
+    except ImportError as error:
+        raise CommandError(f"--also: {error}") from error
     for path in args.things:
         if not path.exists():
             raise CommandError(f"{path}: there is no such file")
@@ -112,4 +121,7 @@ def run(args: argparse.Namespace) -> None:
     notes += [f"{done.missing} of other parts are not there yet"] if done.missing else []
     if args.shards is not None and not done.missing:
         notes += [f"{write_shards(args.out, args.count, args.shards)} shards"]
+    if args.also and not done.missing:
+        write_formats(args.out, args.count, args.also)
+        notes += [f"also {', '.join(args.also)}"]
     print(f"{'; '.join(notes)}; written: {args.out}")

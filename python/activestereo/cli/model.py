@@ -4,8 +4,7 @@
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import add_shared, integer_from, make_folder, print_json
-from activestereo.common.nearest import unknown
+from activestereo.cli.arguments import add_shared, integer_from, make_folder, names_of, print_json
 
 EXPORTS = ("isaac", "gazebo", "mujoco_ros2_control", "elevation_mapping", "open3d")
 
@@ -42,7 +41,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     export = actions.add_parser("export", help="as noise models of other simulators")
     export.add_argument("model", metavar="MODEL", help="model.json, or the name of a preset")
     text = f"comma-separated: {', '.join(EXPORTS)} (default: all)"
-    export.add_argument("--to", type=_exports, default=list(EXPORTS), metavar="NAMES", help=text)
+    export.add_argument("--to", type=names_of("system", EXPORTS), default=list(EXPORTS), metavar="NAMES", help=text)
     text = "also tells how far defaults and profiles are from the sensor in N other rooms"
     export.add_argument("--held-out", type=integer_from(0), default=0, metavar="N", help=text)
     text = "the preset that says what a model.json does not (default: D435)"
@@ -50,15 +49,6 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     add_shared(export, out=True, device=True, samples={"default": 16, "help": "rays per pixel (default: 16)"})
     add_shared(export, seed="of the rooms", effects=", where the model has some", json=True)
     export.set_defaults(run=run_export)
-
-
-def _exports(text: str) -> list[str]:
-    """Names with commas between."""
-    names = text.split(",")
-    for name in names:
-        if name not in EXPORTS:
-            raise argparse.ArgumentTypeError(unknown("format", name, EXPORTS))
-    return names
 
 
 def run_show(args: argparse.Namespace) -> None:

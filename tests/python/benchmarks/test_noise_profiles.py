@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Noise models of other simulators: a fit finds the noise that was put in, and their files say what was found."""
 
+from argparse import ArgumentTypeError
 import xml.etree.ElementTree as xml
 
 import numpy as np
@@ -11,6 +12,7 @@ from activestereo.benchmarks.noise_profiles.export import PROFILES
 from activestereo.benchmarks.noise_profiles.profile import fitted
 from activestereo.benchmarks.noise_profiles.rooms import Views
 from activestereo.cli import model as command
+from activestereo.cli.arguments import names_of
 
 _K = np.array([[430.0, 0.0, 79.5], [0.0, 430.0, 31.5], [0.0, 0.0, 1.0]])
 _SIGMA_PX, _HOLES = 0.3, 0.1
@@ -82,5 +84,5 @@ def test_open3ds_file_has_a_row_for_each_cell_and_divides_bias_away(views):
 
 def test_the_command_knows_all_formats_and_refuses_others():
     assert tuple(PROFILES) == command.EXPORTS
-    with pytest.raises(Exception, match="unknown format 'gazeb'.*gazebo"):
-        command._exports("isaac,gazeb")
+    with pytest.raises(ArgumentTypeError, match="unknown system 'gazeb'.*gazebo"):
+        names_of("system", command.EXPORTS)("isaac,gazeb")

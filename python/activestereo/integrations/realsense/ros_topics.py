@@ -12,48 +12,23 @@ from typing import Any
 
 import numpy as np
 
+from activestereo.common.mcap_file import McapFile
 from activestereo.integrations.realsense.frames import composite_frame
-from activestereo.integrations.realsense.ros_messages import OWN_TYPES, Published, Quality, published
+from activestereo.integrations.realsense.ros_messages import OWN_TYPES, Published, published
 
 
 def write_topics(path: str | Path, frames: Iterable[composite_frame]) -> int:
     """Writes framesets into the folder `path`, which must not exist, as `ros2 bag record` does of the camera's topics;
     returns how many framesets there were. ImportError where rosbags is missing; ValueError for a format that has no
     encoding."""
-    try:
-        from rosbags.rosbag2 import StoragePlugin, Writer
-        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-    except ImportError as error:
-        raise ImportError("rosbags is missing: pip install rosbags") from error
-    store, count = get_typestore(Stores.ROS2_HUMBLE), 0
-    for kind, text in OWN_TYPES.items():
-        store.register(get_types_from_msg(text, kind))
-
-    def make(kind: str, **fields: Any) -> Any:
-        return store.types[kind](**fields)
-
-    connections: dict[str, Any] = {}
-    with Writer(Path(path), version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+    count = 0
+    with McapFile(path, OWN_TYPES) as file:
         for frameset in frames:
-            for one in published(frameset, not connections, make):
-                if one.topic not in connections:
-                    qualities = [_recorded_quality(one.quality)]
-                    connections[one.topic] = writer.add_connection(
-                        one.topic, one.kind, typestore=store, offered_qos_profiles=qualities
-                    )
-                writer.write(connections[one.topic], one.time_ns, store.serialize_cdr(one.message, one.kind))
+            for one in published(frameset, not count, file.make):
+                quality = one.quality
+                file.write(one.topic, one.kind, one.message, one.time_ns, quality.depth, quality.is_latched)
             count += 1
     return count
-
-
-def _recorded_quality(quality: Quality) -> Any:
-    """As a recording keeps it; times are without end."""
-    from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
-
-    durability = QosDurability.TRANSIENT_LOCAL if quality.is_latched else QosDurability.VOLATILE
-    never = QosTime(9223372036, 854775807)
-    kept = QosHistory.KEEP_LAST, quality.depth, QosReliability.RELIABLE, durability
-    return Qos(*kept, never, never, QosLiveliness.AUTOMATIC, never, False)
 
 
 class TopicPublisher:

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The formats that a data set is also written in."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from activestereo.benchmarks.generate import lerobot, mcap, rerun
+
+_WRITERS = {"lerobot": lerobot, "mcap": mcap, "rerun": rerun}
+
+
+def require(names: list[str]) -> None:
+    """ImportError that says what to install, where a format's package is missing."""
+    for name in names:
+        _WRITERS[name].package()
+
+
+def write_formats(out: Path, count: int, names: list[str]) -> None:
+    """Frames 0 to count - 1 of the data set `out`, whole or not at all, in the folder out/NAME of each format; one that
+    is there is replaced."""
+    aside = out / ".unfinished"
+    shutil.rmtree(aside, ignore_errors=True)
+    aside.mkdir()
+    for name in names:
+        _WRITERS[name].write(out, count, aside / name)
+        shutil.rmtree(out / name, ignore_errors=True)
+        (aside / name).rename(out / name)
+    aside.rmdir()

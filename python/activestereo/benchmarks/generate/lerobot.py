@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A data set in LeRobot's format with depth, written by its own package (pip install 'lerobot[dataset]', 0.6 or later).
+
+    DIR/lerobot: LeRobotDataset(name, root=DIR/lerobot)
+
+Depth maps are LeRobot's (huggingface/lerobot#3644): uint16 millimetres of one channel, marked `is_depth_map`, kept as
+images without loss. A frame is an episode of its own, for one has nothing to do with the next; its state is where the
+RGB camera is, position in metres and a quaternion x, y, z, w, and rgb_k its matrix by rows.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from activestereo.benchmarks.generate.stored import FRAMES_PER_S, Stored, stored_frames
+
+_STATE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+
+
+def package() -> Any:
+    """LeRobotDataset. ImportError where it is missing."""
+    try:
+        from lerobot.datasets.lerobot_dataset import LeRobotDataset
+    except ImportError as error:
+        raise ImportError("lerobot is missing: pip install 'lerobot[dataset]', which needs Python 3.12") from error
+    return LeRobotDataset
+
+
+def write(out: Path, count: int, to: Path) -> None:
+    """Frames 0 to count - 1 of the data set `out` into the folder `to`, which must not exist."""
+    data: Any = None
+    for frame in stored_frames(out, count):
+        images = _images(frame)
+        if data is None:
+            features = {name: _feature(image) for name, image in images.items()}
+            features["observation.state"] = {"dtype": "float32", "shape": (len(_STATE),), "names": list(_STATE)}
+            features["observation.rgb_k"] = {"dtype": "float32", "shape": (9,), "names": None}
+            data = package().create(
+                f"activestereo/{out.name}", FRAMES_PER_S, features, root=to, robot_type="camera", use_videos=False
+            )
+        pose = frame.camera_to_world
+        state = np.concatenate([pose[:3, 3], Rotation.from_matrix(pose[:3, :3]).as_quat()]).astype(np.float32)
+        k = frame.k.ravel().astype(np.float32)
+        data.add_frame(images | {"observation.state": state, "observation.rgb_k": k, "task": "things on a table"})
+        data.save_episode()
+    if data is not None:
+        data.finalize()
+
+
+def _images(frame: Stored) -> dict[str, Any]:
+    pictures = {"rgb": frame.rgb} | {
+        side: np.repeat(_eight_bits(image)[..., None], 3, axis=2)
+        for side, image in (("ir_left", frame.ir_left), ("ir_right", frame.ir_right))
+    }
+    depths = {"depth": frame.depth_mm, "depth_true": frame.depth_true_mm}
+    pictures |= {name: image[..., None].astype(np.uint16) for name, image in depths.items()}
+    return {f"observation.images.{name}": image for name, image in pictures.items()}
+
+
+def _eight_bits(image: Any) -> Any:
+    return image if image.dtype == np.uint8 else (image >> 8).astype(np.uint8)
+
+
+def _feature(image: Any) -> dict[str, Any]:
+    shape = {"dtype": "image", "shape": image.shape, "names": ["height", "width", "channels"]}
+    return shape | ({"info": {"is_depth_map": True}} if image.shape[2] == 1 else {})

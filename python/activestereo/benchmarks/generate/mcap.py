@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A data set as messages of ROS 2 in an MCAP file (pip install rosbags): DIR/mcap.
+
+Topics are as a RealSense camera has them: color, aligned depth (16UC1, millimetres: REP 118) and the infrared pair,
+each with its camera_info; /camera/pose says where the RGB camera is. Axes are those of REP 103's optical frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from activestereo.benchmarks.generate.stored import FRAMES_PER_S, Stored, stored_frames
+from activestereo.common.input_files import read_json
+from activestereo.common.mcap_file import McapFile
+
+_COLOR = "camera_color_optical_frame"
+
+
+def package() -> Any:
+    """The module rosbags. ImportError where it is missing."""
+    try:
+        import rosbags
+    except ImportError as error:
+        raise ImportError("rosbags is missing: pip install rosbags") from error
+    return rosbags
+
+
+def write(out: Path, count: int, to: Path) -> None:
+    """Frames 0 to count - 1 of the data set `out` into the folder `to`, which must not exist."""
+    infrared = read_json(out / "ir_cameras.json")
+    with McapFile(to) as file:
+        for frame in stored_frames(out, count):
+            _write_frame(file, frame, infrared)
+
+
+def _write_frame(file: McapFile, frame: Stored, infrared: dict[str, Any]) -> None:
+    time_ns = frame.number * 10**9 // FRAMES_PER_S
+    stamp = file.make("builtin_interfaces/msg/Time", sec=time_ns // 10**9, nanosec=time_ns % 10**9)
+
+    def header(axes: str) -> Any:
+        return file.make("std_msgs/msg/Header", stamp=stamp, frame_id=axes)
+
+    left, right = infrared["ir_left"], infrared["ir_right"]
+    lens, none = [0.0] * 5, 0.0
+    streams: tuple[tuple[Any, ...], ...] = (
+        ("color", "image_raw", frame.rgb, "rgb8", _COLOR, frame.k, lens, none),
+        ("aligned_depth_to_color", "image_raw", frame.depth_mm.astype(np.uint16), "16UC1", _COLOR, frame.k, lens, none),
+        ("infra1", "image_rect_raw", frame.ir_left, None, "camera_infra1_optical_frame", *_lens(left), none),
+        ("infra2", "image_rect_raw", frame.ir_right, None, "camera_infra2_optical_frame", *_lens(right),
+         -float(right["cam_K"][0]) * float(infrared["baseline_m"])),
+    )  # fmt: skip
+    for name, image, pixels, encoding, axes, k, distortion, tx in streams:
+        topic = f"/camera/{name}"
+        encoding = encoding or ("mono8" if pixels.dtype == np.uint8 else "mono16")
+        message = _image(file.make, header(axes), pixels, encoding)
+        file.write(f"{topic}/{image}", "sensor_msgs/msg/Image", message, time_ns)
+        info = _info(file.make, header(axes), pixels.shape, k, distortion, tx)
+        file.write(f"{topic}/camera_info", "sensor_msgs/msg/CameraInfo", info, time_ns)
+    x, y, z, w = Rotation.from_matrix(frame.camera_to_world[:3, :3]).as_quat()
+    at = dict(zip("xyz", map(float, frame.camera_to_world[:3, 3]), strict=True))
+    pose = file.make(
+        "geometry_msgs/msg/Pose",
+        position=file.make("geometry_msgs/msg/Point", **at),
+        orientation=file.make("geometry_msgs/msg/Quaternion", x=float(x), y=float(y), z=float(z), w=float(w)),
+    )
+    kind = "geometry_msgs/msg/PoseStamped"
+    file.write("/camera/pose", kind, file.make(kind, header=header("world"), pose=pose), time_ns)
+
+
+def _lens(camera: dict[str, Any]) -> tuple[NDArray[np.float64], list[float]]:
+    return np.reshape(np.array(camera["cam_K"], np.float64), (3, 3)), list(camera["distortion"])
+
+
+def _image(make: Callable[..., Any], header: Any, pixels: NDArray[Any], encoding: str) -> Any:
+    return make(
+        "sensor_msgs/msg/Image",
+        header=header,
+        height=pixels.shape[0],
+        width=pixels.shape[1],
+        encoding=encoding,
+        is_bigendian=0,
+        step=pixels.shape[1] * pixels[0, 0].nbytes,
+        data=np.frombuffer(np.ascontiguousarray(pixels).tobytes(), np.uint8),
+    )
+
+
+def _info(
+    make: Callable[..., Any], header: Any, shape: tuple[int, ...], k: NDArray[np.float64], lens: list[float], tx: float
+) -> Any:
+    projection = np.hstack([k, np.zeros((3, 1))])
+    projection[0, 3] = tx  # of the right camera: -f B
+    region = make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
+    return make(
+        "sensor_msgs/msg/CameraInfo",
+        header=header,
+        height=shape[0],
+        width=shape[1],
+        distortion_model="plumb_bob",
+        d=np.array(lens, np.float64),
+        k=k.ravel(),
+        r=np.eye(3).ravel(),
+        p=projection.ravel(),
+        binning_x=0,
+        binning_y=0,
+        roi=region,
+    )

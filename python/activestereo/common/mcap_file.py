@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages of ROS 2 into an MCAP file by rosbags (pip install rosbags), as `ros2 bag record` writes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+
+class McapFile:
+    """A context manager: a folder with one .mcap and its metadata. path: of the folder, which must not exist.
+    own_types: {kind: text of the message} that ROS itself does not have. ImportError where rosbags is missing."""
+
+    def __init__(self, path: str | Path, own_types: Mapping[str, str] | None = None) -> None:
+        try:
+            from rosbags.rosbag2 import StoragePlugin, Writer
+            from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+        except ImportError as error:
+            raise ImportError("rosbags is missing: pip install rosbags") from error
+        self._store = get_typestore(Stores.ROS2_HUMBLE)
+        for kind, text in (own_types or {}).items():
+            self._store.register(get_types_from_msg(text, kind))
+        self._writer = Writer(Path(path), version=9, storage_plugin=StoragePlugin.MCAP)
+        self._connections: dict[str, Any] = {}
+
+    def __enter__(self) -> McapFile:
+        self._writer.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._writer.__exit__(kind, value, trace)
+
+    def make(self, kind: str, **fields: Any) -> Any:
+        """A message of a kind such as sensor_msgs/msg/Image; arrays are NumPy's."""
+        return self._store.types[kind](**fields)
+
+    def write(
+        self, topic: str, kind: str, message: Any, time_ns: int, depth: int = 1, is_latched: bool = False
+    ) -> None:
+        """depth, is_latched: the topic's quality of service, all being reliable: how many messages are kept, and
+        whether who comes late gets the last."""
+        if topic not in self._connections:
+            self._connections[topic] = self._writer.add_connection(
+                topic, kind, typestore=self._store, offered_qos_profiles=[_quality(depth, is_latched)]
+            )
+        self._writer.write(self._connections[topic], time_ns, self._store.serialize_cdr(message, kind))
+
+
+def _quality(depth: int, is_latched: bool) -> Any:
+    """As a recording keeps it; times are without end."""
+    from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+
+    durability = QosDurability.TRANSIENT_LOCAL if is_latched else QosDurability.VOLATILE
+    never = QosTime(9223372036, 854775807)
+    kept = QosHistory.KEEP_LAST, depth, QosReliability.RELIABLE, durability
+    return Qos(*kept, never, never, QosLiveliness.AUTOMATIC, never, False)
