@@ -13,11 +13,14 @@ from typing import Any
 from activestereo.cli.arguments import CommandError, Commands, add_shared, make_folder
 
 _TEXT = """\
-Shows in a few minutes what the project does, each step with the command that does it alone:
+Shows in about a minute on two free cores what the project does, each step with the
+command that does it alone:
 
-  1  simulates a D435 in front of the example's table: DIR/simulated/overview.png
-  2  renders a small capture of that table and hides an effect in its images, by formulas that
-     the lab does not share; neither the lab nor you know which
+  1  simulates a D435 in front of the example's table, with a quarter of the usual samples:
+     DIR/simulated/overview.png
+  2  renders a capture of that table, five frames of a quarter of a D435's resolution, and
+     hides an effect in its images, by formulas that the lab does not share; neither the lab
+     nor you know which
   3  asks the lab what its model lacks, writes DIR/report/report.html and opens it where there
      is a desktop; only then it tells what was hidden
 """
@@ -53,7 +56,7 @@ def run(args: argparse.Namespace) -> None:
     write_table_top(scene)
     device = ["--device", str(args.device)]
     simulated = str(args.out / "simulated")
-    _step(args, 1, ["simulate", str(scene), "--sensor", "d435", "--spp", "8", "--out", simulated, *device])
+    _step(args, 1, ["simulate", str(scene), "--sensor", "d435", "--spp", "4", "--out", simulated, *device])
     answer = _hide(args, capture)
     _step(args, 3, ["diagnose", str(capture), "--no-refine", "--spp", "32", "--out", str(report), *device])
     print(f"\n{_told(answer, read_json_object(report / 'diagnose.json'))}")

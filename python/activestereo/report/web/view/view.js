@@ -52,7 +52,7 @@ async function openFrame() {
     draw();
   }
   if (facts.is_simulated) {
-    part("quality").textContent = "(begins)";  // at first the light and the noise of a capture are fitted, for seconds
+    part("quality").textContent = facts.has_measured ? "(light and noise are fitted first: up to a minute)" : "(rendering)";
     const sliders = await called("sliders", wanted());
     if (serial !== asked) return;
     panel.open(facts.catalogue, sliders);
