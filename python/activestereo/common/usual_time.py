@@ -11,6 +11,8 @@ from statistics import median
 _GUESS = 2.0
 # Runs on work that differs by less than this factor tell the time of this one.
 _ALIKE = 1.5
+# The next run exceeds the span of the runs that are known by this share, the less the more there are.
+_OTHER_RUNS = 0.5
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,8 @@ class UsualTime:
         """(shortest, likely, longest) seconds of so much work."""
         alike = [seconds for other, seconds in self.runs if max(work, other) <= _ALIKE * min(work, other)]
         if alike:
-            return min(alike), median(alike), max(alike)
+            spread = 1.0 + _OTHER_RUNS / len(alike)
+            return min(alike) / spread, median(alike), spread * max(alike)
         if self.runs:  # between a time that does not grow with the work and one that grows as it does
             other, seconds = min(self.runs, key=lambda run: max(run[0] / work, work / run[0]))
             ends = sorted((seconds, seconds * work / other))

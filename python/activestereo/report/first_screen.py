@@ -31,8 +31,8 @@ from activestereo.report.worst import RESIDUAL_FLOORS
 if TYPE_CHECKING:
     from activestereo.compare.compare import Comparison
 
-# The details show so much of the image's width and height.
-_DETAIL = 1.0 / 3.0
+# The details show so much of the image's width and height, of small images more: a detail has so many pixels across.
+_DETAIL, _LEAST_PX = 1.0 / 3.0, 140
 
 
 def first_screen(
@@ -84,7 +84,7 @@ def _pictures(comparison: Comparison, images: ModelImages) -> list[str]:
     key, part = (detail.frame.id, detail.side), (detail.rows, detail.columns)
     measured = comparison.measured[key]
     high = max(float(np.quantile(measured, 0.998)), 1.0)
-    place = f"frame {detail.frame.id}, {detail.side} camera, a third of it"
+    place = f"frame {detail.frame.id}, {detail.side} camera, detail"
     models = [(BASE, "model")] + ([(FOUND, "model with what was found")] if FOUND in images else [])
     titles = {"model": "measured − model", "model with what was found": "what is left"}
     floor = _floor(comparison, key)
@@ -119,8 +119,9 @@ def where_most_goes(comparison: Comparison, images: ModelImages) -> Detail:
 
 
 def _largest_window(values: NDArray[np.float64]) -> tuple[float, slice, slice]:
-    """(sum, rows, columns) of the window of _DETAIL of the image's size that holds most."""
-    height, width = (max(1, round(_DETAIL * size)) for size in values.shape)
+    """(sum, rows, columns) of the window of a detail's size that holds most."""
+    share = min(max(_DETAIL, _LEAST_PX / values.shape[1]), 1.0)
+    height, width = (max(1, round(share * size)) for size in values.shape)
     sums = np.zeros((values.shape[0] + 1, values.shape[1] + 1))
     sums[1:, 1:] = values.cumsum(0).cumsum(1)
     inside = sums[height:, width:] - sums[:-height, width:] - sums[height:, :-width] + sums[:-height, :-width]

@@ -94,13 +94,16 @@ def _said(usual, seconds, work=1.0, reports=8):
 
 def test_where_nothing_changed_the_time_left_falls_steadily():
     said = _said(USUAL, USUAL_S)
-    assert all(low == pytest.approx(high) == pytest.approx(true) for true, low, high in said)
+    assert all(low <= true + 1e-9 and true <= high + 1e-9 for true, low, high in said)
+    for told in zip(*said, strict=True):
+        assert list(told) == sorted(told, reverse=True)
 
 
 def test_a_busy_machine_is_busy_in_the_phases_to_come_too():
     """Once a tenth of the run is over, at 5 times its usual pace, what is told is never far from what comes."""
     said = _said(USUAL, {name: 5.0 * seconds for name, seconds in USUAL_S.items()})
-    assert all(0.6 * true <= high <= 1.05 * true for true, _, high in said if 30.0 < true < 270.0)
+    assert all(0.6 * true <= high and low <= true for true, low, high in said if 30.0 < true < 270.0)
+    assert all(high <= 1.6 * true for true, _, high in said)
 
 
 def test_an_unsure_time_is_told_as_a_range_that_closes():
@@ -115,7 +118,7 @@ def test_the_time_of_larger_work_is_between_that_of_a_run_and_that_in_proportion
     small = UsualTime(1.0, 1.0, [(1.0, 10.0)])
     assert small.span_s(4.0) == pytest.approx((10.0, 20.0, 40.0))
     assert small.span_s(0.25) == pytest.approx((2.5, 5.0, 10.0))
-    assert UsualTime(1.0, 1.0, [(1.0, 10.0), (4.0, 25.0), (3.5, 29.0)]).span_s(4.0) == (25.0, 27.0, 29.0)
+    assert UsualTime(1.0, 1.0, [(1.0, 10.0), (4.0, 25.0), (3.5, 29.0)]).span_s(4.0) == (20.0, 27.0, 36.25)
 
 
 def test_the_bar_names_the_phase_and_its_number():
@@ -130,9 +133,9 @@ def test_the_bar_names_the_phase_and_its_number():
         phases(0.5)
         phases.end()
     assert stream.getvalue().splitlines() == [
-        "work: render 1/3, 0 %, 2 min 00 s left",
-        "work: fit 2/3, 17 %, 1 min 40 s left",
-        "work: fit 2/3, 42 %, 1 min 10 s left",
+        "work: render 1/3, 0 %, 1 min 20 s to 2 min 58 s left",
+        "work: fit 2/3, 17 %, 1 min 07 s to 2 min 28 s left",
+        "work: fit 2/3, 42 %, 47 s to 1 min 44 s left",
         "work: 100 %, done in 50 s",
     ]
 
@@ -150,7 +153,7 @@ def test_the_last_runs_are_kept_with_their_work(tmp_path):
     assert times.usual(USUAL) == {phase: UsualTime() for phase in USUAL}
     for seconds in (100.0, 1.0, 2.0, 3.0, 4.0, 5.0):
         times.keep({"fit": seconds}, 2.0)
-    assert times.usual({"fit": UsualTime(1.0, 2.0)})["fit"].span_s(2.0) == (1.0, 3.0, 5.0)
+    assert times.usual({"fit": UsualTime(1.0, 2.0)})["fit"].span_s(2.0) == pytest.approx((1.0 / 1.1, 3.0, 5.5))
     assert PhaseTimes("compare", tmp_path / "cache").usual({"fit": UsualTime(1.0)}) == {"fit": UsualTime(1.0)}
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from activestereo.report.first_screen import first_screen
+from activestereo.report.first_screen import _largest_window, first_screen
 from activestereo.report.models import model_images
 from activestereo.report.write import write_report
 from chromium import Page, is_installed
@@ -44,8 +44,8 @@ def test_the_sentence_the_rivals_and_the_advice_are_there(screen):
 
 
 def test_the_pictures_are_the_images(screen, ball_comparison):
-    """The detail has a third of the image's sides, and the same place in measurement and models: where the squared
-    error falls most."""
+    """The detail of a small image has 140 pixels across, and the same place in measurement and models: where the
+    squared error falls most."""
     pictures, images = _pictures(screen), model_images(ball_comparison, FOUND)
     assert list(pictures) == ["measured", "model", "model with what was found", "measured − model", "what is left"]
     tests = [(f.id, side) for f in ball_comparison.capture.split("test") for side in ("left", "right")]
@@ -53,21 +53,27 @@ def test_the_pictures_are_the_images(screen, ball_comparison):
     for key in tests:
         measured = ball_comparison.capture.ir(next(f for f in ball_comparison.capture.frames if f.id == key[0]), key[1])
         fall = (measured - images["base"][key]) ** 2 - (measured - images["found"][key]) ** 2
-        for top in range(0, 90 - 30 + 1, 6):
-            for left in range(0, 160 - 53 + 1, 6):
-                falls[key, top, left] = fall[top : top + 30, left : left + 53].sum()
+        for top in range(0, 90 - 79 + 1):
+            for left in range(0, 160 - 140 + 1):
+                falls[key, top, left] = fall[top : top + 79, left : left + 140].sum()
     key, top, left = max(falls, key=falls.get)
     shown = pictures["measured"][..., 0]
-    assert shown.shape == (30, 53)
+    assert shown.shape == (79, 140)
     measured = ball_comparison.measured[key].astype(np.float64)
     level = np.rint(255.0 * np.sqrt(np.clip(measured / np.quantile(measured, 0.998), 0.0, 1.0)))
     places = [
         (v, u)
-        for v in range(max(0, top - 6), min(60, top + 6) + 1)
-        for u in range(max(0, left - 6), min(107, left + 6) + 1)
-        if np.abs(level[v : v + 30, u : u + 53] - shown).max() <= 1.0
+        for v in range(90 - 79 + 1)
+        for u in range(160 - 140 + 1)
+        if np.abs(level[v : v + 79, u : u + 140] - shown).max() <= 1.0
     ]
-    assert len(places) == 1
+    assert places == [(top, left)]
+
+
+@pytest.mark.parametrize("size, detail", [((480, 848), (160, 283)), ((120, 212), (79, 140)), ((60, 100), (60, 100))])
+def test_a_detail_is_a_third_but_not_a_few_pixels(size, detail):
+    _, rows, columns = _largest_window(np.ones(size))
+    assert (rows.stop - rows.start, columns.stop - columns.start) == detail
 
 
 def test_without_anything_found_the_residual_takes_the_third_place(ball_comparison):
@@ -117,4 +123,4 @@ def test_what_was_found_has_a_slider_of_its_strength(ball_comparison, tmp_path):
     fitted = FOUND["model"]["effects"][0]["parameters"]
     assert all(f"{name} {value:.4g}" in seen["4"][1] for name, value in fitted.items())
     size = _pictures(file.read_text())["without"].shape
-    assert size[:2] == (30, 53)
+    assert size[:2] == (79, 140)
