@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: activestereo demo | simulate | view | presets | depth | pair | depth-quality | compare | diagnose |
-add | model | calibrate | import | capture | overlay | effect | generate | benchmark | cache | devices | doctor |
-completion, one file each. This one parses, runs and makes failures one line."""
+add | model | calibrate | import | capture | overlay | effect | generate | resense | benchmark | cache | devices |
+doctor | completion, one file each. This one parses, runs and makes failures one line."""
 
 import argparse
 import io
@@ -35,6 +35,7 @@ from activestereo.cli import (
     overlay,
     pair,
     presets,
+    resense,
     simulate,
     view,
 )
@@ -62,6 +63,7 @@ _COMMANDS = (
     effect,
     benchmark,
     generate,
+    resense,
     cache,
     devices,
     doctor,

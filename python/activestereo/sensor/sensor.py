@@ -32,8 +32,8 @@ from activestereo.sensor.engine import SensorEngine
 from activestereo.sensor.foreign_matcher import MatcherLike
 from activestereo.sensor.gbuffer.traced import traced_causes
 from activestereo.sensor.image_effects import ImageEffects, ModelCostWarning
+from activestereo.sensor.mounts import HasPose, RigPlace, as_mount
 from activestereo.sensor.mounts import Mount as Mount
-from activestereo.sensor.mounts import RigPlace, as_mount
 from activestereo.sensor.radiance import checked_radiance
 from activestereo.sensor.results import SensorResults
 
@@ -67,7 +67,7 @@ class StereoDepthSensor(SensorResults):
     """
 
     def __init__(
-        self, config: StereoDepthSensorConfig, scene_or_mount: kuafu.Scene | Mount | str | PathLike[str],
+        self, config: StereoDepthSensorConfig, scene_or_mount: kuafu.Scene | HasPose | str | PathLike[str],
         pose: Pose | None = None, device: str | int | kuafu.Device = "auto", copy_ir: bool = False,
         model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False, pipelined: bool = False,
         matcher: MatcherLike = "simsense",
