@@ -31,12 +31,13 @@ def add_parser(commands: Commands) -> None:
 def run(args: argparse.Namespace) -> None:
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.common.progress_bar import ProgressBar
-    from activestereo.integrations.mujoco.resense import packages, read_demos, resense
 
     try:
+        from activestereo.integrations.mujoco.resense import packages, read_demos, resense
+
         packages()
     except ImportError as error:
-        raise CommandError(str(error)) from error
+        raise CommandError(f"the package {error.name} is missing: pip install mujoco h5py") from error
     config = StereoDepthSensorConfig(args.sensor)
     if args.size is not None:
         config = config.resized(*args.size)

@@ -32,11 +32,9 @@ class Demo:
 
 def packages() -> tuple[Any, Any]:
     """The modules mujoco and h5py. ImportError where one is missing."""
-    try:
-        import h5py
-        import mujoco
-    except ImportError as error:
-        raise ImportError(f"{error.name} is missing: pip install mujoco h5py") from error
+    import h5py
+    import mujoco
+
     return mujoco, h5py
 
 
