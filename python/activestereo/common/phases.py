@@ -16,6 +16,8 @@ _OVERTIME = 0.1
 _KEPT = 0.2
 # The usual pace counts as much as this share of the whole that was done at it.
 _TRUST = 0.05
+# A phase that takes longer than so many times its usual time had other work, which later phases need not have.
+_SLOWEST = 5.0
 
 
 class Phases:
@@ -38,12 +40,12 @@ class Phases:
         self.taken_s: dict[str, float] = {}
         self._start = self._begun = clock()
         self._phase: str | None = None
-        self._told = 0.0
+        self._told = self._fraction = 0.0
 
     def begin(self, phase: str) -> None:
         """Ends the phase that runs and begins one of `usual`."""
         self.end()
-        self._phase, self._begun = phase, self._clock()
+        self._phase, self._begun, self._fraction = phase, self._clock(), 0.0
         if isinstance(self._progress, ProgressBar):
             number = list(self._usual).index(phase) + 1
             self._progress.phase = f"{phase} {number}/{len(self._usual)}"
@@ -61,7 +63,8 @@ class Phases:
     def _tell(self, fraction: float, begins: bool = False) -> object:
         if self._progress is None or self._phase is None:
             return None
-        low_s, likely_s, high_s = self._left_s(fraction)
+        self._fraction = max(self._fraction, fraction)  # a second pass, over other poses perhaps, begins at 0 again
+        low_s, likely_s, high_s = self._left_s(self._fraction)
         done_s = self._clock() - self._start
         self._told = max(self._told, done_s / max(done_s + likely_s, 1e-9))
         if isinstance(self._progress, ProgressBar):
@@ -92,4 +95,5 @@ class Phases:
         done.append((spans[self._phase][1] * fraction, here))
         told = [(usual, seconds) for usual, seconds in done if seconds > _KEPT * usual > 0.0]
         trust_s = _TRUST * sum(likely for _, likely, _ in spans.values())
-        return (trust_s + sum(seconds for _, seconds in told)) / (trust_s + sum(usual for usual, _ in told))
+        pace = (trust_s + sum(seconds for _, seconds in told)) / (trust_s + sum(usual for usual, _ in told))
+        return min(pace, _SLOWEST)

@@ -106,6 +106,21 @@ def test_a_busy_machine_is_busy_in_the_phases_to_come_too():
     assert all(high <= 1.6 * true for true, _, high in said)
 
 
+def test_a_second_pass_of_a_phase_does_not_begin_it_again():
+    clock, out = Clock(), []
+
+    class Bar(ProgressBar):
+        def show(self, fraction, left_s, at_once=False):
+            out.append(left_s[1])
+
+    phases = Phases(Bar("work", io.StringIO()), USUAL, clock=clock)
+    phases.begin("render")
+    for fraction in (0.5, 1.0, 0.01, 0.5, 1.0):
+        clock.now += 5.0
+        phases(fraction)
+    assert max(out) < 2.0 * out[0]
+
+
 def test_an_unsure_time_is_told_as_a_range_that_closes():
     guess = {name: UsualTime(0.0, seconds) for name, seconds in USUAL_S.items()}
     said = _said(guess, USUAL_S)
