@@ -12,7 +12,8 @@ fill: share of the visible pixels with truth that are measured. bad-1, bad-2: sh
 more than 1 and 2 px; with holes: of all, where a hole errs. plane: RMS about a matcher's own plane, the median patch of
 48 x 48 px whose truth is a plane. fattening: mean run of foreground disparities beside an edge of the truth's
 foreground, px. IoU: holes in common with the ASIC's over holes of either, in all of the image. dark, bright: with holes
-where the left image's mean around a pixel is below 12 counts and elsewhere; the ASIC sees 10 bits, a recording has 8.
+where the left image's mean around a pixel is below 12 counts and elsewhere. The ASIC sees 10 bits, a recording has 8;
+how much of the difference that makes is unknown.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ def add_matchers(kinds: Commands) -> None:
     parser.set_defaults(run=_run)
     parser = kinds.add_parser("network", help="train a small stereo network", description=_NETWORK, formatter_class=raw)
     parser.add_argument("file", type=Path, metavar="FILE.onnx", help="the network")
-    text = "steps of training, 8 crops each (default: 4000)"
+    text = "steps of training, 4 crops each (default: 4000)"
     parser.add_argument("--steps", type=integer_from(1), default=4000, metavar="N", help=text)
     _add_pictures(parser, 512)
     parser.set_defaults(run=_run_network)

@@ -17,7 +17,8 @@ from activestereo.integrations.realsense.ros_topics import TopicPublisher
 
 _BASELINE_M, _FOCAL_PX = 0.05, 50.0
 # What `ros2 bag info` of a D4xx with infrared shows, for two framesets: topic, message, count, and of the offered
-# quality of service depth and whether it is latched. From realsense2_camera's source and its issue 3472's recording.
+# quality of service depth and whether it is latched. From realsense2_camera's source, and its issue 3472's recording
+# for the topics that this one holds.
 _EACH = [("image_rect_raw", "sensor_msgs/msg/Image", 1), ("camera_info", "sensor_msgs/msg/CameraInfo", 10)]
 _EACH += [("metadata", "realsense2_camera_msgs/msg/Metadata", 10)]
 _LISTING = {

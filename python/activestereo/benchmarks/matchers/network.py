@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A small stereo network and its training, by PyTorch (pip install torch onnx); what it becomes is an ONNX file.
 
-Both images' features are compared at half of the resolution for every disparity (a cost volume), the volume is smoothed
-by 3D convolutions, its soft minimum is the disparity (Kendall et al., GC-Net, ICCV 2017), and a second network looks at
-the features beside it at full resolution for what is left of the error, and for how likely the disparity is right
-(Khamis et al., StereoNet, ECCV 2018)."""
+Both images' features are compared at a quarter of the resolution for every disparity (a cost volume), the volume is
+smoothed by 3D convolutions, its soft minimum is the disparity (Kendall et al., GC-Net, ICCV 2017), and a second network
+looks at the features beside it at full resolution for what is left of the error, and for how likely the disparity is
+right (Khamis et al., StereoNet, ECCV 2018)."""
 
 from __future__ import annotations
 
@@ -21,16 +21,17 @@ from activestereo.benchmarks.matchers.pairs import Pairs
 from activestereo.sensor.onnx_matcher import METADATA
 
 FEATURES, GROUPS, VOLUME_CHANNELS, REFINER_CHANNELS = 16, 4, 8, 16
+_COARSE = 4  # pixels to one of the cost volume's
 _WINDOW_PX = 9  # of the local mean and contrast that images are normalised by
 _NOISE = 1.0 / 255.0
 _NEAR = (-1.0, -0.5, 0.0, 0.5, 1.0)  # pixels beside the disparity, which the refiner compares
 _RIGHT_PX = 1.0  # a disparity is right within this
-_CROP_PX = (160, 256)
-_RATE, _BATCH = 2e-3, 8
+_CROP_PX = (96, 256)
+_RATE, _BATCH = 3e-3, 4
 
 
 class StereoNetwork(nn.Module):
-    """(left, right) [1, 1, height, width] in 0..1, sides multiples of 2 -> disparity in pixels, -1 where it is more
+    """(left, right) [1, 1, height, width] in 0..1, sides multiples of 4 -> disparity in pixels, -1 where it is more
     likely wrong than right, and confidence 0..1, both [1, 1, height, width]. most_px: disparities that are searched."""
 
     def __init__(self, most_px: int) -> None:
@@ -41,7 +42,8 @@ class StereoNetwork(nn.Module):
         )
         self.coarse = nn.Sequential(
             nn.Conv2d(FEATURES, FEATURES, 3, stride=2, padding=1), nn.ReLU(),
-            nn.Conv2d(FEATURES, FEATURES, 3, padding=2, dilation=2),
+            nn.Conv2d(FEATURES, FEATURES, 3, stride=2, padding=1), nn.ReLU(),
+            nn.Conv2d(FEATURES, FEATURES, 3, padding=1),
         )  # fmt: skip
         self.smooth = nn.Sequential(
             nn.Conv3d(GROUPS, VOLUME_CHANNELS, 3, padding=1), nn.ReLU(),
@@ -65,13 +67,13 @@ class StereoNetwork(nn.Module):
         """(disparity before it is refined, disparity, logit of the confidence), each [n, 1, height, width]."""
         a, b = _even(left), _even(right)
         fine_a, fine_b = self.features(a), self.features(b)
-        scores = self.smooth(_volume(self.coarse(fine_a), self.coarse(fine_b), self.most_px // 2))[:, 0]
+        scores = self.smooth(_volume(self.coarse(fine_a), self.coarse(fine_b), self.most_px // _COARSE))[:, 0]
         share = torch.softmax(scores, dim=1)
-        steps = torch.arange(self.most_px // 2, dtype=share.dtype, device=share.device)[None, :, None, None]
+        steps = torch.arange(self.most_px // _COARSE, dtype=share.dtype, device=share.device)[None, :, None, None]
         coarse = (share * steps).sum(1, keepdim=True)
         spread = (share * (steps - coarse).abs()).sum(1, keepdim=True)
         size = left.shape[-2:]
-        first = 2.0 * F.interpolate(coarse, size=size, mode="bilinear", align_corners=False)
+        first = _COARSE * F.interpolate(coarse, size=size, mode="bilinear", align_corners=False)
         doubt = F.interpolate(spread, size=size, mode="bilinear", align_corners=False)
         near = torch.cat([(fine_a * _moved(fine_b, first + step)).mean(1, keepdim=True) for step in _NEAR], 1)
         seen = torch.cat([near, a, _moved(b, first), doubt, first / self.most_px], 1)
@@ -172,5 +174,5 @@ def write_onnx(network: StereoNetwork, path: Path) -> None:
     )  # fmt: skip
     model = onnx.load(str(path))
     entry = model.metadata_props.add()
-    entry.key, entry.value = METADATA, json.dumps({"confidence": "confidence", "multiple": 2})
+    entry.key, entry.value = METADATA, json.dumps({"confidence": "confidence", "multiple": _COARSE})
     onnx.save(model, str(path))
