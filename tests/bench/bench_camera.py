@@ -146,7 +146,7 @@ class Camera:
         return ROOM_RADIANCE_OF_WALL * max(0.0, float(np.median(np.divide(wanted, of_room))))
 
     def _patches(self, distance_m: float, radiance: float) -> list[Field]:
-        """Of the left image's light on an even wall."""
+        """The left image's light on an even wall."""
         sensor = StereoDepthSensor(self.config, wall(distance_m, 0.0, radiance))
         sensor.take_picture(infrared_only=True)
         light = np.array(sensor.get_picture("radiance", "left")[..., 0])
@@ -275,11 +275,11 @@ def main() -> None:
     parser.add_argument("--spp", type=int, default=16, help="samples per pixel (default: 16)")
     parser.add_argument("--texture", type=float, default=0.03, help="of the wall's albedo (default: 0.03)")
     parser.add_argument("--distances", type=float, nargs="*", default=DISTANCES_M, help="of the wall, m")
-    parser.add_argument("--dots-only", action="store_true", help="no noise, no table-top")
+    parser.add_argument("--dots-only", action="store_true", help="a wall without texture at the recordings' distances")
     args = parser.parse_args()
     for name in args.names:
-        camera = Camera(name, args.spp, args.texture, args.dots_only)
-        for distance_m in args.distances:
+        camera = Camera(name, args.spp, 0.0 if args.dots_only else args.texture, args.dots_only)
+        for distance_m in SHARE.get(name, args.distances) if args.dots_only else args.distances:
             camera.look(distance_m)
         if not args.dots_only:
             camera.table()
