@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the CPU matcher adds to a process at its highest, a pair of 960x540 and 128 disparities on two threads: no volume is stored.
+// What the CPU matcher adds to a process at its highest, a pair of 960x540 and 128 disparities on two threads: no volume is stored,
+// which alone would take 66 megabytes.
 #include "device/thread_pool.h"
 #include "simsense/match/matcher_fuzz.h"
 #include "support/peak_memory.h"
@@ -12,7 +13,7 @@ constexpr bool sanitized = true;
 constexpr bool sanitized = false;
 #endif
 
-TEST(matcher_memory, of_a_sensor_sized_pair_stays_below_40_megabytes) {
+TEST(matcher_memory, of_a_sensor_sized_pair_stays_below_45_megabytes) {
   if (sanitized) GTEST_SKIP() << "a sanitizer's own memory would be measured";
   const StereoPair pair = random_dots(960, 540, 50, 10, 1);
   for (const uint32_t block : {1u, 7u}) {
@@ -24,7 +25,7 @@ TEST(matcher_memory, of_a_sensor_sized_pair_stays_below_40_megabytes) {
       for (int i = 0; i < 2; ++i) match(*matcher, pair);
     });
     if (!peak.ok) GTEST_SKIP() << "/proc/self/status does not tell VmRSS and VmHWM here";
-    EXPECT_LT(peak.megabytes, block == 1 ? 25.0 : 40.0) << "block " << block;
+    EXPECT_LT(peak.megabytes, block == 1 ? 25.0 : 45.0) << "block " << block;
     EXPECT_GT(peak.megabytes, 5.0) << "block " << block << ": less than the census images alone take";
   }
 }
