@@ -7,7 +7,6 @@ each with its camera_info; /camera/pose says where the RGB camera is. Axes are t
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from activestereo.benchmarks.generate.stored import FRAMES_PER_S, Stored, stored_frames
 from activestereo.common.input_files import read_json
 from activestereo.common.mcap_file import McapFile
+from activestereo.common.ros_images import camera_info_message, image_message
 
 _COLOR = "camera_color_optical_frame"
 
@@ -58,9 +58,9 @@ def _write_frame(file: McapFile, frame: Stored, infrared: dict[str, Any]) -> Non
     for name, image, pixels, encoding, axes, k, distortion, tx in streams:
         topic = f"/camera/{name}"
         encoding = encoding or ("mono8" if pixels.dtype == np.uint8 else "mono16")
-        message = _image(file.make, header(axes), pixels, encoding)
+        message = image_message(file.make, header(axes), pixels, encoding)
         file.write(f"{topic}/{image}", "sensor_msgs/msg/Image", message, time_ns)
-        info = _info(file.make, header(axes), pixels.shape, k, distortion, tx)
+        info = camera_info_message(file.make, header(axes), pixels.shape[0], pixels.shape[1], k, distortion, tx)
         file.write(f"{topic}/camera_info", "sensor_msgs/msg/CameraInfo", info, time_ns)
     x, y, z, w = Rotation.from_matrix(frame.camera_to_world[:3, :3]).as_quat()
     at = dict(zip("xyz", map(float, frame.camera_to_world[:3, 3]), strict=True))
@@ -75,38 +75,3 @@ def _write_frame(file: McapFile, frame: Stored, infrared: dict[str, Any]) -> Non
 
 def _lens(camera: dict[str, Any]) -> tuple[NDArray[np.float64], list[float]]:
     return np.reshape(np.array(camera["cam_K"], np.float64), (3, 3)), list(camera["distortion"])
-
-
-def _image(make: Callable[..., Any], header: Any, pixels: NDArray[Any], encoding: str) -> Any:
-    return make(
-        "sensor_msgs/msg/Image",
-        header=header,
-        height=pixels.shape[0],
-        width=pixels.shape[1],
-        encoding=encoding,
-        is_bigendian=0,
-        step=pixels.shape[1] * pixels[0, 0].nbytes,
-        data=np.frombuffer(np.ascontiguousarray(pixels).tobytes(), np.uint8),
-    )
-
-
-def _info(
-    make: Callable[..., Any], header: Any, shape: tuple[int, ...], k: NDArray[np.float64], lens: list[float], tx: float
-) -> Any:
-    projection = np.hstack([k, np.zeros((3, 1))])
-    projection[0, 3] = tx  # of the right camera: -f B
-    region = make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
-    return make(
-        "sensor_msgs/msg/CameraInfo",
-        header=header,
-        height=shape[0],
-        width=shape[1],
-        distortion_model="plumb_bob",
-        d=np.array(lens, np.float64),
-        k=k.ravel(),
-        r=np.eye(3).ravel(),
-        p=projection.ravel(),
-        binning_x=0,
-        binning_y=0,
-        roi=region,
-    )

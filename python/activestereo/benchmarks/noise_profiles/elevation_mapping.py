@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.benchmarks.noise_profiles.profile import Profile
+from activestereo.benchmarks.noise_profiles.profile import Profile, clipped
 from activestereo.benchmarks.noise_profiles.rooms import Views
 
 
@@ -42,8 +42,7 @@ class ElevationMapping(Profile):
     def apply(self, views: Views, random: np.random.Generator) -> NDArray[np.float32]:
         sigma_m = self.a + self.b * (views.truth_m - self.c) ** 2
         noisy = views.truth_m + sigma_m * random.standard_normal(views.truth_m.shape, np.float32)
-        is_kept = (views.truth_m >= self.near_m) & (views.truth_m <= self.far_m)
-        return np.where(is_kept, np.maximum(noisy, 1e-3), 0.0).astype(np.float32)
+        return clipped(views.truth_m, noisy, self.near_m, self.far_m)
 
     def text(self, views: Views) -> str:
         values = {

@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.benchmarks.noise_profiles.profile import Profile
+from activestereo.benchmarks.noise_profiles.profile import Profile, clipped
 from activestereo.benchmarks.noise_profiles.rooms import Views
 
 
@@ -38,8 +38,7 @@ class Gazebo(Profile):
 
     def apply(self, views: Views, random: np.random.Generator) -> NDArray[np.float32]:
         noise = self.mean_m + self.stddev_m * random.standard_normal(views.truth_m.shape, np.float32)
-        is_kept = (views.truth_m >= self.near_m) & (views.truth_m <= self.far_m)
-        return np.where(is_kept, np.maximum(views.truth_m + noise, 1e-3), 0.0).astype(np.float32)
+        return clipped(views.truth_m, views.truth_m + noise, self.near_m, self.far_m)
 
     def text(self, views: Views) -> str:
         height, width = views.truth_m.shape[1:]

@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.benchmarks.noise_profiles.profile import Profile
+from activestereo.benchmarks.noise_profiles.profile import Profile, clipped
 from activestereo.benchmarks.noise_profiles.rooms import Views
 from activestereo.sensor.rival_noise import gaussian
 
@@ -42,9 +42,8 @@ class MujocoRos2Control(Profile):
 
     def apply(self, views: Views, random: np.random.Generator) -> NDArray[np.float32]:
         noisy = gaussian(views.truth_m, self.subpixel_px / views.focal_baseline_px_m, random)
-        is_kept = (views.truth_m >= self.near_m) & (views.truth_m <= self.far_m)
-        is_kept &= random.random(views.truth_m.shape, np.float32) >= self.dropout
-        return np.where(is_kept, np.maximum(noisy, 1e-3), 0.0).astype(np.float32)
+        is_kept = random.random(views.truth_m.shape, np.float32) >= self.dropout
+        return np.where(is_kept, clipped(views.truth_m, noisy, self.near_m, self.far_m), np.float32(0.0))
 
     def text(self, views: Views) -> str:
         values = {

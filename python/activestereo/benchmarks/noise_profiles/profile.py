@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import asdict, dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,12 @@ class Profile(ABC):
     @property
     def parameters(self) -> dict[str, float]:
         return asdict(self)
+
+
+def clipped(truth_m: NDArray[np.float32], noisy_m: NDArray[Any], near_m: float, far_m: float) -> NDArray[np.float32]:
+    """noisy_m, positive, where the true depth lies within a range, 0 elsewhere."""
+    is_kept = (truth_m >= near_m) & (truth_m <= far_m)
+    return np.where(is_kept, np.maximum(noisy_m, 1e-3), 0.0).astype(np.float32)
 
 
 def fitted(kind: type[Profile], views: Views) -> Profile:

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from activestereo.common.ros_images import camera_info_message, image_message
 from activestereo.integrations.realsense.enums import format, frame_metadata_value, stream
 from activestereo.integrations.realsense.frames import composite_frame, frame
 from activestereo.integrations.realsense.geometry import extrinsics
@@ -107,16 +108,7 @@ def _image(one: frame, header: Any, make: Maker) -> Any:
     pixels = one.get_data()
     if one.profile.stream_type() == stream.depth and one.unit_m != _DEPTH_UNIT_M:
         pixels = np.clip(np.rint(pixels * (one.unit_m / _DEPTH_UNIT_M)), 0, 65535).astype(np.uint16)
-    return make(
-        "sensor_msgs/msg/Image",
-        header=header,
-        height=pixels.shape[0],
-        width=pixels.shape[1],
-        encoding=encoding,
-        is_bigendian=0,
-        step=pixels.shape[1] * pixels[0, 0].nbytes,
-        data=np.frombuffer(np.ascontiguousarray(pixels).tobytes(), np.uint8),
-    )
+    return image_message(make, header, pixels, encoding)
 
 
 def _camera_info(one: frame, left: video_stream_profile | None, header: Any, make: Maker) -> Any:
@@ -127,21 +119,8 @@ def _camera_info(one: frame, left: video_stream_profile | None, header: Any, mak
         there = one.profile.get_extrinsics_to(left).translation
         tx, ty = 0.0 - lens.fx * there[0], 0.0 - lens.fy * there[1]
         header = _header(one, _axes(_STREAMS[_LEFT][0]), make)
-    region = make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
-    return make(
-        "sensor_msgs/msg/CameraInfo",
-        header=header,
-        height=lens.height,
-        width=lens.width,
-        distortion_model="plumb_bob",
-        d=np.array(lens.coeffs, np.float64),
-        k=np.array([lens.fx, 0, lens.ppx, 0, lens.fy, lens.ppy, 0, 0, 1], np.float64),
-        r=np.eye(3).ravel(),
-        p=np.array([lens.fx, 0, lens.ppx, tx, 0, lens.fy, lens.ppy, ty, 0, 0, 1, 0], np.float64),
-        binning_x=0,
-        binning_y=0,
-        roi=region,
-    )
+    k = np.array([[lens.fx, 0, lens.ppx], [0, lens.fy, lens.ppy], [0, 0, 1]], np.float64)
+    return camera_info_message(make, header, lens.height, lens.width, k, lens.coeffs, tx, ty)
 
 
 def _metadata_text(one: frame) -> str:
