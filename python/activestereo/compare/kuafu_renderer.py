@@ -19,7 +19,7 @@ import numpy as np
 import kuafu
 from activestereo.compare.cache import scene_digest
 from activestereo.compare.layers import Layers, RenderRequest
-from activestereo.effects.core.room_light import RoomLight, light_by_room
+from activestereo.effects.core.room_light import BOUNCED_SHARE, RoomLight, light_by_room
 from activestereo.effects.core.scene_surfaces import split_surfaces
 from activestereo.effects.engines.smooth import SMOOTH_VERSION
 from activestereo.effects.engines.smoothing import seen_surfaces, smooth_light
@@ -27,7 +27,8 @@ from activestereo.scene_io.scene_files import load_scene_file
 
 # Light without the pattern varies at edges alone: it needs fewer samples.
 _FLAT_SHARE = 0.5
-_OUTPUTS = ("projector_direct", "projector_indirect", "ambient", "depth", "normal", "material_id")
+_BOUNCED = ("projector_indirect", "ambient")
+_FIRST_HIT = ("projector_direct", "depth", "normal", "material_id")
 
 
 @dataclass
@@ -59,7 +60,7 @@ class KuafuRenderer:
         self._one_at_a_time = threading.Lock()
         smoothed = f", smoothed {SMOOTH_VERSION}" if smooth else ""
         # Changes with the library's code and the device: pixels are the same bits on one device only.
-        self.version = f"{engine_version(self._device)}{smoothed}, flat {_FLAT_SHARE}"
+        self.version = f"{engine_version(self._device)}{smoothed}, flat {_FLAT_SHARE}, bounced {BOUNCED_SHARE}"
 
     def __call__(self, request: RenderRequest, progress: Callable[[float], object] | None = None) -> tuple[Layers, ...]:
         """One Layers per camera. progress: called as progress(fraction). One thread at a time; after an error the scene
@@ -75,14 +76,17 @@ class KuafuRenderer:
         world = self._load(request)
         cameras = [kuafu.Camera(c.width, c.height, c.K, c.camera_to_world) for c in request.cameras]
         _place_projector(world, request, world.white)
-        fewer = replace(request, samples_per_pixel=max(1, round(_FLAT_SHARE * request.samples_per_pixel)))
+        fewer = _with_share_of_samples(request, _FLAT_SHARE)
         single = self._render(world, fewer, cameras, ("projector_direct", "ambient"), 0, None)
         _place_projector(world, request, world.texture)
-        images = self._render(world, request, cameras, _OUTPUTS, request.max_bounces, progress)
-        if world.room is not None:
-            images, single = dict(images), dict(single)
-            options = {"spp": fewer.samples_per_pixel, "seed": request.seed}
-            images["ambient"] = single["ambient"] = world.room.images(self._renderer, cameras, **options)
+        if world.room is None:
+            images = self._render(world, request, cameras, _FIRST_HIT + _BOUNCED, request.max_bounces, progress)
+        else:
+            few = _with_share_of_samples(request, BOUNCED_SHARE)
+            images = dict(self._render(world, request, cameras, _FIRST_HIT, 0, None))
+            images |= self._render(world, few, cameras, _BOUNCED[:1], request.max_bounces, progress)
+            room = world.room.images(self._renderer, cameras, few.samples_per_pixel, seed=request.seed)
+            images["ambient"], single = room, {**single, "ambient": room}
         surfaces = seen_surfaces(world.scene, images["material_id"]) if self._smooth else {}
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             layers = lambda i: self._layers(surfaces, images, single, i, request.cameras[i])  # noqa: E731
@@ -145,6 +149,10 @@ class KuafuRenderer:
         white = scene.add_texture(np.ones_like(request.pattern), name="white pattern")
         self._world = _World(digest, request.pattern, scene, texture, white, room=room)
         return self._world
+
+
+def _with_share_of_samples(request: RenderRequest, share: float) -> RenderRequest:
+    return replace(request, samples_per_pixel=max(1, round(share * request.samples_per_pixel)))
 
 
 def _place_projector(world: _World, request: RenderRequest, texture: int) -> None:

@@ -259,8 +259,8 @@ def _sized(context: DiagnosisContext, ranking: Ranking) -> list[Finding]:
 def _with_size(context: DiagnosisContext, ranking: Ranking, finding: Finding) -> Finding:
     """A finding with the decrease of the unweighted error in DN."""
     floor, before = _floors(context), _squares(ranking.base.train)
-    fall = before - _squares(context.fitters.train.residuals(finding.fitted))
-    share, low = share_of_views(fall, before - floor, [cluster_of(o) for o in context.evidence.train])
+    fall, views = before - _squares(context.fitters.train.residuals(finding.fitted)), context.evidence.train
+    share, low = share_of_views(fall, before - floor, [cluster_of(o) for o in views]) or (None, None)
     sized = {"plain_share": share, "plain_share_low": low, "plain_reduced_chi2": float(fall.sum() / floor.sum())}
     return replace(finding, checks=replace(finding.checks, **sized))
 

@@ -21,6 +21,7 @@ _SHOWN = 8
 _BAR = 40
 _LARGEST_SUMMARY = 10
 _LEAST_TOLD = 0.005
+_LEAST_NATS = 0.05  # is told as more than 0.0
 
 
 def parameter_text(name: str, found: Mapping[str, Any]) -> str:
@@ -87,16 +88,20 @@ def _errors(result: Mapping[str, Any]) -> list[str]:
 
 
 def _table(result: Mapping[str, Any]) -> list[str]:
-    """The ranking's first rows and those of the user's own effects, each with what it cannot be told from."""
+    """The ranking's first rows that gain anything and those of the user's own effects, each with what it cannot be told
+    from."""
     ranking, own = result["ranking"], result.get("own", {})
+    told = [
+        (place, entry)
+        for place, entry in enumerate(ranking, 1)
+        if entry["effect"] in own or (place <= _SHOWN and entry["score_nats"] >= _LEAST_NATS)
+    ]
     lines = (
         [f"{'':4}{'effect':26}{'family':20}{'nats':>12}{'explains':>10}{'confidence':>12}  parameters (90 %)"]
-        if ranking
+        if told
         else []
     )
-    for place, entry in enumerate(ranking, 1):
-        if place > _SHOWN and entry["effect"] not in own:
-            continue
+    for place, entry in told:
         values = _values(entry)
         share, confidence = f"{100 * entry['explained_share']:.0f} %", f"{entry['confidence']:.2f}"
         lines.append(
@@ -105,7 +110,7 @@ def _table(result: Mapping[str, Any]) -> list[str]:
         )
         lines += [f"{'':6}{words}" for words in _notes(result, entry)]
     placed = {entry["effect"] for entry in ranking}
-    lines += [f"{NATS_WORDS}; {_EXPLAINS_WORDS}"] if ranking else []
+    lines += [f"{NATS_WORDS}; {_EXPLAINS_WORDS}"] if told else []
     return lines + [f" -  {name:26}yours: {why}" for name, why in own.items() if name not in placed]
 
 

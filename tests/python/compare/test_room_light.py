@@ -51,6 +51,14 @@ def test_without_it_light_comes_from_all_sides(tmp_path):
     np.testing.assert_allclose(layers.ambient, 0.5, rtol=1e-3)  # an albedo of a half under 1 from all sides
 
 
+def test_the_projectors_light_is_what_it_is_in_any_room(tmp_path):
+    measured, even = (layers_of(tmp_path / f"{room}.gltf", room_light=room) for room in (True, False))
+    assert even.direct.min() > 0
+    np.testing.assert_allclose(measured.direct, even.direct, rtol=1e-5)
+    np.testing.assert_allclose(measured.flat, even.flat, rtol=1e-5)
+    assert measured.indirect.mean() == pytest.approx(even.indirect.mean(), abs=0.01 * even.direct.mean())
+
+
 class Light:
     def __init__(self, rng):
         self.projector, self.ambient = rng.uniform(0, 1, (2, 30, 40))

@@ -68,6 +68,7 @@ def test_the_interval_of_a_share_is_that_of_views():
     assert np.mean(held) == pytest.approx(0.95, abs=0.03)
     alone = share_of_views(gap * (np.arange(12) < 2), gap, views)
     assert alone[1] < 0.0 < alone[0]  # one view of six
+    assert share_of_views(gap, -gap, views) is None  # the noise floor lies above the error
 
 
 def test_another_gate_gives_another_verdict():

@@ -106,3 +106,9 @@ def test_own_effects_are_in_the_table_wherever_they_rank():
     assert lines[place + 1].strip() == "yours: it gains 1 nat"
     assert any(line.split()[:2] == ["-", "other"] and "next to nothing" in line for line in lines)
     assert not any(" e12 " in line for line in lines)
+
+
+def test_rows_that_gain_nothing_are_not_printed():
+    rows = [_row("a", nats=30.0), _row("b", nats=0.0), _row("mine", nats=0.0)]
+    text = diagnosis_text(_result(ranking=rows, own={"mine": "it gains nothing"}))
+    assert " a " in text and " mine " in text and " b " not in text

@@ -67,15 +67,17 @@ def within_ranges(effect: Effect, found: Mapping[str, Limits]) -> dict[str, Inte
     return out
 
 
-def share_of_views(fall: np.ndarray, gap: np.ndarray, views: Sequence[Cluster]) -> tuple[float, float]:
-    """(the share of a gap that falls, the lower end of its one-sided 95 % interval).
+def share_of_views(fall: np.ndarray, gap: np.ndarray, views: Sequence[Cluster]) -> tuple[float, float] | None:
+    """(the share of a gap that falls, the lower end of its one-sided 95 % interval); None where there is no gap.
 
     fall, gap: of each image. views: whose; they are the sample, for images of one view share their errors: a ratio
     estimator's standard error (Cochran 1977, section 6.4) with Student's quantile. One view alone has no interval.
     """
     numbers = list(dict.fromkeys(views))
     of_view = np.array([[values[[v == n for v in views]].sum() for n in numbers] for values in (fall, gap)])
-    total = max(of_view[1].sum(), 1e-9 * np.abs(of_view).sum(), 1e-300)
+    total = of_view[1].sum()
+    if total <= 0.0:
+        return None
     share, count = float(of_view[0].sum() / total), len(numbers)
     if count < 2:
         return share, share

@@ -2,7 +2,8 @@
 """Room light that was measured on each surface, in place of even light from all sides.
 
 A scene whose asset has the extras {"room_light": "emission"} holds in its emission what light of the room each surface
-gives off, as `activestereo calibrate world` measures it. All bounces are in it already, so it lights nothing else.
+gives off, as `activestereo calibrate world` measures it. All bounces are in it already, so it lights nothing else, and
+nothing mirrors it: the surfaces of such a scene are matt.
 """
 
 from __future__ import annotations
@@ -16,6 +17,11 @@ import numpy as np
 import kuafu
 from activestereo.scene_io.gltf_document import read_document
 from activestereo.scene_io.scene_files import load_scene_file
+
+# Of the samples of such a room, for light that is bounced: the projector's alone, a hundredth of what it lights first.
+BOUNCED_SHARE = 0.25
+# Emission has no noise: samples only spread over a pixel's square.
+_MOST_SAMPLES = 4
 
 
 def has_room_light(scene_path: Path) -> bool:
@@ -38,9 +44,13 @@ class RoomLight:
             material.ir_emission = material.emission[0]  # glTF's emission is of the visible band
             self._scene.set_material(number, material)
 
-    def images(self, renderer: kuafu.Renderer, cameras: Sequence[Any], **options: Any) -> np.ndarray:
-        """Radiance [camera][height][width][1] under an ambient scale of 1."""
-        room = renderer.render(self._scene, cameras, ("ambient",), band="infrared", max_bounces=0, **options)
+    def images(self, renderer: kuafu.Renderer, cameras: Sequence[Any], spp: int, **options: Any) -> np.ndarray:
+        """Radiance [camera][height][width][1] under an ambient scale of 1. No light is sampled: the first hit has all
+        of it."""
+        room = renderer.render(
+            self._scene, cameras, ("ambient",), band="infrared", max_bounces=0, light_sampling="bsdf",
+            spp=min(spp, _MOST_SAMPLES), **options,
+        )  # fmt: skip
         return np.asarray(room["ambient"])
 
 

@@ -21,7 +21,7 @@ from activestereo.common.progress_bar import part_of
 from activestereo.effects.core.descriptor import Randomness
 from activestereo.effects.core.engine import EngineInputs, apply_engine
 from activestereo.effects.core.model import Model, Scales
-from activestereo.effects.core.room_light import light_by_room
+from activestereo.effects.core.room_light import BOUNCED_SHARE, light_by_room
 from activestereo.effects.core.scene_surfaces import split_surfaces
 from activestereo.effects.engines.capture_inputs import capture_inputs
 from activestereo.effects.engines.halves import half_samples, half_seeds
@@ -34,6 +34,7 @@ from activestereo.effects.engines.world import (
     copy_camera,
     copy_light,
     copy_record,
+    keeps_surfaces,
     record_key,
     world_key,
 )
@@ -267,23 +268,25 @@ class CaptureRenderer:
             cameras = [copy_camera(side.camera, side.delay_s) if side.delay_s else side.camera for _, side in sides]
             options: dict[str, Any] = {
                 "optics": [side.optics for _, side in sides],
-                "spp": self.samples_per_pixel if half is None else half_samples(self.samples_per_pixel),
                 "seed": self.seed if half is None else half_seeds(self.seed)[half],
             }
-            images = dict(
-                self._renderer.render(
+            spp = self.samples_per_pixel if half is None else half_samples(self.samples_per_pixel)
+            images: dict[str, NDArray] = {}
+            passes = self._passes(jobs, (*outputs, group) if has_lamps else outputs, spp)
+            for done, (names, max_bounces, samples) in enumerate(passes):
+                images |= self._renderer.render(
                     self._scene,
                     cameras,
-                    (*outputs, group) if has_lamps else outputs,
+                    names,
                     band="infrared",
                     environments=[n for n, _ in sides],
-                    max_bounces=self.max_bounces,
-                    progress=progress,
+                    max_bounces=max_bounces,
+                    spp=samples,
+                    progress=part_of(progress, done / len(passes), (done + 1) / len(passes)),
                     **options,
                 )
-            )
             if self._room is not None and "ambient" in images:
-                images["ambient"] = images["ambient"] + self._room.images(self._renderer, cameras, **options)
+                images["ambient"] = images["ambient"] + self._room.images(self._renderer, cameras, spp, **options)
         finally:
             for number in lights:
                 self._scene.remove_light(number)
@@ -294,6 +297,17 @@ class CaptureRenderer:
         if "ambient" in images:
             images["ambient"] = images["ambient"] - images["added"]
         return images
+
+    def _passes(
+        self, jobs: list[_Job], outputs: tuple[str, ...], spp: int
+    ) -> list[tuple[tuple[str, ...], int, int]]:
+        """(outputs, bounces, samples) of each pass of a render: where nothing but the projector's light is bounced, and
+        by matt surfaces alone, that light takes few samples."""
+        if self._room is None or not all(keeps_surfaces(job.inputs) for job in jobs):
+            return [(outputs, self.max_bounces, spp)]
+        bounced = tuple(name for name in outputs if name in _LIGHT[1:])
+        first = tuple(name for name in outputs if name not in bounced)
+        return [(first, 0, spp), (bounced, self.max_bounces, max(1, round(BOUNCED_SHARE * spp)))]
 
     def _texture(self, pattern: NDArray[np.float32], textures: dict[bytes, int]) -> int:
         content = np.ascontiguousarray(pattern, dtype=np.float32)

@@ -54,6 +54,20 @@ def world_key(inputs: EngineInputs) -> tuple:
     return materials, record_key(inputs.medium)
 
 
+def keeps_surfaces(inputs: EngineInputs) -> bool:
+    """Whether the inputs leave the world as it is but for shares that surfaces reflect: no new gloss, glass, fog or
+    lamp."""
+
+    def as_in_scene(number: int, material: kuafu.Material) -> kuafu.Material:
+        own = inputs.scene_materials(number)
+        own.base_color, own.ir_albedo = material.base_color, material.ir_albedo
+        return own
+
+    changed = inputs.materials.items()
+    same = all(record_key(m) == record_key(as_in_scene(number, m)) for number, m in changed)
+    return same and inputs.medium is None and not inputs.added_lights
+
+
 @contextmanager
 def changed_world(scene: kuafu.Scene, inputs: EngineInputs) -> Iterator[None]:
     """The scene with the inputs' materials and medium, as it was before afterwards."""
