@@ -7,13 +7,15 @@ import shutil
 from suite_sets import STRENGTHS
 from virtual_sensor.held_out import oracle
 from virtual_sensor.held_out.case import Case
+from virtual_sensor.held_out.mitsuba_case import MitsubaCase
 
 
 def make_case(item, capture_folder, key_path, scene_errors, more=None, elsewhere=None):
     """Writes both, whole or not at all; returns the key. more: a change of frames recorded beside the usual ones.
     elsewhere: (folder, seed) of a capture of another scene by the same sensor."""
     hidden, moving_exposure = item.draw()
-    case = Case(item.seed, hidden, scene_errors, moving_exposure=moving_exposure, more=more)
+    kind = MitsubaCase if item.set == "mitsuba" else Case
+    case = kind(item.seed, hidden, scene_errors, moving_exposure=moving_exposure, more=more)
     figures = _write(case, capture_folder, item)
     if elsewhere is not None:
         folder, seed = elsewhere

@@ -41,6 +41,7 @@ doubles each [threshold](../../python/activestereo/diagnose/README.md#thresholds
 | filters | 4 | what a device's firmware does to good depth, medium and strong: no fault, and not in `all` |
 | outside | 24 | 12 effects that no library has, medium and strong |
 | none | 100 | nothing |
+| mitsuba | 28 | 18 effects, 4 that no library has, and nothing, in worlds that Mitsuba 3 renders; not in `all` |
 | depth | 12 | faults of the device's depth engine; captures without infrared images |
 
 The sensor shares no code with the product: it has ray casting in closed form, radiosity, PCG64 random numbers, and
@@ -92,7 +93,8 @@ def _measures(runs):
     lines += [f"|{r['generation']}|{r['date']}|{r['machine']}|{r['n']}{r['note']}|" for r in runs]
     lines += ["", f"The columns are generations; brackets hold the 95 % interval and n of {newest['generation']}.", ""]
     lines += [f"|measure|bar|aim|{'|'.join(str(r['generation']) for r in runs)}|", "|--" * (3 + len(runs)) + "|"]
-    for name in (name for name in runs[-1]["measures"] if name not in HIDDEN):
+    names = dict.fromkeys(name for run in reversed(runs) for name in run["measures"])
+    for name in (name for name in names if name not in HIDDEN):
         sign, bar, aim = BARS.get(name, ("", "", ""))
         values = [_value(run["measures"].get(name), run is newest) for run in runs]
         lines.append(f"|{name}|{sign}{bar}|{sign}{aim}|{'|'.join(values)}|")

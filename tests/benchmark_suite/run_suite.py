@@ -45,7 +45,7 @@ def main():
 
 def _arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    sets = ("small", "single", "pairs", "outside", "none", "depth", "wider", "filters", "all")
+    sets = ("small", "single", "pairs", "outside", "none", "depth", "wider", "filters", "mitsuba", "all")
     parser.add_argument("--set", choices=sets, required=True)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     parser.add_argument(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.stats import binomtest
+from suite_sets import OUTSIDE
 
 # Names of the library that describe what a case calls otherwise: its ambient infrared light is a lamp in the room.
 SAME_PHYSICS = {"external_light": "ambient_ir"}
@@ -80,7 +81,7 @@ class Result:
             return self.verdict == "undetermined" and not self.added
         if self.key["set"] == "filters":
             return self.verdict == "none" and not self.added
-        if self.key["set"] == "outside":
+        if self.is_outside:
             return self.verdict == "unknown" and not self.added
         if any(entry.get("nuisance") for entry in self.ranking if entry["effect"] in self.truth):
             return (
@@ -94,6 +95,11 @@ class Result:
         return (
             self.verdict == "effect" and len(self.truth) == 1 and len(_set_of(self)) > 1 and self.truth <= _set_of(self)
         )
+
+    @property
+    def is_outside(self):
+        """Whether what is hidden is in no library."""
+        return bool(self.truth & set(OUTSIDE))
 
     @property
     def named(self):
@@ -118,9 +124,11 @@ def read_results(folder, ids):
 
 def score(results):
     """{measure: {value, low, high, n}}, by strength, and what the pictures show."""
-    sets = ("single", "pairs", "outside", "none", "depth", "wider", "filters")
+    sets = ("single", "pairs", "outside", "none", "depth", "wider", "filters", "mitsuba")
     of = {name: [r for r in results if r.key["set"] == name] for name in sets}
     clear = [r for r in of["single"] if r.detectable]
+    foreign = [r for r in of["mitsuba"] if r.detectable or not r.truth]
+    foreign_single = [r for r in foreign if r.truth and not r.is_outside]
     measures = {
         "top-1": rate([_first(r) for r in clear]),
         "top-3": rate([bool(r.truth & set(r.names(3))) for r in clear]),
@@ -136,6 +144,10 @@ def score(results):
         "outside the library: wrong name": rate([r.verdict == "effect" for r in of["outside"]]),
         "pairs: both found": rate([r.added == r.truth for r in of["pairs"] if r.detectable]),
         "pairs: one of two first": rate([_first(r) for r in of["pairs"] if r.detectable]),
+        "another renderer: first name": rate([_first(r) for r in foreign_single]),
+        "another renderer: named and right": rate([r.added == r.truth for r in foreign_single]),
+        "another renderer: false alarms": rate([r.named for r in foreign if not r.truth]),
+        "another renderer, outside: said so": rate([r.verdict == "unknown" for r in foreign if r.is_outside]),
         "parameter error (median)": median([e for r in clear for e in _parameter_errors(r)]),
         "90 % intervals hold the truth": rate([c for r in clear for c in _covered(r)]),
         "calibration error (ECE)": _ece(results),

@@ -15,11 +15,13 @@ import numpy as np
 sys.path.append(str(Path(__file__).resolve().parents[1] / "support"))
 
 from virtual_sensor.held_out import catalogue  # noqa: E402
+from virtual_sensor.held_out.mitsuba_case import NOT_RENDERED  # noqa: E402
 from virtual_sensor.held_out.catalogue import DEPTH_ENGINE, FILTERS, OUTSIDE, SINGLE, STRENGTHS, WIDER  # noqa: E402
 
 MEDIUM, STRONG = STRENGTHS.index("medium"), STRENGTHS.index("strong")
 PAIRS, NONES, DEPTH_ONLY = 40, 100, 4
-_CODES = {"single": 1, "pairs": 2, "outside": 3, "none": 4, "depth": 5, "wider": 6, "filters": 7}
+MITSUBA_SINGLE, MITSUBA_OUTSIDE, MITSUBA_NONE = 18, 4, 6
+_CODES = {"single": 1, "pairs": 2, "outside": 3, "none": 4, "depth": 5, "wider": 6, "filters": 7, "mitsuba": 8}
 ALL = ("single", "pairs", "outside", "none", "depth", "wider")
 _SMALL = (
     ("none", 0), ("none", 1), ("single", "projector_defocus"), ("single", "radial_distortion"),
@@ -71,7 +73,7 @@ def _items(name):
         return [found[i] for i in np.random.Generator(np.random.PCG64(1)).permutation(len(found))]
     lists = {
         "single": _single, "pairs": _pairs, "outside": _outside, "none": _none, "depth": _depth, "wider": _wider,
-        "filters": _filters,
+        "filters": _filters, "mitsuba": _mitsuba,
     }  # fmt: skip
     return [
         Item(name, number, tuple(strengths.items()), infrared)
@@ -97,6 +99,16 @@ def _wider():
 
 def _filters():
     return [({effect: strength}, True) for strength in (MEDIUM, STRONG) for effect in FILTERS]
+
+
+def _mitsuba():
+    """Worlds that another renderer draws: effects of the library and of none, drawn from those that it can show, and
+    nothing."""
+    rng = np.random.Generator(np.random.PCG64(8))
+    kinds = [rng.permutation([name for name in part if name not in NOT_RENDERED]) for part in (SINGLE, OUTSIDE)]
+    hidden = [*kinds[0][:MITSUBA_SINGLE], *kinds[1][:MITSUBA_OUTSIDE]]
+    cases = [({str(name): STRONG if i % 2 else MEDIUM}, True) for i, name in enumerate(hidden)]
+    return cases + [({}, True)] * MITSUBA_NONE
 
 
 def _none():

@@ -17,6 +17,7 @@ from virtual_sensor.held_out.scene import draw_scene, texel_spacing
 from virtual_sensor.held_out.more import more_frames
 from virtual_sensor.held_out.optics import shading
 from virtual_sensor.held_out.case import SIDES, RAY_EFFECTS, Case
+from virtual_sensor.held_out.mitsuba_case import NOT_RENDERED, MitsubaCase
 from virtual_sensor.cylinder import Cylinder
 from virtual_sensor.solids import Box, Sphere
 from virtual_sensor.tiles import Tiles
@@ -180,3 +181,24 @@ def test_the_same_sensor_stands_in_another_scene():
     assert (other.sensor, other.hidden) == (first.sensor, first.hidden)
     assert other.solids[2].centre != first.solids[2].centre
     assert all(frame.power > 0 and not frame.is_moving for frame in other.frames)
+
+
+def test_mitsuba_renders_the_same_world(case):
+    """Another renderer's light of a frame: the projector's, what surfaces send on, and the sky's."""
+    pytest.importorskip("mitsuba", reason="needs the package mitsuba, and an LLVM library for it")
+    other = MitsubaCase(seed=5, hidden={}, scene_errors=0.0, sub=2)
+    own = Case(seed=5, hidden={}, scene_errors=0.0, sub=2)
+    frame = own.frames[0]
+    mine, theirs = (world.layers(frame, "left", {}) for world in (own, other))
+    assert theirs.direct.mean() == pytest.approx(mine.direct.mean(), rel=0.005)
+    assert np.corrcoef(mine.direct.ravel(), theirs.direct.ravel())[0, 1] > 0.99
+    assert theirs.indirect.mean() == pytest.approx(mine.indirect.mean(), rel=0.05)
+    assert theirs.sky.mean() == pytest.approx(mine.sky.mean(), rel=0.005)
+
+
+def test_what_mitsubas_worlds_cannot_show_is_refused():
+    for name in NOT_RENDERED:
+        assert name in RAY_EFFECTS
+    world = MitsubaCase(seed=5, hidden={"haze": {"extinction_per_m": 0.1}}, sub=1)
+    with pytest.raises(ValueError, match="Mitsuba's worlds have no haze"):
+        world.layers(world.frames[0], "left", world.hidden)
