@@ -67,7 +67,7 @@ def _arguments():
         type=float,
         default=1.0,
         metavar="X",
-        help="size of the calibration's and scene's errors (default: 1)",
+        help="size of the calibration's and scene's errors, which captures then state (default: 1)",
     )
     parser.add_argument("--command", default=COMMAND, help="the tool, with {capture} and {out} (default: %(default)s)")
     parser.add_argument(

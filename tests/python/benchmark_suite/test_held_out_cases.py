@@ -3,6 +3,7 @@
 where nothing hides."""
 
 import ast
+import json
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from virtual_sensor.held_out import oracle
 from virtual_sensor.held_out.caster import closest
 from virtual_sensor.held_out.catalogue import CATALOGUE, OUTSIDE, SINGLE, STRENGTHS, WIDER
 from virtual_sensor.held_out.depth import device_depth
+from virtual_sensor.held_out.files import SURVEY
 from virtual_sensor.held_out.lightmap import Lightmap
 from virtual_sensor.held_out.scene import draw_scene, texel_spacing
 from virtual_sensor.held_out.more import more_frames
@@ -202,3 +204,9 @@ def test_what_mitsubas_worlds_cannot_show_is_refused():
     world = MitsubaCase(seed=5, hidden={"haze": {"extinction_per_m": 0.1}}, sub=1)
     with pytest.raises(ValueError, match="Mitsuba's worlds have no haze"):
         world.layers(world.frames[0], "left", world.hidden)
+
+
+def test_a_capture_states_how_well_it_was_surveyed(tmp_path):
+    Case(seed=5, hidden={}, scene_errors=3.0, sub=1).capture(tmp_path / "capture", "case")
+    document = json.loads((tmp_path / "capture" / "capture.json").read_text())
+    assert document["uncertainty"] == {name: 3.0 * deviation for name, deviation in SURVEY.items()}

@@ -198,7 +198,9 @@ class Case:
             for frame in self.frames
             if frame.power > 0 and frame.id != 1
         }
-        write_capture(folder, name, rig, solids, self.frames, images, depths, MAX_DISPARITY)
+        write_capture(
+            folder, name, rig, solids, self.frames, images, depths, MAX_DISPARITY, survey=self._scene_errors or 1.0
+        )
         figures = oracle.errors(self, images)
         if len(self.hidden) > 1:
             figures["alone"] = {

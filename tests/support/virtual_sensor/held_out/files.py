@@ -28,8 +28,15 @@ def write_png(path, image):
     Path(path).write_bytes(b"\x89PNG\r\n\x1a\n" + body)
 
 
-def write_capture(folder, name, rig, solids, frames, images, depths, max_disparity, line_time_s=None):
-    """rig, solids: as the user believes them. images: {(frame id, side): uint8}; depths: {frame id: metres}."""
+# Standard deviations of a good survey: metres and radians of poses and of the projector, relative focal length, albedo.
+SURVEY = {
+    "pose_m": 1e-3, "pose_rad": 1.5e-3, "projector_m": 3e-4, "projector_rad": 1e-3, "focal": 6e-4, "albedo": 0.03,
+}  # fmt: skip
+
+
+def write_capture(folder, name, rig, solids, frames, images, depths, max_disparity, line_time_s=None, survey=1.0):
+    """rig, solids: as the user believes them. images: {(frame id, side): uint8}; depths: {frame id: metres}. survey:
+    how many times a good survey's errors the capture states."""
     folder = Path(folder)
     for part in ("left", "right", "depth"):
         (folder / part).mkdir(parents=True, exist_ok=True)
@@ -53,6 +60,8 @@ def write_capture(folder, name, rig, solids, frames, images, depths, max_dispari
         },
         "frames": [_frame(frame, frame.id in depths) for frame in frames],
     }
+    if survey != 1.0:
+        document["uncertainty"] = {name: survey * deviation for name, deviation in SURVEY.items()}
     (folder / "capture.json").write_text(json.dumps(document, indent=1))
 
 
