@@ -19,7 +19,7 @@ from activestereo.diagnose.channels import (
     StaticFieldChannel,
 )
 from activestereo.diagnose.channels.static_field import has_extended_draws
-from activestereo.diagnose.evidence import Evidence
+from activestereo.diagnose.evidence import Evidence, Observation
 from activestereo.diagnose.findings import BaseChecks, BaseFit, Explanation, Finding, NotRanked, Ranking, Score
 from activestereo.diagnose.refine import Fitters, ImageResidual, Solution
 from activestereo.diagnose.refine.by_rendering import Rendering, refined_by_rendering
@@ -27,7 +27,7 @@ from activestereo.diagnose.refine.normal_equations import cluster_of
 from activestereo.diagnose.refine.parsimony import simplified
 from activestereo.diagnose.refine.settle import settled
 from activestereo.diagnose.score.constancy import varying_reduced_chi2
-from activestereo.diagnose.score.intervals import share_of_views
+from activestereo.diagnose.score.intervals import share_of_places
 from activestereo.diagnose.score.likelihood import design_effect, frame_consistency, nats_of
 from activestereo.diagnose.score.occam import choice_nats, is_at_end, occam_nats
 from activestereo.diagnose.score.steadiness import uneven_structure, unsteady_reduced_chi2
@@ -258,10 +258,15 @@ def _sized(context: DiagnosisContext, ranking: Ranking) -> list[Finding]:
 
 def _with_size(context: DiagnosisContext, ranking: Ranking, finding: Finding) -> Finding:
     """A finding with the decrease of the unweighted error in DN."""
-    floor, before = _floors(context), _squares(ranking.base.train)
-    fall, views = before - _squares(context.fitters.train.residuals(finding.fitted)), context.evidence.train
-    share, low = share_of_views(fall, before - floor, [cluster_of(o) for o in views]) or (None, None)
-    sized = {"plain_share": share, "plain_share_low": low, "plain_reduced_chi2": float(fall.sum() / floor.sum())}
+    train, floors = context.evidence.train, _floors(context)
+    before, after = (
+        np.concatenate([_squares_of_tiles(row) for row in rows])
+        for rows in (ranking.base.train, context.fitters.train.residuals(finding.fitted))
+    )
+    floor = np.concatenate([value * _tiles(o) / o.tile.size for value, o in zip(floors, train, strict=True)])
+    share, low = share_of_places(before - after, before - floor, _places(train)) or (None, None)
+    fall = float((before - after).sum() / floors.sum())
+    sized = {"plain_share": share, "plain_share_low": low, "plain_reduced_chi2": fall}
     return replace(finding, checks=replace(finding.checks, **sized))
 
 
@@ -399,6 +404,24 @@ def _preferring_what_leaves_no_structure(ranking: Ranking) -> Ranking:
     if better is None:
         return ranking
     return _with_findings(ranking, [better, *(f for f in ranking.findings if f is not better)])
+
+
+def _squares_of_tiles(row: ImageResidual) -> np.ndarray:
+    """The sum of squares of each tile of an image, DN^2."""
+    tile = row.observation.tile
+    return np.bincount((tile - tile.min()).ravel(), row.residual.astype(np.float64).ravel() ** 2)
+
+
+def _tiles(o: Observation) -> np.ndarray:
+    """The pixels of each tile of an image."""
+    return np.bincount((o.tile - o.tile.min()).ravel())
+
+
+def _places(train: Sequence[Observation]) -> np.ndarray:
+    """Numbers of what the tiles of each image show, which repeats of one camera's view share."""
+    clusters = list(dict.fromkeys(map(cluster_of, train)))
+    most = max(len(_tiles(o)) for o in train)
+    return np.concatenate([clusters.index(cluster_of(o)) * most + np.arange(len(_tiles(o))) for o in train])
 
 
 def _squares(rows: Iterable[ImageResidual]) -> np.ndarray:

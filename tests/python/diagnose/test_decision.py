@@ -22,7 +22,7 @@ def model(*effects: str, left: float, structure: float = 0.0, **more) -> ModelRe
 
 
 def findings(*models: ModelRecord, unsteady: float = 0.0, plain: float = 0.0) -> Findings:
-    return Findings(0.0, unsteady, plain, 40, True, models)
+    return Findings(0.0, unsteady, plain, 40, True, 1e4, models)
 
 
 NOTHING = findings(model(left=1.005, structure=0.002), model("blur", left=1.004, structure=0.002))

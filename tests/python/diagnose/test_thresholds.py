@@ -13,7 +13,7 @@ from activestereo.effects.core.judging import Channel
 from activestereo.diagnose.findings import BaseChecks, Checks, Explanation, Finding, Ranking, Score
 from activestereo.diagnose.thresholds import THRESHOLDS, thresholds_table, share_words
 from activestereo.diagnose.answer.judging import judging_json, verdict_under
-from activestereo.diagnose.score.intervals import share_of_views
+from activestereo.diagnose.score.intervals import share_of_places
 from activestereo.diagnose.score.occam import is_at_end
 from activestereo.diagnose.verdict.completeness import lacks_nothing
 from activestereo.diagnose.verdict.reasons import reason_of
@@ -56,19 +56,21 @@ def test_the_gain_that_a_name_needs_follows_from_the_rate_of_false_names():
     assert verdict_under(kept(ranking(0.9)), strict)[0] == "unknown"  # it gains 80 nats
 
 
-def test_the_interval_of_a_share_is_that_of_views():
-    views = [("left", bytes([k // 2]), False) for k in range(12)]
-    gap = np.array([float(1 + k // 2) for k in range(12)])
-    assert share_of_views(0.3 * gap, gap, views) == pytest.approx((0.3, 0.3))
+def test_the_interval_of_a_share_is_that_of_places():
+    places = np.arange(120) // 2
+    gap = 1.0 + places
+    assert share_of_places(0.3 * gap, gap, places) == pytest.approx((0.3, 0.3))
     rng = np.random.default_rng(3)
     held = []
     for _ in range(400):
-        of_view = np.repeat(rng.normal(0.3, 0.1, 6), 2)
-        held.append(share_of_views(of_view * 2.0, np.full(12, 2.0), views)[1] < 0.3)
+        of_place = np.repeat(rng.normal(0.3, 0.1, 60), 2)
+        held.append(share_of_places(of_place * 2.0, np.full(120, 2.0), places)[1] < 0.3)
     assert np.mean(held) == pytest.approx(0.95, abs=0.03)
-    alone = share_of_views(gap * (np.arange(12) < 2), gap, views)
-    assert alone[1] < 0.0 < alone[0]  # one view of six
-    assert share_of_views(gap, -gap, views) is None  # the noise floor lies above the error
+    alone = share_of_places(gap * (places < 1), gap, places)
+    assert alone[1] < 0.0 < alone[0]  # one place of sixty
+    moving = share_of_places(gap * (places < 20), gap, places)  # an effect that one view of three has
+    assert moving[1] > 0.05
+    assert share_of_places(gap, -gap, places) is None  # the noise floor lies above the error
 
 
 def test_another_gate_gives_another_verdict():

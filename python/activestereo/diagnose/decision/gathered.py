@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from activestereo.diagnose.channels.fields_together import shown_together
 from activestereo.diagnose.channels.static_field import has_extended_draws
 from activestereo.diagnose.decision.records import Findings, ModelRecord
 from activestereo.diagnose.findings import BaseFit, Finding
@@ -16,6 +17,8 @@ from activestereo.diagnose.score.left_out import left_out_by_view, view_of, view
 from activestereo.diagnose.score.occam import freedom_of
 from activestereo.diagnose.score.steadiness import unsteady_reduced_chi2
 from activestereo.diagnose.score.structure import local_structure
+from activestereo.diagnose.verdict.acceptance import passes
+from activestereo.effects.core.judging import Channel
 
 # All is recorded of so many models of a ranking, the likeliest.
 _WHOLE = 6
@@ -27,12 +30,17 @@ def findings_of(way: Sequence[Step], has_floor: bool) -> Findings:
     base = first.base
     squares = sum(float((row.residual.astype(np.float64) ** 2).sum()) for row in base.train)
     floor = sum(evidence.noise_variances[o.key] * o.pixels for o in evidence.train)
+    last = way[-1].ranking
+    fields = [f for f in last.findings if f.channel is Channel.STATIC_FIELD and passes(last, f)]
+    together = shown_together(fields, last.base, last.thresholds) if len(fields) > 1 else []
     return Findings(
         white=base.white_reduced_chi2,
         unsteady=unsteady_reduced_chi2(base.train),
         plain=squares / floor - 1.0,
         tried=len(first.findings) + len(first.not_ranked),
         has_floor=has_floor,
+        independent=first.pixels / len(views(evidence.train)) / first.design_effect,
+        together=tuple(f.id for f in together),
         models=tuple(record for step in way for record in _records(step)),
     )
 
@@ -46,8 +54,9 @@ def _records(step: Step) -> Iterator[ModelRecord]:
     likeliest = sorted((f for f in ranking.findings if f.on_images), key=lambda f: -f.score.nats)[:_WHOLE]
     for f in ranking.findings:
         e, own, more = f.explanation, f.explanation.own, {}
-        if any(f is one for one in likeliest):
-            more = _whole(context, f.solution, _rows_after(context, base, f), design)
+        rows = _rows_after(context, base, f) if any(f is one for one in likeliest) else None
+        if rows is not None:
+            more = _whole(context, f.solution, rows, design)
         yield ModelRecord(
             (*step.added, f.id),
             f.channel.value,
@@ -91,11 +100,12 @@ def _by_view(context: DiagnosisContext, tile_chi2: np.ndarray) -> tuple[float, .
     return tuple(out)
 
 
-def _rows_after(context: DiagnosisContext, base: BaseFit, f: Finding) -> Sequence[ImageResidual]:
-    """The train images after a finding's expected images, or after its draws where they are larger than a pixel."""
+def _rows_after(context: DiagnosisContext, base: BaseFit, f: Finding) -> Sequence[ImageResidual] | None:
+    """The train images after a finding's expected images, or after its draws where they are larger than a pixel; None
+    of other draws."""
     if f.solution is not None:
         return context.fitters.train.residuals(f.solution)
     fields = f.explanation.fields
     if fields is None or not has_extended_draws(f.effect):
-        return base.train
+        return None
     return [row._replace(residual=r) for row, r in zip(base.train, fields.residuals, strict=True)]

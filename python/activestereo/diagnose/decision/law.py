@@ -2,18 +2,19 @@
 """The law of decision: posterior probabilities of models from their marginal likelihoods, and what may be named.
 
 No model is exact. Formulas, and errors of the scene measurement that no nuisance takes, leave a discrepancy in each
-view whose mean square, in noise variances, is exponential with mean Law.discrepancy. Two things follow. A likelihood
-of data that are that near to a model, not equal to it, is the usual one to the power alpha / (alpha + n) with alpha =
-2 / discrepancy: a view counts as alpha pixels (Miller and Dunson 2019, Robust Bayesian inference via coarsening,
-sections 2 and 3). And where something is missing that the library lacks, the discrepancy is as large as effects are:
-that is the model of something else (Kennedy and O'Hagan 2001, Bayesian calibration of computer models). Its
-discrepancy is a linear basis in each tile (score/structure.py), with its variance integrated out.
+view whose mean square, in noise variances, is exponential with mean Law.discrepancy. Two things follow. A likelihood of
+data that are that near to a model, not equal to it, is the usual one to the power alpha / (alpha + n) with alpha = 2 /
+discrepancy: a view counts as alpha pixels (Miller and Dunson 2019, Robust Bayesian inference via coarsening, sections 2
+and 3), and tells that much less of parameters, too. And where something is missing that the library lacks, the
+discrepancy is as large as effects are: that is the model of something else (Kennedy and O'Hagan 2001, Bayesian
+calibration of computer models). Its discrepancy is a linear basis in each tile (score/structure.py), with its variance
+integrated out.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
+from itertools import chain, permutations
 from math import log, pi
 from typing import Any
 
@@ -69,6 +70,11 @@ class Posterior:
     def something_else(self) -> float:
         return sum(self.unknown.values())
 
+    def of(self, names: Iterable[str]) -> float:
+        """The probability that one of these effects is missing, whatever else is."""
+        both, wanted = chain(self.known.items(), self.unknown.items()), set(names)
+        return sum(p for effects, p in both if wanted & set(effects))
+
 
 @dataclass(frozen=True)
 class Decision:
@@ -86,7 +92,7 @@ class Decision:
 
     def likeness(self, name: str) -> float:
         """The probability that an effect is missing, whatever else is."""
-        return self.confidence(name) + sum(p for effects, p in self.posterior.unknown.items() if name in effects)
+        return self.posterior.of([name])
 
     def as_json(self) -> dict[str, Any] | None:
         """{"named": {id: p}, "none": p, "something_else": p}, which add up to 1, several effects by the likeliest of
@@ -106,12 +112,14 @@ def decide(law: Law, findings: Findings) -> Decision:
     given = posterior(law, findings)
     best = max(given.known, key=lambda effects: given.known[effects])
     alike = {name: _alike(law, given, best, name) for name in best}
-    sure = {name: sum(p for e, p in given.known.items() if {name, *alike[name]} & set(e)) for name in best}
-    order = sorted((name for name in best if _may_be_named(law, findings, name)), key=lambda name: -sure[name])
+    sure = {name: given.of({name, *alike[name]}) for name in best if given.something_else <= 0.5}
+    order = sorted((name for name in sure if _may_be_named(law, findings, name)), key=lambda name: -sure[name])
     named: list[str] = []
     for name in order:  # the expected share of false names (Mueller, Parmigiani and Rice 2007)
         if sum(1.0 - sure[n] for n in (*named, name)) <= law.alpha * (len(named) + 1):
             named.append(name)
+    if set(named) & set(findings.together):
+        named += [name for name in findings.together if name not in named]
     if named:
         verdict = EFFECT
     elif not findings.has_floor:
@@ -151,14 +159,17 @@ def log_evidence(
     models on top of a base share. floor: mean square of each view that no discrepancy goes below. What was not
     computed of a model is as the base has it."""
     fitted, left = model if model.freedom else base, _left(findings, base, model)
+    told = 2.0 / (2.0 + law.discrepancy * findings.independent)
     common = len(model.effects) * log(law.more / max(findings.tried, 1)) - model.choice_nats
-    common += _volume(fitted.freedom) - 0.5 * (fitted.strain or 0.0)
+    common += _volume(fitted.freedom, told) - 0.5 * (fitted.strain or 0.0)
     if model.channel == Channel.STATIC_FIELD.value or model.own_nats is not None:
         common -= 0.5 * log(2.0 / law.discrepancy)  # a deviation alone is free (Schwarz 1978)
     if model.own_nats is not None:
         gain = len(left) / law.discrepancy * -log(max(1.0 - model.own_share, 1.0 - _MOST))
         common += max(min(model.own_nats, gain), 0.0)
-    missing = np.maximum(model.structure or base.structure or 0.0, fitted.varying)
+    # Draws look like structure where none of them was taken off: what else is beside them is not known then.
+    drawn = model.channel == Channel.STATIC_FIELD.value and model.structure is None
+    missing = np.maximum(0.0 if drawn else model.structure or base.structure or 0.0, fitted.varying)
     missing = np.clip(missing, 0.0, np.clip(left - floor, 0.0, _MOST * left))
     beside = left - missing
     narrow = -np.log(left) / law.discrepancy
@@ -203,23 +214,25 @@ def _broad(law: Law, size: Values, mean: Values | float) -> Values:
     return np.log(2.0 / pi / law.largest * np.asarray(mean)) - np.log1p((size / law.largest) ** 2)
 
 
-def _volume(freedom: Freedom | None) -> float:
-    """Laplace's integral over the parameters, beside the best likelihood; those that are better left neutral are."""
+def _volume(freedom: Freedom | None, told: float) -> float:
+    """Laplace's integral over the parameters, beside the best likelihood; those that are better left neutral are.
+    told: the share of the information that counts."""
     if freedom is None or not freedom.away:
         return 0.0
     kept, best = list(range(len(freedom.away))), -np.inf
     while kept:
-        value = _volume_of(freedom, kept)
+        value = _volume_of(freedom, kept, told)
         if value <= best:
             break
         best = value
         fewer = [[i for i in kept if i != gone] for gone in kept]
-        kept = max(fewer, key=partial(_volume_of, freedom)) if len(kept) > 1 else []
+        kept = max(fewer, key=partial(_volume_of, freedom, told=told)) if len(kept) > 1 else []
     return best
 
 
-def _volume_of(freedom: Freedom, kept: Sequence[int]) -> float:
-    away, density, information = (np.array(x) for x in (freedom.away, freedom.log_density, freedom.information))
+def _volume_of(freedom: Freedom, kept: Sequence[int], told: float) -> float:
+    away, density = np.array(freedom.away), np.array(freedom.log_density)
+    information = told * np.array(freedom.information)
     used, unused = np.array(kept, dtype=np.int64), np.setdiff1d(np.arange(len(away)), kept)
     across, inner = information[np.ix_(unused, used)], information[np.ix_(used, used)]
     alone = information[np.ix_(unused, unused)] - across @ np.linalg.pinv(inner, hermitian=True) @ across.T
@@ -242,8 +255,12 @@ def _may_be_named(law: Law, findings: Findings, name: str) -> bool:
 
 
 def _alike(law: Law, given: Posterior, best: Effects, name: str) -> Effects:
-    """The effects that stand for one as well, the others of the best model beside them, likeliest first."""
-    rest = set(best) - {name}
-    alone = {effects: p for effects, p in given.known.items() if len(effects) == len(best) and rest < set(effects)}
-    likely = sorted((p, effects) for effects, p in alone.items() if p >= law.alike * given.known[best])
-    return tuple(next(iter(set(effects) - rest)) for _, effects in reversed(likely) if effects != best)
+    """The effects that stand for one as well in models of as many, likeliest first: each took another's place in a
+    model that predicts like the best one."""
+    sets = [set(e) for e, p in given.known.items() if len(e) == len(best) and p >= law.alike * given.known[best]]
+    swaps = [(*(a - b), *(b - a)) for a, b in permutations(sets, 2) if len(a - b) == 1]
+    alike = {name}
+    while more := {new for old, new in swaps if old in alike} - alike - set(best):
+        alike |= more
+    chance = {one: sum(p for effects, p in given.known.items() if one in effects) for one in alike - {name}}
+    return tuple(sorted(chance, key=lambda one: -chance[one]))

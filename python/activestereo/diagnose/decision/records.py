@@ -50,14 +50,17 @@ class ModelRecord:
 class Findings:
     """All models that a diagnosis fitted. Of the given one: white, what stays between repeats and is white; unsteady,
     by how much one frame of a view differs more than another (score/steadiness.py); plain, the excess of the squared
-    error in DN. tried: how many effects. has_floor: whether noise was measured."""
+    error in DN. tried: how many effects. has_floor: whether noise was measured. independent: pixels of a view that vary
+    apart from each other. together: fields of draws that the last model's frames show at once."""
 
     white: float
     unsteady: float
     plain: float
     tried: int
     has_floor: bool
+    independent: float
     models: tuple[ModelRecord, ...]
+    together: tuple[str, ...] = ()
 
     def steps(self) -> list[list[ModelRecord]]:
         """The models of each step: what it starts from, then what was added to that."""
@@ -73,7 +76,7 @@ class Findings:
 
     @classmethod
     def of_json(cls, stored: Mapping[str, Any]) -> "Findings":
-        known: dict[str, Any] = {**stored, "models": tuple(_record(model) for model in stored["models"])}
+        known: dict[str, Any] = {**stored, "models": tuple(map(_record, stored["models"]))}
         return cls(**known)
 
 

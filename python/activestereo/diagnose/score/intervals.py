@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A parameter's value and 90 % interval from a fit."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 import numpy as np
 from scipy.stats import t as student
 
 from activestereo.diagnose.refine.fitter import Fitter
-from activestereo.diagnose.refine.normal_equations import Cluster
 from activestereo.diagnose.refine.parameter_space import Solution
 from activestereo.diagnose.score.occam import is_shape
 from activestereo.effects import Effect, Parameter
@@ -67,20 +66,21 @@ def within_ranges(effect: Effect, found: Mapping[str, Limits]) -> dict[str, Inte
     return out
 
 
-def share_of_views(fall: np.ndarray, gap: np.ndarray, views: Sequence[Cluster]) -> tuple[float, float] | None:
+def share_of_places(fall: np.ndarray, gap: np.ndarray, places: np.ndarray) -> tuple[float, float] | None:
     """(the share of a gap that falls, the lower end of its one-sided 95 % interval); None where there is no gap.
 
-    fall, gap: of each image. views: whose; they are the sample, for images of one view share their errors: a ratio
-    estimator's standard error (Cochran 1977, section 6.4) with Student's quantile. One view alone has no interval.
+    fall, gap: of each tile of each image. places: what it shows, the same in repeats; they are the sample, for tiles of
+    one place share their errors: a ratio estimator's standard error (Cochran 1977, section 6.4) with Student's
+    quantile. Views are no sample: an effect of motion, say, is in those alone that move. One place has no interval.
     """
-    numbers = list(dict.fromkeys(views))
-    of_view = np.array([[values[[v == n for v in views]].sum() for n in numbers] for values in (fall, gap)])
-    total = of_view[1].sum()
+    _, index = np.unique(places, return_inverse=True)
+    fall_of, gap_of = (np.bincount(index, values) for values in (fall, gap))
+    total = gap_of.sum()
     if total <= 0.0:
         return None
-    share, count = float(of_view[0].sum() / total), len(numbers)
+    share, count = float(fall_of.sum() / total), len(gap_of)
     if count < 2:
         return share, share
-    spread = of_view[0] - share * of_view[1]
+    spread = fall_of - share * gap_of
     error = np.sqrt(count / (count - 1) * float(spread @ spread)) / total
     return share, share - float(student.ppf(0.95, count - 1)) * error

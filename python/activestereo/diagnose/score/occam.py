@@ -102,12 +102,7 @@ def _information(fitter: Fitter, solution: Solution, chosen: np.ndarray) -> np.n
 
 
 def _log_density(parameter: Parameter, away: float) -> float:
-    """The log density of a parameter's prior per typical deviation: normal for shapes, which physics tells; of
-    amplitudes only the order of magnitude is known, so theirs is Cauchy's (Gelman et al.
-
-    2008, A weakly informative default prior distribution).
-    """
-    if is_shape(parameter):
-        return -0.5 * away**2 - 0.5 * np.log(2.0 * np.pi)
+    """The log density of a parameter's prior per typical deviation: only the order of magnitude is known, so it is
+    Cauchy's (Gelman et al. 2008, A weakly informative default prior distribution)."""
     one_sided = parameter.low >= parameter.neutral or parameter.high <= parameter.neutral
     return np.log((2.0 if one_sided else 1.0) / np.pi) - np.log1p(away**2)
