@@ -192,6 +192,14 @@ def test_views_are_believed_as_far_as_those_at_rest_were_right(lab_world):
     assert replace(geometry, poses=poses).beyond_stated() == pytest.approx([3.0, 1.0])
 
 
+def test_a_misfit_weighs_up_what_is_stated(found):
+    """A likelihood that counts each pixel four times takes a prior half as wide."""
+    evidence = found
+    tempered = replace(evidence, geometry=replace(evidence.geometry, misfit=4.0 * evidence.geometry.misfit))
+    np.testing.assert_allclose(tempered.nuisance_prior().sigma, 0.5 * evidence.nuisance_prior().sigma)
+    assert evidence.geometry.misfit == 1.0  # a survey's errors are believed
+
+
 def test_corrections_add_up_as_motions_do(lab_world):
     geometry = Geometry.as_stated(read_capture(lab_world.capture_path))
     poses, focal = len(geometry.poses), np.array([0.01, -0.02])

@@ -32,7 +32,8 @@ class Geometry:
     """Corrections that carry a capture from where it is stated to where it stands.
 
     focal: relative, of the left and the right camera. projector: its twist. poses: [n][6], of the left camera, one for
-    each pose that the capture states. deviations: standard errors of focal and twists() together.
+    each pose that the capture states. deviations: standard errors of focal and twists() together. misfit: how many
+    times as many pixels the likelihood counts as the images' tiles bear out; 1 where what is found may be believed.
     """
 
     stated: Capture
@@ -40,6 +41,7 @@ class Geometry:
     projector: Twist
     poses: NDArray[np.float64]
     deviations: NDArray[np.float64]
+    misfit: float = 1.0
 
     @classmethod
     def as_stated(cls, capture: Capture) -> "Geometry":

@@ -97,12 +97,14 @@ class Evidence:
     def nuisance_prior(self) -> NuisancePrior:
         """The calibration's and scene measurement's word on the nuisances, from where images were rendered; poses of
         test frames alone stay where they were found. All views were measured alike: where those at rest were found
-        farther off than is stated, so may the others be."""
+        farther off than is stated, so may the others be. Where the likelihood counts more pixels than it should, what
+        is stated is weighed up by as much (a tempered posterior; Miller and Dunson, JASA 2019)."""
         known = self.capture.uncertainty
         twist = np.repeat(self.geometry.beyond_stated() * [known.pose_m, known.pose_rad], TWIST // 2)
         projector = np.repeat([known.projector_m, known.projector_rad], TWIST // 2)
         focal, albedo = np.full(len(SIDES), known.focal), np.full(self.materials, known.albedo)
         sigma = np.concatenate([focal, albedo, projector, *[twist] * len(self.geometry.poses)])
+        sigma /= np.sqrt(self.geometry.misfit)
         value = np.concatenate([-self.geometry.focal, np.zeros(self.materials), -self.geometry.twists()])
         seen = np.unique(np.concatenate([o.geometry_places for o in self.train]))
         value[np.setdiff1d(np.arange(len(SIDES) + self.materials, len(value)), seen)] = 0.0

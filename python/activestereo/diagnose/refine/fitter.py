@@ -173,9 +173,9 @@ class Fitter:
 
     def _chi2(self, rests: Sequence[np.ndarray], phi: np.ndarray) -> float:
         squares = sum(float(((r * p.root_weight) ** 2).sum()) for p, r in zip(self._pixels(), rests, strict=True))
-        return squares + float((self._strain(phi) ** 2).sum())
+        return squares + float((self.sigmas(phi) ** 2).sum())
 
-    def _strain(self, phi: np.ndarray) -> np.ndarray:
+    def sigmas(self, phi: np.ndarray) -> np.ndarray:
         """How far nuisances are from what is stated, in its deviations."""
         return (phi[SCALES:] - self.nuisance_prior.value) / self.nuisance_prior.sigma
 
@@ -272,12 +272,12 @@ class Fitter:
     def prior_sigmas(self, solution: Solution, base: Solution | None = None) -> float:
         """How far a solution takes a nuisance that has a prior, the farthest, in the prior's deviations; with a base,
         how much farther than that takes it."""
-        strain = np.abs(self._strain(solution.phi))
-        return float((strain if base is None else strain - np.abs(self._strain(base.phi))).max(initial=0.0))
+        strain = np.abs(self.sigmas(solution.phi))
+        return float((strain if base is None else strain - np.abs(self.sigmas(base.phi))).max(initial=0.0))
 
     def strain(self, solution: Solution) -> float:
         """The distance of a solution's nuisances from what is stated: the sum of squares, in its deviations."""
-        return float((self._strain(solution.phi) ** 2).sum())
+        return float((self.sigmas(solution.phi) ** 2).sum())
 
     def inverse(self, solution: Solution) -> np.ndarray:
         """The inverse of the normal matrix with its priors, at a solution: (theta, phi) in rows and columns."""

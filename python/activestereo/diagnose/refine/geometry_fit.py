@@ -23,6 +23,7 @@ from activestereo.compare.render import LayersOfFrames
 from activestereo.diagnose.evidence import Evidence, Geometry, Observation, gather
 from activestereo.diagnose.evidence.coarse import coarse
 from activestereo.diagnose.evidence.geometry import TWIST
+from activestereo.diagnose.evidence.observation import NuisancePrior
 from activestereo.diagnose.propose.scan import scan_observations, starts
 from activestereo.diagnose.refine.fit_cache import code_digest, content_key, effect_content
 from activestereo.diagnose.refine.fitter import Fitter
@@ -32,7 +33,7 @@ from activestereo.diagnose.score.likelihood import design_effect
 from activestereo.effects import Model, builtin
 
 # What a Geometry holds beside the capture.
-_FOUND = ("focal", "projector", "poses", "deviations")
+_FOUND = ("focal", "projector", "poses", "deviations", "misfit")
 # Blurs of the images, one round each, before they are looked at once more as they are: dots are about a pixel wide.
 _BLURS_PX = (3.0, 0.0)
 _ITERATIONS = 4
@@ -42,6 +43,8 @@ _LENS, _WORTH = "camera.distortion", 0.2
 _LINEAR_SHARE = 0.1
 # A moving view is off by at most so many times what the views at rest are, and by so many stated deviations.
 _MOVING_RATIO, _MOVING_SIGMAS = 2.0, 2.0
+# So many stated deviations are no error of a survey: a model that misfits otherwise moves the rig to hide it.
+_BELIEVED_SIGMAS = 10.0
 
 
 Render = Callable[[Capture], LayersOfFrames]
@@ -49,11 +52,13 @@ Render = Callable[[Capture], LayersOfFrames]
 
 @dataclass(frozen=True)
 class _Step:
-    """Corrections from where the evidence was rendered, as of Geometry.moved(), and the standard errors of both."""
+    """Corrections from where the evidence was rendered, as of Geometry.moved(), with the standard errors of both;
+    misfit: Geometry's."""
 
     focal: np.ndarray
     twists: np.ndarray
     deviations: np.ndarray
+    misfit: float
 
 
 def gather_where_it_stands(
@@ -108,7 +113,7 @@ def _searched(evidence: Evidence, render: Render, model: Model, threads: int, bl
             evidence = _moved(evidence, _step(evidence, model, threads, sigma_px), render)
         step = _step(evidence, model, threads) if blurs_px else step
         evidence = _moved(evidence, step, render)
-    return replace(evidence, geometry=replace(evidence.geometry, deviations=step.deviations))
+    return replace(evidence, geometry=replace(evidence.geometry, deviations=step.deviations, misfit=step.misfit))
 
 
 def _moved(evidence: Evidence, step: _Step, render: Render) -> Evidence:
@@ -130,16 +135,18 @@ def _step(evidence: Evidence, model: Model, threads: int, blur_px: float = 0.0) 
     others = [o for o in (*evidence.train, *evidence.test) if o.key not in fitted]
     if blur_px:
         at_rest, others = [coarse(o, blur_px) for o in at_rest], [coarse(o, blur_px) for o in others]
-    prior = evidence.nuisance_prior()
-    fitter = Fitter(at_rest, prior, evidence.tiles, not blur_px, threads=threads)
-    start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)
-    space, theta = (start, start.start) if blur_px else _with_lens(evidence, model, fitter, phi0)
-    solution = fitter.refine(space, theta, phi0, _ITERATIONS)
+    misfit = 1.0
+    prior, fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, threads, blur_px)
+    if np.abs(_without_albedos(fitter.sigmas(solution.phi), evidence)).max() > _BELIEVED_SIGMAS:
+        start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)
+        misfit = _misfit(evidence, fitter.refine(start, start.start, phi0, 0), at_rest)
+        prior, fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, threads, blur_px)
     phi, first = solution.phi.copy(), len(solution.theta) + SCALES
     variance = np.diag(fitter.inverse(solution))[first:].copy()
     own = _own_places(at_rest, others)
     if own.size:
         other = Fitter(_tiled(others), prior, evidence.tiles, not blur_px, threads=threads)
+        space = solution.space
         sums = other.linearise(space, solution.theta, phi, other.lights(space, solution.theta))
         precision = 1.0 / prior.sigma[own] ** 2
         stated = -evidence.geometry.twists()[own - len(SIDES) - evidence.materials]
@@ -148,11 +155,27 @@ def _step(evidence: Evidence, model: Model, threads: int, blur_px: float = 0.0) 
         inverse = np.linalg.inv(gram)
         phi[SCALES + own] += inverse @ moment
         variance[own] = np.diag(inverse)
-    tiles, pixels = solution.sums.tile_chi2 > 0, sum(o.pixels for o in at_rest)
-    design = design_effect(solution.sums.tile_chi2[tiles], evidence.tile_pixels[tiles])
-    design *= max(1.0, solution.sums.total / pixels)
     focal, twists = np.split(_without_albedos(phi[SCALES:], evidence), [len(SIDES)])
-    return _Step(focal, twists, np.sqrt(design * _without_albedos(variance, evidence)))
+    deviations = np.sqrt(_misfit(evidence, solution, at_rest) * _without_albedos(variance, evidence))
+    return _Step(focal, twists, deviations, misfit)
+
+
+def _fit_at_rest(
+    evidence: Evidence, misfit: float, at_rest: Sequence[Observation], model: Model, threads: int, blur_px: float
+) -> tuple[NuisancePrior, Fitter, Solution]:
+    """The fit of the frames at rest whose likelihood counts by 1 / misfit."""
+    prior = replace(evidence, geometry=replace(evidence.geometry, misfit=misfit)).nuisance_prior()
+    fitter = Fitter(at_rest, prior, evidence.tiles, not blur_px, threads=threads)
+    start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)
+    space, theta = (start, start.start) if blur_px else _with_lens(evidence, model, fitter, phi0)
+    return prior, fitter, fitter.refine(space, theta, phi0, _ITERATIONS)
+
+
+def _misfit(evidence: Evidence, solution: Solution, observations: Sequence[Observation]) -> float:
+    """How many times as many pixels the likelihood counts as the scatter of the tiles bears out."""
+    tiles, pixels = solution.sums.tile_chi2 > 0, sum(o.pixels for o in observations)
+    design = design_effect(solution.sums.tile_chi2[tiles], evidence.tile_pixels[tiles])
+    return design * max(1.0, solution.sums.total / pixels)
 
 
 def _with_lens(evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarray) -> tuple[ParameterSpace, np.ndarray]:
