@@ -35,31 +35,28 @@ float checked_disparity(int x, int y, out uint reason) {
 
 float middle(float a, float b, float c) { return max(min(a, b), min(max(a, b), c)); }
 
-/// Of 3 x 3 values: the middle one of the largest minimum, the middle median and the smallest maximum of the columns.
-float median_of_nine(uint first) {
-  float low = -1.0f, high = 3.4e38f, mid[3];
-  [[unroll]] for (uint i = 0u; i < 3u; ++i) {
-    float a = checked[first + i], b = checked[first + shared_width + i], c = checked[first + 2u * shared_width + i];
-    low = max(low, min(a, min(b, c)));
-    high = min(high, max(a, max(b, c)));
-    mid[i] = middle(a, b, c);
-  }
-  return middle(low, middle(mid[0], mid[1], mid[2]), high);
+float window_value(uint first, uint i) { return checked[first + i / median_size * shared_width + i % median_size]; }
+
+const uint most_kept = values / 2u + 2u;
+float kept[most_kept + 1u];  // at least the three that are left
+
+void sort_kept(uint a, uint b) {
+  float low = min(kept[a], kept[b]);
+  kept[b] = max(kept[a], kept[b]);
+  kept[a] = low;
 }
 
-/// The value with at most half of the others below it and at most half above it.
+/// Of half of the values and two more, the least and the greatest cannot be the median: they are forgotten, and the next value comes in.
 float median(uint first) {
-  for (uint i = 0u; i < values; ++i) {
-    float candidate = checked[first + i / median_size * shared_width + i % median_size];
-    uint below = 0u, above = 0u;
-    for (uint j = 0u; j < values; ++j) {
-      float other = checked[first + j / median_size * shared_width + j % median_size];
-      below += uint(other < candidate);
-      above += uint(other > candidate);
-    }
-    if (max(below, above) <= values / 2u) return candidate;
+  if (values == 1u) return checked[first];
+  [[unroll]] for (uint i = 0u; i < most_kept; ++i) kept[i] = window_value(first, i);
+  [[unroll]] for (uint count = most_kept; count > 3u; --count) {
+    [[unroll]] for (uint i = 0u; i < count / 2u; ++i) sort_kept(i, count - 1u - i);
+    [[unroll]] for (uint i = 1u; i < (count + 1u) / 2u; ++i) sort_kept(0u, i);
+    [[unroll]] for (uint i = count / 2u; i < count - 1u; ++i) sort_kept(i, count - 1u);
+    kept[0] = window_value(first, 2u * most_kept - count);
   }
-  return -1.0f;  // not reached: some value is the median
+  return middle(kept[0], kept[1], kept[2]);
 }
 
 void main() {
@@ -72,7 +69,7 @@ void main() {
   if (pixel.x >= push.width || pixel.y >= push.height) return;
   bool inside = pixel.x >= reach && pixel.y >= reach && pixel.x + reach < push.width && pixel.y + reach < push.height;
   uint first = local.y * shared_width + local.x;
-  float disparity = inside ? (median_size == 3u ? median_of_nine(first) : median(first)) : checked[first + reach * shared_width + reach];
+  float disparity = inside ? median(first) : checked[first + reach * shared_width + reach];
   uint at = (gl_WorkGroupID.z * push.height + pixel.y) * push.width + pixel.x;
   bool valid = disparity >= 0.0f;
   push.disparity.at[at] = valid ? disparity + float(push.min_disparity) : float(min(push.min_disparity, 0) - 1);

@@ -4,6 +4,8 @@
 // do not depend on the order. Four passes: begin, join, count, drop.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_vote : require
+#extension GL_KHR_shader_subgroup_ballot : require
 #include "lib/clean.glsl"
 
 layout(local_size_x = 32, local_size_y = 8) in;
@@ -23,6 +25,16 @@ void join(uint a, uint b) {
   }
 }
 
+/// Neighbours mostly lie on one island: they are counted at once, so that not all pixels of an image wait for one word.
+void count_pixel(uint island) {
+  if (!subgroupAllEqual(island)) {
+    atomicAdd(push.size.at[island], 1u);
+    return;
+  }
+  uint pixels = subgroupBallotBitCount(subgroupBallot(true));
+  if (subgroupElect()) atomicAdd(push.size.at[island], pixels);
+}
+
 bool connected(uint a, uint b) {
   float da = push.disparity.at[a], db = push.disparity.at[b];
   return da != push.invalid && db != push.invalid && abs(da - db) <= push.max_diff_px;
@@ -39,7 +51,7 @@ void main() {
     if (x > 0u && connected(pixel, pixel - 1u)) join(pixel, pixel - 1u);
     if (y > 0u && connected(pixel, pixel - push.width)) join(pixel, pixel - push.width);
   } else if (push.step == SPECKLE_COUNT) {
-    atomicAdd(push.size.at[root(pixel)], 1u);
+    count_pixel(root(pixel));
   } else if (push.disparity.at[pixel] != push.invalid && push.size.at[root(pixel)] <= push.max_size) {
     drop(pixel, REASON_SPECKLE);
   }

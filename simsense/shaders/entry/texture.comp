@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// No measurement where the left image shows nothing (cpu/checks/texture.h): blank squares are found, then pixels inside of them dropped.
+// No measurement where the left image shows nothing (cpu/checks/texture.h): blank squares are found, then what lies
+// inside of them along rows, and with that along columns is dropped.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/image.glsl"
@@ -25,10 +26,15 @@ bool is_blank(int x, int y, uint n) {
   return true;
 }
 
+bool is_beside_blank(int x, int y, uint n) {
+  for (int u = max(0, x - drop_reach); u <= min(int(push.width) - 1, x + drop_reach); ++u)
+    if (uint(push.blank.at[pixel_of(n, u, y)]) != 0u) return true;
+  return false;
+}
+
 bool is_inside_of_blank(int x, int y, uint n) {
   for (int v = max(0, y - drop_reach); v <= min(int(push.height) - 1, y + drop_reach); ++v)
-    for (int u = max(0, x - drop_reach); u <= min(int(push.width) - 1, x + drop_reach); ++u)
-      if (uint(push.blank.at[pixel_of(n, u, v)]) != 0u) return true;
+    if (uint(push.row_blank.at[pixel_of(n, x, v)]) != 0u) return true;
   return false;
 }
 
@@ -39,6 +45,10 @@ void main() {
   uint at = pixel_of(n, x, y);
   if (push.step == TEXTURE_PASS_FIND) {
     push.blank.at[at] = uint8_t(is_blank(x, y, n) ? 1u : 0u);
+    return;
+  }
+  if (push.step == TEXTURE_PASS_ROWS) {
+    push.row_blank.at[at] = uint8_t(is_beside_blank(x, y, n) ? 1u : 0u);
     return;
   }
   if (push.disparity.at[at] == push.invalid || !is_inside_of_blank(x, y, n)) return;

@@ -11,8 +11,9 @@
 
 // Its passes.
 #define TEXTURE_PASS_FIND 0u
-#define TEXTURE_PASS_DROP 1u
-#define TEXTURE_PASS_COUNT 2u
+#define TEXTURE_PASS_ROWS 1u
+#define TEXTURE_PASS_DROP 2u
+#define TEXTURE_PASS_COUNT 3u
 
 #ifdef __cplusplus
 namespace simsense {
@@ -38,7 +39,8 @@ struct PlacePush {
 struct TexturePush {
   MapFloats disparity, confidence;  // [pairs][height][width]
   BytesAddress reason;
-  BytesAddress blank;  // [pairs][height][width] whether the square about a pixel is blank
+  BytesAddress blank;      // [pairs][height][width] whether the square about a pixel is blank
+  BytesAddress row_blank;  // whether that of a pixel near it in its row is
   ImageRef left;       // what the matcher saw
   uint width, height;
   uint min_texture_dn;
@@ -58,7 +60,7 @@ struct ReasonPush {
 };
 
 #ifdef __cplusplus
-static_assert(sizeof(PlacePush) == 96 && sizeof(TexturePush) == 88 && sizeof(ReasonPush) == 72);
+static_assert(sizeof(PlacePush) == 96 && sizeof(TexturePush) == 96 && sizeof(ReasonPush) == 72);
 }  // namespace simsense
 #endif
 #endif

@@ -117,10 +117,12 @@ uint64_t volume_bytes(const MatchPlan& one_pair) {
 /// What volumes may take of a device's memory.
 uint64_t volume_allowance_bytes(const ks::Device& device) { return device_memory_bytes(device) / 16; }
 
-/// More pairs fill a large GPU better. A CPU device gains nothing.
+/// As many pairs as fill a large GPU with lanes of paths, the stage that has the fewest. A CPU device gains nothing.
 uint32_t default_pairs(const ks::Device& device, const MatchPlan& one_pair) {
   if (device.is_cpu()) return 1;
-  return static_cast<uint32_t>(std::clamp<uint64_t>(volume_allowance_bytes(device) / volume_bytes(one_pair), 1, 32));
+  constexpr uint32_t filling_lanes = 1u << 18, least_pairs = 32;
+  const uint64_t filling = std::max(filling_lanes / (2 * one_pair.height * one_pair.path_lanes), least_pairs);
+  return static_cast<uint32_t>(std::clamp<uint64_t>(volume_allowance_bytes(device) / volume_bytes(one_pair), 1, filling));
 }
 
 /// Lanes and volumes for one pair. summed: block costs are, if a workgroup can hold enough lines.

@@ -61,6 +61,7 @@ void VulkanChecks::drop_low_texture(const Call& call, const ImageRef& left) {
   push.confidence = call.maps.confidence;
   push.reason = call.maps.reason;
   push.blank = reserved(blank_, call, 1);
+  push.row_blank = reserved(row_blank_, call, 1);
   push.left = left;
   push.width = width_;
   push.height = height_;
@@ -108,7 +109,7 @@ void VulkanChecks::reason(const Call& call, uint64_t depth_block, const ImageRef
 
 uint64_t VulkanChecks::memory_bytes() const {
   uint64_t bytes = 0;
-  for (const auto* buffer : {&blank_, &parent_, &size_, &marks_, &guesses_}) bytes += *buffer ? (*buffer)->size_bytes() : 0;
+  for (const auto* buffer : {&blank_, &row_blank_, &parent_, &size_, &marks_, &guesses_}) bytes += *buffer ? (*buffer)->size_bytes() : 0;
   return bytes;
 }
 

@@ -49,7 +49,7 @@ class VulkanChecks {
   std::shared_ptr<ks::Device> device_;
   uint32_t width_, height_;
   Pipeline padding_, texture_, speckles_, edges_, holes_, reason_;
-  std::shared_ptr<ks::Buffer> blank_, parent_, size_, marks_, guesses_;  // parent, size: union-find of islands
+  std::shared_ptr<ks::Buffer> blank_, row_blank_, parent_, size_, marks_, guesses_;  // parent, size: union-find of islands
 };
 
 }  // namespace simsense
