@@ -133,24 +133,46 @@ def timed(environments: int, rounds: int, seed: int, device: str | int) -> dict[
     return {name: 1e3 * seconds / environments for name, seconds in least.items()}
 
 
-def _on_the_device(sensor: GBufferStereo, images: dict[str, Image]) -> Callable[[], Any]:
-    """Light and depth of images that the renderer has, to depth in the engine's memory."""
+def _on_the_device(sensor: GBufferStereo, images: dict[str, Image]) -> Callable[[], dict[str, float]]:
+    """Light and depth of images that the renderer has, to depth in the engine's memory; milliseconds by stage."""
     sensor(**images, ambient=0.1, outputs=("depth",))
     engine, link, count = sensor._engine, sensor._link, sensor.shape[0]
     memory = simsense.Buffer(engine.device, 4 * int(np.prod(sensor.shape)), host_visible=link.memory == "host")
     depth = memory.image(np.float32, sensor.shape)
     given = dict(sensor._views[0]._buffers)
-    targets = {"radiance": link.target, "projector_direct": link.laser().target}
+    targets = {"radiance": link.target, "projector": link.laser().target}
     cameras, optics = sensor._rig.ir_cameras(np.eye(4)[None]), sensor._optics()
 
-    def work() -> None:
+    def work() -> dict[str, float]:
         sensor._renderer.light_gbuffers(
             sensor._scene, cameras, targets, left=given, optics=optics, environment_count=count,
             ambient_radiance=np.full(count, 0.1),
         )  # fmt: skip
         engine.compute(link.left, link.right, {"depth": depth}, **link.lasers(True))
+        return {**sensor._renderer.stage_times, **engine.stage_times}
 
     return work
+
+
+def print_stages(environments: int, rounds: int, seed: int, device: str | int) -> None:
+    """Pairs/s of 128x128 on the device, and microseconds per pair by stage, of the fastest round."""
+    config = StereoDepthSensorConfig("D435").resized(128, 128)
+    world = World.draw(seed, device)
+    with StereoDepthSensor(config, world.scene, pose=world.pose) as sensor:
+        given = world.gbuffers(sensor)
+    many = {name: np.ascontiguousarray(np.broadcast_to(i, (environments, *i.shape))) for name, i in given.items()}
+    config.ir_exposure_mode = "fixed"
+    ours = GBufferStereo(config, environments, device=device, materials=world.materials())
+    work, least, stages = _on_the_device(ours, many), float("inf"), {}
+    for _ in range(rounds + 1):
+        start = time.perf_counter()
+        times = work()
+        seconds = time.perf_counter() - start
+        if seconds < least:
+            least, stages = seconds, times
+    per_pair = 1e6 / environments
+    print(f"{environments} environments: {environments / least:.0f} pairs/s, {per_pair * least:.2f} us per pair")
+    print("; ".join(f"{name} {per_pair * 1e-3 * ms:.2f}" for name, ms in stages.items() if ms > 0), flush=True)
 
 
 def main() -> None:
@@ -160,9 +182,14 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=64, help="of the traced pictures (default 64)")
     parser.add_argument("--environments", type=int, default=32, help="of the timed batch (default 32)")
     parser.add_argument("--rounds", type=int, default=5, help="of the timing, 0 = none (default 5)")
+    parser.add_argument("--stages", type=int, nargs="+", help="only times by stage, of so many environments")
     parser.add_argument("--device", default="cpu", help="as kuafu.Device has it (default cpu)")
     args = parser.parse_args()
     device = int(args.device) if args.device.isdigit() else args.device
+    for environments in args.stages or ():
+        print_stages(environments, args.rounds, int(args.seeds.split(":")[0]), device)
+    if args.stages:
+        return
     first, end = (int(number) for number in args.seeds.split(":"))
     worlds = [compared(seed, args.scale, args.samples, device) for seed in range(first, end)]
     for seen in worlds[0]:

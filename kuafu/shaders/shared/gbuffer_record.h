@@ -80,7 +80,7 @@ struct GbufferRecord {
   uint along_rays;  // nonzero: depths are distances from the camera's centre
   uint projector_depth_given;
   uint has_projector;  // nonzero: some light is one
-  uint reserved;
+  uint laser_as_one;   // nonzero: what the projector sends straight and by other surfaces is one image
   float baseline_px_m;  // focal length times baseline
   float focal_px;
 };

@@ -252,7 +252,7 @@ void bounce_pixel(uint i, IN(GbufferPlace) p) {
     light += direct + indirect;
   }
   write_output(output_radiance, p, light);
-  write_output(output_radiance + 1u + group_projector_direct, p, direct);
+  write_output(output_radiance + 1u + group_projector_direct, p, push.record.at[0].laser_as_one != 0u ? direct + indirect : direct);
   write_output(output_radiance + 1u + group_projector_indirect, p, indirect);
 }
 

@@ -11,6 +11,7 @@
 #include "api/render_outputs.h"
 #include "api/struct_array.h"
 #include "device/error.h"
+#include "render/renderer.h"
 
 namespace kuafu {
 namespace {
@@ -66,6 +67,15 @@ std::vector<float> read_numbers(const float* values, uint32_t count, float other
   return numbers;
 }
 
+/// Where the sum of the projector's parts alone is asked for, it goes through the optics, which are linear, as one image.
+void join_projector_parts(GbufferLaunch& gbuffers) {
+  auto& outputs = gbuffers.launch.outputs;
+  if (!outputs[output_projector].buffer || outputs[output_projector_direct].buffer || outputs[output_projector_indirect].buffer) return;
+  gbuffers.laser_as_one = true;
+  std::swap(outputs[output_projector], outputs[output_projector_direct]);
+  hold_images(gbuffers.launch);
+}
+
 }  // namespace
 
 GbufferLaunch read_gbuffers(const kuafu_gbuffer_desc* desc, const Scene& scene, const std::shared_ptr<ks::Device>& device) {
@@ -103,6 +113,7 @@ GbufferLaunch read_gbuffers(const kuafu_gbuffer_desc* desc, const Scene& scene, 
   const Band band{.infrared = true, .ir_ambient_scale = as_render.ir_ambient_scale, .ir_ambient_radiance = as_render.ir_ambient_radiance};
   out.ambient =
       read_numbers(d.ambient_radiance, d.environment_count, band.environment(room.radiance, room.ir_radiance).x, "ambient_radiance");
+  join_projector_parts(out);
   return out;
 }
 

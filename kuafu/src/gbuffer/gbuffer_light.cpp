@@ -175,6 +175,7 @@ void GbufferLight::write_record(const Scene& scene, const GbufferLaunch& gbuffer
   r.cell_rows = (launch.height + gbuffer_cell_px - 1) / gbuffer_cell_px;
   r.along_rays = gbuffers.along_rays ? 1 : 0;
   r.projector_depth_given = gbuffers.projector_depth ? 1 : 0;
+  r.laser_as_one = gbuffers.laser_as_one ? 1 : 0;
   r.has_projector = projector_ == nullptr ? 0 : 1;
   r.focal_px = float(left.k[0][0]);
   const glm::dvec3 beside(right.camera_to_world[3] - left.camera_to_world[3]);

@@ -24,8 +24,8 @@ struct GbufferLaunch {
   Launch launch;
   std::array<GbufferImages, 2> given;
   std::shared_ptr<ks::Buffer> projector_depth;
-  bool along_rays = false;
-  std::vector<float> power, ambient;  // by environment
+  bool along_rays = false, laser_as_one = false;  // as in gbuffer_record.h
+  std::vector<float> power, ambient;              // by environment
 
   [[nodiscard]] uint32_t environments() const { return uint32_t(launch.views.size() / 2); }
 };

@@ -18,6 +18,7 @@ _DAMPING = 0.8
 _LARGEST_STEP = 2.0
 _SETTLED = 0.002  # relative change of a step after which nothing more is to come
 _MOST_STEPS = 60
+_VIEWS = 16  # at a time, which stay in the processor's cache
 STRIDE = 2  # every so many pixels are looked at, in x and y
 DARKEST = np.finfo(np.float32).tiny  # that counts as lit: devices may take what is below for 0
 _BLOCK = 1 << 16  # numbers at a time, which stay in the processor's cache
@@ -52,33 +53,54 @@ class AutoExposure:
     def after(self, now: Setting, signal: Mapping[str, float], light: NDArray[np.float32], max_dn: float) -> Setting:
         """The setting that follows the present one on one view; 'settled': what the steps from the start end at.
         signal: simsense's, under the present setting; light: radiance [height][width]."""
-        dn_per_light_s = signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"] / now.gain
-        black_dn = signal["black_level_dn"]
-        left, top, right, bottom = self.region or (0, 0, light.shape[1], light.shape[0])
-        seen = np.asarray(light[top:bottom:STRIDE, left:right:STRIDE], dtype=np.float32) * np.float32(dn_per_light_s)
-        counts = np.empty_like(seen)
-        if self.mode == "converging":
-            return self._step(now, seen, black_dn, max_dn, counts)
-        setting = self.start
-        for _ in range(_MOST_STEPS):
-            former, setting = setting, self._step(setting, seen, black_dn, max_dn, counts)
-            if abs(setting.light_s / former.light_s - 1.0) < _SETTLED:
-                break
-        return setting
-
-    def _step(
-        self, now: Setting, seen: NDArray[np.float32], black_dn: float, max_dn: float, counts: NDArray[np.float32]
-    ) -> Setting:
-        """counts: memory for those of `seen`, which is written."""
-        np.multiply(seen, np.float32(now.light_s), out=counts)
-        counts += np.float32(black_dn)
-        np.maximum(counts, np.float32(0.0), out=counts)
-        np.minimum(counts, np.float32(max_dn), out=counts)
-        mean_dn = float(counts.mean())
-        wanted = (self.target_dn - black_dn) / max(mean_dn - black_dn, 1e-6)
-        light_s = now.light_s * _clipped(wanted**_DAMPING, 1.0 / _LARGEST_STEP, _LARGEST_STEP)
+        seen, black_dn = self._seen(light[None], signal, now), signal["black_level_dn"]
+        begin = np.array([(now if self.mode == "converging" else self.start).light_s])
+        follow = self._step if self.mode == "converging" else self._settled
+        light_s = float(follow(begin, seen, black_dn, max_dn)[0])
         exposure_s = _clipped(light_s / self.gain_limits[0], *self.exposure_limits_s)
         return Setting(exposure_s, _clipped(light_s / exposure_s, *self.gain_limits))
+
+    def settled_light(
+        self, signal: Mapping[str, float], light: NDArray[np.float32], max_dn: float
+    ) -> NDArray[np.float32]:
+        """[n]: how much more light than under the start, which signal is of, n views take each, [n][height][width]."""
+        begin = np.full(_VIEWS, self.start.light_s)
+        parts = [self._seen(light[n : n + _VIEWS], signal, self.start) for n in range(0, len(light), _VIEWS)]
+        black_dn = signal["black_level_dn"]
+        found = [self._settled(begin[: len(seen)], seen, black_dn, max_dn) for seen in parts]
+        return np.asarray(np.concatenate(found) / self.start.light_s, np.float32)
+
+    def _seen(self, light: NDArray[np.float32], signal: Mapping[str, float], now: Setting) -> NDArray[np.float32]:
+        """[n, pixels]: counts above black per second of light, of what is looked at."""
+        dn_per_light_s = signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"] / now.gain
+        left, top, right, bottom = self.region or (0, 0, light.shape[2], light.shape[1])
+        looked_at = np.asarray(light[:, top:bottom:STRIDE, left:right:STRIDE], dtype=np.float32)
+        return np.asarray((looked_at * np.float32(dn_per_light_s)).reshape(len(light), -1))
+
+    def _settled(
+        self, light_s: NDArray[np.float64], seen: NDArray[np.float32], black_dn: float, max_dn: float
+    ) -> NDArray[np.float64]:
+        light_s, moving = light_s.copy(), np.arange(len(seen))
+        for _ in range(_MOST_STEPS):
+            after = self._step(light_s[moving], seen[moving], black_dn, max_dn)
+            is_still = np.abs(after / light_s[moving] - 1.0) < _SETTLED
+            light_s[moving], moving = after, moving[~is_still]
+            if not moving.size:
+                break
+        return light_s
+
+    def _step(
+        self, light_s: NDArray[np.float64], seen: NDArray[np.float32], black_dn: float, max_dn: float
+    ) -> NDArray[np.float64]:
+        """Exposure times gain after one step, of each view."""
+        counts = seen * light_s.astype(np.float32)[:, None]
+        counts += np.float32(black_dn)
+        np.clip(counts, np.float32(0.0), np.float32(max_dn), out=counts)
+        mean_dn = counts.mean(axis=1).astype(np.float64)
+        wanted = (self.target_dn - black_dn) / np.maximum(mean_dn - black_dn, 1e-6)
+        after = light_s * np.clip(wanted**_DAMPING, 1.0 / _LARGEST_STEP, _LARGEST_STEP)
+        (shortest_s, longest_s), (least, most) = self.exposure_limits_s, self.gain_limits
+        return np.asarray(np.clip(after, shortest_s * least, longest_s * most))
 
 
 def _clipped(value: float, low: float, high: float) -> float:

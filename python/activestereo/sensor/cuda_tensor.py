@@ -32,6 +32,15 @@ def wait_for(tensor: torch.Tensor) -> torch.Tensor:
     return tensor
 
 
+def require_no_capture() -> None:
+    """RuntimeError while torch captures a CUDA graph."""
+    if _torch().cuda.is_current_stream_capturing():
+        raise RuntimeError(
+            "a CUDA graph is being captured, and it would not hold what Vulkan allocates and computes here: call the"
+            " sensor before or after the graph's replay"
+        )
+
+
 def _torch() -> Any:
     try:
         import torch

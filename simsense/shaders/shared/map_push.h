@@ -41,7 +41,7 @@ struct TexturePush {
   BytesAddress reason;
   BytesAddress blank;      // [pairs][height][width] whether the square about a pixel is blank
   BytesAddress row_blank;  // whether that of a pixel near it in its row is
-  ImageRef left;       // what the matcher saw
+  ImageRef left;           // what the matcher saw
   uint width, height;
   uint min_texture_dn;
   uint step;  // TEXTURE_PASS_*

@@ -107,6 +107,18 @@ def test_a_matt_wall_shines_as_lambert_and_the_square_of_the_distance_say():
     np.testing.assert_allclose(alone, 0.5 * 0.2, rtol=1e-2)  # no part of a wall hides the room
 
 
+def test_the_projectors_light_is_the_sum_of_its_parts_through_the_optics():
+    given = wall(0.6)
+    given["depth"][..., 40:60] = 0.4
+    names = ["projector_direct", "projector_indirect", "projector"]
+    optics = kuafu.Optics(psf_sigma_px=0.8, vignetting_exponent=3.0)
+    parts = lit(given, outputs=names, optics=optics)
+    assert parts["projector_indirect"].max() > 0.0
+    alone = lit(given, outputs=names[2:], optics=optics)["projector"]
+    np.testing.assert_allclose(alone, parts["projector"], rtol=1e-5)
+    np.testing.assert_allclose(alone, parts["projector_direct"] + parts["projector_indirect"], rtol=1e-5)
+
+
 def test_gloss_has_a_base_below_a_highlight():
     roughness = 0.4
     found = lit(wall(0.5), {"roughness": roughness, "ir_albedo": 0.5})["projector_direct"]

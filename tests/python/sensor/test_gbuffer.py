@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """GBufferStereo: the path tracer as the truth, environments, causes, and bad input."""
 
+import sys
+from types import ModuleType, SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -10,6 +13,8 @@ from activestereo.common.pose import body_pose, look_at
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
 from activestereo.sensor.gbuffer.cause import CAUSES
+from activestereo.sensor.gbuffer.inputs import InputImages
+from cuda_stub import seen_by_host, stub_for
 from sensor_scenes import light_of
 
 FACING = np.array([0.0, 0.0, -1.0])
@@ -61,6 +66,36 @@ def test_an_environment_has_the_same_bits_at_any_place_under_its_seed(config):
     assert (again[1] != outs[0]["ir_left"][1]).mean() > 0.1
     with pytest.raises(ValueError, match="3 seeds for 2 environments"):
         first.restart([1, 2, 3])
+
+
+def test_what_is_found_on_cuda_has_the_bits_of_the_hosts(config, monkeypatch, stub_cuda):
+    device = kuafu.Device("cpu")
+    stub_for(device, stub_cuda, monkeypatch)
+    given, names = wall(config, [0.4, 0.7], 2), ("depth", "disparity", "ir_left", "ir_right")
+    host = GBufferStereo(config, 2, device=device)(**given)
+    sensor = GBufferStereo(config, 2, device=device, on_cuda=True)
+    out = sensor(**given)
+    assert tuple(out) == names
+    for name in names:
+        np.testing.assert_array_equal(seen_by_host(out[name]), host[name], err_msg=name)
+    with pytest.raises(ValueError, match="unknown output 'cause'"):
+        sensor(**given, outputs=("cause",))
+
+
+def test_a_call_inside_of_a_captured_cuda_graph_is_refused(config, monkeypatch):
+    """A stand-in of torch tells of a capture; nothing was copied or computed then."""
+
+    class Torch(ModuleType):
+        cuda = SimpleNamespace(is_available=lambda: True, is_current_stream_capturing=lambda: True)
+
+    class Tensor(np.ndarray):
+        is_cuda = True
+
+    monkeypatch.setitem(sys.modules, "torch", Torch("torch"))
+    monkeypatch.setattr(InputImages, "put", lambda *_: pytest.fail("copied"))
+    given = wall(config, 0.7)
+    with pytest.raises(RuntimeError, match="a CUDA graph is being captured.*before or after the graph's replay"):
+        GBufferStereo(config)(**given | {"depth": given["depth"].view(Tensor)})
 
 
 def test_depth_along_rays_is_what_planar_depth_is(config):

@@ -26,6 +26,8 @@ from activestereo.common.nearest import unknown
 from activestereo.effects.core.engine import EngineInputs
 from activestereo.effects.engines.world import copy_record
 from activestereo.model import SensorModel
+from activestereo.sensor.cuda_maps import CudaMaps
+from activestereo.sensor.cuda_tensor import require_no_capture
 from activestereo.sensor.gbuffer.cause import causes, hidden_from_right
 from activestereo.sensor.gbuffer.inputs import InputImages, host_image
 from activestereo.sensor.gbuffer.materials import MaterialNumbers
@@ -49,14 +51,16 @@ class GBufferStereo:
     config: a StereoDepthSensorConfig, which is copied, or a camera's name; 'converging' exposure is 'settled'. device:
     where light and depth are computed, as kuafu.Device has it. materials: kuafu.Materials by number. model: a
     SensorModel or a model.json, whose effects on projector, cameras, imagers and depth engine act. Surfaces send light
-    to one another as far as the images show them; metal that mirrors and glass are named in 'cause'. ValueError for a
-    configuration or a model that has lenses that distort, rows that are not aligned, or effects on images.
+    to one another as far as the images show them; metal that mirrors and glass are named in 'cause'. on_cuda: what the
+    depth engine finds stays on the GPU, in arrays that torch and CuPy take without a copy and the next call writes
+    again; CudaError at the first call where there is no CUDA. A fixed exposure keeps all else there, too. ValueError
+    for a configuration or a model that has lenses that distort, rows that are not aligned, or effects on images.
     """
 
     def __init__(
         self, config: StereoDepthSensorConfig | str = "D435", environments: int = 1,
         device: str | int | kuafu.Device = "auto", materials: Any = None,
-        model: SensorModel | str | PathLike[str] | None = None,
+        model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False,
     ) -> None:  # fmt: skip
         config = StereoDepthSensorConfig(config) if isinstance(config, str) else deepcopy(config)
         if config.ir_exposure_mode == "converging":
@@ -80,6 +84,7 @@ class GBufferStereo:
         self._link = IrLink(device, self._engine.device, width, height, count=self._count)
         self._exposure, self._frame = plan.exposure, -1
         self._seeds: list[int] | None = None
+        self._on_cuda = CudaMaps(self._engine.device) if on_cuda else None
         self._k = plan.left["k"]
         self._rig.enter()
 
@@ -115,8 +120,8 @@ class GBufferStereo:
         self, *, depth: Any, normal: Any = None, albedo: Any = None, material: Any = None,
         depth_kind: Literal["planar", "ray"] = "planar",
         right: Mapping[str, Any] | None = None, projector: Any = None, ambient: ArrayLike | None = None,
-        laser_power: ArrayLike = 1.0, exposure: ArrayLike = 1.0, outputs: Sequence[str] = OUTPUTS,
-    ) -> dict[str, NDArray[Any]]:  # fmt: skip
+        laser_power: ArrayLike = 1.0, exposure: ArrayLike = 1.0, outputs: Sequence[str] | None = None,
+    ) -> dict[str, Any]:  # fmt: skip
         """One frame. All images are [E, height, width], of NumPy, torch or DLPack, of the left infrared camera.
 
         depth: metres, 0 or inf = nothing there; depth_kind: 'planar' (z) or 'ray' (along the ray). normal [..., 3]:
@@ -126,18 +131,24 @@ class GBufferStereo:
         camera, a mapping; None = warped from the left one's, what that does not see is continued. projector: depth of a
         camera like the left one in the projector's place, for its shadows; None = warped. ambient: the room's radiance,
         W/(sr m^2), a number or [E], None = ir_ambient_radiance. laser_power, exposure: over the configuration's, a
-        number or [E]. outputs: which of OUTPUTS to return; 'cause' takes the host some time.
+        number or [E]. outputs: which of OUTPUTS to return, None = all; 'cause' takes the host some time, and it and
+        'valid' are not on_cuda.
 
         Returns depth float32 metres in the left infrared camera, 0 = no measurement; disparity float32 pixels, -1;
         ir_left, ir_right as the imager counts; valid bool; cause uint8, an index into cause.CAUSES. ValueError names
-        the environment and the value that cannot be; then no frame was taken.
+        the environment and the value that cannot be; then no frame was taken. RuntimeError while torch captures a CUDA
+        graph.
         """
+        known = OUTPUTS if self._on_cuda is None else _OF_ENGINE
+        outputs = known if outputs is None else outputs
         for name in outputs:
-            if name not in OUTPUTS:
-                raise ValueError(unknown("output", name, OUTPUTS))
+            if name not in known:
+                raise ValueError(unknown("output", name, known))
         if depth_kind not in KINDS:
             raise ValueError(unknown("depth_kind", depth_kind, KINDS))
         given = {"depth": depth, "normal": normal, "albedo": albedo, "material": material}
+        if any(getattr(image, "is_cuda", False) for image in given.values()):
+            require_no_capture()
         self._require(given, "")
         own, other = self._views[0].put(given), None
         if right is not None:
@@ -172,13 +183,14 @@ class GBufferStereo:
         seen = lit(share)
         if self._exposure.mode != "fixed":
             left = self._link.images()[: self._count]
-            self._brighten([self._light_of(image, inputs) for image in left], inputs.speckle_of_laser)
+            light = self._exposure.settled_light(inputs.left.signal, left, inputs.max_dn)
+            self._brighten(light, inputs.speckle_of_laser)
         self._frame = frame
-        names = [*_OF_ENGINE, *(["reason"] if wants_cause else [])]
-        found = self._matched([name for name in names if name in outputs or name == "reason" or wants_cause])
+        wanted = {*outputs, *(["depth"] if "valid" in outputs else []), *(["ir_left", "reason"] if wants_cause else [])}
+        found = self._matched([name for name in (*_OF_ENGINE, "reason") if name in wanted])
         if wants_cause:
             found["cause"] = self._causes(given, seen, found, inputs)
-        if "depth" in found:
+        if "valid" in outputs:
             found["valid"] = found["depth"] > 0.0
         return {name: found[name] for name in outputs}
 
@@ -224,12 +236,15 @@ class GBufferStereo:
             one.firefly_factor = 0.0
         return optics
 
-    def _matched(self, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+    def _matched(self, names: Sequence[str]) -> dict[str, Any]:
         link, is_laser_apart = self._link, self._rig.inputs().speckle_of_laser
         link.deliver()
         self._engine.set_parameters(frame_index=self._frame, scene_index=0)
         own: dict[str, Any] = dict(link.lasers(is_laser_apart)) | {"noise_seeds": self._seeds}
-        return self._batched(self._engine.compute(link.left, link.right, names, **own))
+        if self._on_cuda is None:
+            return self._batched(self._engine.compute(link.left, link.right, names, **own))
+        found = self._on_cuda.compute(names, lambda wanted: self._engine.compute(link.left, link.right, wanted, **own))
+        return {name: one.array(self.shape) for name, one in found.items()}
 
     def _batched(self, found: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         return {name: image.reshape(self.shape) for name, image in found.items()}
@@ -249,16 +264,12 @@ class GBufferStereo:
             self._config, own, is_odd, is_lit, is_hidden, found["ir_left"], found.pop("reason"), black_dn, inputs.max_dn
         )
 
-    def _brighten(self, factors: Sequence[float], is_laser_apart: bool) -> None:
+    def _brighten(self, factors: NDArray[np.float32], is_laser_apart: bool) -> None:
         """Brings each environment's images to its exposure."""
         for link in [self._link, self._link.laser()] if is_laser_apart else [self._link]:
             images = link.images()
-            images *= np.tile(np.asarray(factors, np.float32), 2)[:, None, None]
+            images *= np.tile(factors, 2)[:, None, None]
             link.put(images)
-
-    def _light_of(self, left: NDArray[np.float32], inputs: EngineInputs) -> float:
-        setting = self._exposure.after(self._exposure.start, inputs.left.signal, left, inputs.max_dn)
-        return setting.light_s / self._exposure.start.light_s
 
     def _per_environment(self, name: str, values: ArrayLike, limits: Limits) -> NDArray[np.float64]:
         numbers = np.asarray(values, np.float64)
