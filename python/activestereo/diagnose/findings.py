@@ -242,7 +242,7 @@ class Ranking:
     @property
     def at_floor(self) -> bool:
         """Whether the expected images lack nothing."""
-        return self.excess_reduced_chi2 < self.thresholds.images_at_floor
+        return self.excess_reduced_chi2 < self.thresholds.unexplained_reduced_chi2
 
     def excess_after(self, chi2: float) -> float:
         """The residual of an explanation with this chi2 above the noise, in noise variances."""

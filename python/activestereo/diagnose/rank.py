@@ -290,15 +290,13 @@ def _simplified(context: DiagnosisContext, ranking: Ranking) -> Ranking:
 
 
 def _looked_at(context: DiagnosisContext, ranking: Ranking) -> list[Finding]:
-    """The findings with whether a shape ended at a limit of its range; the best few also with what a varying amplitude
-    explains.
-    """
-    likely = _by_nats(f for f in ranking.findings if f.solution is not None and passes(ranking, f))
-    chosen = {f.id for f in likely[: ranking.thresholds.looked_at]}
+    """The findings with whether a shape ended at a limit of its range; those that may be named also with what a varying
+    amplitude explains."""
 
     def checked(f: Finding) -> Finding:
         at_end = any(is_at_end(p, f.explanation.parameters[p.name].value) for p in f.effect.parameters)
-        varying = _varying(context, f.fitted, f.effect) if f.id in chosen else f.checks.varying_reduced_chi2
+        may_be_named = f.solution is not None and passes(ranking, f)
+        varying = _varying(context, f.fitted, f.effect) if may_be_named else f.checks.varying_reduced_chi2
         return replace(f, checks=replace(f.checks, at_range_end=at_end, varying_reduced_chi2=varying))
 
     return list(map(checked, ranking.findings))

@@ -60,7 +60,8 @@ class Thresholds:
     other_signature_reduced_chi2: float = _threshold(0.012, "noise variances", "least size of that variation that "
         "counts at all", _CALIBRATED, moves="doubled: named +0.013")
     unexplained_reduced_chi2: float = _threshold(0.12, "noise variances", "structure and excess above which something "
-        "is missing, where no effect is named", _CALIBRATED, moves="halved: named -0.027; doubled: outside -0.107")
+        "is missing, where no effect is named; with less excess the depth is judged; structure of one image beyond the "
+        "median image's", _CALIBRATED, moves="halved: named -0.027; doubled: outside -0.107")
     structure_of_named_reduced_chi2: float = _threshold(0.075, "noise variances", "structure above which something is "
         "missing beside a named effect", _CALIBRATED,
         moves="halved: named -0.053, outside +0.036; doubled: outside -0.071")
@@ -74,12 +75,6 @@ class Thresholds:
         moves="doubled: outside -0.036")
     unsteady_reduced_chi2: float = _threshold(0.06, "noise variances", "largest difference between the frames of one "
         "view that noise makes, where no effect is named", _CALIBRATED)
-    uneven_structure_reduced_chi2: float = _threshold(0.12, "noise variances", "largest structure of one image beyond "
-        "the median image's, where no effect is named", _CALIBRATED, moves="doubled: outside -0.036")
-    rounding_known_to: float = _threshold(0.2, "1", "relative uncertainty of the rounding error of coarse digital "
-        "steps", "theory: few steps in dark pictures")
-    images_at_floor: float = _threshold(0.12, "noise variances", "excess below which the images lack nothing, so that "
-        "the depth is judged", _CALIBRATED)
     # Can it be distinguished from others?
     same_excess_ratio: float = _threshold(1.2, "1", "ratio of excess errors within which two explanations count as "
         "equal", _CALIBRATED)
@@ -90,7 +85,7 @@ class Thresholds:
     paired_errors: float = _threshold(2.0, "1", "number of paired standard errors within which two explanations count "
         "as equal", "theory: a two-sided 95 % interval")
     paired_nats: float = _threshold(2.0, "nats", "difference of likelihoods that is allowed in addition to these "
-        "errors", "convention")
+        "errors, and that a proposed measurement must be expected to exceed", "convention")
     # How sure is it?
     named_probability: float = _threshold(0.97, "1", "probability that the true effect is in the list of possible "
         "names", _CALIBRATED)
@@ -107,23 +102,21 @@ class Thresholds:
     most_effects: int = _fitting(4, "1", "largest number of effects that --greedy adds", "convention")
     needless_nats: float = _fitting(5.0, "nats", "loss of likelihood below which an effect is removed again",
         "convention: odds of 150 to 1")
-    needless_reduced_chi2: float = _fitting(0.005, "noise variances", "the same limit in units of the noise floor",
-        _CALIBRATED)
+    needless_reduced_chi2: float = _fitting(0.005, "noise variances", "the same limit in units of the noise floor, "
+        "for effects and for parameters", _CALIBRATED)
     formulas_share: float = _fitting(0.015, "1", "share of what is explained that inexact formulas may leave over, and "
         "by which two explanations may differ and still count as equal", _CALIBRATED)
     drift_share: float = _fitting(0.02, "1", "share by which the noise floor must fall, once the dark signal and drift "
         "of a found effect are removed, for weights to be computed again", "convention")
     needless_parameter_share: float = _fitting(0.03, "1", "least share of its effect's gain that a free parameter must "
         "contribute", _CALIBRATED)
-    needless_parameter_reduced_chi2: float = _fitting(0.005, "noise variances", "the same limit in units of the noise "
-        "floor", _CALIBRATED)
     # Random fields.
     white_share: float = _fitting(0.35, "1", "ratio of the covariance of neighbours to the variance, below which a "
         "residual is white noise", _CALIBRATED)
     largest_white_reduced_chi2: float = _fitting(0.06, "noise variances", "largest error that the renderer's own noise "
         "causes", "theory: Monte Carlo noise of 32 samples")
-    field_correlation: float = _fitting(0.4, "1", "correlation of neighbours above which values are no random field",
-        "convention: draws are independent")
+    neighbour_correlation: float = _fitting(0.4, "1", "correlation of neighbours above which values are no random "
+        "field, and rows are bands of light", "convention: draws are independent")
     hot_sigma: float = _fitting(5.0, "1", "standard deviations above which a pixel counts as an outlier, such as a hot "
         "pixel", "theory: one pixel in four million by chance")
     clear_of_ends: float = _fitting(2.0, "1", "standard deviations that a pixel's values must keep from the ends of "
@@ -135,16 +128,12 @@ class Thresholds:
     # Noise.
     comb_share: float = _fitting(0.995, "1", "share of the pixels that must lie on the steps of coarse digital numbers",
         "convention")
-    row_correlation: float = _fitting(0.4, "1", "correlation of neighbouring rows above which the rows are taken for "
-        "bands of light", "theory: rows are independent")
     # The depth engine.
     engines_differ: float = _fitting(1.7, "1", "factor within which the differences of neighbouring disparities of two "
         "depth engines agree", _CALIBRATED)
     poses_known_to_rad: float = _fitting(0.0025, "rad", "uncertainty of measured orientations",
         "convention: an eighth of a degree")
     # What to measure next.
-    worth_nats: float = _fitting(2.0, "nats", "least difference in likelihood between two effects that a proposed "
-        "measurement must be expected to make", "convention")
     lever_ratio: float = _fitting(2.0, "1", "ratio of what a proposed measurement tells to what the same frames tell "
         "again, below which other views come first", "theory: twice the light doubles the nats of what the views tell "
         "already")
@@ -168,8 +157,6 @@ class Thresholds:
         "must reach for it to be refined by rendering", "convention: formulas miss less than half of what they stand "
         "for")
     sized: int = _fitting(5, "1", "number of explanations for which the decrease of the error in DN is computed",
-        "convention")
-    looked_at: int = _fitting(8, "1", "number of explanations for which the constancy of the amplitude is checked",
         "convention")
     # fmt: on
 

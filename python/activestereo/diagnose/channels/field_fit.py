@@ -56,7 +56,7 @@ def fit_fields(
         grid = draw_grid(term.shared_by, train[0].observation)
         sparse = thresholds.hot_sigma if term.sparse_share else None
         if variance <= 0 or not (
-            term.sparse_share or _is_random(totals, variance, *grid, thresholds.field_correlation)
+            term.sparse_share or _is_random(totals, variance, *grid, thresholds.neighbour_correlation)
         ):
             sigma[term.parameter] = 0.0
             continue

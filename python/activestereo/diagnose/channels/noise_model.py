@@ -93,7 +93,7 @@ class NoiseModelChannel(JudgingChannel):
         if not self._evidence.capture.repeats("train"):
             return _NO_REPEATS
         if term.shared_by is SharedBy.ROW:
-            return _rows(self._evidence.train, term.parameter, self._thresholds.row_correlation)
+            return _rows(self._evidence.train, term.parameter, self._thresholds.neighbour_correlation)
         if term.shared_by is not SharedBy.PIXEL or term.lever not in _TRANSFER:
             return f"the noise model has no term of draws per {term.shared_by.value} with the lever {term.lever.value}"
         return _transfer(term, self._evidence, self._base.model)
@@ -125,7 +125,7 @@ def _comb(evidence: Evidence, parameter: str, comb_share: float) -> _NoiseFit:
     return _NoiseFit(float(total * np.log(step)), step**2 / 12.0, {parameter: limits}, repeats=True)
 
 
-def _rows(observations: Sequence[Observation], parameter: str, row_correlation: float) -> _NoiseFit | str:
+def _rows(observations: Sequence[Observation], parameter: str, largest_correlation: float) -> _NoiseFit | str:
     """Rows of a frame that share an offset: marginal likelihood of the differences of repeats."""
     weight, moment, beside, both = [], [], 0.0, 0.0
     for first, second in _pairs(observations):
@@ -145,7 +145,7 @@ def _rows(observations: Sequence[Observation], parameter: str, row_correlation: 
         high = _ROW_SIGMAS_DN[nats > -_LIKELIHOOD_DROP].max(initial=_ROW_SIGMAS_DN[0])
         return _NoiseFit(0.0, 0.0, {parameter: (0.0, 0.0, float(high))})
     sigma = float(_ROW_SIGMAS_DN[best])
-    if beside > row_correlation * both * sigma**2:
+    if beside > largest_correlation * both * sigma**2:
         return "neighbouring rows vary together, as bands of light that flickers do"
     inside = _ROW_SIGMAS_DN[nats > nats[best] - _LIKELIHOOD_DROP]
     return _NoiseFit(float(nats[best]), sigma**2, {parameter: (sigma, float(inside[0]), float(inside[-1]))})

@@ -27,7 +27,7 @@ def simplified(
 ) -> Explanation:
     """The explanation without the parameters of its effect that it does not need; itself where it needs them all."""
     share = thresholds.needless_parameter_share * (base_chi2 - explanation.chi2)
-    limit = min(share, thresholds.needless_parameter_reduced_chi2 * pixels)
+    limit = min(share, thresholds.needless_reduced_chi2 * pixels)
     solution, effect = explanation.fitted, explanation.effect
     first = len(solution.theta) - len(effect.parameters)
     amplitudes = [first + i for i, p in enumerate(effect.parameters) if not is_shape(p) and not p.choice]

@@ -49,11 +49,7 @@ def lacks_nothing(ranking: Ranking, noise: Finding) -> bool:
 def _excess_beside(ranking: Ranking, remainder: Remainder) -> float:
     """The excess above the noise and above the error of coarse digital steps, which repeats share, in noise
     variances."""
-    return (
-        remainder.chi2 / ranking.pixels
-        - 1.0
-        - (1.0 + ranking.thresholds.rounding_known_to) * remainder.repeats_reduced_chi2
-    )
+    return remainder.chi2 / ranking.pixels - 1.0 - remainder.repeats_reduced_chi2
 
 
 def scene_errors_ratio(ranking: Ranking) -> float:
@@ -63,7 +59,7 @@ def scene_errors_ratio(ranking: Ranking) -> float:
     return max(
         _over(checks.plain_excess_reduced_chi2 - white, thresholds.largest_scene_error_reduced_chi2),
         _over(checks.unsteady_reduced_chi2, thresholds.unsteady_reduced_chi2),
-        _over(checks.uneven_structure_reduced_chi2, thresholds.uneven_structure_reduced_chi2),
+        _over(checks.uneven_structure_reduced_chi2, thresholds.unexplained_reduced_chi2),
     )
 
 
