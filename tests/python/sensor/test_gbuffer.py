@@ -245,6 +245,39 @@ def test_what_does_not_go_together_is_told(config):
         GBufferStereo(config)
 
 
+def test_views_and_what_speaks_dlpack_give_the_bits_of_arrays(config):
+    class Foreign:
+        """An array of a package that shares memory by DLPack alone."""
+
+        def __init__(self, array):
+            self.array = array
+
+        def __dlpack__(self, **asked):
+            return self.array.__dlpack__(**asked)
+
+        def __dlpack_device__(self):
+            return self.array.__dlpack_device__()
+
+    given = {name: np.array(image) for name, image in wall(config, [0.4, 0.7], 2).items()}
+    strided = {name: np.repeat(image, 2, axis=2)[:, :, ::2] for name, image in given.items()}
+    sensor, found = GBufferStereo(config, 2), []
+    for same in (given, strided, {name: Foreign(image) for name, image in strided.items()}):
+        sensor.restart(1)
+        found.append(sensor(**same, outputs=("ir_left",))["ir_left"])
+    np.testing.assert_array_equal(found[1], found[0])
+    np.testing.assert_array_equal(found[2], found[0])
+
+
+def test_a_refused_call_takes_no_frame(config):
+    sensor, given = GBufferStereo(config), wall(config, 0.6)
+    with pytest.raises(ValueError, match=r"environment 0, pixel \(0, 0\): depth is nan"):
+        sensor(**given | {"depth": np.full(sensor.shape, np.nan)})
+    with pytest.raises(TypeError, match="depth is of object, expected numbers"):
+        sensor(**given | {"depth": given["depth"].astype(object)})
+    out, first = (one(**given, outputs=("ir_left",))["ir_left"] for one in (sensor, GBufferStereo(config)))
+    np.testing.assert_array_equal(out, first)
+
+
 def test_what_has_no_surface_needs_no_material(config):
     """A simulator's number of nothing, as -1, is none of the materials."""
     sensor = GBufferStereo(config, materials={3: kuafu.Material(ir_albedo=0.5)})
