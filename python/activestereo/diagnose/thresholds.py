@@ -61,7 +61,8 @@ class Thresholds:
         "counts at all", _CALIBRATED, moves="doubled: named +0.013")
     unexplained_reduced_chi2: float = _threshold(0.12, "noise variances", "structure and excess above which something "
         "is missing, where no effect is named; with less excess the depth is judged; structure of one image beyond the "
-        "median image's", _CALIBRATED, moves="halved: named -0.027; doubled: outside -0.107")
+        "median image's", _CALIBRATED, moves="halved: named -0.027; doubled: outside "
+        "-0.107, for one image's structure alone -0.036")
     structure_of_named_reduced_chi2: float = _threshold(0.075, "noise variances", "structure above which something is "
         "missing beside a named effect", _CALIBRATED,
         moves="halved: named -0.053, outside +0.036; doubled: outside -0.071")
