@@ -6,8 +6,9 @@
     python3 tests/benchmark_suite/make_page.py --check    # fails where it is not what the results say
 
 results/generation-NN.json holds the measures of a run's score.json with its command, machine, date and number of
-answered test cases n, and a note on those that were not; next.json and practice.json hold what run_next.py and
-practice.py printed; causes.json says what goes wrong.
+answered test cases n, and a note on those that were not; mitsuba.json has those of another
+renderer's worlds; next.json and practice.json hold what run_next.py and practice.py printed; causes.json says what goes
+wrong.
 """
 
 import json
@@ -83,7 +84,7 @@ def make_page():
     lines += ["![Answers by strength](answers.png)", "", "![Truth against the first name](confusion.png)", ""]
     lines += ["![Stated confidence against how often it was right](calibration.png)", "", "## What goes wrong", ""]
     lines += [*_rows(_read("causes"), ("hidden", "answer", "cause")), "", *BOUND]
-    lines += ["", *_decision(_read("decision"))]
+    lines += ["", *_another_renderer(_read("mitsuba")), "", *_decision(_read("decision"))]
     return "\n".join([*lines, "", *_next(_read("next")), "", *_practice(_read("practice"))]) + "\n"
 
 
@@ -124,6 +125,18 @@ def _rows(records, keys):
         f"|{'|'.join(keys)}|",
         "|--" * len(keys) + "|",
         *(f"|{'|'.join(str(record[key]) for key in keys)}|" for record in records),
+    ]
+
+
+def _another_renderer(run):
+    return [
+        "## Worlds of another renderer",
+        "",
+        f"{run['n']} of the {run['of']} worlds that Mitsuba 3 renders were answered ({run['date']}, {run['machine']}):",
+        "",
+        f"    {run['command']}",
+        "",
+        *(f"- {name}: {_value(measure, True)}" for name, measure in run["measures"].items()),
     ]
 
 
