@@ -56,6 +56,7 @@ struct Horizon {
 /// (inverse depth is linear in a plane's image); 0 where nothing is seen.
 struct Met {
   vec2 pixel;
+  uint cell;
   float inverse_depth;
 };
 
@@ -78,7 +79,8 @@ Met met_in(uint first_cell, vec2 wanted) {
   Met m;
   m.pixel = clamp(wanted, vec2(0.0f), most);
   int column = int(uint(m.pixel.x + 0.5f) / gbuffer_cell_px), row = int(uint(m.pixel.y + 0.5f) / gbuffer_cell_px);
-  m.inverse_depth = cell_inverse(first_cell, column, row);
+  m.cell = first_cell + uint(row) * push.record.at[0].cell_columns + uint(column);
+  m.inverse_depth = push.record.at[0].cells.at[m.cell].inverse_depth;
   vec2 beyond = (wanted - m.pixel) / float(gbuffer_cell_px);
   if (m.inverse_depth == 0.0f) return m;
   if (beyond.x != 0.0f) m.inverse_depth += change_beyond(first_cell, column, row, beyond.x < 0.0f ? 1 : -1, 0, beyond.x);
@@ -97,7 +99,6 @@ Horizon look_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3 to
     reach *= horizon_growth;
     Met m = met_in(first_cell, at);
     if (!(m.inverse_depth > 1e-3f)) continue;
-    uint cell = first_cell + uint(m.pixel.y + 0.5f) / gbuffer_cell_px * push.record.at[0].cell_columns + uint(m.pixel.x + 0.5f) / gbuffer_cell_px;
     vec3 way = seen_position(camera, at, m.inverse_depth) - here;
     way -= axis * dot(way, axis);
     float distance = length(way), angle = acos(clamp(dot(way, to_camera) / max(distance, 1e-6f), -1.0f, 1.0f));
@@ -105,8 +106,8 @@ Horizon look_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3 to
     angle = mix(highest, angle, near * near);
     if (!(angle < highest)) continue;
     float rest = horizon_arc(angle, tilt), hidden = max(open - rest, 0.0f);
-    found.laser += hidden * push.record.at[0].cells.at[cell].laser;
-    found.albedo += hidden * push.record.at[0].cells.at[cell].albedo;
+    found.laser += hidden * push.record.at[0].cells.at[m.cell].laser;
+    found.albedo += hidden * push.record.at[0].cells.at[m.cell].albedo;
     highest = angle;
     open = rest;
   }
@@ -173,10 +174,10 @@ struct SeenLight {
 };
 
 /// The light of what is seen about a place, as matt surfaces send it, of those cells whose depth is about that of the place's own.
-SeenLight seen_light(uint first_cell, vec2 pixel, float ambient) {
-  vec2 place = pixel / float(gbuffer_cell_px) - 0.5f, base = floor(place), f = place - base;
+SeenLight seen_light(uint first_cell, IN(Met) m, float ambient) {
+  vec2 place = m.pixel / float(gbuffer_cell_px) - 0.5f, base = floor(place), f = place - base;
   int columns = int(push.record.at[0].cell_columns), rows = int(push.record.at[0].cell_rows);
-  float inverse = cell_inverse(first_cell, int(uint(pixel.x + 0.5f) / gbuffer_cell_px), int(uint(pixel.y + 0.5f) / gbuffer_cell_px));
+  float inverse = push.record.at[0].cells.at[m.cell].inverse_depth;
   SeenLight sum = SeenLight(0.0f, 0.0f);
   float weights = 0.0f;
   for (int k = 0; k < 4; ++k) {
@@ -209,7 +210,7 @@ SeenLight light_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3
         t = beyond ? middle : t;
         before = beyond ? before : middle;
       }
-      return seen_light(first_cell, met_at(camera, first_cell, here + t * direction).pixel, ambient);
+      return seen_light(first_cell, met_at(camera, first_cell, here + t * direction), ambient);
     }
     before = t;
     t *= 1.5f;
