@@ -33,18 +33,24 @@ def main() -> int:
     if not results:
         print("no answer keeps findings: run run_suite.py first", file=sys.stderr)
         return 1
+    try:
+        read = [Findings.of_json(r.answer["findings"]) for r in results]
+    except (TypeError, KeyError) as error:
+        print(f"the answers are of another version of the lab ({error}): run run_suite.py again", file=sys.stderr)
+        return 1
     columns = {"rules": score(results)["measures"]}
     for alpha in args.alpha:
-        columns[f"law, alpha {alpha:g}"] = score([decided(r, Law(alpha=alpha)) for r in results])["measures"]
+        law = [decide(Law(alpha=alpha), findings) for findings in read]
+        columns[f"law, alpha {alpha:g}"] = score([*map(decided, results, law)])["measures"]
     print(f"| {len(results)} test cases | {' | '.join(columns)} |\n|---|{'---|' * len(columns)}")
     for name in next(iter(columns.values())):
         print(f"| {name} | {' | '.join(_text(measures[name]) for measures in columns.values())} |")
     return 0
 
 
-def decided(result: Result, law: Law) -> Result:
+def decided(result: Result, decision: Decision) -> Result:
     """A Result as if the law had given its answer."""
-    answer, decision = result.answer, decide(law, Findings.of_json(result.answer["findings"]))
+    answer = result.answer
     rows = {entry["effect"]: entry for entry in answer["ranking"]}
     order = sorted(rows, key=lambda name: -decision.likeness(name))
     first = [name for name in decision.named if name in rows]
