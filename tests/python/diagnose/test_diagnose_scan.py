@@ -124,8 +124,8 @@ def test_what_the_data_do_not_tell_costs_next_to_nothing():
     far = occam_nats(*explanation("black_level", [0.0, 0.8], [0.0, 1e6]), design=1.0)
     assert penalty - far == pytest.approx(2 * np.log(2.0), abs=0.05)  # amplitudes: a power law's tail
     usual, odd = (occam_nats(*explanation("dark_signal", [100.0, k], [1e-2, 100.0]), design=1.0) for k in (7.0, 4.0))
-    # What physics tells: a normal's tail, and the usual value need not be told from the neutral one.
-    assert usual - odd == pytest.approx(4.5 + 0.5 * np.log(101.0), abs=0.01)
+    # Cauchy's density at three deviations; the usual value need not be told from the neutral one.
+    assert usual - odd == pytest.approx(np.log(10.0 * np.pi) + 0.5 * np.log(101.0 / (2.0 * np.pi)), abs=0.01)
 
 
 @pytest.mark.parametrize(("apart_px", "square_px", "low", "high"), [(12, 3.0, 0.9, 1.1), (5, 8.0, 0.6, 0.8)])
