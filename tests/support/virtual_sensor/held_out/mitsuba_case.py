@@ -13,8 +13,8 @@ from virtual_sensor.cylinder import Cylinder
 from virtual_sensor.held_out import camera
 from virtual_sensor.held_out.case import HEIGHT, WIDTH, Case
 from virtual_sensor.held_out.caster import albedo_of, closest
-from virtual_sensor.held_out.rig import PATTERN_HEIGHT, PATTERN_WIDTH, look_at
-from virtual_sensor.held_out.surface import LAMP_POSITION, Layers
+from virtual_sensor.held_out.rig import PATTERN_HEIGHT, PATTERN_WIDTH
+from virtual_sensor.held_out.surface import LAMP_POSITION, Layers, depth_along, second_unit_poses
 from virtual_sensor.solids import Box, Sphere
 from virtual_sensor.tiles import Tiles
 
@@ -69,14 +69,13 @@ class Surfaces:
     """Surfaces that the rays of a subpixel grid meet."""
 
     def __init__(self, solids, bundle, shape):
-        origins, directions, row, poses = bundle
+        origins, directions, *_ = bundle
         self.shape = shape
         t, normal, self._index = closest(solids, origins, directions)
         hit = self._index >= 0
         points = origins + np.where(hit, t, 0.0)[:, None] * directions
         self._albedo = albedo_of(solids, self._index, points)
-        self.depth = np.where(hit, np.where(hit, t, 0.0) * camera.axis_cosine(directions, poses, row), 0.0)
-        self.depth = self.depth.reshape(shape)
+        self.depth = depth_along(bundle, t, self._index).reshape(shape)
         faces = np.rint(3.0 * normal).astype(int) @ [100, 10, 1]  # of a box; a rounded solid's are patches
         boxes = np.isin(self._index, [i for i, solid in enumerate(solids) if isinstance(solid, Box)])
         self._parts = 10_000 * self._index + np.where(boxes, faces, 0)
@@ -184,15 +183,10 @@ def _laser(mi, hardware, frame):
 
 
 def _second(mi, hardware, frame):
-    p = hardware.hidden["second_projector"]
-    if p["on_rig"] > 0:
-        c, s = np.cos(p["yaw_rad"]), np.sin(p["yaw_rad"])
-        pose = frame.camera_to_world.copy()
-        pose[:3, 3] += (hardware.rig.projector_x_m + p["beside_m"]) * pose[:3, 0]
-        pose[:3, :3] = pose[:3, :3] @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
-    else:
-        pose = look_at((np.sign(p["beside_m"]) * 0.45, 0.5, 0.45), (0.0, 0.05, -0.25))
-    return _projector(mi, hardware, frame, pose, p["power"])
+    place = dict(hardware.hidden["second_projector"])
+    power = place.pop("power")
+    [pose] = second_unit_poses(hardware.rig, frame.camera_to_world[None], **place)
+    return _projector(mi, hardware, frame, pose, power)
 
 
 def _projector(mi, hardware, frame, pose, power):

@@ -44,8 +44,13 @@ def shade(world, frame, camera_rays, shape, bounced, ambient):
     if "haze" in world.hidden:
         lights = faded(lights, origins, directions, t, _projector_centres(world, poses, row), **world.hidden["haze"])
         lights[1] = lights[1] + backscatter(world, frame, origins, directions, t, row, poses, **world.hidden["haze"])
-    depth = np.where(index >= 0, np.where(index >= 0, t, 0.0) * axis_cosine(directions, poses, row), 0.0)
-    return Layers(*(value.reshape(shape) for value in (*lights, depth)))
+    return Layers(*(value.reshape(shape) for value in (*lights, depth_along(camera_rays, t, index))))
+
+
+def depth_along(camera_rays, t, index):
+    """Depth [n] of what the rays meet at t, 0 where that is nothing."""
+    _, directions, row, poses = camera_rays
+    return np.where(index >= 0, np.where(index >= 0, t, 0.0) * axis_cosine(directions, poses, row), 0.0)
 
 
 def projector_irradiance(world, frame, points, normals, poses, row, coarse=False):
@@ -141,16 +146,22 @@ def _gamma2_quantile(p):
     return r
 
 
+def second_unit_poses(rig, poses, on_rig, beside_m, yaw_rad):
+    """The second unit's projector to the world, of each pose of the left camera [n][4][4]: mounted beside, or standing
+    in the room."""
+    if on_rig <= 0:
+        return np.broadcast_to(look_at((np.sign(beside_m) * 0.45, 0.5, 0.45), (0.0, 0.05, -0.25)), poses.shape)
+    turn = np.array([[np.cos(yaw_rad), 0, np.sin(yaw_rad)], [0, 1, 0], [-np.sin(yaw_rad), 0, np.cos(yaw_rad)]])
+    placed = poses.copy()
+    placed[:, :3, 3] = poses[:, :3, 0] * (rig.projector_x_m + beside_m) + poses[:, :3, 3]
+    placed[:, :3, :3] = poses[:, :3, :3] @ turn
+    return placed
+
+
 def _second_projector(world, frame, points, normals, poses, row, power, on_rig, beside_m, yaw_rad):
-    """Another unit with the same pattern: mounted beside, or standing in the room."""
-    if on_rig > 0:
-        turn = np.array([[np.cos(yaw_rad), 0, np.sin(yaw_rad)], [0, 1, 0], [-np.sin(yaw_rad), 0, np.cos(yaw_rad)]])
-        centre = (poses[:, :3, 0] * (world.rig.projector_x_m + beside_m) + poses[:, :3, 3])[row]
-        rotation = poses[row, :3, :3] @ turn
-    else:
-        pose = look_at((np.sign(beside_m) * 0.45, 0.5, 0.45), (0.0, 0.05, -0.25))
-        centre = np.broadcast_to(pose[:3, 3], points.shape)
-        rotation = np.broadcast_to(pose[:3, :3], (len(points), 3, 3))
+    """Light of another unit with the same pattern."""
+    placed = second_unit_poses(world.rig, poses, on_rig, beside_m, yaw_rad)
+    centre, rotation = placed[:, :3, 3][row], placed[:, :3, :3][row]
     way = points - centre
     distance = np.linalg.norm(way, axis=1)
     cosine = np.maximum(-np.einsum("ij,ij->i", normals, way) / distance, 0.0)
