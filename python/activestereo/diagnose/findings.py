@@ -5,7 +5,7 @@ A channel gives Explanations; scores and checks turn them into Findings; verdict
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -121,9 +121,9 @@ class Checks:
     plain_share, plain_reduced_chi2: explained_share and gain_reduced_chi2 of the unweighted error in DN;
     plain_share_low: the lower end of the share's 95 % interval.
     varying_reduced_chi2: what a varying amplitude of the effect's signature explains beyond a constant one.
-    structure_reduced_chi2: structure that it leaves (score/structure.py). variation: {effect: varying_reduced_chi2} of
-    every effect that was added to the given model. at_range_end: whether a shape parameter was driven to an end of its
-    range. prior_sigmas: the largest distance of a focal length or an albedo from its prior, in the prior's deviations.
+    structure_reduced_chi2: structure that it leaves (score/structure.py). at_range_end: whether a shape parameter was
+    driven to an end of its range. prior_sigmas: the largest distance of a focal length or an albedo from its prior, in
+    the prior's deviations.
     None: not checked.
     """
 
@@ -132,7 +132,6 @@ class Checks:
     plain_reduced_chi2: float = 0.0
     varying_reduced_chi2: float = 0.0
     structure_reduced_chi2: float | None = None
-    variation: Mapping[str, float] = field(default_factory=dict)
     at_range_end: bool = False
     prior_sigmas: float = 0.0
 
@@ -158,7 +157,6 @@ class Remainder:
     chi2: float
     repeats_reduced_chi2: float
     structure_reduced_chi2: float | None
-    variation: Mapping[str, float]
     prior_sigmas: float = 0.0
 
 
@@ -203,9 +201,7 @@ class Finding:
     def remainder(self) -> Remainder:
         e = self.explanation
         checks = self.checks
-        return Remainder(
-            e.chi2, e.repeats_reduced_chi2, checks.structure_reduced_chi2, checks.variation, checks.prior_sigmas
-        )
+        return Remainder(e.chi2, e.repeats_reduced_chi2, checks.structure_reduced_chi2, checks.prior_sigmas)
 
 
 @dataclass(frozen=True)
@@ -232,7 +228,7 @@ class Ranking:
     @property
     def base_remainder(self) -> Remainder:
         checks = self.base_checks
-        return Remainder(self.base.chi2, 0.0, checks.structure_reduced_chi2, checks.variation, checks.prior_sigmas)
+        return Remainder(self.base.chi2, 0.0, checks.structure_reduced_chi2, checks.prior_sigmas)
 
     @property
     def excess_reduced_chi2(self) -> float:

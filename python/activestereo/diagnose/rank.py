@@ -162,8 +162,8 @@ def settled_first(context: DiagnosisContext, ranking: Ranking) -> Ranking:
     explanation = settled(context.evidence, context.fitters.train, first.explanation)
     found = replace(first, explanation=explanation)
     structure = local_structure(_rows_after(context, ranking.base, found))
-    variation, held = _variation(context, found.fitted), _prior_sigmas(context, found.fitted, ranking.base)
-    checks = replace(first.checks, structure_reduced_chi2=structure, variation=variation, prior_sigmas=held)
+    held = _prior_sigmas(context, found.fitted, ranking.base)
+    checks = replace(first.checks, structure_reduced_chi2=structure, prior_sigmas=held)
     return _with_findings(ranking, (replace(found, checks=checks), *ranking.findings[1:]))
 
 
@@ -341,7 +341,6 @@ def _with_remainders(context: DiagnosisContext, ranking: Ranking) -> Ranking:
         checks = replace(
             f.checks,
             structure_reduced_chi2=local_structure(_rows_after(context, ranking.base, f)),
-            variation=base_checks.variation if f.solution is None else _variation(context, solution),
             prior_sigmas=_prior_sigmas(context, solution, ranking.base),
         )
         return replace(f, checks=checks)
@@ -352,7 +351,6 @@ def _with_remainders(context: DiagnosisContext, ranking: Ranking) -> Ranking:
 def _base_checks(context: DiagnosisContext, base: BaseFit) -> BaseChecks:
     return BaseChecks(
         structure_reduced_chi2=local_structure(base.train),
-        variation=_variation(context, base.solution),
         prior_sigmas=context.fitters.train.prior_sigmas(base.solution),
         plain_excess_reduced_chi2=float(_squares(base.train).sum() / _floors(context).sum()) - 1.0,
         unsteady_reduced_chi2=unsteady_reduced_chi2(base.train),
@@ -372,12 +370,6 @@ def _prior_sigmas(context: DiagnosisContext, solution: Solution, base: BaseFit) 
 def _floors(context: DiagnosisContext) -> np.ndarray:
     """The sum of squares that noise alone leaves of each train image, DN^2."""
     return np.array([context.evidence.noise_variances[o.key] * o.pixels for o in context.evidence.train])
-
-
-def _variation(context: DiagnosisContext, solution: Solution) -> dict[str, float]:
-    """{effect: varying_reduced_chi2} of the effects in a solution that the model did not have when the diagnosis
-    started."""
-    return {e.id: _varying(context, solution, e) for e in solution.effects if e.id not in context.given}
 
 
 def _rows_after(context: DiagnosisContext, base: BaseFit, finding: Finding) -> Sequence[ImageResidual]:

@@ -40,14 +40,16 @@ class Thresholds:
         "of alpha at most (Markov), one of K with K alpha; the value is a convention")
     least_share: float = _threshold(0.05, "1", "least share of the squared error in DN above the floor that the named "
         "effect must remove: the lower end of its interval", "convention: with less a name explains nothing")
-    smallest_share: float = _threshold(0.20, "1", "least share of the error that a named effect must explain",
+    smallest_share: float = _threshold(0.20, "1", "least share of the error that a named effect must explain, "
+        "and of the initial structure that must remain for something to be missing",
         _CALIBRATED, moves="halved: false alarms +0.050, outside -0.107; doubled: named -0.013, false alarms -0.010")
     smallest_field_share: float = _threshold(0.10, "1", "the same for random fields, since other frames predict only a "
         "part of them", _CALIBRATED)
     smallest_depth_share: float = _threshold(0.03, "1", "the same for the mean square of the disparity error, since "
         "any two depth engines differ", _CALIBRATED)
-    smallest_gain_reduced_chi2: float = _threshold(0.01, "noise variances", "least decrease of the mean squared error",
-        _CALIBRATED, moves="halved: false alarms +0.010; doubled: false alarms -0.010")
+    smallest_gain_reduced_chi2: float = _threshold(0.01, "noise variances", "least decrease of the mean squared "
+        "error, and how well the noise floor is known", _CALIBRATED,
+        moves="halved: false alarms +0.010; doubled: false alarms -0.010")
     smallest_plain_reduced_chi2: float = _threshold(0.05, "noise variances", "least decrease of the unweighted error, "
         "where that decrease alone makes an effect large", _CALIBRATED)
     consistent_share: float = _threshold(0.7, "1", "least share of the images affected by the effect that must improve",
@@ -55,27 +57,19 @@ class Thresholds:
     largest_variation: float = _threshold(0.5, "1", "most that a varying amplitude may explain for an effect to be "
         "named, relative to what one amplitude explains", _CALIBRATED, moves="doubled: outside -0.071")
     # Is it the whole truth?
-    other_signature_share: float = _threshold(0.1, "1", "the same ratio, above which the true effect has another "
-        "signature than the named one", _CALIBRATED, moves="doubled: named +0.013")
-    other_signature_reduced_chi2: float = _threshold(0.012, "noise variances", "least size of that variation that "
-        "counts at all", _CALIBRATED, moves="doubled: named +0.013")
     unexplained_reduced_chi2: float = _threshold(0.12, "noise variances", "structure and excess above which something "
-        "is missing, where no effect is named; with less excess the depth is judged; structure of one image beyond the "
-        "median image's", _CALIBRATED, moves="halved: named -0.027; doubled: outside "
-        "-0.107, for one image's structure alone -0.036")
+        "is missing, where no effect is named: of all images, of one beyond the others, of one frame of a view beyond "
+        "the others; with less excess the images lack nothing, so that the depth is judged", _CALIBRATED,
+        moves="halved: named -0.027; doubled: outside -0.107")
     structure_of_named_reduced_chi2: float = _threshold(0.075, "noise variances", "structure above which something is "
         "missing beside a named effect", _CALIBRATED,
         moves="halved: named -0.053, outside +0.036; doubled: outside -0.071")
-    unexplained_share: float = _threshold(0.2, "1", "share of the initial structure that must remain for something to "
-        "be missing", _CALIBRATED, moves="halved: named -0.013; doubled: outside -0.036")
     largest_prior_sigmas: float = _threshold(4.0, "1", "farthest that a named effect's fit may take geometry or "
         "an albedo from what is stated beyond where the fit without it takes them, in the stated deviations",
         "theory: one normal error in 16 000 is larger")
     largest_scene_error_reduced_chi2: float = _threshold(0.5, "noise variances", "largest excess of any shape that "
         "errors of the scene measurement leave, where no effect is named", _CALIBRATED,
         moves="doubled: outside -0.036")
-    unsteady_reduced_chi2: float = _threshold(0.06, "noise variances", "largest difference between the frames of one "
-        "view that noise makes, where no effect is named", _CALIBRATED)
     # Can it be distinguished from others?
     same_excess_ratio: float = _threshold(1.2, "1", "ratio of excess errors within which two explanations count as "
         "equal", _CALIBRATED)
@@ -92,7 +86,6 @@ class Thresholds:
         "names", _CALIBRATED)
     temperature: float = _threshold(0.1, "1", "temperature of the softmax, over the logarithm of the remaining error, "
         "that gives the confidences", _CALIBRATED)
-    noise_known_to: float = _threshold(0.01, "noise variances", "uncertainty of the noise floor itself", _CALIBRATED)
     nats_per_unit: float = _threshold(20.0, "nats", "nats of an approximate likelihood that raise the logarithm of a "
         "confidence by one", _CALIBRATED)
     occam_nats_per_unit: float = _threshold(3.0, "nats", "the same for the penalty on free parameters (Laplace's "

@@ -125,10 +125,10 @@ def test_formulas_excuse_nothing_that_ends_at_its_range():
 
 @pytest.mark.parametrize(("excess", "structure", "unknown"), [(0.3, 0.05, False), (0.3, 0.2, True), (1.2, 0.05, True)])
 def test_unknown_is_what_has_structure_or_is_more_than_scene_errors_leave(excess, structure, unknown):
-    left = Remainder(100.0 * (1.0 + excess), 0.0, structure, {})
+    left = Remainder(100.0 * (1.0 + excess), 0.0, structure)
     assert is_unexplained(ranking_of([]), left) is unknown
     first = ranking_of([], base_structure=0.05)
-    named = Remainder(100.0 * (1.0 + excess), 0.0, 0.05, {})
+    named = Remainder(100.0 * (1.0 + excess), 0.0, 0.05)
     assert not is_unexplained(first, named, first)  # what a named effect leaves is judged by its structure
 
 

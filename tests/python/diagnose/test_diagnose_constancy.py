@@ -14,7 +14,6 @@ from activestereo.diagnose.thresholds import THRESHOLDS
 from activestereo.diagnose.score import constancy
 from activestereo.diagnose.score.constancy import varying_reduced_chi2
 from activestereo.diagnose.verdict.acceptance import passes
-from activestereo.diagnose.verdict.completeness import is_unexplained
 
 SHAPE = (60, 80)
 NOISE_DN = 2.0
@@ -65,15 +64,14 @@ def test_what_varies_over_the_picture_frames_or_cameras_is_found(monkeypatch, am
 
 
 @pytest.mark.parametrize(
-    ("varying", "is_named", "unknown"),
-    [(0.0, True, False), (0.02, True, False), (0.03, True, True), (0.12, False, True)],
+    ("varying", "is_named"),
+    [(0.0, True), (0.02, True), (0.12, False)],
 )
-def test_what_varies_much_is_not_named_and_what_varies_somewhat_is_unknown(varying, is_named, unknown):
+def test_what_varies_much_is_not_named(varying, is_named):
     gain = 0.2
     base = SimpleNamespace(chi2=125.0, white_reduced_chi2=0.0)
     explanation = Explanation(EFFECT, Channel.EXPECTED_IMAGE, {}, 125.0 - 100.0 * gain, np.zeros(1))
-    checks = Checks(varying_reduced_chi2=varying, structure_reduced_chi2=0.0, variation={"blur": varying})
+    checks = Checks(varying_reduced_chi2=varying, structure_reduced_chi2=0.0)
     finding = Finding(explanation, Score(500.0, 0.95, gain, 1.0), checks)
     ranking = Ranking(base, BaseChecks(structure_reduced_chi2=0.0), (finding,), (), 100, 1.0, 100.0, THRESHOLDS)
     assert passes(ranking, finding) is is_named
-    assert is_unexplained(ranking, finding.remainder, ranking) is unknown

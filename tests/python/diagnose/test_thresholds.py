@@ -23,7 +23,7 @@ from activestereo.diagnose.verdict.verdict import probabilities, verdict_of
 def ranking(explained_share: float, structure_reduced_chi2: float = 0.0) -> Ranking:
     """One effect that gains 0.4 noise variances and leaves a tenth of one."""
     explanation = Explanation(SimpleNamespace(id="blur"), Channel.EXPECTED_IMAGE, {}, 110.0, np.zeros(1))
-    checks = Checks(structure_reduced_chi2=structure_reduced_chi2, variation={"blur": 0.0})
+    checks = Checks(structure_reduced_chi2=structure_reduced_chi2)
     finding = Finding(explanation, Score(80.0, explained_share, 0.4, 1.0), checks)
     base = SimpleNamespace(chi2=150.0, white_reduced_chi2=0.0)
     return Ranking(base, BaseChecks(structure_reduced_chi2=0.3), (finding,), (), 100, 1.0, 100.0, THRESHOLDS)

@@ -15,20 +15,6 @@ def _over(value: float, limit: float) -> float:
     return value / limit if limit > 0.0 else np.inf if value > 0.0 else 0.0
 
 
-def _signature_ratio(ranking: Ranking, remainder: Remainder, first: Ranking) -> float:
-    """The largest variation of an added effect's amplitude between parts of the images, in units of what its formula
-    allows: beyond 1 the true effect has another signature.
-
-    first: the ranking without effects.
-    """
-    thresholds = ranking.thresholds
-    limit = max(
-        thresholds.other_signature_share * (first.base.chi2 - remainder.chi2) / ranking.pixels,
-        thresholds.other_signature_reduced_chi2,
-    )
-    return max((_over(varying, limit) for varying in remainder.variation.values()), default=0.0)
-
-
 def fields_hide_a_varying_effect(ranking: Ranking) -> bool:
     """Whether a deterministic effect gains more than everything that may be named, random fields among it, and is
     refused only because its amplitude varies. The fields then absorb a deterministic effect that the library lacks.
@@ -58,7 +44,7 @@ def scene_errors_ratio(ranking: Ranking) -> float:
     thresholds, checks, white = ranking.thresholds, ranking.base_checks, ranking.base.white_reduced_chi2
     return max(
         _over(checks.plain_excess_reduced_chi2 - white, thresholds.largest_scene_error_reduced_chi2),
-        _over(checks.unsteady_reduced_chi2, thresholds.unsteady_reduced_chi2),
+        _over(checks.unsteady_reduced_chi2, thresholds.unexplained_reduced_chi2),
         _over(checks.uneven_structure_reduced_chi2, thresholds.unexplained_reduced_chi2),
     )
 
@@ -71,7 +57,7 @@ def unexplained_ratio(ranking: Ranking, remainder: Remainder, first: Ranking | N
     measurement further than their priors allow is a confounder of the true one, however small its residual. Noise of
     single pixels needs no effect: its level is a nuisance, and random patterns that stay have candidates of their own.
     Those explain no structure, so the base's structure counts beside them. Where no effect is named, a residual above
-    what errors of the scene measurement leave needs one too; a named effect has to have its own signature.
+    what errors of the scene measurement leave needs one too.
     """
     thresholds, excess = ranking.thresholds, _excess_beside(ranking, remainder)
     structure, limit = remainder.structure_reduced_chi2 or 0.0, thresholds.unexplained_reduced_chi2
@@ -80,12 +66,8 @@ def unexplained_ratio(ranking: Ranking, remainder: Remainder, first: Ranking | N
         alone = _over(excess - ranking.base.white_reduced_chi2, thresholds.largest_scene_error_reduced_chi2)
         return max(alone, min(shaped, _over(structure, limit)))
     own = _over(structure, thresholds.structure_of_named_reduced_chi2)
-    kept = _over(structure, thresholds.unexplained_share * (first.base_checks.structure_reduced_chi2 or 0.0))
-    return max(
-        _over(remainder.prior_sigmas, thresholds.largest_prior_sigmas),
-        _signature_ratio(ranking, remainder, first) if excess > 0.0 else 0.0,
-        min(shaped, own, kept),
-    )
+    kept = _over(structure, thresholds.smallest_share * (first.base_checks.structure_reduced_chi2 or 0.0))
+    return max(_over(remainder.prior_sigmas, thresholds.largest_prior_sigmas), min(shaped, own, kept))
 
 
 def is_unexplained(ranking: Ranking, remainder: Remainder, first: Ranking | None = None) -> bool:

@@ -80,5 +80,5 @@ def _logits(ranking: Ranking, rivals: Sequence[Finding], base: BaseFit, named: n
     thresholds = ranking.thresholds
     excess = np.array([ranking.excess_after(f.chi2) for f in rivals] + [ranking.excess_after(base.chi2)])
     gains, costs = (np.array([getattr(f.score, name) for f in rivals] + [0.0]) for name in ("nats", "occam_nats"))
-    likeness = -np.log(excess + thresholds.noise_known_to) / thresholds.temperature
+    likeness = -np.log(excess + thresholds.smallest_gain_reduced_chi2) / thresholds.temperature
     return likeness + np.where(named, gains, 0.0) / thresholds.nats_per_unit + costs / thresholds.occam_nats_per_unit
