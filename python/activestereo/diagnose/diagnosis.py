@@ -416,7 +416,7 @@ def _way(
     is_whole = not is_named(first) or lacks_nothing(first, first.findings[0])
     if not is_whole and (steps == "greedy" or is_unexplained(first, first.findings[0].remainder, first)):
         return greedy(context, bases, first, candidates, progress)
-    return [Step((), first, context)]
+    return [Step((), first, context, first)]
 
 
 def _accepted(verdict: str, first: Ranking, way: list[Step], steps: str) -> tuple[list[Step], list[Finding]]:
@@ -425,15 +425,17 @@ def _accepted(verdict: str, first: Ranking, way: list[Step], steps: str) -> tupl
     """
     if verdict != EFFECT:
         return way[:1], []
-    return (way[:1], [first.findings[0]]) if steps == "one" else (way, _without_images_of_their_own(way[-1].ranking))
+    return (way[:1], [first.findings[0]]) if steps == "one" else (way, _without_images_of_their_own(way[-1]))
 
 
-def _without_images_of_their_own(ranking: Ranking) -> list[Finding]:
+def _without_images_of_their_own(step: Step) -> list[Finding]:
     """Effects that may still be named at the end though they leave no expected image to continue from: noise, and
     random fields that stay (the best, or those that are shown together).
     """
+    ranking = step.ranking
     passing = [f for f in ranking.findings if f.solution is None and passes(ranking, f)]
     fields, noise = ([f for f in passing if f.channel is c] for c in (Channel.STATIC_FIELD, Channel.NOISE_MODEL))
+    fields = [f for f in fields if step.may_add(f)]
     if any(lacks_nothing(ranking, f) for f in noise):
         return noise
     together = shown_together(fields, ranking.base, ranking.thresholds) if len(fields) > 1 else []

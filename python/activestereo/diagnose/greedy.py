@@ -17,6 +17,7 @@ from activestereo.diagnose.rank import DiagnosisContext, bare_ranking, rank
 from activestereo.diagnose.refine import Fitters
 from activestereo.diagnose.verdict.acceptance import passes
 from activestereo.effects import Effect, Model
+from activestereo.effects.core.judging import Channel
 
 # The number of findings after the first for which an added effect may be a confounder.
 _RIVALS = 3
@@ -24,12 +25,22 @@ _RIVALS = 3
 
 @dataclass(frozen=True)
 class Step:
-    """A model along the way: the effects added so far, the ranking that was made on top of it, and what it was made
-    with."""
+    """A model along the way: the effects added so far, the ranking that was made on top of it, what it was made with,
+    and the ranking of the given model by the same weights."""
 
     added: tuple[str, ...]
     ranking: Ranking
     context: DiagnosisContext
+    start: Ranking
+
+    def may_add(self, finding: Finding) -> bool:
+        """Whether a finding that passes may be added. Beside other effects, one whose shape ended at a limit of its
+        range is a confounder of their remaining error, and one has to exceed what their formulas may have left.
+        """
+        if not self.added:
+            return True
+        at_end = finding.channel is Channel.EXPECTED_IMAGE and finding.checks.at_range_end
+        return not at_end and _exceeds_formulas(self.context, self.start, self.ranking, finding)
 
 
 def greedy(
@@ -44,15 +55,12 @@ def greedy(
     first: the Ranking on top of the given model.
     """
     thresholds, given = context.thresholds, len(first.base.model.effects)
-    steps, ranking = [Step((), first, context)], first
+    steps, ranking = [Step((), first, context, first)], first
     tried: set[str] = set()
     rivals: set[str] = set()
-    start = first
     while len(steps) <= thresholds.most_effects:
         passing = [
-            f
-            for f in ranking.findings
-            if f.solution is not None and passes(ranking, f) and _may_be_added(context, start, ranking, f)
+            f for f in ranking.findings if f.solution is not None and passes(ranking, f) and steps[-1].may_add(f)
         ]
         best = next((f for f in passing if f.id not in tried), None)
         if best is None:
@@ -66,15 +74,8 @@ def greedy(
         context, bases = _without_drift(context, bases, base)
         base, start = bases(grown, phi), bare_ranking(context, bases(first.base.model))
         ranking = rank(context, base, candidates, progress, _fitted_at_first(first, rivals))
-        steps.append(Step(tuple(e.id for e, _ in grown.effects[given:]), ranking, context))
+        steps.append(Step(tuple(e.id for e, _ in grown.effects[given:]), ranking, context, start))
     return steps
-
-
-def _may_be_added(context: DiagnosisContext, start: Ranking, ranking: Ranking, finding: Finding) -> bool:
-    """Whether a finding that passes may be added. Beside other effects, one whose shape ended at a limit of its range
-    is a confounder of their remaining error.
-    """
-    return start is ranking or (not finding.checks.at_range_end and _exceeds_formulas(context, start, ranking, finding))
 
 
 def _exceeds_formulas(context: DiagnosisContext, start: Ranking, ranking: Ranking, finding: Finding) -> bool:

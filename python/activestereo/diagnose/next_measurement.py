@@ -92,7 +92,7 @@ def next_measurements(ranking: Ranking, evidence: Evidence) -> list[Advice]:
         nats, pair = _worst_pair(ranking, evidence, predicted, observations, change)
         scored.append((nats, text, pair))
     scored.sort(key=lambda entry: -entry[0])
-    useful = [entry for entry in scored if entry[0] > ranking.thresholds.paired_nats]
+    useful = [entry for entry in scored if entry[0] > ranking.thresholds.worth_nats]
     advice: list[Advice] = [
         {"text": f"{text} (expected {nats:.0f} nats)", "nats": nats, "separates": list(pair), "change": _MENU[text]}
         for nats, text, pair in useful
@@ -120,7 +120,7 @@ def separating_view(ranking: Ranking, evidence: Evidence) -> Advice | None:
         one = replace(ranking, pixels=2 * o.view.depth_m.size)  # both cameras of one frame
         told[o.frame.id] = _worst_pair(one, evidence, members, [o], {})[0]
     frame = max(told, key=lambda key: told[key])
-    if told[frame] <= ranking.thresholds.paired_nats:
+    if told[frame] <= ranking.thresholds.worth_nats:
         return None
     text = f"the view of frame {frame} separates them best (expected {told[frame]:.0f} nats by each further frame)"
     return {"text": text, "frame": frame, "nats": told[frame]}

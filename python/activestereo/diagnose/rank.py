@@ -264,7 +264,7 @@ def _with_size(context: DiagnosisContext, ranking: Ranking, finding: Finding) ->
         for rows in (ranking.base.train, context.fitters.train.residuals(finding.fitted))
     )
     floor = np.concatenate([value * _tiles(o) / o.tile.size for value, o in zip(floors, train, strict=True)])
-    share, low = share_of_places(before - after, before - floor, _places(train)) or (None, None)
+    share, low = share_of_places(before - after, before - floor, _places(train))
     fall = float((before - after).sum() / floors.sum())
     sized = {"plain_share": share, "plain_share_low": low, "plain_reduced_chi2": fall}
     return replace(finding, checks=replace(finding.checks, **sized))

@@ -21,9 +21,9 @@ from activestereo.diagnose.verdict.completeness import is_unexplained
 from activestereo.diagnose.verdict.confidence import confidences, equivalents
 
 
-def entry(name, chi2, channel=Channel.EXPECTED_IMAGE, occam=0.0, nats=0.0):
+def entry(name, chi2, channel=Channel.EXPECTED_IMAGE, occam=0.0, nats=0.0, share=0.0):
     explanation = Explanation(SimpleNamespace(id=name), channel, {}, chi2, np.zeros(1))
-    return Finding(explanation, Score(nats, 0.0, 0.0, 1.0, occam_nats=occam))
+    return Finding(explanation, Score(nats, share, 0.0, 1.0, occam_nats=occam))
 
 
 def sized(name, nats, chi2, plain_reduced_chi2, at_end=False):
@@ -67,7 +67,7 @@ def test_of_what_explains_alike_the_simpler_is_likelier(monkeypatch):
     found = judged(
         monkeypatch, [entry("level", 110.0, occam=-9.0), entry("dark", 110.0, occam=-12.0)], {"level", "dark"}
     )
-    assert found["level"] / found["dark"] == pytest.approx(2.718, rel=1e-3)
+    assert found["level"] / found["dark"] == pytest.approx(np.exp(3.0), rel=1e-3)
 
 
 def test_of_what_leaves_alike_the_better_fit_is_likelier_by_less_than_its_likelihood_says(monkeypatch):
@@ -78,13 +78,14 @@ def test_of_what_leaves_alike_the_better_fit_is_likelier_by_less_than_its_likeli
 
 
 def test_what_is_far_behind_shares_what_the_named_leave(monkeypatch):
-    found = judged(monkeypatch, [entry("haze", 101.0, nats=90000.0), entry("blur", 880.0, nats=20.0)], {"haze"})
-    assert found["haze"] == pytest.approx(0.97) and 0.0 < found["blur"] < 0.03
+    found = judged(monkeypatch, [entry("haze", 101.0, nats=90000.0), entry("blur", 880.0, share=0.4)], {"haze"})
+    assert found["haze"] == pytest.approx(0.97) and found["blur"] == pytest.approx(0.4 * 0.03)
 
 
 def test_where_nothing_may_be_named_none_takes_part(monkeypatch):
-    found = judged(monkeypatch, [entry("laser", 899.0, nats=90.0), entry("locking", 50.0, Channel.DEPTH_ENGINE)], set())
-    assert 0.3 < found["laser"] < 0.55 and found["locking"] == 0.0
+    blurs = entry("blur", 860.0, share=0.3), entry("defocus", 870.0, share=0.2)
+    found = judged(monkeypatch, [*blurs, entry("locking", 50.0, Channel.DEPTH_ENGINE)], set())
+    assert found == pytest.approx({"blur": 0.25, "defocus": 0.2 / 1.2, "locking": 0.0})  # none: 0.7 of 1.2
 
 
 def test_what_formulas_lack_widens_a_shapes_interval_by_its_value_and_a_choices_not_at_all():

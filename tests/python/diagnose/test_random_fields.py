@@ -10,7 +10,7 @@ from activestereo.effects import builtin
 from activestereo.effects.core.judging import Channel
 from activestereo.diagnose.channels.field_fit import fit_fields
 from activestereo.diagnose.channels.fields_together import shown_together
-from activestereo.diagnose.channels.static_field import field_parameters
+from activestereo.diagnose.channels.static_field import field_parameters, has_extended_draws
 from activestereo.diagnose.findings import Explanation, Finding, Score
 from activestereo.diagnose.thresholds import THRESHOLDS
 from activestereo.diagnose.refine import ImageResidual
@@ -81,3 +81,10 @@ def test_an_error_of_the_tone_curve_is_no_grain():
             before, after = (np.mean([r.residual**2 for r in some]) for some in (bent, left))
             share[name, error] = 1.0 - after / before
     assert max(share.values()) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("effect", "extended"), [("fixed_pattern_noise", True), ("dot_gain_spread", True), ("prnu", False)]
+)
+def test_draws_of_columns_and_dots_are_structure_until_they_are_taken_off(effect, extended):
+    assert has_extended_draws(builtin()[effect]) is extended

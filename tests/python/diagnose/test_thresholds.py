@@ -70,7 +70,7 @@ def test_the_interval_of_a_share_is_that_of_places():
     assert alone[1] < 0.0 < alone[0]  # one place of sixty
     moving = share_of_places(gap * (places < 20), gap, places)  # an effect that one view of three has
     assert moving[1] > 0.05
-    assert share_of_places(gap, -gap, places) is None  # the noise floor lies above the error
+    assert share_of_places(gap, -gap, places) == (0.0, 0.0)  # the noise floor lies above the error
 
 
 def test_another_gate_gives_another_verdict():

@@ -72,7 +72,7 @@ def _with_sparse(
         fields = [(f.explanation.fields, term) for f in fitted if not _is_sparse(f) for term in f.effect.random_terms]
         beside = [(term, fit.sigma[term.parameter]) for fit, term in fields if fit is not None]
         fitted, gains = _in_turn([(f, beside if _is_sparse(f) else ()) for f in (*sparse, *others)], base, thresholds)
-    shown = [f for f, gain in zip(fitted, gains, strict=True) if gain > thresholds.component_share * sum(gains)]
+    shown = [f for f, gain in zip(fitted, gains, strict=True) if gain > thresholds.smallest_field_share * sum(gains)]
     return shown if len(shown) > 1 else []
 
 
@@ -110,7 +110,7 @@ def _dense_together(findings: Sequence[Finding], base: BaseFit, thresholds: Thre
     black_dn = base.solution.nuisances.black_dn
     largest = {f.id: _largest_sigma(f) for _, f in chosen}
     shown = components({f.id: term for term, f in chosen}, largest, train, black_dn, thresholds)
-    least = thresholds.component_share * sum(c.reduced_chi2 for c in shown.values())
+    least = thresholds.smallest_field_share * sum(c.reduced_chi2 for c in shown.values())
     fitted = []
     for _, f in chosen:
         part = shown[f.id]

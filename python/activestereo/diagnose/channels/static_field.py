@@ -66,7 +66,7 @@ class StaticFieldChannel(JudgingChannel):
 
 def has_extended_draws(effect: Effect) -> bool:
     """Whether pixels that lie together share a draw, which is structure (score/structure.py) until it is predicted."""
-    return any(term.shared_by is SharedBy.DOT for term in effect.random_terms)
+    return any(term.shared_by not in (SharedBy.PIXEL, SharedBy.VIEW) for term in effect.random_terms)
 
 
 def field_parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:

@@ -66,8 +66,8 @@ def within_ranges(effect: Effect, found: Mapping[str, Limits]) -> dict[str, Inte
     return out
 
 
-def share_of_places(fall: np.ndarray, gap: np.ndarray, places: np.ndarray) -> tuple[float, float] | None:
-    """(the share of a gap that falls, the lower end of its one-sided 95 % interval); None where there is no gap.
+def share_of_places(fall: np.ndarray, gap: np.ndarray, places: np.ndarray) -> tuple[float, float]:
+    """(the share of a gap that falls, the lower end of its one-sided 95 % interval); nothing of no gap.
 
     fall, gap: of each tile of each image. places: what it shows, the same in repeats; they are the sample, for tiles of
     one place share their errors: a ratio estimator's standard error (Cochran 1977, section 6.4) with Student's
@@ -77,7 +77,7 @@ def share_of_places(fall: np.ndarray, gap: np.ndarray, places: np.ndarray) -> tu
     fall_of, gap_of = (np.bincount(index, values) for values in (fall, gap))
     total = gap_of.sum()
     if total <= 0.0:
-        return None
+        return 0.0, 0.0
     share, count = float(fall_of.sum() / total), len(gap_of)
     if count < 2:
         return share, share

@@ -51,26 +51,16 @@ def smallest_share(ranking: Ranking, finding: Finding) -> float:
     thresholds = ranking.thresholds
     of_channel = {
         Channel.EXPECTED_IMAGE: thresholds.smallest_share,
-        Channel.DEPTH_ENGINE: thresholds.smallest_depth_share,
+        Channel.DEPTH_ENGINE: thresholds.least_share,
     }
     return of_channel.get(finding.channel, thresholds.smallest_field_share)
 
 
 def is_large(ranking: Ranking, finding: Finding, part: float = 1.0) -> bool:
     """Whether a finding is of practical size. part: of the size that is asked for."""
-    thresholds, score, checks = ranking.thresholds, finding.score, finding.checks
-    share = smallest_share(ranking, finding)
-    large = (
-        score.explained_share >= part * share
-        and score.gain_reduced_chi2 >= part * thresholds.smallest_gain_reduced_chi2
-    )
-    if checks.plain_share is None:
-        return large
-    large_in_dn = (
-        checks.plain_share >= part * thresholds.smallest_share
-        and checks.plain_reduced_chi2 >= part * thresholds.smallest_plain_reduced_chi2
-    )
-    return large or large_in_dn
+    score, least_gain = finding.score, ranking.thresholds.smallest_gain_reduced_chi2
+    has_share = score.explained_share >= part * smallest_share(ranking, finding)
+    return has_share and score.gain_reduced_chi2 >= part * least_gain
 
 
 def closes_enough(ranking: Ranking, finding: Finding, part: float = 1.0) -> bool:

@@ -61,13 +61,12 @@ def unexplained_ratio(ranking: Ranking, remainder: Remainder, first: Ranking | N
     """
     thresholds, excess = ranking.thresholds, _excess_beside(ranking, remainder)
     structure, limit = remainder.structure_reduced_chi2 or 0.0, thresholds.unexplained_reduced_chi2
-    shaped = _over(excess, limit)  # structure counts as far as there is that much excess
+    left = min(_over(excess, limit), _over(structure, limit))  # structure counts as far as there is that much excess
     if first is None:
         alone = _over(excess - ranking.base.white_reduced_chi2, thresholds.largest_scene_error_reduced_chi2)
-        return max(alone, min(shaped, _over(structure, limit)))
-    own = _over(structure, thresholds.structure_of_named_reduced_chi2)
+        return max(alone, left)
     kept = _over(structure, thresholds.smallest_share * (first.base_checks.structure_reduced_chi2 or 0.0))
-    return max(_over(remainder.prior_sigmas, thresholds.largest_prior_sigmas), min(shaped, own, kept))
+    return max(_over(remainder.prior_sigmas, thresholds.largest_prior_sigmas), min(left, kept))
 
 
 def is_unexplained(ranking: Ranking, remainder: Remainder, first: Ranking | None = None) -> bool:
