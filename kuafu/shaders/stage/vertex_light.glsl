@@ -31,6 +31,7 @@ void find_light(IN(Path) path, vec3 position, vec3 shape_origin, uint k, OUT(Lig
   request.probability = choice.probability;
   if (choice.probability == 0.0f) return;
   IN(LightRecord) record = scene.lights.at[choice.index];
+  if (record.kind == light_mesh && (push.flags & shade_bsdf_only) != 0u) return;  // the path's own ray finds it, and a sample of it takes long
   request.projector = record.kind == light_projector;
   vec2 point = vec2(0.0f);
   if ((features & feature_lights) != 0u) {

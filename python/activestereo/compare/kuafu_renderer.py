@@ -15,19 +15,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 import kuafu
 from activestereo.compare.cache import scene_digest
-from activestereo.compare.layers import Layers, RenderRequest
+from activestereo.compare.layers import Layers, RenderRequest, ViewCamera
 from activestereo.effects.core.room_light import BOUNCED_SHARE, RoomLight, light_by_room
 from activestereo.effects.core.scene_surfaces import split_surfaces
 from activestereo.effects.engines.smooth import SMOOTH_VERSION
-from activestereo.effects.engines.smoothing import seen_surfaces, smooth_light
+from activestereo.effects.engines.smoothing import is_matt_surface, seen_surfaces, smooth_light
 from activestereo.scene_io.scene_files import load_scene_file
 
 # Light without the pattern varies at edges alone: it needs fewer samples.
 _FLAT_SHARE = 0.5
 _BOUNCED = ("projector_indirect", "ambient")
+_BOUNCED_SPREAD_PX = 1.5  # in a measured room, of pixels of twice the width
 _FIRST_HIT = ("projector_direct", "depth", "normal", "material_id")
 
 
@@ -60,7 +62,7 @@ class KuafuRenderer:
         self._one_at_a_time = threading.Lock()
         smoothed = f", smoothed {SMOOTH_VERSION}" if smooth else ""
         # Changes with the library's code and the device: pixels are the same bits on one device only.
-        self.version = f"{engine_version(self._device)}{smoothed}, flat {_FLAT_SHARE}, bounced {BOUNCED_SHARE}"
+        self.version = f"{engine_version(self._device)}{smoothed}, flat {_FLAT_SHARE}, bounced {BOUNCED_SHARE} wide"
 
     def __call__(self, request: RenderRequest, progress: Callable[[float], object] | None = None) -> tuple[Layers, ...]:
         """One Layers per camera. progress: called as progress(fraction). One thread at a time; after an error the scene
@@ -84,13 +86,24 @@ class KuafuRenderer:
         else:
             few = _with_share_of_samples(request, BOUNCED_SHARE)
             images = dict(self._render(world, request, cameras, _FIRST_HIT, 0, None))
-            images |= self._render(world, few, cameras, _BOUNCED[:1], request.max_bounces, progress)
+            images["projector_indirect"] = self._bounced(world, few, progress)
             room = world.room.images(self._renderer, cameras, few.samples_per_pixel, seed=request.seed)
             images["ambient"], single = room, {**single, "ambient": room}
         surfaces = seen_surfaces(world.scene, images["material_id"]) if self._smooth else {}
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             layers = lambda i: self._layers(surfaces, images, single, i, request.cameras[i])  # noqa: E731
             return tuple(pool.map(layers, range(len(cameras))))
+
+    def _bounced(
+        self, world: _World, request: RenderRequest, progress: Callable[[float], object] | None
+    ) -> np.ndarray:
+        """The projector's light by way of matt surfaces, [camera][height][width][1]: faint and without dots, so that
+        pixels of twice the width do, and their neighbours' mean."""
+        wide = [_of_wide_pixels(camera) for camera in request.cameras]
+        light = self._render(world, request, wide, _BOUNCED[:1], request.max_bounces, progress)["projector_indirect"]
+        smooth = gaussian_filter(np.asarray(light), (0.0, _BOUNCED_SPREAD_PX, _BOUNCED_SPREAD_PX, 0.0), mode="nearest")
+        height, width = request.cameras[0].height, request.cameras[0].width
+        return smooth.repeat(2, axis=1).repeat(2, axis=2)[:, :height, :width]
 
     def _layers(
         self,
@@ -109,7 +122,7 @@ class KuafuRenderer:
         )
         bounced = {name: images[name][i, ..., 0] for name in ("projector_indirect", "ambient")}
         bounced |= {"ambient_direct": single["ambient"][i, ..., 0]}
-        if self._smooth:
+        if any(map(is_matt_surface, surfaces.values())):
             bounced |= _smoothed(surfaces, bounced, depth_m, normal, material, camera)
         direct = images["projector_direct"][i, ..., 0].copy()
         indirect, ambient, ambient_direct = (image.astype(np.float32) for image in bounced.values())
@@ -149,6 +162,14 @@ class KuafuRenderer:
         white = scene.add_texture(np.ones_like(request.pattern), name="white pattern")
         self._world = _World(digest, request.pattern, scene, texture, white, room=room)
         return self._world
+
+
+def _of_wide_pixels(camera: ViewCamera) -> kuafu.Camera:
+    """The camera with pixels that each cover two by two of its own."""
+    K = camera.K.copy()
+    K[:2] /= 2.0
+    K[:2, 2] -= 0.25  # pixel centres are whole numbers
+    return kuafu.Camera((camera.width + 1) // 2, (camera.height + 1) // 2, K, camera.camera_to_world)
 
 
 def _with_share_of_samples(request: RenderRequest, share: float) -> RenderRequest:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.binning import binned, unbinned, usual_binning, usual_samples
+from activestereo.capture.binning import binned, usual_binning, usual_samples
 from activestereo.capture.capture import Capture, ImageKey, read_capture
 from activestereo.common.computed_once import computed_once
 from activestereo.common.input_files import read_json
@@ -191,8 +191,7 @@ def diagnose(
     told: dict[str, Any] = {"samples_per_pixel": samples_per_pixel, "max_bounces": max_bounces, "seed": seed}
     told |= {"progress": part_of(phases, 0.0, _BASE_SHARE), "scale": WARP_SCALE}
     base = partial(render_halves, renderer=renderer, cache=kept, **told)
-    measured = _whole(place.evidence, whole)
-    errors = ErrorsOfModels(whole, measured, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0), kept)
+    errors = ErrorsOfModels(whole, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0), kept)
     settings = Settings(steps, workers, phases, thresholds, place.rendering, place.memory, errors, located)
     try:
         diagnosis = examine(place.evidence, model, list(effects.values()), settings)
@@ -209,11 +208,6 @@ class Place:
     evidence: Evidence
     rendering: Rendering | None
     memory: FitCache
-
-
-def _whole(evidence: Evidence, stated: Capture) -> Capture:
-    """The whole capture as it stands; the stated one itself where it stands as stated."""
-    return stated if evidence.geometry.is_as_stated() else unbinned(evidence.capture)
 
 
 def no_infrared(capture_path: str | Path) -> str | None:
@@ -302,7 +296,6 @@ def examine(
         if again.best is not None and again.best.chi2 < (1.0 + _WORSE) * first.findings[0].chi2:
             first = replace(again, not_ranked=(*again.not_ranked, *first.not_ranked, *others))
             evidence, (context, bases) = place.evidence, there
-            errors = errors and replace(errors, measured=_whole(evidence, errors.capture))
     fitters = context.fitters
     if is_named(first):
         first = settled_first(context, first)
@@ -345,6 +338,7 @@ def examine(
     before = after = None
     if errors is not None:
         phases.begin(BOTH)
+        errors = errors.standing_by(complete)
         between = [step for step in way[1:] if list(step.added) != result["added"]]
         models = [(step.added, _found_at(step, evidence, candidates)) for step in between]
         figures, before, moved, after = held_out_figures(errors, given, models, (result["added"], complete))

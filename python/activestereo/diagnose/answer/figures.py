@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from activestereo.capture.capture import Capture
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.computed_once import computed_once
 from activestereo.common.progress_bar import Progress
 from activestereo.compare.cache import LayerCache
@@ -26,40 +29,52 @@ Step: TypeAlias = tuple[Sequence[str], SensorModel]  # effects added, and the mo
 
 @dataclass(frozen=True)
 class ErrorsOfModels:
-    """The ImageErrors of models on a capture, as it is stated, and on what was measured of it. base: renders the base
-    model's light on all frames of a capture; seed and engines as of compare(). progress: called with the fraction of a
-    model that engines have rendered. cache: where their light is kept, or None."""
+    """The ImageErrors of models on a capture, as it is stated and where it stands by the model that a diagnosis ends
+    with. base: renders the base model's light on all frames of a capture; seed and engines as of compare(). progress:
+    called with the fraction of a model that engines have rendered. cache: where their light is kept, or None. stands:
+    None leaves the capture where it is stated."""
 
     capture: Capture
-    measured: Capture
     base: Callable[[Capture], Halves]
     seed: int = 0
     engines: Callable[[Capture], CaptureRenderer] | None = None
     progress: Progress | None = None
     cache: LayerCache | None = None
+    stands: Capture | None = None
 
-    def given(self, model: Model | SensorModel | None, measured: bool = False) -> ImageErrors:
-        """Errors of the model that a diagnosis starts from, on the capture as stated or as measured. None: there is
-        none; the base model's light is taken."""
-        own = self.measured if measured else self.capture
+    def standing_by(self, model: SensorModel) -> ErrorsOfModels:
+        """The same, where a model says that the capture stands."""
+        there = calibrated(self.capture, model)
+        return self if _stand_alike(there, self.capture) else replace(self, stands=there)
+
+    def given(self, model: Model | SensorModel | None) -> ImageErrors:
+        """Errors of the model that a diagnosis starts from, on the capture as stated. None: there is none; the base
+        model's light is taken."""
         if isinstance(model, SensorModel):
-            capture = calibrated(own, model)
+            capture = calibrated(self.capture, model)
             return self._under(model, capture, self.base(capture))
-        if model is None and own is self.measured:
-            return self.plain()
-        engines = None if model is None else self.engines
-        base = self._measured_base() if measured else self._own_base()
-        return image_errors(own, model or Model(), base, self.seed, engines, None, self.progress, self.cache)
+        return self._of_effects(model, self.capture, self._own_base())
+
+    def standing(self, model: Model | SensorModel | None) -> ImageErrors:
+        """given() on the capture where it stands."""
+        if self.stands is None:
+            return self.given(model)
+        if isinstance(model, SensorModel):
+            return self.found(model)
+        return self.plain() if model is None else self._of_effects(model, self.stands, self._base_there())
 
     @computed_once
     def plain(self) -> ImageErrors:
-        """Errors of the base model on the capture as measured."""
-        return image_errors(self.measured, Model(), self._measured_base(), self.seed, progress=self.progress)
+        """Errors of the base model on the capture where it stands."""
+        return self._of_effects(None, self.stands or self.capture, self._base_there())
 
     def found(self, model: SensorModel) -> ImageErrors:
-        """Errors of a model with the calibration, pattern and poses that it was found with."""
-        capture = calibrated(self.capture, model)
-        return self._under(model, capture, self.base(capture))
+        """Errors of a model's effects on the capture where it stands."""
+        return self._under(model, self.stands or self.capture, self._base_there())
+
+    def _of_effects(self, model: Model | None, capture: Capture, base: Halves) -> ImageErrors:
+        engines = None if model is None else self.engines
+        return image_errors(capture, model or Model(), base, self.seed, engines, None, self.progress, self.cache)
 
     def _under(self, model: SensorModel, capture: Capture, base: Halves) -> ImageErrors:
         names = surface_names(capture.scene_path)
@@ -72,23 +87,36 @@ class ErrorsOfModels:
         return self.base(self.capture)
 
     @computed_once
-    def _measured_base(self) -> Halves:
-        return self._own_base() if self.measured is self.capture else self.base(self.measured)
+    def _base_there(self) -> Halves:
+        return self._own_base() if self.stands is None else self.base(self.stands)
+
+
+def _stand_alike(a: Capture, b: Capture) -> bool:
+    """Whether cameras, projector and views of two captures are the same."""
+
+    def places(capture: Capture) -> list[NDArray[np.float64]]:
+        rig = capture.rig
+        cameras = [x for side in SIDES for x in (rig.camera(side).K, rig.camera(side).distortion)]
+        return [
+            *cameras, rig.left_to_right, rig.projector.K, rig.projector.left_to_projector,
+            *(frame.camera_to_world for frame in capture.frames),
+        ]  # fmt: skip
+
+    return all(map(np.array_equal, places(a), places(b)))
 
 
 def held_out_figures(
     errors: ErrorsOfModels, given: Model | SensorModel | None, between: Sequence[Step], written: Step
 ) -> tuple[dict[str, Any], ImageErrors, ImageErrors, ImageErrors]:
     """(figures pooled over images, DN, without the renderer's own noise (render_noise.py), None without test frames;
-    the errors of the given model; on the capture as measured; those of the written one).
+    the errors of the given model; where the capture stands; those of the written one).
 
-    between: models on the way from the given one to the written one, which model.json holds.
+    errors: standing by the written model, which model.json holds. between: models on the way to it from the given one.
     """
     added, model = written
     before, after = errors.given(given), errors.found(model)
     way = [((), before), *((names, errors.found(m)) for names, m in between), *([(added, after)] if added else [])]
-    is_moved = errors.measured is not errors.capture
-    standing = errors.given(given, measured=True) if is_moved else before
+    standing = before if errors.stands is None else errors.standing(given)
     floors = {split: e["noise_floor_dn"] for split, e in after.by_split().items()}
     figures = {
         "heldout_ir_rmse_before": _rmse(before, "test"),

@@ -50,7 +50,7 @@ def smooth_light(
 ) -> dict[str, NDArray]:
     """Images [height][width] of bounced and ambient light, by their output's name, smoothed on matt surfaces. normal
     and points [height][width][3] in one frame; material: ids; surfaces: at least those materials, by id."""
-    is_matt = np.isin(material, [number for number, m in surfaces.items() if _is_matt(m)])
+    is_matt = np.isin(material, [number for number, m in surfaces.items() if is_matt_surface(m)])
     if not light or not is_matt.any():
         return light
     smooth = smooth_bounced(np.stack(list(light.values())), depth_m, normal, points, material, focal_px)
@@ -61,7 +61,7 @@ def smooth_light(
     }
 
 
-def _is_matt(m: kuafu.Material) -> bool:
+def is_matt_surface(m: kuafu.Material) -> bool:
     """Whether bounced and ambient light follow the surface alone: no mirror, no glass, no albedo texture."""
     roughness = m.roughness if m.ir_roughness is None else m.ir_roughness
     transmission = m.transmission if m.ir_transmission is None else m.ir_transmission
