@@ -139,6 +139,8 @@ def test_how_far_a_fit_takes_calibration_and_measurement_counts_the_farthest_in_
     assert fitter.prior_sigmas(SimpleNamespace(phi=phi)) == pytest.approx(3.0)
     base = SimpleNamespace(phi=np.array([5.0, 9.0, 20.0, 0.0, -1.2e-3, 0.06]))
     assert fitter.prior_sigmas(SimpleNamespace(phi=phi), base) == pytest.approx(1.0)  # what goes beyond the base's
+    weighed_up = NuisancePrior(np.zeros(3), np.array([6e-4, 6e-4, 0.03]) / 5.0, 1, 0.03, weighed_up=25.0)
+    assert Fitter([], weighed_up, 1).prior_sigmas(SimpleNamespace(phi=phi)) == pytest.approx(3.0)  # as stated
     nothing = NuisancePrior(np.array([]), np.array([]), 0, 0.03)
     assert Fitter([], nothing, 1).prior_sigmas(SimpleNamespace(phi=phi[:SCALES])) == 0.0
 

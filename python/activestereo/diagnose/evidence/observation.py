@@ -61,13 +61,14 @@ class Observation(MeasuredImage):
 class NuisancePrior:
     """A normal prior of the nuisances after scales and black level: both focal lengths, albedos, then
     Geometry.twists(). value, sigma: [n]; materials: how many albedos; albedo_sigma: of any material. black_dn: the
-    measured black level and its deviation, or None: it is free."""
+    measured black level and its deviation, or None: it is free. weighed_up: sigma^2 is what is stated over this."""
 
     value: np.ndarray
     sigma: np.ndarray
     materials: int
     albedo_sigma: float
     black_dn: tuple[float, float] | None = None
+    weighed_up: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,8 @@ class Evidence:
         value = np.concatenate([-self.geometry.focal, np.zeros(self.materials), -self.geometry.twists()])
         seen = np.unique(np.concatenate([o.geometry_places for o in self.train]))
         value[np.setdiff1d(np.arange(len(SIDES) + self.materials, len(value)), seen)] = 0.0
-        return NuisancePrior(value, sigma, self.materials, known.albedo, self.capture.rig.black_dn)
+        black_dn, misfit = self.capture.rig.black_dn, self.geometry.misfit
+        return NuisancePrior(value, sigma, self.materials, known.albedo, black_dn, misfit)
 
     @property
     def pixels(self) -> int:

@@ -270,10 +270,11 @@ class Fitter:
         return sum(pull @ pull.T for pull in pulls) + (rows * prior) @ rows.T
 
     def prior_sigmas(self, solution: Solution, base: Solution | None = None) -> float:
-        """How far a solution takes a nuisance that has a prior, the farthest, in the prior's deviations; with a base,
+        """How far a solution takes a nuisance that has a prior, the farthest, in the stated deviations; with a base,
         how much farther than that takes it."""
         strain = np.abs(self.sigmas(solution.phi))
-        return float((strain if base is None else strain - np.abs(self.sigmas(base.phi))).max(initial=0.0))
+        farthest = (strain if base is None else strain - np.abs(self.sigmas(base.phi))).max(initial=0.0)
+        return float(farthest / np.sqrt(self.nuisance_prior.weighed_up))
 
     def strain(self, solution: Solution) -> float:
         """The distance of a solution's nuisances from what is stated: the sum of squares, in its deviations."""
