@@ -79,9 +79,11 @@ class ExpectedImageChannel(JudgingChannel):
     ) -> None:
         self._fitters, self._base, self._thresholds, self._workers = fitters, base, thresholds, workers
         self._earlier = earlier or {}
-        # chi2 of the scan's images without the effect.
-        space, scan = ParameterSpace.of(base.model).starting_at(base.solution.theta), fitters.scan
-        self._neutral = scan.nuisance_fit(space, space.start, base.solution.phi, scan.lights(space, space.start), 1)[1]
+        # chi2 of the scan's images without the effect: with nuisances refitted as by scans, and with all as by fits.
+        space, phi = ParameterSpace.of(base.model).starting_at(base.solution.theta), base.solution.phi
+        scan = fitters.scan
+        self._neutral = scan.nuisance_fit(space, space.start, phi, scan.lights(space, space.start), 1)[1]
+        self._refitted = scan.refine(space, space.start, phi, _SCAN_STEPS).sums.total
 
     def explain(self, effects: Sequence[Effect], progress: Progress | None = None) -> list[Explanation | NotRanked]:
         thresholds, steps = self._thresholds, _Steps(self._fitters.train.memory, self._workers, progress)
@@ -112,13 +114,17 @@ class ExpectedImageChannel(JudgingChannel):
         scan = self._fitters.scan
         fits = [scan.refine(scanned.space, s.theta, s.phi, _SCAN_STEPS) for s in scanned.found]
         best = on_explained(scan, min(fits, key=lambda fit: fit.sums.total), _SCAN_STEPS)
-        gain = 1.0 - best.sums.total / self._neutral
+        gain = 1.0 - best.sums.total / self._refitted
         return _Approached(gain, scanned.effect, best) if gain > self._thresholds.worth_polishing else None
 
     def _polished(self, job: tuple[bool, _Approached]) -> Explanation:
         takes_steps, approached = job
-        fitter, effect, start = self._fitters.train, approached.effect, approached.solution
-        solution = fitter.refine(start.space, start.theta, start.phi, _POLISH_STEPS if takes_steps else 0)
+        fitter, effect, start, base = self._fitters.train, approached.effect, approached.solution, self._base.solution
+        if takes_steps:
+            solution = fitter.refine(start.space, start.theta, start.phi, _POLISH_STEPS)
+        else:  # linear, from where the base fits all images: the few of the scan pull what is fitted there away from it
+            theta = np.concatenate([base.theta, start.theta[len(base.theta) :]])
+            solution = fitter.refine(start.space, theta, base.phi, 0)
         parameters, chi2 = intervals(fitter, solution, effect), cross_validated(fitter, solution)
         return Explanation(effect, self.kind, parameters, chi2, solution.sums.tile_chi2, solution=solution)
 
