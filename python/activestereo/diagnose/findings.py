@@ -151,13 +151,14 @@ class BaseChecks(Checks):
 
 @dataclass(frozen=True)
 class Remainder:
-    """The residual that an explanation, or the base, leaves. chi2: of the train images; the others as in Explanation
-    and Checks."""
+    """The residual that an explanation, or the base, leaves. chi2: of the train images; is_of_draws: whether it has
+    draws that other frames predict in part; the others as in Explanation and Checks."""
 
     chi2: float
     repeats_reduced_chi2: float
     structure_reduced_chi2: float | None
     prior_sigmas: float = 0.0
+    is_of_draws: bool = False
 
 
 @dataclass(frozen=True)
@@ -199,9 +200,9 @@ class Finding:
 
     @property
     def remainder(self) -> Remainder:
-        e = self.explanation
-        checks = self.checks
-        return Remainder(e.chi2, e.repeats_reduced_chi2, checks.structure_reduced_chi2, checks.prior_sigmas)
+        e, checks = self.explanation, self.checks
+        of_draws = self.channel is Channel.STATIC_FIELD
+        return Remainder(e.chi2, e.repeats_reduced_chi2, checks.structure_reduced_chi2, checks.prior_sigmas, of_draws)
 
 
 @dataclass(frozen=True)

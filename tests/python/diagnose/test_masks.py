@@ -3,6 +3,7 @@
 
 import json
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from activestereo.capture.images import read_gray, write_gray
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.render import render_frames
 from activestereo.diagnose.evidence import gather
+from activestereo.diagnose.evidence.model_discrepancy import edge_slopes
 from activestereo.diagnose.refine import Fitters, ParameterSpace
 from activestereo.diagnose.propose.scan import scan_observations
 from activestereo.effects import Model, builtin
@@ -80,3 +82,18 @@ def test_a_measured_black_level_is_held_and_its_deviation_told(world, tmp_path):
         assert first == 3.0 and last == pytest.approx(3.0, abs=0.01)
     narrow, wide = found[1][2], found[2][2]
     assert wide > narrow
+
+
+@pytest.mark.parametrize("is_measured", [False, True])
+def test_a_measured_texture_may_stand_elsewhere_and_dots_may_not(is_measured):
+    room, dots = np.ones((20, 30)), np.zeros((20, 30))
+    room[:, 15:], dots[5:8, 5:8] = 2.0, 30.0
+    view = SimpleNamespace(
+        depth_m=np.full((20, 30), 2.0), K=np.diag([100.0, 100.0, 1.0]), once=lambda name, make: make(),
+        known=np.ones((20, 30), bool) if is_measured else None,
+    )  # fmt: skip
+    layers = SimpleNamespace(ambient=room, material=np.zeros((20, 30), np.uint32))
+    slopes = edge_slopes(SimpleNamespace(view=view, layers=layers), 10.0 * room + dots)
+    expected = np.zeros((20, 30))
+    expected[:, 14:16] = 5.0 * 100.0 / 2.0  # 5 DN per pixel, 50 pixels per metre
+    np.testing.assert_allclose(slopes, expected * is_measured, rtol=1e-6)

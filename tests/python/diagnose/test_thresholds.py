@@ -110,11 +110,24 @@ def test_probabilities_add_up_to_one_and_say_what_the_verdict_says(structure):
     assert probabilities(bare, bare, False) is None
 
 
+@pytest.mark.parametrize(
+    ("chi2", "channel", "verdict"),
+    [(124.0, Channel.EXPECTED_IMAGE, "effect"), (126.0, Channel.EXPECTED_IMAGE, "unknown"),
+     (126.0, Channel.STATIC_FIELD, "effect")],
+)  # fmt: skip
+def test_what_explains_less_than_it_leaves_is_not_all(chi2, channel, verdict):
+    """The excess is 50; draws are predicted from other frames only in part."""
+    first = ranking(0.9)
+    explanation = replace(first.findings[0].explanation, chi2=chi2, channel=channel)
+    first = replace(first, findings=(replace(first.findings[0], explanation=explanation),))
+    assert verdict_of(first, first, True) == verdict
+
+
 def test_what_ends_at_its_range_and_leaves_structure_is_a_stand_in():
     calm = replace(ranking(0.9), base=SimpleNamespace(chi2=100.0, white_reduced_chi2=0.0), findings=())
     for at_end, left, verdict in ((True, 0.2, "unknown"), (True, 0.0, "effect"), (False, 0.2, "effect")):
         best = ranking(0.9, left).best
-        explanation = replace(best.explanation, chi2=130.0)
+        explanation = replace(best.explanation, chi2=120.0)
         best = replace(best, explanation=explanation, checks=replace(best.checks, at_range_end=at_end))
         assert verdict_of(replace(ranking(0.9), findings=(best,)), calm, True) == verdict
 

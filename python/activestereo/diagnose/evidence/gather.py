@@ -202,8 +202,11 @@ def _materials(measured_image: MeasuredImage, material_of: np.ndarray) -> np.nda
 
 
 def _albedo_materials(train: Sequence[MeasuredImage], material_of: np.ndarray) -> list[int]:
-    """Materials that cover enough of the train frames, but for the largest one: its albedo is part of the scales."""
-    ids, counts = np.unique(np.concatenate([_materials(s, material_of).ravel() for s in train]), return_counts=True)
+    """Materials that cover enough of what is known in the train frames, but for the largest one: its albedo is part of
+    the scales."""
+    images = [(_materials(s, material_of), s.view.known) for s in train]
+    seen = [material.ravel() if known is None else material[known] for material, known in images]
+    ids, counts = np.unique(np.concatenate(seen), return_counts=True)
     order = np.argsort(-counts)
     return [ids[i] for i in order if counts[i] > _SMALLEST_MATERIAL * counts.sum()][1:]
 

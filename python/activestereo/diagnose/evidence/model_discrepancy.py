@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Model discrepancy at edges: the scene measurement knows the positions of edges to a millimetre or so.
 
-Where materials or surfaces meet, an error of position changes the image by the local slope times that error. Its
-standard deviation is estimated on static frames and limited, so that effects that do move edges remain to be explained.
+Where materials or surfaces meet, and where a texture that was measured changes, an error of position changes the image
+by the local slope times that error. Its standard deviation is estimated on static frames and limited, so that effects
+that do move edges remain to be explained.
 """
 
 from collections.abc import Sequence
@@ -17,6 +18,8 @@ from activestereo.diagnose.evidence.measured_image import MeasuredImage
 # else is missing.
 _LARGEST_EDGE_DISCREPANCY_M = 1.5e-3
 _DEPTH_STEP = 0.03
+# A measured texture has an edge where the room's light off it changes by more than this share from pixel to pixel.
+_TEXTURE_STEP = 0.1
 
 
 def edges(o: MeasuredImage) -> np.ndarray:
@@ -35,8 +38,18 @@ def edge_slopes(o: MeasuredImage, image: np.ndarray) -> np.ndarray:
     """
     z, edge = o.view.depth_m, edges(o)
     down, right = np.gradient(image)
+    slope = np.where(edge, np.hypot(down, right), 0.0)
+    if o.view.known is not None:  # the scene was measured, its textures too
+        slope = np.maximum(slope, image * o.view.once("texture edges", lambda: _texture_edges(o.layers.ambient)))
     per_m = np.where(z > 0, o.view.K[0, 0] / np.where(z > 0, z, 1.0), 0.0)
-    return np.where(edge, np.hypot(down, right) * per_m, 0.0).astype(np.float32)
+    return (slope * per_m).astype(np.float32)
+
+
+def _texture_edges(room: np.ndarray) -> np.ndarray:
+    """Relative change of the room's light from pixel to pixel, which no dots are in, at edges; else 0."""
+    down, right = np.gradient(room)
+    change = np.hypot(down, right) / np.maximum(room, 1e-3 * room.max(initial=1e-9))
+    return np.where(change > _TEXTURE_STEP, change, 0.0)
 
 
 def edge_discrepancy(

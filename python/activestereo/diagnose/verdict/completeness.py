@@ -57,16 +57,18 @@ def unexplained_ratio(ranking: Ranking, remainder: Remainder, first: Ranking | N
     measurement further than their priors allow is a confounder of the true one, however small its residual. Noise of
     single pixels needs no effect: its level is a nuisance, and random patterns that stay have candidates of their own.
     Those explain no structure, so the base's structure counts beside them. Where no effect is named, a residual above
-    what errors of the scene measurement leave needs one too.
+    what errors of the scene measurement leave needs one too, and so does one beside a named effect that is larger than
+    what this explains, whatever its shape.
     """
-    thresholds, excess = ranking.thresholds, _excess_beside(ranking, remainder)
+    thresholds, white, excess = ranking.thresholds, ranking.base.white_reduced_chi2, _excess_beside(ranking, remainder)
     structure, limit = remainder.structure_reduced_chi2 or 0.0, thresholds.unexplained_reduced_chi2
     left = min(_over(excess, limit), _over(structure, limit))  # structure counts as far as there is that much excess
     if first is None:
-        alone = _over(excess - ranking.base.white_reduced_chi2, thresholds.largest_scene_error_reduced_chi2)
-        return max(alone, left)
+        return max(_over(excess - white, thresholds.largest_scene_error_reduced_chi2), left)
     kept = _over(structure, thresholds.smallest_share * (first.base_checks.structure_reduced_chi2 or 0.0))
-    return max(_over(remainder.prior_sigmas, thresholds.largest_prior_sigmas), min(left, kept))
+    explained = max((first.base.chi2 - remainder.chi2) / first.pixels, 0.0)
+    most = 0.0 if remainder.is_of_draws else min(_over(excess - white, limit), _over(excess - white, explained))
+    return max(_over(remainder.prior_sigmas, thresholds.largest_prior_sigmas), min(left, kept), most)
 
 
 def is_unexplained(ranking: Ranking, remainder: Remainder, first: Ranking | None = None) -> bool:
