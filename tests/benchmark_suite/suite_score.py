@@ -143,6 +143,7 @@ def score(results):
         "outside the library: said so": rate([r.verdict == "unknown" for r in of["outside"]]),
         "outside the library: wrong name": rate([r.verdict == "effect" for r in of["outside"]]),
         "pairs: both found": rate([r.added == r.truth for r in of["pairs"] if r.detectable]),
+        "pairs: both found, or told equivalent": rate([_all_told(r) for r in of["pairs"] if r.detectable]),
         "pairs: one of two first": rate([_first(r) for r in of["pairs"] if r.detectable]),
         "another renderer: first name": rate([_first(r) for r in foreign_single]),
         "another renderer: named and right": rate([r.added == r.truth for r in foreign_single]),
@@ -212,6 +213,13 @@ def _family_right(r):
 def _set_of(r):
     first = r.ranking[0] if r.ranking else None
     return {r.case_name(name) for name in (first["effect"], *first["equivalent"])} if first else set()
+
+
+def _all_told(r):
+    """Whether nothing else is named, and what is not is told as equivalent to what is."""
+    named = [entry for entry in r.ranking if r.case_name(entry["effect"]) in r.added]
+    equivalent = {r.case_name(name) for entry in named for name in entry["equivalent"]}
+    return bool(r.added) and r.added <= r.truth <= r.added | equivalent
 
 
 def _own_parameters(r):

@@ -104,7 +104,8 @@ def test_wrong_answers_are_told_apart():
     said, misled = result({"z"}, "unknown", set_name="outside"), result({"z"}, "effect", [entry("b")], {"b"}, "outside")
     both = result({"a", "b"}, "effect", [entry("a")], {"b", "a"}, "pairs")
     one = result({"a", "b"}, "effect", [entry("a")], {"a"}, "pairs")
-    out = score([kin, stranger, alarm, quiet, said, misled, both, one])
+    twins = result({"a", "b"}, "effect", [entry("a", equivalent=["b"])], {"a"}, "pairs")
+    out = score([kin, stranger, alarm, quiet, said, misled, both, one, twins])
     value = {name: m["value"] for name, m in out["measures"].items()}
     assert (value["top-1"], value["top-3"], value["family"]) == (0.0, 0.5, 0.5)
     assert (
@@ -113,7 +114,8 @@ def test_wrong_answers_are_told_apart():
         == value["outside the library: wrong name"]
         == 0.5
     )
-    assert value["pairs: both found"] == 0.5
+    assert value["pairs: both found"] == pytest.approx(1 / 3)
+    assert value["pairs: both found, or told equivalent"] == pytest.approx(2 / 3)
     assert value["pairs: one of two first"] == 1.0
     assert out["by_strength"]["strong"]["confusion"] == {"a": "b"}
 
