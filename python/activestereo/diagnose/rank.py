@@ -38,6 +38,8 @@ from activestereo.diagnose.verdict.completeness import is_unexplained
 from activestereo.diagnose.verdict.confidence import confidences, equivalents
 from activestereo.effects import Effect, Stage
 from activestereo.effects.core.judging import Channel
+from activestereo.effects.core.room_light import has_room_light
+from activestereo.effects.core.surfaces import SURFACES
 
 # Part of the time that fields of draws take, for the progress.
 _FIELDS_TIME = 0.05
@@ -78,7 +80,7 @@ def rank(
         if e.id not in known:
             of_kind.setdefault(e.channel, []).append(e)
     tell = progress or (lambda fraction: None)
-    of_pixels = _of_pixels(context, of_kind)
+    out_of_reach = _of_pixels(context, of_kind) + _of_surfaces(context, of_kind)
     explained, skipped = _on_images(context, base, of_kind, part_of(progress, 0.0, _FITS_TIME), earlier)
     ranking = _rendered(context, scored(context, base, explained))
     tell(_RENDERED_TIME)
@@ -90,7 +92,7 @@ def rank(
     ranking = replace(
         ranking,
         findings=ranking.findings + noise,
-        not_ranked=(*skipped, *also_skipped, *of_pixels, *_unjudged(of_kind)),
+        not_ranked=(*skipped, *also_skipped, *out_of_reach, *_unjudged(of_kind)),
     )
     ranking = _with_findings(ranking, _in_order(ranking))
     ranking = _with_remainders(context, ranking)
@@ -175,6 +177,16 @@ def _of_pixels(context: DiagnosisContext, of_kind: dict[Channel | None, list[Eff
     reason = f"it acts on single pixels, and the images were averaged over {size}x{size}: judge it with --bin 1"
     channels = Channel.STATIC_FIELD, Channel.NOISE_MODEL
     return [NotRanked(e, reason) for channel in channels for e in of_kind.pop(channel, [])]
+
+
+def _of_surfaces(context: DiagnosisContext, of_kind: Mapping[Channel | None, list[Effect]]) -> list[NotRanked]:
+    """Effects of chosen materials, taken out where a room was measured: there a view's picture is one material."""
+    images = of_kind.get(Channel.EXPECTED_IMAGE, [])
+    chosen = [e for e in images if SURFACES in e.parameters]
+    if not chosen or not has_room_light(context.evidence.capture.scene_path):
+        return []
+    images[:] = [e for e in images if e not in chosen]
+    return [NotRanked(e, "it is of single surfaces, and the room was measured as its views' pictures") for e in chosen]
 
 
 def _unjudged(of_kind: Mapping[Channel | None, list[Effect]]) -> list[NotRanked]:

@@ -14,9 +14,12 @@ from activestereo.compare.cache import LayerCache
 from activestereo.compare.render import render_frames
 from activestereo.diagnose.evidence import gather
 from activestereo.diagnose.evidence.model_discrepancy import edge_slopes
+from activestereo.diagnose.rank import _of_surfaces
 from activestereo.diagnose.refine import Fitters, ParameterSpace
 from activestereo.diagnose.propose.scan import scan_observations
 from activestereo.effects import Model, builtin
+from activestereo.effects.core.judging import Channel
+from activestereo.scene_io.gltf_writer import GltfWriter
 from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world
 
@@ -97,3 +100,15 @@ def test_a_measured_texture_may_stand_elsewhere_and_dots_may_not(is_measured):
     expected = np.zeros((20, 30))
     expected[:, 14:16] = 5.0 * 100.0 / 2.0  # 5 DN per pixel, 50 pixels per metre
     np.testing.assert_allclose(slopes, expected * is_measured, rtol=1e-6)
+
+
+def test_effects_of_single_surfaces_are_not_ranked_in_a_room_that_was_measured(tmp_path):
+    room = GltfWriter()
+    room.set_extras(room_light="emission")
+    GltfWriter().write(tmp_path / "modelled.gltf"), room.write(tmp_path / "measured.gltf")
+    for name, told in (("modelled", []), ("measured", ["specular"])):
+        images = [builtin()["specular"], builtin()["vignetting"]]
+        capture = SimpleNamespace(scene_path=tmp_path / f"{name}.gltf")
+        context = SimpleNamespace(evidence=SimpleNamespace(capture=capture))
+        assert [n.effect.id for n in _of_surfaces(context, {Channel.EXPECTED_IMAGE: images})] == told
+        assert [e.id for e in images] == [e for e in ("specular", "vignetting") if e not in told]
