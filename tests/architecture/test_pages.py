@@ -15,7 +15,7 @@ GENERATED = {
     "examples/effects/README.md",
     "python/activestereo/camera/advanced_mode/README.md",
 }
-RESULTS = ("tests/bench", "tests/benchmark_suite")
+RESULTS = ("tests/bench", "tests/benchmark_suite", "examples/real_camera")
 MOST_WORDS, MOST_WORDS_OF_RESULTS, MOST_LINES_OF_A_RELEASE = 45_000, 1_200, 60
 MOST_WORDS_EXPLAINED = 25
 
