@@ -15,12 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 import kuafu
 from activestereo.compare.cache import scene_digest
 from activestereo.compare.layers import Layers, RenderRequest, ViewCamera
-from activestereo.effects.core.room_light import BOUNCED_SHARE, RoomLight, light_by_room
+from activestereo.effects.core.room_light import BOUNCED_SHARE, RoomLight, light_by_room, spread
 from activestereo.effects.core.scene_surfaces import split_surfaces
 from activestereo.effects.engines.smooth import SMOOTH_VERSION
 from activestereo.effects.engines.smoothing import is_matt_surface, seen_surfaces, smooth_light
@@ -29,7 +28,6 @@ from activestereo.scene_io.scene_files import load_scene_file
 # Light without the pattern varies at edges alone: it needs fewer samples.
 _FLAT_SHARE = 0.5
 _BOUNCED = ("projector_indirect", "ambient")
-_BOUNCED_SPREAD_PX = 1.5  # in a measured room, of pixels of twice the width
 _FIRST_HIT = ("projector_direct", "depth", "normal", "material_id")
 
 
@@ -84,7 +82,7 @@ class KuafuRenderer:
         if world.room is None:
             images = self._render(world, request, cameras, _FIRST_HIT + _BOUNCED, request.max_bounces, progress)
         else:
-            few = _with_share_of_samples(request, BOUNCED_SHARE)
+            few = _with_share_of_samples(request, 4.0 * BOUNCED_SHARE)  # of pixels of twice the width
             images = dict(self._render(world, request, cameras, _FIRST_HIT, 0, None))
             images["projector_indirect"] = self._bounced(world, few, progress)
             room = world.room.images(self._renderer, cameras, few.samples_per_pixel, seed=request.seed)
@@ -101,9 +99,8 @@ class KuafuRenderer:
         pixels of twice the width do, and their neighbours' mean."""
         wide = [_of_wide_pixels(camera) for camera in request.cameras]
         light = self._render(world, request, wide, _BOUNCED[:1], request.max_bounces, progress)["projector_indirect"]
-        smooth = gaussian_filter(np.asarray(light), (0.0, _BOUNCED_SPREAD_PX, _BOUNCED_SPREAD_PX, 0.0), mode="nearest")
         height, width = request.cameras[0].height, request.cameras[0].width
-        return smooth.repeat(2, axis=1).repeat(2, axis=2)[:, :height, :width]
+        return spread(light).repeat(2, axis=1).repeat(2, axis=2)[:, :height, :width]
 
     def _layers(
         self,

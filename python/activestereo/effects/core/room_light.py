@@ -13,13 +13,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 import kuafu
 from activestereo.scene_io.gltf_document import read_document
 from activestereo.scene_io.scene_files import load_scene_file
 
-# Of the samples of such a room, for light that is bounced: the projector's alone, a hundredth of what it lights first.
-BOUNCED_SHARE = 0.25
+# Of a pixel's samples in such a room, for light that is bounced: the projector's alone, a hundredth of what it lights
+# first. It has no dots, and is spread over its neighbourhood.
+BOUNCED_SHARE = 1.0 / 16.0
+_SPREAD_PX = 1.5
 # Emission has no noise: samples only spread over a pixel's square.
 _MOST_SAMPLES = 4
 
@@ -52,6 +55,11 @@ class RoomLight:
             spp=min(spp, _MOST_SAMPLES), **options,
         )  # fmt: skip
         return np.asarray(room["ambient"])
+
+
+def spread(bounced: np.ndarray) -> np.ndarray:
+    """Bounced light [camera][height][width][1] of the camera's pixels as the mean of its neighbourhood."""
+    return np.asarray(gaussian_filter(bounced, (0.0, _SPREAD_PX, _SPREAD_PX, 0.0), mode="nearest"))
 
 
 def light_by_room(scene: kuafu.Scene, device: kuafu.Device, scene_path: Path) -> RoomLight | None:

@@ -21,7 +21,7 @@ from activestereo.common.progress_bar import part_of
 from activestereo.effects.core.descriptor import Randomness
 from activestereo.effects.core.engine import EngineInputs, apply_engine
 from activestereo.effects.core.model import Model, Scales
-from activestereo.effects.core.room_light import BOUNCED_SHARE, light_by_room
+from activestereo.effects.core.room_light import BOUNCED_SHARE, light_by_room, spread
 from activestereo.effects.core.scene_surfaces import split_surfaces
 from activestereo.effects.engines.capture_inputs import capture_inputs
 from activestereo.effects.engines.halves import half_samples, half_seeds
@@ -285,6 +285,8 @@ class CaptureRenderer:
                     progress=part_of(progress, done / len(passes), (done + 1) / len(passes)),
                     **options,
                 )
+            if len(passes) > 1:
+                images["projector_indirect"] = spread(images["projector_indirect"])
             if self._room is not None and "ambient" in images:
                 images["ambient"] = images["ambient"] + self._room.images(self._renderer, cameras, spp, **options)
         finally:
