@@ -93,15 +93,16 @@ def image_errors(
     scene_measurement: SceneMeasurement | None = None,
     progress: Callable[[float], object] | None = None,
     cache: LayerCache | None = None,
+    mean: LayersOfFrames | None = None,
 ) -> ImageErrors:
     """The ImageErrors of a model with the nuisances that fit the train frames. ValueError: there is nothing to fit.
 
     halves: the base model's light on all frames, by render_halves(). engines: makes a CaptureRenderer of the capture,
     in which the model's effects act; None: their image functions do. scene_measurement: what is known of focal lengths
     and albedos, which engines alone show. progress: called as progress(fraction done) while engines render.
-    cache: where the engines' light is kept, or None.
+    cache: where the engines' light is kept, or None. mean: mean_of_halves(halves), where it is known.
     """
-    layers = mean_of_halves(halves)
+    layers = mean_of_halves(halves) if mean is None else mean
     measured = {(frame.id, side): capture.ir(frame, side) for frame in capture.frames for side in SIDES}
     views = {
         (frame.id, side): View.of(capture, frame, side, layers[frame.id][side], seed)

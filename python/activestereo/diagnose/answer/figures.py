@@ -15,7 +15,8 @@ from activestereo.common.computed_once import computed_once
 from activestereo.common.progress_bar import Progress
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.image_errors import ImageErrors, image_errors
-from activestereo.compare.render import Halves
+from activestereo.compare.render import Halves, LayersOfFrames
+from activestereo.compare.render_noise import mean_of_halves
 from activestereo.effects import Model
 from activestereo.effects.core.scene_surfaces import surface_names
 from activestereo.model import SensorModel
@@ -53,7 +54,9 @@ class ErrorsOfModels:
         if isinstance(model, SensorModel):
             capture = calibrated(self.capture, model)
             return self._under(model, capture, self.base(capture))
-        return self._of_effects(model, self.capture, self._own_base())
+        if self.stands is None:
+            return self._of_effects(model, self.capture, *self._light_there())
+        return self._of_effects(model, self.capture, self.base(self.capture))
 
     def standing(self, model: Model | SensorModel | None) -> ImageErrors:
         """given() on the capture where it stands."""
@@ -61,34 +64,35 @@ class ErrorsOfModels:
             return self.given(model)
         if isinstance(model, SensorModel):
             return self.found(model)
-        return self.plain() if model is None else self._of_effects(model, self.stands, self._base_there())
+        return self.plain() if model is None else self._of_effects(model, self.stands, *self._light_there())
 
     @computed_once
     def plain(self) -> ImageErrors:
         """Errors of the base model on the capture where it stands."""
-        return self._of_effects(None, self.stands or self.capture, self._base_there())
+        return self._of_effects(None, self.stands or self.capture, *self._light_there())
 
     def found(self, model: SensorModel) -> ImageErrors:
         """Errors of a model's effects on the capture where it stands."""
-        return self._under(model, self.stands or self.capture, self._base_there())
+        return self._under(model, self.stands or self.capture, *self._light_there())
 
-    def _of_effects(self, model: Model | None, capture: Capture, base: Halves) -> ImageErrors:
+    def _of_effects(
+        self, model: Model | None, capture: Capture, base: Halves, mean: LayersOfFrames | None = None
+    ) -> ImageErrors:
         engines = None if model is None else self.engines
-        return image_errors(capture, model or Model(), base, self.seed, engines, None, self.progress, self.cache)
+        return image_errors(capture, model or Model(), base, self.seed, engines, None, self.progress, self.cache, mean)
 
-    def _under(self, model: SensorModel, capture: Capture, base: Halves) -> ImageErrors:
+    def _under(
+        self, model: SensorModel, capture: Capture, base: Halves, mean: LayersOfFrames | None = None
+    ) -> ImageErrors:
         names = surface_names(capture.scene_path)
-        bound, scene_measurement = model.bound(names), model.scene_measurement(names)
-        engines, progress, cache = self.engines, self.progress, self.cache
-        return image_errors(capture, bound, base, self.seed, engines, scene_measurement, progress, cache)
+        bound, measured = model.bound(names), model.scene_measurement(names)
+        return image_errors(capture, bound, base, self.seed, self.engines, measured, self.progress, self.cache, mean)
 
     @computed_once
-    def _own_base(self) -> Halves:
-        return self.base(self.capture)
-
-    @computed_once
-    def _base_there(self) -> Halves:
-        return self._own_base() if self.stands is None else self.base(self.stands)
+    def _light_there(self) -> tuple[Halves, LayersOfFrames]:
+        """The base model's light where the capture stands, and the mean of its halves: kept, for it is large."""
+        halves = self.base(self.stands or self.capture)
+        return halves, mean_of_halves(halves)
 
 
 def _stand_alike(a: Capture, b: Capture) -> bool:
