@@ -18,7 +18,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "shared"))
 from room_worlds import BALLS, BASELINE_M, CX, CY, EXPONENT, PLACE_M, F, Room
 
 from activestereo.calibrate.world.camera import information_of
-from activestereo.calibrate.world.light import black_level
+from activestereo.calibrate.world.light import black_level, light_view
+from activestereo.calibrate.world.pattern import PatternEstimate
 from activestereo.calibrate.world.poses import without_moved_repeats
 from activestereo.calibrate.world.views import SceneView, read_views
 from activestereo.calibrate.world.world import calibrate_world
@@ -202,6 +203,20 @@ def test_counts_that_end_abruptly_are_the_black_level():
     assert black_level([view]) == (4.0, pytest.approx(0.4))
     level, deviation = black_level([replace(view, left=thins_out, right=thins_out)])
     assert deviation > 4.0 and level < 12.0
+
+
+def test_the_squares_of_a_board_are_not_taken_for_dots():
+    rng, shape, K = np.random.default_rng(0), (160, 320), np.array([[200.0, 0, 159.5], [0, 200.0, 79.5], [0, 0, 1.0]])
+    dots = cv2.GaussianBlur(rng.normal(size=shape).astype(np.float32), (0, 0), 1.2)
+    dots /= dots.std()
+    row, column = np.indices(shape)
+    albedo = np.where((row // 19 + column // 19) % 2 + (column < 160), 1.0, 0.2)  # a wall, and a board right of it
+    image = (4.0 + albedo * (60.0 + 5.0 * dots) + rng.normal(0.0, 0.5, shape)).astype(np.float32)
+    depth = np.ones(shape, np.float32)
+    pattern = PatternEstimate(dots, K, np.zeros(3), np.eye(3), {})
+    light = light_view(SceneView(None, image, image, depth, depth > 0, 1.0), K, pattern)
+    assert light.amplitude[30:-30, 30:130].mean() == pytest.approx(5.0, rel=0.1)
+    assert light.amplitude[30:-30, 190:-30].std() < 0.3 * 0.6 * 5.0  # squares of 48 DN, dots of 3 DN in the mean
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,8 @@ _SLOW_PX, _AMPLITUDE_PX, _ROOM_PX = 4.0, 9.0, 3.0
 # The room's light is smoothed over so many pixels where it changes by no more than so many times its fine deviation:
 # noise and what dots leave go, edges stay (Tomasi and Manduchi 1998).
 _SMOOTH_PX, _SMOOTH_DEVIATIONS = 3.0, 8.0
+# What changes by more than so many times the image's fine deviation is a texture's step, and no dot.
+_TEXTURE_DEVIATIONS = 6.0
 _LEAST_GEOMETRY = 0.02  # cosine over squared distance, 1/m^2, below which dots are too dim to tell albedo
 _LEAST_ROOM_DN = 2.0
 _SAME_SURFACE = 0.01  # views' depths that differ by less than this share are of one place
@@ -107,7 +109,9 @@ def light_view(view: SceneView, K: NDArray[np.float64], pattern: PatternEstimate
     seen = sampled(pattern.image, f * from_projector[..., 0] / z + cx, f * from_projector[..., 1] / z + cy)
     lit = np.isfinite(seen)
     dots = np.where(lit, seen, 0.0).astype(np.float32)
-    fast, fast_dots = view.left - blurred(view.left, _SLOW_PX), dots - blurred(dots, _SLOW_PX)
+    fine = 1.4826 * float(np.median(np.abs(view.left - blurred(view.left, _SLOW_PX))))
+    slow = cv2.bilateralFilter(view.left, int(3 * _SLOW_PX), _TEXTURE_DEVIATIONS * fine, _SLOW_PX)
+    fast, fast_dots = view.left - slow, dots - blurred(dots, _SLOW_PX)
     weight = (view.surface & lit).astype(np.float32)
     amplitude = blurred(fast * fast_dots * weight, _AMPLITUDE_PX) / np.maximum(
         blurred(fast_dots * fast_dots * weight, _AMPLITUDE_PX), 1e-3
