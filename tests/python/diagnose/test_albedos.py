@@ -13,8 +13,10 @@ from activestereo.compare.nuisances import Nuisances, predict
 from activestereo.compare.render import render_frames
 from activestereo.diagnose.answer.albedo_json import albedo_json, albedo_surfaces
 from activestereo.diagnose.answer.verdict_words import geometry_words, next_steps
+from activestereo.diagnose.answer.found_model import found_model
 from activestereo.diagnose.evidence import gather
 from activestereo.diagnose.refine import Fitter, ParameterSpace
+from activestereo.diagnose.refine.light import DENSE
 from activestereo.effects import Model, builtin
 from activestereo.effects.core.scene_surfaces import scene_surfaces
 
@@ -78,3 +80,13 @@ def test_a_stated_albedo_that_is_impossible_for_what_is_seen_is_told(evidence, s
     assert ("times its stated uncertainty" in entry["text"]) == impossible
     steps = next_steps(DIAGNOSIS | {"albedos": [entry]})
     assert any(step.startswith("Measure the albedos again, or state a larger") for step in steps) == impossible
+
+
+def test_no_material_of_a_found_model_reflects_less_than_nothing(evidence):
+    evidence, fitter, solution = reflecting(evidence, {0: 0.6})
+    phi = solution.phi.copy()
+    phi[DENSE] = -1.02
+    solution = replace(solution, phi=phi)
+    materials = found_model(evidence, Model(), solution, ()).materials
+    assert min(fields["ir_albedo_factor"].value for fields in materials.values()) == 0.0
+    assert min(entry["factor"] for entry in albedo_json(evidence, fitter, solution)) == 0.0

@@ -44,7 +44,7 @@ def albedo_json(evidence: Evidence, fitter: Fitter, solution: Solution) -> list[
     design = design_effect(solution.sums.tile_chi2, evidence.tile_pixels)
     design *= max(1.0, solution.sums.total / evidence.pixels)
     errors = np.sqrt(design * np.diag(fitter.inverse(solution))[first : first + materials])
-    factors = {-1: 1.0} | dict(enumerate(1.0 + solution.phi[DENSE : DENSE + materials]))
+    factors = {-1: 1.0} | dict(enumerate(np.maximum(0.0, 1.0 + solution.phi[DENSE : DENSE + materials])))
     usual = float(np.median(list(factors.values())))
     surfaces, told = scene_surfaces(evidence.capture.scene_path), []
     for index, number in sorted(albedo_surfaces(evidence).items()):

@@ -24,7 +24,8 @@ def found_model(evidence: Evidence, model: Model, solution: Solution, findings: 
     """
     geometry, surfaces = standing(evidence, solution), scene_surfaces(evidence.capture.scene_path)
     albedo = {
-        material_of(surfaces[number].name): 1.0 + float(solution.phi[DENSE + index])
+        # A fit that misses something may ask for less than no light of a material.
+        material_of(surfaces[number].name): max(0.0, 1.0 + float(solution.phi[DENSE + index]))
         for index, number in albedo_surfaces(evidence).items()
         if index >= 0 and number < len(surfaces)
     }
