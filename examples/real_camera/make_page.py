@@ -42,8 +42,8 @@ def _table(result):
     columns, rows = result["columns"], result["rows"]
     if any(len(row) != len(columns) for row in rows):
         raise ValueError(f"a row of '{result['command']}' has not {len(columns)} columns")
-    lines = [[str(name) for name in columns], ["---"] * len(columns), *([_text(x) for x in row] for row in rows)]
-    return ["", *(f"| {' | '.join(line)} |".replace("|  |", "| |") for line in lines), ""]
+    lines = [[str(name) for name in columns], ["--"] * len(columns), *([_text(x) for x in row] for row in rows)]
+    return ["", *(f"|{'|'.join(line)}|" for line in lines), ""]
 
 
 def _text(value):
