@@ -77,7 +77,8 @@ def main(arguments):
 
 def make_page():
     """The page as text."""
-    runs = [json.loads(path.read_text()) for path in sorted(RESULTS.glob("generation-*.json"), reverse=True)]
+    runs = [json.loads(path.read_text()) for path in RESULTS.glob("generation-*.json")]
+    runs.sort(key=lambda run: (run["date"], run["generation"]), reverse=True)
     own = runs[-1]
     lines = [HEAD, "## How often it is right", "", *_measures(runs), ""]
     lines += [f"By strength, of generation {own['generation']}:", "", *_strengths(own["by_strength"]), ""]
@@ -141,7 +142,7 @@ def _another_renderer(run):
 
 
 def _decision(run):
-    return ["## Rules and law", "", run["protocol"], "", f"    {run['command']}"]
+    return ["## Rules and law", "", run["result"]]
 
 
 def _next(run):

@@ -42,7 +42,6 @@ from activestereo.diagnose.answer.residual_model import residual_model
 from activestereo.diagnose.base_fit import BaseFits
 from activestereo.diagnose.channels import Progress
 from activestereo.diagnose.channels.fields_together import shown_together
-from activestereo.diagnose.decision.gathered import findings_of
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.findings import BaseFit, Finding, NotRanked, Ranking
 from activestereo.diagnose.greedy import Step, greedy
@@ -300,7 +299,7 @@ def examine(
     if is_named(first):
         first = settled_first(context, first)
     way = _way(context, bases, first, candidates, settings.steps, phases)
-    last, findings = way[-1].ranking, findings_of(way, evidence.has_floor)
+    last = way[-1].ranking
     verdict = verdict_of(first, last, evidence.has_floor)
     residual = residual_model(last.base, evidence.capture.name, evidence.seed) if verdict == UNKNOWN else None
     of_object = rank_object(context, first, candidates) if verdict == EFFECT else None
@@ -329,7 +328,6 @@ def examine(
         "albedos": albedo_json(evidence, fitters.train, solution),
         "objects": [] if of_object is None else [object_json(of_object, context, name_of)],
         "judging": judging_json(first, evidence.has_floor),
-        "findings": findings.as_json(),
         "residual_model": residual and residual.as_json(),
         "model": model_json(found, solution.nuisances),
     }

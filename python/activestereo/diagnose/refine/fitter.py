@@ -7,7 +7,7 @@ never extrapolated.
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import islice
@@ -40,7 +40,6 @@ _LEAST_CHI2 = 0.9
 _REMEMBERED = 12
 # Threads that take turns in Python: more of them take longer.
 MOST_THREADS = 4
-_Group = TypeVar("_Group", bound=Hashable)
 _In = TypeVar("_In")
 _Out = TypeVar("_Out")
 _SomePixels = TypeVar("_SomePixels", Pixels, AllPixels)
@@ -193,19 +192,6 @@ class Fitter:
                 sums.add_blocks(pixels, columns, residual, n_theta, phi)
         return sums
 
-    def sums_by(self, solution: Solution, group_of: Callable[[Observation], _Group]) -> dict[_Group, Sums]:
-        """Sums at a solution, of the observations of each group."""
-        space, theta, phi = solution.space, solution.theta, solution.phi
-        out: dict[_Group, Sums] = {}
-        for pixels, columns, residual in self._slopes(
-            self._pixels(), space, theta, phi, self.lights(space, theta), len(theta)
-        ):
-            size = len(theta) + len(phi), self._tiles
-            out.setdefault(group_of(pixels.observation), Sums.of_size(*size)).add(
-                pixels, columns, residual, len(theta), phi
-            )
-        return out
-
     def slopes(
         self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light], n_theta: int
     ) -> Iterator[tuple[Observation, list[np.ndarray], np.ndarray]]:
@@ -275,10 +261,6 @@ class Fitter:
         strain = np.abs(self.sigmas(solution.phi))
         farthest = (strain if base is None else strain - np.abs(self.sigmas(base.phi))).max(initial=0.0)
         return float(farthest / np.sqrt(self.nuisance_prior.weighed_up))
-
-    def strain(self, solution: Solution) -> float:
-        """The distance of a solution's nuisances from what is stated: the sum of squares, in its deviations."""
-        return float((self.sigmas(solution.phi) ** 2).sum())
 
     def inverse(self, solution: Solution) -> np.ndarray:
         """The inverse of the normal matrix with its priors, at a solution: (theta, phi) in rows and columns."""

@@ -6,13 +6,11 @@ Of two effects that explain the data equally well, the one that needs less fine 
 preferred. The estimate is accurate to a few nats.
 """
 
-from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
 
 from activestereo.common.normal_matrix import inverse_normal_matrix
-from activestereo.diagnose.decision.records import Freedom
 from activestereo.diagnose.refine.fitter import Fitter
 from activestereo.diagnose.refine.parameter_space import Solution
 from activestereo.effects import Effect, Parameter
@@ -54,20 +52,6 @@ def occam_nats(fitter: Fitter, solution: Solution, effect: Effect, design: float
     sizes = range(1, len(free) + 1)
     kept = (list(chosen) for size in sizes for chosen in combinations(range(len(free)), size))
     return max(_cost(k, away, density, information) for k in kept)
-
-
-def freedom_of(fitter: Fitter, solution: Solution, effects: Sequence[Effect], design: float) -> Freedom:
-    """The Freedom of these effects. design: the residuals' design effect."""
-    own, space = {e.id for e in effects}, solution.space
-    free = [i for i, (e, _) in enumerate(space.pairs) if e.id in own and not (space.fixed[i] or space.given[i])]
-    if not free:
-        return Freedom((), (), ())
-    parameters = [space.pairs[i][1] for i in free]
-    typical = np.array([p.typical for p in parameters])
-    away = (solution.theta[free] - space.neutral[free]) / typical
-    density = [float(_log_density(p, x)) for p, x in zip(parameters, away, strict=True)]
-    information = _information(fitter, solution, np.array(free)) * np.outer(typical, typical) / design
-    return Freedom(tuple(map(float, away)), tuple(density), tuple(map(tuple, information.tolist())))
 
 
 def choice_nats(fitter: Fitter, solution: Solution, effect: Effect) -> float:
