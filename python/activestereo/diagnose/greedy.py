@@ -80,11 +80,13 @@ def greedy(
 
 def _exceeds_formulas(context: DiagnosisContext, start: Ranking, ranking: Ranking, finding: Finding) -> bool:
     """Whether a finding gains more than the share that inexact formulas of the effects added before may have left: in
-    all images together, or by a practical size in those images that these effects do not change.
+    all images together, or by a practical size in those images that these effects do not change. What formulas leave at
+    dots and edges looks like draws: fields, which all images share, gain `least_share` of what was explained.
 
     start: the ranking of the given model by the same weights.
     """
-    thresholds = ranking.thresholds
+    thresholds, is_of_draws = ranking.thresholds, finding.channel is Channel.STATIC_FIELD
+    share = thresholds.least_share if is_of_draws else thresholds.formulas_share
     beyond = []
     for o in context.evidence.train:
         tiles = np.unique(o.tile)
@@ -92,10 +94,9 @@ def _exceeds_formulas(context: DiagnosisContext, start: Ranking, ranking: Rankin
             float(chi2[tiles].sum())
             for chi2 in (start.base.tile_chi2, ranking.base.tile_chi2, finding.explanation.tile_chi2)
         )
-        beyond.append(before - after - thresholds.formulas_share * max(first - before, 0.0))
-    return (
-        sum(beyond) > 0.0 or sum(max(x, 0.0) for x in beyond) >= thresholds.smallest_gain_reduced_chi2 * ranking.pixels
-    )
+        beyond.append(before - after - share * max(first - before, 0.0))
+    elsewhere = sum(max(x, 0.0) for x in beyond) >= thresholds.smallest_gain_reduced_chi2 * ranking.pixels
+    return sum(beyond) > 0.0 or (elsewhere and not is_of_draws)
 
 
 def _without_drift(context: DiagnosisContext, bases: BaseFits, base: BaseFit) -> tuple[DiagnosisContext, BaseFits]:
