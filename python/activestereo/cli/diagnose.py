@@ -97,7 +97,7 @@ def add_parser(commands: Commands) -> None:
              "two on two cores)",
     )
     parser.add_argument("--alpha", type=positive_share, metavar="P", help="probability of a name by chance")
-    text = "least share of the squared error above the noise that a name removes, the lower end of its interval"
+    text = "least share of the squared error (of depth: of the disparity's) that a name removes, at the lower end"
     parser.add_argument("--least-share", type=share, metavar="SHARE", help=text)
     text = "search in images averaged over NxN pixels (default: 1 up to 848x480, more for larger images)"
     parser.add_argument("--bin", type=integer_from(1), metavar="N", help=text)

@@ -19,7 +19,7 @@ import numpy as np
 import kuafu
 from activestereo.compare.cache import scene_digest
 from activestereo.compare.layers import Layers, RenderRequest, ViewCamera
-from activestereo.effects.core.room_light import BOUNCED_SHARE, RoomLight, light_by_room, spread
+from activestereo.effects.core.room_light import BOUNCED_SHARE, BOUNCED_VERSION, RoomLight, light_by_room, spread
 from activestereo.effects.core.scene_surfaces import split_surfaces
 from activestereo.effects.engines.smooth import SMOOTH_VERSION
 from activestereo.effects.engines.smoothing import is_matt_surface, seen_surfaces, smooth_light
@@ -60,7 +60,7 @@ class KuafuRenderer:
         self._one_at_a_time = threading.Lock()
         smoothed = f", smoothed {SMOOTH_VERSION}" if smooth else ""
         # Changes with the library's code and the device: pixels are the same bits on one device only.
-        self.version = f"{engine_version(self._device)}{smoothed}, flat {_FLAT_SHARE}, bounced {BOUNCED_SHARE} wide"
+        self.version = f"{engine_version(self._device)}{smoothed}, flat {_FLAT_SHARE}, bounced {BOUNCED_VERSION} wide"
 
     def __call__(self, request: RenderRequest, progress: Callable[[float], object] | None = None) -> tuple[Layers, ...]:
         """One Layers per camera. progress: called as progress(fraction). One thread at a time; after an error the scene
@@ -82,7 +82,7 @@ class KuafuRenderer:
         if world.room is None:
             images = self._render(world, request, cameras, _FIRST_HIT + _BOUNCED, request.max_bounces, progress)
         else:
-            few = _with_share_of_samples(request, 4.0 * BOUNCED_SHARE)  # of pixels of twice the width
+            few = _with_share_of_samples(request, 4.0 * BOUNCED_SHARE)  # a pixel of twice the width is four
             images = dict(self._render(world, request, cameras, _FIRST_HIT, 0, None))
             images["projector_indirect"] = self._bounced(world, few, progress)
             room = world.room.images(self._renderer, cameras, few.samples_per_pixel, seed=request.seed)
@@ -100,7 +100,7 @@ class KuafuRenderer:
         wide = [_of_wide_pixels(camera) for camera in request.cameras]
         light = self._render(world, request, wide, _BOUNCED[:1], request.max_bounces, progress)["projector_indirect"]
         height, width = request.cameras[0].height, request.cameras[0].width
-        return spread(light).repeat(2, axis=1).repeat(2, axis=2)[:, :height, :width]
+        return spread(light, 2.0).repeat(2, axis=1).repeat(2, axis=2)[:, :height, :width]
 
     def _layers(
         self,

@@ -122,8 +122,8 @@ class Checks:
     plain_share_low: the lower end of the share's 95 % interval.
     varying_reduced_chi2: what a varying amplitude of the effect's signature explains beyond a constant one.
     structure_reduced_chi2: structure that it leaves (score/structure.py). at_range_end: whether a shape parameter was
-    driven to an end of its range. prior_sigmas: the largest distance of a focal length or an albedo from its prior, in
-    the prior's deviations.
+    driven to an end of its range. prior_sigmas: how far geometry or an albedo is at most from what is stated, in the
+    stated deviations; of a finding, beyond where the base takes it.
     None: not checked.
     """
 

@@ -130,7 +130,7 @@ def test_unknown_is_what_has_structure_or_is_more_than_scene_errors_leave(excess
     assert is_unexplained(ranking_of([]), left) is unknown
     first = ranking_of([], base_structure=0.05)
     named = Remainder(100.0 * (1.0 + excess), 0.0, 0.05)
-    assert not is_unexplained(first, named, first)  # what a named effect leaves is judged by its structure
+    assert not is_unexplained(first, named, first)  # by structure and size
 
 
 def test_how_far_a_fit_takes_calibration_and_measurement_counts_the_farthest_in_its_own_deviations():

@@ -55,7 +55,7 @@ class ErrorsOfModels:
             capture = calibrated(self.capture, model)
             return self._under(model, capture, self.base(capture))
         if self.stands is None:
-            return self._of_effects(model, self.capture, *self._light_there())
+            return self.plain() if model is None else self._of_effects(model, self.capture, *self._light_there())
         return self._of_effects(model, self.capture, self.base(self.capture))
 
     def standing(self, model: Model | SensorModel | None) -> ImageErrors:

@@ -57,8 +57,8 @@ def unexplained_ratio(ranking: Ranking, remainder: Remainder, first: Ranking | N
     measurement further than their priors allow is a confounder of the true one, however small its residual. Noise of
     single pixels needs no effect: its level is a nuisance, and random patterns that stay have candidates of their own.
     Those explain no structure, so the base's structure counts beside them. Where no effect is named, a residual above
-    what errors of the scene measurement leave needs one too, and so does one beside a named effect that is larger than
-    what this explains, whatever its shape.
+    what errors of the scene measurement leave needs one too, whatever its shape; beside a named effect, one above
+    `unexplained_reduced_chi2` that is larger than what this explains.
     """
     thresholds, white, excess = ranking.thresholds, ranking.base.white_reduced_chi2, _excess_beside(ranking, remainder)
     structure, limit = remainder.structure_reduced_chi2 or 0.0, thresholds.unexplained_reduced_chi2

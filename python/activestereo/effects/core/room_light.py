@@ -23,6 +23,7 @@ from activestereo.scene_io.scene_files import load_scene_file
 # first. It has no dots, and is spread over its neighbourhood.
 BOUNCED_SHARE = 1.0 / 16.0
 _SPREAD_PX = 1.5
+BOUNCED_VERSION = f"{BOUNCED_SHARE} spread {_SPREAD_PX}"
 # Emission has no noise: samples only spread over a pixel's square.
 _MOST_SAMPLES = 4
 
@@ -57,9 +58,11 @@ class RoomLight:
         return np.asarray(room["ambient"])
 
 
-def spread(bounced: np.ndarray) -> np.ndarray:
-    """Bounced light [camera][height][width][1] of the camera's pixels as the mean of its neighbourhood."""
-    return np.asarray(gaussian_filter(bounced, (0.0, _SPREAD_PX, _SPREAD_PX, 0.0), mode="nearest"))
+def spread(bounced: np.ndarray, pixel: float = 1.0) -> np.ndarray:
+    """Bounced light [camera][height][width][1] as the mean of its neighbourhood. pixel: the width of its pixels, in the
+    camera's."""
+    sigma = _SPREAD_PX / pixel
+    return np.asarray(gaussian_filter(bounced, (0.0, sigma, sigma, 0.0), mode="nearest"))
 
 
 def light_by_room(scene: kuafu.Scene, device: kuafu.Device, scene_path: Path) -> RoomLight | None:

@@ -21,7 +21,7 @@ from activestereo.common.progress_bar import part_of
 from activestereo.effects.core.descriptor import Randomness
 from activestereo.effects.core.engine import EngineInputs, apply_engine
 from activestereo.effects.core.model import Model, Scales
-from activestereo.effects.core.room_light import BOUNCED_SHARE, light_by_room, spread
+from activestereo.effects.core.room_light import BOUNCED_SHARE, BOUNCED_VERSION, light_by_room, spread
 from activestereo.effects.core.scene_surfaces import split_surfaces
 from activestereo.effects.engines.capture_inputs import capture_inputs
 from activestereo.effects.engines.halves import half_samples, half_seeds
@@ -169,7 +169,8 @@ class CaptureRenderer:
         process."""
         inputs = [self.inputs(f, model, scene_measurement) for f in (self.capture.frames if frames is None else frames)]
         powers = [(i.frame.id, i.ambient.scale, i.projector and i.projector.ir_intensity) for i in inputs]
-        settings = self.samples_per_pixel, self.max_bounces, self.seed, half, self._smooth and SMOOTH_VERSION
+        smooth = self._smooth and SMOOTH_VERSION
+        settings = self.samples_per_pixel, self.max_bounces, self.seed, half, smooth, BOUNCED_VERSION
         return hashlib.sha256(repr((settings, powers, [_job_key(i) for i in inputs])).encode()).hexdigest()
 
     def expected(
