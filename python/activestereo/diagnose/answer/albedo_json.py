@@ -31,6 +31,12 @@ def albedo_surfaces(evidence: Evidence) -> dict[int, int]:
     return found
 
 
+def albedo_factors(evidence: Evidence, solution: Solution) -> np.ndarray:
+    """[n]: how much of what the scene says each albedo nuisance's material reflects: no less than nothing, which a fit
+    that misses something may ask for."""
+    return np.maximum(0.0, 1.0 + solution.phi[DENSE : DENSE + evidence.materials])
+
+
 def albedo_json(evidence: Evidence, fitter: Fitter, solution: Solution) -> list[dict[str, Any]]:
     """[{material, text, factor on the scene's albedo, its standard error, its distance from 1 in the deviations that
     the capture states}], of materials that are far from what is
@@ -44,7 +50,7 @@ def albedo_json(evidence: Evidence, fitter: Fitter, solution: Solution) -> list[
     design = design_effect(solution.sums.tile_chi2, evidence.tile_pixels)
     design *= max(1.0, solution.sums.total / evidence.pixels)
     errors = np.sqrt(design * np.diag(fitter.inverse(solution))[first : first + materials])
-    factors = {-1: 1.0} | dict(enumerate(np.maximum(0.0, 1.0 + solution.phi[DENSE : DENSE + materials])))
+    factors = {-1: 1.0} | dict(enumerate(albedo_factors(evidence, solution)))
     usual = float(np.median(list(factors.values())))
     surfaces, told = scene_surfaces(evidence.capture.scene_path), []
     for index, number in sorted(albedo_surfaces(evidence).items()):

@@ -4,11 +4,11 @@
 from collections.abc import Sequence
 
 from activestereo.capture.binning import unbinned
-from activestereo.diagnose.answer.albedo_json import albedo_surfaces
+from activestereo.diagnose.answer.albedo_json import albedo_factors, albedo_surfaces
 from activestereo.diagnose.evidence import Evidence, Geometry
 from activestereo.diagnose.findings import Finding
 from activestereo.diagnose.refine.geometry_fit import standing
-from activestereo.diagnose.refine.light import DENSE, SCALES
+from activestereo.diagnose.refine.light import SCALES
 from activestereo.diagnose.refine.parameter_space import Solution
 from activestereo.effects import Model
 from activestereo.effects.core.scene_surfaces import material_of, scene_surfaces
@@ -23,9 +23,9 @@ def found_model(evidence: Evidence, model: Model, solution: Solution, findings: 
     them, and the noise model where repeats gave it. findings: give the effects' intervals.
     """
     geometry, surfaces = standing(evidence, solution), scene_surfaces(evidence.capture.scene_path)
+    factors = albedo_factors(evidence, solution)
     albedo = {
-        # A fit that misses something may ask for less than no light of a material.
-        material_of(surfaces[number].name): max(0.0, 1.0 + float(solution.phi[DENSE + index]))
+        material_of(surfaces[number].name): float(factors[index])
         for index, number in albedo_surfaces(evidence).items()
         if index >= 0 and number < len(surfaces)
     }
