@@ -7,6 +7,12 @@ include(GNUInstallDirs)
 
 set(ks_cmake_dir ${CMAKE_CURRENT_LIST_DIR})
 
+# ks_debian_package(out library): the package of a shared library is named after its SONAME (Debian policy, 8.1).
+function(ks_debian_package out library)
+  get_target_property(version ${library} SOVERSION)
+  set(${out} lib${library}${version} PARENT_SCOPE)
+endfunction()
+
 function(ks_install_licence package component)
   set(destination ${CMAKE_INSTALL_DATAROOTDIR}/doc/${package})
   install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${destination} COMPONENT ${component} RENAME copyright)
@@ -19,7 +25,8 @@ function(ks_install_library name description)
   if(NOT ACTIVESTEREO_INSTALL)
     return()
   endif()
-  ks_install_licence(lib${name}0 ${name})
+  ks_debian_package(package ${name})
+  ks_install_licence(${package} ${name})
   set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/${name})
   set(generated ${CMAKE_CURRENT_BINARY_DIR}/package)
   install(TARGETS ${name} EXPORT ${name}

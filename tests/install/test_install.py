@@ -4,6 +4,7 @@ FetchContent."""
 
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 
@@ -165,14 +166,20 @@ def test_debian_packages_name_what_they_need(tmp_path):
     if shutil.which("dpkg-shlibdeps") is None:
         pytest.skip("dpkg-shlibdeps is not installed: apt-get install dpkg-dev")
     run("cpack", "--config", BUILD / "CPackConfig.cmake", "-G", "DEB", "-B", tmp_path)
-    needs = {path.name.split("_")[0]: run("dpkg-deb", "-f", path, "Depends") for path in tmp_path.glob("*.deb")}
-    assert set(needs) == {"libkuafu0", "libsimsense0", "libactivestereo-dev"}
-    assert "libembree3-3" in needs["libkuafu0"]
-    assert "libhwy1" in needs["libsimsense0"]
-    assert "libkuafu0 (= 0.2.0), libsimsense0 (= 0.2.0)" in needs["libactivestereo-dev"]
-    held = run("dpkg-deb", "-c", next(tmp_path.glob("libkuafu0_*.deb")))
-    assert "./usr/lib/libkuafu.so.1" in held
-    assert "./usr/share/doc/libkuafu0/copyright" in held
+    needs = {path.name.split("_")[0]: run("dpkg-deb", "-f", path, "Depends").strip() for path in tmp_path.glob("*.deb")}
+    # Debian policy, 8.1: libkuafu.so.1 is in libkuafu1.
+    names = {library: run("objdump", "-p", BUILD / f"lib/lib{library}.so") for library in ("kuafu", "simsense")}
+    names = {library: re.search(r"SONAME\s+(\S+)", said)[1].replace(".so.", "") for library, said in names.items()}
+    assert set(needs) == {*names.values(), "libactivestereo-dev"}
+    assert "libembree3-3" in needs[names["kuafu"]]
+    assert "libhwy1" in needs[names["simsense"]]
+    assert needs["libactivestereo-dev"] == ", ".join(f"{name} (= 0.2.0)" for name in names.values())
+    for library, name in names.items():
+        package = next(tmp_path.glob(f"{name}_*.deb"))
+        held = run("dpkg-deb", "-c", package)
+        assert f"./usr/lib/lib{library}.so.{name[-1]}" in held and f"./usr/share/doc/{name}/copyright" in held
+        for field in ("Replaces", "Breaks"):
+            assert run("dpkg-deb", "-f", package, field).strip() == f"lib{library}0"
 
 
 def test_rust_client(moved_prefix, tmp_path):
