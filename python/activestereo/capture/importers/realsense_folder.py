@@ -76,7 +76,8 @@ def frame_files(folder: Path, depth_word: str | None = None) -> list[FrameFiles]
     folder = Path(folder)
     streams = _STREAMS if depth_word is None else _STREAMS | {"depth": re.compile(re.escape(depth_word), re.I)}
     out = []
-    for number, view in enumerate(_views(folder)):
+    around = {folder.resolve(), *folder.resolve().parents}
+    for number, view in enumerate(_views(folder, around)):
         is_on = not any(_OFF.search(part) for part in view.relative_to(folder).parts)
         out += [replace(entry, view=number, projector_on=is_on) for entry in _view_files(view, streams)]
     if depth_word is not None and not any("depth" in entry.files for entry in out):
@@ -96,9 +97,15 @@ def swapped(files: list[FrameFiles]) -> list[FrameFiles]:
     ]
 
 
-def _views(folder: Path) -> list[Path]:
-    children = [child for child in sorted(folder.iterdir()) if child.is_dir() and _has_both(child)]
-    return [view for child in children for view in _views(child)] or [folder]
+def _views(folder: Path, seen: set[Path]) -> list[Path]:
+    """The innermost folders with both cameras. seen: those that are looked at already or lie around, where links may
+    lead."""
+    out = []
+    for child in sorted(folder.iterdir()):
+        if child.is_dir() and child.resolve() not in seen and _has_both(child):
+            seen.add(child.resolve())
+            out += _views(child, seen)
+    return out or [folder]
 
 
 def _has_both(folder: Path) -> bool:
