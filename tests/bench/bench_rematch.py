@@ -37,7 +37,7 @@ def main() -> None:
     matchers = {"OpenCV SGBM HH4, block 7": lambda left, right: sgbm(HH4, 7)(left, right, DISPARITIES)}
     for name in ("D415", "D435"):
         base = matcher_parameters(StereoDepthSensorConfig(name))
-        given = PairMatcher(K, 0.05, pairs[0][0], AdvancedSettings({}), base, {}, simsense.Device("host"))
+        given = PairMatcher((K, K), 0.05, pairs[0][0], AdvancedSettings({}), base, {}, simsense.Device("host"))
         matchers[f"depth RECORDING --sensor {name.lower()}"] = given.image
     times: dict[str, list[float]] = {name: [] for name in matchers}
     for number in range(rounds + 1):

@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from activestereo.common.baseline import unit_question
 from activestereo.common.input_files import read_json_object
 from activestereo.common.nearest import unknown
 from activestereo.common.output_files import check_target
@@ -91,6 +92,17 @@ def positive(text: str) -> float:
     return value
 
 
+def baseline(text: str) -> float:
+    """Metres between two cameras: above 0, and asked about where it can only be millimetres."""
+    value = positive(text)
+    if value == 0.0:
+        raise argparse.ArgumentTypeError("must be larger than 0 metres")
+    question = unit_question(value)
+    if question is not None:
+        raise argparse.ArgumentTypeError(question)
+    return value
+
+
 def share(text: str) -> float:
     """0 to 1."""
     value = real(text)
@@ -130,6 +142,24 @@ _SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
     "out": (("-o", "--out"), {
         "required": True, "type": _folder, "metavar": "DIR",
         "help": "folder for the results; made if it is not there, files of the same names are replaced",
+    }),
+    "k": (("--k",), {
+        "type": camera_matrix, "metavar": "FX,FY,CX,CY", "help": "camera matrix%s, pixels; or all nine numbers by rows",
+    }),
+    "k_right": (("--k-right",), {
+        "type": camera_matrix, "metavar": "FX,FY,CX,CY",
+        "help": "the right camera's, where its cx is another: Middlebury's doffs, ZED, OAK (default: as --k)",
+    }),
+    "baseline": (("--baseline",), {
+        "type": baseline, "metavar": "M", "help": "distance between the cameras, metres%s",
+    }),
+    "calibration": (("--calibration",), {
+        "type": Path, "action": "append", "default": [], "metavar": "FILE",
+        "help": "output of rs-enumerate-devices -c, Middlebury's calib.txt, Kalibr's camchain.yaml, or YAML of ROS "
+        "(camera_info, given twice, left first) or OpenCV (intrinsics.yml, extrinsics.yml)%s",
+    }),
+    "rectified": (("--rectified",), {
+        "action": "store_true", "help": "the images are those of P: ROS' image_rect, not image_raw; OpenCV's P1 and P2",
     }),
     "device": (("--device",), {
         "default": "auto", "metavar": "auto|cpu|N",

@@ -15,14 +15,13 @@ from activestereo.cli.arguments import (
     CommandError,
     Commands,
     add_shared,
-    camera_matrix,
     make_folder,
-    positive,
     print_json,
 )
 from activestereo.cli.depth_hints import depth_hints
 from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
 from activestereo.cli.engine_options import add_matching, given_matching, given_rig
+from activestereo.cli.import_calibration import RectifiedPair, folder_device, rectified_pair
 
 if TYPE_CHECKING:
     import simsense
@@ -76,10 +75,8 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("left", type=Path, metavar="LEFT.png|RECORDING", help=text)
     text = "right image of the same size; rows are aligned"
     parser.add_argument("right", type=Path, nargs="?", metavar="RIGHT.png", help=text)
-    text = "camera matrix of both images in pixels; or short: fx,fy,cx,cy; needed for a pair"
-    parser.add_argument("--k", type=camera_matrix, metavar="fx,0,cx,0,fy,cy,0,0,1", help=text)
-    text = "distance between the cameras, metres; needed for a pair"
-    parser.add_argument("--baseline", type=positive, metavar="M", help=text)
+    add_shared(parser, calibration=" in place of --k", rectified=True, k=" of both images", k_right=True)
+    add_shared(parser, baseline=", where no file tells it")
     add_shared(parser, out={"required": False})
     depth_recording.add_options(parser)
     add_shared(parser, json=True)
@@ -98,16 +95,18 @@ def add_parser(commands: Commands) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    if args.baseline is not None and args.baseline <= 0:
-        raise CommandError("--baseline must be larger than 0 metres")
     if args.right is None:
         depth_recording.run(args)
         return
-    missing = [option for option in ("k", "baseline", "out") if getattr(args, option) is None]
+    needed = ("out",) if args.calibration else ("k", "baseline", "out")
+    missing = [option for option in needed if getattr(args, option) is None]
     if missing:
-        raise CommandError(f"a pair of images needs {', '.join(f'--{option}' for option in missing)}")
-    if args.settings or args.search or args.truth or args.calibration:
-        raise CommandError("--settings, --search, --truth and --calibration are for recordings, not for a pair")
+        raise CommandError(
+            f"a pair of images needs {', '.join(f'--{option}' for option in missing)}"
+            + (" (or --calibration FILE)" if "k" in missing or "baseline" in missing else "")
+        )
+    if args.settings or args.search or args.truth:
+        raise CommandError("--settings, --search and --truth are for recordings, not for a pair")
     left, right = (_read(path) for path in (args.left, args.right))
     if left.shape != right.shape:
         sizes = " and ".join(f"{image.shape[1]}x{image.shape[0]}" for image in (left, right))
@@ -115,7 +114,9 @@ def run(args: argparse.Namespace) -> None:
     if left.dtype != right.dtype:
         bits = " and ".join(str(8 * image.itemsize) for image in (left, right))
         raise CommandError(f"the images differ in depth: {args.left} and {args.right} have {bits} bits")
-    engine = _make_engine(args, left, right)
+    size = left.shape[1], left.shape[0]
+    cameras = rectified_pair(folder_device(args, size)[0], *size)
+    engine = _make_engine(args, cameras, left)
     make_folder(args.out)
     from activestereo.common.progress_bar import ProgressBar
 
@@ -123,10 +124,10 @@ def run(args: argparse.Namespace) -> None:
         result = engine.compute(left, right, ("depth", "disparity", "points", *wanted_maps(args)), progress=bar)
     _write(args, left, right, result)
     if args.json:
-        print_json(_as_json(engine, result["depth"]) | {"hints": depth_hints(args, engine, left, right, result)})
+        print_json(_as_json(engine, result["depth"]) | {"hints": depth_hints(cameras, engine, left, right, result)})
         return
     _report(args, engine, result["depth"])
-    for hint in depth_hints(args, engine, left, right, result):
+    for hint in depth_hints(cameras, engine, left, right, result):
         print(hint)
 
 
@@ -136,19 +137,19 @@ def _read(path: Path) -> np.ndarray:
     return read_image_array(path, key="image")
 
 
-def _make_engine(args: argparse.Namespace, left: np.ndarray, right: np.ndarray) -> simsense.Engine:
+def _make_engine(args: argparse.Namespace, cameras: RectifiedPair, left: np.ndarray) -> simsense.Engine:
     import simsense
 
     height, width = left.shape
-    camera = simsense.Camera(width, height, args.k)
+    left_camera, right_camera = (simsense.Camera(width, height, K) for K in (cameras.left_K, cameras.right_K))
     left_to_right = np.eye(4)
-    left_to_right[0, 3] = -args.baseline
+    left_to_right[0, 3] = -cameras.baseline_m
     bits = 8 * left.itemsize  # the matcher sees every count of either depth
     options = profile(args.profile, bits) | given_matching(args) | given_rig(args)
     # A Vulkan device is opened where it was asked for: a plain call needs no driver at all.
     device = args.device or ("auto" if options.get("back_end") == "vulkan" else "host")
     return simsense.Engine(
-        simsense.Device(device), camera, camera, left_to_right, rectified=True, bit_depth=bits, **options
+        simsense.Device(device), left_camera, right_camera, left_to_right, rectified=True, bit_depth=bits, **options
     )
 
 

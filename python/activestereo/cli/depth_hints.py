@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -11,6 +10,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     import simsense
+    from activestereo.cli.import_calibration import RectifiedPair
 
 # Matched the other way round at least so many times as much, and more than half of the image: the cameras are
 # exchanged.
@@ -20,23 +20,23 @@ _LEAST_FILL = 0.5
 
 
 def depth_hints(
-    args: argparse.Namespace,
+    cameras: RectifiedPair,
     engine: simsense.Engine,
     left: np.ndarray,
     right: np.ndarray,
     result: Mapping[str, np.ndarray],
 ) -> list[str]:
-    """Lines to print, none where all is well. args: of the command; result: the engine's depth and disparity."""
-    return [hint for hint in (_cut(args, engine, result), _exchanged(engine, left, right, result)) if hint]
+    """Lines to print, none where all is well. cameras: of the pair; result: the engine's depth and disparity."""
+    return [hint for hint in (_cut(cameras, engine, result), _exchanged(engine, left, right, result)) if hint]
 
 
-def _cut(args: argparse.Namespace, engine: simsense.Engine, result: Mapping[str, np.ndarray]) -> str | None:
+def _cut(cameras: RectifiedPair, engine: simsense.Engine, result: Mapping[str, np.ndarray]) -> str | None:
     """Pixels that were matched and have no depth: they lie outside of the depths that are kept."""
     disparity, p = result["disparity"], engine.parameters
     lost = (disparity > 0) & (result["depth"] == 0)
     if not lost.any():
         return None
-    z = args.k[0, 0] * args.baseline / np.where(lost, disparity, 1.0)
+    z = cameras.focal_baseline_px_m / np.where(lost, disparity + cameras.offset_px, 1.0)
     far, near = int((lost & (z >= p["max_depth_m"])).sum()), int((lost & (z < p["min_depth_m"])).sum())
     parts = [
         f"{count} pixels {words}, {100.0 * count / disparity.size:.1f} %, were dropped ({option} {p[name]:g})"

@@ -53,13 +53,7 @@ def add_parser(commands: Commands) -> None:
         metavar="fx,0,cx,0,fy,cy,0,0,1",
         help="camera matrix of the depth maps in pixels; or short: fx,fy,cx,cy",
     )
-    parser.add_argument(
-        "--baseline",
-        required=True,
-        type=positive,
-        metavar="M",
-        help="distance between the two infrared cameras, metres",
-    )
+    add_shared(parser, baseline={"required": True})
     parser.add_argument(
         "--truth", type=positive, metavar="M", help="true distance of the target along the optical axis, metres"
     )

@@ -15,8 +15,7 @@ import numpy as np
 
 from activestereo.cli.arguments import CommandError, check_out_file, make_folder, print_json
 from activestereo.cli.engine_options import given_matching, given_rig
-from activestereo.cli.import_calibration import folder_device, given_device
-from activestereo.common.lens import is_distorting
+from activestereo.cli.import_calibration import RectifiedPair, folder_device, own_device, rectified_pair
 
 if TYPE_CHECKING:
     from activestereo.camera.advanced_mode import AdvancedSettings
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
 
 _RUN = "depth.json"
 _SEARCHED_PAIRS = 4
-_LARGEST_DIFFERENCE = 0.01  # between both rectified cameras' K
 _GOALS = ("fill", "noise", "truth")
 
 
@@ -43,9 +41,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--truth-scale", type=float, default=0.001, metavar="M", help="metres per unit of it (default: 0.001)")
     text = "the camera whose matcher and nominal figures are taken (default: d415)"
     add("--sensor", default="d415", metavar="NAME", help=text)
-    text = "of a folder: as for 'activestereo import'; a bag has its own"
-    add("--calibration", type=Path, action="append", default=[], metavar="FILE", help=text)
-    add("--rectified", action="store_true", help="the images are ROS' image_rect, not image_raw (with ROS' YAML)")
 
 
 def run(args: argparse.Namespace) -> None:
@@ -75,12 +70,12 @@ def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
     from activestereo.common.output_files import write_png
     from activestereo.common.progress_bar import ProgressBar
 
-    K, baseline_m, assumed = _geometry(args)
-    make_folder(args.out)
     first = _chosen_pairs(args.left, [0])[0]
-    matcher = _matcher(args, settings, K, baseline_m, first)
+    cameras, assumed = _geometry(args, first)
+    make_folder(args.out)
+    matcher = _matcher(args, settings, cameras, first)
     done = {path.stem for path in args.out.glob("*.png")}
-    _same_run(args.out / _RUN, bool(done), _facts(args, settings, matcher, K, baseline_m, first))
+    _same_run(args.out / _RUN, bool(done), _facts(args, settings, matcher, cameras, first))
     number, fill, count = 0, 0.0, max(1, _count(args.left))
     with ProgressBar(f"matching {args.left.name}") as bar:
         for pair in recorded_pairs(args.left, lambda name: name not in done):
@@ -113,32 +108,17 @@ def _unmapped_text(settings: AdvancedSettings) -> str:
     return f"without effect here: {', '.join(names)}\n" if names else ""
 
 
-def _geometry(args: argparse.Namespace) -> tuple[np.ndarray, float, list[str]]:
-    """(K, baseline in metres, what was assumed) of the rectified pairs."""
-    from activestereo.capture.images import image_size
+def _geometry(args: argparse.Namespace, first: Pair) -> tuple[RectifiedPair, list[str]]:
+    """(both cameras, what was assumed) of the rectified pairs."""
     from activestereo.capture.importers.bag import is_bag, read_calibration
-    from activestereo.capture.importers.realsense_folder import frame_files
 
+    height, width = first.left.shape
     assumed: list[str] = []
     if is_bag(args.left):
-        device = given_device(args) or read_calibration(args.left)
-        width, height = next((w, h) for stream, w, h in device.intrinsics if stream == "Infrared 1")
-    elif args.left.is_dir():
-        files = frame_files(args.left)
-        device, assumed = folder_device(args, files)
-        width, height = image_size(files[0].files["left"], "Infrared 1")
+        device = own_device(args, args.left, (width, height)) or read_calibration(args.left, args.baseline)
     else:
-        raise CommandError(f"{args.left}: is neither a folder nor a bag; of a pair of images give both")
-    lens, right = (device.intrinsic(stream, width, height) for stream in ("Infrared 1", "Infrared 2"))
-    if not np.allclose(lens.K, right.K, rtol=_LARGEST_DIFFERENCE):
-        focal = f"{lens.K[0, 0]:g} and {right.K[0, 0]:g} px, cy {lens.K[1, 2]:g} and {right.K[1, 2]:g} px"
-        raise CommandError(
-            f"{device.path}: the infrared streams do not match: focal lengths of {focal}; record the rectified ones"
-        )
-    left_to_right = device.extrinsic("Infrared 1", "Infrared 2")
-    if is_distorting(lens.distortion) or not np.allclose(left_to_right[:3, :3], np.eye(3), atol=1e-3):
-        raise CommandError(f"{device.path}: the pairs are not rectified: record the rectified infrared streams")
-    return lens.K, -float(left_to_right[0, 3]), assumed
+        device, assumed = folder_device(args, (width, height))
+    return rectified_pair(device, width, height), assumed
 
 
 def _count(recording: Path) -> int:
@@ -149,9 +129,7 @@ def _count(recording: Path) -> int:
     return count_pairs(recording) if is_bag(recording) else len(frame_files(recording))
 
 
-def _matcher(
-    args: argparse.Namespace, settings: AdvancedSettings, K: np.ndarray, baseline_m: float, pair: Pair
-) -> PairMatcher:
+def _matcher(args: argparse.Namespace, settings: AdvancedSettings, cameras: RectifiedPair, pair: Pair) -> PairMatcher:
     import simsense
     from activestereo.camera.advanced_mode.matcher import PairMatcher
     from activestereo.camera.plan import matcher_parameters
@@ -160,23 +138,24 @@ def _matcher(
     base = matcher_parameters(StereoDepthSensorConfig(args.sensor))
     overrides = given_matching(args) | given_rig(args)
     device = args.device or ("auto" if overrides.get("back_end") == "vulkan" else "host")
-    return PairMatcher(K, baseline_m, pair.left, settings, base, overrides, simsense.Device(device))
+    K = cameras.left_K, cameras.right_K
+    return PairMatcher(K, cameras.baseline_m, pair.left, settings, base, overrides, simsense.Device(device))
 
 
 def _facts(
     args: argparse.Namespace,
     settings: AdvancedSettings,
     matcher: PairMatcher,
-    K: np.ndarray,
-    baseline_m: float,
+    cameras: RectifiedPair,
     pair: Pair,
 ) -> dict[str, Any]:
     """The run that all depth images of a folder are of."""
     return {
         "recording": args.left.name,
         "size": [pair.left.shape[1], pair.left.shape[0]],
-        "K": K.ravel().tolist(),
-        "baseline_m": baseline_m,
+        "K": cameras.left_K.ravel().tolist(),
+        "offset_px": cameras.offset_px,
+        "baseline_m": cameras.baseline_m,
         "table": asdict(matcher.table),
         "settings": dict(settings.values),
         "matcher": {name: value for name, value in matcher.parameters.items() if name != "frame_index"},
@@ -213,11 +192,11 @@ def _search(args: argparse.Namespace, settings: AdvancedSettings) -> None:
     if (goal == "truth") != (args.truth is not None):
         raise CommandError("--search truth needs --truth DIR, and --truth nothing else")
     check_out_file(out)
-    K, baseline_m, assumed = _geometry(args)
     chosen = _spread(_count(args.left))
     pairs = _chosen_pairs(args.left, chosen)
-    truths = [] if args.truth is None else _truths(args, chosen, float(K[0, 0]) * baseline_m, pairs[0].left.shape)
-    matcher = _matcher(args, settings, K, baseline_m, pairs[0])
+    cameras, assumed = _geometry(args, pairs[0])
+    truths = [] if args.truth is None else _truths(args, chosen, cameras, pairs[0].left.shape)
+    matcher = _matcher(args, settings, cameras, pairs[0])
 
     def evaluate(tried: AdvancedSettings) -> Any:
         matcher.set_settings(tried)
@@ -244,8 +223,13 @@ def _spread(count: int) -> list[int]:
 
 
 def _chosen_pairs(recording: Path, chosen: list[int]) -> list[Pair]:
+    from activestereo.capture.importers.bag import is_bag
+    from activestereo.capture.importers.foreign import refuse_foreign
     from activestereo.capture.importers.pairs import recorded_pairs
 
+    if not recording.is_dir() and not is_bag(recording):
+        refuse_foreign(recording)
+        raise CommandError(f"{recording}: is neither a folder nor a bag; of a pair of images give both")
     places = iter(range(chosen[-1] + 1))
     pairs = list(islice(recorded_pairs(recording, lambda name: next(places, -1) in chosen), len(chosen)))
     if not pairs:
@@ -254,7 +238,7 @@ def _chosen_pairs(recording: Path, chosen: list[int]) -> list[Pair]:
 
 
 def _truths(
-    args: argparse.Namespace, chosen: list[int], focal_baseline_px_m: float, shape: tuple[int, ...]
+    args: argparse.Namespace, chosen: list[int], cameras: RectifiedPair, shape: tuple[int, ...]
 ) -> list[np.ndarray]:
     """Disparities, NaN where the truth is not known."""
     from activestereo.capture.images import read_gray
@@ -266,5 +250,6 @@ def _truths(
     for place in chosen:
         depth_m = args.truth_scale * read_gray(files[place], (shape[1], shape[0]), "truth").astype(np.float64)
         with np.errstate(divide="ignore"):
-            out.append(np.where(depth_m > 0, focal_baseline_px_m / depth_m, np.nan).astype(np.float32))
+            disparity = cameras.focal_baseline_px_m / depth_m - cameras.offset_px
+        out.append(np.where(depth_m > 0, disparity, np.nan).astype(np.float32))
     return out

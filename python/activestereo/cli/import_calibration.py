@@ -5,10 +5,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from activestereo.cli.arguments import CommandError
 from activestereo.common.lens import is_distorting
@@ -22,20 +24,17 @@ if TYPE_CHECKING:
 _MOST_ROWS_PX = 0.5
 
 
-def folder_device(args: argparse.Namespace, files: Sequence[FrameFiles]) -> tuple[DeviceText, list[str]]:
-    """(calibration, what was assumed) of a folder of images: the device's text, else --k and --baseline, and what they
-    leave out from the preset."""
+def folder_device(args: argparse.Namespace, size: tuple[int, int]) -> tuple[DeviceText, list[str]]:
+    """(calibration, what was assumed) of images of a size: the device's own, else --k and --baseline, and what they
+    leave out from the preset. size: (width, height)."""
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.capture.capture import Camera
-    from activestereo.capture.images import image_size
     from activestereo.capture.importers.realsense_text import DeviceText
 
-    device = given_device(args)
+    device = given_device(args, size)
     if device is not None:
-        if args.k is not None or args.baseline is not None:
-            raise CommandError("--calibration tells K and the baseline: give it, or --k and --baseline")
         return device, []
-    width, height = image_size(files[0].files["left"], "Infrared 1")
+    width, height = size
     config, assumed = StereoDepthSensorConfig(args.sensor), []
     K, baseline_m = args.k, args.baseline
     if baseline_m is None:
@@ -54,43 +53,88 @@ def folder_device(args: argparse.Namespace, files: Sequence[FrameFiles]) -> tupl
             f"K is {args.sensor}'s nominal one, f {K[0, 0]:.1f} px and centre {K[0, 2]:.1f}, {K[1, 2]:.1f}: devices "
             "differ by 1 to 2 %, --k or --calibration tells better"
         )
-    if not (0 <= K[0, 2] < width and 0 <= K[1, 2] < height):
-        raise CommandError(
-            f"--k has its centre at {K[0, 2]:g}, {K[1, 2]:g}, outside of the images' {width}x{height}: were they "
-            "rescaled? K is scaled along with them"
-        )
-    lens, left_to_right = Camera(width, height, K), np.eye(4)
+    right_K = K if args.k_right is None else args.k_right
+    for option, own in (("--k", K), ("--k-right", right_K)):
+        if not (0 <= own[0, 2] < width and 0 <= own[1, 2] < height):
+            raise CommandError(
+                f"{option} has its centre at {own[0, 2]:g}, {own[1, 2]:g}, outside of the images' {width}x{height}: "
+                "were they rescaled? K is scaled along with them"
+            )
+    left_to_right = np.eye(4)
     left_to_right[0, 3] = -baseline_m
-    modes = {(name, width, height): lens for name in ("Infrared 1", "Infrared 2")}
+    names = ("Infrared 1", "Infrared 2")
+    modes = {(name, width, height): Camera(width, height, own) for name, own in zip(names, (K, right_K), strict=True)}
     assumed.append("both cameras are rectified to this K")
-    return DeviceText(Path("--k"), modes, {("Infrared 1", "Infrared 2"): left_to_right}), assumed
+    return DeviceText(Path("--k"), modes, {names: left_to_right}), assumed
 
 
-def given_device(args: argparse.Namespace) -> DeviceText | None:
-    """The calibration that --calibration names: librealsense's text, or YAML of ROS or Kalibr by the files' suffix.
-    None where it is not given."""
-    from activestereo.capture.importers.calibration_yaml import SUFFIXES, read_calibration_yaml
-    from activestereo.capture.importers.realsense_text import read_device_text
+def given_device(args: argparse.Namespace, size: tuple[int, int] | None) -> DeviceText | None:
+    """The calibration that --calibration names, in any of its formats, with --baseline's length where it has none. None
+    where it is not given. size: of the images."""
+    from activestereo.capture.importers.calibration import read_calibration_files
 
-    paths: list[Path] = args.calibration
-    if any(path.suffix.lower() in SUFFIXES for path in paths):
-        return read_calibration_yaml(paths, args.rectified)
-    if args.rectified:
-        raise CommandError("--rectified is about ROS' YAML: give it with --calibration FILE.yaml")
-    if len(paths) > 1:
-        raise CommandError("--calibration is given twice: only ROS' YAML has a file for each camera")
-    return read_device_text(paths[0]) if paths else None
+    if not args.calibration:
+        if args.rectified:
+            raise CommandError("--rectified is about ROS' and OpenCV's YAML: give it with --calibration FILE.yaml")
+        return None
+    if args.k is not None or args.k_right is not None:
+        raise CommandError("--calibration tells K of both cameras: give it, or --k")
+    return read_calibration_files(args.calibration, args.rectified, args.baseline, size)
 
 
-def checked_sides(files: Sequence[FrameFiles], are_exchanged: bool) -> CameraOrder:
-    """The order of the cameras in up to three pairs. CommandError where they are swapped, by --swap (are_exchanged) or
-    without it."""
+def own_device(args: argparse.Namespace, recording: Path, size: tuple[int, int] | None) -> DeviceText | None:
+    """given_device() beside a recording that has a calibration of its own, which --k does not replace."""
+    if args.k is not None or args.k_right is not None:
+        raise CommandError(f"{recording}: has K of its own: leave out --k, or give --calibration FILE")
+    return given_device(args, size)
+
+
+@dataclass(frozen=True)
+class RectifiedPair:
+    """Two cameras that differ by the baseline and by cx alone. K: 3x3 each, pixels."""
+
+    left_K: NDArray[np.float64]
+    right_K: NDArray[np.float64]
+    baseline_m: float
+
+    @property
+    def offset_px(self) -> float:
+        """cx of the right camera less that of the left one: z = f x baseline / (disparity + offset)."""
+        return float(self.right_K[0, 2] - self.left_K[0, 2])
+
+    @property
+    def focal_baseline_px_m(self) -> float:
+        return float(self.left_K[0, 0]) * self.baseline_m
+
+
+def rectified_pair(device: DeviceText, width: int, height: int) -> RectifiedPair:
+    """The cameras of images of this size. CommandError where they are not rectified."""
+    left, right = (device.intrinsic(name, width, height) for name in ("Infrared 1", "Infrared 2"))
+    if np.abs(left.K - right.K)[[0, 1, 1], [0, 1, 2]].max() > _MOST_ROWS_PX:
+        focal = f"{left.K[0, 0]:g} and {right.K[0, 0]:g} px, cy {left.K[1, 2]:g} and {right.K[1, 2]:g} px"
+        raise CommandError(
+            f"{device.path}: the two images do not match: focal lengths of {focal}; record rectified ones"
+        )
+    if not is_rectified(device, width, height):
+        raise CommandError(
+            f"{device.path}: the pairs are not rectified, its cameras have a lens or are turned: record the rectified "
+            "streams, or give --rectified where ROS' or OpenCV's YAML describes images that are"
+        )
+    motion = device.extrinsic("Infrared 1", "Infrared 2")
+    if motion[0, 3] >= 0.0:
+        raise CommandError(f"{device.path}: the right camera lies left of the left one: exchange both")
+    return RectifiedPair(left.K, right.K, -float(motion[0, 3]))
+
+
+def checked_sides(files: Sequence[FrameFiles], are_exchanged: bool, offset_px: float) -> CameraOrder:
+    """The order of the cameras in up to three pairs, whose cx differ by offset_px. CommandError where they are swapped,
+    by --swap (are_exchanged) or without it."""
     from activestereo.capture.images import read_gray
     from activestereo.compare.camera_order import camera_order
 
     some = [files[i].files for i in sorted({0, len(files) // 2, len(files) - 1})]
     pairs = [(read_gray(own["left"], key="Infrared 1"), read_gray(own["right"], key="Infrared 2")) for own in some]
-    order = camera_order([(left, right) for left, right in pairs if left.shape == right.shape])
+    order = camera_order([(left, right) for left, right in pairs if left.shape == right.shape], offset_px)
     if order.is_swapped:
         raise CommandError(
             f"left and right are swapped: {100 * order.nearer_right:.0f} % of {order.patches} patches lie further "
@@ -100,15 +144,16 @@ def checked_sides(files: Sequence[FrameFiles], are_exchanged: bool) -> CameraOrd
 
 
 def is_rectified(device: DeviceText, width: int, height: int) -> bool:
-    """Whether images of this calibration are rectified: no lens, one K, and cameras that differ by the baseline
-    alone."""
+    """Whether images of this calibration are rectified: no lens, rows that match, and cameras that differ by the
+    baseline, and by cx, alone."""
     left, right = (device.intrinsic(name, width, height) for name in ("Infrared 1", "Infrared 2"))
     left_to_right = device.extrinsic("Infrared 1", "Infrared 2")
     turned = np.abs(left_to_right[:3, :3] - np.eye(3)).max() * left.K[0, 0]
     across = np.abs(left_to_right[1:3, 3]).max() / max(1e-9, abs(left_to_right[0, 3]))
-    apart = np.abs(left.K - right.K).max()
+    differing = np.abs(left.K - right.K)
+    differing[0, 2] = 0.0  # an offset of all disparities
     has_lens = is_distorting(left.distortion) or is_distorting(right.distortion)
-    return bool(max(turned, apart) < _MOST_ROWS_PX and across < 0.01 and not has_lens)
+    return bool(max(turned, differing.max()) < _MOST_ROWS_PX and across < 0.01 and not has_lens)
 
 
 def sides_text(order: CameraOrder) -> str:

@@ -8,13 +8,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from activestereo.cli.arguments import CommandError, Commands, camera_matrix, integer_from, positive, size
+from activestereo.cli.arguments import CommandError, Commands, add_shared, integer_from, positive, size
 from activestereo.cli.import_calibration import (
     checked_sides,
     folder_device,
-    given_device,
     is_rectified,
     missing_text,
+    own_device,
+    rectified_pair,
     sides_text,
     unused_text,
 )
@@ -22,7 +23,7 @@ from activestereo.cli.import_calibration import (
 if TYPE_CHECKING:
     from activestereo.capture.capture import Capture
     from activestereo.capture.importers.color_depth import ColorDepthRecording
-    from activestereo.capture.importers.realsense_folder import RobotPoses
+    from activestereo.capture.importers.realsense_folder import FrameFiles, RobotPoses
 
 _TEXT = """\
 Makes a capture of a recording. RECORDING is one of
@@ -33,9 +34,9 @@ Makes a capture of a recording. RECORDING is one of
     each stream but for that word. Folders inside with both cameras of their own are
     views of their own (walls/near, walls/far); one named off has frames with the
     projector off (desk/on, desk/off). --calibration is what rs-enumerate-devices -c
-    prints, saved to a file, or YAML of Kalibr (camchain.yaml) or of ROS (camera_info
-    of each camera; needs: apt-get install python3-yaml); --k and --baseline do for
-    other cameras' rectified images, and without either the preset's nominal figures
+    prints, saved to a file, Middlebury's calib.txt, or YAML of Kalibr, ROS or OpenCV
+    (needs: apt-get install python3-yaml); --k and --baseline do for other cameras'
+    rectified images, and without either the preset's nominal figures
   a bag: librealsense's .bag or .db3, or one of ROS 1 or ROS 2 with the topics of
     realsense-ros (needs: pip install rosbags). It has its own calibration
   live: a connected D4xx (needs: pip install pyrealsense2)
@@ -68,13 +69,9 @@ def add_parser(commands: Commands) -> None:
     )
     add = parser.add_argument
     add("recording", type=Path, metavar="RECORDING", help="folder of PNG files, a bag, or live")
-    text = "output of rs-enumerate-devices -c, Kalibr's camchain.yaml, or ROS' camera_info YAML, which is given twice, "
-    text += "for both cameras; not needed for a bag"
-    add("--calibration", type=Path, action="append", default=[], metavar="FILE", help=text)
-    add("--rectified", action="store_true", help="the images are ROS' image_rect, not image_raw (with ROS' YAML)")
-    text = "of both rectified cameras, or of colour and depth, where no file tells it"
-    add("--k", type=camera_matrix, metavar="FX,FY,CX,CY", help=text)
-    add("--baseline", type=positive, metavar="M", help="metres between the cameras, where no file tells it")
+    add_shared(parser, calibration="; not needed for a bag", rectified=True)
+    add_shared(parser, k=" of both rectified cameras, or of colour and depth, where no file tells it", k_right=True)
+    add_shared(parser, baseline=", where no file tells it (camera_info's P[3] is 0) or none in metres")
     add("--swap", action="store_true", help="the files named left are the right camera's")
     text = "what the depth images' names hold, where there are several kinds (default: depth)"
     add("--depth", metavar="WORD", help=text)
@@ -164,34 +161,40 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.capture.images import image_size
     from activestereo.capture.importers.bag import extract_bag, is_bag
+    from activestereo.capture.importers.foreign import refuse_foreign
     from activestereo.capture.importers.live import record_live
-    from activestereo.capture.importers.realsense_folder import frame_files, import_realsense, swapped
+    from activestereo.capture.importers.realsense_folder import import_realsense, swapped
     from activestereo.capture.importers.trajectory import read_trajectory
     from activestereo.common.progress_bar import ProgressBar
 
     units: float | None = None
     is_live, bag = str(args.recording) == "live", is_bag(args.recording)
+    if not is_live and not bag and not args.recording.is_dir():
+        refuse_foreign(args.recording)
+        raise CommandError(f"{args.recording}: is neither a folder nor a bag, nor live")
     trajectory = None if args.poses is None else read_trajectory(args.poses)
     robot = _robot(args)
     folder, depth_scale, exposure_s = args.recording, args.depth_scale, args.exposure
     if is_live:
         with ProgressBar("recording") as bar:
-            recorded_device, units, exposure_s = record_live(temporary, args.frames, args.size, progress=bar)
+            recorded, units, exposure_s = record_live(temporary, args.frames, args.size, progress=bar)
     elif bag:
         with ProgressBar(f"reading {args.recording.name}") as bar:
-            recorded_device, units = extract_bag(args.recording, temporary, progress=bar)
+            recorded, units = extract_bag(args.recording, temporary, bar, args.baseline)
     if is_live or bag:
         folder, depth_scale = temporary, depth_scale or units
-    files = frame_files(folder, args.depth)
+    files = _frame_files(folder, args.depth)
     if args.swap:
         files = swapped(files)
+    size = image_size(files[0].files["left"], "Infrared 1")
     assumed: list[str] = []
     if is_live or bag:
-        device = given_device(args) or recorded_device
+        device = own_device(args, args.recording, size) or recorded
     else:
-        device, assumed = folder_device(args, files)
-    if is_rectified(device, *image_size(files[0].files["left"], "Infrared 1")):
-        told = [sides_text(checked_sides(files, args.swap))]
+        device, assumed = folder_device(args, size)
+    if is_rectified(device, *size):
+        offset_px = rectified_pair(device, *size).offset_px
+        told = [sides_text(checked_sides(files, args.swap, offset_px))]
     else:
         told = ["cameras: not rectified, by this calibration: their order and rows are not looked at"]
     told += [*(f"assumed: {line}" for line in assumed)]
@@ -213,6 +216,18 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
         )
     print("\n".join(told))
     return capture
+
+
+def _frame_files(folder: Path, depth_word: str | None) -> list[FrameFiles]:
+    """frame_files(), which a folder of another kind is named by what it is."""
+    from activestereo.capture.importers.foreign import refuse_foreign
+    from activestereo.capture.importers.realsense_folder import frame_files
+
+    try:
+        return frame_files(folder, depth_word)
+    except ValueError:
+        refuse_foreign(folder)
+        raise
 
 
 def _robot(args: argparse.Namespace) -> RobotPoses | None:

@@ -13,7 +13,6 @@ from activestereo.cli.arguments import (
     CommandError,
     Commands,
     add_shared,
-    camera_matrix,
     make_folder,
     positive,
     print_json,
@@ -40,16 +39,7 @@ def add_parser(commands: Commands) -> None:
     parser = commands.add_parser("pair", help="state what a real infrared pair tells of its sensor", description=_TEXT)
     parser.add_argument("left", type=Path, metavar="LEFT.png", help="left image, 8-bit or 16-bit gray")
     parser.add_argument("right", type=Path, metavar="RIGHT.png", help="right image of the same size; rows are aligned")
-    parser.add_argument(
-        "--k",
-        required=True,
-        type=camera_matrix,
-        metavar="fx,0,cx,0,fy,cy,0,0,1",
-        help="camera matrix of both images in pixels",
-    )
-    parser.add_argument(
-        "--baseline", required=True, type=positive, metavar="M", help="distance between the cameras, metres"
-    )
+    add_shared(parser, k={"required": True}, baseline={"required": True})
     text = "the device's own depth, 16-bit, left image; a whole number of times smaller is fine"
     parser.add_argument("--device-depth", type=Path, metavar="DEPTH.png", help=text)
     parser.add_argument(

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
 
+from activestereo.common.shown import shown
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -23,9 +25,9 @@ class Limits:
         kind = "a whole" if self.whole else "a finite"
         is_number = isinstance(value, Integral if self.whole else Real) and not isinstance(value, bool)
         if not is_number or not math.isfinite(_as_float(value)):
-            return f"is {_short(value)}, expected {kind} number, {self}"
+            return f"is {shown(value)}, expected {kind} number, {self}"
         if not self.low <= value <= self.high:
-            return f"is {_short(value)}, expected {self}: correct the value or its unit"
+            return f"is {shown(value)}, expected {self}: correct the value or its unit"
         return None
 
     def check(self, name: str, value: Any) -> Any:
@@ -45,11 +47,6 @@ def _as_float(value: Any) -> float:
         return float(value)
     except OverflowError:  # a whole number beyond a float's range
         return math.inf
-
-
-def _short(value: Any) -> str:
-    text = f"{value:g}" if isinstance(value, float) else repr(value)
-    return text if len(text) <= 40 else f"{text[:40]}..."
 
 
 # What a sensor, a lamp or a view can be; wide enough for any that there is, and far from where float32 ends.

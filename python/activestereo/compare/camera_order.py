@@ -41,13 +41,16 @@ class CameraOrder:
         return self.is_told and self.nearer_right > _SWAPPED
 
 
-def camera_order(pairs: Sequence[tuple[NDArray[np.generic], NDArray[np.generic]]]) -> CameraOrder:
-    """The CameraOrder of (left, right) images [height][width] of one size."""
+def camera_order(
+    pairs: Sequence[tuple[NDArray[np.generic], NDArray[np.generic]]], offset_px: float = 0.0
+) -> CameraOrder:
+    """The CameraOrder of (left, right) images [height][width] of one size. offset_px: cx of the right camera less that
+    of the left one: so much further right lies what is infinitely far."""
     found = np.concatenate([np.zeros((0, 2)), *(_shifts(left, right) for left, right in pairs)])
     if not len(found):
         return CameraOrder(0, 0.0, 0.0, 0.0)
     low, middle, high = np.percentile(found[:, 1], [16, 50, 84])
-    return CameraOrder(len(found), float(np.mean(found[:, 0] > 0.5)), float(middle), float(high - low) / 2)
+    return CameraOrder(len(found), float(np.mean(found[:, 0] > offset_px + 0.5)), float(middle), float(high - low) / 2)
 
 
 def _shifts(left: NDArray[np.generic], right: NDArray[np.generic]) -> NDArray[np.float64]:

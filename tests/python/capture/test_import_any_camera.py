@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Folders of any camera's images become captures: what is assumed is said, and pairs that are no pairs are refused."""
 
+import json
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, shift
 
 from activestereo.capture.capture import read_capture
 from activestereo.capture.images import write_gray
+from activestereo.capture.importers.realsense_folder import frame_files
 from activestereo.cli import main
 from activestereo.compare.camera_order import camera_order
 
@@ -90,3 +93,117 @@ def test_order_and_rows_are_told_from_images_alone(pair):
     assert camera_order([pair[::-1]]).is_swapped
     grey = np.full((240, 424), 80, np.uint8)
     assert not camera_order([(grey, grey)]).is_told
+
+
+# ---- calibrations that are no YAML ----
+
+MIDDLEBURY = """cam0=[300.5 0 211; 0 300.5 119; 0 0 1]
+cam1=[300.5 0 {cx1}; 0 300.5 119; 0 0 1]
+doffs={doffs}
+baseline=193.001
+width=424
+height=240
+ndisp=64
+isint=0
+"""
+
+
+def test_middleburys_calibration_has_two_principal_points(recording, capsys):
+    (recording.parent / "calib.txt").write_text(MIDDLEBURY.format(cx1=242.086, doffs=31.086))
+    assert _import(recording, "--calibration", str(recording.parent / "calib.txt"), "--depth", "laser") == 0
+    rig = read_capture(recording.parent / "rec").rig
+    assert rig.baseline_m == pytest.approx(0.193001) and rig.right.K[0, 2] - rig.left.K[0, 2] == pytest.approx(31.086)
+    assert "rows +0.39 px apart" in capsys.readouterr().out
+
+
+def test_a_second_principal_point_moves_what_is_infinitely_far(recording, pair, capsys):
+    """A pair that lies 9 px further right is swapped, unless cx of the right camera is as far right."""
+    for view in recording.iterdir():
+        for name, image in zip(("left", "right"), pair[::-1], strict=True):
+            write_gray(view / f"img_{name}.png", image.astype(np.uint16))
+    lens = ["--k", "300,301,211,119", "--baseline", "0.07", "--depth", "laser"]
+    assert _import(recording, *lens) == 2
+    assert "left and right are swapped" in capsys.readouterr().err
+    assert _import(recording, *lens, "--k-right", f"300,301,{211 + DISPARITY_PX + 5},119") == 0
+
+
+TRANSFORMS = {"fl_x": 600.0, "w": 640, "h": 480, "frames": [{"file_path": "a.png", "transform_matrix": []}]}
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("calib.txt", MIDDLEBURY.format(cx1=242.0, doffs=0), "doffs: is 0, expected cx1 - cx0, which is 31 px"),
+        ("calib.txt", MIDDLEBURY.format(cx1="x", doffs=0), "cam1: is 'x', expected a number"),
+        ("calib.txt", "cam0=[1 0 1; 0 1 1; 0 0 1]\n", "cam1: is missing"),
+        ("calib.txt", MIDDLEBURY.format(cx1=211, doffs=0).replace("424", "424.5"), "width: is 424.5, expected a whole"),
+        ("calib.txt", MIDDLEBURY.format(cx1=211, doffs=0).replace("193.001", "193001"),
+         "the baseline is 193.001 m, more than any pair of depth cameras is apart: is it in millimetres?"),
+        ("transforms.json", json.dumps(TRANSFORMS), "is nerfstudio's transforms.json"),
+        ("other.json", json.dumps({"camera_angle_x": 0.7} | TRANSFORMS), "is nerfstudio's transforms.json"),
+        ("other.json", "{}", "image_width: is missing"),
+    ],
+)  # fmt: skip
+def test_a_calibration_that_cannot_be_is_told_in_one_line(recording, capsys, name, text, said):
+    path = recording.parent / name
+    path.write_text(text)
+    assert _import(recording, "--calibration", str(path), "--depth", "laser") == 2
+    error = capsys.readouterr().err.strip().splitlines()
+    assert len(error) == 1 and said in error[0] and name in error[0]
+    assert not (recording.parent / "rec").exists()
+
+
+@pytest.mark.parametrize("given", ["recording", "file", "poses"])
+def test_nerfstudios_transforms_are_named_for_what_they_are(recording, capsys, given):
+    folder = recording.parent / "nerf"
+    (folder / "images").mkdir(parents=True)
+    (folder / "transforms.json").write_text(json.dumps(TRANSFORMS))
+    write_gray(folder / "images" / "frame_00001.png", np.zeros((4, 4), np.uint8))
+    command = {
+        "recording": [str(folder)],
+        "file": [str(folder / "transforms.json")],
+        "poses": [str(recording), "--poses", str(folder / "transforms.json"), "--depth", "laser"],
+    }[given]
+    assert main(["import", *command, "-o", str(recording.parent / "rec"), "--depth-scale", "0.001"]) == 2
+    error = capsys.readouterr().err.strip().splitlines()
+    assert len(error) == 1 and "nerf/transforms.json: is nerfstudio's transforms.json" in error[0]
+
+
+@pytest.mark.parametrize("baseline", ["50", "193.001", "4.5"])
+def test_a_baseline_in_millimetres_is_asked_about(recording, capsys, baseline):
+    with pytest.raises(SystemExit) as ended:
+        _import(recording, "--k", "300,301,211,119", "--baseline", baseline)
+    assert ended.value.code == 2
+    assert f"is it in millimetres? Then give --baseline {float(baseline) / 1000:g}" in capsys.readouterr().err
+
+
+# ---- folders with links ----
+
+LINKS = {
+    "to itself": {"left": ".", "right": "."},
+    "to its parent": {"left": "..", "right": "..", "desk/left": "..", "desk/right": ".."},
+    "to each other": {"a_left": "b_right", "b_right": "a_left", "left": "desk", "desk/right": "../left"},
+    "many to one": {f"left_right_{i}": "desk" for i in range(20)} | {f"desk/left_right_{i}": ".." for i in range(20)},
+}
+
+
+@pytest.mark.parametrize("links", LINKS.values(), ids=LINKS.keys())
+def test_links_that_lead_back_are_not_followed(pair, tmp_path, links):
+    folder = tmp_path / "set"
+    (folder / "desk").mkdir(parents=True)
+    for where in (folder, folder / "desk"):
+        for name, image in zip(("left", "right"), pair, strict=True):
+            write_gray(where / f"{name}_1.png", image)
+    for name, target in links.items():
+        (folder / name).symlink_to(target)
+    found = frame_files(folder)
+    assert 1 <= len(found) <= 2 and all(entry.files["left"].is_file() for entry in found)
+
+
+def test_a_linked_view_is_a_view(pair, tmp_path):
+    for name, image in zip(("left", "right"), pair, strict=True):
+        (tmp_path / "elsewhere").mkdir(exist_ok=True)
+        write_gray(tmp_path / "elsewhere" / f"{name}_1.png", image)
+    (tmp_path / "set").mkdir()
+    (tmp_path / "set" / "desk").symlink_to(tmp_path / "elsewhere")
+    assert len(frame_files(tmp_path / "set")) == 1

@@ -155,6 +155,20 @@ def test_what_a_bag_lacks_is_told(tmp_path, capsys, skip, words):
     assert "a.bag" in error and words in error and not (tmp_path / "capture").exists()
 
 
+def test_a_bag_without_a_baseline_takes_that_of_the_option(tmp_path):
+    write_librealsense(tmp_path / "a.bag", skip=("tf",))
+    more = ["--baseline", str(_BASELINE_M)]
+    assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture"), *more]) == 0
+    check(tmp_path / "capture", 2, 0.0005, images(0))
+    assert main(["depth", str(tmp_path / "a.bag"), "--out", str(tmp_path / "depth"), *more]) == 0
+
+
+def test_a_bag_has_k_of_its_own(tmp_path, capsys):
+    write_librealsense(tmp_path / "a.bag")
+    assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture"), "--k", "1,1,1,1"]) == 2
+    assert "a.bag: has K of its own: leave out --k" in capsys.readouterr().err
+
+
 def test_a_damaged_bag_is_one_line(tmp_path, capsys):
     (tmp_path / "a.bag").write_bytes(b"#ROSBAG V2.0\nnothing")
     assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture")]) == 2
@@ -213,8 +227,9 @@ def test_pairs_come_one_by_one_and_those_that_are_not_wanted_are_not_decoded(tmp
 
 
 def write_lone_mcap(path, **more):
-    write_ros2(path.parent / "whole", StoragePlugin.MCAP, **more)
-    next((path.parent / "whole").glob("*.mcap")).rename(path)
+    folder = path.with_name(f"whole_{path.stem}")
+    write_ros2(folder, StoragePlugin.MCAP, **more)
+    next(folder.glob("*.mcap")).rename(path)
 
 
 def test_a_lone_mcap_is_a_bag(tmp_path):
@@ -283,9 +298,11 @@ def test_streams_that_do_not_match_are_told(tmp_path, capsys, monkeypatch):
     depth = ["depth", str(tmp_path / "a.mcap"), "--out", str(tmp_path / "out")]
     assert main(depth) == 2
     assert "its two streams have no images of one time" in capsys.readouterr().err
-    device = read_calibration(tmp_path / "a.mcap")
+    write_lone_mcap(tmp_path / "b.mcap")
+    depth[1] = str(tmp_path / "b.mcap")
+    device = read_calibration(tmp_path / "b.mcap")
     key = "Infrared 2", _SIZE[1], _SIZE[0]
     device.intrinsics[key] = replace(device.intrinsics[key], K=np.array([[50.0, 0, 32.1], [0, 50, 24.2], [0, 0, 1]]))
-    monkeypatch.setattr(bag, "read_calibration", lambda path: device)
+    monkeypatch.setattr(bag, "read_calibration", lambda path, baseline_m: device)
     assert main(depth) == 2
     assert "do not match: focal lengths of 43 and 50 px" in capsys.readouterr().err

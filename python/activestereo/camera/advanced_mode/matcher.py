@@ -18,13 +18,14 @@ _IN_COUNTS_OF_8_BITS = ("p2_full_gradient_dn", "min_texture_dn", "low_texture_dn
 
 
 class PairMatcher:
-    """Matches pairs of one size. K: 3x3 of both rectified images, px. base: simsense's parameters at the camera's
-    default settings, for images of 8 bits. overrides: parameters of simsense's rig and matcher that go before the
-    settings'."""
+    """Matches pairs of one size. K: 3x3 of the left and the right rectified image, px, which differ by cx alone.
+
+    base: simsense's parameters at the camera's default settings, for images of 8 bits. overrides: parameters of
+    simsense's rig and matcher that go before the settings'."""
 
     def __init__(
         self,
-        K: NDArray[np.float64],
+        K: tuple[NDArray[np.float64], NDArray[np.float64]],
         baseline_m: float,
         first: NDArray[np.generic],
         settings: AdvancedSettings,
@@ -36,10 +37,11 @@ class PairMatcher:
         self._bits = 8 * first.itemsize
         self._base, self._overrides = dict(base), dict(overrides)
         self.table: DepthTable = depth_table(settings)
-        camera, left_to_right = simsense.Camera(width, height, K), np.eye(4)
+        left, right = (simsense.Camera(width, height, own) for own in K)
+        left_to_right = np.eye(4)
         left_to_right[0, 3] = -baseline_m
         self._engine = simsense.Engine(
-            device, camera, camera, left_to_right, rectified=True, bit_depth=self._bits, **self._parameters(settings)
+            device, left, right, left_to_right, rectified=True, bit_depth=self._bits, **self._parameters(settings)
         )
 
     def _parameters(self, settings: AdvancedSettings) -> dict[str, Any]:

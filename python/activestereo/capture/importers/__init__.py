@@ -2,7 +2,9 @@
 """Recordings of other programs become captures (capture format, version 1).
 
     realsense_text     what `rs-enumerate-devices -c` prints: intrinsics and extrinsics
-    calibration_yaml   ROS' camera_info and Kalibr's camera chain, by the package PyYAML where it is installed
+    calibration        a calibration of both cameras, whichever of the following programs wrote it
+    calibration_yaml   ROS' camera_info, Kalibr's camera chain, OpenCV's matrices, by PyYAML where it is installed
+    middlebury         calib.txt of the Middlebury and ETH3D stereo sets
     realsense_folder   a folder of a librealsense recording's PNG files
     bag                librealsense's .bag, bags of ROS 1 and ROS 2, by the package rosbags where it is installed
     trajectory         camera poses as a TUM text file

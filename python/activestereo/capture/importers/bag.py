@@ -26,6 +26,7 @@ from activestereo.capture.images import write_gray
 from activestereo.capture.importers.lone_db3 import described
 from activestereo.capture.importers.realsense_folder import LEAST_TIME_MS, SAME_FRAME_MS
 from activestereo.capture.importers.realsense_text import DeviceText
+from activestereo.common.baseline import chosen_baseline_m
 
 _STREAMS = {
     "Infrared 1": re.compile(r"infra(?:red)?_?1", re.I),
@@ -58,10 +59,11 @@ def is_bag(path: Path) -> bool:
 
 
 def extract_bag(
-    path: Path, folder: Path, progress: Callable[[float], None] | None = None
+    path: Path, folder: Path, progress: Callable[[float], None] | None = None, baseline_m: float | None = None
 ) -> tuple[DeviceText, float | None]:
     """Writes the images of both infrared streams and of depth into `folder`, named by stream and time, as
-    realsense_folder reads them. Returns (calibration, metres per unit of depth or None).
+    realsense_folder reads them. Returns (calibration, metres per unit of depth or None). baseline_m: where the bag has
+    none.
 
     ImportError where rosbags is missing; ValueError of one line names the bag and what it lacks.
     """
@@ -82,7 +84,7 @@ def extract_bag(
             _note_calibration(path, found, topic, message)
         if progress is not None:
             progress(share)
-    return _device(path, found), found.depth_units_m
+    return _device(path, found, baseline_m), found.depth_units_m
 
 
 def _time_before(first_ms: float) -> float:
@@ -104,8 +106,8 @@ def _note_calibration(path: Path, found: _Found, topic: str, message: Any) -> No
         found.baselines_m.setdefault(stream, abs(float(message.translation.x)))
 
 
-def read_calibration(path: Path) -> DeviceText:
-    """The calibration alone, without an image read. Raises as extract_bag()."""
+def read_calibration(path: Path, baseline_m: float | None = None) -> DeviceText:
+    """The calibration alone, without an image read. baseline_m and errors as of extract_bag()."""
     found = _Found()
     for topic, kind in _topics(path):
         if kind in _IMAGES and (stream := _stream(topic)) is not None:
@@ -113,7 +115,7 @@ def read_calibration(path: Path) -> DeviceText:
     kinds = ("CameraInfo", "Transform", "String", "Float32")
     for topic, message, _, _ in _messages(path, kinds, is_first_enough=True):
         _note_calibration(path, found, topic, message)
-    return _device(path, found)
+    return _device(path, found, baseline_m)
 
 
 def read_pairs(
@@ -284,21 +286,18 @@ def _sized(
     return Camera(int(message.width), int(message.height), K, distortion)
 
 
-def _device(path: Path, found: _Found) -> DeviceText:
+def _device(path: Path, found: _Found, given_m: float | None) -> DeviceText:
     for stream in ("Infrared 1", "Infrared 2"):
         if stream not in found.counts:
             raise ValueError(f"{path}: {stream}: no topic has its images: record both infrared streams")
         if stream not in found.intrinsics:
             raise ValueError(f"{path}: {stream}: no camera_info topic: give --calibration, or record it")
-    baseline_m = found.baselines_m.get("Infrared 2", found.nominal_baseline_m)
-    if baseline_m is None:
+    told_m = found.baselines_m.get("Infrared 2", found.nominal_baseline_m or 0.0)
+    if told_m < 0:
         raise ValueError(
-            f"{path}: Infrared 2: the baseline is nowhere in it (camera_info's P[3] is 0): give --calibration"
+            f"{path}: Infrared 2: the baseline is {told_m:g} m, expected above 0: left and right are swapped"
         )
-    if baseline_m <= 0:
-        raise ValueError(
-            f"{path}: Infrared 2: the baseline is {baseline_m:g} m, expected above 0: left and right are swapped"
-        )
+    baseline_m = chosen_baseline_m(f"{path}: Infrared 2", told_m, given_m)
     left_to_right = np.eye(4)
     left_to_right[0, 3] = -baseline_m
     modes = {(name, i.width, i.height): i for name, i in found.intrinsics.items()}

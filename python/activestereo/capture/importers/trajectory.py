@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
+from activestereo.capture.importers.foreign import refuse_foreign
 from activestereo.common.input_files import read_text
 
 
 def read_trajectory(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(times [n] in seconds, increasing; poses [n][4][4]). ValueError names file, line and what is wrong."""
+    refuse_foreign(path)
     rows: list[list[float]] = []
     for number, line in enumerate(read_text(path).splitlines(), 1):
         words = line.split("#")[0].replace(",", " ").split()
