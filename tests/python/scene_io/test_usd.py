@@ -116,7 +116,7 @@ def Xform "World"
             color3f[] primvars:displayColor = [(0.25, 0.5, 0.75)]
         }
     }
-    def Cone "Hat"
+    def Points "Hat"
     {
     }
     def Mesh "Hidden"
@@ -152,7 +152,7 @@ def test_units_axes_and_subsets(stage: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(scene.summary.bounds_max_m, [2.0, 4.05, 0.5], atol=1e-6)
     assert scene.summary.triangle_count == 2 + 2 * 2 + 3 * 12
     assert converted.ambient == (1.0, 2.0, 2.0)
-    assert [m for m in converted.messages if "Cones are not read" in m]
+    assert [m for m in converted.messages if "Points is not read" in m]
     assert len(converted.messages) == 1
     camera = scene.camera(0)
     np.testing.assert_allclose(np.asarray(camera.camera_to_world)[:3, 3], [0, 5, 0], atol=1e-9)

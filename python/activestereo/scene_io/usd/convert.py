@@ -13,7 +13,7 @@ import numpy as np
 
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.usd import lamps, shapes
-from activestereo.scene_io.usd.stage import Stage, UsdError, columns, open_stage
+from activestereo.scene_io.usd.stage import Stage, UsdError, cause, columns, open_stage
 from activestereo.scene_io.usd.surfaces import Surfaces
 
 if TYPE_CHECKING:
@@ -38,10 +38,16 @@ def convert(path: str | Path, glb: str | Path, time_s: float | None = None) -> C
     """Writes the stage at `path` to the file `glb`. time_s: seconds after the stage's first time code; None: at
     its earliest sample. Raises UsdError of one line."""
     stage = open_stage(Path(path), time_s)
-    conversion = _Conversion(stage)
-    conversion.add_all()
+    from pxr import Tf  # open_stage says where it is missing
+
+    try:
+        conversion = _Conversion(stage)
+        conversion.add_all()
+    except Tf.ErrorException as error:
+        raise UsdError(f"{path}: cannot be shown: {cause(error)}") from error
     if not conversion.shown:
-        raise UsdError(f"{path}: there is no mesh in it that can be shown")
+        why = f": {stage.messages[-1]}" if stage.messages else ""
+        raise UsdError(f"{path}: there is no mesh in it that can be shown{why}")
     conversion.writer.write(glb)
     return Converted(conversion.ambient, tuple(stage.messages))
 
@@ -68,8 +74,15 @@ class _Conversion:
         self._shapes: dict[Any, list[int]] = {}
 
     def add_all(self) -> None:
+        from pxr import Tf
+
         for prim in self._below(self.stage.stage.GetPseudoRoot()):
-            self._add(prim, columns(self._cache.GetLocalToWorldTransform(prim)))
+            try:
+                self._add(prim, columns(self._cache.GetLocalToWorldTransform(prim)))
+            except Tf.ErrorException as error:
+                self.stage.tell(f"{prim.GetPath()} is left out: {cause(error)}")
+            except (ArithmeticError, LookupError, TypeError, ValueError):
+                self.stage.tell(f"{prim.GetPath()} is left out: an attribute is not of the type that its schema has")
 
     def _below(self, root: Any) -> Iterator[Any]:
         """The visible prims below a prim, instances included; what PointInstancers copy is theirs."""
@@ -110,6 +123,9 @@ class _Conversion:
             self.stage.tell("skins are shown as their meshes are without a skeleton")
 
     def _place(self, prim: Any, found: list[int], to_world: np.ndarray) -> None:
+        if not np.array_equal(to_world[3], [0, 0, 0, 1]):
+            self.stage.tell(f"{prim.GetPath()} is left out: its matrix is a projection, not a place")
+            return
         for shape in found:
             self.writer.place(str(prim.GetPath()), shape, to_world)
             self.shown += 1
@@ -151,7 +167,7 @@ class _Conversion:
 
         mesh = shapes.solid(self.stage, prim)
         if mesh is None:
-            self.stage.tell(f"{prim.GetTypeName()}s are not read, {prim.GetPath()} among them: export them as meshes")
+            self.stage.tell(f"{prim.GetPath()} is left out: {prim.GetTypeName()} is not read: export it as a mesh")
             return []
         material = self.surfaces.of(prim, UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0])[0]
         return [self.writer.add_shape(str(prim.GetPath()), mesh, material)]

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from activestereo.scene_io import meshes
 from activestereo.scene_io.meshes import Mesh
@@ -21,9 +23,11 @@ class Polygons:
     faces: np.ndarray  # [t], the face that each triangle is of
     vertices: np.ndarray  # [corner count]
     corner_face: np.ndarray  # [corner count]
+    face_count: int
+    point_count: int
 
 
-def polygons(stage: Stage, mesh: Any) -> Polygons | None:
+def polygons(stage: Stage, mesh: Any, point_count: int) -> Polygons | None:
     """None: there is no face."""
     counts = np.asarray(stage.value(mesh.GetFaceVertexCountsAttr(), []), dtype=np.int64)
     vertices = np.asarray(stage.value(mesh.GetFaceVertexIndicesAttr(), []), dtype=np.int64)
@@ -39,19 +43,20 @@ def polygons(stage: Stage, mesh: Any) -> Polygons | None:
     corners = np.stack([first[faces], first[faces] + step + 1, first[faces] + step + 2], axis=1)
     if stage.value(mesh.GetOrientationAttr()) == "leftHanded":
         corners = corners[:, [0, 2, 1]]
-    return Polygons(corners, faces, vertices, np.repeat(np.arange(len(counts)), counts))
+    face_of_corner = np.repeat(np.arange(len(counts)), counts)
+    return Polygons(corners, faces, vertices, face_of_corner, len(counts), point_count)
 
 
 def at_corners(values: np.ndarray, interpolation: str, cut: Polygons) -> np.ndarray | None:
     """Values [n, k] of a primvar for each face corner; None: their number does not fit the interpolation."""
-    index = {
-        "vertex": cut.vertices,
-        "varying": cut.vertices,
-        "uniform": cut.corner_face,
-        "constant": np.zeros(len(cut.vertices), dtype=np.int64),
-        "faceVarying": np.arange(len(cut.vertices)),
-    }.get(interpolation)
-    if index is None or not len(values) or int(index.max()) >= len(values):
+    count, index = {
+        "vertex": (cut.point_count, cut.vertices),
+        "varying": (cut.point_count, cut.vertices),
+        "uniform": (cut.face_count, cut.corner_face),
+        "constant": (len(values), np.zeros(len(cut.vertices), dtype=np.int64)),
+        "faceVarying": (len(cut.vertices), np.arange(len(cut.vertices))),
+    }.get(interpolation, (0, None))
+    if index is None or len(values) != count or not count:
         return None
     return np.asarray(values, dtype=np.float64)[index]
 
@@ -63,6 +68,8 @@ def _primvar(stage: Stage, prim: Any, name: str, cut: Polygons) -> np.ndarray | 
     if not primvar or not primvar.HasValue():
         return None
     values = np.asarray(primvar.ComputeFlattened(stage.time), dtype=np.float64)
+    if values.ndim == 0:
+        return None
     return at_corners(values.reshape(len(values), -1), str(primvar.GetInterpolation()), cut)
 
 
@@ -70,8 +77,11 @@ def _normals(stage: Stage, mesh: Any, cut: Polygons, points: np.ndarray) -> np.n
     """[corner, 3]. A subdivided mesh without normals is smooth, another has the normals of its faces."""
     found = _primvar(stage, mesh.GetPrim(), "normals", cut)
     if found is None:
-        authored = np.asarray(stage.value(mesh.GetNormalsAttr(), []), dtype=np.float64).reshape(-1, 3)
+        authored = stage.vectors(mesh.GetNormalsAttr())
         found = at_corners(authored, str(mesh.GetNormalsInterpolation()), cut)
+        if found is None and len(authored):
+            kind = str(mesh.GetNormalsInterpolation())
+            stage.tell(f"{mesh.GetPath()}: its {len(authored)} normals are left out: that is no {kind} count of it")
     if found is None:
         edges = points[cut.vertices[cut.corners]]
         area = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
@@ -86,8 +96,8 @@ def _normals(stage: Stage, mesh: Any, cut: Polygons, points: np.ndarray) -> np.n
 
 def triangles_of(stage: Stage, mesh: Any) -> tuple[Polygons, Mesh] | None:
     """The whole mesh without coordinates of textures, its vertices the face corners; None where nothing is in it."""
-    points = np.asarray(stage.value(mesh.GetPointsAttr(), []), dtype=np.float64).reshape(-1, 3)
-    cut = polygons(stage, mesh)
+    points = stage.vectors(mesh.GetPointsAttr())
+    cut = polygons(stage, mesh, len(points))
     if cut is None or not len(cut.corners):
         return None
     if not len(points) or cut.vertices.min() < 0 or cut.vertices.max() >= len(points):
@@ -115,12 +125,13 @@ def part(whole: Mesh, triangles: np.ndarray) -> Mesh:
 
 
 def solid(stage: Stage, prim: Any) -> Mesh | None:
-    """A Cube, Sphere or Plane; None: it is none of them."""
+    """A Cube, Sphere, Plane, Cylinder, Cone or Capsule; None: it is none of them."""
     from pxr import UsdGeom
 
     if prim.IsA(UsdGeom.Cube):
         size = float(stage.value(UsdGeom.Cube(prim).GetSizeAttr(), 2.0))
-        return _moved(meshes.box(size, size, size), [0, -size / 2, 0])
+        box = meshes.box(size, size, size)
+        return replace(box, positions=box.positions - np.float32([0, size / 2, 0]))
     if prim.IsA(UsdGeom.Sphere):
         return meshes.sphere(float(stage.value(UsdGeom.Sphere(prim).GetRadiusAttr(), 1.0)))
     if prim.IsA(UsdGeom.Plane):
@@ -130,8 +141,36 @@ def solid(stage: Stage, prim: Any) -> Mesh | None:
             str(stage.value(plane.GetAxisAttr(), "Z")), ([width, 0, 0], [0, length, 0])
         )
         return meshes.sheet(-(np.array(u) + v) / 2, u, v)
+    for kind, profiles in (
+        (UsdGeom.Cylinder, _cylinder_profiles),
+        (UsdGeom.Cone, _cone_profiles),
+        (UsdGeom.Capsule, _capsule_profiles),
+    ):
+        if prim.IsA(kind):
+            turned = kind(prim)
+            radius, height = (float(stage.value(a)) for a in (turned.GetRadiusAttr(), turned.GetHeightAttr()))
+            return _along(meshes.lathe(profiles(radius, height / 2)), str(stage.value(turned.GetAxisAttr(), "Z")))
     return None
 
 
-def _moved(mesh: Mesh, by: list[float]) -> Mesh:
-    return Mesh.of(mesh.positions + by, mesh.normals, mesh.uvs, mesh.indices)
+Profile = Sequence[ArrayLike]  # what meshes.lathe turns about y
+
+
+def _cylinder_profiles(radius: float, half: float) -> Profile:
+    return [[(0, -half), (radius, -half)], [(radius, -half), (radius, half)], [(radius, half), (0, half)]]
+
+
+def _cone_profiles(radius: float, half: float) -> Profile:
+    return [[(0, -half), (radius, -half)], [(radius, -half), (0, half)]]
+
+
+def _capsule_profiles(radius: float, half: float) -> Profile:
+    line = np.vstack([meshes.arc((0, -half), radius, -90, 0), meshes.arc((0, half), radius, 0, 90)])
+    line[[0, -1], 0] = 0.0
+    return [line]
+
+
+def _along(mesh: Mesh, axis: str) -> Mesh:
+    """A solid about y turned to be about another axis."""
+    turn = {"X": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], "Z": [[1, 0, 0], [0, 0, -1], [0, 1, 0]]}.get(axis, np.eye(3))
+    return Mesh.of(mesh.positions @ np.transpose(turn), mesh.normals @ np.transpose(turn), mesh.uvs, mesh.indices)

@@ -37,11 +37,27 @@ class Stage:
         value = attribute.Get(self.time) if attribute else None
         return fallback if value is None else value
 
+    def vectors(self, attribute: Any, size: int = 3) -> np.ndarray:
+        """[n, size] of an attribute's vectors; [0, size] where it has none, with a message where it is no such."""
+        value = self.value(attribute)
+        if value is None:
+            return np.empty((0, size))
+        try:
+            out = np.asarray(value, dtype=np.float64)
+        except (TypeError, ValueError):
+            out = np.empty(0)
+        if out.shape != (len(out) if out.ndim else 0, size):
+            self.tell(f"{attribute.GetPath()} is left out: it is no array of vectors of {size} numbers")
+            return np.empty((0, size))
+        return out
+
     def to_metres(self) -> np.ndarray:
         """4x4 from the stage's axes and unit to metres with y up."""
         from pxr import UsdGeom
 
-        scale = float(UsdGeom.GetStageMetersPerUnit(self.stage))
+        # UsdGeom.GetStageMetersPerUnit takes doubles alone, and some exporters write a float.
+        authored = self.stage.GetPseudoRoot().GetMetadata(UsdGeom.Tokens.metersPerUnit)
+        scale = float(UsdGeom.LinearUnits.centimeters if authored is None else authored)
         out = np.diag([scale, scale, scale, 1.0])
         if UsdGeom.GetStageUpAxis(self.stage) == UsdGeom.Tokens.z:
             out = out @ np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], float)
@@ -61,7 +77,7 @@ def open_stage(path: Path, time_s: float | None) -> Stage:
     try:
         stage = Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:
-        raise UsdError(f"{path}: is no USD file that can be read: {_cause(error)}") from error
+        raise UsdError(f"{path}: is no USD file that can be read: {cause(error)}") from error
     # The earliest time takes what has no samples as it is; without time, what has nothing but samples is not there.
     code = Usd.TimeCode.EarliestTime() if time_s is None else Usd.TimeCode(_code(stage, time_s))
     return Stage(path, stage, code)
@@ -71,7 +87,7 @@ def _code(stage: Any, time_s: float) -> float:
     return float(stage.GetStartTimeCode() + time_s * stage.GetTimeCodesPerSecond())
 
 
-def _cause(error: Exception) -> str:
+def cause(error: Exception) -> str:
     """The first thing that Pixar's errors quote; they begin with their own source lines."""
     quoted = [line.split(" : '", 1)[1].rstrip("'") for line in str(error).splitlines() if " : '" in line]
     return quoted[0] if quoted else "its errors say nothing"
