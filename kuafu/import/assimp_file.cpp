@@ -65,7 +65,8 @@ Mesh read_mesh(const aiMesh& from, size_t index) {
 }
 
 /// What must come out of the file, where that can be counted; `bytes` become what assimp reads right.
-std::optional<PlainMesh> plain_mesh(const std::string& extension, std::vector<uint8_t>& bytes) {
+std::optional<PlainMesh> plain_mesh(Import& import, std::vector<uint8_t>& bytes) {
+  const std::string extension = lower_extension(import.path);
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   if (extension == ".obj") {
     PlainObj obj = plain_obj(text);
@@ -73,7 +74,7 @@ std::optional<PlainMesh> plain_mesh(const std::string& extension, std::vector<ui
     return obj.mesh;
   }
   if (extension == ".stl") return plain_stl(text);
-  if (extension == ".dae") check_collada(text);
+  if (extension == ".dae") bytes = plain_collada(import, text);
   if (extension != ".ply") return std::nullopt;
   check_ply(text);
   return plain_ply(text);
@@ -136,7 +137,7 @@ void read_scene_file(Import& import) { import_assimp(import); }
 
 void import_assimp(Import& import) {
   std::vector<uint8_t> bytes = import.folder.read_scene_file();
-  const std::optional<PlainMesh> plain = plain_mesh(lower_extension(import.path), bytes);
+  const std::optional<PlainMesh> plain = plain_mesh(import, bytes);
   const Listening listening(import);
   Assimp::Importer importer;
   importer.SetIOHandler(new SceneFiles(import, std::move(bytes)));

@@ -6,6 +6,7 @@
 #include <array>
 #include <cctype>
 #include <cstring>
+#include <set>
 #include <string_view>
 
 #include "device/error.h"
@@ -78,6 +79,25 @@ bool escape_plus(nlohmann::json& root) {
   return changed;
 }
 
+/// A buffer that no view reads needs no bytes: EXT_meshopt_compression has one for those who cannot decode, with a flag or without.
+/// tinygltf wants some. Returns true where a buffer got them.
+bool fill_unread_buffers(nlohmann::json& root, bool binary) {
+  if (!root.contains("buffers")) return false;
+  bool changed = false;
+  std::set<uint64_t> read;
+  if (root.contains("bufferViews"))
+    for (const auto& view : root["bufferViews"]) read.insert(view.value("buffer", uint64_t{0}));
+  for (size_t i = binary ? 1 : 0; i < root["buffers"].size(); ++i) {
+    auto& buffer = root["buffers"][i];
+    if (buffer.contains("uri")) continue;
+    if (read.contains(i)) ks::fail(KS_ERROR_FILE, "buffers[%zu] has no uri: the file has no bytes for it, export it with its buffers", i);
+    buffer["uri"] = "data:application/octet-stream;base64,AA==";
+    buffer["byteLength"] = 1;
+    changed = true;
+  }
+  return changed;
+}
+
 /// tinygltf refuses an index accessor without a buffer view, which is what a primitive has whose triangles are compressed (gltf_draco.h).
 /// Returns true where one was taken out.
 bool drop_compressed_indices(nlohmann::json& root) {
@@ -129,9 +149,10 @@ tinygltf::Model read_gltf(Import& import) {
   std::string text(binary ? binary_json(bytes) : std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
   nlohmann::json root = parse_gltf_json(text);
   warn_of_unknown_members(import, root);
-  const bool dropped = drop_compressed_indices(root), compressed = read_compressed_views(root), escaped = !binary && escape_plus(root);
-  if (dropped || compressed || escaped) text = root.dump();
-  if (binary && (dropped || compressed)) bytes = with_json(bytes, text);
+  const bool dropped = drop_compressed_indices(root), compressed = read_compressed_views(root), filled = fill_unread_buffers(root, binary),
+             escaped = !binary && escape_plus(root);
+  if (dropped || compressed || filled || escaped) text = root.dump();
+  if (binary && (dropped || compressed || filled)) bytes = with_json(bytes, text);
 
   const std::string directory(base_directory);
   tinygltf::TinyGLTF reader;

@@ -66,6 +66,9 @@ Material GltfMaterials::read(const tinygltf::Material& from, const std::string& 
   to.normal_texture = texture(from.normalTexture, false, "normalTexture");
   to.normal_scale = static_cast<float>(from.normalTexture.scale);
   to.emission_texture = texture(from.emissiveTexture, true, "emissiveTexture");
+  // Factors that are only written to be weighed by a texture say nothing without it.
+  if (pbr.metallicRoughnessTexture.index >= 0 && to.metallic_roughness_texture == none) to.metallic = 0.0f;
+  if (from.emissiveTexture.index >= 0 && to.emission_texture == none) to.emission = glm::vec3(0.0f);
   to.alpha_mode = alpha_mode(from.alphaMode, field);
   to.alpha_cutoff = static_cast<float>(from.alphaCutoff);
   read_extensions(from, field, to);
@@ -98,6 +101,7 @@ void GltfMaterials::read_extensions(const tinygltf::Material& from, const std::s
     to.transmission = static_cast<float>(number_of(*e, "transmissionFactor", 0.0));
     to.transmission_texture =
         textures_.id(TextureUse::of(*e, "transmissionTexture", field + ".transmissionTexture"), false, field + ".transmissionTexture");
+    if (e->Has("transmissionTexture") && to.transmission_texture == none) to.transmission = 0.0f;
   }
   if (const auto* e = extension("KHR_materials_specular")) {
     to.specular = static_cast<float>(number_of(*e, "specularFactor", 1.0));

@@ -91,14 +91,6 @@ bool read_compressed_views(nlohmann::json& root) {
       view["byteLength"] = e["byteLength"];
       changed = true;
     }
-  if (root.contains("buffers"))
-    for (auto& buffer : root["buffers"]) {
-      const nlohmann::json* const e = buffer.contains(extension) ? &buffer.at(extension) : nullptr;
-      if (e == nullptr || buffer.contains("uri") || e->value("fallback", false) == false) continue;
-      buffer["uri"] = "data:application/octet-stream;base64,AA==";  // tinygltf wants bytes
-      buffer["byteLength"] = 1;
-      changed = true;
-    }
   return changed;
 }
 

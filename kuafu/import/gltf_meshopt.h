@@ -8,8 +8,7 @@
 
 namespace kuafu {
 
-/// Of a file's JSON: compressed views mean their compressed bytes from here on, and buffers that stand in for those who cannot decode get
-/// no bytes. Returns whether there was any.
+/// Of a file's JSON: compressed views mean their compressed bytes from here on. Returns whether there was any.
 bool read_compressed_views(nlohmann::json& root);
 
 /// Of the tables made of that: every compressed view gets a buffer of its decoded bytes. Throws KS_ERROR_FILE that names the view.

@@ -84,7 +84,7 @@ int GltfTextures::image_of(const tinygltf::Texture& texture, int index, const st
                field.c_str(), index, name);
     if (!read) import_.warn(field + ": its " + name + " image is ignored, and the one that stands in for it is read");
   }
-  if (image < 0 || static_cast<size_t>(image) >= model_.images.size())
+  if (image < -1 || (image >= 0 && static_cast<size_t>(image) >= model_.images.size()))
     ks::fail(KS_ERROR_FILE, "%s: textures[%d].source is image %d of %zu", field.c_str(), index, image, model_.images.size());
   return image;
 }
@@ -110,11 +110,22 @@ uint32_t GltfTextures::id(const TextureUse& use, bool srgb, const std::string& f
   }
   const tinygltf::Texture& texture = model_.textures[static_cast<size_t>(use.index)];
   const int image = image_of(texture, use.index, field);
+  if (image < 0) {
+    import_.warn(field + " is left out: textures[" + std::to_string(use.index) + "] has no source");
+    return none;
+  }
   const Look look = look_of(texture, field);
   const std::tuple key{image, texture.sampler, srgb, uv_set, use.uv_transform};
   const auto found = ids_.find(key);
   if (found != ids_.end()) return found->second;
-  Texture out = read_image(import_, model_, image, srgb, field);
+  Texture out;
+  try {
+    out = read_image(import_, model_, image, srgb, field);
+  } catch (const ks::Error& error) {
+    import_.warn(field + " is left out: " + error.what());
+    ids_.emplace(key, none);
+    return none;
+  }
   out.wrap_u = look.wrap_u;
   out.wrap_v = look.wrap_v;
   out.filter = look.filter;

@@ -36,7 +36,8 @@ double number_of(const tinygltf::Value& object, const char* key, double fallback
 class GltfTextures {
  public:
   GltfTextures(Import& import, const tinygltf::Model& model) : import_(import), model_(model) {}
-  /// Scene id; index -1 = none. One image that is used in two ways (as colour and as data, or looked up otherwise) becomes two textures.
+  /// Scene id. None for index -1, and with a warning for an image that is missing or cannot be read. One image that is used in two ways (as
+  /// colour and as data, or looked up otherwise) becomes two textures.
   uint32_t id(const TextureUse& use, bool srgb, const std::string& field);
   /// Whether some texture is read at TEXCOORD_1.
   [[nodiscard]] bool uses_uv_1() const { return uses_uv_1_; }
@@ -45,6 +46,7 @@ class GltfTextures {
   struct Look {
     uint32_t wrap_u, wrap_v, filter;
   };
+  /// -1: no image is named.
   [[nodiscard]] int image_of(const tinygltf::Texture& texture, int index, const std::string& field) const;
   [[nodiscard]] Look look_of(const tinygltf::Texture& texture, const std::string& field);
 

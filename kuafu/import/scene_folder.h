@@ -7,6 +7,7 @@
 #include <sys/types.h>
 
 #include <filesystem>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -27,11 +28,14 @@ class SceneFolder {
 
   /// The scene file itself.
   [[nodiscard]] std::vector<uint8_t> read_scene_file() const;
-  /// A file by its name in the scene file: relative to the folder. Throws KS_ERROR_FILE that names it.
+  /// A file by its name in the scene file: relative to the folder, else as Windows' programs may mean it: in another case, with
+  /// backslashes, quotes or blanks around it, or by the end of an absolute path of theirs. Throws KS_ERROR_FILE that names it.
   [[nodiscard]] std::vector<uint8_t> read(const std::string& name) const;
 
  private:
   [[nodiscard]] std::filesystem::path resolve(const std::string& name) const;
+  /// The canonical path, where there is something that may be read.
+  [[nodiscard]] std::optional<std::filesystem::path> inside(const std::filesystem::path& path) const;
 
   /// The bytes; the first time that a file is read it allows memory.
   [[nodiscard]] std::vector<uint8_t> counted(FileContent&& content) const;

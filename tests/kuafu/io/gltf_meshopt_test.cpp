@@ -112,6 +112,14 @@ TEST(GltfMeshopt, CompressedViewsAreDecoded) {
   }
 }
 
+TEST(GltfMeshopt, ABufferThatStandsInNeedsNoFlag) {
+  GltfWriter w = written(grid(), true);
+  w.more_buffers = {{{"byteLength", 1 << 20}}};
+  EXPECT_EQ(glb_error_of(w), "accepted");
+  w.root["bufferViews"][0].erase("extensions");
+  EXPECT_NE(glb_error_of(w).find("buffers[1] has no uri"), std::string::npos) << glb_error_of(w);
+}
+
 TEST(GltfMeshopt, ExponentsAreDecoded) {
   const Grid g = grid();
   GltfWriter w = written(g, true);

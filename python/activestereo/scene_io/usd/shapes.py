@@ -131,7 +131,7 @@ def solid(stage: Stage, prim: Any) -> Mesh | None:
     if prim.IsA(UsdGeom.Cube):
         size = float(stage.value(UsdGeom.Cube(prim).GetSizeAttr(), 2.0))
         box = meshes.box(size, size, size)
-        return replace(box, positions=box.positions - np.float32([0, size / 2, 0]))
+        return replace(box, positions=box.positions - np.array([0, size / 2, 0], np.float32))
     if prim.IsA(UsdGeom.Sphere):
         return meshes.sphere(float(stage.value(UsdGeom.Sphere(prim).GetRadiusAttr(), 1.0)))
     if prim.IsA(UsdGeom.Plane):
