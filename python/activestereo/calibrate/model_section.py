@@ -13,9 +13,9 @@ from activestereo.model.read import FORMAT, VERSION
 
 
 def replace_sections(path: Path, measured: SensorModel, keep_rig: bool = False) -> None:
-    """Writes what `measured` says of rig, pattern, imager and materials into the model at `path`, made where it
-    does not exist. Nuisances and materials that it names replace those of the same names. keep_rig: of a rig that is
-    there already, only the projector's place is replaced.
+    """Writes what `measured` says of rig, pattern, imager, effects and materials into the model at `path`, made where
+    it does not exist. Effects, nuisances and materials that it names replace those of the same names. keep_rig: of a
+    rig that is there already, only the projector's place is replaced.
 
     ValueError, with the file, where it is no model or one of another version: nothing is written then.
     """
@@ -25,6 +25,10 @@ def replace_sections(path: Path, measured: SensorModel, keep_rig: bool = False) 
     if keep_rig and "rig" in root and "rig" in new:
         new["rig"] = root["rig"] | {"left_to_projector": new["rig"]["left_to_projector"]}
     root |= {name: new[name] for name in ("rig", "pattern", "imager") if name in new}
+    if new["effects"]:
+        names = {effect["id"] for effect in new["effects"]}
+        kept = [effect for effect in root.get("effects", []) if effect.get("id") not in names]
+        root["effects"] = kept + new["effects"]
     if new.get("materials"):
         root["materials"] = root.get("materials", {}) | new["materials"]
     if new["nuisances"]:

@@ -144,7 +144,7 @@ def calibrate_noise(
     dark_counts = _dark_counts(darks, views, rng)
     counts = Counts.of(pixels, dark_counts, max_dn)
     transfer = _transfer(views, max_dn)
-    black = None if dark_counts is not None else _black_of_exposures(views, max_dn)
+    black = None if dark_counts else _black_of_exposures(views, max_dn)
     held = rng.random(len(counts.means)) < 0.5
     halves, density = {}, {}
     for place, kind in enumerate(NOISE_MODELS):
@@ -197,17 +197,22 @@ def _chosen_pixels(views: list[Repeats], max_dn: int, rng: np.random.Generator) 
     return out
 
 
-def _dark_counts(darks: list[Repeats], views: list[Repeats], rng: np.random.Generator) -> np.ndarray | None:
+def _dark_counts(darks: list[Repeats], views: list[Repeats], rng: np.random.Generator) -> list[np.ndarray]:
+    """[pixel][repeat] of each dark view, pixels at random."""
     if not darks:
-        return None
+        return []
     brightest, darkest = max(float(d.counts.mean()) for d in darks), min(float(v.counts.mean()) for v in views)
     if brightest >= darkest:
         raise ValueError(
             f"{darks[0].name}: its mean is {brightest:.2f} DN, the lit frames' {darkest:.2f}: give frames without any "
             "light to --dark"
         )
-    flat = np.concatenate([d.counts.ravel() for d in darks])
-    return flat if flat.size <= _LARGEST_DARK else rng.choice(flat, _LARGEST_DARK, replace=False)
+    flat = [dark.counts.reshape(len(dark.counts), -1) for dark in darks]
+    most = _LARGEST_DARK // sum(len(counts) for counts in flat)
+    return [
+        (counts if counts.shape[1] <= most else counts[:, rng.choice(counts.shape[1], most, replace=False)]).T
+        for counts in flat
+    ]
 
 
 def _transfer(views: list[Repeats], max_dn: int) -> tuple[TransferPoint, ...]:

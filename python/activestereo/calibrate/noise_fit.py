@@ -3,15 +3,17 @@
 not bias the noise model.
 
 A pixel's counts y_1..y_n share an unknown mean s above black: p(pixel | noise model) = integral of p(y_1 | s) ... p(y_n
-| s) ds, over a grid as fine as the mean's own error. Dark frames have s = 0 and stand beside, without the integral.
+| s) ds, over a grid as fine as the mean's own error. Pixels of dark frames share an offset of their own in place of s,
+normally distributed about the black level: unequal pixels (DSNU) are no noise.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
 from scipy.sparse import csr_matrix
+from scipy.special import logsumexp
 
 from activestereo.calibrate.noise_models import GammaModel, NoiseModel, ShotModel
 
@@ -22,39 +24,46 @@ _SIGMA_PRIOR = (np.log(0.6), 1.5)
 _BLACK_PRIOR_DN = 30.0
 _INTERVAL_90 = 1.6449
 _STEPS = np.array([0.02, 0.04, 0.02])
+# Deviations of the dark pixels' offsets that are looked at.
+_OFFSETS = 4.0
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Pixels by how often they gave each count. histograms: [pixel][bin], sparse; repeats: of each pixel; dark: [bin]
-    of dark frames, or None."""
+    """Pixels by how often they gave each count. histograms: [pixel][bin], sparse; means: of each pixel; dark: the same
+    of dark frames, or None; dsnu_dn: standard deviation of the dark pixels' own offsets."""
 
     histograms: csr_matrix
     means: np.ndarray
-    dark: np.ndarray | None
+    dark: csr_matrix | None
+    dsnu_dn: float
     max_dn: int
     bin_dn: int
 
     @classmethod
-    def of(cls, pixels: list[np.ndarray], dark: np.ndarray | None, max_dn: int) -> "Counts":
-        """pixels: arrays [pixel][repeat] of counts, one per view; dark: counts of any shape."""
+    def of(cls, pixels: list[np.ndarray], dark: list[np.ndarray], max_dn: int) -> "Counts":
+        """pixels, dark: arrays [pixel][repeat] of counts, one per view."""
         bin_dn = -(-(max_dn + 1) // _LARGEST_BINS)
-        columns = max_dn // bin_dn + 1
-        rows, place, means = [], 0, []
-        for counts in pixels:
-            row = np.repeat(np.arange(place, place + len(counts)), counts.shape[1])
-            rows.append((row, counts.ravel() // bin_dn))
-            means.append(counts.mean(axis=1))
-            place += len(counts)
-        row, column = (np.concatenate(part) for part in zip(*rows, strict=True))
-        histograms = csr_matrix((np.ones(len(row)), (row, column)), shape=(place, columns))
-        tally = None if dark is None else np.bincount(dark.ravel() // bin_dn, minlength=columns)
-        return cls(histograms, np.concatenate(means), tally, max_dn, bin_dn)
+        means = np.concatenate([counts.mean(axis=1) for counts in pixels])
+        histograms = _histograms(pixels, max_dn, bin_dn)
+        if not dark:
+            return cls(histograms, means, None, 0.0, max_dn, bin_dn)
+        spread = [c.mean(axis=1).var(ddof=1) - c.var(axis=1, ddof=1).mean() / c.shape[1] for c in dark]
+        dsnu_dn = float(np.sqrt(max(np.average(spread, weights=[len(c) for c in dark]), 0.0)))
+        return cls(histograms, means, _histograms(dark, max_dn, bin_dn), dsnu_dn, max_dn, bin_dn)
 
-    def part(self, chosen: np.ndarray, with_dark: bool = True) -> "Counts":
-        return Counts(
-            self.histograms[chosen], self.means[chosen], self.dark if with_dark else None, self.max_dn, self.bin_dn
-        )
+    def part(self, chosen: np.ndarray) -> "Counts":
+        return replace(self, histograms=self.histograms[chosen], means=self.means[chosen])
+
+
+def _histograms(pixels: list[np.ndarray], max_dn: int, bin_dn: int) -> csr_matrix:
+    row, column, place = [], [], 0
+    for counts in pixels:
+        row.append(np.repeat(np.arange(place, place + len(counts)), counts.shape[1]))
+        column.append(counts.ravel() // bin_dn)
+        place += len(counts)
+    at = np.concatenate(row), np.concatenate(column)
+    return csr_matrix((np.ones(len(at[0])), at), shape=(place, max_dn // bin_dn + 1))
 
 
 @dataclass(frozen=True)
@@ -79,16 +88,21 @@ def log_density(counts: Counts, noise_model: NoiseModel) -> np.ndarray:
     """Nats of each pixel under a noise model, its mean integrated out."""
     grid, width = _signal_grid(counts, noise_model)
     table = noise_model.log_probabilities(grid, counts.max_dn, counts.bin_dn)
-    joint = counts.histograms @ table.T + np.log(width)
-    top = joint.max(axis=1)
-    return top + np.log(np.exp(joint - top[:, None]).sum(axis=1))
+    return np.asarray(logsumexp(counts.histograms @ table.T + np.log(width), axis=1))
 
 
 def dark_log_density(counts: Counts, noise_model: NoiseModel) -> float:
     """Nats of the dark frames; 0 without."""
     if counts.dark is None:
         return 0.0
-    return float(noise_model.log_probabilities(np.array([1e-3]), counts.max_dn, counts.bin_dn)[0] @ counts.dark)
+    repeats = counts.dark[0].sum()
+    step = np.sqrt((noise_model.sigma_dn**2 + counts.bin_dn**2 / 12.0) / repeats)
+    spacing = min(float(step), counts.dsnu_dn) or 1.0
+    steps = int(np.ceil(_OFFSETS * counts.dsnu_dn / spacing))
+    offsets = spacing * np.arange(-steps, steps + 1)
+    weight = -0.5 * (offsets / (counts.dsnu_dn or 1.0)) ** 2
+    table = noise_model.dark_log_probabilities(offsets, counts.max_dn, counts.bin_dn)
+    return float(logsumexp(counts.dark @ table.T + weight - logsumexp(weight), axis=1).sum())
 
 
 def _signal_grid(counts: Counts, noise_model: NoiseModel) -> tuple[np.ndarray, np.ndarray]:
@@ -153,26 +167,18 @@ def _start(kind: type[NoiseModel], counts: Counts, black_dn: float | None) -> No
     mean = counts.histograms @ values / repeats
     variance = (counts.histograms @ values**2 / repeats - mean**2) * repeats / np.maximum(repeats - 1, 1)
     clear = (mean > np.quantile(mean, 0.02)) & (mean + 3.0 * np.sqrt(variance) < counts.max_dn)
-    black = (
-        black_dn
-        if black_dn is not None
-        else min(
-            float(np.quantile(mean, 0.01)),
-            float(values @ counts.dark / counts.dark.sum()) if counts.dark is not None else np.inf,
-        )
-    )
+    dark_mean, dark_variance = np.inf, 0.0
+    if counts.dark is not None:
+        repeats = np.asarray(counts.dark.sum(axis=1)).ravel()
+        of_pixels = counts.dark @ values / repeats
+        dark_mean = float(of_pixels.mean())
+        dark_variance = float(np.mean((counts.dark @ values**2 / repeats - of_pixels**2) * repeats / (repeats - 1.0)))
+    black = black_dn if black_dn is not None else min(float(np.quantile(mean, 0.01)), dark_mean)
     signal = np.maximum(mean - black, 0.0)[clear]
     column = signal**2 if kind is GammaModel else signal
     weight = 1.0 / (variance[clear].mean() * 0.05 + column + 0.05)
     slope = float(np.sum(weight**2 * column * variance[clear]) / max(np.sum(weight**2 * column**2), 1e-12))
-    dark = counts.dark if counts.dark is not None else None
-    sigma = (
-        0.5
-        if dark is None
-        else max(
-            float(np.sqrt(max(dark @ values**2 / dark.sum() - (dark @ values / dark.sum()) ** 2 - 1 / 12, 0.01))), 0.1
-        )
-    )
+    sigma = 0.5 if counts.dark is None else max(float(np.sqrt(max(dark_variance - 1.0 / 12.0, 0.0))), 0.1)
     shape = 1.0 / max(slope, 1e-5) if kind is GammaModel else max(slope, 1e-3)
     return kind(shape, sigma, black)
 
@@ -192,7 +198,7 @@ def _hessian(cost: Callable[[np.ndarray], float], x: np.ndarray, step: np.ndarra
 def fit_literally(pixels: list[np.ndarray], max_dn: int) -> dict[str, float]:
     """The paper's own reading: the clean image is the average, and k, theta, mu and sigma are free. {name: value}."""
     average = np.concatenate([counts.mean(axis=1) for counts in pixels])
-    counts = Counts.of(pixels, None, max_dn)
+    counts = Counts.of(pixels, [], max_dn)
     seen = (average > 1.0) & (average < max_dn - 1.0)
     order = np.argsort(average[seen])
     groups = np.array_split(order, min(300, len(order)))

@@ -55,6 +55,13 @@ class NoiseModel:
         whole = np.hstack([np.zeros((len(signal), 1)), below, np.ones((len(signal), 1))])
         return np.log(np.maximum(np.diff(whole, axis=1), _LEAST_PROBABILITY))
 
+    def dark_log_probabilities(self, offset: np.ndarray, max_dn: int, bin_dn: int = 1) -> np.ndarray:
+        """log_probabilities() without light, [offset][bin], of pixels with offsets of their own."""
+        edges = np.arange(bin_dn, max_dn + 1, bin_dn) - 0.5
+        below = ndtr((edges - self.black_dn - np.asarray(offset)[:, None]) / self.sigma_dn)
+        whole = np.hstack([np.zeros((len(below), 1)), below, np.ones((len(below), 1))])
+        return np.log(np.maximum(np.diff(whole, axis=1), _LEAST_PROBABILITY))
+
     def _upper_tail(self) -> float:
         """By how many deviations the upper tail reaches farther than a Gaussian's."""
         return 8.0

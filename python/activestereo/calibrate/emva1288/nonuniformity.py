@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: Apache-2.0
+"""DSNU and PRNU: what is the same in all frames, in the standard's figures and split into what a model has terms for.
+
+The standard's figures are variances of averaged frames, whole and split into columns, rows and pixels (EMVA 1288
+Release 4.0 Linear, sections 4 and 8; whole in Release 3.1, sections 4.1 and 8). The lamp's unevenness, waves and defect
+pixels are in them; the standard shows the latter as spectrograms and histograms. The split takes out, in turn,
+
+    field     a polynomial of the fourth degree: lamp, lens and glow
+    waves     sinusoids that stand out from the spectrum around them
+    defects   pixels farther than five standard deviations from the others
+
+and states the variances of columns, rows and pixels of the rest, without temporal noise's.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.stats import chi2
+
+from activestereo.calibrate.emva1288.fit import DEVIATIONS
+from activestereo.calibrate.emva1288.recording import LARGEST_CLIPPED, Recording, Step
+from activestereo.model import Quantity
+
+Array = NDArray[np.float64]
+
+_DEGREE = 4
+_DEFECT = 5.0
+# A wave's power in a spectrum of noise is exponential; a chance of so much in all of the spectrum is no wave.
+_CHANCE, _MOST_WAVES, _BLOCK = 1e-4, 6, 16
+# Fewer cycles across the image than these are the field's.
+_SLOWEST = 8
+_ROUNDS = 2
+_MEDIAN_TO_SIGMA = 1.4826
+_SOURCE = "EMVA 1288 nonuniformity"
+
+
+@dataclass(frozen=True)
+class Wave:
+    """amplitude sin(2 pi (u x + v y) + phase); u, v: cycles per pixel."""
+
+    amplitude: Quantity
+    u: float
+    v: float
+
+
+@dataclass(frozen=True)
+class Split:
+    """Parts of an averaged image. mean: of all pixels but defects, without the waves. pixel, column, row: standard
+    deviations. excess: of each defect over its surroundings."""
+
+    mean: Quantity
+    pixel: Quantity
+    column: Quantity
+    row: Quantity
+    waves: tuple[Wave, ...]
+    excess: Array
+
+
+@dataclass(frozen=True)
+class Nonuniformity:
+    """dsnu_1288_dn, prnu_1288: the standard's of [whole, columns, rows, pixels], DN and shares of the signal; NaN where
+    the variance is below temporal noise's. dark: DN; light: shares. field: lowest and highest light over its mean.
+    pixels: of a frame. photons, signal_dn (above the dark), exposure_s: of the lit frames."""
+
+    dsnu_1288_dn: Array
+    prnu_1288: Array
+    dark: Split
+    light: Split
+    field: tuple[float, float]
+    pixels: int
+    photons: float | None
+    signal_dn: float
+    exposure_s: float
+
+
+def nonuniformity(recording: Recording) -> Nonuniformity | None:
+    """The figures of a lit and a dark step of three or more frames, None where they are not there; of several lit ones
+    the one nearest half of the range. ValueError where its counts clip, or where it has no dark step."""
+    stacks = [step for step in recording.steps if step.average is not None]
+    lit, darks = [s for s in stacks if not s.is_dark], [s for s in stacks if s.is_dark]
+    if not lit or not darks:
+        return None
+    bright = min(lit, key=lambda step: abs(step.mean_dn - 0.5 * recording.max_dn))
+    dark = next((step for step in darks if step.exposure_s == bright.exposure_s), None)
+    if dark is None:
+        raise ValueError(
+            f"{bright.place}: no {bright.frames} dark frames of its exposure time, {bright.exposure_s:g} s: cover the "
+            "lens and record as many"
+        )
+    if bright.clipped > LARGEST_CLIPPED:
+        raise ValueError(
+            f"{bright.place}: {100 * bright.clipped:.1f} % of the counts clip: record these frames at half of "
+            "saturation"
+        )
+    signal = bright.mean_dn - dark.mean_dn
+    of_light, of_dark = _averaged(bright), _averaged(dark)
+    noise = [step.variance_dn2 / step.frames for step in (bright, dark)]
+    spread = _spread(of_dark, noise[1])
+    with np.errstate(invalid="ignore"):
+        dsnu, prnu = np.sqrt(spread), np.sqrt(_spread(of_light, noise[0]) - spread) / signal
+    difference = of_light - of_dark
+    field = _field(difference, np.ones(difference.shape, bool))
+    light = split(difference / field, sum(noise) / signal**2, "1")
+    # Defects change the mean, not the light.
+    lowest, highest = (end / (1.0 + light.excess.sum() / bright.pixels) for end in _range(field, light.pixel.value))
+    return Nonuniformity(
+        dsnu, prnu, split(of_dark, noise[1], "DN"), light, (lowest, highest), bright.pixels, bright.photons, signal,
+        bright.exposure_s,
+    )  # fmt: skip
+
+
+def _averaged(step: Step) -> Array:
+    assert step.average is not None
+    return step.average
+
+
+def _spread(image: Array, noise: float) -> Array:
+    """Spatial variances [whole, columns, rows, pixels], the latter from those of column and row means."""
+    m, n = image.shape
+    degrees = m * n - m - n
+    whole = image.var(ddof=1) - noise
+    columns, rows = image.mean(axis=0).var() - noise / m, image.mean(axis=1).var() - noise / n
+    return np.array(
+        [
+            whole,
+            ((m * n - m) * columns - n * (whole - rows)) / degrees,
+            ((m * n - n) * rows - m * (whole - columns)) / degrees,
+            m * n * (whole - columns - rows) / degrees,
+        ]
+    )
+
+
+def split(image: Array, noise: float, unit: str) -> Split:
+    """The parts of an averaged image, in its own unit; noise: variance that temporal noise leaves in each pixel."""
+    m, n = image.shape
+    good, waves, drawn = np.ones(image.shape, bool), [], np.zeros(image.shape)
+    for _ in range(_ROUNDS):  # each part is found better without the others
+        field = _field(image - drawn, good)
+        pixels = _without_lines(image - drawn - field, good)
+        sigma = _MEDIAN_TO_SIGMA * float(np.median(np.abs(pixels - np.median(pixels))))
+        good = np.abs(pixels) <= _DEFECT * max(sigma, 1e-12)
+        waves = _waves(np.where(good, image - field, 0.0), unit)
+        drawn = sum((part for _, part in waves), np.zeros(image.shape))
+    field = _field(image - drawn, good)
+    rest = image - drawn - field
+    pixels = _without_lines(rest, good)
+    degrees = int(good.sum()) - m - n + 1
+    variance = float((pixels[good] ** 2).sum() / degrees)
+    taken = 1 + _DEGREE  # the field's share of the lines' freedom
+    of_columns, of_rows = (
+        float((np.where(good, rest, 0.0).sum(axis=axis) / np.maximum(good.sum(axis=axis), 1)).var(ddof=taken))
+        for axis in (0, 1)
+    )
+    column, row = (
+        _deviation(of_columns, n - taken, variance / m, unit),
+        _deviation(of_rows, m - taken, variance / n, unit),
+    )
+    level = float((image - drawn)[good].mean())
+    half = DEVIATIONS * float(np.sqrt(variance / (m * n) + column.value**2 / n + row.value**2 / m))
+    return Split(
+        Quantity(level, level - half, level + half, unit, _SOURCE),
+        _deviation(variance, degrees, noise, unit), column, row,
+        tuple(wave for wave, _ in waves), pixels[~good],
+    )  # fmt: skip
+
+
+def _deviation(variance: float, degrees: int, noise: float, unit: str) -> Quantity:
+    """sqrt(variance - noise), with the interval of a sample's variance. A variance below the noise is at least as
+    uncertain as it is too low."""
+    low, high = (variance * degrees / chi2.ppf(p, degrees) - noise for p in (0.95, 0.05))
+    value, low, high = (float(np.sqrt(max(v, 0.0))) for v in (variance - noise, low, max(high, noise - variance)))
+    return Quantity(value, low, high, unit, _SOURCE)
+
+
+def _field(image: Array, good: NDArray[np.bool_]) -> Array:
+    """The polynomial of x and y of least squares over the good pixels."""
+    down, across = (np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, size), _DEGREE) for size in image.shape)
+    beyond = np.add.outer(np.arange(_DEGREE + 1), np.arange(_DEGREE + 1)) > _DEGREE
+    field = np.full(image.shape, image[good].mean())
+    for _ in range(2):  # other pixels take the fit's own value
+        weights = np.linalg.pinv(down) @ np.where(good, image, field) @ np.linalg.pinv(across).T
+        weights[beyond] = 0.0
+        field = down @ weights @ across.T
+    return np.asarray(field)
+
+
+def _range(field: Array, deviation: float) -> tuple[float, float]:
+    """The field's lowest and highest over its mean, each farther out by its error. deviation: of a pixel's share."""
+    orders = 2.0 * np.arange(_DEGREE + 1) + 1.0
+    relative = field / field.mean()
+    ends = []
+    for place, sign in ((int(np.argmin(relative)), -1.0), (int(np.argmax(relative)), 1.0)):
+        at = 2.0 * np.array(np.unravel_index(place, field.shape)) / (np.array(field.shape) - 1.0) - 1.0
+        down, across = np.polynomial.legendre.legvander(at, _DEGREE) ** 2 * orders
+        terms = np.outer(down, across)[np.add.outer(np.arange(_DEGREE + 1), np.arange(_DEGREE + 1)) <= _DEGREE]
+        error = deviation * float(np.sqrt(terms.sum() / field.size))
+        ends.append(float(relative.flat[place]) + sign * DEVIATIONS * error)
+    return ends[0], ends[1]
+
+
+def _without_lines(rest: Array, good: NDArray[np.bool_]) -> Array:
+    """Pixels less the means of their column and row."""
+    for axis in (0, 1):
+        count = np.maximum(good.sum(axis=axis, keepdims=True), 1)
+        rest = rest - np.where(good, rest, 0.0).sum(axis=axis, keepdims=True) / count
+    return rest
+
+
+def _waves(image: Array, unit: str) -> list[tuple[Wave, Array]]:
+    """Sinusoids, the strongest over its surroundings first, with their images; those along an axis are rows and
+    columns."""
+    m, n = image.shape
+    across = np.arange(n // 2 + 1) / n
+    down = np.where(np.arange(m) <= m // 2, np.arange(m), np.arange(m) - m) / m
+    lines = (np.abs(down * m)[:, None] < 2) | (across * n < 2)
+    slow = (np.abs(down * m)[:, None] < _SLOWEST) & (across * n < _SLOWEST)
+    rest = image - image.mean()
+    found: list[tuple[Wave, Array]] = []
+    while len(found) < _MOST_WAVES:
+        power = np.where(lines | slow, 0.0, np.abs(np.fft.rfft2(rest)) ** 2 / rest.size)
+        ratio = power / _surroundings(power)
+        place = np.unravel_index(int(np.argmax(ratio)), power.shape)
+        if ratio[place] < np.log(power.size / _CHANCE):
+            break
+        (u, v), part = _sinusoid(rest, across[place[1]], down[place[0]])
+        rest = rest - part
+        amplitude, half = float(np.sqrt(2.0) * part.std()), DEVIATIONS * float(np.sqrt(2.0 * rest.var() / rest.size))
+        quantity = Quantity(amplitude, max(amplitude - half, 0.0), amplitude + half, unit, _SOURCE)
+        found.append((Wave(quantity, u, v), part))
+    return found
+
+
+def _sinusoid(image: Array, u: float, v: float) -> tuple[tuple[float, float], Array]:
+    """(Frequencies near u and v, the sinusoid of least squares there)."""
+    m, n = image.shape
+
+    def turns(f: Array) -> tuple[Array, Array]:
+        return np.exp(2j * np.pi * f[1] * np.arange(m)), np.exp(2j * np.pi * f[0] * np.arange(n))
+
+    def power(f: Array) -> float:
+        down, across = turns(f)
+        return float(-abs(down @ (image @ across.real) + 1j * (down @ (image @ across.imag))))
+
+    simplex = np.array([[u, v], [u + 0.3 / n, v], [u, v + 0.3 / m]])
+    best = minimize(
+        power, simplex[0], method="Nelder-Mead",
+        options={"initial_simplex": simplex, "xatol": 1e-3 / max(m, n), "fatol": 0.0, "maxiter": 80},
+    ).x  # fmt: skip
+    down, across = turns(best)
+    turn = np.outer(down, across).ravel()
+    # At half a cycle per pixel the sine vanishes: a weight on it would be noise.
+    weights = np.linalg.lstsq(np.stack([turn.real, turn.imag], axis=1), image.ravel(), rcond=1e-2)[0]
+    return (float(best[0]), float(best[1])), (turn.real * weights[0] + turn.imag * weights[1]).reshape(m, n)
+
+
+def _surroundings(power: Array) -> Array:
+    """Mean power of the noise around each bin, from the median of its block; infinite where there is none."""
+    m, n = power.shape
+    out = np.full(power.shape, np.inf)
+    for top in range(0, m, _BLOCK):
+        for left in range(0, n, _BLOCK):
+            block = (slice(top, top + _BLOCK), slice(left, left + _BLOCK))
+            if (inside := power[block][power[block] > 0.0]).size:
+                out[block] = np.median(inside) / np.log(2.0)
+    return out

@@ -1,0 +1,294 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Photon transfer: gain, temporal noise and linearity of a camera from pairs of evenly lit and of dark frames.
+
+The standard's figures follow Release 4.0 Linear (Release 3.1 has them in sections 6.6, 6.7 and 7.1). Its gain K is the
+slope of variance over mean, which a response that is not straight bends. Where photons are known the response is fitted
+as well, and K is also stated at the response's origin:
+
+    mean = black + f(s)                          s = R photons, f(0) = 0, f'(0) = 1
+    variance = (sigma^2 + K s) f'(s)^2 + 1/12    DN^2
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from activestereo.calibrate.emva1288.fit import WeightedFit, fit_weighted
+from activestereo.calibrate.emva1288.recording import LARGEST_CLIPPED, Recording, Step
+from activestereo.common.rounding import ROUNDING_VARIANCE
+from activestereo.model import Quantity
+
+# Shares of saturation: of the fits of gain and responsivity (6.6), and of linearity (6.7).
+_GAIN_RANGE, _LINEAR_RANGE = 0.7, (0.05, 0.95)
+# Below this variance rounding hides the noise of the dark (6.6); above the other its share is 1/12 to 1 % of sigma^2.
+_LEAST_DARK_VARIANCE, _ROUNDED_WELL = 0.24, 0.25 + ROUNDING_VARIANCE
+
+_LEAST_STEPS = 3
+# A step may depart by this share from the response that all steps tell.
+_LARGEST_DEPARTURE = 0.05
+# Terms of the response; each further one must raise the evidence (BIC) by as much as is called strong.
+_MOST_TERMS, _STRONG = 6, 10.0
+_SOURCE = "EMVA 1288 photon transfer"
+
+
+@dataclass(frozen=True)
+class Response:
+    """Mean above black of n photons, DN: n (c_0 + c_1 x + c_2 x^2 ...), x = n / largest."""
+
+    largest: float
+    coefficients: np.ndarray
+
+    def linear_dn(self, photons: np.ndarray) -> np.ndarray:
+        """s: the mean of a straight response, whose slope is this one's at its origin."""
+        return self.coefficients[0] * photons
+
+    def slope(self, photons: np.ndarray) -> np.ndarray:
+        """f'(s)."""
+        curve = np.polynomial.Polynomial([0.0, *self.coefficients]).deriv()
+        return np.asarray(curve(photons / self.largest) / self.coefficients[0])
+
+    def bend(self, photons: float) -> float:
+        """f'(s) s / f(s): a relative change of the light shows as so much of it."""
+        n = np.array([photons])
+        mean = photons * np.polynomial.Polynomial(self.coefficients)(photons / self.largest)
+        return float(self.slope(n)[0] * self.linear_dn(n)[0] / mean)
+
+
+@dataclass(frozen=True)
+class PhotonTransfer:
+    """The standard's figures as numbers, and those at the response's origin as quantities with 90 % intervals.
+
+    gain_1288, gain: K. responsivity_1288: R in DN per photon, None where photons are not known, as all that follow from
+    it. dark_noise_1288_dn: with rounding's; dark_noise: without. linearity_1288: least and largest deviation from the
+    straight line. saturation_dn: mean above black. dark_current: DN/s, None of fewer than three exposures.
+    """
+
+    gain_1288: float
+    gain: Quantity
+    dark_noise_1288_dn: float
+    dark_noise: Quantity
+    black: Quantity
+    saturation_dn: float
+    is_saturated: bool
+    steps: int
+    used_steps: int
+    responsivity_1288: float | None = None
+    responsivity: Quantity | None = None
+    response: Response | None = None
+    linearity_1288: tuple[float, float] | None = None
+    saturation_photons: float | None = None
+    dark_current: Quantity | None = None
+
+
+@dataclass(frozen=True)
+class _Levels:
+    """Steps by rising light: photons, mean above the dark, temporal variance, errors of both, exposures."""
+
+    photons: np.ndarray
+    signal: np.ndarray
+    variance: np.ndarray
+    variance_error: np.ndarray
+    mean_error: np.ndarray
+    exposure_s: np.ndarray
+
+
+def photon_transfer(recording: Recording) -> PhotonTransfer:
+    """The figures of a recording. ValueError, with what to record, where dark frames or steps of light are missing,
+    saturated, or depart from the others."""
+    lit = _lit_steps(recording)
+    dark = [step for step in recording.steps if step.is_dark]
+    levels = _levels(lit, dark)
+    top = _saturation(levels)
+    used = (levels.signal <= _GAIN_RANGE * levels.signal[top]) & (np.arange(len(levels.signal)) <= top)
+    if used.sum() < _LEAST_STEPS:
+        raise ValueError(
+            f"{recording.name}: {used.sum()} of {len(lit)} steps of light lie below {_GAIN_RANGE:.0%} of saturation: "
+            "record ten or more from dark to saturation"
+        )
+    # 1. The dark, at exposure 0.
+    times = np.array([step.exposure_s for step in dark])
+    several = len(set(times)) >= _LEAST_STEPS
+    columns = np.stack([np.ones_like(times), times][: 1 + several], axis=1)
+    dark_variance = fit_weighted(
+        columns, np.array([d.variance_dn2 for d in dark]), np.array([d.variance_error_dn2() for d in dark])
+    )
+    black = fit_weighted(columns, np.array([d.mean_dn for d in dark]), np.array([_mean_error(d) for d in dark]))
+    # 2. The response, where photons are known.
+    response = _response(recording, levels, top) if np.isfinite(levels.photons).all() else None
+    # 3. The gain.
+    at_used = np.stack([np.ones(used.sum()), levels.exposure_s[used]][: 1 + several], axis=1)
+    dark_at_used = at_used @ dark_variance.values
+    excess, signal = levels.variance[used] - dark_at_used, levels.signal[used]
+    gain, dark_noise = _gain(levels, used, dark_variance, dark_at_used, response)
+    known = response is not None
+    photons = levels.photons[used]
+    return PhotonTransfer(
+        gain_1288=float(signal @ excess / (signal @ signal)),
+        gain=gain,
+        dark_noise_1288_dn=float(np.sqrt(max(dark_variance.values[0], _LEAST_DARK_VARIANCE))),
+        dark_noise=dark_noise,
+        black=black.quantity(0, "DN", _SOURCE),
+        saturation_dn=float(levels.signal[top]),
+        is_saturated=top < len(levels.signal) - 1,
+        steps=len(lit),
+        used_steps=int(used.sum()),
+        responsivity_1288=float(photons @ signal / (photons @ photons)) if known else None,
+        responsivity=response[1].quantity(0, "DN", _SOURCE) if response else None,
+        response=response[0] if response else None,
+        linearity_1288=_linearity(levels, top) if known else None,
+        saturation_photons=float(levels.photons[top]) if known else None,
+        dark_current=black.quantity(1, "DN/s", _SOURCE) if several else None,
+    )
+
+
+def _lit_steps(recording: Recording) -> list[Step]:
+    """Pairs of light; more frames of one step are for what stays, and tell noise only where there are no pairs."""
+    lit = [step for step in recording.steps if not step.is_dark]
+    lit = [step for step in lit if step.average is None] or lit
+    if len(lit) < _LEAST_STEPS:
+        raise ValueError(
+            f"{recording.name}: {len(lit)} step{'s'[: len(lit) != 1]} of light: the gain needs {_LEAST_STEPS} or more "
+            "of two frames each, better 50 from dark to saturation"
+        )
+    if not any(step.is_dark for step in recording.steps):
+        raise ValueError(f"{recording.name}: no dark frames: cover the lens and record two at each exposure time")
+    for step in recording.steps:
+        if step.is_dark and step.clipped > LARGEST_CLIPPED:
+            raise ValueError(
+                f"{step.place}: {100 * step.clipped:.1f} % of the dark counts clip: raise the camera's black level"
+            )
+    clear = sum(step.clipped <= LARGEST_CLIPPED for step in lit)
+    if clear < _LEAST_STEPS:
+        raise ValueError(
+            f"{recording.name}: {len(lit) - clear} of {len(lit)} steps of light have counts that clip at 0 or "
+            f"{recording.max_dn}: record {_LEAST_STEPS} or more with less light, or raise the black level"
+        )
+    return lit
+
+
+def _levels(lit: list[Step], dark: list[Step]) -> _Levels:
+    """Each step less the dark of its own exposure; several darks of one exposure count by their frames."""
+    means: dict[float, float] = {}
+    for exposure in {step.exposure_s for step in dark}:
+        same = [step for step in dark if step.exposure_s == exposure]
+        means[exposure] = float(np.average([s.mean_dn for s in same], weights=[s.frames for s in same]))
+    for step in lit:
+        if step.exposure_s not in means:
+            raise ValueError(
+                f"{step.place}: no dark frames of its exposure time, {step.exposure_s:g} s: cover the lens and record "
+                "two at each exposure time"
+            )
+    photons = np.array([np.nan if step.photons is None else step.photons for step in lit])
+    signal = np.array([step.mean_dn - means[step.exposure_s] for step in lit])
+    order = np.argsort(photons if np.isfinite(photons).all() else signal, kind="stable")
+    lit = [lit[place] for place in order]
+    return _Levels(
+        photons[order],
+        signal[order],
+        np.array([step.variance_dn2 for step in lit]),
+        np.array([step.variance_error_dn2() for step in lit]),
+        np.array([_mean_error(step) for step in lit]),
+        np.array([step.exposure_s for step in lit]),
+    )
+
+
+def _saturation(levels: _Levels) -> int:
+    """The last step whose variance is the largest, to what its error tells (2.4)."""
+    peak = int(np.argmax(levels.variance))
+    error = np.hypot(levels.variance_error, levels.variance_error[peak])
+    return int(np.flatnonzero(levels.variance >= levels.variance[peak] - 2.0 * error)[-1])
+
+
+def _mean_error(step: Step) -> float:
+    return float(np.sqrt(max(step.variance_dn2, ROUNDING_VARIANCE) / (step.frames * step.pixels)))
+
+
+def _response(recording: Recording, levels: _Levels, top: int) -> tuple[Response, WeightedFit]:
+    """The response between 5 and 95 % of saturation, with as many terms as the evidence asks for."""
+    low, high = (share * levels.signal[top] for share in _LINEAR_RANGE)
+    inside = (levels.signal >= low) & (levels.signal <= high) & (np.arange(len(levels.signal)) <= top)
+    if inside.sum() < _LEAST_STEPS:
+        raise ValueError(
+            f"{recording.name}: {inside.sum()} steps of light lie between 5 and 95 % of saturation: record ten or more"
+        )
+    photons, signal = levels.photons[inside], levels.signal[inside]
+    error = levels.mean_error[inside] / photons
+    largest, ratio = float(photons.max()), signal / photons
+    # An error of the dark or of the shutter is a constant: it rises over the signal towards no light.
+    constant = largest / photons[:, None]
+    chosen, columns, terms = None, constant, 0
+    for count in range(1, min(_MOST_TERMS, inside.sum() - 2) + 1):
+        powers = np.vander(photons / largest, count, increasing=True)
+        for tried in (powers, np.hstack([powers, constant])):
+            fit = fit_weighted(tried, ratio, error)
+            if chosen is None or fit.bic < chosen.bic - _STRONG * (tried.shape[1] - columns.shape[1]):
+                chosen, columns, terms = fit, tried, count
+    assert chosen is not None
+    response = Response(largest, chosen.values[:terms])
+    expected = photons * (columns @ chosen.values)
+    departure = signal / expected - 1.0
+    worst = int(np.argmax(np.abs(departure)))
+    if abs(departure[worst]) > _LARGEST_DEPARTURE:
+        raise ValueError(
+            f"{recording.name}: the step of {photons[worst]:g} photons is {100 * departure[worst]:+.1f} % off what the "
+            "others tell: let the lamp warm up and measure its light with each step"
+        )
+    return response, chosen
+
+
+def _linearity(levels: _Levels, top: int) -> tuple[float, float]:
+    """Least and largest deviation from the straight line of least relative squares, as shares of it (6.7)."""
+    low, high = (share * levels.signal[top] for share in _LINEAR_RANGE)
+    inside = (levels.signal >= low) & (levels.signal <= high)
+    photons, signal = levels.photons[inside], levels.signal[inside]
+    line = np.polyval(np.polyfit(photons, signal, 1, w=1.0 / signal), photons)
+    deviation = signal / line - 1.0
+    return float(deviation.min()), float(deviation.max())
+
+
+def _gain(
+    levels: _Levels, used: np.ndarray, dark: WeightedFit, dark_at_used: np.ndarray,
+    response: tuple[Response, WeightedFit] | None,
+) -> tuple[Quantity, Quantity]:  # fmt: skip
+    """K and the dark noise at the response's origin. Where rounding hides the noise of the dark, lit steps tell it."""
+    hidden = dark.values[0] < _LEAST_DARK_VARIANCE
+    variance, error = levels.variance[used], levels.variance_error[used]
+    well = variance >= _ROUNDED_WELL
+    if well.sum() < _LEAST_STEPS:
+        raise ValueError(
+            f"{well.sum()} steps of light have half a count of noise: rounding hides the rest; use a higher gain or "
+            "more bits"
+        )
+
+    def fitted(curve: Response | None) -> WeightedFit:
+        if curve is None:
+            linear, slope = levels.signal[used], np.ones(used.sum())
+        else:
+            linear, slope = curve.linear_dn(levels.photons[used]), curve.slope(levels.photons[used])
+        columns = np.stack([linear, np.ones_like(linear)][: 1 + hidden], axis=1) * slope[:, None] ** 2
+        rest = variance - ROUNDING_VARIANCE - (0.0 if hidden else (dark_at_used - ROUNDING_VARIANCE) * slope**2)
+        return fit_weighted(columns[well], rest[well], error[well], variance[well])
+
+    fit = fitted(response[0] if response else None)
+    error_of_k = fit.error(0)
+    if response:
+        curve, terms = response[0], len(response[0].coefficients)
+        moved = [
+            fitted(replace(curve, coefficients=near[:terms])).values[0] - fit.values[0] for near in response[1].nearby()
+        ]
+        error_of_k = float(np.hypot(error_of_k, np.linalg.norm(moved)))
+    if not hidden:
+        error_of_k = float(np.hypot(error_of_k, dark.error(0) / max(float(levels.signal[used].mean()), 1.0)))
+    k, half = float(fit.values[0]), fit.quantile * error_of_k
+    gain = Quantity(k, max(k - half, 0.0), k + half, "DN", _SOURCE)
+    if not hidden:
+        return gain, _root(dark.values[0] - ROUNDING_VARIANCE, dark.quantile * dark.error(0))
+    most = _LEAST_DARK_VARIANCE - ROUNDING_VARIANCE
+    value = float(np.clip(fit.values[1], 0.0, most))
+    source = f"{_SOURCE}; rounding hides it in the dark"
+    return gain, Quantity(float(np.sqrt(value)), 0.0, float(np.sqrt(most)), "DN", source)
+
+
+def _root(square: float, half: float) -> Quantity:
+    value, low, high = (float(np.sqrt(max(v, 0.0))) for v in (square, square - half, square + half))
+    return Quantity(value, low, high, "DN", _SOURCE)
