@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 from scipy.sparse import csr_matrix
 from scipy.special import logsumexp
 
-from activestereo.calibrate.noise_models import GammaModel, NoiseModel, ShotModel
+from activestereo.calibrate.noise_models import CountModel, GammaModel, ShotModel
 
 # Counts are grouped so that a table has at most so many columns.
 _LARGEST_BINS = 512
@@ -70,7 +70,7 @@ def _histograms(pixels: list[np.ndarray], max_dn: int, bin_dn: int) -> csr_matri
 class NoiseFit:
     """noise_model: the most probable one. error: standard deviations of log shape, log sigma and black."""
 
-    noise_model: NoiseModel
+    noise_model: CountModel
     error: np.ndarray
 
     def interval(self, name: str) -> tuple[float, float]:
@@ -84,14 +84,14 @@ class NoiseFit:
         return value * np.exp(-error), value * np.exp(error)
 
 
-def log_density(counts: Counts, noise_model: NoiseModel) -> np.ndarray:
+def log_density(counts: Counts, noise_model: CountModel) -> np.ndarray:
     """Nats of each pixel under a noise model, its mean integrated out."""
     grid, width = _signal_grid(counts, noise_model)
     table = noise_model.log_probabilities(grid, counts.max_dn, counts.bin_dn)
     return np.asarray(logsumexp(counts.histograms @ table.T + np.log(width), axis=1))
 
 
-def dark_log_density(counts: Counts, noise_model: NoiseModel) -> float:
+def dark_log_density(counts: Counts, noise_model: CountModel) -> float:
     """Nats of the dark frames; 0 without."""
     if counts.dark is None:
         return 0.0
@@ -105,7 +105,7 @@ def dark_log_density(counts: Counts, noise_model: NoiseModel) -> float:
     return float(logsumexp(counts.dark @ table.T + weight - logsumexp(weight), axis=1).sum())
 
 
-def _signal_grid(counts: Counts, noise_model: NoiseModel) -> tuple[np.ndarray, np.ndarray]:
+def _signal_grid(counts: Counts, noise_model: CountModel) -> tuple[np.ndarray, np.ndarray]:
     """Means above black as finely spaced as a pixel's mean is known, and the width of each."""
     repeats = counts.histograms[0].sum()
     top = 1.1 * max(float(counts.means.max()) - noise_model.black_dn, 1.0) + 6.0 * np.sqrt(
@@ -122,9 +122,9 @@ def _signal_grid(counts: Counts, noise_model: NoiseModel) -> tuple[np.ndarray, n
 
 
 def fit_noise_model(
-    kind: type[NoiseModel],
+    kind: type[CountModel],
     counts: Counts,
-    start: NoiseModel | None = None,
+    start: CountModel | None = None,
     fixed_black_dn: float | None = None,
     with_error: bool = True,
 ) -> NoiseFit:
@@ -133,7 +133,7 @@ def fit_noise_model(
     start = start or _start(kind, counts, fixed_black_dn)
     free = 2 if fixed_black_dn is not None else 3
 
-    def model_of(x: np.ndarray) -> NoiseModel:
+    def model_of(x: np.ndarray) -> CountModel:
         black = float(x[2]) if fixed_black_dn is None else fixed_black_dn
         return kind(float(np.exp(np.clip(x[0], -9.0, 12.0))), float(np.exp(np.clip(x[1], -4.0, 6.0))), black)
 
@@ -160,7 +160,7 @@ def fit_noise_model(
     return NoiseFit(model_of(found.x), np.concatenate([error, np.zeros(3 - free)]))
 
 
-def _start(kind: type[NoiseModel], counts: Counts, black_dn: float | None) -> NoiseModel:
+def _start(kind: type[CountModel], counts: Counts, black_dn: float | None) -> CountModel:
     """From variances of pixels against their means, a quadratic: its terms are sigma, shot and gamma noise."""
     values = (np.arange(counts.histograms.shape[1]) + 0.5) * counts.bin_dn - 0.5
     repeats = np.asarray(counts.histograms.sum(axis=1)).ravel()
@@ -227,4 +227,4 @@ def fit_literally(pixels: list[np.ndarray], max_dn: int) -> dict[str, float]:
     return {"k": float(np.exp(k)), "theta": float(np.exp(theta)), "mu_dn": float(mu), "sigma_dn": float(np.exp(sigma))}
 
 
-NOISE_MODELS: tuple[type[NoiseModel], ...] = (GammaModel, ShotModel)
+NOISE_MODELS: tuple[type[CountModel], ...] = (GammaModel, ShotModel)

@@ -28,7 +28,7 @@ _REACH = 8.0
 
 
 @dataclass(frozen=True)
-class NoiseModel:
+class CountModel:
     """shape: k of the gamma model, K in DN per electron of the shot noise model."""
 
     shape: float
@@ -68,7 +68,7 @@ class NoiseModel:
 
 
 @dataclass(frozen=True)
-class GammaModel(NoiseModel):
+class GammaModel(CountModel):
     """The paper's speckle factor and Gaussian noise."""
 
     name: ClassVar[str] = "gamma"
@@ -109,7 +109,7 @@ class GammaModel(NoiseModel):
 
 
 @dataclass(frozen=True)
-class ShotModel(NoiseModel):
+class ShotModel(CountModel):
     """Photons and read noise."""
 
     name: ClassVar[str] = "shot"

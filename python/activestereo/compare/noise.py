@@ -103,12 +103,17 @@ def fit_noise_model(statistics: Sequence[Repeats], black_dn: float, max_dn: floa
     noise_models = []
     for black in np.linspace(0.0, max(black_dn, 0.0), _BLACK_LEVELS):
         signal, signal_square = mean - black, square - 2 * black * mean + black**2
-        design = np.stack([np.ones_like(mean), gain * signal, signal_square], axis=1)
-        coefficients, misfit = nnls(np.maximum(design, 0.0) * weight[:, None], variance * weight)
-        offset, shot, relative = map(float, coefficients)
-        noise_models.append((misfit**2, NoiseModel(offset, shot, relative, float(black))))
+        terms = np.stack([np.ones_like(mean), gain * signal, signal_square], axis=1)
+        (offset, shot, relative), chi2 = fit_terms(np.maximum(terms, 0.0), variance, weight)
+        noise_models.append((chi2, NoiseModel(offset, shot, relative, float(black))))
     limit = 1.05 * min(chi2 for chi2, _ in noise_models) + _CHI2_MARGIN
     return next(noise_model for chi2, noise_model in noise_models if chi2 <= limit)
+
+
+def fit_terms(terms: np.ndarray, variance: np.ndarray, weight: np.ndarray) -> tuple[list[float], float]:
+    """(Coefficients of the noise model's terms [n][term], none below 0; chi square). weight: 1 / standard error."""
+    coefficients, misfit = nnls(terms * weight[:, None], variance * weight)
+    return [float(value) for value in coefficients], misfit**2
 
 
 def transfer_points(capture: Capture) -> list[dict[str, float]]:

@@ -11,11 +11,10 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude
-from scipy.optimize import nnls
 
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.camera_warp import warp_between
-from activestereo.compare.noise import NoiseModel
+from activestereo.compare.noise import NoiseModel, fit_terms
 from activestereo.effects.core.view import View
 
 _BINS = 24
@@ -33,9 +32,9 @@ def pair_noise_model(pairs: Iterable[Pair], black_dn: float) -> NoiseModel | Non
     if not rows:
         return None
     gain, mean, variance, weight = np.array(rows).T
-    design = np.stack([np.ones_like(mean), gain * np.maximum(mean - black_dn, 0.0)], axis=1)
-    (offset, shot), _ = nnls(design * weight[:, None], variance * weight)
-    return NoiseModel(max(float(offset), ROUNDING_VARIANCE), float(shot), 0.0, float(black_dn))
+    terms = np.stack([np.ones_like(mean), gain * np.maximum(mean - black_dn, 0.0)], axis=1)
+    (offset, shot), _ = fit_terms(terms, variance, weight)
+    return NoiseModel(max(offset, ROUNDING_VARIANCE), shot, 0.0, float(black_dn))
 
 
 def _rows(left: View, right: View, left_dn: NDArray, right_dn: NDArray) -> list[tuple[float, float, float, float]]:

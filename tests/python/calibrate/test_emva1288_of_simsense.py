@@ -96,6 +96,15 @@ def test_gives_back_what_was_put_in_within_the_intervals(found):
     assert not dark.waves and not len(dark.excess)
 
 
+def test_hot_pixels_are_told_by_those_that_stand_out():
+    hot = {"hot_pixel_share": 0.004, "hot_pixel_e_per_s": 6000.0}
+    found, k = measure(recording(SENSOR | hot)), SENSOR["conversion_gain_dn_per_e"]
+    assert widths_off(0.004, found.hot_pixels["share"]) < 2.4
+    assert widths_off(6000.0 * k, found.hot_pixels["rate_dn_per_s"]) < 2.4
+    # Their own current is not the others'.
+    assert found.dark_current.value == pytest.approx(SENSOR["dark_current_e_per_s"] * k, rel=0.01)
+
+
 def test_a_linear_imager_is_found_linear(found):
     assert np.abs(found.transfer.linearity_1288).max() < 0.005
     bent = measure(recording(SENSOR | {"response_exponent": 0.8}, EXPOSURES_S[::2], 0))

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from activestereo.calibrate.emva1288.fit import DEVIATIONS
-from activestereo.calibrate.emva1288.nonuniformity import Nonuniformity, Split, nonuniformity
+from activestereo.calibrate.emva1288.nonuniformity import Nonuniformity, nonuniformity
 from activestereo.calibrate.emva1288.recording import Recording, read_descriptor, read_folders
 from activestereo.calibrate.emva1288.transfer import PhotonTransfer, photon_transfer
 from activestereo.calibrate.frames import LEAST_REPEATS
@@ -28,7 +28,8 @@ class Emva1288:
 
     responsivity: R, DN per photon, anywhere in the light's field. prnu: deviation of the pixels' own sensitivities, a
     share. black: mean of the dark without its current, DN; where averaged frames show waves and defects, without them.
-    dark_current: DN/s where it is told from none. All with 90 % intervals, None where not known.
+    dark_current: DN/s where it is told from none, without the hot pixels'. hot_pixels: the effect's parameters, empty
+    where there are none. All with 90 % intervals, None where not known.
     """
 
     transfer: PhotonTransfer
@@ -37,6 +38,7 @@ class Emva1288:
     prnu: Quantity | None
     black: Quantity
     dark_current: Quantity | None
+    hot_pixels: dict[str, Quantity]
 
     def model(self) -> SensorModel:
         """model.json's imager, black level and effects, but for those that _left_out() names."""
@@ -61,13 +63,15 @@ class Emva1288:
         dark = self.spatial.dark
         yield "prnu", {"sigma": self.prnu}
         yield "fixed_pattern_noise", {"column_dn": dark.column, "row_dn": dark.row, "pixel_dn": dark.pixel}
-        if (dark.excess > 0.0).sum() >= _FEWEST_HOT and self.spatial.exposure_s > 0.0:
-            yield "hot_pixels", _hot_pixels(dark, self.spatial.pixels, self.spatial.exposure_s)
+        if self.hot_pixels:
+            yield "hot_pixels", self.hot_pixels
 
     def _left_out(self) -> Iterator[str]:
         for name, parameters in self._effects():
             if beyond := _beyond(name, parameters):
                 yield f"not in model.json: {name}, for {beyond}"
+        if self.transfer.response is not None and len(self.transfer.response.coefficients) > 1:
+            yield "not in model.json: the bent response, which no power law (response_gamma) follows from its origin on"
         if self.spatial is None:
             yield "DSNU, PRNU and defects: record 3 or more frames, better 100, of one lit and one dark step"
         elif self.spatial.dark.waves or self.spatial.light.waves:
@@ -98,7 +102,11 @@ def measure(recording: Recording) -> Emva1288:
     if current is not None and current.low is not None and current.low <= 0.0:
         current = None
     if spatial is None:
-        return Emva1288(transfer, None, transfer.responsivity, None, transfer.black, current)
+        return Emva1288(transfer, None, transfer.responsivity, None, transfer.black, current, {})
+    hot = _hot_pixels(spatial)
+    if current is not None and hot:
+        shift = -hot["share"].value * hot["rate_dn_per_s"].value
+        current = _map(current, lambda rate: rate + shift, current.unit)
     responsivity = transfer.responsivity
     if responsivity is not None and responsivity.low is not None and responsivity.high is not None:
         # Photons are stated for one place of an uneven field: the interval holds all of it.
@@ -108,7 +116,7 @@ def measure(recording: Recording) -> Emva1288:
     response, photons = transfer.response, spatial.photons
     bend = 1.0 if response is None or photons is None else response.bend(photons)
     prnu = _scaled(spatial.light.pixel, 1.0 / bend)
-    return Emva1288(transfer, spatial, responsivity, prnu, _black(spatial, current), current)
+    return Emva1288(transfer, spatial, responsivity, prnu, _black(spatial, current), current, hot)
 
 
 def is_emva1288(frames: Path) -> bool:
@@ -129,16 +137,18 @@ def _black(spatial: Nonuniformity, current: Quantity | None) -> Quantity:
     return replace(mean, value=value, low=value - half, high=value + half)
 
 
-def _hot_pixels(dark: Split, pixels: int, exposure_s: float) -> dict[str, Quantity]:
+def _hot_pixels(spatial: Nonuniformity) -> dict[str, Quantity]:
     """The exponential tail whose upper part the defects are: those of less excess hide in the other pixels' spread."""
-    excess = dark.excess[dark.excess > 0.0]
+    excess = spatial.dark.excess[spatial.dark.excess > 0.0]
+    if len(excess) < _FEWEST_HOT or spatial.exposure_s <= 0.0:
+        return {}
     n, least = len(excess), float(excess.min())
     tail = max(float(excess.mean() - least) * n / (n - 1), 1e-6)
-    rate = tail / exposure_s
+    rate = tail / spatial.exposure_s
     low, high = (2.0 * n * rate / float(chi2.ppf(p, 2 * n)) for p in (0.95, 0.05))
-    share = n / pixels * float(np.exp(least / tail))
+    share = n / spatial.pixels * float(np.exp(least / tail))
     spread = float(np.exp(DEVIATIONS * np.hypot(1.0, least / tail) / np.sqrt(n)))
-    source = dark.pixel.source
+    source = spatial.dark.pixel.source
     return {
         "share": Quantity(share, share / spread, share * spread, "1", source),
         "rate_dn_per_s": Quantity(rate, low, high, "DN/s", source),
@@ -243,5 +253,5 @@ def _spatial_lines(camera: Emva1288) -> Iterator[str]:
             yield _line(f"wave in the {where}", f"{wave.u:.4f}, {wave.v:.4f} cycles/px", amplitude)
         if len(found.excess):
             mean = f"{scale * float(found.excess.mean()):+.3g} {unit} in the mean"
-            place = "hot_pixels" if where == "dark" and (found.excess > 0.0).sum() >= _FEWEST_HOT else ""
+            place = "hot_pixels" if where == "dark" and camera.hot_pixels else ""
             yield _line(f"defect pixels in the {where}", f"{len(found.excess)} beyond 5 sigma", mean, place)
