@@ -760,6 +760,7 @@ class kuafu_light_desc(c.Structure):
         ("pattern_height", c.c_uint32),
         ("dot_sigma_px", c.c_float),
         ("dot_background", c.c_double),
+        ("ir_share", c.c_double),
     ]
 
 

@@ -541,6 +541,7 @@ pub struct kuafu_light_desc {
     pub pattern_height: u32,
     pub dot_sigma_px: f32,
     pub dot_background: f64,
+    pub ir_share: f64,
 }
 
 #[repr(C)]

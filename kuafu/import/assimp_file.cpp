@@ -149,6 +149,8 @@ void import_assimp(Import& import) {
   file = importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_JoinIdenticalVertices | aiProcess_SortByPType | aiProcess_FlipUVs);
   if (file == nullptr) fail_read(importer);
   if (file->mRootNode == nullptr || file->mNumMeshes == 0) ks::fail(KS_ERROR_FILE, "there are no triangles in it");
+  if (file->mNumLights > 0)
+    import.warn("its lamps are left out, for Collada gives their light no unit: " + std::to_string(file->mNumLights));
   Tables tables;
   AssimpTextures textures(import);
   for (unsigned i = 0; i < file->mNumMaterials; ++i) {

@@ -50,6 +50,38 @@ void check_extensions(Import& import, const tinygltf::Model& model) {
 // glTF's cameras and lights look along -z with y up (section 3.10); ours along +z with y down.
 const glm::dmat4 camera_to_node(glm::dvec4(1, 0, 0, 0), glm::dvec4(0, -1, 0, 0), glm::dvec4(0, 0, -1, 0), glm::dvec4(0, 0, 0, 1));
 
+/// KHR_lights_punctual has candela and lux. Writers that know watts (Blender) multiply by the luminous efficacy at 540 THz, which defines
+/// the candela (SI brochure, 9th edition, section 2.3.1); we divide by it.
+constexpr double lumens_per_watt = 683.0;
+
+/// 0 where the light's extras do not have it.
+double number_of_light(const tinygltf::Value& extras, const char* name, const std::string& field) {
+  const double value = number_of(extras, name, 0.0);
+  if (value < 0.0) ks::fail(KS_ERROR_FILE, "%s: extras.%s of its light is %g, must be at least 0", field.c_str(), name, value);
+  return value;
+}
+
+/// A light's extras may state its infrared intensity, in W/sr (W/m^2 of a directional light), or its share (kuafu_light_desc), and an
+/// extent: a point of radius_m is a sphere, a spot of radius_m or size_m a disk or a rectangle that gives its intensity along the axis.
+void read_light_extras(const tinygltf::Value& extras, const std::string& field, Light& to) {
+  if (!extras.IsObject()) return;
+  if (extras.Has("ir_intensity")) to.ir_intensity = static_cast<float>(number_of_light(extras, "ir_intensity", field));
+  to.ir_share = number_of_light(extras, "ir_share", field);
+  to.radius_m = number_of_light(extras, "radius_m", field);
+  double area_m2 = 1.0;
+  if (to.kind == Light::Kind::spot && extras.Has("size_m")) {
+    to.kind = Light::Kind::rectangle;
+    for (int i = 0; i < 2; ++i) to.size_m[i] = extras.Get("size_m").Get(i).GetNumberAsDouble();
+    area_m2 = to.size_m[0] * to.size_m[1];
+  } else if (to.kind == Light::Kind::spot && to.radius_m > 0.0) {
+    to.kind = Light::Kind::disk;
+    area_m2 = glm::pi<double>() * to.radius_m * to.radius_m;
+  }
+  if (!(area_m2 > 0.0)) ks::fail(KS_ERROR_FILE, "%s: extras.size_m of its light must be two numbers above 0", field.c_str());
+  to.intensity /= static_cast<float>(area_m2);
+  to.ir_intensity /= static_cast<float>(area_m2);
+}
+
 /// The rotation and translation of a node: what cameras and lights take from it.
 glm::dmat4 turned(const glm::dmat4& node_to_world, const std::string& field) {
   const std::optional<glm::dmat4> out = without_scale(node_to_world);
@@ -202,8 +234,10 @@ class Nodes {
       return;
     }
     light.name = node.name.empty() ? from.name : node.name;
-    for (int i = 0; i < 3; ++i)
-      light.intensity[i] = static_cast<float>(from.intensity * (from.color.empty() ? 1.0 : from.color[static_cast<size_t>(i)]));
+    for (int i = 0; i < 3; ++i) {
+      const double color = from.color.empty() ? 1.0 : from.color[static_cast<size_t>(i)];
+      light.intensity[i] = static_cast<float>(from.intensity * color / lumens_per_watt);
+    }
     const bool point = light.kind == Light::Kind::point;  // the others shine along the node's -z, ours along +z
     const glm::dmat4 light_to_node = point ? glm::dmat4(1.0) : camera_to_node;
     light.light_to_world = turned(node_to_world, field) * light_to_node;
@@ -212,6 +246,7 @@ class Nodes {
       light.outer_rad = from.spot.outerConeAngle;
     }
     light.range_m = from.range;
+    read_light_extras(from.extras, field, light);
     const uint32_t id = import_.scene.add_light(std::move(light));
     if (rig_.moves(number)) rig_.add_member({.kind = RigMember::Kind::light, .id = id, .node = number, .to_node = light_to_node});
   }

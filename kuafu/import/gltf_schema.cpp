@@ -38,6 +38,7 @@ constexpr Row rows[] = {
     {"/cameras/*", "name orthographic perspective type:text"},
     {"/cameras/*/perspective", "aspectRatio:number yfov:number zfar:number znear:number"},
     {"/extensions/KHR_lights_punctual/lights/*", "color:number[3] intensity:number name range:number spot type:text"},
+    {"/extensions/KHR_lights_punctual/lights/*/extras", "ir_intensity:number ir_share:number radius_m:number size_m:number[2] ..."},
     {"/extensions/KHR_lights_punctual/lights/*/spot", "innerConeAngle outerConeAngle"},
     {"/images/*", "bufferView:index mimeType name uri:text"},
     {"/materials/*",

@@ -345,7 +345,7 @@ class Light:
     intensity: tuple[float, float, float]
     """Intensity in the visible band. Point, spot and projector: radiant intensity in W/sr. Directional: irradiance on a surface that faces the light, in W/m^2. Rectangle and disk: radiance in W/(sr m^2). A projector's is 0 by default, since an RGB camera does not see it. [>= 0]"""
     ir_intensity: float | None
-    """Intensity in the infrared band, in the same unit. [>= 0; None = red of intensity times kuafu_render_desc.ir_ambient_scale]"""
+    """Intensity in the infrared band, in the same unit. [>= 0; None = red of intensity times kuafu_render_desc.ir_ambient_scale times ir_share]"""
     texture: int | None
     """Projector: the pattern, whose red channel is read linearly, or 0 where dots are given. All other kinds: an image that multiplies the light, or 0. It covers a rectangle, the square around a disk, or the square around a spot's outer cone; a point light reads it as an equirectangular map; a directional light repeats it as tiles of size_m."""
     light_group: int
@@ -394,6 +394,8 @@ class Light:
     """Standard deviation of each dot, > 0 where there are dots. [in px]"""
     dot_background: float
     """Value of the dots' image beside them: light that the projector sends everywhere within its field. [>= 0]"""
+    ir_share: float
+    """Infrared light per visible light, as a multiple of kuafu_render_desc.ir_ambient_scale, where ir_intensity is open: 1 for a white LED, more for lamps that glow. [>= 0; 0 means 1]"""
     dots: NDArray[np.float32]
     """Projector: [n, 3] u, v in pixels and power, in place of a texture; power is the pattern's integral over the dot in pixels squared."""
     def __init__(self, **fields: Any) -> None: ...

@@ -54,7 +54,7 @@ typedef struct kuafu_light_desc {
    * since an RGB camera does not see it. [>= 0] */
   float intensity[3];
   /* Intensity in the infrared band, in the same unit. [>= 0; NAN = red of intensity times
-   * kuafu_render_desc.ir_ambient_scale] */
+   * kuafu_render_desc.ir_ambient_scale times ir_share] */
   float ir_intensity;
   /* Projector: the pattern, whose red channel is read linearly, or 0 where dots are given. All other kinds: an image
    * that multiplies the light, or 0. It covers a rectangle, the square around a disk, or the square around a spot's
@@ -121,6 +121,11 @@ typedef struct kuafu_light_desc {
   float dot_sigma_px;
   /* Value of the dots' image beside them: light that the projector sends everywhere within its field. [>= 0] */
   double dot_background;
+
+  /* -- infrared -- */
+  /* Infrared light per visible light, as a multiple of kuafu_render_desc.ir_ambient_scale, where ir_intensity is open:
+   * 1 for a white LED, more for lamps that glow. [>= 0; 0 means 1] */
+  double ir_share;
 } kuafu_light_desc;
 static inline kuafu_light_desc kuafu_light_desc_init(uint32_t kind) {
   kuafu_light_desc s;

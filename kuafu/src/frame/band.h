@@ -23,10 +23,11 @@ struct Band {
   [[nodiscard]] glm::vec3 color(const glm::vec3& visible, float infrared_value) const {
     return infrared ? glm::vec3(number(visible.r, infrared_value)) : visible;
   }
-  /// A light whose infrared value is open has its red channel times ir_ambient_scale.
-  [[nodiscard]] glm::vec3 intensity(const glm::vec3& visible, float infrared_value) const {
+  /// A light whose infrared value is open has its red channel times ir_ambient_scale and its own share, of which 0 is 1.
+  [[nodiscard]] glm::vec3 intensity(const glm::vec3& visible, float infrared_value, double ir_share) const {
     if (!infrared) return visible;
-    return glm::vec3(std::isnan(infrared_value) ? visible.r * ir_ambient_scale : infrared_value);
+    const float share = ir_share == 0.0 ? 1.0f : static_cast<float>(ir_share);
+    return glm::vec3(std::isnan(infrared_value) ? visible.r * ir_ambient_scale * share : infrared_value);
   }
   /// An environment whose infrared value is open has the same, plus ir_ambient_radiance.
   [[nodiscard]] glm::vec3 environment(const glm::vec3& visible, float infrared_value) const {

@@ -20,7 +20,7 @@ constexpr size_t most_named = 8;       // environments, in an error
 const Light* first_projector(const Scene& scene, const Band& band) {
   for (const std::optional<Light>& light : scene.lights())
     if (light && light->kind == Light::Kind::projector && (light->texture != none || light->raster) &&
-        band.intensity(light->intensity, light->ir_intensity) != glm::vec3(0))
+        band.intensity(light->intensity, light->ir_intensity, light->ir_share) != glm::vec3(0))
       return &*light;
   return nullptr;
 }

@@ -3,8 +3,7 @@
 // may cost, stands in README.md here. Thread rule: distinct scenes may be loaded at once.
 //
 // What of glTF, Wavefront, Collada, STL and PLY is rendered stands in kuafu/import/README.md. World axes are the file's own; assimp brings
-// Collada's declared up axis to +y and its declared unit to metres. A light's candela are taken as W/sr one to one: the file's photometric
-// scale is not known to be anything else.
+// Collada's declared up axis to +y and its declared unit to metres. A light's candela and lux become W/sr and W/m^2 by 683 lm/W.
 #pragma once
 
 #include <filesystem>

@@ -14,7 +14,7 @@
 namespace kuafu {
 namespace {
 
-constexpr uint32_t first_word = 0x364d494bu;  // "KIM6"; grows with the format, which wire_test.cpp weighs
+constexpr uint32_t first_word = 0x374d494bu;  // "KIM7"; grows with the format, which wire_test.cpp weighs
 constexpr uint32_t last_word = 0x21646e65u;
 
 // Each `transfer` lists the fields once, for both directions. The bindings name every field of the struct, so that one who adds a field
@@ -57,8 +57,9 @@ void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, I
 
 template <class Stream, class T>
 void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, Light> {
-  s.text(t.name), s.plain(t.kind), s.plain(t.intensity), s.plain(t.light_to_world), s.plain(t.inner_rad), s.plain(t.outer_rad);
-  s.plain(t.range_m);
+  s.text(t.name), s.plain(t.kind), s.plain(t.intensity), s.plain(t.ir_intensity), s.plain(t.ir_share), s.plain(t.light_to_world),
+      s.plain(t.inner_rad), s.plain(t.outer_rad);
+  s.plain(t.range_m), s.plain(t.radius_m), s.plain(t.size_m);
 }
 
 template <class Stream, class T>

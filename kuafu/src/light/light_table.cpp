@@ -73,7 +73,7 @@ LightTable make_light_table(const Scene& scene, const Band& band, uint32_t envir
     for (const auto& light : scene.lights()) {
       if (!light || (light->environment != none && light->environment != e)) continue;
       if (is_dark(*light, open)) continue;
-      const glm::vec3 intensity = band.intensity(light->intensity, light->ir_intensity);
+      const glm::vec3 intensity = band.intensity(light->intensity, light->ir_intensity, light->ir_share);
       if (intensity == glm::vec3(0) || (light->kind == Light::Kind::projector && light->texture == none && !light->raster)) continue;
       seen.push_back(light_entry(*light, intensity, scene, radius_m, pattern));
     }

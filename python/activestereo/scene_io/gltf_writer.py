@@ -4,13 +4,14 @@
 import base64
 import json
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from activestereo.common.output_files import replace_file
+from activestereo.scene_io.lamp_kinds import LUMENS_PER_WATT
 from activestereo.scene_io.meshes import Mesh
 
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
@@ -74,7 +75,7 @@ class GltfWriter:
 
     def place(self, name: str, shape: int, local_to_world: np.ndarray) -> None:
         """A node with a 4x4 that shows a mesh of add_shape()."""
-        self._node(name, mesh=shape, matrix=np.asarray(local_to_world, dtype=float).T.reshape(-1).tolist())
+        self._node(name, mesh=shape, matrix=_columns(local_to_world))
 
     def _mesh(self, name: str, mesh: Mesh, material: int) -> int:
         attributes = {
@@ -87,22 +88,56 @@ class GltfWriter:
         return self._append("meshes", {"name": name, "primitives": [primitive]})
 
     def add_point_light(
-        self, name: str, translation: Sequence[float], color: Sequence[float], intensity: float
+        self,
+        name: str,
+        translation: Sequence[float],
+        color: Sequence[float],
+        intensity: float,
+        extras: Mapping[str, Any] = {},
     ) -> None:
-        """intensity: W/sr for each of the colour's channels."""
-        self._light("point", name, color, intensity, translation=list(translation))
+        """intensity: W/sr for each of the colour's channels. extras: of the light, as kuafu's importer reads them."""
+        self._light("point", name, color, intensity, extras, translation=list(translation))
 
     def add_directional_light(
-        self, name: str, local_to_world: np.ndarray, color: Sequence[float], intensity: float
+        self,
+        name: str,
+        local_to_world: np.ndarray,
+        color: Sequence[float],
+        intensity: float,
+        extras: Mapping[str, Any] = {},
     ) -> None:
         """Light along the node's -z; intensity: W/m^2 for each of the colour's channels."""
-        matrix = np.asarray(local_to_world, dtype=float).T.reshape(-1).tolist()
-        self._light("directional", name, color, intensity, matrix=matrix)
+        self._light("directional", name, color, intensity, extras, matrix=_columns(local_to_world))
 
-    def _light(self, kind: str, name: str, color: Sequence[float], intensity: float, **place: Any) -> None:
+    def add_spot_light(
+        self,
+        name: str,
+        local_to_world: np.ndarray,
+        color: Sequence[float],
+        intensity: float,
+        cone_rad: tuple[float, float],
+        extras: Mapping[str, Any] = {},
+    ) -> None:
+        """Light around the node's -z; intensity: W/sr for each of the colour's channels. cone_rad: the half angles to
+        which it is full, and from which there is none."""
+        spot = {"innerConeAngle": cone_rad[0], "outerConeAngle": cone_rad[1]}
+        self._light("spot", name, color, intensity, extras, {"spot": spot}, matrix=_columns(local_to_world))
+
+    def _light(
+        self,
+        kind: str,
+        name: str,
+        color: Sequence[float],
+        intensity: float,
+        extras: Mapping[str, Any],
+        fields: Mapping[str, Any] = {},
+        **place: Any,
+    ) -> None:
         self._use("KHR_lights_punctual")
         lights = self._json.setdefault("extensions", {}).setdefault("KHR_lights_punctual", {}).setdefault("lights", [])
-        lights.append({"name": name, "type": kind, "color": list(color), "intensity": intensity})
+        photometric = LUMENS_PER_WATT * intensity  # candela or lux
+        more = {**fields, "extras": dict(extras)} if extras else fields
+        lights.append({"name": name, "type": kind, "color": list(color), "intensity": photometric, **more})
         self._node(name, **place, extensions={"KHR_lights_punctual": {"light": len(lights) - 1}})
 
     def add_camera(self, name: str, camera_to_world: np.ndarray, vertical_fov: float, aspect_ratio: float) -> None:
@@ -110,7 +145,7 @@ class GltfWriter:
         perspective = {"yfov": vertical_fov, "aspectRatio": aspect_ratio, "znear": 0.01}
         camera = self._append("cameras", {"name": name, "type": "perspective", "perspective": perspective})
         matrix = np.asarray(camera_to_world) @ np.diag([1.0, -1.0, -1.0, 1.0])
-        self._node(name, camera=camera, matrix=matrix.T.reshape(-1).tolist())
+        self._node(name, camera=camera, matrix=_columns(matrix))
 
     def document(self) -> tuple[dict[str, Any], bytes]:
         """The JSON without its buffer, and the buffer."""
@@ -161,6 +196,12 @@ class GltfWriter:
         if bounds:
             accessor["min"], accessor["max"] = array.min(axis=0).tolist(), array.max(axis=0).tolist()
         return self._append("accessors", accessor)
+
+
+def _columns(matrix: np.ndarray) -> list[float]:
+    """A 4x4 as glTF writes it."""
+    columns: list[float] = np.asarray(matrix, dtype=float).T.reshape(-1).tolist()
+    return columns
 
 
 def _glb(text: bytes, binary: bytes) -> bytes:

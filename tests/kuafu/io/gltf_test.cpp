@@ -389,13 +389,14 @@ TEST(GltfTexture, AnImageThatIsNotInTheFileIsAnError) {
   expect_error(w, "image 2 of 1");
 }
 
-TEST(GltfLight, CandelasAreWattsPerSteradianAndLightsLookForward) {
+// One candela is 1/683 W/sr at 540 THz, by the definition of the unit.
+TEST(GltfLight, CandelaBecomeWattsPerSteradianAndLightsLookForward) {
   GltfWriter w;
   w.root["extensionsUsed"] = {"KHR_lights_punctual"};
   w.root["extensions"]["KHR_lights_punctual"]["lights"] = {
-      {{"type", "point"}, {"color", {1.0, 0.5, 0.25}}, {"intensity", 8}, {"name", "lamp"}},
+      {{"type", "point"}, {"color", {1.0, 0.5, 0.25}}, {"intensity", 8 * 683}, {"name", "lamp"}, {"extras", {{"ir_share", 2.5}}}},
       {{"type", "spot"}, {"spot", json::object()}},
-      {{"type", "directional"}}};
+      {{"type", "directional"}, {"intensity", 683}, {"extras", {{"ir_intensity", 0.25}}}}};
   for (int i = 0; i < 3; ++i)
     w.node({{"translation", {1, 2, 3 + i}}, {"scale", {2, 2, 2}}, {"extensions", {{"KHR_lights_punctual", {{"light", i}}}}}});
   const Loaded loaded = load(w);
@@ -408,6 +409,9 @@ TEST(GltfLight, CandelasAreWattsPerSteradianAndLightsLookForward) {
   EXPECT_EQ(glm::dmat3(light.light_to_world), glm::dmat3(1.0)) << "a light takes no scale";
   const Light &spot = loaded.scene.lights()[1], &sun = loaded.scene.lights()[2];
   EXPECT_EQ(spot.kind, Light::Kind::spot);
+  EXPECT_EQ(light.ir_share, 2.5);
+  EXPECT_EQ(sun.intensity, glm::vec3(1.0f));
+  EXPECT_EQ(sun.ir_intensity, 0.25f) << "what extras state in W/m^2 is taken as it is";
   EXPECT_EQ(spot.inner_rad, 0.0);
   EXPECT_NEAR(spot.outer_rad, 0.78539816339744831, 1e-9) << "the extension's default, pi / 4";
   EXPECT_EQ(sun.kind, Light::Kind::directional);

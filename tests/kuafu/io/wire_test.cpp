@@ -37,7 +37,7 @@ Scene small_scene() {
   instance.local_to_world[3] = {1, 2, 3, 1};
   scene.add_instance(instance);
   Light light{{.name = "l", .kind = Light::Kind::spot, .intensity = {1, 2, 3}}};
-  light.inner_rad = 0.1, light.outer_rad = 0.2;
+  light.inner_rad = 0.1, light.outer_rad = 0.2, light.ir_intensity = 0.5f, light.ir_share = 3.0;
   scene.add_light(light);
   Camera camera{.name = "c"};
   camera.near_m = 0.25;
@@ -84,6 +84,7 @@ TEST(Wire, ASceneArrivesAsItWasSent) {
   EXPECT_EQ(scene.instances()[0].local_to_world, before.instances()[0].local_to_world);
   EXPECT_EQ(scene.instances()[0].materials, (std::vector<uint32_t>{0, none}));
   EXPECT_EQ(scene.lights()[0].outer_rad, 0.2);
+  EXPECT_EQ(scene.lights()[0].ir_share, 3.0);
   EXPECT_EQ(scene.cameras()[0].near_m, 0.25);
 }
 

@@ -7,7 +7,7 @@ import pytest
 import kuafu
 from activestereo.scene_io import meshes
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD, LAMPS, WHITE_LM_PER_W, main, write_table_top
-from activestereo.scene_io.scene_files import ROOM_RADIANCE
+from activestereo.scene_io.staging import ROOM_RADIANCE
 
 SOLIDS = {
     "box": (meshes.box(0.2, 0.3, 0.4), 0.2 * 0.3 * 0.4),

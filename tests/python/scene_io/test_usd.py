@@ -148,10 +148,10 @@ def test_units_axes_and_subsets(stage: Path, tmp_path: Path) -> None:
     scene = kuafu.Scene(kuafu.Device("cpu"))
     converted = load_usd(scene, stage)
     # z up becomes y up: the sheet at z = 100 cm is at y = 1 m, its y at -z; the copy on top ends at 4.05 m.
-    np.testing.assert_allclose(scene.summary.bounds_min_m, [-1.0, -0.05, -1.0], atol=1e-6)
-    np.testing.assert_allclose(scene.summary.bounds_max_m, [2.0, 4.05, 0.5], atol=1e-6)
-    assert scene.summary.triangle_count == 2 + 2 * 2 + 3 * 12
-    assert converted.ambient == (1.0, 2.0, 2.0)
+    np.testing.assert_allclose(scene.summary.bounds_min_m, [-0.05, -0.05, -1.0], atol=1e-6)
+    np.testing.assert_allclose(scene.summary.bounds_max_m, [2.0, 4.05, 0.05], atol=1e-6)
+    assert scene.summary.triangle_count == 2 + 3 * 12
+    np.testing.assert_allclose(683.0 * np.array(converted.ambient), [1.0, 2.0, 2.0])
     assert [m for m in converted.messages if "Points is not read" in m]
     assert len(converted.messages) == 1
     camera = scene.camera(0)
@@ -186,12 +186,83 @@ def test_materials_and_textures(stage: Path, tmp_path: Path) -> None:
 def test_lamps_and_copies(stage: Path, tmp_path: Path) -> None:
     convert(stage, tmp_path / "a.glb")
     document = _glb(tmp_path / "a.glb")
-    lights = document["extensions"]["KHR_lights_punctual"]["lights"]
-    assert [(light["type"], light["intensity"]) for light in lights] == [("directional", 3.0)]
-    lamp = next(m for m in document["materials"] if m["name"] == "/World/Rect")
-    assert lamp["extensions"]["KHR_materials_emissive_strength"] == {"emissiveStrength": 10.0}
+    lights = {light["name"]: light for light in document["extensions"]["KHR_lights_punctual"]["lights"]}
+    assert (lights["/World/Sun"]["type"], lights["/World/Sun"]["intensity"]) == ("directional", pytest.approx(3.0))
+    # 5 nits at exposure 1 over 2 m x 1 m.
+    assert lights["/World/Rect"]["extras"] == {"size_m": pytest.approx([2.0, 1.0])}
+    assert lights["/World/Rect"]["intensity"] == pytest.approx(10.0 * 2.0)
     blocks = [n["mesh"] for n in document["nodes"] if n["name"] == "/World/Copies/Block"]
     assert len(blocks) == 3
+
+
+_HEAD = '#usda 1.0\n(\n metersPerUnit = 1\n upAxis = "Y"\n)\n'
+_WALL = (
+    'def Plane "W"\n{\n double width = 40\n double length = 40\n uniform token axis = "Z"\n'
+    " color3f[] primvars:displayColor = [(1, 1, 1)]\n}\n"
+)
+
+
+def _on_the_wall(path: Path, kind: str, inputs: dict[str, float]) -> tuple[float, float]:
+    """Lux of visible light on a wall 4 m before a lamp, by Rec. 709's weights, and infrared light over red one for
+    a camera whose ir_ambient_scale is 1."""
+    fields = "".join(f" {_TYPES.get(name, 'float')} inputs:{name} = {value}\n" for name, value in inputs.items())
+    fields = fields.replace("inputs:activestereo", "activestereo")
+    place = ' double3 xformOp:translate = (0, 0, 4)\n uniform token[] xformOpOrder = ["xformOp:translate"]\n'
+    lamp = f'def {kind} "L" (prepend apiSchemas = ["ShapingAPI"])\n{{\n{place}{fields}}}\n'
+    path.write_text(_HEAD + _WALL + lamp)
+    scene = kuafu.Scene(kuafu.Device("cpu"))
+    dome = load_usd(scene, path).ambient
+    if dome is not None:
+        scene.set_environment(dome)
+    pose = np.array([[1, 0, 0, 0.05], [0, -1, 0, 0], [0, 0, -1, 0.02], [0, 0, 0, 1]], float)
+    camera = kuafu.Camera(8, 8, [[100, 0, 3.5], [0, 100, 3.5], [0, 0, 1]], pose)
+    light = []
+    for band in ("visible", "infrared"):
+        options = {"band": band, "spp": 256, "max_bounces": 0, "ir_ambient_scale": 1.0, "ir_ambient_radiance": 0.0}
+        images = kuafu.Renderer(scene.device).render(scene, camera, ["radiance", "albedo"], **options)
+        radiance, albedo = (images[name].mean(axis=(0, 1, 2), dtype=float) for name in ("radiance", "albedo"))
+        light.append(np.pi * radiance / albedo)
+    return 683.0 * float(light[0][:3] @ [0.2126, 0.7152, 0.0722]), float(light[1][0] / light[0][0])
+
+
+_TYPES = {"normalize": "bool", "enableColorTemperature": "bool", "activestereo:ir_share": "token"}
+_SMALL = {"radius": 0.1, "intensity": 5000}
+_LUX = {"intensity": 700, "normalize": 1}
+
+
+# Far before a lamp of luminance L the illuminance is L times the area that it shows over the distance's square; below
+# an even sky it is pi L. A normalized light has its intensity for L times its area, a distant one for its lux.
+@pytest.mark.parametrize(
+    ("kind", "inputs", "lux", "share"),
+    [
+        ("SphereLight", _SMALL, 5000 * np.pi * 0.01 / 16, 1),
+        ("SphereLight", _SMALL | {"normalize": 1}, 5000 / 4 / 16, 1),
+        ("SphereLight", _SMALL | {"shaping:cone:angle": 30}, 5000 * np.pi * 0.01 / 16, 1),
+        ("DiskLight", _SMALL | {"exposure": 1}, 10000 * np.pi * 0.01 / 16, 1),
+        ("DiskLight", _SMALL | {"normalize": 1, "shaping:cone:angle": 30}, 5000 / 16, 1),
+        ("RectLight", {"width": 0.2, "height": 0.1, "intensity": 5000}, 5000 * 0.02 / 16, 1),
+        ("RectLight", _LUX | {"enableColorTemperature": 1, "colorTemperature": 3000}, 700 / 16, 1),
+        ("CylinderLight", {"radius": 0.01, "length": 0.4, "intensity": 5000}, 5000 * 0.008 / 16, 1),
+        ("DistantLight", _LUX, 700, 1),
+        ("DistantLight", {"intensity": 1e7, "angle": 0.53}, 1e7 * np.pi * np.sin(np.deg2rad(0.265)) ** 2, 1),
+        ("DistantLight", _LUX | {"activestereo:ir_share": '"sun"'}, 700, 1.6),
+        ("DiskLight", _SMALL | {"activestereo:ir_share": '"2.5"'}, 5000 * np.pi * 0.01 / 16, 2.5),
+        ("DomeLight", {"intensity": 1000}, 1000 * np.pi, 1),
+    ],
+)
+def test_lamps_give_the_lux_of_their_units(
+    tmp_path: Path, kind: str, inputs: dict[str, float], lux: float, share: float
+) -> None:
+    seen, infrared = _on_the_wall(tmp_path / "a.usda", kind, inputs)
+    assert seen == pytest.approx(lux, rel=0.05)
+    assert infrared == pytest.approx(share, rel=0.02)
+
+
+def test_a_lamp_of_no_kind_is_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "a.usda"
+    path.write_text(_HEAD + _WALL + 'def DiskLight "L"\n{\n token activestereo:ir_share = "neon"\n}\n')
+    with pytest.raises(UsdError, match="a.usda: /L.activestereo:ir_share: unknown lamp 'neon'"):
+        convert(path, tmp_path / "a.glb")
 
 
 # A white wall 1 m below a lamp of 2 x 1 m: seen light falls on it from the front alone.
@@ -200,7 +271,7 @@ def test_a_rectangle_shines_to_its_front(tmp_path: Path) -> None:
     for turn in (0, 180):
         text = (
             '#usda 1.0\n(\n metersPerUnit = 1\n upAxis = "Y"\n)\n'
-            'def RectLight "L"\n{\n float inputs:width = 2\n float inputs:height = 1\n float inputs:intensity = 3\n'
+            'def RectLight "L"\n{\n float inputs:width = 2\n float inputs:height = 1\n float inputs:intensity = 2049\n'
             f" float3 xformOp:rotateXYZ = (0, {turn}, 0)\n double3 xformOp:translate = (0, 0, 1)\n"
             ' uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"]\n}\n'
             'def Plane "W"\n{\n double width = 8\n double length = 8\n uniform token axis = "Z"\n'

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A MuJoCo model's materials, textures and lights in kuafu's terms.
 
-MuJoCo's light has no unit: a Lambertian surface that faces a light of `diffuse` d shines with d times its colour. The
-irradiance of such a light is pi d. A spot light gives that at the middle of the model (`statistic/center`), and falls
-off with the square of the distance, where MuJoCo's does not fall off by default.
+A light whose `intensity` is set has candela, which LUMENS_PER_WATT makes W/sr. Others have no unit: a Lambertian
+surface that faces a light of `diffuse` d shines with d times its colour. The irradiance of such a light is pi d. A spot
+light gives that at the middle of the model (`statistic/center`), and falls off with the square of the distance, where
+MuJoCo's does not fall off by default.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 import kuafu
 from activestereo.common.pose import look_at
+from activestereo.scene_io.lamp_kinds import LUMENS_PER_WATT
 
 # What MJCF has where a geom names no colour; such a geom has its material's.
 _DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)
@@ -125,6 +127,9 @@ def light(model: mujoco.MjModel, data: mujoco.MjData, number: int, environment: 
     if model.light_type[number] == mujoco.mjtLightType.mjLIGHT_SPOT:
         outer = float(np.deg2rad(min(model.light_cutoff[number], 90.0)))
         kind, shape = "spot", {"inner_rad": 0.5 * outer, "outer_rad": outer}
+    candela = float(getattr(model, "light_intensity", np.zeros(model.nlight))[number])
+    if candela > 0.0 and kind != "directional":
+        intensity = diffuse * candela / LUMENS_PER_WATT
     red, green, blue = (float(v) for v in intensity)
     return kuafu.Light(
         name=name, kind=kind, intensity=(red, green, blue), light_to_world=pose, environment=environment, **shape

@@ -1,31 +1,40 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lights of a stage: those with an extent as surfaces that shine, distant ones as glTF's directional lights.
+"""Lights of a stage: as glTF's punctual lights, whose extras state their extent; tubes as surfaces that shine.
 
-USD's intensity times colour times 2^exposure is a radiance, taken in W/(sr m^2).
+USD's intensity times 2^exposure times colour is a luminance in nits, of a normalized distant light an illuminance in
+lux (UsdLuxLightAPI, "Quantities and Units"; ovrtx, "Light Units"). LUMENS_PER_WATT makes them radiometric.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from activestereo.scene_io import meshes
 from activestereo.scene_io.gltf_writer import GltfWriter
+from activestereo.scene_io.lamp_kinds import LUMENS_PER_WATT, infrared_share
 from activestereo.scene_io.meshes import Mesh
-from activestereo.scene_io.usd.stage import Stage
+from activestereo.scene_io.usd.stage import Stage, UsdError
 
-_LEAST_RADIUS = 1e-4  # of a sphere in stage units that shines as a surface
-_BEHIND = 1e-4  # of a lamp's size: how far its dark back lies behind it
+_LEAST_RADIUS = 1e-4  # in stage units: what shines has an extent
+_SHARE = "activestereo:ir_share"  # a light's attribute: a kind of lamp, or a number
 
 
 def radiance(stage: Stage, api: Any) -> np.ndarray:
-    """Linear RGB, before normalize."""
+    """Linear RGB, W/(sr m^2), before normalize."""
+    from pxr import UsdLux
+
     color = np.array(stage.value(api.GetColorAttr(), (1, 1, 1)), dtype=float)
     if stage.value(api.GetEnableColorTemperatureAttr(), False):
-        stage.tell("lights' colour temperatures are not read: their colours stand")
+        kelvin = float(stage.value(api.GetColorTemperatureAttr(), 6500.0))
+        color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), dtype=float)  # of luminance 1
+    for name, attribute in (("diffuse", api.GetDiffuseAttr()), ("specular", api.GetSpecularAttr())):
+        if float(stage.value(attribute, 1.0)) != 1.0:
+            stage.tell(f"{api.GetPath()}: inputs:{name}, which no lamp has, is not read")
     level = float(stage.value(api.GetIntensityAttr(), 1.0)) * 2.0 ** float(stage.value(api.GetExposureAttr(), 0.0))
-    return color * level
+    return color * level / LUMENS_PER_WATT
 
 
 def add_lamp(stage: Stage, writer: GltfWriter, prim: Any, to_stage: np.ndarray, to_world: np.ndarray) -> None:
@@ -33,83 +42,160 @@ def add_lamp(stage: Stage, writer: GltfWriter, prim: Any, to_stage: np.ndarray, 
     from pxr import UsdLux
 
     name, api = str(prim.GetPath()), UsdLux.LightAPI(prim)
-    shines = radiance(stage, api)
+    shines, extras = radiance(stage, api), _extras(stage, prim)
     normalize = bool(stage.value(api.GetNormalizeAttr(), False))
     if prim.IsA(UsdLux.DistantLight):
         half = np.deg2rad(float(stage.value(UsdLux.DistantLight(prim).GetAngleAttr(), 0.53))) / 2
         irradiance = shines if normalize or half == 0 else shines * np.pi * np.sin(half) ** 2
         if half > np.deg2rad(0.5):
             stage.tell(f"{name}: light from {2 * np.rad2deg(half):.1f} degrees of the sky comes from its middle alone")
-        peak = max(float(irradiance.max()), 1e-30)
-        writer.add_directional_light(name, _rotation(to_world), (irradiance / peak).tolist(), peak)
+        writer.add_directional_light(name, _rotation(to_world), *_peak(irradiance), extras)
         return
-    shape = _shape(stage, prim)
-    if shape is None:
+    kind = next((kind for kind in _KINDS if prim.GetTypeName() == kind), None)
+    if kind is None:
         stage.tell(f"{name}: lights of type {prim.GetTypeName()} are not read")
         return
-    front, back = shape
     if normalize:
-        shines = shines / _area(front, to_stage)
-    writer.add_placed_mesh(name, front, _emitter(writer, name, shines), to_world)
-    if back is not None:
-        dark = {"baseColorFactor": [0.0, 0.0, 0.0, 1.0], "metallicFactor": 0.0}
-        writer.add_placed_mesh(
-            f"{name} back", back, writer.add_material("a lamp's back", pbrMetallicRoughness=dark), to_world
-        )
+        shines = shines / _KINDS[kind](stage, prim, to_stage).area
+    shape = _KINDS[kind](stage, prim, to_world)
+    cone = _cone(stage, prim)
+    if shape.tube is not None:
+        if cone is not None:
+            stage.tell(f"{name}: the cone of a {kind} is not read")
+        writer.add_placed_mesh(name, shape.tube, _emitter(writer, name, shines, extras.get("ir_share", 1.0)), to_world)
+    elif kind == "SphereLight" and cone is None:
+        writer.add_point_light(name, to_world[:3, 3].tolist(), *_peak(shines * shape.shown), extras | shape.extras)
+    elif cone is None:
+        extras |= shape.extras
+        writer.add_spot_light(name, _rotation(to_world), *_peak(shines * shape.shown), (0.0, np.pi / 2), extras)
+    else:
+        writer.add_spot_light(name, _rotation(to_world), *_peak(shines * shape.shown), cone, extras)
 
 
-def _shape(stage: Stage, prim: Any) -> tuple[Mesh, Mesh | None] | None:
-    """(what shines, its dark back); None: it is of another kind."""
+@dataclass(frozen=True)
+class _Shape:
+    """A lamp's extent. area: of all that shines; shown: of the part that a faraway eye on its axis sees. extras: of
+    glTF's light. tube: the surface that shines, where kuafu has no such light."""
+
+    area: float
+    shown: float
+    extras: dict[str, Any] = field(default_factory=dict)
+    tube: Mesh | None = None
+
+
+def _sphere(stage: Stage, prim: Any, to: np.ndarray) -> _Shape:
     from pxr import UsdLux
 
-    if prim.IsA(UsdLux.SphereLight):
-        radius = float(stage.value(UsdLux.SphereLight(prim).GetRadiusAttr(), 0.5))
-        return meshes.sphere(max(radius, _LEAST_RADIUS)), None
-    if prim.IsA(UsdLux.DiskLight):
-        radius = float(stage.value(UsdLux.DiskLight(prim).GetRadiusAttr(), 0.5))
-        return _disk(radius, 0.0, -1.0), _disk(radius, _BEHIND * radius, 1.0)
-    if prim.IsA(UsdLux.RectLight):
-        rect = UsdLux.RectLight(prim)
-        width, height = (float(stage.value(a, 1.0)) for a in (rect.GetWidthAttr(), rect.GetHeightAttr()))
-        if rect.GetTextureFileAttr() and stage.value(rect.GetTextureFileAttr()) is not None:
-            stage.tell(f"{prim.GetPath()}: its texture is not read")
-        back = _BEHIND * max(width, height)
-        return (
-            meshes.sheet((width / 2, -height / 2, 0), (-width, 0, 0), (0, height, 0)),
-            meshes.sheet((-width / 2, -height / 2, back), (width, 0, 0), (0, height, 0)),
-        )
-    return None
+    radius = max(float(stage.value(UsdLux.SphereLight(prim).GetRadiusAttr(), 0.5)), _LEAST_RADIUS)
+    radius *= float(np.cbrt(np.prod(_scales(to))))
+    return _Shape(4.0 * np.pi * radius**2, np.pi * radius**2, {"radius_m": radius})
 
 
-def _disk(radius: float, z: float, facing: float) -> Mesh:
-    """A disk across z, whose normal is `facing` along z."""
-    angle = np.linspace(0, 2 * np.pi, 64, endpoint=False) * facing
-    rim = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(64, z)], axis=1)
-    points = np.vstack([[[0, 0, z]], rim])
-    ring = np.arange(1, 65)
-    triangles = np.stack([np.zeros(64, int), ring, np.roll(ring, -1)], axis=1)
-    return Mesh.of(points, [[0, 0, facing]] * 65, np.zeros((65, 2)), triangles)
+def _disk(stage: Stage, prim: Any, to: np.ndarray) -> _Shape:
+    from pxr import UsdLux
+
+    radius = max(float(stage.value(UsdLux.DiskLight(prim).GetRadiusAttr(), 0.5)), _LEAST_RADIUS)
+    radius *= float(np.sqrt(np.prod(_scales(to)[:2])))
+    return _Shape(np.pi * radius**2, np.pi * radius**2, {"radius_m": radius})
 
 
-def _emitter(writer: GltfWriter, name: str, shines: np.ndarray) -> int:
-    peak = max(float(shines.max()), 1e-30)
+def _rectangle(stage: Stage, prim: Any, to: np.ndarray) -> _Shape:
+    from pxr import UsdLux
+
+    rect = UsdLux.RectLight(prim)
+    if rect.GetTextureFileAttr() and stage.value(rect.GetTextureFileAttr()) is not None:
+        stage.tell(f"{prim.GetPath()}: its texture is not read")
+    size = np.array([float(stage.value(a, 1.0)) for a in (rect.GetWidthAttr(), rect.GetHeightAttr())])
+    size = np.maximum(size, _LEAST_RADIUS) * _scales(to)[:2]
+    return _Shape(float(size.prod()), float(size.prod()), {"size_m": size.tolist()})
+
+
+def _cylinder(stage: Stage, prim: Any, to: np.ndarray) -> _Shape:
+    from pxr import UsdLux
+
+    tube = UsdLux.CylinderLight(prim)
+    radius = max(float(stage.value(tube.GetRadiusAttr(), 0.5)), _LEAST_RADIUS)
+    length = float(stage.value(tube.GetLengthAttr(), 1.0))
+    along, *across = _scales(to)
+    side = 2.0 * np.pi * radius * float(np.sqrt(np.prod(across))) * length * along
+    return _Shape(side, side / np.pi, tube=_tube(radius, length))
+
+
+_KINDS: dict[str, Callable[[Stage, Any, np.ndarray], _Shape]] = {
+    "SphereLight": _sphere,
+    "DiskLight": _disk,
+    "RectLight": _rectangle,
+    "CylinderLight": _cylinder,
+}
+
+
+def _extras(stage: Stage, prim: Any) -> dict[str, Any]:
+    """The infrared share that the prim states, if it does."""
+    value = stage.value(prim.GetAttribute(_SHARE))
+    if value is None:
+        return {}
+    try:
+        return {"ir_share": infrared_share(str(value))}
+    except ValueError as error:
+        raise UsdError(f"{stage.path}: {prim.GetPath()}.{_SHARE}: {error}") from error
+
+
+def _cone(stage: Stage, prim: Any) -> tuple[float, float] | None:
+    """(inner, outer) half angle of a light that shines into a cone, radians."""
+    from pxr import UsdLux
+
+    if not prim.HasAPI(UsdLux.ShapingAPI):
+        return None
+    shaping = UsdLux.ShapingAPI(prim)
+    if stage.value(shaping.GetShapingIesFileAttr()) is not None:
+        stage.tell(f"{prim.GetPath()}: its IES profile is not read")
+    if float(stage.value(shaping.GetShapingFocusAttr(), 0.0)) != 0.0:
+        stage.tell(f"{prim.GetPath()}: shaping:focus is not read")
+    angle = float(stage.value(shaping.GetShapingConeAngleAttr(), 90.0))
+    if not 0.0 < angle < 90.0:
+        return None
+    softness = min(max(float(stage.value(shaping.GetShapingConeSoftnessAttr(), 0.0)), 0.01), 1.0)
+    return float(np.deg2rad(angle) * (1.0 - softness)), float(np.deg2rad(angle))
+
+
+def _peak(light: np.ndarray) -> tuple[list[float], float]:
+    """(colour, intensity) as glTF has them."""
+    peak = max(float(light.max()), 1e-30)
+    return (light / peak).tolist(), peak
+
+
+def _tube(radius: float, length: float) -> Mesh:
+    """The side of a cylinder along x; its ends do not shine."""
+    angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+    out = np.stack([np.zeros(64), np.cos(angle), np.sin(angle)], axis=1)
+    points = np.vstack([radius * out + [x, 0, 0] for x in (-length / 2, length / 2)])
+    low = np.arange(64)
+    after = np.roll(low, -1)
+    triangles = np.vstack([np.stack([low, after, low + 64], axis=1), np.stack([after, after + 64, low + 64], axis=1)])
+    return Mesh.of(points, np.vstack([out, out]), np.zeros((128, 2)), triangles)
+
+
+def _emitter(writer: GltfWriter, name: str, shines: np.ndarray, share: float) -> int:
+    """A surface's infrared light has no unit that follows the camera: imagers without a filter see all of it."""
+    color, peak = _peak(shines)
     return writer.add_material(
         name,
         pbrMetallicRoughness={"baseColorFactor": [0.0, 0.0, 0.0, 1.0], "metallicFactor": 0.0},
-        emissiveFactor=(shines / peak).tolist(),
+        emissiveFactor=color,
         extensions={
             "KHR_materials_emissive_strength": {"emissiveStrength": peak},
             "KHR_materials_specular": {"specularFactor": 0.0},
         },
+        extras={"ir_emission": share * float(shines[0])},
     )
 
 
-def _area(mesh: Mesh, to_stage: np.ndarray) -> float:
-    edges = (mesh.positions @ to_stage[:3, :3].T)[mesh.indices]
-    return 0.5 * float(np.linalg.norm(np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0]), axis=1).sum())
+def _scales(matrix: np.ndarray) -> np.ndarray:
+    """How long the axes become."""
+    return np.asarray(np.linalg.norm(matrix[:3, :3], axis=0))
 
 
 def _rotation(matrix: np.ndarray) -> np.ndarray:
     out = matrix.copy()
-    out[:3, :3] /= np.linalg.norm(matrix[:3, :3], axis=0)
+    out[:3, :3] /= _scales(matrix)
     return out
