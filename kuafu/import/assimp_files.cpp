@@ -55,7 +55,7 @@ void WarningStream::write(const char* message) {
   // "Warn,  T12345: OBJ: ..." without the thread.
   const char* text = std::strstr(message, ": ");
   const std::string_view said(text == nullptr ? message : text + 2);
-  for (const std::string_view guess : {"fallback material file", "No object detected to attach"})
+  for (const std::string_view guess : {"fallback material file", "No object detected to attach", "Invalid opacity value"})
     if (said.find(guess) != std::string_view::npos) return;
   import_.warn(std::string(said.substr(0, said.find_last_not_of(" \n") + 1)));
 }

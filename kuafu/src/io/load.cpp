@@ -10,10 +10,12 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <iterator>
 #include <stdexcept>
 
 #include "device/error.h"
 #include "io/import_process.h"
+#include "io/transparent.h"
 #include "io/wire.h"
 #include "scene/validate.h"
 
@@ -80,6 +82,7 @@ std::vector<std::string> load_file(Scene& scene, const std::filesystem::path& pa
     const bool content = error.status() == KS_ERROR_INVALID_ARGUMENT;
     ks::fail(content ? KS_ERROR_FILE : error.status(), "%s: %s", shown.c_str(), error.what());
   }
+  std::ranges::move(show_transparent(answer.scene, options.keep_transparent), std::back_inserter(answer.warnings));
   for (std::string& warning : answer.warnings) warning = shown + ": " + warning;
   scene.append(std::move(answer.scene));
   return std::move(answer.warnings);

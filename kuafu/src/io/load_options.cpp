@@ -36,6 +36,7 @@ LoadOptions load_options_from_environment() {
   options.memory_bytes = number_from("KUAFU_LOAD_MEMORY_MB", uint64_t{1} << 24) * mebibyte;
   options.seconds = static_cast<uint32_t>(number_from("KUAFU_LOAD_SECONDS", 1000000));
   options.outside_folder = number_from("KUAFU_LOAD_OUTSIDE", 1) == 1;
+  options.keep_transparent = number_from("KUAFU_LOAD_TRANSPARENT", 1) == 1;
   if (const char* folder = secure_getenv("KUAFU_HELPERS")) options.helpers = folder;
   return options;
 }

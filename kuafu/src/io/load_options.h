@@ -14,11 +14,14 @@ struct LoadOptions {
   uint32_t seconds = 0;
   /// Whether the file may name files outside its own folder (above it, elsewhere by absolute path, or behind a symbolic link).
   bool outside_folder = false;
+  /// Whether materials of opacity 0 stay unseen (transparent.h).
+  bool keep_transparent = false;
   /// Folder of the helper programs; empty: looked for beside the library (import_process.h).
   std::filesystem::path helpers;
 };
 
-/// Automatic, but for the variables that are set: KUAFU_LOAD_MEMORY_MB, KUAFU_LOAD_SECONDS, KUAFU_LOAD_OUTSIDE=1, KUAFU_HELPERS. Throws
+/// Automatic, but for the variables that are set: KUAFU_LOAD_MEMORY_MB, KUAFU_LOAD_SECONDS, KUAFU_LOAD_OUTSIDE=1,
+/// KUAFU_LOAD_TRANSPARENT=1, KUAFU_HELPERS. Throws
 /// KS_ERROR_INVALID_ARGUMENT for a value that is no such number. A process with raised privileges has none of them.
 LoadOptions load_options_from_environment();
 

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// Exporters mix up opacity and transparency (MTL's Tr, Collada's A_ONE and RGB_ZERO), and a whole body has opacity 0 then.
+// Thread rule: pure functions.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "scene/scene.h"
+
+namespace kuafu {
+
+/// Makes materials of which nothing would be seen anywhere opaque, unless they are to be kept; returns a message for each.
+std::vector<std::string> show_transparent(Scene& scene, bool keep);
+
+}  // namespace kuafu
