@@ -40,7 +40,7 @@ from activestereo.benchmarks.realism.infrared import STATISTICS, statistics
 from activestereo.benchmarks.realism.patches import planar_patches
 from activestereo.common.pose import body_pose
 from activestereo.scene_io.example_scene import write_table_top
-from activestereo.scene_io.scene_files import ROOM_RADIANCE
+from activestereo.scene_io.staging import ROOM_RADIANCE
 
 Field = NDArray[np.float32]
 

@@ -30,7 +30,7 @@ import kuafu
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.common.pose import body_pose
 from activestereo.scene_io.example_scene import write_table_top
-from activestereo.scene_io.scene_files import ROOM_RADIANCE
+from activestereo.scene_io.staging import ROOM_RADIANCE
 
 DATA = Path(os.environ.get("ACTIVESTEREO_DATA", Path(__file__).parents[3] / "shared")) / "data" / "d435-real"
 BLUR_PX = 8.0

@@ -103,6 +103,13 @@ def baseline(text: str) -> float:
     return value
 
 
+def above_zero(text: str) -> float:
+    value = positive(text)
+    if value == 0.0:
+        raise argparse.ArgumentTypeError(f"a number above 0 is needed, not '{text}'")
+    return value
+
+
 def share(text: str) -> float:
     """0 to 1."""
     value = real(text)
@@ -177,6 +184,13 @@ _SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
         "help": f"surface interactions after the first (default: {_MAX_BOUNCES.default})",
     }),
     "seed": (("--seed",), {"type": integer_from(0), "default": 0, "metavar": "N", "help": "%s (default: 0)"}),
+    "unit": (("--unit",), {
+        "type": above_zero, "default": 1.0, "metavar": "M",
+        "help": "metres of what %s takes for a metre: 0.001 where it is in millimetres (default: 1)",
+    }),
+    "keep_transparent": (("--keep-transparent",), {
+        "action": "store_true", "help": "materials of opacity 0 stay unseen (default: they are drawn opaque, and said)",
+    }),
     "pdf": (("--pdf",), {
         "type": Path, "metavar": "FILE", "help": "also figures with axes, units and colour bars, for a paper",
     }),

@@ -12,7 +12,7 @@ FORMATS = ("lerobot", "mcap", "rerun")
 
 _TEXT = """\
 Puts things on a table again and again, each time with other poses, lamps and another
-view, and takes pictures with a depth sensor. THING is a file of one thing, in metres:
+view, and takes pictures with a depth sensor. THING is a file of one thing:
 .gltf .glb .obj .dae .stl or .ply; .gltf and .glb have y up, the others z.
 
 Writes the BOP format into DIR (train_pbr/000000/rgb, depth, mask, mask_visib,
@@ -41,6 +41,7 @@ def add_parser(commands: Commands) -> None:
         "generate", help="make a data set of things on a table, with poses and masks", description=_TEXT
     )
     parser.add_argument("things", type=Path, nargs="+", metavar="THING", help="file of one thing")
+    add_shared(parser, unit="the file of a THING", keep_transparent=True)
     add_shared(parser, out=True, device=True)
     parser.add_argument("--format", choices=("bop",), default="bop", help="the files' format (default: bop)")
     parser.add_argument("--count", type=integer_from(1), default=100, metavar="N", help="frames (default: 100)")
@@ -107,6 +108,8 @@ def run(args: argparse.Namespace) -> None:
         seed=args.seed,
         layout=args.layout,
         ranges=read_ranges(args.ranges, Ranges),
+        unit_m=args.unit,
+        keep_transparent=args.keep_transparent,
         device=args.device,
     )
     make_folder(args.out)
@@ -118,6 +121,7 @@ def run(args: argparse.Namespace) -> None:
     rate = f"{done.made} frames in {duration(done.seconds)}, {done.made / max(done.seconds, 1e-9):.2f} a second"
     notes = [rate if done.made else "nothing was left to do"]
     notes += [f"{done.there} were there already"] if done.there else []
+    notes += [f"no frame shows {path}: it is transparent, hidden, or smaller than a pixel" for path in done.unseen]
     notes += [f"{done.missing} of other parts are not there yet"] if done.missing else []
     if args.shards is not None and not done.missing:
         notes += [f"{write_shards(args.out, args.count, args.shards)} shards"]

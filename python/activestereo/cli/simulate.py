@@ -27,6 +27,7 @@ from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
 from activestereo.cli.engine_options import add_matching, add_options, given, given_matching, given_rig
 from activestereo.cli.record_options import add_records, set_records
 from activestereo.common.render_table import RENDER, RENDERER
+from activestereo.scene_io.lamp_kinds import INFRARED_SHARES, infrared_share
 
 if TYPE_CHECKING:
     import kuafu
@@ -43,8 +44,8 @@ the RGB camera.
 SCENE is .gltf .glb .obj .dae .stl or .ply, in metres, or .usd .usda .usdc .usdz
 (needs: pip install usd-core); KTX2 textures of glTF need: pip install --pre
 opengl_basisu. The sensor stands at the file's
-first camera, or at --camera-to-world, or where all of the scene is seen. A scene
-without lights gets uniform light (--ambient).
+first camera, or at --camera-to-world, or where all of the scene is seen. Lamps have
+the units of the file's format. A scene without lights is a room of 400 lux (--ambient).
 
 Writes into DIR:
   rgb.png                   RGB picture
@@ -68,6 +69,7 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file")
     text = "the scene as its animations pose it then (default: without animation)"
     parser.add_argument("--time", type=positive, metavar="SECONDS", help=text)
+    add_shared(parser, unit="SCENE", keep_transparent=True)
     parser.add_argument(
         "--sensor",
         default="d435",
@@ -104,8 +106,15 @@ def _add_rendering(group: argparse._ArgumentGroup) -> None:
     add_options(group, RENDERER, _OF_THE_CAMERA)
     add_options(group, RENDER, _OF_THE_CAMERA)
     add_shared(group, seed="of rendering and noise; same seed, same files")
-    text = "uniform visible radiance from all sides, W/(sr m^2) (default: 0.1; 1 where a scene has no light)"
+    text = (
+        "uniform visible radiance from all sides, W/(sr m^2); 0 is dark in infrared, too (default: 0.1; 0.19, a room "
+        "of 400 lux, where a scene has no light)"
+    )
     group.add_argument("--ambient", type=positive, metavar="R", help=text)
+    text = (
+        f"kind of the lamps that do not state one: {', '.join(INFRARED_SHARES)}, or how much more infrared than a led"
+    )
+    group.add_argument("--lamp", type=_lamp, metavar="KIND", help=f"{text} (default: led)")
     text = "equirectangular map of the light from all sides (.hdr, .exr, .png, .jpg); --ambient multiplies it"
     group.add_argument("--environment", type=Path, metavar="FILE", help=text)
     text = (
@@ -121,6 +130,13 @@ def _add_rendering(group: argparse._ArgumentGroup) -> None:
     add_records(group)
 
 
+def _lamp(text: str) -> float:
+    try:
+        return infrared_share(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
 def run(args: argparse.Namespace) -> None:
     model = read_sensor_model(args)
     config = make_config(args, model)
@@ -129,8 +145,8 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.sensor.sensor import StereoDepthSensor
 
-    scene = _load_scene(args)
-    sensor = StereoDepthSensor(config, scene, pose=_sensor_pose(args, scene), model=model)
+    scene, added = _load_scene(args, config)
+    sensor = StereoDepthSensor(config, scene, pose=_sensor_pose(args, scene, config.min_depth_m), model=model)
     if args.velocity is not None:
         sensor.set_velocity(args.velocity[:3], args.velocity[3:])
     make_folder(args.out)
@@ -139,7 +155,7 @@ def run(args: argparse.Namespace) -> None:
     sensor.compute_depth()
     rows = _accuracy(sensor)
     _write(args, sensor, rows)
-    _report(args, sensor, rows)
+    _report(args, sensor, rows, added)
 
 
 def read_sensor_model(args: argparse.Namespace) -> SensorModel | None:
@@ -201,9 +217,10 @@ def resized(config: StereoDepthSensorConfig, resolution: tuple[int, int]) -> Ste
     return scaled
 
 
-def _load_scene(args: argparse.Namespace) -> kuafu.Scene:
+def _load_scene(args: argparse.Namespace, config: StereoDepthSensorConfig) -> tuple[kuafu.Scene, float | None]:
+    """The scene, and the radiance from all sides that was added because it has no light of its own."""
     import kuafu
-    from activestereo.scene_io.scene_files import ROOM_RADIANCE, ROOM_WITHOUT_LAMPS
+    from activestereo.scene_io.lamp_kinds import set_infrared_share
     from activestereo.scene_io.usd import is_usd
 
     scene = kuafu.Scene(kuafu.Device(args.device))
@@ -219,55 +236,68 @@ def _load_scene(args: argparse.Namespace) -> kuafu.Scene:
             apply_reflectances(scene, read_reflectances(args.reflectances))
         except ReflectanceError as error:
             raise CommandError(str(error)) from error
-    ambient = args.ambient
-    if ambient is None:
-        ambient = ROOM_RADIANCE if scene.summary.light_count else ROOM_WITHOUT_LAMPS
-    if args.environment is None:
-        scene.set_environment(dome if dome and args.ambient is None else (ambient, ambient, ambient))
-        return scene
-    from activestereo.scene_io.environment_map import EnvironmentMapError, set_environment_map
+    if args.lamp is not None:
+        set_infrared_share(scene, args.lamp)
+    return scene, _light_scene(scene, args, config, dome)
 
-    try:
-        set_environment_map(scene, args.environment, 1.0 if args.ambient is None else args.ambient)
-    except EnvironmentMapError as error:
-        raise CommandError(str(error)) from error
-    return scene
+
+def _light_scene(
+    scene: kuafu.Scene,
+    args: argparse.Namespace,
+    config: StereoDepthSensorConfig,
+    dome: tuple[float, float, float] | None,
+) -> float | None:
+    """Gives the scene its light from all sides; returns what _load_scene() does."""
+    from activestereo.scene_io.environment_map import EnvironmentMapError, set_environment_map
+    from activestereo.scene_io.staging import ALL_SIDES, has_lamps, part_light, room_radiance
+
+    part_light(scene)
+    if args.environment is not None:
+        try:
+            set_environment_map(scene, args.environment, 1.0 if args.ambient is None else args.ambient)
+        except EnvironmentMapError as error:
+            raise CommandError(str(error)) from error
+        return None
+    ambient, infrared = args.ambient, None
+    if dome is not None and ambient is None:
+        radiance = dome
+        if args.lamp is not None:
+            infrared = config.ir_ambient_scale * args.lamp * dome[0] + config.ir_ambient_radiance
+    else:
+        value = room_radiance(scene) if ambient is None else ambient
+        radiance = (value, value, value)
+        if ambient == 0.0 and args.ir_ambient_radiance is None:
+            infrared = 0.0
+    scene.set_environment(radiance, infrared, light_group=ALL_SIDES)
+    return radiance[0] if dome is None and ambient is None and not has_lamps(scene) else None
 
 
 def _load_file(scene: kuafu.Scene, args: argparse.Namespace) -> tuple[float, float, float] | None:
     """Returns the radiance of a USD stage's dome light, where there is one."""
     from activestereo.scene_io.ktx2 import Ktx2Error
-    from activestereo.scene_io.scene_files import load_scene_file
+    from activestereo.scene_io.scene_files import keep_transparent, load_scene_file
     from activestereo.scene_io.usd import UsdError
 
+    if args.keep_transparent:
+        keep_transparent()
     try:
-        return load_scene_file(scene, args.scene, args.time)
+        return load_scene_file(scene, args.scene, args.time, args.unit)
     except (Ktx2Error, UsdError) as error:
         raise CommandError(str(error)) from error
 
 
-def _sensor_pose(args: argparse.Namespace, scene: kuafu.Scene) -> Pose:
+def _sensor_pose(args: argparse.Namespace, scene: kuafu.Scene, least_m: float) -> Pose:
     from activestereo.common.pose import body_pose
+    from activestereo.scene_io.staging import overall_view
 
     if args.camera_to_world is not None:
         return body_pose(args.camera_to_world)
     count = scene.summary.camera_count
     if args.camera is not None and args.camera >= count:
         raise CommandError(f"--camera {args.camera}: {args.scene} has {count} camera{'' if count == 1 else 's'}")
-    return (
-        body_pose(scene.camera(args.camera or 0).camera_to_world) if count else body_pose(_overall_view(scene.summary))
-    )
-
-
-def _overall_view(summary: kuafu.SceneSummary) -> np.ndarray:
-    """A camera in front of the scene and above it (y up, as in glTF) that sees all of it in the middle half of the
-    picture."""
-    from activestereo.common.pose import look_at
-
-    low, high = np.array(summary.bounds_min_m), np.array(summary.bounds_max_m)
-    centre, radius = 0.5 * (low + high), max(0.5 * float(np.linalg.norm(high - low)), 0.05)
-    direction = np.array([0.0, 0.5, 1.0]) / np.hypot(0.5, 1.0)
-    return look_at(centre + 2.6 * radius * direction, centre, (0.0, 1.0, 0.0))
+    if count:
+        return body_pose(scene.camera(args.camera or 0).camera_to_world)
+    return body_pose(overall_view(scene.summary, least_m))
 
 
 def _accuracy(sensor: StereoDepthSensor) -> list[Any]:
@@ -296,10 +326,17 @@ def _write(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any])
     write_figure(args.out / "overview.png", simulation_figure(title, rgb, ir, depth, true_depth, rows))
 
 
-def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]) -> None:
+def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any], added: float | None) -> None:
     from activestereo.cli.report import matching_line, stage_table
+    from activestereo.cli.scene_report import light_line, warn_of_light, warn_of_unseen
     from activestereo.compare.accuracy import accuracy_table
+    from activestereo.sensor.light_share import light_share
+    from activestereo.sensor.unseen import unseen_bodies
 
+    share, unseen = light_share(sensor), unseen_bodies(sensor)
+    if sensor.get_config().light_pattern is not None and any(row.pixels for row in rows):
+        warn_of_light(share)
+    warn_of_unseen(unseen, sensor.scene.summary)
     groups: dict[str, dict[str, float]] = {}
     for name, time in sensor.stage_times.items():
         group, stage = name.split(": ", 1)
@@ -307,11 +344,14 @@ def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]
     info = sensor.device.info
     if args.json:
         accuracy, matching = [asdict(row) for row in rows], dict(sensor.engine.parameters)
-        print_json({"device": info.name, "matching": matching, "stages_ms": groups, "accuracy": accuracy})
+        light = None if share is None else asdict(share)
+        seen = {"light": light, "added_radiance": added, "unseen": dict(unseen)}
+        print_json({"device": info.name, "matching": matching, "stages_ms": groups, "accuracy": accuracy} | seen)
         return
     print(f"device: {info.name} ({info.kind}, {info.driver}); infrared pair shared by {sensor.ir_memory}")
     print(matching_line(sensor.engine))
     print(stage_table(groups))
     print(accuracy_table(rows))
+    print(light_line(share, added))
     more = "".join(f"{name}, " for name in wanted_maps(args))
     print(f"written: rgb, ir_left, ir_right, depth, depth_true, {more}overview (.png) and cloud.ply in {args.out}")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from activestereo.common.input_files import checked_file
+from activestereo.scene_io.staging import ALL_SIDES
 
 if TYPE_CHECKING:
     import kuafu
@@ -61,6 +62,6 @@ def _linear_rgb(pixels: np.ndarray, path: Path) -> np.ndarray:
 
 
 def set_environment_map(scene: kuafu.Scene, path: str | Path, scale: float = 1.0) -> None:
-    """Lights a scene with y up by the map, times `scale`. Raises EnvironmentMapError."""
+    """Lights a scene with y up by the map, times `scale`, in staging's light group. Raises EnvironmentMapError."""
     texture = scene.add_texture(read_environment_map(path), name=Path(path).name)
-    scene.set_environment((scale, scale, scale), texture=texture, map_to_world=MAP_TO_Y_UP)
+    scene.set_environment((scale, scale, scale), texture=texture, map_to_world=MAP_TO_Y_UP, light_group=ALL_SIDES)

@@ -5,7 +5,7 @@
 
 World axes are glTF's (y up); the table top is y = 0. The node "camera" stands where a sensor would, 0.5 to 1.4 m from
 what it sees. Two lamps near the ceiling light the middle of the table with 240 lux, and what a room's walls send back,
-ROOM_RADIANCE of scene_files.py, with 70 more: within 300 to 500 lux, as EN 12464-1 asks of offices.
+ROOM_RADIANCE of staging.py, with 70 more: within 300 to 500 lux, as EN 12464-1 asks of offices.
 """
 
 import io

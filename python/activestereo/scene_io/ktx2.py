@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from activestereo.common.input_files import read_bytes
 from activestereo.common.output_files import write_bytes, write_png, write_text
 from activestereo.scene_io.gltf_document import read_document
+from activestereo.scene_io.units import scale
 
 if TYPE_CHECKING:
     import kuafu
@@ -59,11 +60,11 @@ def convert(path: str | Path, folder: str | Path) -> Path:
         raise Ktx2Error(f"{path}: its KTX2 textures cannot be read: {error}".splitlines()[0]) from error
 
 
-def load_ktx2(scene: kuafu.Scene, path: str | Path, time_s: float | None = None) -> None:
-    """Adds the glTF file at `path` to the scene, at that time of its animations. Raises Ktx2Error of one line, and what
-    Scene.load raises."""
+def load_ktx2(scene: kuafu.Scene, path: str | Path, time_s: float | None = None, unit_m: float = 1.0) -> None:
+    """Adds the glTF file at `path` to the scene, at that time of its animations. unit_m: metres of what the file takes
+    for a metre. Raises Ktx2Error of one line, and what Scene.load raises."""
     with tempfile.TemporaryDirectory() as folder:
-        scene.load(convert(path, folder), time_s=time_s, name=path)
+        scene.load(convert(path, folder), scale(unit_m), time_s=time_s, name=path)
 
 
 def _numbers(document: dict[str, Any]) -> set[int]:

@@ -5,25 +5,24 @@ activestereo.scene_io.usd)."""
 
 from __future__ import annotations
 
+import os
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from activestereo.scene_io.ktx2 import load_ktx2, needs_ktx2
+from activestereo.scene_io.units import scale
 from activestereo.scene_io.usd import is_usd, load_usd
 
 if TYPE_CHECKING:
     import kuafu
 
-# Visible radiance from all sides where nobody tells one, W/(sr m^2): with lamps in the scene what the walls of a room
-# of 300 to 500 lux send back, and without.
-ROOM_RADIANCE, ROOM_WITHOUT_LAMPS = 0.1, 1.0
-
 
 def load_scene_file(
-    scene: kuafu.Scene, path: str | PathLike[str], time_s: float | None = None
+    scene: kuafu.Scene, path: str | PathLike[str], time_s: float | None = None, unit_m: float = 1.0
 ) -> tuple[float, float, float] | None:
-    """Adds a scene file to the scene, at that time of its animations, seconds.
+    """Adds a scene file to the scene, at that time of its animations, seconds. unit_m: metres of what the file takes
+    for a metre, such as 0.001 for a file in millimetres.
 
     Returns the radiance of a USD stage's dome light, W/(sr m^2), or None where there is none: it is the caller's to
     set. Raises Ktx2Error and UsdError, which are ValueErrors of one line that names the file and what to do, and what
@@ -31,9 +30,14 @@ def load_scene_file(
     """
     path = Path(path)
     if is_usd(path):
-        return load_usd(scene, path, time_s).ambient
+        return load_usd(scene, path, time_s, unit_m).ambient
     if needs_ktx2(path):
-        load_ktx2(scene, path, time_s)
+        load_ktx2(scene, path, time_s, unit_m)
     else:
-        scene.load(path, time_s=time_s)
+        scene.load(path, scale(unit_m), time_s=time_s)
     return None
+
+
+def keep_transparent() -> None:
+    """Lets materials of opacity 0 stay unseen, in every file that this process and those that it starts load."""
+    os.environ["KUAFU_LOAD_TRANSPARENT"] = "1"

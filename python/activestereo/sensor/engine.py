@@ -169,15 +169,17 @@ class SensorEngine:
         depth = self._renderer.render(self.scene, self.rig.rgb_cameras(rigs), ["depth"], **seen)["depth"]
         return depth.reshape(*self.shape, *depth.shape[1:3])
 
-    def render_now(self, rigs: NDArray[np.float64], names: Sequence[str], side: int | None) -> dict[str, NDArray[Any]]:
+    def render_now(
+        self, rigs: NDArray[np.float64], names: Sequence[str], side: int | None, **options: Any
+    ) -> dict[str, NDArray[Any]]:
         """{name: [height, width, channels]}: kuafu's outputs as one sensor's left (0) or right (1) camera sees them
-        now, or the RGB camera (None), in one render."""
+        now, or the RGB camera (None), in one render. options: of kuafu.Renderer.render, over the sensor's own."""
         self.wait()
         self.rig.shine(rigs)
         try:
             cameras = self.rig.rgb_cameras(rigs) if side is None else [self.rig.ir_cameras(rigs)[side]]
             seen = self.rig.visible() if side is None else self.rig.infrared(side)
-            seen |= self._settings(names, max(self.frame, 0)) | {"projector": self.rig.in_scene.projector}
+            seen |= self._settings(names, max(self.frame, 0)) | {"projector": self.rig.in_scene.projector} | options
             images = self._renderer.render(self.scene, cameras, list(names), **seen)
             return {name: image[0] for name, image in images.items()}
         finally:

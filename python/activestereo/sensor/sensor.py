@@ -160,11 +160,11 @@ class StereoDepthSensor(SensorResults):
         'rgb', 'left' or 'right' sees it now; projector_* of this sensor's. Needs no take_picture()."""
         return self.get_pictures([name], camera)[name]
 
-    def get_pictures(self, names: Sequence[str], camera: str = "rgb") -> dict[str, NDArray[Any]]:
-        """{name: what get_picture() gives}, of one render."""
+    def get_pictures(self, names: Sequence[str], camera: str = "rgb", **options: Any) -> dict[str, NDArray[Any]]:
+        """{name: what get_picture() gives}, of one render. options: of kuafu.Renderer.render, over the sensor's own."""
         if camera not in CAMERAS:
             raise ValueError(unknown("camera", camera, CAMERAS))
-        return self._engine.render_now(self._rigs(), names, None if camera == "rgb" else SIDES.index(camera))
+        return self._engine.render_now(self._rigs(), names, None if camera == "rgb" else SIDES.index(camera), **options)
 
     # ---- the sensor itself ----
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections import Counter
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
@@ -105,15 +106,21 @@ def write_files(out: Path, files: Mapping[str, bytes]) -> None:
             write_bytes(aside / name, content)
 
 
-def write_scenes(out: Path, count: int) -> None:
-    """Each scene's tables, of the records of its frames."""
+def write_scenes(out: Path, count: int) -> Counter[int]:
+    """Each scene's tables, of the records of its frames. Returns {obj_id: pixels of it in all frames}, where it was
+    placed."""
+    pixels: Counter[int] = Counter()
     for first in range(0, count, FRAMES_PER_SCENE):
         records = {n % FRAMES_PER_SCENE: read_json(record_path(out, n))
                    for n in range(first, min(first + FRAMES_PER_SCENE, count))}  # fmt: skip
+        for record in records.values():
+            for pose, info in zip(record["gt"], record["gt_info"], strict=True):
+                pixels[pose["obj_id"]] += info["px_count_visib"]
         folder = scene_folder(out, first)
         for file, key in (("scene_camera", "camera"), ("scene_gt", "gt"), ("scene_gt_info", "gt_info")):
             _write_json(folder / f"{file}.json", {str(n): record[key] for n, record in records.items()})
         _write_json(folder / "scene_gt_coco.json", _coco(folder, records))
+    return pixels
 
 
 def write_head(out: Path, things: list[Thing], config: StereoDepthSensorConfig, about: dict[str, Any]) -> None:

@@ -67,7 +67,7 @@ def drop(things: list[Thing], ranges: Ranges, random: np.random.Generator) -> Po
     for index in order:
         thing = things[index]
         hull = trimesh.load(thing.path, force="mesh").convex_hull
-        spec.add_mesh(name=str(index), uservert=np.asarray(hull.vertices, np.float64).ravel())
+        spec.add_mesh(name=str(index), uservert=thing.unit_m * np.asarray(hull.vertices, np.float64).ravel())
         size = float(np.linalg.norm(thing.high_m - thing.low_m))
         angle, far = random.uniform(0.0, 2.0 * np.pi), 0.5 * spread * np.sqrt(random.uniform())
         turn = random.standard_normal(4)

@@ -17,8 +17,7 @@ import kuafu
 from activestereo.benchmarks.generate import bop
 from activestereo.benchmarks.generate.layout import physics
 from activestereo.benchmarks.generate.ray_actors import made_by_ray, ray_package
-from activestereo.benchmarks.generate.studio import Frame, Settings, Studio, sensor_config
-from activestereo.benchmarks.generate.things import Things
+from activestereo.benchmarks.generate.studio import Frame, Settings, Studio, sensor_config, things_of
 from activestereo.common.input_files import read_json
 from activestereo.common.processes import process_pool
 from activestereo.scene_io import usd
@@ -29,12 +28,14 @@ _studio: Studio | None = None  # a worker's
 
 @dataclass(frozen=True)
 class Done:
-    """Frames made now, of this part there before, and of other parts not there yet."""
+    """Frames made now, of this part there before, and of other parts not there yet. unseen: things that no frame shows,
+    once all are there."""
 
     made: int
     there: int
     missing: int
     seconds: float
+    unseen: tuple[Path, ...] = ()
 
 
 def generate(
@@ -57,7 +58,7 @@ def generate(
     if ray is not None:
         ray_package()
     settings = replace(settings, things=tuple(_as_gltf(path, out / "things") for path in settings.things))
-    things = Things(kuafu.Scene(kuafu.Device(settings.device)), list(settings.things)).things  # its checks come first
+    things = things_of(settings, kuafu.Scene(kuafu.Device(settings.device))).things  # its checks come first
     about = description(settings)
     _check_same(out, about)
     out.mkdir(parents=True, exist_ok=True)
@@ -73,9 +74,11 @@ def generate(
             progress(done / len(missing))
     seconds = time.monotonic() - start
     others = sum(not bop.is_done(out, frame) for frame in range(count))
+    unseen: tuple[Path, ...] = ()
     if not others:
-        bop.write_scenes(out, count)
-    return Done(len(missing), len(own) - len(missing), others, seconds)
+        seen = bop.write_scenes(out, count)
+        unseen = tuple(thing.path for thing in things if seen.get(thing.id) == 0)
+    return Done(len(missing), len(own) - len(missing), others, seconds, unseen)
 
 
 def _as_gltf(path: Path, folder: Path) -> Path:
@@ -91,8 +94,9 @@ def description(settings: Settings) -> dict[str, Any]:
     """Everything that the frames depend on, for dataset.json."""
     about = asdict(settings)
     del about["device"]
-    if settings.ir_size is None:
-        del about["ir_size"]
+    for name, usual in (("ir_size", None), ("unit_m", 1.0), ("keep_transparent", False)):
+        if about[name] == usual:
+            del about[name]
     return about | {"things": [path.name for path in settings.things], "rgb_size": list(settings.rgb_size),
                     "ranges": {name: list(pair) for name, pair in about["ranges"].items()}}  # fmt: skip
 

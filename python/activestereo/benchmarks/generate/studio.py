@@ -17,6 +17,7 @@ from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import CAMERA_TO_BODY, look_at
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import add_mesh
+from activestereo.scene_io.scene_files import keep_transparent
 from activestereo.sensor.batch import StereoDepthSensorBatch
 from activestereo.sensor.mounts import Mounts
 from activestereo.sensor.picture_memory import PictureMemory
@@ -28,7 +29,8 @@ _UP = np.array([0.0, 0.0, 1.0])
 @dataclass(frozen=True)
 class Settings:
     """The settings that a data set is made of. layout: 'scatter' or 'drop'. sensor: a preset's name or a camera's .toml
-    file. ir_size: of the infrared cameras, None = as the sensor has it."""
+    file. ir_size: of the infrared cameras, None = as the sensor has it. unit_m: metres of what the things' files take
+    for a metre. keep_transparent: their materials of opacity 0 stay unseen."""
 
     things: tuple[Path, ...]
     sensor: str = "d435"
@@ -38,6 +40,8 @@ class Settings:
     seed: int = 0
     layout: str = "scatter"
     ranges: Ranges = Ranges()
+    unit_m: float = 1.0
+    keep_transparent: bool = False
     device: str | int = "auto"
 
 
@@ -71,6 +75,13 @@ class Frame:
     found: tuple[Found, ...]
 
 
+def things_of(settings: Settings, scene: kuafu.Scene) -> Things:
+    """The things of a data set, in a scene."""
+    if settings.keep_transparent:
+        keep_transparent()
+    return Things(scene, list(settings.things), settings.unit_m)
+
+
 class Studio:
     """Takes any frame of a data set, in any order. One thread at a time."""
 
@@ -81,7 +92,7 @@ class Studio:
         slab = np.diag([_TABLE_HALF_M, _TABLE_HALF_M, 0.02, 1.0])
         slab[2, 3] = -0.02
         self._scene.add_instance(add_mesh(self._scene, solids.box()), [self._table], local_to_world=slab, name="table")
-        self._things = Things(self._scene, list(settings.things))
+        self._things = things_of(settings, self._scene)
         self._lamps: list[int] = []
         self._mounts = Mounts(self._scene, np.eye(4)[None])
         self._config = sensor_config(settings)

@@ -11,12 +11,11 @@ import numpy as np
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.computed_once import computed_once
-from activestereo.common.pose import CAMERA_TO_BODY, as_matrix, look_at
+from activestereo.common.pose import CAMERA_TO_BODY, as_matrix
 from activestereo.model import SensorModel
 from activestereo.report.view.simulation import Exposure, Pictures, Simulation, with_left_as_colour
-from activestereo.scene_io.scene_files import ROOM_RADIANCE, ROOM_WITHOUT_LAMPS, load_scene_file
-
-_ALL_OF_IT = 2.6  # radii from the middle, at which the scene fills half of the picture
+from activestereo.scene_io.scene_files import load_scene_file
+from activestereo.scene_io.staging import overall_view, room_radiance
 
 
 class SceneSource:
@@ -56,7 +55,7 @@ class SceneSource:
         known = [frame["id"] for frame in self.frames()]
         if frame_id not in known:
             raise ValueError(f"{self.title} has no camera {frame_id!r}, only {known[0]} to {known[-1]}")
-        colour = scene.camera(frame_id).camera_to_world if scene.summary.camera_count else _overall_view(scene.summary)
+        colour = scene.camera(frame_id).camera_to_world if scene.summary.camera_count else overall_view(scene.summary)
         colour_to_left = CAMERA_TO_BODY.T @ as_matrix(self._config.trans_pose_l) @ CAMERA_TO_BODY
         return Exposure(self._left_config, self._model, np.asarray(colour) @ colour_to_left)
 
@@ -72,14 +71,6 @@ class SceneSource:
         dome = load_scene_file(scene, self._path)
         if not scene.summary.triangle_count:
             raise ValueError(f"{self._path}: there is nothing to see in it: no triangles")
-        room = ROOM_RADIANCE if scene.summary.light_count else ROOM_WITHOUT_LAMPS
+        room = room_radiance(scene)
         scene.set_environment(dome or (room, room, room))
         return scene
-
-
-def _overall_view(summary: kuafu.SceneSummary) -> np.ndarray:
-    """A camera in front of the scene and above it (y up, as in glTF) that sees all of it."""
-    low, high = np.array(summary.bounds_min_m), np.array(summary.bounds_max_m)
-    centre, radius = 0.5 * (low + high), max(0.5 * float(np.linalg.norm(high - low)), 0.05)
-    direction = np.array([0.0, 0.5, 1.0]) / np.hypot(0.5, 1.0)
-    return look_at(centre + _ALL_OF_IT * radius * direction, centre, (0.0, 1.0, 0.0))

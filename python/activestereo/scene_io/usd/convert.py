@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from activestereo.scene_io.gltf_writer import GltfWriter
+from activestereo.scene_io.units import scale
 from activestereo.scene_io.usd import lamps, shapes
 from activestereo.scene_io.usd.stage import Stage, UsdError, cause, columns, open_stage
 from activestereo.scene_io.usd.surfaces import Surfaces
@@ -52,12 +53,13 @@ def convert(path: str | Path, glb: str | Path, time_s: float | None = None) -> C
     return Converted(conversion.ambient, tuple(stage.messages))
 
 
-def load_usd(scene: kuafu.Scene, path: str | Path, time_s: float | None = None) -> Converted:
-    """Adds the stage at `path` to the scene. Raises UsdError of one line, and what Scene.load raises."""
+def load_usd(scene: kuafu.Scene, path: str | Path, time_s: float | None = None, unit_m: float = 1.0) -> Converted:
+    """Adds the stage at `path` to the scene. unit_m: metres of what the stage takes for a metre. Raises UsdError of one
+    line, and what Scene.load raises."""
     with tempfile.TemporaryDirectory() as folder:
         glb = Path(folder) / "stage.glb"
         converted = convert(path, glb, time_s)
-        scene.load(glb, name=path)
+        scene.load(glb, scale(unit_m), name=path)
     return converted
 
 
@@ -113,7 +115,7 @@ class _Conversion:
             self._copies(UsdGeom.PointInstancer(prim), to_stage)
         elif prim.IsA(UsdGeom.Camera):
             self._camera(prim, to_world)
-        elif prim.IsA(UsdLux.DomeLight):
+        elif prim.GetTypeName() in ("DomeLight", "DomeLight_1"):
             self._dome(prim)
         elif prim.HasAPI(UsdLux.LightAPI):
             lamps.add_lamp(self.stage, self.writer, prim, to_stage, to_world)

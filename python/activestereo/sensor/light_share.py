@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The projector's share of the infrared light that a sensor sees, and the brightest of the other lights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.scene_io.staging import ALL_SIDES, LAMPS, SURFACES
+
+if TYPE_CHECKING:
+    import kuafu
+    from activestereo.sensor.sensor import StereoDepthSensor
+
+_SAMPLES = 4  # for each pixel: the middle's mean counts, not one pixel
+_GROUPS = {group: f"light_group_{group}" for group in (LAMPS, SURFACES, ALL_SIDES)}
+
+
+@dataclass(frozen=True)
+class LightShare:
+    """Shares of the infrared light in the middle of the left camera's picture. distance_m: the median there. dots: the
+    projector's at its dots, the brightest tenth of the pixels; projector: the same of all pixels. brightest: the
+    brightest light beside the projector, by name; None where there is no other."""
+
+    distance_m: float
+    dots: float
+    projector: float
+    brightest: str | None
+    brightest_share: float
+
+
+def light_share(sensor: StereoDepthSensor) -> LightShare | None:
+    """Renders a few samples. The scene's lights are parted as staging.part_light() does. None: there is nothing to see
+    in the picture, or no infrared light at all."""
+    has_projector = sensor.get_config().light_pattern is not None
+    names = ["depth", "position", *_GROUPS.values(), *(["projector"] if has_projector else [])]
+    seen = sensor.get_pictures(names, "left", samples_per_pixel=_SAMPLES, denoise="none")
+    middle = _middle(seen["depth"][..., 0])
+    light = {name: float(np.mean(image[middle])) for name, image in seen.items() if middle.any()}
+    total = sum(light[name] for name in names[2:]) if light else 0.0
+    if total <= 0.0:
+        return None
+    group = max(_GROUPS, key=lambda number: light[_GROUPS[number]])
+    share = light[_GROUPS[group]] / total
+    name, part = _brightest(sensor.scene, group, np.median(seen["position"][middle], axis=0))
+    return LightShare(
+        distance_m=float(np.median(seen["depth"][..., 0][middle])),
+        dots=_at_dots(seen, middle) if has_projector else 0.0,
+        projector=light.get("projector", 0.0) / total,
+        brightest=name if share > 0.0 else None,
+        brightest_share=share * part,
+    )
+
+
+def _at_dots(seen: dict[str, NDArray[Any]], middle: NDArray[np.bool_]) -> float:
+    projector, rest = (sum(seen[name][middle] for name in names) for names in (["projector"], _GROUPS.values()))
+    dots = projector >= np.quantile(projector, 0.9)
+    return float(projector[dots].sum() / max(float((projector + rest)[dots].sum()), 1e-30))
+
+
+def _middle(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """The pixels of the middle third that show something, or of the whole picture where none there does."""
+    height, width = depth.shape
+    out = np.zeros(depth.shape, bool)
+    out[height // 3 : -(height // 3), width // 3 : -(width // 3)] = True
+    out &= depth > 0
+    return out if out.any() else depth > 0
+
+
+def _brightest(scene: kuafu.Scene, group: int, point: NDArray[np.floating[Any]]) -> tuple[str, float]:
+    """(name, share of the group's light) of its brightest light, as it falls on the point without shadows."""
+    if group == ALL_SIDES:
+        return "the light from all sides", 1.0
+    if group == SURFACES:
+        materials = [scene.get_material(number) for number in range(scene.summary.material_count)]
+        level = [material.ir_emission for material in materials]
+        count = sum(value > 0 for value in level)
+        name = f"'{materials[int(np.argmax(level))].name}'"
+        return (name if count == 1 else f"{name} and {count - 1} other shining surfaces"), 1.0
+    lights = [scene.get_light(number) for number in range(scene.summary.light_count)]
+    falls = [0.0 if light.kind == "projector" else _irradiance(light, point) for light in lights]
+    best = int(np.argmax(falls))
+    name = lights[best].name or f"light {best}"
+    return f"'{name}'", falls[best] / max(sum(falls), 1e-30)
+
+
+def _irradiance(light: kuafu.Light, point: NDArray[np.floating[Any]]) -> float:
+    """On a surface that faces the light, up to the camera's ir_ambient_scale."""
+    pose = np.asarray(light.light_to_world)
+    level = (light.ir_share or 1.0) * light.intensity[0] if light.ir_intensity is None else light.ir_intensity
+    if light.kind == "directional":
+        return level
+    away = point - pose[:3, 3]
+    square = max(float(away @ away), 1e-12)
+    if light.kind == "spot" and away @ pose[:3, 2] < np.cos(light.outer_rad) * np.sqrt(square):
+        return 0.0
+    return level / square

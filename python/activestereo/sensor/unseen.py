@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bodies that a sensor's picture does not show, and why."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kuafu
+from activestereo.common.pose import camera_to_world
+
+if TYPE_CHECKING:
+    from activestereo.sensor.sensor import StereoDepthSensor
+
+_SIDE = 256  # pixels of each face of the cube around the camera
+# Turns from the camera's axes (x right, y down, z forward) to those of a camera that looks there.
+_AROUND = {
+    "outside the picture": np.eye(3),
+    "to the right of the picture": np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]]),
+    "to the left of the picture": np.array([[0, 0, -1], [0, 1, 0], [1, 0, 0]]),
+    "below the picture": np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]),
+    "above the picture": np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]),
+    "behind the camera": np.diag([-1, 1, -1]),
+}
+_NOWHERE = "hidden behind others, transparent, or smaller than a pixel"
+
+
+def unseen_bodies(sensor: StereoDepthSensor) -> list[tuple[str, str]]:
+    """(body, why no pixel of the RGB picture shows it within the sensor's range), in the scene's order."""
+    config, scene = sensor.get_config(), sensor.scene
+    ids, depth = sensor.get_instance_ids(), sensor.get_true_depth()
+    out: dict[int, str] = {}
+    missing = set(range(scene.summary.instance_count))
+    for number in np.unique(ids[depth > 0]).tolist():
+        missing.discard(number)
+        near, far = (float(end(depth[(ids == number) & (depth > 0)])) for end in (np.min, np.max))
+        if near > config.max_depth_m:
+            out[number] = f"{near:.3g} m away, beyond the sensor's {config.max_depth_m:g} m"
+        elif far < config.min_depth_m:
+            out[number] = f"{far:.3g} m away, nearer than the sensor's {config.min_depth_m:g} m"
+    for where, found in _around(scene, camera_to_world(sensor.get_pose())).items() if missing else ():
+        for number in missing & found:
+            out[number] = where
+        missing -= found
+    out |= dict.fromkeys(missing, _NOWHERE)
+    return [(scene.instance_name(number) or f"body {number}", out[number]) for number in sorted(out)]
+
+
+def _around(scene: kuafu.Scene, pose: NDArray[np.float64]) -> dict[str, set[int]]:
+    """The bodies that a camera there sees in each direction."""
+    middle = 0.5 * (_SIDE - 1)
+    k = np.array([[0.5 * _SIDE, 0, middle], [0, 0.5 * _SIDE, middle], [0, 0, 1]])
+    cameras = []
+    for turn in _AROUND.values():
+        view = pose.copy()
+        view[:3, :3] = pose[:3, :3] @ turn
+        cameras.append(kuafu.Camera(_SIDE, _SIDE, k, view))
+    options = {"band": "visible", "environments": [0] * len(cameras), "spp": 1, "max_bounces": 0}
+    images = kuafu.Renderer(scene.device).render(scene, cameras, ["instance_id"], **options)["instance_id"]
+    return {where: set(np.unique(image).tolist()) for where, image in zip(_AROUND, images, strict=True)}

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Lamps of scene files drown a sensor's dots as the same lamps in watts do, and the projector's share says so."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import kuafu
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.pose import body_pose
+from activestereo.scene_io import meshes
+from activestereo.scene_io.gltf_writer import GltfWriter
+from activestereo.scene_io.staging import ALL_SIDES, ROOM_LUX, ROOM_WITHOUT_LAMPS, has_lamps, overall_view, part_light
+from activestereo.sensor.light_share import light_share
+from activestereo.sensor.sensor import StereoDepthSensor
+
+_AT = {"point": [0.5, 1.5, 0.3], "spot": [0.0, 0.0, 0.3], "directional": [0.0, 0.0, 0.3]}
+# The camera looks along -z from the origin.
+_POSE = body_pose(np.diag([1.0, -1.0, -1.0, 1.0]))
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """A lamp of a file in candela or lux, and the same in W/sr or W/m^2."""
+
+    kind: str
+    photometric: float
+    watts: float
+
+
+_LAMPS = {
+    "bulb of 800 lm": Lamp("point", 800 / (4 * np.pi), 800 / (4 * np.pi) / 683),
+    "Blender's point of 100 W": Lamp("point", 683 * 100 / (4 * np.pi), 100 / (4 * np.pi)),
+    "Blender's spot of 50 W": Lamp("spot", 683 * 50 / (4 * np.pi), 50 / (4 * np.pi)),
+    "sun of 1000 W/m^2": Lamp("directional", 683 * 1000, 1000),
+    "window of 500 lx": Lamp("directional", 500, 500 / 683),
+}
+
+
+def _scene(path: Path, lamp: Lamp | None) -> kuafu.Scene:
+    """A wall and a box before it; with a lamp in the file, if one is given."""
+    writer = GltfWriter()
+    grey = writer.add_material(
+        "grey", pbrMetallicRoughness={"baseColorFactor": [0.6, 0.6, 0.6, 1], "metallicFactor": 0}
+    )
+    writer.add_mesh("wall", meshes.sheet((-2, -1.5, -1.5), (4, 0, 0), (0, 3, 0)), grey)
+    writer.add_mesh("box", meshes.box(0.4, 0.4, 0.2), grey, (0, -0.2, -1.1))
+    document, _ = writer.document()
+    if lamp is not None:
+        light = {
+            "type": lamp.kind,
+            "name": "lamp",
+            "intensity": lamp.photometric,
+            **({"spot": {}} if lamp.kind == "spot" else {}),
+        }
+        document["extensionsUsed"] = ["KHR_lights_punctual"]
+        document["extensions"] = {"KHR_lights_punctual": {"lights": [light]}}
+        document["scenes"][0]["nodes"].append(len(document["nodes"]))
+        place = {"extensions": {"KHR_lights_punctual": {"light": 0}}}
+        document["nodes"].append({"translation": _AT[lamp.kind], **place})
+    writer.write(path)
+    scene = kuafu.Scene(kuafu.Device("cpu"))
+    scene.load(path)
+    part_light(scene)
+    scene.set_environment((0.1, 0.1, 0.1), light_group=ALL_SIDES)
+    return scene
+
+
+def _sensor(scene: kuafu.Scene) -> StereoDepthSensor:
+    config = StereoDepthSensorConfig("D435").scaled(0.25)
+    config.samples_per_pixel = 4
+    return StereoDepthSensor(config, scene, pose=_POSE)
+
+
+def _fill(scene: kuafu.Scene) -> float:
+    sensor = _sensor(scene)
+    sensor.take_picture()
+    sensor.compute_depth()
+    return float((sensor.get_depth()[sensor.get_true_depth() > 0] > 0).mean())
+
+
+@pytest.mark.parametrize("name", _LAMPS)
+def test_a_files_lamp_is_as_one_in_watts(tmp_path: Path, name: str) -> None:
+    lamp = _LAMPS[name]
+    ours = _scene(tmp_path / "bare.glb", None)
+    pose = np.diag([1.0, -1.0, -1.0, 1.0])  # a light shines along its +z, the file's along -z
+    pose[:3, 3] = _AT[lamp.kind]
+    ours.add_light(kuafu.Light(kind=lamp.kind, intensity=(lamp.watts,) * 3, light_to_world=pose))
+    assert _fill(_scene(tmp_path / "lamp.glb", lamp)) == pytest.approx(_fill(ours), abs=0.05)
+
+
+# On a surface that faces both, the shares are as the irradiances: the projector's mean one, and I / d^2.
+def test_the_share_follows_the_lamp(tmp_path: Path) -> None:
+    shares = []
+    for watts in (0.1, 1.0, 10.0):
+        found = light_share(_sensor(_scene(tmp_path / "a.glb", Lamp("point", 683 * watts, watts))))
+        assert found is not None
+        shares.append(found)
+    assert [round(share.distance_m, 1) for share in shares] == [1.0] * 3
+    projector = [1 / share.projector - 1 for share in shares]  # others' light over the projector's
+    assert projector[2] - projector[1] == pytest.approx(10 * (projector[1] - projector[0]), rel=0.05)
+    assert shares[0].brightest == "the light from all sides"
+    assert shares[2].brightest == "'lamp'" and shares[2].brightest_share > 0.6
+
+
+def test_a_room_without_lamps_has_the_light_of_an_office(tmp_path: Path) -> None:
+    scene = _scene(tmp_path / "a.glb", None)
+    assert not has_lamps(scene)
+    scene.set_environment((ROOM_WITHOUT_LAMPS,) * 3)
+    camera = kuafu.Camera(8, 8, [[800, 0, 3.5], [0, 800, 3.5], [0, 0, 1]], np.diag([1.0, -1.0, -1.0, 1.0]))
+    seen = kuafu.Renderer(scene.device).render(scene, camera, ["radiance", "albedo"], band="visible", spp=256)
+    # Radiosity of a matt surface is its albedo times the irradiance; the box's front sees half of the world alone.
+    lux = 683 * np.pi * float(np.mean(seen["radiance"])) / float(np.mean(seen["albedo"]))
+    assert 300.0 <= ROOM_LUX <= 500.0
+    assert lux == pytest.approx(ROOM_LUX, rel=0.1)
+
+
+@pytest.mark.parametrize("size_m", [0.02, 0.3, 5.0])
+def test_the_view_of_all_is_within_range(tmp_path: Path, size_m: float) -> None:
+    writer = GltfWriter()
+    writer.add_mesh("box", meshes.box(size_m, size_m, size_m), writer.add_material("m"))
+    writer.write(tmp_path / "a.glb")
+    scene = kuafu.Scene(kuafu.Device("cpu"))
+    scene.load(tmp_path / "a.glb")
+    view = overall_view(scene.summary, least_m=0.2)
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (0, 1) for z in (-0.5, 0.5)]) * size_m
+    ahead = (corners - view[:3, 3]) @ view[:3, :3]
+    assert ahead[:, 2].min() > 0.2
+    assert np.abs(ahead[:, :2] / ahead[:, 2:]).max() < 0.5
