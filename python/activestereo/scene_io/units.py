@@ -13,7 +13,7 @@ def scale(unit_m: float) -> NDArray[np.float64]:
 
 
 def size_hint(size_m: float) -> str:
-    """What a size says of the file's unit, or nothing."""
+    """The unit that a scene of an unlikely size may have been written in, or nothing."""
     if size_m > 50.0:
         return f"{size_m:.4g} m large: its file may be in millimetres, which --unit 0.001 says"
     if size_m < 2e-3:

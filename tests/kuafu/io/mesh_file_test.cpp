@@ -72,7 +72,7 @@ std::vector<uint8_t> texel(const Scene& scene, uint32_t id, uint32_t x = 0) {
 
 TEST(ObjFile, EveryMapOfAMaterialArrives) {
   const Folder folder;
-  write_text(folder / "d.tga", grey_row({0, 255, 100, 100}));
+  write_text(folder / "d.tga", grey_row({40, 255, 100, 100}));
   write_text(folder / "r.tga", grey_row({50}));
   write_text(folder / "m.tga", grey_row({200}));
   write_text(folder / "pixel.png", png_pixel());
@@ -91,14 +91,14 @@ TEST(ObjFile, EveryMapOfAMaterialArrives) {
   const auto material = [&](size_t i) -> const Material& { return scene.materials()[scene.instances()[i].materials[0]]; };
   const Material& all = material(0);
   EXPECT_EQ(all.alpha_mode, Material::AlphaMode::blend);
-  EXPECT_EQ(texel(scene, all.base_color_texture), (std::vector<uint8_t>{10, 20, 30, 0})) << "map_d is map_Kd's alpha";
+  EXPECT_EQ(texel(scene, all.base_color_texture), (std::vector<uint8_t>{10, 20, 30, 40})) << "map_d is map_Kd's alpha";
   EXPECT_TRUE(scene.textures()[all.base_color_texture].srgb);
   EXPECT_EQ(texel(scene, all.specular_texture)[3], 20) << "the mean of 10, 20 and 30";
   EXPECT_EQ(texel(scene, all.metallic_roughness_texture)[1], 50);
   EXPECT_EQ(texel(scene, all.metallic_roughness_texture)[2], 200);
   EXPECT_EQ(all.roughness, 1.0f);
   EXPECT_EQ(all.metallic, 1.0f);
-  // Heights 0, 1, 0.392, 0.392: at the first texel the slope is (1 - 0.392) / 2 per texel, twice as steep by -bm 2.
+  // Heights 0.157, 1, 0.392, 0.392: at the first texel the slope is (1 - 0.392) / 2 per texel, twice as steep by -bm 2.
   const double slope = 155 / 255.0, length = std::hypot(slope, 1.0);
   const std::vector<uint8_t> normal = texel(scene, all.normal_texture);
   EXPECT_NEAR(normal[0], 255 * (0.5 - 0.5 * slope / length), 1);
