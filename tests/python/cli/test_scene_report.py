@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""simulate tells the light of a scene, and which bodies cannot be measured and why."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from pathlib import Path
+
+import command_line
+import numpy as np
+import pytest
+
+from activestereo.scene_io import meshes
+from activestereo.scene_io.gltf_writer import GltfWriter
+
+_QUICK = ("--device", "cpu", "--resolution", "106x60", "--spp", "1", "--max-bounces", "1")
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]):
+    return partial(command_line.run_here, capsys)
+
+
+def _tetrahedron(path: Path, size: float, opacity: str = "") -> Path:
+    """An .obj file beside its .mtl."""
+    path.with_suffix(".mtl").write_text(f"newmtl m\nKd 0.6 0.6 0.6\nillum 2\n{opacity}\n")
+    corners = "".join(f"v {x * size} {y * size} {z * size}\n" for x, y, z in np.vstack([np.zeros(3), np.eye(3)]))
+    faces = "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    path.write_text(f"mtllib {path.stem}.mtl\no thing\n{corners}usemtl m\n{faces}")
+    return path
+
+
+def _room(path: Path, lamp_w_sr: float | None) -> Path:
+    """A wall 1 m before the camera, a ball behind the camera, one to its right, and one behind the wall."""
+    writer = GltfWriter()
+    grey = writer.add_material(
+        "grey", pbrMetallicRoughness={"baseColorFactor": [0.6, 0.6, 0.6, 1], "metallicFactor": 0}
+    )
+    writer.add_mesh("wall", meshes.sheet((-1, -1, -1), (2, 0, 0), (0, 2, 0)), grey)
+    writer.add_mesh("follower", meshes.sphere(0.1), grey, (0, 0, 2))
+    writer.add_mesh("neighbour", meshes.sphere(0.1), grey, (2, 0, 0))
+    writer.add_mesh("hidden", meshes.sphere(0.1), grey, (0, 0, -1.5))
+    if lamp_w_sr is not None:
+        writer.add_point_light("floodlight", (0, 0.5, 0), (1, 1, 1), lamp_w_sr)
+        writer.add_point_light("night light", (0, -0.5, 0), (1, 1, 1), 1e-3)
+    writer.add_camera("camera", np.diag([1.0, -1.0, -1.0, 1.0]), 0.75, 16 / 9)
+    writer.write(path)
+    return path
+
+
+def test_bodies_that_are_not_seen_are_named_with_the_reason(run, tmp_path: Path) -> None:
+    result = run("simulate", _room(tmp_path / "a.glb", None), *_QUICK, "--out", tmp_path / "out")
+    assert result.returncode == 0
+    said = [line for line in result.stderr.splitlines() if "cannot be measured" in line]
+    assert len(said) == 1 and "3 of 4 bodies" in said[0]
+    for name, why in (("follower", "behind the camera"), ("neighbour", "to the right of"), ("hidden", "hidden behind")):
+        assert f"'{name}' is {why}" in said[0]
+
+
+@pytest.mark.parametrize(
+    ("size", "options", "words"),
+    [
+        (200.0, (), ("beyond the sensor's 10 m", "200 m large", "--unit 0.001")),
+        (0.2, ("--unit", "0.001"), ("0.2 mm large", "--unit 1000")),
+        (200.0, ("--unit", "0.001"), ()),
+    ],
+)
+def test_a_scene_in_another_unit(
+    run, tmp_path: Path, size: float, options: tuple[str, ...], words: tuple[str, ...]
+) -> None:
+    thing = _tetrahedron(tmp_path / "a.obj", size)
+    result = run("simulate", thing, *options, *_QUICK, "--json", "--out", tmp_path / "out")
+    said = [line for line in result.stderr.splitlines() if "nothing can be measured" in line]
+    assert bool(said) == bool(words)
+    assert all(word in said[0] for word in words)
+    assert bool(json.loads(result.stdout)["accuracy"][-1]["pixels"]) != bool(words)
+
+
+@pytest.mark.parametrize(("options", "is_seen"), [((), True), (("--keep-transparent",), False)])
+def test_a_body_of_opacity_0(run, monkeypatch, tmp_path: Path, options: tuple[str, ...], is_seen: bool) -> None:
+    monkeypatch.setenv("KUAFU_LOAD_TRANSPARENT", "")  # what the option sets goes with the test
+    thing = _tetrahedron(tmp_path / "a.obj", 0.2, "Tr 1.000000")
+    result = run("simulate", thing, *options, *_QUICK, "--json", "--out", tmp_path / "out")
+    found = json.loads(result.stdout)
+    assert bool(found["accuracy"][-1]["pixels"]) == is_seen
+    assert [name for name, _ in found["unseen"].items()] == ([] if is_seen else ["thing"])
+
+
+@pytest.mark.parametrize(("lamp_w_sr", "drowns"), [(0.1, False), (5000.0, True)])
+def test_the_lamp_that_drowns_the_dots_is_named(run, tmp_path: Path, lamp_w_sr: float, drowns: bool) -> None:
+    result = run("simulate", _room(tmp_path / "a.glb", lamp_w_sr), *_QUICK, "--out", tmp_path / "out")
+    line = next(line for line in result.stdout.splitlines() if line.startswith("light: "))
+    assert "1.00 m away, is the projector's" in line and "room" not in line
+    said = [line for line in result.stderr.splitlines() if "dots hardly stand out" in line]
+    assert bool(said) == drowns
+    assert all("'floodlight' gives 100 %" in line for line in said)
+
+
+def test_a_scene_without_light_is_a_room(run, tmp_path: Path) -> None:
+    room = _room(tmp_path / "a.glb", None)
+    lit = run("simulate", room, *_QUICK, "--out", tmp_path / "lit").stdout
+    assert "a room of 400 lux was added" in lit
+    dark = json.loads(run("simulate", room, *_QUICK, "--ambient", "0", "--json", "--out", tmp_path / "dark").stdout)
+    assert dark["added_radiance"] is None
+    assert dark["light"]["projector"] == pytest.approx(1.0) and dark["light"]["brightest"] is None
