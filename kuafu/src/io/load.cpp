@@ -15,7 +15,7 @@
 
 #include "device/error.h"
 #include "io/import_process.h"
-#include "io/transparent.h"
+#include "io/unseen.h"
 #include "io/wire.h"
 #include "scene/validate.h"
 
@@ -83,6 +83,7 @@ std::vector<std::string> load_file(Scene& scene, const std::filesystem::path& pa
     ks::fail(content ? KS_ERROR_FILE : error.status(), "%s: %s", shown.c_str(), error.what());
   }
   std::ranges::move(show_transparent(answer.scene, options.keep_transparent), std::back_inserter(answer.warnings));
+  std::ranges::move(without_area(answer.scene), std::back_inserter(answer.warnings));
   for (std::string& warning : answer.warnings) warning = shown + ": " + warning;
   scene.append(std::move(answer.scene));
   return std::move(answer.warnings);

@@ -14,7 +14,7 @@ struct LoadOptions {
   uint32_t seconds = 0;
   /// Whether the file may name files outside its own folder (above it, elsewhere by absolute path, or behind a symbolic link).
   bool outside_folder = false;
-  /// Whether materials of opacity 0 stay unseen (transparent.h).
+  /// Whether materials of opacity 0 stay unseen (unseen.h).
   bool keep_transparent = false;
   /// Folder of the helper programs; empty: looked for beside the library (import_process.h).
   std::filesystem::path helpers;

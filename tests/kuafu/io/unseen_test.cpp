@@ -76,6 +76,14 @@ INSTANTIATE_TEST_SUITE_P(
                     std::pair{"a.glb", gltf({{"alphaMode", "BLEND"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0}}}}})},
                     std::pair{"a.glb", gltf({{"alphaMode", "MASK"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0}}}}})}));
 
+TEST(Area, OfNoTriangleIsSaid) {
+  const Folder folder;
+  write_text(folder / "a.obj", "o line\nv 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\no triangle\nv 0 1 0\nf 1 2 4\n");
+  const std::vector<std::string> warnings = load_path(folder / "a.obj").warnings;
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_NE(warnings[0].find("mesh 'line' has no area"), std::string::npos) << warnings[0];
+}
+
 TEST(Opacity, ThatIsMeantStays) {
   for (const std::string& text : {mtl("d 0.25"), mtl("Tr 0.75")}) {
     const Folder folder;

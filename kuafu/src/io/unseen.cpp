@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/transparent.h"
+#include "io/unseen.h"
 
 #include <algorithm>
 #include <cstring>
@@ -31,6 +31,13 @@ double largest_alpha(const Texture& texture) {
   return 1.0;
 }
 
+bool has_area(const Mesh& mesh) {
+  return std::ranges::any_of(mesh.indices, [&](const glm::uvec3& t) {
+    const glm::dvec3 a = mesh.positions[t.x], b = mesh.positions[t.y], c = mesh.positions[t.z];
+    return glm::cross(b - a, c - a) != glm::dvec3(0.0);
+  });
+}
+
 bool shows(const Material& m, double alpha) { return m.alpha_mode == Material::AlphaMode::mask ? alpha >= m.alpha_cutoff : alpha > 0.0; }
 
 }  // namespace
@@ -53,6 +60,14 @@ std::vector<std::string> show_transparent(Scene& scene, bool keep) {
     scene.set_material(id, m);
     messages.push_back(text + ", as exporters write by mistake: it is drawn opaque (--keep-transparent, or KUAFU_LOAD_TRANSPARENT=1)");
   }
+  return messages;
+}
+
+std::vector<std::string> without_area(const Scene& scene) {
+  std::vector<std::string> messages;
+  if (!scene.rigs().empty()) return messages;  // what moves may open
+  for (const auto& mesh : scene.meshes())
+    if (!has_area(*mesh)) messages.push_back("mesh '" + mesh->name + "' has no area: nothing of it is seen");
   return messages;
 }
 
