@@ -3,18 +3,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+import kuafu
 from activestereo.scene_io.staging import ALL_SIDES, LAMPS, SURFACES
 
 if TYPE_CHECKING:
-    import kuafu
     from activestereo.sensor.sensor import StereoDepthSensor
 
+_Record = TypeVar("_Record")
 _SAMPLES = 4  # for each pixel: the middle's mean counts, not one pixel
 _GROUPS = {group: f"light_group_{group}" for group in (LAMPS, SURFACES, ALL_SIDES)}
 
@@ -75,16 +77,29 @@ def _brightest(scene: kuafu.Scene, group: int, point: NDArray[np.floating[Any]])
     if group == ALL_SIDES:
         return "the light from all sides", 1.0
     if group == SURFACES:
-        materials = [scene.get_material(number) for number in range(scene.summary.material_count)]
+        materials = _present(scene.get_material, scene.summary.material_count)
         level = [material.ir_emission for material in materials]
         count = sum(value > 0 for value in level)
         name = f"'{materials[int(np.argmax(level))].name}'"
         return (name if count == 1 else f"{name} and {count - 1} other shining surfaces"), 1.0
-    lights = [scene.get_light(number) for number in range(scene.summary.light_count)]
+    lights = _present(scene.get_light, scene.summary.light_count)
     falls = [0.0 if light.kind == "projector" else _irradiance(light, point) for light in lights]
     best = int(np.argmax(falls))
-    name = lights[best].name or f"light {best}"
+    name = lights[best].name or f"lamp {best}"
     return f"'{name}'", falls[best] / max(sum(falls), 1e-30)
+
+
+def _present(get: Callable[[int], _Record], count: int) -> list[_Record]:
+    """What is in the scene of a kind: numbers of what was removed, as a model's lights are, stay free."""
+    out: list[_Record] = []
+    number = 0
+    while len(out) < count:
+        try:
+            out.append(get(number))
+        except kuafu.ArgumentError:
+            pass
+        number += 1
+    return out
 
 
 def _irradiance(light: kuafu.Light, point: NDArray[np.floating[Any]]) -> float:
