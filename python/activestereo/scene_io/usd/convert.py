@@ -81,6 +81,8 @@ class _Conversion:
         for prim in self._below(self.stage.stage.GetPseudoRoot()):
             try:
                 self._add(prim, columns(self._cache.GetLocalToWorldTransform(prim)))
+            except UsdError:
+                raise
             except Tf.ErrorException as error:
                 self.stage.tell(f"{prim.GetPath()} is left out: {cause(error)}")
             except (ArithmeticError, LookupError, TypeError, ValueError):
