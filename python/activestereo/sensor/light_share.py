@@ -58,7 +58,7 @@ def light_share(sensor: StereoDepthSensor) -> LightShare | None:
 
 
 def _at_dots(seen: dict[str, NDArray[Any]], middle: NDArray[np.bool_]) -> float:
-    projector, rest = (sum(seen[name][middle] for name in names) for names in (["projector"], _GROUPS.values()))
+    projector, rest = seen["projector"][middle], np.sum([seen[name][middle] for name in _GROUPS.values()], axis=0)
     dots = projector >= np.quantile(projector, 0.9)
     return float(projector[dots].sum() / max(float((projector + rest)[dots].sum()), 1e-30))
 

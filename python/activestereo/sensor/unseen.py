@@ -57,6 +57,8 @@ def _around(scene: kuafu.Scene, pose: NDArray[np.float64]) -> dict[str, set[int]
         view = pose.copy()
         view[:3, :3] = pose[:3, :3] @ turn
         cameras.append(kuafu.Camera(_SIDE, _SIDE, k, view))
-    options = {"band": "visible", "environments": [0] * len(cameras), "spp": 1, "max_bounces": 0}
-    images = kuafu.Renderer(scene.device).render(scene, cameras, ["instance_id"], **options)["instance_id"]
+    renderer = kuafu.Renderer(scene.device)
+    images = renderer.render(
+        scene, cameras, ["instance_id"], band="visible", environments=[0] * len(cameras), spp=1, max_bounces=0
+    )["instance_id"]
     return {where: set(np.unique(image).tolist()) for where, image in zip(_AROUND, images, strict=True)}
