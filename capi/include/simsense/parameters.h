@@ -33,6 +33,10 @@ extern "C" {
 #define SIMSENSE_SUBPIXEL_EQUIANGULAR 2u
 /* The same V through the aggregated costs everywhere: a third less noise, and about half of the parabola's bias. */
 #define SIMSENSE_SUBPIXEL_EQUIANGULAR_SUMMED 3u
+/* As equiangular_summed, and after the median each disparity is moved to where the counts of both images agree best
+ * (Lucas and Kanade, IJCAI 1981), read as cubic B-splines in windows of 11x11: no pull towards whole pixels. Takes 4
+ * bytes per pixel more memory on a GPU. */
+#define SIMSENSE_SUBPIXEL_LUCAS_KANADE 4u
 
 /* simsense_parameters.hole_filling: What replaces invalid pixels. Filled values are guesses. */
 /* Invalid pixels stay invalid. */

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 # Settings for real pictures, found on pairs with truth (tests/bench/README.md, "Pairs with truth"); the engine's own
 # defaults, the published SimSense's, err more on both kinds.
 PROFILES: dict[str, dict[str, Any]] = {
-    "active": {"p1": 12, "p2": 32, "subpixel": "equiangular_summed", "median_size": 5, "uniqueness_ratio": 10},
+    "active": {"p1": 12, "p2": 32, "subpixel": "lucas_kanade", "median_size": 5, "uniqueness_ratio": 10},
     "passive": {
         "census_kind": "plain", "census_contrast": 1 / 128, "block_width": 5, "block_height": 5,
         "p1": 12, "p2": 48, "p2_full_gradient_dn": 24,

@@ -146,7 +146,7 @@ MATCHER = (
         "subpixel",
         str,
         "equiangular",
-        choices=("none", "parabola", "equiangular", "equiangular_summed"),
+        choices=("none", "parabola", "equiangular", "equiangular_summed", "lucas_kanade"),
         doc="How the position of a match between whole disparities is found.",
     ),
     Parameter(
@@ -585,7 +585,7 @@ class MatcherFields:
     p2: int
     p2_full_gradient_dn: int
     path_count: int
-    subpixel: Literal["none", "parabola", "equiangular", "equiangular_summed"]
+    subpixel: Literal["none", "parabola", "equiangular", "equiangular_summed", "lucas_kanade"]
     uniqueness_ratio: int
     lr_max_diff: int
     median_size: int

@@ -66,6 +66,13 @@ void CpuMatcher::checks() {
   });
 }
 
+void CpuMatcher::refine() {
+  for_rows([&](size_t begin, size_t end) {
+    std::copy_n(maps_.disparity + begin * width_, (end - begin) * width_, unfiltered_.data() + begin * width_);
+  });
+  refinement_.apply(parameters_, images_[0], images_[1], width_, height_, unfiltered_.data(), maps_.disparity, workers_);
+}
+
 /// The other maps tell of the disparity after the median.
 void CpuMatcher::follow_median(size_t begin, size_t end) const {
   for (size_t i = begin; i < end && (maps_.reason || maps_.confidence); ++i) {

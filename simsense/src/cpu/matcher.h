@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "cpu/census/census.h"
+#include "cpu/refine/refine.h"
 #include "cpu/sgm/penalty_maps.h"
 #include "cpu/sgm/sgm.h"
 #include "match/host_clock.h"
@@ -32,7 +33,9 @@ class CpuMatcher final : public Matcher, public MatchStages {
   void winner() override;
   /// The median, and what follows from it for the other maps.
   void checks() override;
+  void refine() override;
   [[nodiscard]] bool stores_costs() const override { return false; }
+  [[nodiscard]] bool refines() const override { return parameters_.refines(); }
 
  private:
   void transform(size_t side);
@@ -46,7 +49,8 @@ class CpuMatcher final : public Matcher, public MatchStages {
   cpu::CensusPlanes census_[2];
   cpu::PenaltyMaps penalties_;
   std::unique_ptr<cpu::Aggregation> aggregation_;
-  cpu::Buffer<float> unfiltered_;
+  cpu::Buffer<float> unfiltered_;  // then what is refined
+  cpu::Refinement refinement_;
   HostClock clock_;
   ConstImage images_[2];
   MatchMaps maps_ = nullptr;

@@ -24,6 +24,7 @@ enum class Subpixel : uint8_t {
   equiangular = SUBPIXEL_EQUIANGULAR,  // apex of the V through the block's costs; through the aggregated ones where the block is 1x1 or has
                                        // no minimum there
   equiangular_summed = SUBPIXEL_EQUIANGULAR_SUMMED,  // through the aggregated ones everywhere: less noise, more pull
+  lucas_kanade = SUBPIXEL_LUCAS_KANADE,  // the same, and after the median the counts themselves decide (match/refine.h): no pull
 };
 
 /// What an invalid pixel takes from its row (cpu/checks/holes.h).
@@ -50,7 +51,9 @@ enum class MatchReason : uint8_t {
 
 static_assert(CENSUS_CENTER_SYMMETRIC == SIMSENSE_CENSUS_CENTER_SYMMETRIC && CENSUS_PLAIN == SIMSENSE_CENSUS_PLAIN);
 static_assert(SUBPIXEL_NONE == SIMSENSE_SUBPIXEL_NONE && SUBPIXEL_PARABOLA == SIMSENSE_SUBPIXEL_PARABOLA &&
-              SUBPIXEL_EQUIANGULAR == SIMSENSE_SUBPIXEL_EQUIANGULAR && SUBPIXEL_EQUIANGULAR_SUMMED == SIMSENSE_SUBPIXEL_EQUIANGULAR_SUMMED);
+              SUBPIXEL_EQUIANGULAR == SIMSENSE_SUBPIXEL_EQUIANGULAR &&
+              SUBPIXEL_EQUIANGULAR_SUMMED == SIMSENSE_SUBPIXEL_EQUIANGULAR_SUMMED &&
+              SUBPIXEL_LUCAS_KANADE == SIMSENSE_SUBPIXEL_LUCAS_KANADE);
 static_assert(HOLES_KEEP == SIMSENSE_HOLES_KEEP && HOLES_LEFT == SIMSENSE_HOLES_LEFT && HOLES_BACKGROUND == SIMSENSE_HOLES_BACKGROUND);
 static_assert(REASON_VALID == SIMSENSE_REASON_VALID && REASON_NOT_UNIQUE == SIMSENSE_REASON_NOT_UNIQUE &&
               REASON_OUTSIDE == SIMSENSE_REASON_OUTSIDE && REASON_OCCLUDED == SIMSENSE_REASON_OCCLUDED &&

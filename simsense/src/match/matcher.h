@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The matcher: a rectified pair in, a disparity map out (census, Hamming cost, block sum, semi-global aggregation, winner,
-// uniqueness, subpixel, left-right check, median). One interface, several back ends that give the same bits: the scalar reference, the CPU
-// (SIMD), Vulkan compute. Thread rule: externally synchronised.
+// uniqueness, subpixel, left-right check, median, refinement). One interface, several back ends that give the same bits: the scalar
+// reference, the CPU (SIMD), Vulkan compute. Thread rule: externally synchronised.
 #pragma once
 
 #include <cstddef>
@@ -28,6 +28,7 @@ struct MatchParameters : MatchFields {
   CensusKind census_kind = CensusKind::center_symmetric;
   uint32_t census_contrast_256ths = 16;  // of the range of counts around a pixel; what does not differ by more counts as equal. 0 = off
   Subpixel subpixel = Subpixel::equiangular;
+  uint32_t left_bits = 8, right_bits = 8;  // of a count; read where the images have 16-bit elements
   bool operator==(const MatchParameters&) const = default;
 
   /// How far beyond the census window the range of counts is taken.
@@ -36,6 +37,7 @@ struct MatchParameters : MatchFields {
     return census_kind == CensusKind::plain ? census_width * census_height - 1 : (census_width * census_height - 1) / 2;
   }
   [[nodiscard]] uint32_t block_area() const { return block_width * block_height; }
+  [[nodiscard]] bool refines() const { return subpixel == Subpixel::lucas_kanade; }
   /// What an invalid pixel's disparity is: below every valid one.
   [[nodiscard]] float invalid_disparity() const { return static_cast<float>(min_disparity < 0 ? min_disparity - 1 : -1); }
 };
@@ -70,7 +72,10 @@ class MatchStages {
   virtual void sgm() = 0;
   virtual void winner() = 0;
   virtual void checks() = 0;
+  /// Only where refines().
+  virtual void refine() = 0;
   [[nodiscard]] virtual bool stores_costs() const = 0;
+  [[nodiscard]] virtual bool refines() const = 0;
 };
 
 struct MatchStep {
@@ -79,14 +84,17 @@ struct MatchStep {
 };
 inline constexpr MatchStep match_order[] = {
     {"census", &MatchStages::census}, {"cost", &MatchStages::cost},     {"sgm", &MatchStages::sgm},
-    {"winner", &MatchStages::winner}, {"checks", &MatchStages::checks},
+    {"winner", &MatchStages::winner}, {"checks", &MatchStages::checks}, {"refine", &MatchStages::refine},
 };
 
 /// measure(name, run) runs a stage and takes its time.
 template <class Measure>
 void run_match(MatchStages& stages, const Measure& measure) {
-  for (const MatchStep& step : match_order)
-    if (step.run != &MatchStages::cost || stages.stores_costs()) measure(step.name, [&] { (stages.*step.run)(); });
+  for (const MatchStep& step : match_order) {
+    const bool skipped =
+        (step.run == &MatchStages::cost && !stages.stores_costs()) || (step.run == &MatchStages::refine && !stages.refines());
+    if (!skipped) measure(step.name, [&] { (stages.*step.run)(); });
+  }
 }
 
 /// A matcher of images in the host's memory: the scalar reference, and for tests and measurements each back end.

@@ -50,7 +50,8 @@ MatchParameters match_parameters(const simsense_parameters& p) {
   MatchParameters m{match_fields(p)};
   m.census_kind = p.census_kind == SIMSENSE_CENSUS_PLAIN ? CensusKind::plain : CensusKind::center_symmetric;
   m.census_contrast_256ths = std::min(255u, static_cast<uint32_t>(std::lround(p.census_contrast * 256.0f)));
-  constexpr Subpixel steps[] = {Subpixel::none, Subpixel::parabola, Subpixel::equiangular, Subpixel::equiangular_summed};
+  constexpr Subpixel steps[] = {Subpixel::none, Subpixel::parabola, Subpixel::equiangular, Subpixel::equiangular_summed,
+                                Subpixel::lucas_kanade};
   m.subpixel = steps[std::min<size_t>(p.subpixel, std::size(steps) - 1)];
   return m;
 }

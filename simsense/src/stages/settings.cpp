@@ -38,7 +38,10 @@ StageSettings::StageSettings(const PreparedRig& rig, const simsense_parameters& 
       texture{p.min_texture_dn},
       reason{p.census_width, p.census_height, p.low_texture_dn, (1u << both[0].signal().bit_depth) - 1},
       depth_range(simsense::depth_range(p)),
-      splat(splat_of(p)) {}
+      splat(splat_of(p)) {
+  match.left_bits = both[0].signal().bit_depth;
+  match.right_bits = both[1].signal().bit_depth;
+}
 
 NoiseKey StageSettings::noise_key(uint32_t pair, uint32_t side) const {
   const simsense_signal& s = imagers[side].signal();

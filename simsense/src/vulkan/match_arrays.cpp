@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vulkan/match_arrays.h"
 
+#include "shared/refine_push.h"
+#include "vulkan/dispatch.h"
+
 namespace simsense {
 
 MatchBuffers::MatchBuffers(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters) {
@@ -15,6 +18,10 @@ MatchBuffers::MatchBuffers(const std::shared_ptr<ks::Device>& device, const Matc
   for (uint32_t i = 0; i < plan.sum_volumes; ++i) sums[i] = allocate(plan.sum_volume_bytes());
   right_winner = allocate(plan.pixels() * 4);
   unchecked = allocate(plan.pixels() * 4);
+  if (!parameters.refines()) return;
+  filtered = allocate(plan.pixels() * 4);
+  const uint64_t cell_count = uint64_t{groups_of(plan.width, REFINE_CELL)} * groups_of(plan.height, REFINE_CELL) * plan.pairs_at_once;
+  cells = allocate(cell_count * 2 * sizeof(float));
 }
 
 PathPush path_push(const MatchPlan& plan, const MatchParameters& parameters, const MatchBuffers& buffers) {

@@ -22,10 +22,10 @@ struct MatchArrays {
   [[nodiscard]] uint32_t maps() const { return (confidence ? MAPS_CONFIDENCE : 0u) | (reason ? MAPS_REASON : 0u); }
 };
 
-/// The matcher's own, as in match_push.h; gray and cost only where they are needed.
+/// The matcher's own, as in match_push.h and refine_push.h; gray, cost, filtered and cells only where they are needed.
 struct MatchBuffers {
   MatchBuffers(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& parameters);
-  std::shared_ptr<ks::Buffer> left_census, right_census, gray, cost, sums[4], right_winner, unchecked;
+  std::shared_ptr<ks::Buffer> left_census, right_census, gray, cost, sums[4], right_winner, unchecked, filtered, cells;
   uint64_t memory_bytes = 0;
 };
 

@@ -15,6 +15,7 @@
 #include "vulkan/checks/median.h"
 #include "vulkan/cost/block_cost.h"
 #include "vulkan/match_arrays.h"
+#include "vulkan/refine/refine.h"
 #include "vulkan/sgm/sgm.h"
 #include "vulkan/winner/winner.h"
 
@@ -44,7 +45,9 @@ class VulkanMatcher final : public MatchStages {
   void sgm() override;
   void winner() override;
   void checks() override;
+  void refine() override;
   [[nodiscard]] bool stores_costs() const override { return plan_.stored_costs; }
+  [[nodiscard]] bool refines() const override { return parameters_.refines(); }
 
   /// Milliseconds of each stage of the last call, on the device.
   [[nodiscard]] std::vector<ks_stage_time> stage_times() const;
@@ -63,6 +66,7 @@ class VulkanMatcher final : public MatchStages {
   VulkanSgm sgm_;
   VulkanWinner winner_;
   VulkanMedian median_;
+  std::optional<VulkanRefinement> refinement_;
   ks::Commands own_commands_;  // of match()
   ks::Commands* commands_ = nullptr;
   MatchArrays arrays_;

@@ -44,6 +44,61 @@ TEST_P(matcher_law, shifted_pair_gives_that_disparity) {
   }
 }
 
+/// Gaussian dots of this width on even light; the left image shows them `shift` pixels further right.
+StereoPair fine_dots(double sigma, double shift) {
+  constexpr uint32_t width = 160, height = 96;
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> place(-4.0, width + 24.0), row(-4.0, height + 4.0);
+  std::vector<double> light[2];
+  for (auto& image : light) image.assign(size_t{width} * height, 20.0);
+  for (int dot = 0; dot < 450; ++dot) {
+    const double x = place(random), y = row(random);
+    for (uint32_t v = 0; v < height; ++v) {
+      const double across = std::exp(-0.5 * (v - y) * (v - y) / (sigma * sigma));
+      if (across < 1e-4) continue;
+      for (uint32_t u = 0; u < width; ++u)
+        for (int side = 0; side < 2; ++side) {
+          const double off = (u - (side == 0 ? x : x - shift)) / sigma;
+          light[side][v * width + u] += 60.0 * across * std::exp(-0.5 * off * off);
+        }
+    }
+  }
+  StereoPair pair{width, height, {}, {}};
+  std::uniform_int_distribution<int> noise(-1, 1);
+  for (int side = 0; side < 2; ++side)
+    for (const double value : light[side])
+      (side == 0 ? pair.left : pair.right).push_back(static_cast<uint8_t>(std::clamp(std::lround(value) + noise(random), 0L, 255L)));
+  return pair;
+}
+
+/// Largest mean error of walls at eight fractions of a pixel.
+double worst_pull(Engine engine, simsense::Subpixel subpixel, double sigma) {
+  MatchParameters p;
+  p.max_disparity = 32;
+  p.block_width = p.block_height = 5;
+  p.subpixel = subpixel;
+  p.median_size = 7;
+  double worst = 0;
+  for (int eighth = 0; eighth < 8; ++eighth) {
+    const double shift = 9.0 + eighth / 8.0;
+    const StereoPair pair = fine_dots(sigma, shift);
+    const auto found = match_with(engine, pair, p);
+    double sum = 0, count = 0;
+    for (uint32_t y = 8; y + 8 < pair.height; ++y)
+      for (uint32_t x = 24; x + 8 < pair.width; ++x)
+        if (const double d = found[y * pair.width + x]; d >= 0) sum += d - shift, ++count;
+    worst = std::max(worst, std::abs(sum / count));
+  }
+  return worst;
+}
+
+TEST_P(matcher_law, refined_disparities_are_not_pulled_to_whole_pixels) {
+  for (const double sigma : {0.6, 1.0, 1.8}) {
+    EXPECT_LT(worst_pull(GetParam(), simsense::Subpixel::lucas_kanade, sigma), 0.015) << sigma;
+    EXPECT_GT(worst_pull(GetParam(), simsense::Subpixel::equiangular_summed, sigma), 0.04) << sigma;
+  }
+}
+
 TEST_P(matcher_law, featureless_pair_gives_disparity_zero) {
   const StereoPair pair{64, 40, std::vector<uint8_t>(64 * 40, 128), std::vector<uint8_t>(64 * 40, 128)};
   MatchParameters p;

@@ -81,6 +81,7 @@ class Fuzz {
     if (in(0, 1)) p.path_count = 8;
     if (in(0, 1)) p.p2_full_gradient_dn = in(1, 60);
     if (in(0, 3) == 0) p.subpixel = simsense::Subpixel::equiangular_summed;
+    if (in(0, 2) == 0) p.subpixel = simsense::Subpixel::lucas_kanade;
     return p;
   }
   StereoPair pair() { return random_dots(in(32, 150), in(32, 100), in(0, 20), in(0, 25), in(0, 1u << 30)); }

@@ -7,6 +7,7 @@
 #include "simsense/reference/census.h"
 #include "simsense/reference/checks.h"
 #include "simsense/reference/cost.h"
+#include "simsense/reference/refine.h"
 #include "simsense/reference/sgm.h"
 #include "simsense/reference/winner.h"
 
@@ -39,12 +40,14 @@ class ReferenceMatcher final : public Matcher {
       const bool valid = result.data[i] >= 0;
       if (valid) reason.data[i] = MatchReason::valid;
       if (!valid && reason.data[i] == MatchReason::valid) reason.data[i] = MatchReason::isolated;
-      maps.disparity[i] = valid ? result.data[i] + static_cast<float>(p.min_disparity) : p.invalid_disparity();
+      result.data[i] = valid ? result.data[i] + static_cast<float>(p.min_disparity) : p.invalid_disparity();
     }
+    const auto found = p.refines() ? refine(left, right, result, p) : result;
+    std::copy(found.data.begin(), found.data.end(), maps.disparity);
     if (maps.reason) std::copy(reason.data.begin(), reason.data.end(), maps.reason);
     if (maps.confidence) {
       const auto sure = confidence(aggregated);
-      for (size_t i = 0; i < sure.data.size(); ++i) maps.confidence[i] = result.data[i] >= 0 ? sure.data[i] : 0;
+      for (size_t i = 0; i < sure.data.size(); ++i) maps.confidence[i] = result.data[i] != p.invalid_disparity() ? sure.data[i] : 0;
     }
   }
 

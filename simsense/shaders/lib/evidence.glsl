@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a pixel adds to the windows of the refinement (match/refine.h).
+#ifndef SIMSENSE_EVIDENCE_GLSL
+#define SIMSENSE_EVIDENCE_GLSL
+#include "lib/exact_ratio.glsl"
+#include "shared/refine_push.h"
+
+layout(constant_id = 0) const uint element_bytes = 1u;  // of the images
+layout(push_constant, scalar) uniform Push { RefinePush push; };
+
+const uint extra_bits = element_bytes == 1u ? 0u : 4u;
+const uint cell_side = uint(REFINE_CELL);
+
+uint cell_columns() { return (push.width + cell_side - 1u) / cell_side; }
+uint cell_rows() { return (push.height + cell_side - 1u) / cell_side; }
+uint first_pixel() { return gl_WorkGroupID.z * push.width * push.height; }
+uint first_cell() { return gl_WorkGroupID.z * cell_columns() * cell_rows(); }
+
+int count_of(UintArray image, uint first_byte, uint bits, int x, int y) {
+  uint column = uint(clamp(x, 0, int(push.width) - 1));
+  uint byte = first_byte + (gl_WorkGroupID.z * push.image_stride + uint(y) * push.image_pitch + column) * element_bytes;
+  uint word = image.at[byte >> 2] >> (8u * (byte & 3u));
+  if (element_bytes == 1u) return int(word & 0xffu);
+  uint count = word & 0xffffu;
+  return int(min(bits < 12u ? count << (12u - bits) : count >> (bits - 12u), 4095u));
+}
+
+int left_count(int x, int y) { return count_of(push.left_image, push.left_byte, push.left_bits, x, y); }
+int right_count(int x, int y) { return count_of(push.right_image, push.right_byte, push.right_bits, x, y); }
+
+struct Evidence {
+  bool counts;
+  int q;  // disparity, 32nds of a pixel
+  int slope, match_slope, difference;
+};
+
+/// Of a pixel of the image; moved: what is added to its disparity, px.
+Evidence look(int x, int y, float moved) {
+  Evidence none = Evidence(false, 0, 0, 0, 0);
+  float disparity = push.filtered.at[first_pixel() + uint(y) * push.width + uint(x)];
+  if (disparity == push.invalid) return none;
+  precise float at = disparity + moved;
+  precise float phases = at * float(REFINE_PHASES);
+  precise float above = phases + 0.5f;
+  Evidence one = none;
+  one.q = int(floor(above));
+  int place = REFINE_PHASES * x - one.q, f = place & (REFINE_PHASES - 1), u = REFINE_PHASES - f, i = place >> 5;
+  if (i < 1 || i + 2 >= int(push.width)) return none;
+  one.counts = true;
+  ivec4 c = ivec4(right_count(i - 1, y), right_count(i, y), right_count(i + 1, y), right_count(i + 2, y));
+  ivec4 weights = ivec4(u * u * u, 3 * f * f * f - 192 * f * f + 131072, 3 * u * u * u - 192 * u * u + 131072, f * f * f);
+  ivec4 slopes = ivec4(-u * u, 3 * f * f - 128 * f, -3 * u * u + 128 * u, f * f);
+  ivec4 values = weights * c, rises = slopes * c;
+  int before = left_count(x - 1, y), after = left_count(x + 1, y);
+  int smooth_count = 32768 * (before + 4 * left_count(x, y) + after);
+  int rise = left_count(x + 2, y) - left_count(x - 2, y) + 2 * (after - before);
+  one.slope = (rise + int((1u << extra_bits) >> 1)) >> extra_bits;
+  one.match_slope = (rises.x + rises.y + rises.z + rises.w + int(128u << extra_bits)) >> (8u + extra_bits);
+  int difference = (values.x + values.y + values.z + values.w - smooth_count + int(2048u << extra_bits)) >> (12u + extra_bits);
+  one.difference = clamp(difference, -REFINE_LARGEST_DIFFERENCE, REFINE_LARGEST_DIFFERENCE);
+  return one;
+}
+
+/// sum g e or sum g w, less what a constant makes of them.
+float less_constant(int sum, int a, int b, float share) {
+  precise float product = float(a) * float(b);
+  precise float part = product * share;
+  precise float rest = float(sum) - part;
+  return rest;
+}
+
+float step_of(float product, float texture) {
+  precise float divisor = 6.0f * texture;
+  return clamp(exact_quotient(product, divisor), -REFINE_LARGEST_STEP, REFINE_LARGEST_STEP);
+}
+#endif

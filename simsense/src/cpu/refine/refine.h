@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// The refinement of a disparity map by the images' counts (match/refine.h). Thread rule: externally synchronised.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "match/matcher.h"
+
+namespace ks {
+class ThreadPool;
+}
+
+namespace simsense::cpu {
+
+class Refinement {
+ public:
+  /// The result does not depend on the number of workers. filtered: disparities after the median; both [height][width], readable one vector
+  /// beyond.
+  void apply(const MatchParameters& parameters, ConstImage left, ConstImage right, size_t width, size_t height, const float* filtered,
+             float* refined, ks::ThreadPool& workers);
+
+ private:
+  std::vector<float> cells_;       // [rows][columns][2]: difference and texture
+  std::vector<float> cell_steps_;  // [rows][columns], px
+};
+
+}  // namespace simsense::cpu

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "simsense/reference/refine.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "match/refine.h"
+
+namespace simsense::reference {
+namespace {
+
+/// What one pixel adds to its windows.
+struct Evidence {
+  int32_t q = 0;  // its disparity, 32nds of a pixel
+  bool counts = false;
+  int32_t slope = 0, match_slope = 0, difference = 0;
+};
+
+struct Sums {
+  int32_t slope = 0, match_slope = 0, difference = 0, product = 0, texture = 0, count = 0, q = 0;
+  void add(const Evidence& one) {
+    slope += one.slope;
+    match_slope += one.match_slope;
+    difference += one.difference;
+    product += one.slope * one.difference;
+    texture += one.slope * one.match_slope;
+    count += one.counts;
+    q += one.counts ? one.q : 0;
+  }
+};
+
+/// sum g e and sum g w, less what a constant makes of them.
+float less_constant(int32_t sum, int32_t a, int32_t b, float share) {
+  const float product = static_cast<float>(a) * static_cast<float>(b);
+  const float part = product * share;
+  return static_cast<float>(sum) - part;
+}
+
+/// Pixels, from 48ths times 8ths over 8ths squared.
+float step(float product, float texture) { return std::clamp(product / (6.0f * texture), -REFINE_LARGEST_STEP, REFINE_LARGEST_STEP); }
+
+int32_t rounded(float disparity) {
+  const float phases = disparity * REFINE_PHASES;
+  return static_cast<int32_t>(std::floor(phases + 0.5f));
+}
+
+class Refinement {
+ public:
+  Refinement(ConstImage left, ConstImage right, const Grid<float>& disparity, const MatchParameters& p)
+      : left_(left), right_(right), disparity_(disparity), p_(p), width_(disparity.width), height_(disparity.height) {}
+
+  Grid<float> result() {
+    find_cell_steps();
+    Grid<Evidence> evidence(width_, height_);
+    for (size_t y = 0; y < height_; ++y)
+      for (size_t x = 0; x < width_; ++x) evidence.at(x, y) = look(x, y, cell_step_at(x, y));
+    Grid<float> out = disparity_;
+    for (size_t y = 0; y < height_; ++y)
+      for (size_t x = 0; x < width_; ++x)
+        if (evidence.at(x, y).counts) out.at(x, y) = refined(evidence, x, y);
+    return out;
+  }
+
+ private:
+  int32_t left_count(ptrdiff_t x, ptrdiff_t y) const {
+    const ptrdiff_t inside = std::clamp<ptrdiff_t>(x, 0, static_cast<ptrdiff_t>(width_) - 1);
+    return static_cast<int32_t>(refine_count(left_.at(inside, y), left_.element_bytes, p_.left_bits));
+  }
+  int32_t right_count(ptrdiff_t x, ptrdiff_t y) const {
+    return static_cast<int32_t>(refine_count(right_.at(x, y), right_.element_bytes, p_.right_bits));
+  }
+
+  Evidence look(size_t column, size_t row, float moved) const {
+    const auto x = static_cast<ptrdiff_t>(column), y = static_cast<ptrdiff_t>(row), width = static_cast<ptrdiff_t>(width_);
+    if (disparity_.at(column, row) == p_.invalid_disparity()) return {};
+    Evidence out;
+    out.q = rounded(disparity_.at(column, row) + moved);
+    const int32_t place = REFINE_PHASES * static_cast<int32_t>(x) - out.q, f = place & (REFINE_PHASES - 1), u = REFINE_PHASES - f;
+    const ptrdiff_t i = place >> 5;
+    out.counts = i >= 1 && i + 2 < width;
+    if (!out.counts) return out;
+    const int32_t weights[] = {u * u * u, 3 * f * f * f - 192 * f * f + 131072, 3 * u * u * u - 192 * u * u + 131072, f * f * f};
+    const int32_t slopes[] = {-u * u, 3 * f * f - 128 * f, -3 * u * u + 128 * u, f * f};
+    int32_t value = 0, slope = 0;
+    for (ptrdiff_t k = 0; k < 4; ++k) {
+      value += weights[k] * right_count(i - 1 + k, y);
+      slope += slopes[k] * right_count(i - 1 + k, y);
+    }
+    const uint32_t extra = refine_extra_bits(left_.element_bytes);
+    const int32_t smooth = 32768 * (left_count(x - 1, y) + 4 * left_count(x, y) + left_count(x + 1, y));
+    const int32_t rise = left_count(x + 2, y) - left_count(x - 2, y) + 2 * (left_count(x + 1, y) - left_count(x - 1, y));
+    out.slope = (rise + (1 << extra >> 1)) >> extra;
+    out.match_slope = (slope + (128 << extra)) >> (8 + extra);
+    out.difference = std::clamp((value - smooth + (2048 << extra)) >> (12 + extra), -REFINE_LARGEST_DIFFERENCE, REFINE_LARGEST_DIFFERENCE);
+    return out;
+  }
+
+  void find_cell_steps() {
+    const size_t columns = (width_ + REFINE_CELL - 1) / REFINE_CELL, rows = (height_ + REFINE_CELL - 1) / REFINE_CELL;
+    Grid<float> product(columns, rows), texture(columns, rows);
+    for (size_t cy = 0; cy < rows; ++cy)
+      for (size_t cx = 0; cx < columns; ++cx) {
+        Sums sums;
+        for (size_t y = cy * REFINE_CELL; y < std::min(height_, (cy + 1) * REFINE_CELL); y += 2)
+          for (size_t x = cx * REFINE_CELL; x < std::min(width_, (cx + 1) * REFINE_CELL); ++x) sums.add(look(x, y, 0));
+        product.at(cx, cy) = less_constant(sums.product, sums.slope, sums.difference, REFINE_CELL_SHARE);
+        texture.at(cx, cy) = std::max(less_constant(sums.texture, sums.slope, sums.match_slope, REFINE_CELL_SHARE), 0.0f);
+      }
+    cell_steps_ = Grid<float>(columns, rows);
+    for (size_t cy = 0; cy < rows; ++cy)
+      for (size_t cx = 0; cx < columns; ++cx) {
+        float p = 0, t = 0;
+        for (size_t y = cy - (cy > 0); y < std::min(rows, cy + 2); ++y)
+          for (size_t x = cx - (cx > 0); x < std::min(columns, cx + 2); ++x) p += product.at(x, y), t += texture.at(x, y);
+        cell_steps_.at(cx, cy) = step(p, t + REFINE_CELL_PRIOR);
+      }
+  }
+
+  float cell_step_at(size_t x, size_t y) const {
+    const auto before = [](size_t pixel) { return (static_cast<ptrdiff_t>(2 * pixel) - (REFINE_CELL - 1)) >> 5; };
+    const auto share = [](size_t pixel) {
+      return static_cast<float>((static_cast<ptrdiff_t>(2 * pixel) - (REFINE_CELL - 1)) & 31) / 32.0f;
+    };
+    const auto cell = [&](ptrdiff_t cx, ptrdiff_t cy) {
+      return cell_steps_.at(std::clamp<size_t>(static_cast<size_t>(std::max<ptrdiff_t>(cx, 0)), 0, cell_steps_.width - 1),
+                            std::clamp<size_t>(static_cast<size_t>(std::max<ptrdiff_t>(cy, 0)), 0, cell_steps_.height - 1));
+    };
+    const auto between = [](float a, float b, float t) {
+      const float first = a * (1.0f - t), second = b * t;
+      return first + second;
+    };
+    const ptrdiff_t cx = before(x), cy = before(y);
+    return between(between(cell(cx, cy), cell(cx, cy + 1), share(y)), between(cell(cx + 1, cy), cell(cx + 1, cy + 1), share(y)), share(x));
+  }
+
+  float refined(const Grid<Evidence>& evidence, size_t x, size_t y) const {
+    Sums sums;
+    for (size_t v = y - std::min<size_t>(y, REFINE_REACH); v < std::min(height_, y + REFINE_REACH + 1); ++v)
+      for (size_t u = x - std::min<size_t>(x, REFINE_REACH); u < std::min(width_, x + REFINE_REACH + 1); ++u) sums.add(evidence.at(u, v));
+    const float product = less_constant(sums.product, sums.slope, sums.difference, REFINE_WINDOW_SHARE);
+    const float texture = std::max(less_constant(sums.texture, sums.slope, sums.match_slope, REFINE_WINDOW_SHARE), 0.0f);
+    const int32_t q = evidence.at(x, y).q, off = sums.q - sums.count * q;
+    const bool is_near = std::abs(off) < sums.count * REFINE_PHASES / 2;
+    const float mean = is_near ? static_cast<float>(off) / static_cast<float>(sums.count * REFINE_PHASES) : 0.0f;
+    const float smooth = static_cast<float>(q) / REFINE_PHASES + mean;
+    return std::max(smooth + step(product, texture + REFINE_WINDOW_PRIOR), static_cast<float>(p_.min_disparity));
+  }
+
+  ConstImage left_, right_;
+  const Grid<float>& disparity_;
+  const MatchParameters& p_;
+  size_t width_, height_;
+  Grid<float> cell_steps_{0, 0};
+};
+
+}  // namespace
+
+Grid<float> refine(ConstImage left, ConstImage right, const Grid<float>& disparity, const MatchParameters& p) {
+  return Refinement(left, right, disparity, p).result();
+}
+
+}  // namespace simsense::reference
