@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+NOTHING = "nothing there"
+INVENTED_SHARE = 0.05  # of the true depth
+
 
 @dataclass(frozen=True)
 class Accuracy:
@@ -14,16 +17,25 @@ class Accuracy:
     fill: float  # share of them that got a measurement
     median_error_m: float  # median |measured - true| of the measured ones; NaN where there is none
     p90_error_m: float  # their 90th percentile
+    invented: float  # share of the pixels that got a depth where nothing is, or one that is off by more than 5 %
 
 
 def accuracy(name: str, measured: np.ndarray, true: np.ndarray, where: np.ndarray) -> Accuracy:
-    """measured, true: metres [height, width], 0 = none. where: the pixels that count."""
+    """measured, true: metres [height, width], 0 = none. where: the pixels that count, if a truth is there."""
     where = where & (true > 0)
     hit = where & (measured > 0)
     error = np.abs(measured[hit] - true[hit])
     median, p90 = np.percentile(error, (50.0, 90.0)) if error.size else (np.nan, np.nan)
-    pixels = int(where.sum())
-    return Accuracy(name, pixels, float(hit.sum() / pixels) if pixels else np.nan, float(median), float(p90))
+    pixels, invented = int(where.sum()), int((error > INVENTED_SHARE * true[hit]).sum())
+    fill, invented_share = (float(count / pixels) if pixels else np.nan for count in (hit.sum(), invented))
+    return Accuracy(name, pixels, fill, float(median), float(p90), invented_share)
+
+
+def _of_nothing(measured: np.ndarray, true: np.ndarray) -> Accuracy:
+    """Of the pixels that see nothing: each measurement is invented."""
+    nothing = true <= 0
+    share = float((measured[nothing] > 0).mean())
+    return Accuracy(NOTHING, int(nothing.sum()), share, np.nan, np.nan, share)
 
 
 def accuracy_by_material(
@@ -34,8 +46,8 @@ def accuracy_by_material(
     max_depth: float = np.inf,
     least_pixels: int = 50,
 ) -> list[Accuracy]:
-    """One Accuracy for each material seen in at least `least_pixels` pixels, largest first, and one of everything at
-    the end."""
+    """One Accuracy for each material seen in at least `least_pixels` pixels, largest first; one of what sees nothing,
+    if that is as much; and one of everything that is there at the end."""
     in_range = (true > 0) & (true < max_depth)
     known, counts = np.unique(ids[in_range], return_counts=True)
     rows = [
@@ -44,16 +56,20 @@ def accuracy_by_material(
         if count >= least_pixels
     ]
     rows.sort(key=lambda row: -row.pixels)
+    if np.count_nonzero(true <= 0) >= least_pixels:
+        rows.append(_of_nothing(measured, true))
     return [*rows, accuracy("all", measured, true, in_range)]
 
 
 def accuracy_table(rows: Sequence[Accuracy]) -> str:
     """The rows as text."""
-    lines = [f"{'material':16}{'pixels':>9}{'measured':>11}{'median error':>15}{'90 % within':>14}"]
+    lines = [f"{'material':16}{'pixels':>9}{'measured':>11}{'median error':>15}{'90 % within':>14}{'invented':>11}"]
     for row in rows:
         errors = (
             f"{1e3 * error:.1f} mm" if np.isfinite(error) else "-" for error in (row.median_error_m, row.p90_error_m)
         )
-        measured = f"{100.0 * row.fill:.1f} %" if row.pixels else "-"
-        lines.append(f"{row.name[:15]:16}{row.pixels:>9}{measured:>11}{next(errors):>15}{next(errors):>14}")
+        measured, invented = (f"{100.0 * share:.1f} %" if row.pixels else "-" for share in (row.fill, row.invented))
+        lines.append(
+            f"{row.name[:15]:16}{row.pixels:>9}{measured:>11}{next(errors):>15}{next(errors):>14}{invented:>11}"
+        )
     return "\n".join(lines)

@@ -52,8 +52,16 @@ def simulation_figure(
     _depth(page.picture(1, 0), depth, "measured depth, registered to RGB (black: none)", span)
     _depth(page.picture(1, 1), true_depth, "true depth", span)
     _error(page.picture(1, 2), depth, true_depth)
-    _bars(page.chart(0, 2), rows, [100.0 * r.fill for r in rows], "measured pixels", "%", BLUE)
-    _bars(page.chart(1, 2), rows, [1e3 * r.median_error_m for r in rows], "median error", "mm", ORANGE)
+    _bars(page.chart(0, 3), rows, [100.0 * r.fill for r in rows], "measured pixels", "%", BLUE)
+    _bars(
+        page.chart(2, 3),
+        rows,
+        [100.0 * r.invented for r in rows],
+        "invented: nothing is there, or 5 % off,",
+        "%",
+        MUTED,
+    )
+    _bars(page.chart(1, 3), rows, [1e3 * r.median_error_m for r in rows], "median error", "mm", ORANGE)
     return page.figure
 
 
@@ -181,7 +189,7 @@ def _bars(axes: Axes, rows: Sequence[Accuracy], values: Sequence[float], title: 
     axes.barh(places, np.nan_to_num(values), height=0.66, color=[color] * (len(rows) - 1) + [INK])
     most = max([v for v in values if np.isfinite(v)], default=0.0) or 1.0
     for place, value in zip(places, values, strict=True):
-        text = f"{value:.1f} {unit}" if np.isfinite(value) else "no measurement"
+        text = f"{value:.1f} {unit}" if np.isfinite(value) else "none"
         axes.text(max(np.nan_to_num(value), 0.0) + 0.008 * most, place, text, va="center", fontsize=10.5, color=INK)
     axes.set_yticks(places, [row.name for row in rows], fontsize=11, color=INK)
     axes.set_xlim(0, 1.13 * most)

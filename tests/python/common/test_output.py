@@ -133,8 +133,20 @@ def test_accuracy_by_material():
         0.002
     )
     assert (rows["bad"].pixels, rows["bad"].fill) == (90, 0.5) and rows["bad"].median_error_m == pytest.approx(0.02)
-    assert rows["all"].pixels == 190
+    assert rows["all"].pixels == 190 and rows["all"].invented == 0.0
     assert "good" in accuracy_table(list(rows.values()))
+
+
+def test_depth_from_nothing_is_told():
+    true = np.full((10, 20), 1.0)
+    true[:, 10:] = 0.0
+    measured = true.copy()
+    measured[:2, 10:] = 3.0  # nothing there
+    measured[:3, :10] = 1.06
+    rows = accuracy_by_material(measured, true, np.zeros((10, 20), np.uint32), lambda i: "box")
+    assert [row.name for row in rows] == ["box", "nothing there", "all"]
+    assert [row.invented for row in rows] == pytest.approx([0.3, 0.2, 0.3])
+    assert "20.0 %" in accuracy_table(rows).splitlines()[2]
 
 
 def test_a_material_never_measured_has_no_error():
