@@ -7,6 +7,7 @@ import argparse
 import sys
 from dataclasses import asdict
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 from activestereo.cli.arguments import Commands, Finding, add_shared, print_json
@@ -14,8 +15,9 @@ from activestereo.cli.devices import as_json
 
 _TEXT = """\
 Tells what this machine renders and matches on, why each device is refused, which optional
-packages are there, where the cache is and how large, and how much memory is free. Known
-failures of a Vulkan set-up are named with the line that mends them.
+packages are there, which library multiplies matrices, where the cache is and how large, and
+how much memory is free. Known failures of a Vulkan set-up are named with the line that mends
+them.
 
 The exit status is 0 where all is well, else 1.
 """
@@ -61,6 +63,7 @@ def examine() -> dict[str, Any]:
         "devices": [as_json(device) for device in devices],
         "problems": [asdict(problem) for problem in problems(len(devices))],
         "packages": {name: find_spec(name) is not None for name in PACKAGES},
+        "blas": _blas(),
         "cache": {
             "folder": str(cache.folder),
             "used_bytes": sum(entry.size_bytes for entry in cache.entries()),
@@ -91,12 +94,32 @@ def _words(found: dict[str, Any]) -> str:
     there = [name for name, is_there in found["packages"].items() if is_there]
     missing = [f"{name} (extra {PACKAGES[name]})" for name in found["packages"] if name not in there]
     lines.append(f"optional packages: {', '.join(there) or 'none'}; not there: {', '.join(missing) or 'none'}")
+    slow = " (a reference, some ten times slower than OpenBLAS: apt install libopenblas0-pthread)"
+    lines.append(f"matrices: {found['blas'] or 'not known'}{slow if is_reference(found['blas']) else ''}")
     cache, free = found["cache"], found["memory_free_bytes"]
     lines.append(f"cache: {cache['used_bytes'] / 1e9:.2f} of {cache['limit_bytes'] / 1e9:g} GB in {cache['folder']}")
     lines.append("free memory: " + ("not known" if free is None else f"{free / 1e9:.1f} GB"))
     if found["renders_on"]:
         lines.append("next: activestereo demo")
     return "\n".join(lines)
+
+
+def _blas() -> str | None:
+    """The file of the library that multiplies NumPy's matrices; None where the kernel does not tell."""
+    import numpy.linalg  # noqa: F401 -- loads it
+
+    from activestereo.common.input_files import read_text
+
+    try:
+        mapped = [line.split(maxsplit=5)[5:] for line in read_text("/proc/self/maps").splitlines()]
+    except OSError:
+        return None
+    return min((path for (path,) in filter(None, mapped) if "blas" in Path(path).name), default=None)
+
+
+def is_reference(blas: str | None) -> bool:
+    """Whether a library of this file is Debian's build of the reference, whose loops no processor's kernels replace."""
+    return blas is not None and Path(blas).parent.name == "blas"
 
 
 def _free_memory() -> int | None:

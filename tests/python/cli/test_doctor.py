@@ -12,6 +12,7 @@ import kuafu
 import pytest
 
 from activestereo.cli import main, vulkan_setup
+from activestereo.cli.doctor import is_reference
 
 DEVICELESS = Path("/usr/share/vulkan/icd.d/intel_icd.x86_64.json")
 
@@ -42,7 +43,20 @@ def test_a_machine_that_renders(device, capsys, tmp_path, monkeypatch):
     _, found = doctor(ACTIVESTEREO_CACHE=tmp_path)
     assert found["renders_on"] == device.info.name and found["memory_free_bytes"] > 1e8
     assert any(entry["usable"] for entry in found["devices"])
+    assert Path(found["blas"]).is_file() and f"matrices: {found['blas']}" in said
     assert set(found["packages"]) >= {"cv2", "mujoco", "pxr"} and found["cache"]["used_bytes"] == 0
+
+
+@pytest.mark.parametrize(
+    "path, is_slow",
+    [
+        ("/usr/lib/x86_64-linux-gnu/blas/libblas.so.3.11.0", True),
+        ("/usr/lib/libopenblasp-r0.3.21.so", False),
+        (None, False),
+    ],
+)
+def test_a_slow_reference_of_matrix_products_is_told(path, is_slow):
+    assert is_reference(path) == is_slow
 
 
 def test_no_loader(tmp_path):
