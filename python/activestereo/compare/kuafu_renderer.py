@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 import kuafu
+from activestereo.compare import matt_world
 from activestereo.compare.cache import scene_digest
 from activestereo.compare.layers import Layers, RenderRequest, ViewCamera
 from activestereo.effects.core.room_light import BOUNCED_SHARE, BOUNCED_VERSION, RoomLight, light_by_room, spread
@@ -34,7 +35,7 @@ _FIRST_HIT = ("projector_direct", "depth", "normal", "material_id")
 @dataclass
 class _World:
     """A loaded scene. texture, white: its nominal pattern and one that is 1 everywhere; light: the projector's number,
-    None before it is placed; room: the room's light where it was measured."""
+    None before it is placed; room: the room's light where it was measured; is_matt: see matt_world.py."""
 
     digest: str
     pattern: np.ndarray
@@ -43,24 +44,27 @@ class _World:
     white: int
     light: int | None = None
     room: RoomLight | None = None
+    is_matt: bool = False
 
 
 class KuafuRenderer:
     """Renders RenderRequests. A scene is loaded once and kept; the projector moves from request to request.
 
     device: 'auto', 'cpu', an index or a kuafu.Device. smooth: filter bounced and ambient light on diffuse surfaces, see
-    smooth.py. Raises kuafu.NoDeviceError or kuafu.FileError.
+    smooth.py. traced: matt worlds are path-traced, too, with the noise that the engines' own images have. Raises
+    kuafu.NoDeviceError or kuafu.FileError.
     """
 
-    def __init__(self, device: str | int | kuafu.Device = "auto", smooth: bool = True) -> None:
-        self._smooth = smooth
+    def __init__(self, device: str | int | kuafu.Device = "auto", smooth: bool = True, traced: bool = False) -> None:
+        self._smooth, self._traced = smooth, traced
         self._device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
         self._renderer = kuafu.Renderer(self._device)
         self._world: _World | None = None
         self._one_at_a_time = threading.Lock()
         smoothed = f", smoothed {SMOOTH_VERSION}" if smooth else ""
         # Changes with the library's code and the device: pixels are the same bits on one device only.
-        self.version = f"{engine_version(self._device)}{smoothed}, flat {_FLAT_SHARE}, bounced {BOUNCED_VERSION} wide"
+        wide = f"bounced {BOUNCED_VERSION} wide, {'traced' if traced else f'matt {matt_world.VERSION}'}"
+        self.version = f"{engine_version(self._device)}{smoothed}, flat {_FLAT_SHARE}, {wide}"
 
     def __call__(self, request: RenderRequest, progress: Callable[[float], object] | None = None) -> tuple[Layers, ...]:
         """One Layers per camera. progress: called as progress(fraction). One thread at a time; after an error the scene
@@ -74,7 +78,9 @@ class KuafuRenderer:
 
     def _rendered(self, request: RenderRequest, progress: Callable[[float], object] | None) -> tuple[Layers, ...]:
         world = self._load(request)
-        cameras = [kuafu.Camera(c.width, c.height, c.K, c.camera_to_world) for c in request.cameras]
+        if world.is_matt and not self._traced:
+            return self._of_matt_world(world, request, progress)
+        cameras = list(map(_camera, request.cameras))
         _place_projector(world, request, world.white)
         fewer = _with_share_of_samples(request, _FLAT_SHARE)
         single = self._render(world, fewer, cameras, ("projector_direct", "ambient"), 0, None)
@@ -92,12 +98,43 @@ class KuafuRenderer:
             layers = lambda i: self._layers(surfaces, images, single, i, request.cameras[i])  # noqa: E731
             return tuple(pool.map(layers, range(len(cameras))))
 
-    def _bounced(
+    def _of_matt_world(
         self, world: _World, request: RenderRequest, progress: Callable[[float], object] | None
-    ) -> np.ndarray:
+    ) -> tuple[Layers, ...]:
+        """The layers of a world as matt_world.py makes them."""
+        finer, wide = (
+            [_resized(c, size) for c in request.cameras] for size in (matt_world.FINER, 1.0 / matt_world.FINER)
+        )
+        few, fewer = (
+            _with_share_of_samples(request, matt_world.FINER**2 * share)
+            for share in (matt_world.BOUNCED_SHARE, matt_world.SKY_SHARE)
+        )
+        _place_projector(world, request, world.texture)
+        bounced = self._render(
+            world, few, list(map(_camera, wide)), matt_world.SURFACE + _BOUNCED, request.max_bounces, progress
+        )
+        sky = self._render(world, fewer, list(map(_camera, wide)), _BOUNCED[1:], 0, None)
+        first = self._render(world, fewer, list(map(_camera, finer)), matt_world.FIRST, 0, None)
+        seen = self._render(world, fewer, list(map(_camera, request.cameras)), matt_world.SURFACE, 0, None)
+        light = np.stack([bounced["projector_indirect"], bounced["ambient"], sky["ambient"]])[..., 0]
+
+        def layers(i: int) -> Layers:
+            own, camera = matt_world.surfaces_of(seen, i, request.cameras[i]), wide[i]
+            indirect, ambient, direct_sky = matt_world.bounced_light(
+                light[:, i], matt_world.surfaces_of(bounced, i, camera), own, camera.K[0, 0]
+            )
+            direct, flat = matt_world.first_light(first, i, request.pattern)
+            return Layers(
+                direct, indirect, ambient, flat, own.depth_m, seen["normal"][i].copy(), own.material, direct_sky
+            )
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            return tuple(pool.map(layers, range(len(request.cameras))))
+
+    def _bounced(self, world: _World, request: RenderRequest, progress: Callable[[float], object] | None) -> np.ndarray:
         """The projector's light by way of matt surfaces, [camera][height][width][1]: faint and without dots, so that
         pixels of twice the width do, and their neighbours' mean."""
-        wide = [_of_wide_pixels(camera) for camera in request.cameras]
+        wide = [_camera(_resized(camera, 0.5)) for camera in request.cameras]
         light = self._render(world, request, wide, _BOUNCED[:1], request.max_bounces, progress)["projector_indirect"]
         height, width = request.cameras[0].height, request.cameras[0].width
         return spread(light, 2.0).repeat(2, axis=1).repeat(2, axis=2)[:, :height, :width]
@@ -157,16 +194,22 @@ class KuafuRenderer:
         room = light_by_room(scene, self._device, request.scene_path)
         texture = scene.add_texture(request.pattern, name="pattern")
         white = scene.add_texture(np.ones_like(request.pattern), name="white pattern")
-        self._world = _World(digest, request.pattern, scene, texture, white, room=room)
+        is_matt = self._smooth and room is None and matt_world.is_matt_world(scene)
+        self._world = _World(digest, request.pattern, scene, texture, white, room=room, is_matt=is_matt)
         return self._world
 
 
-def _of_wide_pixels(camera: ViewCamera) -> kuafu.Camera:
-    """The camera with pixels that each cover two by two of its own."""
+def _camera(camera: ViewCamera) -> kuafu.Camera:
+    return kuafu.Camera(camera.width, camera.height, camera.K, camera.camera_to_world)
+
+
+def _resized(camera: ViewCamera, size: float) -> ViewCamera:
+    """The camera with so many times as many pixels along each side."""
     K = camera.K.copy()
-    K[:2] /= 2.0
-    K[:2, 2] -= 0.25  # pixel centres are whole numbers
-    return kuafu.Camera((camera.width + 1) // 2, (camera.height + 1) // 2, K, camera.camera_to_world)
+    K[:2] *= size
+    K[:2, 2] += 0.5 * (size - 1.0)  # pixel centres are whole numbers
+    width, height = (int(np.ceil(size * side)) for side in (camera.width, camera.height))
+    return ViewCamera(width, height, K, camera.camera_to_world)
 
 
 def _with_share_of_samples(request: RenderRequest, share: float) -> RenderRequest:

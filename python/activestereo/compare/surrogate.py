@@ -3,8 +3,9 @@
 
 Both change the images of one small world (matt bodies on a table before a wall, a moving warm rig); the figure is the
 root mean square difference of the two changes over the engine's own change. Both squares are means of products of two
-renders of different seeds: the renders' noise, which would look like a difference, has no part in them. Of random
-fields, which draw other numbers, the figure is that of the changes' standard deviations.
+renders of different seeds: the renders' noise, which would look like a difference, has no part in them. Both trace
+the same samples, so that what clips, clips alike. Of random fields, which draw other numbers, the figure is that of the
+changes' standard deviations.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ class _Run:
         engine = CaptureRenderer(capture, device, _SAMPLES, _BOUNCES, seed)
         layers = render_frames(
             capture,
-            KuafuRenderer(engine.device),
+            KuafuRenderer(engine.device, traced=True),
             _SAMPLES,
             _BOUNCES,
             seed=seed,

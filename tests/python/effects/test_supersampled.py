@@ -14,7 +14,7 @@ from activestereo.effects.core.laws import example_view
 from activestereo.effects.core.resample import blur
 from activestereo.common.lens import distort, undistort
 from activestereo.compare.layers import Layers, Sampling, ViewCamera, ideal_pixels, sampling_of
-from activestereo.effects.engines.smooth import smooth_bounced
+from activestereo.effects.engines.smooth import Surfaces, smooth_bounced
 
 K = np.array([[60.0, 0, 47.5], [0, 60.0, 35.5], [0, 0, 1]])
 LENS = np.array([-0.12, 0.03, 0.002, -0.001, 0.004])
@@ -119,7 +119,7 @@ def test_bounced_light_is_smoothed_along_a_surface_and_not_across_materials():
     material = (u > 40).astype(np.uint32)
     clean = np.where(material, 0.3, 1.0) * (1 + 0.002 * v)
     noisy = clean * rng.gamma(10, 0.1, clean.shape)
-    filtered = smooth_bounced(noisy, depth, normal, points, material, 215.0)
+    filtered = smooth_bounced(noisy, Surfaces.of(depth, normal, points, material), 215.0)
     error, noise = ((image - clean).std() for image in (filtered, noisy))
     assert error < 0.15 * noise
     assert filtered.mean() == pytest.approx(noisy.mean(), rel=0.005)

@@ -9,64 +9,72 @@ stays within a per cent (measured).
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 # Changes whenever the filter does.
-SMOOTH_VERSION = 4
+SMOOTH_VERSION = 5
 
 # Cubic B-spline, 5 taps.
 _TAPS = np.array([1, 4, 6, 4, 1]) / 16.0
 # A level doubles the reach; so many make about this angle, whatever the resolution.
-_REACH_RAD = 0.02
+_REACH_RAD = 0.04
 # Neighbours count less by their distance from the tangent plane, in shares of depth, and by their normals' angle:
 # cosine^24.
 _PLANE_SHARE = 0.006
 
 
-def smooth_bounced(
-    image: np.ndarray,
-    depth_m: np.ndarray,
-    normal: np.ndarray,
-    points: np.ndarray,
-    material: np.ndarray,
-    focal_px: float,
-) -> np.ndarray:
-    """image [..., height, width], filtered where depth_m > 0. normal and points [height][width][3] in one frame;
-    material [height][width]; focal_px: the camera's, in samples of the image."""
+class Surfaces(NamedTuple):
+    """What the samples of a view see, [height][width]; vectors [3][height][width] in one frame."""
+
+    depth_m: np.ndarray
+    normal: np.ndarray
+    points: np.ndarray
+    material: np.ndarray
+
+    @classmethod
+    def of(cls, depth_m: np.ndarray, normal: np.ndarray, points: np.ndarray, material: np.ndarray) -> Surfaces:
+        """From vectors [height][width][3]."""
+        planes = (np.ascontiguousarray(np.moveaxis(vectors, -1, 0), dtype=np.float32) for vectors in (normal, points))
+        return cls(np.asarray(depth_m, dtype=np.float32), *planes, np.asarray(material))
+
+    def at(self, place: Any) -> Surfaces:
+        """Those at an index of rows and columns."""
+        return Surfaces(*(image[(..., *place)] for image in self))
+
+
+def smooth_bounced(image: np.ndarray, surfaces: Surfaces, focal_px: float) -> np.ndarray:
+    """image [..., height, width], filtered where something is hit. focal_px: the camera's, in samples of the image."""
     levels = max(1, round(np.log2(focal_px * _REACH_RAD)))
-    planes = (np.ascontiguousarray(np.moveaxis(vectors, -1, 0), dtype=np.float32) for vectors in (normal, points))
-    guide = (*planes, np.asarray(material))
-    reach = np.maximum(_PLANE_SHARE * depth_m, 1e-6).astype(np.float32)
     out = np.asarray(image, dtype=np.float32)
     for level in range(levels):
-        out = _filter(out, guide, reach, 1 << level)
-    return np.where(depth_m > 0, out, image)
+        out = _filter(out, surfaces, 1 << level)
+    return np.where(surfaces.depth_m > 0, out, image)
 
 
-def _filter(image: np.ndarray, guide: tuple[Any, ...], reach: np.ndarray, step: int) -> np.ndarray:
-    total, weight_sum = np.zeros_like(image), np.zeros_like(reach)
+def _filter(image: np.ndarray, surfaces: Surfaces, step: int) -> np.ndarray:
+    shape = surfaces.depth_m.shape
+    total, weight_sum = np.zeros_like(image), np.zeros(shape, np.float32)
     for j, row_tap in enumerate(_TAPS):
         for i, column_tap in enumerate(_TAPS):
-            here, there = _overlap(reach.shape, (j - 2) * step, (i - 2) * step)
-            weight = np.float32(row_tap * column_tap) * _likeness(guide, reach, here, there)
+            here, there = _overlap(shape, (j - 2) * step, (i - 2) * step)
+            weight = np.float32(row_tap * column_tap)
+            if here != there:
+                weight = weight * alike(surfaces.at(here), surfaces.at(there))
             total[(..., *here)] += weight * image[(..., *there)]
             weight_sum[here] += weight
-    # Where nothing is seen nothing weighs, and a NaN there would spread over the next level's taps.
-    return np.where(weight_sum > 0, total / np.where(weight_sum > 0, weight_sum, 1.0), image)
+    return total / weight_sum
 
 
-def _likeness(guide: tuple[Any, ...], reach: np.ndarray, here: Any, there: Any) -> np.ndarray:
-    """1 for a neighbour of the same surface, towards 0 for another."""
-    normal, points, material = guide
-    cosine = np.maximum(_dot(normal[(..., *here)], normal[(..., *there)]), np.float32(1e-6))
+def alike(here: Surfaces, there: Surfaces) -> np.ndarray:
+    """1 for samples there of the surface here, towards 0 for those of another."""
+    cosine = np.maximum(_dot(here.normal, there.normal), np.float32(1e-6))
     eighth = cosine * cosine
     eighth *= eighth
     eighth *= eighth
-    off_plane = _dot(normal[(..., *here)], points[(..., *there)] - points[(..., *here)]) / reach[here]
-    same = (material[here] == material[there]) | (here == there)
-    return same * (eighth * eighth * eighth) * np.exp(-off_plane * off_plane)
+    off_plane = _dot(here.normal, there.points - here.points) / np.maximum(_PLANE_SHARE * here.depth_m, 1e-6)
+    return (here.material == there.material) * (eighth * eighth * eighth) * np.exp(-off_plane * off_plane)
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

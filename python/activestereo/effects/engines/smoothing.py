@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo.effects.engines.smooth import smooth_bounced
+from activestereo.effects.engines.smooth import Surfaces, smooth_bounced
 
 # Rougher surfaces have no highlight that would move through bounced light.
 _MATT_ROUGHNESS = 0.5
@@ -53,7 +53,7 @@ def smooth_light(
     is_matt = np.isin(material, [number for number, m in surfaces.items() if is_matt_surface(m)])
     if not light or not is_matt.any():
         return light
-    smooth = smooth_bounced(np.stack(list(light.values())), depth_m, normal, points, material, focal_px)
+    smooth = smooth_bounced(np.stack(list(light.values())), Surfaces.of(depth_m, normal, points, material), focal_px)
     is_opaque = is_matt & np.isin(material, [number for number, m in surfaces.items() if m.subsurface == 0])
     return {
         name: np.where(is_matt if name in _EVEN else is_opaque, filtered, raw)

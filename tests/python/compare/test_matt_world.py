@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A matt world's light from geometry is that of path tracing, with less noise."""
+
+import numpy as np
+import pytest
+
+from activestereo.compare import matt_world
+from activestereo.compare.kuafu_renderer import KuafuRenderer
+from activestereo.compare.layers import rig_request, sampling_of
+from activestereo.compare.surrogate import trial_capture
+
+LIGHTS = ("direct", "flat", "indirect", "ambient", "ambient_direct")
+
+
+@pytest.fixture(scope="module")
+def views(device, tmp_path_factory):
+    """{name: the left camera's pixels} by geometry with few samples, traced with as many, and with many."""
+    capture = trial_capture(tmp_path_factory.mktemp("matt"))
+    sampling = sampling_of(capture.rig, 2)
+    rendered = {}
+    with pytest.MonkeyPatch.context() as patch:
+        for name, samples in (("geometry", 32), ("few", 32), ("many", 1024)):
+            request = rig_request(capture, capture.frames[0], samples, 4, 0, sampling)
+            rendered[name] = sampling.pixel_layers(KuafuRenderer(device)(request)[0], capture.rig.left)
+            patch.setattr(matt_world, "is_matt_world", lambda scene: False)
+    return rendered
+
+
+def error(view, truth, light):
+    """Root mean square, over that of the light itself."""
+    difference = getattr(view, light).astype(float) - getattr(truth, light)
+    return np.sqrt(np.mean(difference**2) / np.mean(getattr(truth, light).astype(float) ** 2))
+
+
+@pytest.mark.parametrize("light", LIGHTS)
+def test_light_is_that_of_path_tracing(views, light):
+    by_geometry, few, truth = (views[name] for name in ("geometry", "few", "many"))
+    assert getattr(by_geometry, light).sum() == pytest.approx(getattr(truth, light).sum(), rel=0.01)
+    # Its samples are a quarter of the traced ones.
+    assert error(by_geometry, truth, light) < 0.03 + 2.0 * error(few, truth, light)
+
+
+def test_light_off_the_first_surface_has_no_noise(device, tmp_path):
+    capture = trial_capture(tmp_path)
+    requests = (rig_request(capture, capture.frames[0], 4, 4, seed, sampling_of(capture.rig, 2)) for seed in (0, 1))
+    first, second = (KuafuRenderer(device)(request)[0] for request in requests)
+    for light in ("direct", "flat"):
+        np.testing.assert_array_equal(getattr(first, light), getattr(second, light))
+    assert (first.indirect != second.indirect).mean() > 0.5
+
+
+def test_depth_normals_and_materials_are_those_of_pixel_centres(views):
+    np.testing.assert_allclose(views["geometry"].depth_m, views["few"].depth_m, rtol=1e-5)
+    np.testing.assert_array_equal(views["geometry"].material, views["few"].material)
+    np.testing.assert_allclose(views["geometry"].normal, views["few"].normal, atol=1e-5)
