@@ -34,6 +34,7 @@ def _engine(inputs: EngineInputs, scale: float, per_k: float) -> None:
         Parameter("per_k", "1/K", neutral=0.0, low=-1e-3, high=1e-3, typical=1e-4),
     ],
     engine=_engine,
+    is_pointwise=True,
 )
 def pattern_scale_drift(light: Light, view: View, scale: float, per_k: float) -> Light:
     """The sines of the pattern's angles from the projector's axis grow by 1 + scale + per_k x (kelvins above 25 C)."""

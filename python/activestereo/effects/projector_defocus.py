@@ -38,6 +38,7 @@ def _engine(inputs: EngineInputs, aperture_px_m: float, focus_m: float) -> None:
         Parameter("focus_m", "m", neutral=1.0, low=0.2, high=5.0, typical=0.5),
     ],
     engine=_engine,
+    is_pointwise=True,
 )
 def projector_defocus(light: Light, view: View, aperture_px_m: float, focus_m: float) -> Light:
     """Each dot becomes a disc whose radius in pattern pixels is aperture x |1/z - 1/focus|; ambient edges stay sharp.

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from activestereo.capture.capture import Camera, Projector, Rig
-from activestereo.effects import Light, builtin
-from activestereo.effects.core.laws import example_view
+from activestereo.effects import Light, Model, builtin
+from activestereo.effects.core.laws import example_value, example_view
 from activestereo.effects.core.resample import blur
 from activestereo.common.lens import distort, undistort
 from activestereo.compare.layers import Layers, Sampling, ViewCamera, ideal_pixels, sampling_of
@@ -153,3 +153,15 @@ def test_a_pixel_of_a_warped_image_is_the_mean_of_its_samples():
         again = light.warped(moved_u, moved_v).seen(pick)
         assert again[0] == pytest.approx(warped.projector.ravel()[pick], rel=1e-5)
         assert again[1] == pytest.approx(warped.ambient.ravel()[pick], rel=1e-5)
+
+
+@pytest.mark.parametrize("effect", [e for e in builtin().values() if e.is_pointwise], ids=lambda e: e.id)
+def test_pixels_that_are_picked_are_those_of_the_whole_image(effect):
+    view = example_view()
+    light = example_value(effect.stage, view)
+    pick = np.random.default_rng(4).permutation(view.depth_m.size)[:200]
+    picked = Model().with_effect(effect, **effect.typical_values).light(light, view).seen(pick)
+    whole = effect(light, view, **effect.typical_values)
+    for image, some in zip((whole.projector, whole.ambient), picked, strict=True):
+        np.testing.assert_allclose(some, image.ravel()[pick], rtol=1e-12)
+    assert (whole.projector != light.projector).any()

@@ -95,7 +95,8 @@ class Effect:
     why. judged: how the lab finds it, where its expected image is not what changes. starts: proposes where fits begin,
     where a coarse scan of the parameters would miss. finding: what a verdict says where it is found, a sentence without
     its full stop. prepare: makes what apply needs for these views; whoever lets threads apply an effect calls it before
-    they start, for it may render. remembers: it sees in view.before what it gave for the frame before.
+    they start, for it may render. remembers: it sees in view.before what it gave for the frame before. is_pointwise: a
+    pixel's light depends on that pixel alone, and fits compute the pixels that they look at.
     """
 
     id: str
@@ -114,6 +115,7 @@ class Effect:
     finding: str = ""
     prepare: Callable[[Iterable[Any]], None] | None = None
     remembers: bool = False
+    is_pointwise: bool = False
 
     @property
     def engine_fields(self) -> tuple[str, ...]:
@@ -196,6 +198,7 @@ def effect(
     randomness: Randomness = Randomness.NONE,
     variance: Callable | None = None, engine: Callable[..., None] | None = None, image_only: str = "",
     judged: tuple[Judgement, ...] = (), starts: Starts | None = None, finding: str = "", remembers: bool = False,
+    is_pointwise: bool = False,
 ) -> Callable[[Callable], Effect]:  # fmt: skip
     """Makes an Effect of a function; its docstring is the effect's summary. See Effect."""
 
@@ -227,6 +230,7 @@ def effect(
             starts,
             finding,
             remembers=remembers,
+            is_pointwise=is_pointwise,
         )
 
     return make

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from activestereo.common.computed_once import computed_once
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import Pattern, disc_sampler
-from activestereo.effects.core.view import View, transform
+from activestereo.effects.core.view import PickedView, View, transform
 
 _SMALLEST_BOX = 1e-3
 _LARGEST_BOX = 64.0
@@ -24,7 +25,7 @@ class DotView:
     @classmethod
     def of(cls, view: View) -> DotView:
         """The DotView of a view, made once."""
-        return view.once("dots", lambda: cls(view))
+        return view.once("dots", lambda: cls.of(view.source)._at(view) if isinstance(view, PickedView) else cls(view))
 
     def __init__(self, view: View) -> None:
         self._view = view
@@ -34,6 +35,14 @@ class DotView:
         self.lit = (view.depth_m > 0) & (self.z > 0)
         self.u, self.v = self.project(points)
         self.box_u, self.box_v = self._footprint()
+
+    def _at(self, view: PickedView) -> DotView:
+        """That of some pixels: their boxes are those of the whole image."""
+        some = copy(self)
+        some.__dict__ = {"_view": view, "_pattern": self._pattern}
+        for name in ("z", "lit", "u", "v", "box_u", "box_v"):
+            setattr(some, name, getattr(self, name).ravel()[view.pick][None])
+        return some
 
     def project(self, projector_points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         K, z = self._view.projector_K, np.where(projector_points[..., 2] > 0, projector_points[..., 2], 1.0)
@@ -59,24 +68,26 @@ class DotView:
     def mean_of_discs(self, pattern: np.ndarray, diameter_px: np.ndarray) -> np.ndarray:
         """mean() of the pattern blurred by discs of a diameter [height][width] in pattern pixels, interpolated between
         whole ones."""
-        known = self._known(pattern)
-        low = np.floor(diameter_px).astype(int)
-        share = diameter_px - low
+        known, lit = self._known(pattern), np.flatnonzero(self.lit)
+        low = np.floor(diameter_px.ravel()[lit]).astype(int)
+        order = lit[np.argsort(low, kind="stable")]
+        low, share = np.sort(low), (diameter_px % 1.0).ravel()[order]
+        at = [image.ravel()[order] for image in (self.u, self.v, self.box_u, self.box_v)]
+        means = np.zeros(len(order))
+        for level in np.unique(np.concatenate([low, low + 1])):
+            first, middle, last = np.searchsorted(low, (level - 1, level, level + 1))
+            here = slice(first, last)  # those whose diameter lies below the level, then those above
+            weight = np.concatenate([share[first:middle], 1.0 - share[middle:last]])
+            means[here] += weight * disc_sampler(known, float(level))(*(image[here] for image in at))
         out = np.zeros(self.u.shape)
-        for level in np.unique(np.concatenate([low[self.lit], low[self.lit] + 1])) if self.lit.any() else ():
-            weight = np.where(low == level, 1.0 - share, np.where(low + 1 == level, share, 0.0)) * self.lit
-            here = weight > 0
-            sampler = disc_sampler(known, float(level))
-            out[here] += weight[here] * sampler(self.u[here], self.v[here], self.box_u[here], self.box_v[here])
+        out.ravel()[order] = means
         return out
 
     def change(self, light: Light, before: np.ndarray, after: np.ndarray) -> Light:
-        """The light after the pattern's means went from `before` to `after`: only the difference is approximated."""
+        """The light after the pattern's means went from `before` to `after`: only the difference is approximated. The
+        projector's power stays, and with it bounced light."""
         change = np.where(self.lit, light.flat * (after - before), 0.0)
-        direct = np.maximum(light.direct + change, 0.0)
-        total = light.direct.sum()
-        ratio = direct.sum() / total if total > 0 else 1.0
-        return replace(light, direct=direct, indirect=light.indirect * ratio)
+        return replace(light, direct=np.maximum(light.direct + change, 0.0))
 
     def _footprint(self) -> tuple[np.ndarray, np.ndarray]:
         """Median-guarded derivative of (u, v) by the camera's pixel steps: edges of objects must not open huge boxes.

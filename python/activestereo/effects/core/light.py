@@ -5,12 +5,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from activestereo.effects.core.picked import once_of_picked
 from activestereo.effects.core.resample import Spline, blur, sample, shifted_sum
 from activestereo.effects.core.supersampled import SupersampledImages
+
+if TYPE_CHECKING:
+    from activestereo.effects.core.view import View
 
 # Rounding of the rendered float32 images; smaller changes are none.
 _UNCHANGED = 1e-6
@@ -113,9 +117,31 @@ class Light:
         if later is None or later.at is None or has_images or isinstance(pick, slice) or pick.size >= later.size:
             return self.projector.ravel()[pick], self.ambient.ravel()[pick]
         at = later.at
-        # A fit asks twice: for its error, and where that fell for the slopes there.
-        _, *both = self._once(("seen", id(pick)), lambda: (pick, at(_PROJECTOR, pick), at(_AMBIENT, pick)))
-        return both[0], both[1]
+        # A fit asks twice: for its error, and where that fell for the slopes there; and for all frames of this light.
+        seen: tuple[np.ndarray, np.ndarray] = once_of_picked(
+            self._once("seen", list), pick, lambda: (at(_PROJECTOR, pick), at(_AMBIENT, pick))
+        )
+        return seen
+
+    def at(self, pick: np.ndarray) -> Light:
+        """The light of the pixels at flat indices, as an image [1][n] of its own."""
+        later: _Later | None = self.__dict__.get("_later")
+        of_name = later.at if later is not None and later.at is not None else None
+        image = lambda name: getattr(self, name).ravel()[pick] if of_name is None else of_name((name,), pick)  # noqa: E731
+        some: Light = once_of_picked(
+            self._once("at", list), pick, lambda: Light.of_images([image(name)[None] for name in _NAMES])
+        )
+        return some
+
+    def pointwise(self, act: Callable[[Light, View], Light], view: View) -> Light:
+        """act(light, view), each of whose pixels depends on that pixel alone, done for those that are asked for."""
+        later, some = _Later(self, lambda images: images), []  # type: ignore[var-annotated]
+        later.whole = lambda names: light._once("acted", lambda: act(self, view)).sum_of(names)
+        at = lambda pick: once_of_picked(some, pick, lambda: act(self.at(pick), view.at(pick)))  # noqa: E731
+        later.size, later.at = view.depth_m.size, lambda names, pick: at(pick).sum_of(names)[0]
+        light = later.light()
+        light.__dict__["supersampled"] = self.supersampled
+        return light
 
     def map(self, operation: Callable[[np.ndarray], np.ndarray]) -> Light:
         """The same linear operation on every light; images come stacked, [...][height][width], any number of them."""

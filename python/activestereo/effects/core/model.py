@@ -124,6 +124,8 @@ def acted(effect: Effect, parameters: dict[str, float], light: Light, view: View
     own = effect.on_pixels(parameters, view.binning)
     if effect.stage is Stage.OPTICS:
         return light.map(lambda images: effect.apply(images, view, **own))
+    if effect.is_pointwise:
+        return light.pointwise(lambda some, there: effect.apply(some, there, **own), view)
     return effect.apply(light, view, **own)
 
 

@@ -54,13 +54,13 @@ def _poses(view: View, rows: np.ndarray) -> np.ndarray:
 
 def _source_pixels(view: View, then_to_mid: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """(u, v) at mid-exposure of what each pixel sees then, and its camera coordinates then and at mid-exposure."""
-    rotation, shift = then_to_mid[:, None, :3, :3], then_to_mid[:, None, :3, 3]
+    rotation, shift = then_to_mid[:, :3, :3], then_to_mid[:, None, :3, 3]
     far = view.depth_m.max() if view.depth_m.any() else 1.0
     depth_mid = np.where(view.depth_m > 0, view.depth_m, 100.0 * far)  # the sky only turns
     depth = depth_mid
     for _ in range(_ITERATIONS):
         then = view.points(depth)
-        mid = np.einsum("rcij,rcj->rci", np.broadcast_to(rotation, (*view.shape, 3, 3)), then) + shift
+        mid = then @ np.swapaxes(rotation, -1, -2) + shift
         u, v = view.to_pixels(mid[..., 0] / mid[..., 2], mid[..., 1] / mid[..., 2])
         depth_there = sample(depth_mid, u, v, order=1)
         depth = depth * depth_there / mid[..., 2]
@@ -74,7 +74,7 @@ def _falloff_ratio(
     """
     source = np.linalg.inv(view.camera_to_projector)[:3, 3]
     normal_mid = np.moveaxis(sample(np.moveaxis(view.normal, -1, 0), u, v, order=1), 0, -1)
-    normal_then = np.einsum("rji,rcj->rci", then_to_mid[:, :3, :3], normal_mid)
+    normal_then = normal_mid @ then_to_mid[:, :3, :3]
 
     def irradiance(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
         way = source - points

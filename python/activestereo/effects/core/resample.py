@@ -19,6 +19,8 @@ _MAX_LEVELS, _MAX_RATIO_LEVELS = 5, 7
 _REACH = 4.0
 # A blur by less shows nothing.
 _LEAST_SIGMA_PX = 0.05
+# Stamps that reach no farther are laid over a pattern with so much room around it.
+_LEAST_ROOM_PX = 8
 
 
 def sample(images: np.ndarray, u: np.ndarray, v: np.ndarray, order: int = 3) -> np.ndarray:
@@ -56,7 +58,9 @@ class BoxSampler:
     def __init__(self, image: np.ndarray) -> None:
         height, width = image.shape
         self._integral = np.zeros((height + 1, width + 1))
-        self._integral[1:, 1:] = np.asarray(image, dtype=np.float64).cumsum(0).cumsum(1)
+        inside = self._integral[1:, 1:]
+        np.cumsum(image, axis=1, dtype=np.float64, out=inside)
+        np.cumsum(inside, axis=0, out=inside)
         self._limits = (width, height)
 
     def __call__(self, u: np.ndarray, v: np.ndarray, box_u: np.ndarray, box_v: np.ndarray) -> np.ndarray:
@@ -198,12 +202,19 @@ def disc_sampler(pattern: Pattern, diameter_px: float) -> BoxSampler:
     offsets = (np.arange(size * fine) + 0.5) / fine - reach - 0.5
     inside = (offsets[:, None] ** 2 + offsets[None] ** 2 <= radius**2).astype(np.float64)
     stamp = inside.reshape(size, fine, size, fine).sum(axis=(1, 3))
-    return BoxSampler(_convolved(pattern.image, stamp / stamp.sum(), reach))
+    return BoxSampler(_convolved(pattern, stamp / stamp.sum(), reach))
 
 
-def _convolved(image: np.ndarray, stamp: np.ndarray, reach: int) -> np.ndarray:
-    """The image under a stamp whose middle is at (reach, reach); zero outside the image."""
-    height, width = image.shape
-    shape = [next_fast_len(size + 2 * reach, real=True) for size in image.shape]
-    full = irfft2(rfft2(image.astype(np.float64), shape) * rfft2(stamp, shape), shape)
+def _convolved(pattern: Pattern, stamp: np.ndarray, reach: int) -> np.ndarray:
+    """The pattern under a stamp whose middle is at (reach, reach); zero outside the image."""
+    height, width = pattern.image.shape
+    # A few sizes serve all stamps: the pattern's own transform is the same for them.
+    room = 2 * max(_LEAST_ROOM_PX, 1 << (reach - 1).bit_length())
+    shape = tuple(next_fast_len(size + room, real=True) for size in pattern.image.shape)
+    full = irfft2(_spectrum(pattern, shape) * rfft2(stamp.astype(np.float32), shape), shape)
     return full[reach : reach + height, reach : reach + width]
+
+
+@lru_cache(maxsize=4)
+def _spectrum(pattern: Pattern, shape: tuple[int, int]) -> np.ndarray:
+    return rfft2(pattern.image, shape)

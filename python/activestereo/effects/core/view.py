@@ -5,7 +5,7 @@ own."""
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from activestereo.common.computed_once import computed_once
 from activestereo.common.lens import distort, is_distorting, undistort
+from activestereo.effects.core.picked import once_of_picked
 from activestereo.effects.core.random_stream import random_stream
 
 if TYPE_CHECKING:
@@ -177,6 +178,12 @@ class View:
         """Projector coordinates [height][width][3] of what the pixels see."""
         return self.once("projector points", lambda: _read_only(transform(self.camera_to_projector, self.points()))[0])
 
+    def at(self, pick: np.ndarray) -> PickedView:
+        """The view of the pixels at flat indices, as an image [1][n] of its own."""
+        known = self.once("picked", list)
+        some: PickedView = once_of_picked(known, pick, lambda: PickedView.of_pixels(self, pick))
+        return some
+
     def rng(self, name: str, per: str = "sensor") -> np.random.Generator:
         """A numpy Generator of this view for one effect. per: 'sensor' (one per camera), 'pose' (the same while the rig
         stands still), 'frame', or 'rig' (one for both cameras)."""
@@ -187,6 +194,36 @@ class View:
             "frame": f"{self.side} {self.frame.id}".encode(),
         }[per]
         return random_stream(self.seed, name, salt)
+
+
+@dataclass(frozen=True)
+class PickedView(View):
+    """Some pixels of a whole View, at flat indices `pick`: what its effects may ask of single pixels."""
+
+    whole: View | None = None
+    pick: np.ndarray | None = None
+
+    @classmethod
+    def of_pixels(cls, whole: View, pick: np.ndarray) -> PickedView:
+        own = {field.name: getattr(whole, field.name) for field in fields(View)}
+        images = ("depth_m", "material", "ambient_bounced", "known")
+        own |= {name: own[name].ravel()[pick][None] for name in images if own[name] is not None}
+        return cls(**own | {"normal": whole.normal.reshape(-1, 3)[pick][None]}, whole=whole, pick=pick)
+
+    def pixels(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._of(self.source.pixels())
+
+    def field(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._of(self.source.field())
+
+    @property
+    def source(self) -> View:
+        assert self.whole is not None
+        return self.whole
+
+    def _of(self, images: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        first, second = (image.ravel()[self.pick][None] for image in images)
+        return first, second
 
 
 def _pixels(shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
