@@ -14,6 +14,8 @@ views at rest stays where it is stated, for an effect to explain.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from hashlib import blake2b
 
 import numpy as np
 
@@ -37,6 +39,8 @@ _FOUND = ("focal", "projector", "poses", "deviations", "misfit")
 # Blurs of the images, one round each, before they are looked at once more as they are: dots are about a pixel wide.
 _BLURS_PX = (3.0, 0.0)
 _ITERATIONS = 4
+# Part of the pixels, by chance, that a search looks at: they tell where a rig stands to a fiftieth of the noise.
+_PIXEL_SHARE, _SEED = 0.25, 13
 # What moves this is a lens that may be fitted along; the share of chi2 that it has to take away in a scan.
 _LENS, _WORTH = "camera.distortion", 0.2
 # Images are rendered again where corrections change them by more than this share of the noise, in the quadratic mean.
@@ -133,8 +137,8 @@ def _step(evidence: Evidence, model: Model, threads: int, blur_px: float = 0.0) 
     at_rest = [o for o in evidence.train if not o.frame.is_moving] or list(evidence.train)
     fitted = {o.key for o in at_rest}
     others = [o for o in (*evidence.train, *evidence.test) if o.key not in fitted]
-    if blur_px:
-        at_rest, others = [coarse(o, blur_px) for o in at_rest], [coarse(o, blur_px) for o in others]
+    seen = partial(coarse, sigma_px=blur_px) if blur_px else partial(_some, seed=evidence.seed)
+    at_rest, others = list(map(seen, at_rest)), list(map(seen, others))
     misfit = 1.0
     prior, fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, threads, blur_px)
     if np.abs(_without_albedos(fitter.sigmas(solution.phi), evidence)).max() > _BELIEVED_SIGMAS:
@@ -160,6 +164,14 @@ def _step(evidence: Evidence, model: Model, threads: int, blur_px: float = 0.0) 
     return _Step(focal, twists, deviations, misfit)
 
 
+def _some(o: Observation, seed: int) -> Observation:
+    """The observation of which some pixels count, the same ones in all of its frames' repeats."""
+    view = int.from_bytes(blake2b(o.side.encode() + o.frame.camera_to_world.tobytes(), digest_size=8).digest(), "big")
+    pool = np.arange(o.measured.size) if o.pick is None else o.pick
+    chosen = np.random.Generator(np.random.PCG64([_SEED, view, seed])).permutation(len(pool))
+    return replace(o, pick=np.sort(pool[chosen[: round(_PIXEL_SHARE * len(pool))]]))
+
+
 def _fit_at_rest(
     evidence: Evidence, misfit: float, at_rest: Sequence[Observation], model: Model, threads: int, blur_px: float
 ) -> tuple[NuisancePrior, Fitter, Solution]:
@@ -174,7 +186,8 @@ def _fit_at_rest(
 def _misfit(evidence: Evidence, solution: Solution, observations: Sequence[Observation]) -> float:
     """How many times as many pixels the likelihood counts as the scatter of the tiles bears out."""
     tiles, pixels = solution.sums.tile_chi2 > 0, sum(o.pixels for o in observations)
-    design = design_effect(solution.sums.tile_chi2[tiles], evidence.tile_pixels[tiles])
+    tile_pixels = replace(evidence, train=tuple(observations)).tile_pixels
+    design = design_effect(solution.sums.tile_chi2[tiles], tile_pixels[tiles])
     return design * max(1.0, solution.sums.total / pixels)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from activestereo.diagnose.evidence.observation import FOLDS, TILE_PX, Observation
+from activestereo.diagnose.evidence.observation import FOLDS, Observation
 from activestereo.diagnose.refine.fitter import Fitter
 from activestereo.diagnose.refine.parameter_space import Solution
 
@@ -28,11 +28,10 @@ def cross_validated(fitter: Fitter, solution: Solution) -> float:
 
 def design_effect(tile_chi2: np.ndarray, tile_pixels: np.ndarray) -> float:
     """By how much the tiles' chi2 varies more than that of as many independent normal pixels: 1 = independent."""
-    full = tile_pixels == TILE_PX**2
-    values = tile_chi2[full] if full.sum() > 8 else tile_chi2
-    per_tile = tile_pixels[full] if full.sum() > 8 else tile_pixels
-    scale = values.sum() / per_tile.sum()
-    return float(max(1.0, values.var() / (2.0 * per_tile.mean() * max(scale, 1e-12) ** 2)))
+    full = tile_pixels > 0.5 * tile_pixels.max()
+    chi2, pixels = tile_chi2[full], tile_pixels[full]
+    scale = max(chi2.sum() / pixels.sum(), 1e-12)
+    return float(max(1.0, (chi2 / pixels).var() * pixels.mean() / (2.0 * scale**2)))
 
 
 def nats_of(base_chi2: float, chi2: float, pixels: int, design: float) -> float:
