@@ -62,8 +62,10 @@ def haze(light: Light, view: View, extinction_per_m: float, backscatter: float, 
     the camera."""
     if extinction_per_m == 0.0:
         return light
-    to_camera = np.maximum(np.linalg.norm(view.points(), axis=-1) - housing_m, 0.0)
-    to_projector = np.linalg.norm(view.projector_points(), axis=-1)
+    from_camera, to_projector = view.once(
+        "ways through air", lambda: tuple(np.linalg.norm(p, axis=-1) for p in (view.points(), view.projector_points()))
+    )
+    to_camera = np.maximum(from_camera - housing_m, 0.0)
     hit = view.depth_m > 0
     seen = np.where(hit, np.exp(-extinction_per_m * to_camera), 0.0)
     dots = np.where(hit, np.exp(-extinction_per_m * (to_camera + to_projector)), 1.0)

@@ -3,8 +3,9 @@
 camera."""
 
 import numpy as np
-from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.ndimage import map_coordinates
 
+from activestereo.effects.core.resample import Pattern, smooth_pattern
 from activestereo.effects.core.view import View, transform
 
 # The beam's glow is smooth: it is computed on every so many-th pixel, at so many places along each ray.
@@ -23,12 +24,14 @@ def glow(view: View, extinction_per_m: float, from_m: float) -> np.ndarray:
     (Kulla and Fajardo 2012, Importance sampling techniques for path tracing in participating media)."""
     rows, columns, *_ = view.once("coarse rays", lambda: _coarse_rays(view))
     # A scan goes through extinctions: what lies along the rays stays.
-    intensity, way, factor = view.latest("beam", None, lambda: _along_rays(view, from_m), choice=from_m)
+    intensity, way, factor = view.latest("beam", None, lambda: _along_rays(view, from_m), choice=from_m, most=2)
     coarse = (intensity * np.exp(-extinction_per_m * way)).mean(axis=0) * factor
-    places = [
-        np.interp(np.arange(n), kept, np.arange(len(kept))) for n, kept in zip(view.shape, (rows, columns), strict=True)
-    ]
-    return map_coordinates(coarse, np.meshgrid(*places, indexing="ij"), order=1, mode="nearest")
+    for axis, kept in enumerate((rows, columns)):
+        place = np.interp(np.arange(view.shape[axis]), kept, np.arange(len(kept)))
+        before = np.minimum(place.astype(int), len(kept) - 2)
+        share = np.expand_dims(place - before, 1 - axis)
+        coarse = (1.0 - share) * coarse.take(before, axis) + share * coarse.take(before + 1, axis)
+    return coarse
 
 
 def _along_rays(view: View, from_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -62,7 +65,5 @@ def _intensity(view: View, points: np.ndarray) -> np.ndarray:
     x, y, z = np.moveaxis(transform(view.camera_to_projector, points), -1, 0)
     K, ahead = view.projector_K, np.where(z > 1e-6, z, 1.0)
     u, v = (K[0, 0] * x + K[0, 1] * y) / ahead + K[0, 2], K[1, 1] * y / ahead + K[1, 2]
-    smooth = view.once(
-        "smooth pattern", lambda: gaussian_filter(np.asarray(view.pattern, dtype=np.float64), _DOTS_PX, mode="constant")
-    )
+    smooth = smooth_pattern(view.once("pattern", lambda: Pattern(view.pattern)), _DOTS_PX)
     return np.where(z > 1e-6, map_coordinates(smooth, [v, u], order=1, mode="constant"), 0.0)

@@ -124,26 +124,37 @@ def _near_starts(images: list[StartImage]) -> list[dict[str, float]]:
     """The place of a grid from which a lamp, shadows left out, explains most of the residual beside ambient light;
     near lamps light by their distance, of which the normals alone tell nothing.
     """
-    pixels = [_some_pixels(image) for image in images]
+    ways = list(product(_AZIMUTHS_RAD, _ELEVATIONS_RAD))
+    directions = np.stack([Lamp.toward(azimuth, elevation, 0.0).direction for azimuth, elevation in ways], axis=1)
+    gram, moment = np.zeros((len(_NEARNESSES_PER_M), len(ways), 2, 2)), np.zeros((len(_NEARNESSES_PER_M), len(ways), 2))
+    for world_to_camera, (points, normal, white, ambient, weight, residual) in map(_some_pixels, images):
+        towards, origin = world_to_camera[:3, :3] @ directions, world_to_camera[:3, 3] - points
+        # As in _way(), of all directions at once: how the way's parts meet the normal and add up to its square.
+        facing, along = normal @ towards, origin @ towards
+        aside, far = (normal * origin).sum(-1)[:, None], (origin**2).sum(-1)[:, None]
+        for k, nearness in enumerate(_NEARNESSES_PER_M):
+            square = np.maximum(1.0 + nearness * (2.0 * along + nearness * far), 1e-6)
+            lit = white[:, None] * np.maximum(facing + nearness * aside, 0.0) / (square * np.sqrt(square))
+            gram[k, :, 0, 0] += weight @ lit**2
+            gram[k, :, 0, 1] += (weight * ambient) @ lit
+            gram[k, :, 1, 1] += weight @ ambient**2
+            moment[k, :, 0] += (weight * residual) @ lit
+            moment[k, :, 1] += (weight * residual) @ ambient
+    gram[..., 1, 0] = gram[..., 0, 1]
     best: list[dict[str, float]] = []
     most = 0.0
-    for azimuth, elevation, nearness in product(_AZIMUTHS_RAD, _ELEVATIONS_RAD, _NEARNESSES_PER_M):
-        lamp = Lamp.toward(azimuth, elevation, nearness)
-        gram, moment = np.zeros((2, 2)), np.zeros(2)
-        for view, (points, normal, white, ambient, weight, residual) in pixels:
-            way, square = lamp._way(view, points)
-            columns = np.stack([white * np.maximum((normal * way).sum(-1), 0.0) / square, ambient])
-            gram += (columns * weight) @ columns.T
-            moment += columns @ (weight * residual)
-        strength, _ = solution = np.linalg.lstsq(gram, moment, rcond=1e-8)[0]
-        if strength > 0.0 and solution @ moment > most:
-            place = {"azimuth_rad": azimuth, "elevation_rad": elevation, "nearness_per_m": nearness}
-            best, most = [{"strength": float(strength)} | place], float(solution @ moment)
+    for i, (azimuth, elevation) in enumerate(ways):
+        for k, nearness in enumerate(_NEARNESSES_PER_M):
+            strength, _ = solution = np.linalg.lstsq(gram[k, i], moment[k, i], rcond=1e-8)[0]
+            if strength > 0.0 and solution @ moment[k, i] > most:
+                place = {"azimuth_rad": azimuth, "elevation_rad": elevation, "nearness_per_m": nearness}
+                best, most = [{"strength": float(strength)} | place], float(solution @ moment[k, i])
     return best
 
 
-def _some_pixels(image: StartImage) -> tuple[View, list[np.ndarray]]:
-    """The view, and [n] each of some pixels: point, normal, DN of a white lamp, of ambient light, weight, residual."""
+def _some_pixels(image: StartImage) -> tuple[np.ndarray, list[np.ndarray]]:
+    """World to camera [4][4], and float32 [n] each of some pixels: point, normal, DN of a white lamp, of ambient light,
+    weight, residual."""
     shading = Shading.of(image.light, image.view)
     chosen = np.zeros(shading.hit.shape, dtype=bool)
     chosen[::_GRID_EVERY_PX, ::_GRID_EVERY_PX] = True
@@ -151,7 +162,8 @@ def _some_pixels(image: StartImage) -> tuple[View, list[np.ndarray]]:
     white = np.pi * shading.reflectance * image.ambient_dn
     ambient = image.light.ambient * image.ambient_dn
     images = shading.points, shading.normal, white, ambient, image.weight, image.residual
-    return image.view, [x[at] for x in images]
+    world_to_camera = image.view.left_to_camera @ np.linalg.inv(image.view.frame.camera_to_world)
+    return world_to_camera.astype(np.float32), [x[at].astype(np.float32) for x in images]
 
 
 def _far_starts(images: list[StartImage]) -> list[dict[str, float]]:
@@ -161,26 +173,15 @@ def _far_starts(images: list[StartImage]) -> list[dict[str, float]]:
     Surfaces that face away show nothing of it; they are left out in turn (photometric stereo: Woodham 1980).
     """
     gram, moment = np.zeros((4, 4)), np.zeros(4)
-    rows = []
-    for image in images:
-        shading = Shading.of(image.light, image.view)
-        rotation = (image.view.left_to_camera @ np.linalg.inv(image.view.frame.camera_to_world))[:3, :3]
-        white = np.pi * shading.reflectance * image.ambient_dn
-        rows.append(
-            (
-                shading.normal @ rotation,
-                white,
-                image.light.ambient * image.ambient_dn,
-                image.weight,
-                image.residual,
-                shading.hit,
-            )
-        )
+    rows = [
+        (normal @ world_to_camera[:3, :3], *others)
+        for world_to_camera, (_, normal, *others) in map(_some_pixels, images)
+    ]
     vector = np.zeros(3)
     for _ in range(4):
         gram[:], moment[:] = 0.0, 0.0
-        for normal, white, ambient, weight, residual, hit in rows:
-            lit = hit & ((normal @ vector > 0) if vector.any() else True)
+        for normal, white, ambient, weight, residual in rows:
+            lit = normal @ vector > 0 if vector.any() else np.ones(len(normal), dtype=bool)
             columns = np.stack([*(normal[lit] * white[lit][:, None]).T, ambient[lit]])
             gram += (columns * weight[lit]) @ columns.T
             moment += columns @ (weight[lit] * residual[lit])

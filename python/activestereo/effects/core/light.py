@@ -136,10 +136,10 @@ class Light:
     def pointwise(self, act: Callable[[Light, View], Light], view: View) -> Light:
         """act(light, view), each of whose pixels depends on that pixel alone, done for those that are asked for."""
         later, some = _Later(self, lambda images: images), []  # type: ignore[var-annotated]
+        light = later.light()
         later.whole = lambda names: light._once("acted", lambda: act(self, view)).sum_of(names)
         at = lambda pick: once_of_picked(some, pick, lambda: act(self.at(pick), view.at(pick)))  # noqa: E731
         later.size, later.at = view.depth_m.size, lambda names, pick: at(pick).sum_of(names)[0]
-        light = later.light()
         light.__dict__["supersampled"] = self.supersampled
         return light
 

@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.fft import irfft2, next_fast_len, rfft2
-from scipy.ndimage import convolve1d, map_coordinates, spline_filter
+from scipy.ndimage import convolve1d, gaussian_filter, map_coordinates, spline_filter
 from scipy.special import ive
 
 # Uniform blurs of which one that varies is made, an equal step or an equal ratio of variances apart.
@@ -150,11 +150,11 @@ def blur_along(images: np.ndarray, sigma_px: np.ndarray, axis: int) -> np.ndarra
     low, high = variance.min(), variance.max()
     count = min(2 + int(np.log2(high / low)), _MAX_RATIO_LEVELS)
     levels = np.unique(np.geomspace(low, high, count))
-    position = np.interp(variance, levels, np.arange(len(levels)))
     out = np.zeros(images.shape, np.result_type(images, np.float32))
+    position = np.interp(variance, levels, np.arange(len(levels))).astype(out.dtype)
     for i, level in enumerate(levels):
         kernels = (_kernel(np.sqrt(level)), np.ones(1))
-        weight = np.maximum(0.0, 1.0 - np.abs(position - i)).astype(out.dtype)
+        weight = np.maximum(0.0, 1.0 - np.abs(position - i))
         out += weight * _along_both(images, *(kernels if axis == -1 else kernels[::-1]))
     return out
 
@@ -189,6 +189,12 @@ class Pattern:
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Pattern) and self._digest == other._digest
+
+
+@lru_cache(maxsize=8)
+def smooth_pattern(pattern: Pattern, sigma_px: float) -> np.ndarray:
+    """A Pattern under a Gaussian, float64; zero outside."""
+    return gaussian_filter(pattern.image.astype(np.float64), sigma_px, mode="constant")
 
 
 @lru_cache(maxsize=48)

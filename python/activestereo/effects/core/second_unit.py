@@ -6,9 +6,9 @@ dots that a unit there would project.
 """
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 from activestereo.effects.core.judging import StartImage
+from activestereo.effects.core.resample import Pattern, smooth_pattern
 from activestereo.effects.core.shading import Shading
 from activestereo.effects.core.view import transform
 
@@ -60,8 +60,8 @@ class _Scene:
         self._weight, self._residual = image.weight.ravel()[pick].astype(np.float64), image.residual.ravel()[pick]
         self._K = view.projector_K
         sigma_px = 0.5 * _STEP_RAD * self._K[0, 0]
-        pattern = np.asarray(view.pattern, dtype=np.float64)
-        self._pattern = view.once("unit's pattern", lambda: gaussian_filter(pattern, sigma_px, mode="constant"))
+        smooth = smooth_pattern(view.once("pattern", lambda: Pattern(view.pattern)), sigma_px)
+        self._pattern = np.pad(smooth.astype(np.float32), 1)  # what falls beside it is dark
 
     def products(self, x: float, yaws: np.ndarray) -> np.ndarray:
         """[2][yaws]: of the dots of unit intensity projected from x beside the projector, with the residual and with
@@ -70,13 +70,19 @@ class _Scene:
         way = self.points - [x, 0.0, 0.0]
         square = np.maximum((way**2).sum(-1), 1e-6)
         irradiance = np.maximum(-(way * self._normal).sum(-1), 0.0) / (square * np.sqrt(square))
-        c, s = np.cos(yaws)[:, None], np.sin(yaws)[:, None]
-        ahead = s * way[:, 0] + c * way[:, 2]
-        z = np.where(ahead > 1e-3, ahead, np.inf)
-        column = np.rint(self._K[0, 0] * (c * way[:, 0] - s * way[:, 2]) / z + self._K[0, 2]).astype(int)
-        row = np.rint(self._K[1, 1] * way[:, 1] / z + self._K[1, 2]).astype(int)
+        c, s = np.cos(yaws)[:, None].astype(np.float32), np.sin(yaws)[:, None].astype(np.float32)
+        x_m, y_m, z_m = way.T.astype(np.float32)
+        ahead = s * x_m + c * z_m
+        z = np.where(ahead > 1e-3, ahead, np.float32(1e-6))
         height, width = self._pattern.shape
-        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height) & (ahead > 1e-3)
-        dots = np.where(inside, self._pattern[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], 0.0)
-        dots = dots * (self._glow * irradiance)
-        return np.stack([dots @ (self._weight * self._residual), dots**2 @ self._weight])
+        column, row = (
+            np.clip(np.rint(k * tangent / z + (middle + 1.0)), 0, side - 1).astype(np.int32)
+            for k, tangent, middle, side in (
+                (np.float32(self._K[0, 0]), c * x_m - s * z_m, np.float32(self._K[0, 2]), width),
+                (np.float32(self._K[1, 1]), y_m, np.float32(self._K[1, 2]), height),
+            )
+        )
+        dots = self._pattern.ravel().take(row * width + column) * (ahead > 1e-3)
+        lit = (self._glow * irradiance).astype(np.float32)
+        weight = self._weight.astype(np.float32)
+        return np.stack([dots @ (lit * weight * self._residual.astype(np.float32)), dots**2 @ (lit**2 * weight)])

@@ -31,8 +31,8 @@ class SupersampledImages:
         s, edge = self.scale, self.margin_px * self.scale
         images = self.images()
         inside = images[:, edge : images.shape[1] - edge, edge : images.shape[2] - edge]
-        rows = sum(inside[:, k::s].astype(np.float64) for k in range(s))
-        return sum(rows[:, :, k::s] for k in range(s)) / s**2
+        rows = np.add.reduce([inside[:, k::s] for k in range(s)], dtype=np.float64)
+        return np.add.reduce([rows[:, :, k::s] for k in range(s)]) / s**2
 
     def warped(self, u: np.ndarray, v: np.ndarray) -> SupersampledImages:
         """The images of a camera whose pixels show what lies at pixel positions (u, v) [height][width] here.

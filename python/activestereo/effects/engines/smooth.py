@@ -36,12 +36,15 @@ class Surfaces(NamedTuple):
     @classmethod
     def of(cls, depth_m: np.ndarray, normal: np.ndarray, points: np.ndarray, material: np.ndarray) -> Surfaces:
         """From vectors [height][width][3]."""
-        planes = (np.ascontiguousarray(np.moveaxis(vectors, -1, 0), dtype=np.float32) for vectors in (normal, points))
-        return cls(np.asarray(depth_m, dtype=np.float32), *planes, np.asarray(material))
+        normals, places = (
+            np.ascontiguousarray(np.moveaxis(vectors, -1, 0), dtype=np.float32) for vectors in (normal, points)
+        )
+        return cls(np.asarray(depth_m, dtype=np.float32), normals, places, np.asarray(material))
 
     def at(self, place: Any) -> Surfaces:
         """Those at an index of rows and columns."""
-        return Surfaces(*(image[(..., *place)] for image in self))
+        index = (..., *place)
+        return Surfaces(self.depth_m[index], self.normal[index], self.points[index], self.material[index])
 
 
 def smooth_bounced(image: np.ndarray, surfaces: Surfaces, focal_px: float) -> np.ndarray:
@@ -59,7 +62,7 @@ def _filter(image: np.ndarray, surfaces: Surfaces, step: int) -> np.ndarray:
     for j, row_tap in enumerate(_TAPS):
         for i, column_tap in enumerate(_TAPS):
             here, there = _overlap(shape, (j - 2) * step, (i - 2) * step)
-            weight = np.float32(row_tap * column_tap)
+            weight: Any = np.float32(row_tap * column_tap)
             if here != there:
                 weight = weight * alike(surfaces.at(here), surfaces.at(there))
             total[(..., *here)] += weight * image[(..., *there)]
