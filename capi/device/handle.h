@@ -24,6 +24,7 @@ struct Handle {
   static constexpr uint32_t expected_tag = tag_value;
   std::atomic<uint32_t> tag{tag_value};
   std::atomic<uint32_t> references{1};
+  std::atomic<bool> in_call{false};
   std::shared_ptr<Object> object;
   const pid_t process = getpid();
   [[nodiscard]] bool forked() const { return process != getpid(); }
@@ -45,6 +46,27 @@ const auto& object_of(H* handle, const char* name) {
     if (handle->forked()) fail(KS_ERROR_INVALID_STATE, "%s was made before fork: a child process makes a device of its own", name);
   return handle->object;
 }
+
+/// The object behind a handle, for one call at a time: a second one, of another thread or of a callback, is refused. The object lives as
+/// long as this, also where another thread releases the handle.
+template <class H>
+class Exclusive {
+ public:
+  Exclusive(H* handle, const char* name) : object_(object_of(handle, name)), handle_(handle) {
+    if (handle->in_call.exchange(true, std::memory_order_acquire))
+      fail(KS_ERROR_INVALID_STATE, "this %s is inside another call: use it from one thread at a time", name);
+  }
+  Exclusive(const Exclusive&) = delete;
+  Exclusive& operator=(const Exclusive&) = delete;
+  ~Exclusive() { handle_->in_call.store(false, std::memory_order_release); }
+  auto* operator->() const { return object_.get(); }
+  auto& operator*() const { return *object_; }
+  const auto& shared() const { return object_; }
+
+ private:
+  decltype(H::object) object_;
+  H* handle_;  // its memory outlives it (handle_memory.h)
+};
 
 template <class H>
 void retain(H* handle, const char* name) noexcept {

@@ -3,7 +3,6 @@
 // Thread rule: the GIL is held, on the thread of the failed call (the message is thread-local).
 #pragma once
 
-#include <atomic>
 #include <filesystem>
 #include <string>
 
@@ -92,23 +91,5 @@ void check_file(ks_status status, const std::string& message, const std::filesys
   if (status == KS_ERROR_FILE && !std::filesystem::exists(path, ignored)) raise<Api>(status, Errors<Api>::not_found, message);
   check<Api>(status, message);
 }
-
-/// Marks an object as inside a call for its own lifetime. The libraries let one thread at a time use an object and the bindings release the
-/// GIL, so a second call is refused rather than raced.
-template <class Api>
-class InUse {
- public:
-  InUse(std::atomic<bool>& flag, const char* what) : flag_(flag) {
-    if (flag_.exchange(true))
-      raise<Api>(KS_ERROR_INVALID_STATE, Errors<Api>::error,
-                 std::string("this ") + what + " is inside another call; use it from one thread at a time");
-  }
-  InUse(const InUse&) = delete;
-  InUse& operator=(const InUse&) = delete;
-  ~InUse() { flag_ = false; }
-
- private:
-  std::atomic<bool>& flag_;
-};
 
 }  // namespace ks_python

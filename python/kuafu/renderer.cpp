@@ -94,8 +94,6 @@ class Renderer {
   Renderer& operator=(const Renderer&) = delete;
 
   [[nodiscard]] kuafu_renderer get() const { return handle_.get(); }
-  /// For reading what a render on another thread may be writing.
-  [[nodiscard]] InUse<Kuafu> hold() { return InUse<Kuafu>(in_use_, "renderer"); }
   [[nodiscard]] const std::shared_ptr<Device<Kuafu>>& device() const { return device_; }
 
   py::dict render(Scene& scene, const Call& call, kuafu_render_desc desc) {
@@ -103,7 +101,6 @@ class Renderer {
     Progress progress(call.progress);
     desc.progress = Progress::function();
     desc.progress_user = &progress;
-    const InUse<Kuafu> in_use(in_use_, "renderer"), scene_in_use(scene.in_use, "scene");
     ks_status status;
     {
       const Unlocked nogil;
@@ -118,7 +115,6 @@ class Renderer {
   std::pair<ks_sync, py::dict> submit(Scene& scene, const Call& call, kuafu_render_desc desc) {
     if (!call.progress.is_none()) raise_argument<Kuafu>("submit takes no progress: ask the submission whether it has ended");
     const Arguments arguments(*this, call, desc);
-    const InUse<Kuafu> in_use(in_use_, "renderer"), scene_in_use(scene.in_use, "scene");
     ks_sync submission = ks_sync_init();
     ks_status status;
     {
@@ -157,14 +153,12 @@ class Renderer {
     desc.output_count = static_cast<uint32_t>(outputs.size());
     desc.environment_count = environment_count;
     desc.depth_kind = depth_kind == "ray" ? KUAFU_GBUFFER_DEPTH_RAY : KUAFU_GBUFFER_DEPTH_PLANAR;
-    const InUse<Kuafu> in_use(in_use_, "renderer"), scene_in_use(scene.in_use, "scene");
     check_unlocked<Kuafu>([&] { return kuafu_renderer_light_gbuffers(get(), scene.get(), &desc); });
     return arrays;
   }
 
   /// false: it has not ended yet. Signals are heard while it waits.
   bool wait(const ks_sync& submission, double timeout_s) {
-    const InUse<Kuafu> in_use(in_use_, "renderer");
     return wait_in_slices<Kuafu>(timeout_s, [&](uint64_t slice_ns) { return kuafu_renderer_wait(get(), &submission, slice_ns); });
   }
 
@@ -308,7 +302,6 @@ class Renderer {
 
   std::shared_ptr<Device<Kuafu>> device_;
   Handle<kuafu_renderer, kuafu_renderer_release> handle_;
-  std::atomic<bool> in_use_{false};
 };
 
 /// What Renderer.submit has begun: keeps the renderer, and the buffers that it fills.
@@ -358,7 +351,6 @@ void bind_renderer(py::module_& module) {
       .def_property_readonly(
           "summary",
           [](Renderer& r) {
-            const auto in_use = r.hold();
             kuafu_render_summary s = kuafu_render_summary_init();
             check<Kuafu>(kuafu_renderer_get_summary(r.get(), &s));
             return s;
@@ -367,7 +359,6 @@ void bind_renderer(py::module_& module) {
       .def_property_readonly(
           "stage_times",
           [](Renderer& r) {
-            const auto in_use = r.hold();
             return stage_times<Kuafu>([&](ks_stage_time* t, uint32_t* n) { return kuafu_renderer_get_stage_times(r.get(), t, n); });
           },
           doc("Renderer.stage_times"));

@@ -23,7 +23,6 @@ std::vector<uint32_t> ids_of(std::vector<uint32_t> numbers) {
 
 template <ks_status (*call)(kuafu_scene, uint32_t)>
 void remove(Scene& s, uint32_t number) {
-  const InUse<Kuafu> in_use(s.in_use, "scene");
   check<Kuafu>(call(s.get(), id_of(number)));
 }
 
@@ -35,7 +34,6 @@ void load(Scene& scene, const std::filesystem::path& path, const py::object& roo
           const std::optional<std::filesystem::path>& name) {
   double root[16];
   read_matrix<Kuafu>(root_to_world, "root_to_world", root, 16);
-  const InUse<Kuafu> in_use(scene.in_use, "scene");
   const Outcome outcome = run_interruptibly<Kuafu>(
       [&] { return kuafu_scene_load(scene.get(), path.c_str(), name ? name->c_str() : nullptr, root_to_world.is_none() ? nullptr : root); },
       [&] { return kuafu_scene_cancel_load(scene.get()); });
@@ -44,7 +42,6 @@ void load(Scene& scene, const std::filesystem::path& path, const py::object& roo
 }
 
 void animate(Scene& scene, double time_s, std::optional<uint32_t> animation) {
-  const InUse<Kuafu> in_use(scene.in_use, "scene");
   check<Kuafu>(kuafu_scene_animate(scene.get(), animation.value_or(KUAFU_ALL_ANIMATIONS), time_s));
 }
 
@@ -98,7 +95,6 @@ uint32_t add_mesh(Scene& scene, const std::optional<Floats>& positions, const py
   mesh.uvs_1 = rows(uvs_1, "uvs_1", 2, mesh.vertex_count);
   mesh.colors = rows(colors, "colors", 4, mesh.vertex_count);
   mesh.slots = rows(slots, "slots", 1, mesh.triangle_count);
-  const InUse<Kuafu> in_use(scene.in_use, "scene");
   uint32_t id = 0;
   check<Kuafu>(kuafu_scene_add_mesh(scene.get(), &mesh, &id));
   return number_of(id);
@@ -108,7 +104,6 @@ void update_mesh(Scene& scene, uint32_t id, const std::optional<Floats>& positio
   const float* p = rows(positions, "positions", 3, -1);
   if (!p) raise_argument<Kuafu>("a mesh needs positions");
   const float* n = rows(normals, "normals", 3, positions->shape(0));
-  const InUse<Kuafu> in_use(scene.in_use, "scene");
   check<Kuafu>(kuafu_scene_update_mesh(scene.get(), id_of(id), p, n, static_cast<uint32_t>(positions->shape(0))));
 }
 
@@ -142,7 +137,7 @@ struct TextureLook {
 
 /// Hands the texels to `take` as a descriptor, which lives until it returns.
 template <class Take>
-void with_texture(Scene& scene, const py::array& texels, const TextureLook& look, bool srgb, const std::string& name, const Take& take) {
+void with_texture(const py::array& texels, const TextureLook& look, bool srgb, const std::string& name, const Take& take) {
   const py::array packed = py::array::ensure(texels, py::array::c_style);
   if (packed.ndim() != 2 && packed.ndim() != 3) raise_argument<Kuafu>("texels must be [height][width] or [height][width][channels]");
   kuafu_texture_desc texture = kuafu_texture_desc_init();
@@ -154,14 +149,13 @@ void with_texture(Scene& scene, const py::array& texels, const TextureLook& look
   texture.format = format_of<Kuafu>(packed.dtype());
   texture.srgb = srgb ? 1 : 0;
   look.put_into(texture);
-  const InUse<Kuafu> in_use(scene.in_use, "scene");
   check<Kuafu>(take(texture));
 }
 
 uint32_t add_texture(Scene& scene, const py::array& texels, bool srgb, const std::string& name, const std::array<std::string, 2>& wrap,
                      const std::string& filter, uint32_t uv_set, const std::optional<std::array<std::array<float, 3>, 2>>& uv_transform) {
   uint32_t id = 0;
-  with_texture(scene, texels, {wrap, filter, uv_set, uv_transform}, srgb, name,
+  with_texture(texels, {wrap, filter, uv_set, uv_transform}, srgb, name,
                [&](const kuafu_texture_desc& t) { return kuafu_scene_add_texture(scene.get(), &t, &id); });
   return number_of(id);
 }
@@ -169,7 +163,7 @@ uint32_t add_texture(Scene& scene, const py::array& texels, bool srgb, const std
 void set_texture(Scene& scene, uint32_t id, const py::array& texels, bool srgb, const std::string& name,
                  const std::array<std::string, 2>& wrap, const std::string& filter, uint32_t uv_set,
                  const std::optional<std::array<std::array<float, 3>, 2>>& uv_transform) {
-  with_texture(scene, texels, {wrap, filter, uv_set, uv_transform}, srgb, name,
+  with_texture(texels, {wrap, filter, uv_set, uv_transform}, srgb, name,
                [&](const kuafu_texture_desc& t) { return kuafu_scene_set_texture(scene.get(), id_of(id), &t); });
 }
 
@@ -186,7 +180,6 @@ uint32_t add_instance(Scene& scene, uint32_t mesh, const std::vector<uint32_t>& 
   read_matrix<Kuafu>(local_to_world, "local_to_world", instance.local_to_world, 16);
   std::ranges::copy(linear_velocity, instance.linear_velocity);
   std::ranges::copy(angular_velocity, instance.angular_velocity);
-  const InUse<Kuafu> in_use(scene.in_use, "scene");
   uint32_t id = 0;
   check<Kuafu>(kuafu_scene_add_instance(scene.get(), &instance, &id));
   return number_of(id);
@@ -195,7 +188,6 @@ uint32_t add_instance(Scene& scene, uint32_t mesh, const std::vector<uint32_t>& 
 void set_instance_pose(Scene& scene, uint32_t id, const py::object& local_to_world) {
   double pose[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
   read_matrix<Kuafu>(local_to_world, "local_to_world", pose, 16);
-  const InUse<Kuafu> in_use(scene.in_use, "scene");
   check<Kuafu>(kuafu_scene_set_instance_pose(scene.get(), id_of(id), pose));
 }
 
@@ -209,17 +201,14 @@ void set_instance_poses(Scene& scene, const py::object& given_ids, const Matrice
     raise_argument<Kuafu>("local_to_world has shape " + std::string(py::str(local_to_world.attr("shape"))) + ", it needs (" +
                           (numbers ? std::to_string(given->shape(0)) : "n") + ", 4, 4): one for each of ids");
   const std::vector<uint32_t> ids = ids_of({numbers, numbers + given->shape(0)});
-  const InUse<Kuafu> in_use(scene.in_use, "scene");
   check<Kuafu>(kuafu_scene_set_instance_poses(scene.get(), ids.data(), local_to_world.data(), static_cast<uint32_t>(ids.size())));
 }
 
 void set_instance_velocity(Scene& scene, uint32_t id, const Vector3& linear, const Vector3& angular) {
-  const InUse<Kuafu> in_use(scene.in_use, "scene");
   check<Kuafu>(kuafu_scene_set_instance_velocity(scene.get(), id_of(id), linear.data(), angular.data()));
 }
 
 void set_instance_materials(Scene& scene, uint32_t id, const std::vector<uint32_t>& materials) {
-  const InUse<Kuafu> in_use(scene.in_use, "scene");
   const std::vector<uint32_t> ids = ids_of(materials);
   check<Kuafu>(kuafu_scene_set_instance_materials(scene.get(), id_of(id), ids.data(), static_cast<uint32_t>(ids.size())));
 }
@@ -232,14 +221,10 @@ void set_environment(Scene& scene, const std::array<float, 3>& radiance, std::op
   if (texture) environment.texture = id_of(*texture);
   environment.light_group = light_group;
   read_matrix<Kuafu>(map_to_world, "map_to_world", environment.map_to_world, 9);
-  const InUse<Kuafu> in_use(scene.in_use, "scene");
   check<Kuafu>(kuafu_scene_set_environment(scene.get(), &environment));
 }
 
-void set_medium(Scene& scene, const Medium* medium) {
-  const InUse<Kuafu> in_use(scene.in_use, "scene");
-  check<Kuafu>(kuafu_scene_set_medium(scene.get(), medium ? &medium->c : nullptr));
-}
+void set_medium(Scene& scene, const Medium* medium) { check<Kuafu>(kuafu_scene_set_medium(scene.get(), medium ? &medium->c : nullptr)); }
 
 kuafu_scene_summary summary(const Scene& scene) {
   kuafu_scene_summary s = kuafu_scene_summary_init();
@@ -260,7 +245,6 @@ template <class Record, auto add, auto set>
 void bind_record(SceneType& type, const std::string& kind) {
   type.def(("add_" + kind).c_str(),
            [](Scene& s, const Record& record) {
-             const InUse<Kuafu> in_use(s.in_use, "scene");
              const auto desc = record.desc();
              uint32_t id = 0;
              check<Kuafu>(add(s.get(), &desc, &id));
@@ -269,7 +253,6 @@ void bind_record(SceneType& type, const std::string& kind) {
            py::arg(kind.c_str()));
   type.def(("set_" + kind).c_str(),
            [](Scene& s, uint32_t id, const Record& record) {
-             const InUse<Kuafu> in_use(s.in_use, "scene");
              const auto desc = record.desc();
              check<Kuafu>(set(s.get(), id_of(id), &desc));
            },
@@ -294,7 +277,6 @@ Light get_light(const Scene& s, uint32_t id) {
 void set_lights(Scene& s, const std::vector<uint32_t>& ids, const std::vector<const Light*>& lights) {
   if (ids.size() != lights.size())
     raise_argument<Kuafu>("there are " + std::to_string(ids.size()) + " ids and " + std::to_string(lights.size()) + " lights");
-  const InUse<Kuafu> in_use(s.in_use, "scene");
   std::vector<kuafu_light_desc> descs;
   for (const Light* light : lights) {
     if (!light) raise_argument<Kuafu>("one of lights is None");
@@ -342,12 +324,7 @@ void bind_scene(py::module_& module) {
       .def("remove_material", &remove<kuafu_scene_remove_material>, py::arg("id"), doc("Scene.remove_material"))
       .def("remove_instance", &remove<kuafu_scene_remove_instance>, py::arg("id"))
       .def(
-          "next_frame",
-          [](Scene& s) {
-            const InUse<Kuafu> in_use(s.in_use, "scene");
-            check<Kuafu>(kuafu_scene_next_frame(s.get()));
-          },
-          doc("Scene.next_frame"))
+          "next_frame", [](Scene& s) { check<Kuafu>(kuafu_scene_next_frame(s.get())); }, doc("Scene.next_frame"))
       .def("set_environment", &set_environment, py::arg("radiance"), py::arg("ir_radiance") = py::none(), py::kw_only(),
            py::arg("texture") = py::none(), py::arg("map_to_world") = py::none(), py::arg("light_group") = 0, doc("Scene.set_environment"))
       .def("set_medium", &set_medium, py::arg("medium").none(true), doc("Scene.set_medium"))

@@ -15,7 +15,6 @@ class Scene {
 
   std::shared_ptr<Device<Kuafu>> device;
   Handle<kuafu_scene, kuafu_scene_release> handle;
-  std::atomic<bool> in_use{false};
 };
 
 }  // namespace ks_python

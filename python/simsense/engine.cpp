@@ -109,7 +109,6 @@ class Engine {
     const Settings old = settings();
     Settings s = old;
     s.change(changes);
-    const InUse<Simsense> in_use(in_use_, "engine");
     check<Simsense>(simsense_engine_set_signal(get(), &s.left, &s.right));
     try {
       check<Simsense>(simsense_engine_set_parameters(get(), &s.parameters));
@@ -122,7 +121,6 @@ class Engine {
     Settings s = settings();
     ks_python::set_signal(s.left, left, "left");
     ks_python::set_signal(s.right, right, "right");
-    const InUse<Simsense> in_use(in_use_, "engine");
     check<Simsense>(simsense_engine_set_signal(get(), &s.left, &s.right));
   }
   [[nodiscard]] py::dict parameters() const {
@@ -138,7 +136,6 @@ class Engine {
   }
 
   py::dict stage_times() {
-    const InUse<Simsense> in_use(in_use_, "engine");
     return ks_python::stage_times<Simsense>([this](ks_stage_time* t, uint32_t* n) { return simsense_engine_get_stage_times(get(), t, n); });
   }
 
@@ -158,7 +155,6 @@ class Engine {
     Progress progress(callback);
     call.desc.progress = Progress::function();
     call.desc.progress_user = &progress;
-    const InUse<Simsense> in_use(in_use_, "engine");
     ks_status status;
     {
       const Unlocked nogil;
@@ -172,7 +168,6 @@ class Engine {
   /// The results are the caller's to read after wait().
   std::pair<ks_sync, py::dict> submit(const Inputs& inputs, const py::object& outputs) {
     const Call call = make_call(inputs, outputs);
-    const InUse<Simsense> in_use(in_use_, "engine");
     ks_sync sync = ks_sync_init();
     ks_status status;
     {
@@ -185,7 +180,6 @@ class Engine {
 
   /// false: it has not ended yet. Signals are heard while it waits.
   bool wait(const ks_sync& sync, double timeout_s) {
-    const InUse<Simsense> in_use(in_use_, "engine");
     return wait_in_slices<Simsense>(timeout_s, [&](uint64_t slice_ns) { return simsense_engine_wait_for(get(), &sync, slice_ns); });
   }
 
@@ -295,7 +289,6 @@ class Engine {
   std::shared_ptr<Device<Simsense>> device_;
   simsense_rig_desc rig_ = simsense_rig_desc_init();
   Handle<simsense_engine, simsense_engine_release> handle_;
-  std::atomic<bool> in_use_{false};
 };
 
 /// Work under way, and its results, which must live until it is done.

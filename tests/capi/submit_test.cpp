@@ -60,6 +60,27 @@ TEST_P(Submit, GivesTheBitsOfARenderThatWasWaitedFor) {
   EXPECT_EQ(summary.samples_per_pixel, 4u);
 }
 
+TEST_P(Submit, ASecondCallIsRefusedWhileOneIsUnderWay) {
+  struct Second {
+    SmallRender& render;
+    ks_status change = KS_OK, drawn = KS_OK;
+  } second{render};
+  kuafu_render_desc desc = render.desc;
+  desc.progress_user = &second;
+  desc.progress = [](void* user, float) -> int32_t {
+    Second& other = *static_cast<Second*>(user);
+    std::thread([&] {
+      other.change = kuafu_scene_next_frame(other.render.scene);
+      other.drawn = kuafu_renderer_render(other.render.renderer, other.render.scene, &other.render.desc);
+    }).join();
+    return 0;
+  };
+  ASSERT_EQ(kuafu_renderer_render(render.renderer, render.scene, &desc), KS_OK) << kuafu_last_error();
+  EXPECT_EQ(second.change, KS_ERROR_INVALID_STATE);
+  EXPECT_EQ(second.drawn, KS_ERROR_INVALID_STATE);
+  render.expect_works();
+}
+
 TEST_P(Submit, AWaitGivesUpInTimeAndTheRenderGoesOnUntilItIsCancelled) {
   const ks_sync sync = submit(hours);
   EXPECT_EQ(wait(sync, 0), KS_ERROR_TIMEOUT);

@@ -11,7 +11,8 @@
  * Time: time 0 is the middle of the exposure of a view's middle line. If P is an object's pose at time 0 and [v, w] its twist, its pose at time t is
  * P exp(t [v, w]), where v (m/s) and w (rad/s) are in the object's own frame. Motion within an exposure, or from line to line, is rendered
  * where a camera's exposure_s or line_time_s is not 0.
- * Threads: a device may be used by several threads at once, a scene and a renderer by one thread at a time. Distinct objects are independent. */
+ * Threads: a device may be used by several threads at once, a scene and a renderer by one thread at a time. A render, or a change of a scene, inside
+ * another call is refused with KS_ERROR_INVALID_STATE. Distinct objects are independent. */
 #ifndef KUAFU_KUAFU_H
 #define KUAFU_KUAFU_H
 

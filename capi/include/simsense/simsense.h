@@ -9,8 +9,9 @@
  * Lifetime: a create or import function returns one reference, ..._retain takes another, and ..._release gives one back, from any thread;
  * ..._release(NULL) does nothing. An engine or buffer keeps its device and what it was given, so that these may be released in any order. Handles are never
  * given to another library: buffers are shared through ks_buffer_desc.
- * Threads: a device may be used by several threads at once, an engine or a buffer by one at a time, which includes its release
- * (simsense_engine_cancel alone may come from any). Distinct objects are independent. Callbacks are called in the thread that called the library, and must not call the library themselves. */
+ * Threads: a device may be used by several threads at once, an engine or a buffer by one at a time. A call into an engine that is inside another call is
+ * refused with KS_ERROR_INVALID_STATE (simsense_engine_cancel and the release may come from any thread). Distinct objects are independent. Callbacks are
+ * called in the thread that called the library, and must not call the library themselves. */
 #ifndef SIMSENSE_SIMSENSE_H
 #define SIMSENSE_SIMSENSE_H
 

@@ -52,29 +52,30 @@ void kuafu_renderer_release(kuafu_renderer renderer) { ks::release(renderer, "re
 
 ks_status kuafu_renderer_render(kuafu_renderer renderer, kuafu_scene scene, const kuafu_render_desc* desc) {
   return ks::call([&] {
-    kuafu::RenderQueue& images = *ks::object_of(renderer, "renderer");
-    const std::shared_ptr<kuafu::DeviceScene> owner = ks::object_of(scene, "scene");  // also where the caller's callback releases it
-    images.render(owner->scene, read_launch(images, owner->scene, desc));
+    const ks::Exclusive images(renderer, "renderer");
+    const ks::Exclusive owner(scene, "scene");
+    images->render(owner->scene, read_launch(*images, owner->scene, desc));
   });
 }
 
 ks_status kuafu_renderer_light_gbuffers(kuafu_renderer renderer, kuafu_scene scene, const kuafu_gbuffer_desc* desc) {
   return ks::call([&] {
-    kuafu::RenderQueue& images = *ks::object_of(renderer, "renderer");
-    const std::shared_ptr<kuafu::DeviceScene> owner = ks::object_of(scene, "scene");  // also where the caller's callback releases it
-    images.light(owner->scene, kuafu::read_gbuffers(desc, owner->scene, images.device()));
+    const ks::Exclusive images(renderer, "renderer");
+    const ks::Exclusive owner(scene, "scene");
+    images->light(owner->scene, kuafu::read_gbuffers(desc, owner->scene, images->device()));
   });
 }
 
 ks_status kuafu_renderer_submit(kuafu_renderer renderer, kuafu_scene scene, const kuafu_render_desc* desc, ks_sync* out) {
   return ks::call([&] {
     (void)ks::check_header(out, KS_TYPE_SYNC, "out");  // before work begins that nobody could wait for
-    kuafu::RenderQueue& images = *ks::object_of(renderer, "renderer");
-    const std::shared_ptr<kuafu::DeviceScene>& owner = ks::object_of(scene, "scene");
-    kuafu::Launch launch = read_launch(images, owner->scene, desc);
+    const ks::Exclusive images(renderer, "renderer");
+    const ks::Exclusive scene_in_use(scene, "scene");
+    const std::shared_ptr<kuafu::DeviceScene>& owner = scene_in_use.shared();
+    kuafu::Launch launch = read_launch(*images, owner->scene, desc);
     ks_sync sync = ks_sync_init();
     sync.kind = KS_SYNC_TIMELINE;
-    sync.value = images.submit(std::shared_ptr<const kuafu::Scene>(owner, &owner->scene), std::move(launch), kuafu::hold_unchanged(owner));
+    sync.value = images->submit(std::shared_ptr<const kuafu::Scene>(owner, &owner->scene), std::move(launch), kuafu::hold_unchanged(owner));
     ks::write_struct(out, sync, KS_TYPE_SYNC, "out");
   });
 }
@@ -103,7 +104,7 @@ ks_status kuafu_renderer_export_timeline(kuafu_renderer renderer, ks_sync* out) 
 
 ks_status kuafu_renderer_get_summary(kuafu_renderer renderer, kuafu_render_summary* out) {
   return ks::call([&] {
-    const kuafu::RenderSummary& last = ks::object_of(renderer, "renderer")->summary();
+    const kuafu::RenderSummary last = ks::Exclusive(renderer, "renderer")->summary();
     kuafu_render_summary summary = kuafu_render_summary_init();
     summary.samples_per_pixel = last.samples;
     summary.call_samples_per_pixel = last.call_samples;
@@ -115,7 +116,8 @@ ks_status kuafu_renderer_get_summary(kuafu_renderer renderer, kuafu_render_summa
 
 ks_status kuafu_renderer_get_stage_times(kuafu_renderer renderer, ks_stage_time* times, uint32_t* count) {
   return ks::call([&] {
-    const auto& stages = ks::object_of(renderer, "renderer")->stage_times();
+    const ks::Exclusive images(renderer, "renderer");
+    const auto& stages = images->stage_times();
     if (count == nullptr) ks::fail(KS_ERROR_INVALID_ARGUMENT, "count is NULL");
     const size_t written = times == nullptr ? 0 : std::min<size_t>(*count, stages.size());
     for (size_t i = 0; i < written; ++i) {

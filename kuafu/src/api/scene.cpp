@@ -18,14 +18,15 @@ namespace {
 
 const kuafu::Scene& scene_of(kuafu_scene handle) { return ks::object_of(handle, "scene")->scene; }
 
-kuafu::DeviceScene& changeable_owner(kuafu_scene handle) {
-  kuafu::DeviceScene& owner = *ks::object_of(handle, "scene");
-  if (const uint32_t renders = owner.submitted_renders; renders > 0)
-    ks::fail(KS_ERROR_INVALID_STATE, "scene is read by %u submitted renders: wait for them before it is changed", renders);
-  return owner;
-}
-
-kuafu::Scene& changeable(kuafu_scene handle) { return changeable_owner(handle).scene; }
+/// A scene for one call that changes it: refused while another call is in it, or a submitted render reads it.
+struct Changeable {
+  explicit Changeable(kuafu_scene handle) : owner(handle, "scene") {
+    if (const uint32_t renders = owner->submitted_renders; renders > 0)
+      ks::fail(KS_ERROR_INVALID_STATE, "scene is read by %u submitted renders: wait for them before it is changed", renders);
+  }
+  kuafu::Scene* operator->() const { return &owner->scene; }
+  ks::Exclusive<kuafu_scene_t> owner;
+};
 
 template <class T>
 T& required(T* pointer, const char* name) {
@@ -106,7 +107,8 @@ void kuafu_scene_release(kuafu_scene scene) { ks::release(scene, "scene"); }
 
 ks_status kuafu_scene_load(kuafu_scene scene, const char* path, const char* name, const double* root_to_world) {
   return ks::call([&] {
-    kuafu::DeviceScene& owner = changeable_owner(scene);
+    const Changeable changed(scene);
+    kuafu::DeviceScene& owner = *changed.owner;
     const ks::Interrupt interrupt([&owner, before = owner.load_wishes.load()](float) { return owner.load_wishes != before; });
     const glm::dmat4 root = root_to_world == nullptr ? glm::dmat4(1.0) : kuafu::from_row_major<4>(root_to_world);
     const kuafu::LoadOptions options = kuafu::load_options_from_environment();
@@ -120,7 +122,7 @@ ks_status kuafu_scene_cancel_load(kuafu_scene scene) {
 }
 
 ks_status kuafu_scene_animate(kuafu_scene scene, uint32_t animation, double time_s) {
-  return ks::call([&] { changeable(scene).animate(animation, time_s); });
+  return ks::call([&] { Changeable(scene)->animate(animation, time_s); });
 }
 
 ks_status kuafu_scene_animation_duration(kuafu_scene scene, uint32_t animation, double* out) {
@@ -140,39 +142,39 @@ ks_status kuafu_scene_get_summary(kuafu_scene scene, kuafu_scene_summary* out) {
 ks_status kuafu_scene_add_mesh(kuafu_scene scene, const kuafu_mesh_desc* desc, uint32_t* id) {
   return ks::call([&] {
     required(id, "id") = 0;
-    *id = id_of(changeable(scene).add_mesh(kuafu::to_mesh(ks::read_struct(desc, KUAFU_TYPE_MESH_DESC, "mesh desc"))));
+    *id = id_of(Changeable(scene)->add_mesh(kuafu::to_mesh(ks::read_struct(desc, KUAFU_TYPE_MESH_DESC, "mesh desc"))));
   });
 }
 
 ks_status kuafu_scene_update_mesh(kuafu_scene scene, uint32_t id, const float* positions, const float* normals, uint32_t vertex_count) {
   return ks::call([&] {
-    changeable(scene).update_mesh_positions(index_of(id), kuafu::to_vectors(&required(positions, "positions"), vertex_count),
-                                            kuafu::to_vectors(normals, vertex_count));
+    Changeable(scene)->update_mesh_positions(index_of(id), kuafu::to_vectors(&required(positions, "positions"), vertex_count),
+                                             kuafu::to_vectors(normals, vertex_count));
   });
 }
 
 ks_status kuafu_scene_add_texture(kuafu_scene scene, const kuafu_texture_desc* desc, uint32_t* id) {
   return ks::call([&] {
     required(id, "id") = 0;
-    *id = id_of(changeable(scene).add_texture(kuafu::to_texture(ks::read_struct(desc, KUAFU_TYPE_TEXTURE_DESC, "texture desc"))));
+    *id = id_of(Changeable(scene)->add_texture(kuafu::to_texture(ks::read_struct(desc, KUAFU_TYPE_TEXTURE_DESC, "texture desc"))));
   });
 }
 
 ks_status kuafu_scene_set_texture(kuafu_scene scene, uint32_t id, const kuafu_texture_desc* desc) {
   return ks::call([&] {
-    changeable(scene).set_texture(index_of(id), kuafu::to_texture(ks::read_struct(desc, KUAFU_TYPE_TEXTURE_DESC, "texture desc")));
+    Changeable(scene)->set_texture(index_of(id), kuafu::to_texture(ks::read_struct(desc, KUAFU_TYPE_TEXTURE_DESC, "texture desc")));
   });
 }
 
 ks_status kuafu_scene_add_material(kuafu_scene scene, const kuafu_material_desc* desc, uint32_t* id) {
   return ks::call([&] {
     required(id, "id") = 0;
-    *id = id_of(changeable(scene).add_material(to_material(desc)));
+    *id = id_of(Changeable(scene)->add_material(to_material(desc)));
   });
 }
 
 ks_status kuafu_scene_set_material(kuafu_scene scene, uint32_t id, const kuafu_material_desc* desc) {
-  return ks::call([&] { changeable(scene).set_material(index_of(id), to_material(desc)); });
+  return ks::call([&] { Changeable(scene)->set_material(index_of(id), to_material(desc)); });
 }
 
 ks_status kuafu_scene_get_material(kuafu_scene scene, uint32_t id, kuafu_material_desc* out) {
@@ -185,57 +187,57 @@ ks_status kuafu_scene_get_material(kuafu_scene scene, uint32_t id, kuafu_materia
 ks_status kuafu_scene_add_instance(kuafu_scene scene, const kuafu_instance_desc* desc, uint32_t* id) {
   return ks::call([&] {
     required(id, "id") = 0;
-    *id = id_of(changeable(scene).add_instance(kuafu::to_instance(ks::read_struct(desc, KUAFU_TYPE_INSTANCE_DESC, "instance desc"))));
+    *id = id_of(Changeable(scene)->add_instance(kuafu::to_instance(ks::read_struct(desc, KUAFU_TYPE_INSTANCE_DESC, "instance desc"))));
   });
 }
 
 ks_status kuafu_scene_set_instance_pose(kuafu_scene scene, uint32_t id, const double* local_to_world) {
   return ks::call(
-      [&] { changeable(scene).set_instance_pose(index_of(id), kuafu::from_row_major<4>(&required(local_to_world, "local_to_world"))); });
+      [&] { Changeable(scene)->set_instance_pose(index_of(id), kuafu::from_row_major<4>(&required(local_to_world, "local_to_world"))); });
 }
 
 ks_status kuafu_scene_set_instance_poses(kuafu_scene scene, const uint32_t* ids, const double* local_to_world, uint32_t count) {
   return ks::call([&] {
-    kuafu::Scene& changed = changeable(scene);
+    const Changeable changed(scene);
     if (count == 0) return;
     (void)required(ids, "ids"), (void)required(local_to_world, "local_to_world");
     std::vector<glm::dmat4> poses(count);
     for (uint32_t i = 0; i < count; ++i) poses[i] = kuafu::from_row_major<4>(local_to_world + size_t{16} * i);
-    changed.set_instance_poses(indices_of(ids, count), poses);
+    changed->set_instance_poses(indices_of(ids, count), poses);
   });
 }
 
 ks_status kuafu_scene_set_instance_velocity(kuafu_scene scene, uint32_t id, const double* linear, const double* angular) {
   return ks::call([&] {
-    changeable(scene).set_instance_velocity(index_of(id), kuafu::to_twist(&required(linear, "linear"), &required(angular, "angular")));
+    Changeable(scene)->set_instance_velocity(index_of(id), kuafu::to_twist(&required(linear, "linear"), &required(angular, "angular")));
   });
 }
 
 ks_status kuafu_scene_set_instance_materials(kuafu_scene scene, uint32_t id, const uint32_t* materials, uint32_t material_count) {
   return ks::call([&] {
     if (material_count > 0) (void)required(materials, "materials");
-    changeable(scene).set_instance_materials(index_of(id), indices_of(materials, material_count));
+    Changeable(scene)->set_instance_materials(index_of(id), indices_of(materials, material_count));
   });
 }
 
 ks_status kuafu_scene_next_frame(kuafu_scene scene) {
-  return ks::call([&] { changeable(scene).next_frame(); });
+  return ks::call([&] { Changeable(scene)->next_frame(); });
 }
 
 ks_status kuafu_scene_remove_mesh(kuafu_scene scene, uint32_t id) {
-  return ks::call([&] { changeable(scene).remove_mesh(index_of(id)); });
+  return ks::call([&] { Changeable(scene)->remove_mesh(index_of(id)); });
 }
 
 ks_status kuafu_scene_remove_texture(kuafu_scene scene, uint32_t id) {
-  return ks::call([&] { changeable(scene).remove_texture(index_of(id)); });
+  return ks::call([&] { Changeable(scene)->remove_texture(index_of(id)); });
 }
 
 ks_status kuafu_scene_remove_material(kuafu_scene scene, uint32_t id) {
-  return ks::call([&] { changeable(scene).remove_material(index_of(id)); });
+  return ks::call([&] { Changeable(scene)->remove_material(index_of(id)); });
 }
 
 ks_status kuafu_scene_remove_instance(kuafu_scene scene, uint32_t id) {
-  return ks::call([&] { changeable(scene).remove_instance(index_of(id)); });
+  return ks::call([&] { Changeable(scene)->remove_instance(index_of(id)); });
 }
 
 const char* kuafu_scene_instance_name(kuafu_scene scene, uint32_t id) {
@@ -253,23 +255,23 @@ const char* kuafu_scene_material_name(kuafu_scene scene, uint32_t id) {
 ks_status kuafu_scene_add_light(kuafu_scene scene, const kuafu_light_desc* desc, uint32_t* id) {
   return ks::call([&] {
     required(id, "id") = 0;
-    *id = id_of(changeable(scene).add_light(to_light(desc)));
+    *id = id_of(Changeable(scene)->add_light(to_light(desc)));
   });
 }
 
 ks_status kuafu_scene_set_light(kuafu_scene scene, uint32_t id, const kuafu_light_desc* desc) {
-  return ks::call([&] { changeable(scene).set_light(index_of(id), to_light(desc)); });
+  return ks::call([&] { Changeable(scene)->set_light(index_of(id), to_light(desc)); });
 }
 
 ks_status kuafu_scene_set_lights(kuafu_scene scene, const uint32_t* ids, const kuafu_light_desc* descs, uint32_t count) {
   return ks::call([&] {
-    kuafu::Scene& changed = changeable(scene);
+    const Changeable changed(scene);
     if (count == 0) return;
     (void)required(ids, "ids");
     std::vector<kuafu::Light> lights(count);
     for (uint32_t i = 0; i < count; ++i)
       lights[i] = kuafu::to_light(kuafu::element(&required(descs, "descs"), i, KUAFU_TYPE_LIGHT_DESC, "light desc"));
-    changed.set_lights(indices_of(ids, count), lights);
+    changed->set_lights(indices_of(ids, count), lights);
   });
 }
 
@@ -280,20 +282,20 @@ ks_status kuafu_scene_get_light(kuafu_scene scene, uint32_t id, kuafu_light_desc
 }
 
 ks_status kuafu_scene_remove_light(kuafu_scene scene, uint32_t id) {
-  return ks::call([&] { changeable(scene).remove_light(index_of(id)); });
+  return ks::call([&] { Changeable(scene)->remove_light(index_of(id)); });
 }
 
 ks_status kuafu_scene_set_environment(kuafu_scene scene, const kuafu_environment_desc* desc) {
   return ks::call([&] {
-    changeable(scene).set_environment(
+    Changeable(scene)->set_environment(
         kuafu::copied<kuafu::Environment>(ks::read_struct(desc, KUAFU_TYPE_ENVIRONMENT_DESC, "environment desc")));
   });
 }
 
 ks_status kuafu_scene_set_medium(kuafu_scene scene, const kuafu_medium_desc* desc) {
   return ks::call([&] {
-    if (desc == nullptr) return changeable(scene).set_medium(std::nullopt);
-    changeable(scene).set_medium(kuafu::copied<kuafu::Medium>(ks::read_struct(desc, KUAFU_TYPE_MEDIUM_DESC, "medium desc")));
+    if (desc == nullptr) return Changeable(scene)->set_medium(std::nullopt);
+    Changeable(scene)->set_medium(kuafu::copied<kuafu::Medium>(ks::read_struct(desc, KUAFU_TYPE_MEDIUM_DESC, "medium desc")));
   });
 }
 

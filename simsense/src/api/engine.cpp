@@ -81,11 +81,11 @@ ks_status simsense_engine_create(simsense_device device, const simsense_rig_desc
 }
 
 ks_status simsense_engine_set_parameters(simsense_engine engine, const simsense_parameters* parameters) {
-  return ks::call([&] { ks::object_of(engine, "engine")->set_parameters(read_parameters(parameters)); });
+  return ks::call([&] { ks::Exclusive(engine, "engine")->set_parameters(read_parameters(parameters)); });
 }
 
 ks_status simsense_engine_get_parameters(simsense_engine engine, simsense_parameters* out) {
-  return ks::call([&] { ks::write_struct(out, ks::object_of(engine, "engine")->parameters(), SIMSENSE_TYPE_PARAMETERS, "out"); });
+  return ks::call([&] { ks::write_struct(out, ks::Exclusive(engine, "engine")->parameters(), SIMSENSE_TYPE_PARAMETERS, "out"); });
 }
 
 ks_status simsense_signal_preset(const char* name, simsense_signal* out) {
@@ -94,7 +94,7 @@ ks_status simsense_signal_preset(const char* name, simsense_signal* out) {
 
 ks_status simsense_engine_set_signal(simsense_engine engine, const simsense_signal* left, const simsense_signal* right) {
   return ks::call([&] {
-    const auto& object = ks::object_of(engine, "engine");
+    const ks::Exclusive object(engine, "engine");
     object->set_signal(ks::read_struct(left, SIMSENSE_TYPE_SIGNAL, "left signal"),
                        ks::read_struct(right, SIMSENSE_TYPE_SIGNAL, "right signal"));
   });
@@ -102,7 +102,7 @@ ks_status simsense_engine_set_signal(simsense_engine engine, const simsense_sign
 
 ks_status simsense_engine_get_signal(simsense_engine engine, simsense_signal* left, simsense_signal* right) {
   return ks::call([&] {
-    const auto& object = ks::object_of(engine, "engine");
+    const ks::Exclusive object(engine, "engine");
     if (left) ks::write_struct(left, object->signal(0), SIMSENSE_TYPE_SIGNAL, "left signal");
     if (right) ks::write_struct(right, object->signal(1), SIMSENSE_TYPE_SIGNAL, "right signal");
   });
@@ -114,7 +114,8 @@ void simsense_engine_release(simsense_engine engine) { ks::release(engine, "engi
 
 ks_status simsense_engine_get_rectified(simsense_engine engine, double* k, double* baseline_m, double* left_to_rectified) {
   return ks::call([&] {
-    const simsense::StereoGeometry& geometry = ks::object_of(engine, "engine")->geometry();
+    const ks::Exclusive object(engine, "engine");
+    const simsense::StereoGeometry& geometry = object->geometry();
     const simsense::Pinhole& c = geometry.camera;
     const double matrix[9] = {c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1};
     if (k) std::copy(matrix, matrix + 9, k);
@@ -125,16 +126,16 @@ ks_status simsense_engine_get_rectified(simsense_engine engine, double* k, doubl
 
 ks_status simsense_engine_compute(simsense_engine engine, const simsense_compute_desc* desc) {
   return ks::call([&] {
-    simsense::Engine& object = *ks::object_of(engine, "engine");
-    object.compute(read_request(object, desc));
+    const ks::Exclusive object(engine, "engine");
+    object->compute(read_request(*object, desc));
   });
 }
 
 ks_status simsense_engine_submit(simsense_engine engine, const simsense_compute_desc* desc, ks_sync* out) {
   return ks::call([&] {
     (void)ks::check_header(out, KS_TYPE_SYNC, "out");  // before work begins that nobody could wait for
-    simsense::Engine& object = *ks::object_of(engine, "engine");
-    ks::write_struct(out, object.submit(read_request(object, desc)), KS_TYPE_SYNC, "out");
+    const ks::Exclusive object(engine, "engine");
+    ks::write_struct(out, object->submit(read_request(*object, desc)), KS_TYPE_SYNC, "out");
   });
 }
 
@@ -142,7 +143,7 @@ ks_status simsense_engine_wait(simsense_engine engine, const ks_sync* sync) { re
 
 ks_status simsense_engine_wait_for(simsense_engine engine, const ks_sync* sync, uint64_t timeout_ns) {
   return ks::call([&] {
-    if (!ks::object_of(engine, "engine")->wait(ks::read_struct(sync, KS_TYPE_SYNC, "sync"), timeout_ns))
+    if (!ks::Exclusive(engine, "engine")->wait(ks::read_struct(sync, KS_TYPE_SYNC, "sync"), timeout_ns))
       ks::fail(KS_ERROR_TIMEOUT, "the submission has not ended after %.3g s; it goes on", double(timeout_ns) * 1e-9);
   });
 }
@@ -154,14 +155,15 @@ ks_status simsense_engine_cancel(simsense_engine engine) {
 ks_status simsense_engine_export_timeline(simsense_engine engine, ks_sync* out) {
   return ks::call([&] {
     (void)ks::check_header(out, KS_TYPE_SYNC, "out");  // before an fd is made that nobody would close
-    ks::write_struct(out, ks::object_of(engine, "engine")->export_timeline(), KS_TYPE_SYNC, "out");
+    ks::write_struct(out, ks::Exclusive(engine, "engine")->export_timeline(), KS_TYPE_SYNC, "out");
   });
 }
 
 ks_status simsense_engine_get_stage_times(simsense_engine engine, ks_stage_time* times, uint32_t* count) {
   return ks::call([&] {
     if (count == nullptr) ks::fail(KS_ERROR_INVALID_ARGUMENT, "count is NULL");
-    const std::vector<ks_stage_time>& known = ks::object_of(engine, "engine")->stage_times();
+    const ks::Exclusive object(engine, "engine");
+    const std::vector<ks_stage_time>& known = object->stage_times();
     if (times) std::copy_n(known.begin(), std::min<size_t>(*count, known.size()), times);
     *count = static_cast<uint32_t>(known.size());
   });

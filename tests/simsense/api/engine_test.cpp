@@ -3,6 +3,7 @@
 // parameters that change.
 #include <cstring>
 #include <string>
+#include <thread>
 
 #include "simsense/api/plane_scene.h"
 #include "simsense/api/sensor.h"
@@ -267,6 +268,37 @@ TEST(Engine, CanBeCancelledAndUsedAgain) {
   EXPECT_NE(std::string(simsense_last_error()).find("pair 2 of 2"), std::string::npos) << simsense_last_error();
   desc.progress = nullptr;
   EXPECT_EQ(simsense_engine_compute(engine.get(), &desc), KS_OK) << simsense_last_error();
+}
+
+TEST(Engine, RefusesASecondCallWhileOneIsUnderWay) {
+  const Device device = open_device();
+  const EngineHandle engine = open_engine(device, small_rig(), small_parameters());
+  const std::vector<uint8_t> images(width * height, 9);
+  std::vector<float> depth(width * height);
+  const simsense_output_desc output = output_of(SIMSENSE_OUTPUT_DEPTH, host_image(depth, {height, width}));
+  struct Second {
+    simsense_engine engine;
+    simsense_compute_desc desc = simsense_compute_desc_init();
+    ks_status status = KS_OK;
+    std::string message;
+  } second{engine.get()};
+  second.desc.left = second.desc.right = host_image(images, {height, width});
+  second.desc.outputs = &output;
+  second.desc.output_count = 1;
+  simsense_compute_desc desc = second.desc;
+  desc.progress_user = &second;
+  desc.progress = [](void* user, float) -> int32_t {
+    Second& other = *static_cast<Second*>(user);
+    std::thread([&] {
+      other.status = simsense_engine_compute(other.engine, &other.desc);
+      other.message = simsense_last_error();
+    }).join();
+    return 0;
+  };
+  EXPECT_EQ(simsense_engine_compute(engine.get(), &desc), KS_OK) << simsense_last_error();
+  EXPECT_EQ(second.status, KS_ERROR_INVALID_STATE);
+  EXPECT_NE(second.message.find("engine is inside another call"), std::string::npos) << second.message;
+  EXPECT_EQ(simsense_engine_compute(engine.get(), &second.desc), KS_OK) << "the engine is free again: " << simsense_last_error();
 }
 
 class EngineBuffers : public testing::TestWithParam<uint32_t> {};
