@@ -97,7 +97,8 @@ class AutoExposure:
         counts += np.float32(black_dn)
         np.clip(counts, np.float32(0.0), np.float32(max_dn), out=counts)
         mean_dn = counts.mean(axis=1).astype(np.float64)
-        wanted = (self.target_dn - black_dn) / np.maximum(mean_dn - black_dn, 1e-6)
+        # Where black alone is beyond the target no light is wanted: the steps end at the shortest exposure.
+        wanted = max(self.target_dn - black_dn, 0.0) / np.maximum(mean_dn - black_dn, 1e-6)
         after = light_s * np.clip(wanted**_DAMPING, 1.0 / _LARGEST_STEP, _LARGEST_STEP)
         (shortest_s, longest_s), (least, most) = self.exposure_limits_s, self.gain_limits
         return np.asarray(np.clip(after, shortest_s * least, longest_s * most))

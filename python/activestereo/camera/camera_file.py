@@ -13,11 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
 from typing import Any
 
 from activestereo.common.input_files import read_toml
+from activestereo.common.limits import Limits
 from activestereo.common.matcher_table import MATCHER, SIGNAL
 from activestereo.common.nearest import did_you_mean
 from activestereo.common.parameter import Parameter
@@ -221,8 +222,8 @@ def _value(place: str, value: Any, field: Field) -> Any:
         raise ValueError(f"{place}: is {value!r}, expected {field.count} numbers")
     parts: Sequence[Any] = value if field.count else [value]
     for part in parts:
-        if isinstance(part, bool) or not isinstance(part, int if field.whole else (int, float)) or not isfinite(part):
-            raise ValueError(f"{place}: {part!r} is no {'whole ' if field.whole else ''}number")
-        if not field.low <= part <= field.high and not (field.or_zero and part == 0):
-            raise ValueError(f"{place}: {part:g} is outside of {field.low:g} to {field.high:g} {field.unit}".rstrip())
+        low = min(field.low, 0.0) if field.or_zero and part == 0 else field.low
+        fault = Limits(low, field.high, field.unit, field.whole).fault(part)
+        if fault is not None:
+            raise ValueError(f"{place}: {fault}")
     return value

@@ -91,7 +91,7 @@ def request_key(request: RenderRequest, renderer_version: str) -> str:
 
 
 class CacheWarning(UserWarning):
-    """Renders cannot be kept."""
+    """Renders cannot be kept, or an entry that was kept cannot be read."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class CacheEntry:
         try:
             with zipfile.ZipFile(checked_file(self.path)) as stored:
                 return "fits" if any("/" in name for name in stored.namelist()) else "renders"
-        except (OSError, zipfile.BadZipFile):
+        except Exception:  # zipfile has no class of its own for what a damaged file does to it
             return "damaged"
 
 
@@ -127,7 +127,7 @@ class LayerCache:
         try:
             count = int(stored["count"])
             return tuple(Layers(**{n: stored[f"{n}_{i}"] for n in names if n in present}) for i in range(count))
-        except (KeyError, ValueError):
+        except (KeyError, ValueError):  # no such entry
             return None
 
     def put(self, key: str, layers: tuple[Layers, ...]) -> None:
@@ -136,13 +136,19 @@ class LayerCache:
         self.put_arrays(key, arrays | {"count": np.array(len(layers))})
 
     def get_arrays(self, key: str) -> dict[str, np.ndarray] | None:
-        """The stored arrays by name, or None."""
+        """The stored arrays by name, or None. One that cannot be read costs a CacheWarning and is removed."""
         path = self.folder / f"{key}.npz"
         try:
-            with np.load(path) as stored:
+            with np.load(checked_file(path)) as stored:
                 arrays = {name: stored[name] for name in stored.files}
-        except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile):
-            return None  # absent, or not ours: rendered again and replaced
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        except Exception as error:  # zipfile, zlib and numpy raise some ten kinds of errors on damaged files
+            text = f"{path}: cannot be read ({error!r:.200}); it is removed and made again"
+            warnings.warn(text, CacheWarning, stacklevel=2)
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+            return None
         with suppress(OSError):  # another run may forget it at any time, and a folder may be read-only
             os.utime(path)
         return arrays

@@ -41,6 +41,13 @@ def test_a_settled_exposure_has_the_target_whatever_the_light(config, room):
     )
 
 
+def test_a_black_level_beyond_the_target_leaves_the_shortest_exposure(config):
+    config.ir_black_level_dn = config.ir_exposure_target_dn + 20.0
+    sensor = StereoDepthSensor(config, wall())
+    assert mean_count(sensor) >= config.ir_black_level_dn
+    assert sensor.get_config().ir_camera_exposure == pytest.approx(config.ir_exposure_limits_s[0], rel=0.01)
+
+
 def test_it_converges_over_frames_and_gain_follows_exposure_at_its_limit(config):
     config.ir_exposure_mode, config.ir_camera_exposure, config.ir_exposure_limits_s = (
         "converging",

@@ -21,8 +21,36 @@ def test_what_was_put_is_got_and_nothing_else(tmp_path: Path) -> None:
     stored = cache.get_arrays("key")
     assert stored is not None
     np.testing.assert_array_equal(stored["a"], ARRAYS["a"])
-    (cache.folder / "key.npz").write_bytes(b"no archive")
-    assert cache.get_arrays("key") is None
+
+
+def test_a_damaged_entry_is_dropped_and_said(tmp_path: Path) -> None:
+    """Whatever byte is wrong: the arrays are as they were put, or there are none and the next put makes the entry."""
+    cache, entry = LayerCache(tmp_path), tmp_path / "key.npz"
+    cache.put_arrays("key", ARRAYS)
+    whole = entry.read_bytes()
+    damaged = [whole[:i] + bytes([whole[i] ^ mask]) + whole[i + 1 :] for i in range(len(whole)) for mask in (1, 0x80)]
+    dropped = 0
+    for content in [b"", b"no archive", whole[:-30], *damaged]:
+        entry.write_bytes(content)
+        (listed,) = cache.entries()
+        assert listed.kind() in ("renders", "fits", "damaged")
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            stored = cache.get_arrays("key")
+        if stored is None:
+            dropped += 1
+            assert "key.npz: cannot be read" in str(said[0].message) and not entry.exists()
+        elif "a" in stored:
+            np.testing.assert_array_equal(stored["a"], ARRAYS["a"])
+    assert dropped > len(damaged) // 2
+
+
+def test_a_pipe_in_an_entrys_place_is_not_waited_for(tmp_path: Path) -> None:
+    cache = LayerCache(tmp_path)
+    os.mkfifo(tmp_path / "key.npz")
+    assert cache.entries()[0].kind() == "damaged"
+    with pytest.warns(CacheWarning, match="key.npz: cannot be read"):
+        assert cache.get_arrays("key") is None
 
 
 def test_a_folder_that_cannot_be_made_is_one_warning(tmp_path: Path) -> None:

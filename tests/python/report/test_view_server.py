@@ -13,11 +13,13 @@ import numpy as np
 import pytest
 
 from activestereo.common.own_files import outside_allowed, own_file
+from activestereo.effects import builtin
 from activestereo.report.view.library import Library
 from activestereo.report.view.packing import packed, unpacked
 from activestereo.report.view.routes import Routes
 from activestereo.report.view.save import free_name
 from activestereo.report.view.server import ViewServer
+from activestereo.report.view.settings import settings_of
 from activestereo.report.view.simulation import Pictures, Superseded
 
 
@@ -37,7 +39,7 @@ class Client:
         if method == "POST":
             own |= {"Origin": f"http://127.0.0.1:{self.port}", "Content-Type": "application/json"}
         own |= {name.replace("_", "-"): value for name, value in headers.items()}
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
         connection.putrequest(method, f"/{self.token if token is None else token}/{path}", skip_host=True)
         for name, value in own.items():
             if value is not None:
@@ -56,7 +58,8 @@ class Client:
 
 @pytest.fixture(scope="module")
 def server():
-    with ViewServer({"echo": lambda given: packed({"given": given}), "wrong": _wrong}) as server:
+    calls = {"echo": lambda given: packed({"given": given}), "wrong": _wrong, "fault": lambda given: 1 / 0}
+    with ViewServer(calls) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield server
         server.shutdown()
@@ -176,9 +179,40 @@ def test_a_thousand_bad_requests_do_not_bring_it_down(server, client, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_more_connections_than_it_has_threads_for_are_closed(server, client):
+def test_a_number_of_many_digits_is_refused():
+    with pytest.raises(ValueError, match=r"haze\.extinction_per_m is 1000.*\.\.\., expected a finite number"):
+        settings_of({"effects": {"haze": {"extinction_per_m": 10**401}}}, builtin(), [])
+
+
+def test_a_fault_of_the_program_is_told_and_the_next_call_answered(client):
+    status, _, text = client.call("fault")
+    assert (status, text) == (500, b"a fault of the program: ZeroDivisionError('division by zero')")
+    assert client.call("echo")[0] == 200
+
+
+def test_calls_beyond_those_that_it_can_make_in_time_are_told_so():
+    go, answers = threading.Event(), []
+    with ViewServer({"wait": lambda given: go.wait(60) and b""}) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        ask = lambda: answers.append(Client(server).call("wait"))  # noqa: E731
+        asked = [threading.Thread(target=ask) for _ in range(200)]
+        for thread in asked:
+            thread.start()
+        end = time.monotonic() + 60
+        while len(answers) < 200 - 16 and time.monotonic() < end:
+            time.sleep(0.02)
+        assert len(answers) == 200 - 16
+        assert all(status == 503 and b"busy" in text for status, _, text in answers)
+        go.set()
+        for thread in asked:
+            thread.join()
+        assert [status for status, _, _ in answers].count(200) == 16
+        server.shutdown()
+
+
+def test_more_connections_than_it_has_threads_for_are_told_and_closed(server, client):
     silent = [socket.create_connection(("127.0.0.1", client.port), timeout=10) for _ in range(70)]
-    closed = sum(connection.recv(1) == b"" for connection in silent[64:])
+    closed = sum(connection.recv(1000).startswith(b"HTTP/1.1 503") for connection in silent[64:])
     for connection in silent:
         connection.close()
     assert closed == 6

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 
 import kuafu
@@ -36,6 +37,7 @@ class CaptureSource:
         self._capture = calibrated(capture, self._given)
         self._device = device
         self._exposures: dict[int, Exposure] = {}
+        self._matching = threading.Lock()  # the engine takes one call at a time
         self._frames = {frame.id: frame for frame in capture.frames if frame.has_infrared}
         if not self._frames:
             raise ValueError(f"{capture.path}: has no infrared images, only colour and depth: there is nothing to show")
@@ -62,7 +64,8 @@ class CaptureSource:
         left, right = (capture.ir(frame, side) for side in ("left", "right"))
         depth = capture.depth(frame)
         if depth is None:
-            depth = self._matcher().depth(left, right)
+            with self._matching:
+                depth = self._matcher().depth(left, right)
         disparity = disparity_of(depth, self._focal_baseline())
         return Pictures(left, right, disparity, self._focal_baseline(), frame.exposure_s, frame.gain)
 

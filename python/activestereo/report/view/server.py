@@ -8,6 +8,7 @@ import json
 import secrets
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from contextvars import copy_context
 from functools import partial
 from http import HTTPStatus
@@ -41,6 +42,9 @@ _SAFETY = {
 # A client that sends nothing for so long is left.
 _SILENCE_S = 20.0
 _MOST_CONNECTIONS = 64
+# A render takes seconds, and they are made one after the other: more calls than so many would wait for minutes.
+_MOST_CALLS = 16
+_BUSY = f"this server is busy: it takes {_MOST_CALLS} calls on {_MOST_CONNECTIONS} connections at a time; ask again"
 
 
 class ViewServer(ThreadingHTTPServer):
@@ -48,16 +52,22 @@ class ViewServer(ThreadingHTTPServer):
     ValueErrors and OSErrors are told to the page. port: 0 for one that is free."""
 
     daemon_threads = True
+    request_queue_size = 2 * _MOST_CONNECTIONS
 
     def __init__(self, calls: Mapping[str, Call], port: int = 0) -> None:
         self._free = threading.BoundedSemaphore(_MOST_CONNECTIONS)
+        self.free_calls = threading.BoundedSemaphore(_MOST_CALLS)
         super().__init__((HOSTS[0], port), partial(_Handler, calls, copy_context()))
         self.guard = Guard(self.server_address[1], secrets.token_urlsafe(24))
         self.address = f"http://{HOSTS[0]}:{self.guard.port}/{self.guard.token}/"
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """A thread for each connection, as long as they are few; more are closed."""
+        """A thread for each connection, as long as they are few; more are told so and closed."""
         if not self._free.acquire(blocking=False):
+            with suppress(OSError):
+                request.settimeout(0.0)
+                head = f"HTTP/1.1 503 Service Unavailable\r\nContent-Length: {len(_BUSY)}\r\nConnection: close\r\n\r\n"
+                request.sendall((head + _BUSY).encode())
             self.shutdown_request(request)
             return
         super().process_request(request, client_address)
@@ -105,6 +115,10 @@ class _Handler(BaseHTTPRequestHandler):
             text = " ".join(str(error).split()).encode(errors="backslashreplace")  # JSON may hold half a character
             self._send(HTTPStatus.BAD_REQUEST, text, "text/plain")
             return
+        except Exception as error:  # a fault of the program: the page shows it, and the next call is answered
+            text = f"a fault of the program: {error!r}".encode(errors="backslashreplace")
+            self._send(HTTPStatus.INTERNAL_SERVER_ERROR, text, "text/plain")
+            return
         self._send(HTTPStatus.OK, content, kind)
 
     def _file(self, name: str) -> tuple[bytes, str]:
@@ -123,8 +137,12 @@ class _Handler(BaseHTTPRequestHandler):
             raise ValueError("the call's body is no JSON") from None
         if not isinstance(given, dict):
             raise ValueError("the call's body is no JSON object")
-        # What the command line allowed holds in this thread, too.
-        return self._context.copy().run(self._calls[name], given), "application/octet-stream"
+        if not self.server.free_calls.acquire(blocking=False):
+            raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, _BUSY)
+        try:  # what the command line allowed holds in this thread, too
+            return self._context.copy().run(self._calls[name], given), "application/octet-stream"
+        finally:
+            self.server.free_calls.release()
 
     def _send(self, status: HTTPStatus, content: bytes, kind: str) -> None:
         self.close_connection = self.close_connection or status is not HTTPStatus.OK

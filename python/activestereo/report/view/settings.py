@@ -4,14 +4,13 @@ and stays what it was."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import simsense
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.common.limits import EXPOSURE, GAIN, Limits
+from activestereo.common.limits import ANY, EXPOSURE, GAIN, Limits
 from activestereo.common.nearest import unknown
 from activestereo.effects import Effect
 from activestereo.effects.core.surfaces import SURFACES
@@ -108,7 +107,7 @@ def settings_of(given: Any, library: Mapping[str, Effect], material_names: list[
         values = dict(_object(values, name))
         if SURFACES.name in values:
             surfaces[name] = _names(name, values.pop(SURFACES.name), material_names)
-        numbers = {n: _number(f"{name}.{n}", v) for n, v in values.items()}
+        numbers = {n: float(ANY.check(f"{name}.{n}", v)) for n, v in values.items()}
         checked = library[name].values(numbers)
         effects[name] = {n: v for n, v in checked.items() if n != SURFACES.name}
     has_noise = given.get("has_noise", True)
@@ -155,9 +154,3 @@ def _object(value: Any, name: str) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise ValueError(f"{name} is {value!r}, expected a JSON object")
     return value
-
-
-def _number(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError(f"{name} is {value!r}, expected a finite number")
-    return float(value)
