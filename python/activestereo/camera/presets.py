@@ -283,7 +283,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
     def _differing(self, other: StereoDepthSensorConfig) -> list[str]:
         return [name for name in self._FIELDS if not _is_equal(getattr(self, name), getattr(other, name))]
 
-    if not TYPE_CHECKING:  # our own code uses our own names
+    if not TYPE_CHECKING:  # type checkers know the fields by their own names alone, and so find misspelt ones
 
         def __getattr__(self, name: str) -> Any:
             """A field under SAPIEN's name."""
@@ -293,14 +293,14 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
                 raise AttributeError(name)
             raise AttributeError(self._unknown(name))
 
-    def __setattr__(self, name: str, value: Any) -> None:
-        name = _OWN_NAMES.get(name, name)
-        if self._FIELDS and name not in self._FIELDS:
-            raise AttributeError(self._unknown(name))
-        check_field(name, value)
-        if name.endswith("_intrinsic") and "_calibrated" in vars(self):
-            check_matrix(name, value, vars(self))
-        object.__setattr__(self, name, value)
+        def __setattr__(self, name: str, value: Any) -> None:
+            name = _OWN_NAMES.get(name, name)
+            if self._FIELDS and name not in self._FIELDS:
+                raise AttributeError(self._unknown(name))
+            check_field(name, value)
+            if name.endswith("_intrinsic") and "_calibrated" in vars(self):
+                check_matrix(name, value, vars(self))
+            object.__setattr__(self, name, value)
 
     @classmethod
     def from_model(cls, model: SensorModel | str | Path, base: str = "D435") -> StereoDepthSensorConfig:
@@ -397,6 +397,15 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
             setattr(out, f"{camera}_optics", {n: v * focal[0] if n.endswith("_px") else v for n, v in optics.items()})
         lines = 0 if "columns" in getattr(self, f"{camera}_readout") else 1
         setattr(out, f"{camera}_line_time_s", getattr(self, f"{camera}_line_time_s") / ratio[lines])
+
+
+def own_config(config: StereoDepthSensorConfig | str | PathLike[str]) -> StereoDepthSensorConfig:
+    """A copy of a configuration, or that of a camera's name or file. TypeError for anything else."""
+    if isinstance(config, (str, PathLike)):
+        return StereoDepthSensorConfig(str(config))
+    if not isinstance(config, StereoDepthSensorConfig):
+        raise TypeError(f"config is {config!r:.80}, expected a StereoDepthSensorConfig or the name of a camera")
+    return deepcopy(config)
 
 
 StereoDepthSensorConfig._FIELDS = tuple(name for name in vars(StereoDepthSensorConfig()) if name != "_calibrated")

@@ -13,7 +13,6 @@ one that names none by all (activestereo.scene_io.bodies puts bodies into them).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from copy import deepcopy
 from math import prod
 from os import PathLike
 from types import TracebackType
@@ -24,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from activestereo.camera.config_limits import RENDER_SEED
 from activestereo.camera.plan import plan_of
-from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.camera.presets import StereoDepthSensorConfig, own_config
 from activestereo.common.limits import POWER
 from activestereo.common.pose import PoseLike, as_matrix
 from activestereo.common.pose_arrays import pose_fault
@@ -44,8 +43,8 @@ class StereoDepthSensorBatch(SensorResults):
     """E environments with S depth sensors in each, all of one configuration: a view of one SensorEngine, or of one for
     each of several devices.
 
-    config: a StereoDepthSensorConfig; it is copied. mounts: Mounts, or another object with a scene and poses (body
-    axes). pose: the RGB camera's, relative to its mount. Sensors of one environment see one another's projectors, as
+    config: a StereoDepthSensorConfig, which is copied, or a camera's name. mounts: Mounts, or another object with a
+    scene and poses (body axes). pose: the RGB camera's, relative to its mount. Sensors of one environment see one another's projectors, as
     real ones do. The frames of the batch differ in noise; under one seed they are the same again. Exposure is 'fixed'
     or 'settled', for each sensor by what it sees; gain then counts as exposure. One thread at a time.
 
@@ -71,11 +70,12 @@ class StereoDepthSensorBatch(SensorResults):
     """
 
     def __init__(
-        self, config: StereoDepthSensorConfig, mounts: HasPoses | Sequence[HasPoses], pose: PoseLike | None = None,
+        self, config: StereoDepthSensorConfig | str, mounts: HasPoses | Sequence[HasPoses],
+        pose: PoseLike | None = None,
         model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False, pipelined: bool = False,
         matcher: MatcherLike = "simsense",
     ) -> None:  # fmt: skip
-        self._config = deepcopy(config)
+        self._config = own_config(config)
         plan = plan_of(self._config)
         devices = list(mounts) if isinstance(mounts, Sequence) else [mounts]
         on_mount = np.eye(4) if pose is None else as_matrix(pose)

@@ -7,7 +7,6 @@ from __future__ import annotations
 import warnings
 import weakref
 from collections.abc import Callable, Sequence
-from copy import deepcopy
 from os import PathLike
 from typing import Any
 
@@ -18,7 +17,7 @@ import kuafu
 import simsense
 from activestereo.camera.config_limits import checked_twist
 from activestereo.camera.plan import SensorPlan, matcher_parameters, plan_of, signal_parameters
-from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.camera.presets import StereoDepthSensorConfig, own_config
 from activestereo.capture.capture import SIDES
 from activestereo.common.limits import TEMPERATURE, TIME
 from activestereo.common.nearest import unknown
@@ -41,13 +40,13 @@ from activestereo.sensor.results import SensorResults
 class StereoDepthSensor(SensorResults):
     """An active stereo depth sensor: a SensorEngine's view of one sensor alone.
 
-    config: a StereoDepthSensorConfig; it is copied. scene_or_mount: a kuafu.Scene, a Mount, or the path of a scene
-    file. pose: the RGB camera's pose, in the scene or relative to the mount; body axes (x forward, y left, z up) as in
-    SAPIEN. device: 'auto', 'cpu', an index or a kuafu.Device, where the scene does not bring its own. copy_ir: copies
-    the infrared pair between the libraries instead of sharing its memory. The projector becomes a light of the scene,
-    seen in the infrared only, and shines while this sensor's pictures are taken (always, if the config's
-    projector_always_on says so). It goes with the sensor: at close(), at the end of a `with` block, or when nothing
-    refers to the sensor any more. One thread at a time.
+    config: a StereoDepthSensorConfig, which is copied, or a camera's name. scene_or_mount: a kuafu.Scene, a Mount,
+    or the path of a scene file. pose: the RGB camera's pose, in the scene or relative to the mount; body axes (x
+    forward, y left, z up) as in SAPIEN. device: 'auto', 'cpu', an index or a kuafu.Device, where the scene does not
+    bring its own. copy_ir: copies the infrared pair between the libraries instead of sharing its memory. The
+    projector becomes a light of the scene, seen in the infrared only, and shines while this sensor's pictures are
+    taken (always, if the config's projector_always_on says so). It goes with the sensor: at close(), at the end of
+    a `with` block, or when nothing refers to the sensor any more. One thread at a time.
 
     model: a model.SensorModel or the path of a model.json. Its effects act inside of the engines; those that no
     engine field expresses change the images, with a ModelCostWarning. Its rig, pattern and imager are the config's:
@@ -67,12 +66,12 @@ class StereoDepthSensor(SensorResults):
     """
 
     def __init__(
-        self, config: StereoDepthSensorConfig, scene_or_mount: kuafu.Scene | HasPose | str | PathLike[str],
+        self, config: StereoDepthSensorConfig | str, scene_or_mount: kuafu.Scene | HasPose | str | PathLike[str],
         pose: Pose | None = None, device: str | int | kuafu.Device = "auto", copy_ir: bool = False,
         model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False, pipelined: bool = False,
         matcher: MatcherLike = "simsense",
     ) -> None:  # fmt: skip
-        self._config = deepcopy(config)
+        self._config = own_config(config)
         plan = plan_of(self._config)
         mount = as_mount(scene_or_mount, device)
         self._place = RigPlace(mount, Pose() if pose is None else pose)

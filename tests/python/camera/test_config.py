@@ -6,7 +6,9 @@ import re
 import numpy as np
 import pytest
 
-from activestereo import Pose, StereoDepthSensorConfig
+from activestereo import Pose, StereoDepthSensor, StereoDepthSensorConfig
+from activestereo.camera.presets import own_config
+from activestereo.integrations.sapien.config import StereoDepthSensorConfig as SapienConfig
 
 BOTH = {
     "ir_camera_exposure": 0.01,
@@ -282,3 +284,13 @@ def test_an_unknown_name_suggests_the_nearest():
         StereoDepthSensorConfig("d436")
     with pytest.raises(AttributeError, match="did you mean 'p1'"):
         _ = StereoDepthSensorConfig().p11
+
+
+def test_a_sensor_takes_a_configuration_or_a_cameras_name(table_top):
+    config = StereoDepthSensorConfig("D415")
+    assert own_config("D415") == own_config(config) == config and own_config(config) is not config
+    with pytest.raises(ValueError, match="did you mean 'D43.'"):
+        StereoDepthSensor("d436", table_top)
+    with pytest.raises(TypeError, match="config is {'fov': 1}, expected a StereoDepthSensorConfig or the name"):
+        StereoDepthSensor({"fov": 1}, table_top)
+    assert SapienConfig("sapien-D415") == SapienConfig("D415")

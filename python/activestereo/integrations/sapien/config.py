@@ -25,9 +25,10 @@ class StereoDepthSensorConfig(NativeConfig):
     SUPPORTED_MODELS = ("D415", "D435")
 
     def __init__(self, model: str = "D435") -> None:
-        if model not in self.SUPPORTED_MODELS:
+        name = model.removeprefix("sapien-")  # as the presets call them
+        if name not in self.SUPPORTED_MODELS:
             raise ValueError(f"Invalid sensor model '{model}', must be one of: {self.SUPPORTED_MODELS}")
-        super().__init__(f"sapien-{model}")
+        super().__init__(f"sapien-{name}")
 
 
 def native_config(config: Any) -> NativeConfig:

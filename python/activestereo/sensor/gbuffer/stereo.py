@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 import kuafu
 from activestereo.camera.config_limits import FRAME
 from activestereo.camera.plan import plan_of
-from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.camera.presets import StereoDepthSensorConfig, own_config
 from activestereo.common.lens import is_distorting
 from activestereo.common.limits import POWER, Limits
 from activestereo.common.nearest import unknown
@@ -62,7 +62,7 @@ class GBufferStereo:
         device: str | int | kuafu.Device = "auto", materials: Any = None,
         model: SensorModel | str | PathLike[str] | None = None, on_cuda: bool = False,
     ) -> None:  # fmt: skip
-        config = StereoDepthSensorConfig(config) if isinstance(config, str) else deepcopy(config)
+        config = own_config(config)
         if config.ir_exposure_mode == "converging":
             config.ir_exposure_mode = "settled"
         plan, self._config = plan_of(config), config
