@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 
 from activestereo.sensor.depth_modes import MODES
-from activestereo.benchmarks.grasp import GraspWorld, teacher
+from stereo_grasp import GraspWorld, teacher
 
 STEPS_BEFORE_PICTURE = 3
 

@@ -8,7 +8,7 @@ import numpy as np
 from foreign_worlds import foreign_world
 from PIL import Image
 
-from activestereo.benchmarks.grasp.world import STEPS
+from stereo_grasp.world import STEPS
 
 TILE_PX, EDGE_PX, GAP_PX = 80, 3, 6
 COLORS = 16  # which keeps the file small

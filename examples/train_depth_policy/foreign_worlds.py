@@ -10,8 +10,8 @@ from activestereo.sensor.depth_modes import DepthCamera
 from activestereo.benchmarks.sim_to_real.foreign_mitsuba import foreign_room, foreign_things
 from activestereo.benchmarks.sim_to_real.mitsuba_camera import MitsubaCamera
 from activestereo.benchmarks.sim_to_real.sgbm import Sgbm
-from activestereo.benchmarks.grasp import GraspWorld
-from activestereo.benchmarks.grasp.world import CAMERA_ON_GRIPPER
+from stereo_grasp import GraspWorld
+from stereo_grasp.world import CAMERA_ON_GRIPPER
 from activestereo.common.pose import Pose
 from activestereo.camera.plan import plan_of
 from activestereo.camera.registration import registered

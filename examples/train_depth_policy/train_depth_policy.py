@@ -21,12 +21,13 @@ try:
 except ImportError as error:
     sys.exit(f"this example needs the package {error.name}: pip install torch opencv-python-headless")
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "grasp_task"))
+
 from episodes import film
 from foreign_worlds import foreign_renderers, foreign_world
-
-from activestereo.benchmarks.grasp import GraspWorld, teacher
-from activestereo.benchmarks.grasp.scene import THINGS
-from activestereo.benchmarks.grasp.world import STEP_SCALE, STEPS
+from stereo_grasp import GraspWorld, teacher
+from stereo_grasp.scene import THINGS
+from stereo_grasp.world import STEP_SCALE, STEPS
 
 # The state's offsets in the network's units, and what the teacher's steps are spread by.
 OFFSET_SCALE = np.array([0.05, 0.05, 0.1])

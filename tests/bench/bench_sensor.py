@@ -23,9 +23,11 @@ import numpy as np
 
 import kuafu
 from activestereo import Mounts, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
-from activestereo.benchmarks.grasp import GraspWorld
 from activestereo.common.pose import body_pose
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD, write_table_top
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "examples/grasp_task"))
+from stereo_grasp import GraspWorld
 
 # Samples per pixel, and whether there is an RGB picture, which is read as bytes.
 ROWS = ((2, False), (8, False), (32, False), (2, True), (8, True))

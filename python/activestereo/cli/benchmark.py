@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """activestereo benchmark sim-to-real run | score | ablate: how well simulated depth ranks methods as a foreign world
-does. activestereo benchmark inject, matchers, network, realism: in files of their own."""
+does. activestereo benchmark inject, realism: in files of their own."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from pathlib import Path
 from activestereo.benchmarks.sim_to_real.worlds import FOREIGN
 from activestereo.cli.arguments import CommandError, Commands, add_shared, integer_from, make_folder, print_json
 from activestereo.cli.benchmark_inject import add_inject
-from activestereo.cli.benchmark_matchers import add_matchers
 from activestereo.cli.benchmark_realism import add_realism
 from activestereo.common.input_files import read_json
 
@@ -57,7 +56,6 @@ def add_parser(commands: Commands) -> None:
     benchmarks = commands.add_parser("benchmark", help=text)
     kinds = benchmarks.add_subparsers(dest="benchmark", metavar="BENCHMARK", required=True)
     add_inject(kinds)
-    add_matchers(kinds)
     add_realism(kinds)
     text = "measure how well simulated depth ranks methods as a foreign world does"
     parser = kinds.add_parser("sim-to-real", help=text, description=_TEXT)

@@ -11,7 +11,7 @@ from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import add_mesh
 from activestereo.sensor.depth_modes import MODES, DepthCamera
 from activestereo.sensor.rival_noise import IsaacSettings, redwood, simkinect
-from activestereo.benchmarks.grasp import GraspWorld, teacher
+from stereo_grasp import GraspWorld, teacher
 
 
 def wall_scene(distance_m=0.8, **material):
@@ -207,7 +207,7 @@ def gymnasium():
 
 @pytest.mark.parametrize("mode", MODES)
 def test_gymnasium_is_content(gymnasium, mode):
-    import activestereo.benchmarks.grasp  # noqa: F401 (registers)
+    import stereo_grasp  # noqa: F401 (registers)
     from gymnasium.utils.env_checker import check_env
 
     env = gymnasium.make("activestereo/StereoGrasp-v0", mode=mode, size_px=32, samples_per_pixel=1)
@@ -215,7 +215,7 @@ def test_gymnasium_is_content(gymnasium, mode):
 
 
 def test_a_vector_of_environments_begins_anew_by_itself(gymnasium):
-    import activestereo.benchmarks.grasp  # noqa: F401 (registers)
+    import stereo_grasp  # noqa: F401 (registers)
 
     envs = gymnasium.make_vec("activestereo/StereoGrasp-v0", num_envs=4, mode="clean", size_px=32)
     depth, info = envs.reset(seed=1)

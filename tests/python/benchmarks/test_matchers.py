@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from activestereo import StereoDepthSensorConfig
-from activestereo.benchmarks.matchers.pairs import MATERIALS, Pairs, joined, seen_by_both
-from activestereo.benchmarks.matchers.report import table, write_report
-from activestereo.benchmarks.matchers.score import EMITTERS, matchers, score, scores
+from matchers.pairs import MATERIALS, Pairs, joined, seen_by_both
+from matchers.report import table, write_report
+from matchers.score import EMITTERS, matchers, score, scores
 
 _NAN, _SHIFT, _SIZE = np.nan, 12, (96, 160)
 

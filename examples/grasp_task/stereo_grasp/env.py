@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from activestereo.benchmarks.grasp.world import GraspWorld
+from stereo_grasp.world import GraspWorld
 
 ID = "activestereo/StereoGrasp-v0"
 _FARTHEST_M = 1.0
@@ -99,6 +99,6 @@ class StereoGraspVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
 
 gymnasium.register(
     ID,
-    entry_point="activestereo.benchmarks.grasp.env:StereoGraspEnv",
-    vector_entry_point="activestereo.benchmarks.grasp.env:StereoGraspVectorEnv",
+    entry_point="stereo_grasp.env:StereoGraspEnv",
+    vector_entry_point="stereo_grasp.env:StereoGraspVectorEnv",
 )

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import simsense
-from activestereo.benchmarks.matchers.pairs import MATERIALS, Pairs, PairStudio
+from matchers.pairs import MATERIALS, Pairs, PairStudio
 from activestereo.camera.plan import matcher_parameters
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.sensor.foreign_matcher import Matcher, OpenCVMatcher

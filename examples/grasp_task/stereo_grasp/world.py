@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo.benchmarks.grasp.scene import OBJECTS, GraspScene
+from stereo_grasp.scene import OBJECTS, GraspScene
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import body_pose, look_at
 from activestereo.sensor.depth_modes import DepthCamera

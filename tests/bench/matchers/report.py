@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.benchmarks.matchers.pairs import MATERIALS
-from activestereo.benchmarks.matchers.score import EMITTERS, Score
+from matchers.pairs import MATERIALS
+from matchers.score import EMITTERS, Score
 from activestereo.common.output_files import replace_file, write_text
 
 Scores = dict[str, dict[str, dict[str, Score]]]

@@ -17,7 +17,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from activestereo.benchmarks.matchers.pairs import Pairs
+from matchers.pairs import Pairs
 from activestereo.sensor.onnx_matcher import METADATA
 
 FEATURES, GROUPS, VOLUME_CHANNELS, REFINER_CHANNELS = 16, 4, 8, 16
