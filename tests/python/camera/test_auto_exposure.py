@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from activestereo import Pose, StereoDepthSensor, StereoDepthSensorConfig
-from activestereo.camera.auto_exposure import rgb_exposure, srgb
+from activestereo.camera.auto_exposure import AutoExposure, Setting, rgb_exposure, srgb
 
 AROUND = [(y, x) for y in (-1, 0, 1) for x in (-1, 0, 1) if (y, x) != (0, 0)]
 
@@ -41,11 +41,13 @@ def test_a_settled_exposure_has_the_target_whatever_the_light(config, room):
     )
 
 
-def test_a_black_level_beyond_the_target_leaves_the_shortest_exposure(config):
-    config.ir_black_level_dn = config.ir_exposure_target_dn + 20.0
-    sensor = StereoDepthSensor(config, wall())
-    assert mean_count(sensor) >= config.ir_black_level_dn
-    assert sensor.get_config().ir_camera_exposure == pytest.approx(config.ir_exposure_limits_s[0], rel=0.01)
+@pytest.mark.parametrize("mode", ["settled", "converging"])
+def test_a_black_level_beyond_the_target_asks_for_less_light(mode):
+    """As an effect may raise it; a configuration that says so is refused."""
+    signal = {"responsivity_e": 100.0, "conversion_gain_dn_per_e": 1.0, "gain": 1.0, "black_level_dn": 88.0}
+    rule = AutoExposure(mode, Setting(0.01, 1.0), 68.0, (0.001, 0.1), (1.0, 16.0))
+    after = rule.after(rule.start, signal, np.ones((8, 8), np.float32), 255.0)
+    assert after == Setting(0.001 if mode == "settled" else 0.005, 1.0)
 
 
 def test_it_converges_over_frames_and_gain_follows_exposure_at_its_limit(config):

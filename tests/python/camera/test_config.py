@@ -8,7 +8,6 @@ import pytest
 
 from activestereo import Pose, StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.camera.presets import own_config
-from activestereo.integrations.sapien.config import StereoDepthSensorConfig as SapienConfig
 
 BOTH = {
     "ir_camera_exposure": 0.01,
@@ -293,4 +292,3 @@ def test_a_sensor_takes_a_configuration_or_a_cameras_name(table_top):
         StereoDepthSensor("d436", table_top)
     with pytest.raises(TypeError, match="config is {'fov': 1}, expected a StereoDepthSensorConfig or the name"):
         StereoDepthSensor({"fov": 1}, table_top)
-    assert SapienConfig("sapien-D415") == SapienConfig("D415")

@@ -308,6 +308,7 @@ def test_setters_refuse_what_sapiens_refuse_and_take_the_rest(scene):
 
 @pytest.mark.parametrize("model", ["D415", "D435"])
 def test_configurations_have_the_same_fields_and_defaults(model):
+    assert StereoDepthSensorConfig(f"sapien-{model}") == StereoDepthSensorConfig(model)
     ours = StereoDepthSensorConfig(model)  # answers to SAPIEN's names, too
     for name, value in vars(theirs.StereoDepthSensorConfig(model)).items():
         if name == "light_pattern":
