@@ -44,9 +44,10 @@ class StereoDepthSensorBatch(SensorResults):
     each of several devices.
 
     config: a StereoDepthSensorConfig, which is copied, or a camera's name. mounts: Mounts, or another object with a
-    scene and poses (body axes). pose: the RGB camera's, relative to its mount. Sensors of one environment see one another's projectors, as
-    real ones do. The frames of the batch differ in noise; under one seed they are the same again. Exposure is 'fixed'
-    or 'settled', for each sensor by what it sees; gain then counts as exposure. One thread at a time.
+    scene and poses (body axes). pose: the RGB camera's, relative to its mount. Sensors of one environment see one
+    another's projectors, as real ones do. The frames of the batch differ in noise; under one seed they are the same
+    again. Exposure is 'fixed' or 'settled', for each sensor by what it sees; gain then counts as exposure. One
+    thread at a time.
 
     Several devices: mounts are a sequence, one for each, with a scene on that device and the poses of all environments.
     The scenes are kept the same by the same calls; one may lack what belongs to environments of other devices, and then
