@@ -90,7 +90,7 @@ def _brightest(scene: kuafu.Scene, group: int, point: NDArray[np.floating[Any]])
 
 
 def _present(get: Callable[[int], _Record], count: int) -> list[_Record]:
-    """What is in the scene of a kind: numbers of what was removed, as a model's lights are, stay free."""
+    """All records of a kind: numbers of removed ones, as a model's lights are, stay free."""
     out: list[_Record] = []
     number = 0
     while len(out) < count:
