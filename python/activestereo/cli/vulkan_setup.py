@@ -1,27 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Known failures of a Vulkan set-up, each with the line that mends it: no loader, no driver, a library of a driver that
-is missing, a container without the graphics capability, a render node without permission, a driver without a device."""
+"""Known failures of a Vulkan set-up, each with the line that mends it: no loader, no driver, missing libraries of a driver,
+a container without the graphics capability, a render node without permission, a driver without a device."""
 
 from __future__ import annotations
 
 import ctypes
 import os
 import re
+import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from activestereo.common.input_files import read_json_object
+from activestereo.common.input_files import read_bytes, read_json_object
 
 RENDER_NODES = Path("/dev/dri")
 _LAVAPIPE = "apt install libvulkan1 mesa-vulkan-drivers"
-# Debian's packages of what drivers are linked to, by the library's name without its version.
+_CONTAINER = "start the container with NVIDIA_DRIVER_CAPABILITIES=all (docker run --gpus all -e ...)"
+# Debian's packages of what drivers are linked to or open, by the library's name without its version.
 _PACKAGES = {
     "libXext": "libxext6", "libX11": "libx11-6", "libX11-xcb": "libx11-xcb1", "libxcb": "libxcb1", "libdrm": "libdrm2",
-    "libxshmfence": "libxshmfence1", "libwayland-client": "libwayland-client0", "libxcb-dri3": "libxcb-dri3-0",
-    "libxcb-present": "libxcb-present0", "libxcb-randr": "libxcb-randr0", "libxcb-sync": "libxcb-sync1",
-    "libEGL": "libegl1", "libGL": "libgl1",
+    "libXau": "libxau6", "libXdmcp": "libxdmcp6", "libxshmfence": "libxshmfence1",
+    "libwayland-client": "libwayland-client0",
+    "libxcb-dri3": "libxcb-dri3-0", "libxcb-present": "libxcb-present0", "libxcb-randr": "libxcb-randr0",
+    "libxcb-sync": "libxcb-sync1", "libGLdispatch": "libglvnd0", "libGLX": "libglx0", "libEGL": "libegl1",
+    "libGL": "libgl1", "libOpenGL": "libopengl0", "libgbm": "libgbm1", "libexpat": "libexpat1", "libelf": "libelf1",
+    "libz": "zlib1g", "libzstd": "libzstd1", "libstdc++": "libstdc++6",
 }  # fmt: skip
+_LIBRARY = r"(lib[\w+-]+?)\.so[\w.]*"
 
 
 @dataclass(frozen=True)
@@ -38,7 +44,7 @@ def problems(device_count: int) -> list[Problem]:
     if (fault := load_fault("libvulkan.so.1")) is not None:
         return [Problem("no loader", f"the Vulkan loader cannot be opened: {fault}", _LAVAPIPE)]
     manifests = driver_manifests()
-    found = [*_missing_libraries(manifests), *_without_graphics(), *_closed_nodes()]
+    found = [*_missing_libraries(manifests, device_count), *_without_graphics(), *_closed_nodes()]
     if not manifests:
         variable = next((name for name in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES") if os.environ.get(name)), None)
         seen = "no driver's manifest is there" if variable is None else f"{variable} names no manifest that is there"
@@ -72,20 +78,55 @@ def load_fault(library: str) -> str | None:
     return None
 
 
-def _missing_libraries(manifests: list[Path]) -> Iterator[Problem]:
+def _missing_libraries(manifests: list[Path], device_count: int) -> Iterator[Problem]:
     for manifest in manifests:
         try:
             name = str(read_json_object(manifest)["ICD"]["library_path"])
         except (OSError, ValueError, KeyError, TypeError) as error:
             yield Problem("broken manifest", f"{manifest} cannot be read: {error}", _LAVAPIPE)
             continue
-        fault = load_fault(str(manifest.parent / name) if "/" in name else name)
-        missing = re.match(r"((lib[\w+-]+?)\.so[\w.]*): cannot open shared object file", fault or "")
-        if missing is None or missing[1] == name:
-            continue  # it opens, or is another machine's, or not there at all
-        package = _PACKAGES.get(missing[2])
-        remedy = f"apt install {package}" if package else f"install the package that has {missing[1]}"
-        yield Problem("library missing", f"the driver {manifest.name} needs {missing[1]}, which is not there", remedy)
+        library = str(manifest.parent / name) if "/" in name else name
+        fault = load_fault(library)
+        missing = (
+            _opened_and_missing(library) if fault is None and not device_count else _needed_and_missing(library, fault)
+        )
+        if missing:
+            are = "is" if len(missing) == 1 else "are"
+            seen = f"the driver {manifest.name} needs {', '.join(missing)}, which {are} not there"
+            yield Problem("library missing", seen, _installing(missing))
+        elif fault is not None and not device_count and "ELFCLASS" not in fault:  # which another machine's has
+            remedy = _CONTAINER if "nvidia" in name else "apt install --reinstall mesa-vulkan-drivers"
+            yield Problem("driver missing", f"the driver {manifest.name} cannot be opened: {fault}", remedy)
+
+
+def _needed_and_missing(library: str, fault: str | None) -> list[str]:
+    """The names that the dynamic loader does not find, of all that a library which cannot be opened is linked to."""
+    first = re.match(rf"{_LIBRARY}: cannot open shared object file", fault or "")
+    if first is None or first[0].split(":")[0] == library:
+        return []  # it opens, or is another machine's, or not there at all
+    return list(dict.fromkeys([first[0].split(":")[0], *re.findall(r"(\S+) => not found", _trace(library))]))
+
+
+def _opened_and_missing(library: str) -> list[str]:
+    """Known libraries that a driver without a device names, to open them itself, and that cannot be opened."""
+    own = [path for path in re.findall(r"(/\S+) \(0x", _trace(library)) if "nvidia" in path or path == library]
+    named = {found.decode() for path in own for found in re.findall(rb"lib[\w+-]+\.so\.\d+(?=\0)", read_bytes(path))}
+    return sorted(name for name in named if name.split(".so")[0] in _PACKAGES and load_fault(name) is not None)
+
+
+def _trace(library: str) -> str:
+    """The dynamic loader's own list of what a library brings with it (ld.so(8), LD_TRACE_LOADED_OBJECTS)."""
+    traced = os.environ | {"LD_TRACE_LOADED_OBJECTS": "1", "LD_PRELOAD": library}
+    return subprocess.run(["/bin/true"], env=traced, capture_output=True, text=True, check=False).stdout
+
+
+def _installing(missing: list[str]) -> str:
+    """The line that brings libraries."""
+    packages = {name: _PACKAGES.get(name.split(".so")[0]) for name in missing}
+    known = " ".join(dict.fromkeys(package for package in packages.values() if package))
+    others = ", ".join(name for name, package in packages.items() if not package)
+    lines = [f"apt install {known}"] if known else []
+    return "; ".join([*lines, *([f"install the package that has {others}"] if others else [])])
 
 
 def _without_graphics() -> Iterator[Problem]:
@@ -93,8 +134,7 @@ def _without_graphics() -> Iterator[Problem]:
     computes = any(load_fault(name) is None for name in ("libcuda.so.1", "libnvidia-ml.so.1"))
     if computes and load_fault("libGLX_nvidia.so.0") is not None:
         seen = "NVIDIA's driver is there for computing, without its part for graphics (libGLX_nvidia.so.0)"
-        remedy = "start the container with NVIDIA_DRIVER_CAPABILITIES=all (docker run --gpus all -e ...)"
-        yield Problem("no graphics capability", seen, remedy)
+        yield Problem("no graphics capability", seen, _CONTAINER)
 
 
 def _closed_nodes() -> Iterator[Problem]:

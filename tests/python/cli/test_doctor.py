@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command doctor: six failures of a Vulkan set-up are provoked, named, and told with the line that mends them."""
+"""The command doctor: the failures of a Vulkan set-up are provoked, named, and told with the line that mends them."""
 
 import json
 import os
@@ -100,17 +100,53 @@ def test_a_device_that_is_listed_and_cannot_be_opened(device, monkeypatch, capsy
     assert found["renders_on"] is None and found["devices"][0]["name"] == device.info.name
 
 
-def test_a_library_of_the_driver_is_missing(tmp_path):
-    for output, more in (("libXext.so.99", ["-Wl,-soname,libXext.so.99"]), ("driver.so", ["libXext.so.99"])):
-        subprocess.run(
-            ["cc", "-shared", "-fPIC", "-Wl,--no-as-needed", "-x", "c", "/dev/null", "-o", output, "-x", "none", *more],
-            cwd=tmp_path, check=True,
-        )  # fmt: skip
-    (tmp_path / "libXext.so.99").unlink()
-    manifest = tmp_path / "icd.json"
+def made_driver(folder, links=(), source=""):
+    """The manifest of a driver whose libraries are gone afterwards. links: {name: the libraries that are gone behind
+    it, or None where it is gone itself}."""
+    def compiled(output, *more, text=""):
+        (folder / "source.c").write_text(text)
+        linked = f"-Wl,-soname,{output},--no-as-needed,-rpath,$ORIGIN,--allow-shlib-undefined"
+        command = ["cc", "-shared", "-fPIC", linked, "source.c", "-o", output, *more]
+        subprocess.run(command, cwd=folder, check=True)
+
+    for name in links:
+        for other in links[name] or ():
+            compiled(other)
+        compiled(name, *(links[name] or ()))
+    compiled("driver.so", *links, text=source)
+    for name, others in dict(links).items():
+        for gone in others or [name]:
+            (folder / gone).unlink()
+    manifest = folder / "icd.json"
     manifest.write_text(json.dumps({"ICD": {"library_path": "./driver.so", "api_version": "1.3.0"}}))
+    return manifest
+
+
+@pytest.mark.parametrize(
+    ("links", "source", "seen", "remedy"),
+    [
+        ({"libXext.so.99": None}, "", "icd.json needs libXext.so.99, which is not there", "apt install libxext6"),
+        ({"libX11.so.99": None, "libGLdispatch.so.99": None}, "",
+         "needs libX11.so.99, libGLdispatch.so.99, which are not", "apt install libx11-6 libglvnd0"),
+        ({"libmiddle.so.1": ["libxcb.so.99", "libunknown.so.99"]}, "",
+         "needs libxcb.so.99, libunknown.so.99, which are not there",
+         "apt install libxcb1; install the package that has libunknown.so.99"),
+        ({}, 'const char *opened[] = {"libX11.so.99", "libGLX.so.99", "libother.so.99"};',
+         "needs libGLX.so.99, libX11.so.99, which are not there", "apt install libglx0 libx11-6"),
+    ],
+    ids=["one", "two", "behind another", "opened by the driver itself"],
+)  # fmt: skip
+def test_all_libraries_that_a_driver_needs_and_misses_are_named(tmp_path, links, source, seen, remedy):
+    manifest = made_driver(tmp_path, links, source)
     told = doctor(VK_DRIVER_FILES=manifest, VK_ICD_FILENAMES=manifest)
-    assert_named(told, "library missing", "icd.json needs libXext.so.99", "apt install libxext6")
+    assert_named(told, "library missing", seen, remedy)
+
+
+def test_a_driver_that_is_not_there(tmp_path):
+    manifest = made_driver(tmp_path)
+    (tmp_path / "driver.so").unlink()
+    told = doctor(VK_DRIVER_FILES=manifest, VK_ICD_FILENAMES=manifest)
+    assert_named(told, "driver missing", "driver.so: cannot open", "apt install --reinstall mesa-vulkan-drivers")
 
 
 def test_a_container_without_the_graphics_capability(stub_cuda, tmp_path):
