@@ -3,3 +3,4 @@
 rs`. integrations/realsense/README.md says what there is."""
 
 from activestereo.integrations.realsense import *  # noqa: F403
+from activestereo.integrations.realsense import __getattr__  # noqa: F401

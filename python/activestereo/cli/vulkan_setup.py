@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Known failures of a Vulkan set-up, each with the line that mends it: no loader, no driver, missing libraries of a driver,
-a container without the graphics capability, a render node without permission, a driver without a device."""
+"""Known failures of a Vulkan set-up, each with the line that mends it: no loader, no driver, a driver's library that is
+missing, a container without the graphics capability, a render node without permission, a driver without a device."""
 
 from __future__ import annotations
 

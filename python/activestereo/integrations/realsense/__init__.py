@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """pyrealsense2's names on a simulated camera; `import activestereo.realsense as rs` takes them from here."""
 
+from typing import NoReturn
+
 from activestereo.integrations.realsense.align import align
 from activestereo.integrations.realsense.camera import LATENCY_MS, World
 from activestereo.integrations.realsense.cloud import colorizer, pointcloud, points, save_to_ply
@@ -16,9 +18,11 @@ from activestereo.integrations.realsense.device import (
 from activestereo.integrations.realsense.enums import (
     camera_info,
     distortion,
+    embedded_filter_type,
     format,
     frame_metadata_value,
     log_severity,
+    matchers,
     option,
     rs400_visual_preset,
     stream,
@@ -43,6 +47,7 @@ from activestereo.integrations.realsense.geometry import (
     rs2_project_point_to_pixel,
     rs2_transform_point_to_point,
 )
+from activestereo.integrations.realsense.missing import NOT_SIMULATED, reason
 from activestereo.integrations.realsense.options import option_range
 from activestereo.integrations.realsense.pipeline import (
     config,
@@ -54,7 +59,19 @@ from activestereo.integrations.realsense.pipeline import (
 from activestereo.integrations.realsense.profiles import stream_profile, video_stream_profile
 from activestereo.integrations.realsense.ros_topics import TopicPublisher, write_topics
 from activestereo.integrations.realsense.software import to_software_device
+from activestereo.integrations.realsense.software_device import (
+    software_device,
+    software_sensor,
+    software_video_frame,
+    syncer,
+    video_stream,
+)
 
 
 def log_to_console(severity: log_severity) -> None:
     """Nothing: there is nothing to log."""
+
+
+def __getattr__(name: str) -> NoReturn:
+    """AttributeError says why pyrealsense2's other names are not there."""
+    raise AttributeError(reason(name) if name in NOT_SIMULATED else f"pyrealsense2 has no {name!r}, nor has {__name__}")

@@ -114,6 +114,10 @@ class SimulatedCamera:
         """Metres of one count of depth: the option's or the advanced mode's, whichever was set later."""
         return self.values[option.depth_units]
 
+    @property
+    def baseline_m(self) -> float:
+        return self.base.focal_baseline_px_m / float(self.base.ir_intrinsic[0, 0])
+
     def config(self) -> StereoDepthSensorConfig:
         """The sensor's configuration under the present options."""
         if self._config is None:

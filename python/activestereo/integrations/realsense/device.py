@@ -10,7 +10,15 @@ from typing import Any
 from activestereo.camera.advanced_mode.settings import parse_settings
 from activestereo.integrations.realsense.camera import SimulatedCamera, World, sensor_ranges
 from activestereo.integrations.realsense.control_groups import GROUPS, ControlGroup, group_of, with_group
-from activestereo.integrations.realsense.enums import camera_info, format, option, rs400_visual_preset, stream
+from activestereo.integrations.realsense.enums import (
+    camera_info,
+    embedded_filter_type,
+    format,
+    option,
+    rs400_visual_preset,
+    stream,
+)
+from activestereo.integrations.realsense.missing import Castable, reason
 from activestereo.integrations.realsense.options import Options
 from activestereo.integrations.realsense.profiles import StreamRequest, video_stream_profile
 
@@ -28,7 +36,7 @@ def present_world() -> World:
     return _worlds[0] if _worlds else World.of_environment()
 
 
-class sensor(Options):
+class sensor(Castable, Options):
     """One of a device's sensors. modes: of each stream and index, its formats."""
 
     modes: dict[tuple[stream, int], tuple[format, ...]] = {(stream.color, 0): (format.rgb8, format.bgr8)}
@@ -44,6 +52,7 @@ class sensor(Options):
                 StreamRequest(kind, index, *size, form, _FPS),
                 self._camera.lens(kind, size),
                 self._camera.left_to(kind, index),
+                self._camera.baseline_m,
             )
             for (kind, index), forms in self.modes.items()
             for size in _SIZES
@@ -54,6 +63,13 @@ class sensor(Options):
         if which != camera_info.name:
             raise RuntimeError(f"info {which} not supported by the device")
         return self.name
+
+    def query_embedded_filters(self) -> list[Any]:
+        """None: as on every camera whose depth is not filtered inside."""
+        return []
+
+    def get_embedded_filter(self, which: embedded_filter_type) -> Any:
+        raise RuntimeError(reason("embedded_filter"))
 
     def is_depth_sensor(self) -> bool:
         return isinstance(self, depth_sensor)
@@ -81,7 +97,7 @@ class depth_sensor(sensor):
 
     def __init__(self, camera: SimulatedCamera) -> None:
         ranges = sensor_ranges(camera.base)
-        baseline_mm = 1e3 * camera.base.focal_baseline_px_m / float(camera.base.ir_intrinsic[0, 0])
+        baseline_mm = 1e3 * camera.baseline_m
         super().__init__("Stereo Module", camera, ranges, {option.stereo_baseline: baseline_mm}, camera.set_option)
 
     def set_option(self, which: option, value: float) -> None:
@@ -95,7 +111,7 @@ class depth_sensor(sensor):
         return self._camera.unit_m
 
 
-class device:
+class device(Castable):
     def __init__(self, camera: SimulatedCamera | None = None) -> None:
         self.camera = SimulatedCamera(present_world()) if camera is None else camera
         self._depth, self._color = depth_sensor(self.camera), sensor("RGB Camera", self.camera, {})

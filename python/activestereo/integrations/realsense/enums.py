@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""pyrealsense2's enumerations, with librealsense's numbers."""
+"""pyrealsense2's enumerations, with librealsense's numbers (SDK 2.59, include/librealsense2/h)."""
 
 from __future__ import annotations
 
@@ -12,45 +12,49 @@ class _Enum(IntEnum):
 
 
 class stream(_Enum):
-    any = 0
-    depth = 1
-    color = 2
-    infrared = 3
+    (
+        any, depth, color, infrared, fisheye, gyro, accel, gpio, pose, confidence, motion, safety, occupancy,
+        labeled_point_cloud, object_detection,
+    ) = range(15)  # fmt: skip
 
 
 class format(_Enum):
-    any = 0
-    z16 = 1
-    disparity16 = 2
-    xyz32f = 3
-    rgb8 = 5
-    bgr8 = 6
-    rgba8 = 7
-    bgra8 = 8
-    y8 = 9
-    y16 = 10
-    disparity32 = 19
+    (
+        any, z16, disparity16, xyz32f, yuyv, rgb8, bgr8, rgba8, bgra8, y8, y16, raw10, raw16, raw8, uyvy,
+        motion_raw, motion_xyz32f, gpio_raw, six_dof, disparity32, y10bpack, distance, mjpeg, y8i, y12i, inzi,
+        invi, w10, z16h, fg, y411,
+    ) = range(31)  # fmt: skip
+    y16i, m420, combined_motion, nv12, h264 = range(31, 36)
 
 
 class option(_Enum):
-    exposure = 3
-    gain = 4
-    enable_auto_exposure = 10
-    visual_preset = 12
-    laser_power = 13
-    emitter_enabled = 18
-    frames_queue_size = 19
-    depth_units = 28
-    color_scheme = 31
-    histogram_equalization_enabled = 32
-    min_distance = 33
-    max_distance = 34
-    filter_magnitude = 36
-    filter_smooth_alpha = 37
-    filter_smooth_delta = 38
-    holes_fill = 39
-    stereo_baseline = 40
-    emitter_on_off = 46
+    (
+        backlight_compensation, brightness, contrast, exposure, gain, gamma, hue, saturation, sharpness,
+        white_balance, enable_auto_exposure, enable_auto_white_balance, visual_preset, laser_power, accuracy,
+        motion_range, filter_option, confidence_threshold, emitter_enabled, frames_queue_size,
+        total_frame_drops, fisheye_auto_exposure_mode, power_line_frequency, asic_temperature,
+        error_polling_enabled, projector_temperature, output_trigger_enabled, motion_module_temperature,
+        depth_units, enable_motion_correction, auto_exposure_priority, color_scheme,
+        histogram_equalization_enabled, min_distance, max_distance, texture_source, filter_magnitude,
+        filter_smooth_alpha, filter_smooth_delta, holes_fill, stereo_baseline, auto_exposure_converge_step,
+        inter_cam_sync_mode, stream_filter, stream_format_filter, stream_index_filter, emitter_on_off,
+        zero_order_point_x, zero_order_point_y, ldd_temperature, mc_temperature, ma_temperature,
+        hardware_preset, global_time_enabled, apd_temperature, enable_mapping, enable_relocalization,
+        enable_pose_jumping, enable_dynamic_calibration, depth_offset, led_power, zero_order_enabled,
+        enable_map_preservation, freefall_detection_enabled, receiver_gain, post_processing_sharpening,
+        pre_processing_sharpening, noise_filtering, invalidation_bypass, digital_gain, sensor_mode,
+        emitter_always_on, thermal_compensation, trigger_camera_accuracy_health, reset_camera_accuracy_health,
+        host_performance, hdr_enabled, sequence_name, sequence_size, sequence_id, humidity_temperature,
+        enable_max_usable_range, alternate_ir, noise_estimation, enable_ir_reflectivity, auto_exposure_limit,
+        auto_gain_limit, auto_rx_sensitivity, transmitter_frequency, vertical_binning, receiver_sensitivity,
+        auto_exposure_limit_toggle, auto_gain_limit_toggle, emitter_frequency, auto_exposure_mode,
+        ohm_temperature, soc_pvt_temperature, gyro_sensitivity, region_of_interest, rotation,
+        safety_preset_active_index, safety_mode, rgb_tnr_enabled, safety_mcu_temperature, left_ir_temperature,
+        embedded_filter_enabled,
+        disparity_shift, threshold, downscale_ratio, readout_shaping, detection_distance, sensors_config_mode,
+        dual_rgb_rectification, emitter_mode, enable_aligned_depth,
+    ) = range(115)  # fmt: skip
+    ambient_light = digital_gain
 
 
 class camera_info:
@@ -61,31 +65,31 @@ class camera_info:
     firmware_version = 2
     recommended_firmware_version = 3
     physical_port = 4
+    debug_op_code = 5
     advanced_mode = 6
     product_id = 7
     camera_locked = 8
     usb_type_descriptor = 9
     product_line = 10
+    asic_serial_number = 11
+    firmware_update_id = 12
+    ip_address = 13
+    dfu_device_path = 14
+    connection_type = 15
+    smcu_fw_version = 16
+    imu_type = 17
+    mipi_driver_version = 18
 
     def __new__(cls, number: int) -> int:  # type: ignore[misc]  # scripts write camera_info(1)
         return int(number)
 
 
 class distortion(_Enum):
-    none = 0
-    modified_brown_conrady = 1
-    inverse_brown_conrady = 2
-    ftheta = 3
-    brown_conrady = 4
+    none, modified_brown_conrady, inverse_brown_conrady, ftheta, brown_conrady, kannala_brandt4 = range(6)
 
 
 class rs400_visual_preset(_Enum):
-    custom = 0
-    default = 1
-    hand = 2
-    high_accuracy = 3
-    high_density = 4
-    medium_density = 5
+    custom, default, hand, high_accuracy, high_density, medium_density, remove_ir_pattern, edge_enhancement = range(8)
 
 
 class timestamp_domain(_Enum):
@@ -95,17 +99,17 @@ class timestamp_domain(_Enum):
 
 
 class frame_metadata_value(_Enum):
-    frame_counter = 0
-    frame_timestamp = 1
-    sensor_timestamp = 2
-    actual_exposure = 3
-    gain_level = 4
-    auto_exposure = 5
-    time_of_arrival = 7
-    backend_timestamp = 9
-    actual_fps = 10
-    frame_laser_power = 11
-    frame_laser_power_mode = 12
+    (
+        frame_counter, frame_timestamp, sensor_timestamp, actual_exposure, gain_level, auto_exposure,
+        white_balance, time_of_arrival, temperature, backend_timestamp, actual_fps, frame_laser_power,
+        frame_laser_power_mode, exposure_priority, exposure_roi_left, exposure_roi_right, exposure_roi_top,
+        exposure_roi_bottom, brightness, contrast, saturation, sharpness, auto_white_balance_temperature,
+        backlight_compensation, hue, gamma, manual_white_balance, power_line_frequency,
+        low_light_compensation, frame_emitter_mode, frame_led_power, raw_frame_size, gpio_input_data,
+        sequence_name, sequence_id, sequence_size, trigger, preset, input_width, input_height,
+        sub_preset_info, calib_info, crc,
+    ) = range(43)  # fmt: skip
+    embedded_filters = 130  # between them: those of safety cameras
 
 
 class log_severity(_Enum):
@@ -115,3 +119,11 @@ class log_severity(_Enum):
     error = 3
     fatal = 4
     none = 5
+
+
+class embedded_filter_type(_Enum):
+    decimation, temporal, improved_close_range_depth = range(3)
+
+
+class matchers(_Enum):
+    di, di_c, dlr_c, dlr, dic, dic_c, default = range(7)

@@ -91,11 +91,12 @@ class threshold_filter(filter):
         return depth.changed(np.where(is_kept, pixels, 0).astype(pixels.dtype))
 
 
-_DISPARITY_STEPS, _BASELINE_M = 32, 0.05
+_DISPARITY_STEPS = 32
 
 
 class disparity_transform(filter):
-    """Depth as disparities, or back; disparities are float32, 1/32 pixel of the depth stream."""
+    """Depth as disparities, or back; disparities are float32, 1/32 pixel of the depth stream at the camera's own
+    baseline. As in librealsense, depth of a camera that tells no baseline stays depth."""
 
     def __init__(self, transform_to_disparity: bool = True) -> None:
         super().__init__()
@@ -103,11 +104,10 @@ class disparity_transform(filter):
 
     def _filtered(self, depth: frame) -> frame:
         is_disparity = depth.profile.format() == format.disparity32
-        if is_disparity == self._to_disparity:
+        if is_disparity == self._to_disparity or depth.profile.baseline_m is None:
             return depth
         pixels = np.asarray(depth.get_data(), np.float64)
-        # The baseline cancels between the two ways; that of a D435 keeps the numbers of a D435's size.
-        factor = _DISPARITY_STEPS * _BASELINE_M * depth.profile.intrinsics.fx / depth.unit_m
+        factor = _DISPARITY_STEPS * depth.profile.baseline_m * depth.profile.intrinsics.fx / depth.unit_m
         with np.errstate(divide="ignore"):
             out = np.where(pixels > 0, factor / pixels, 0.0)
         if self._to_disparity:

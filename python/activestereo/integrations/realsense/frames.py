@@ -130,7 +130,11 @@ class depth_frame(video_frame):
 
 
 class disparity_frame(depth_frame):
-    """float32 disparities, px."""
+    """float32 disparities, 1/32 px."""
+
+    def get_baseline(self) -> float:
+        """Millimetres between the infrared cameras."""
+        return 1e3 * (self.profile.baseline_m or 0.0)
 
 
 class composite_frame(frame):

@@ -70,4 +70,6 @@ class Options:
 
     def _require(self, which: option) -> None:
         if which not in self._values:
-            raise RuntimeError(f"object doesn't support option {option(which).name}")
+            known = which in option.__members__.values()
+            name = option(which).name.replace("_", " ").title() if known else which
+            raise RuntimeError(f"object doesn't support option {name}")

@@ -118,7 +118,7 @@ def _profile(camera: SimulatedCamera, request: StreamRequest) -> video_stream_pr
     form = _FORMATS[request.stream][0] if request.format == format.any else request.format
     fps = request.fps or _FPS
     whole = StreamRequest(request.stream, request.index, lens.width, lens.height, form, fps)
-    return video_stream_profile(whole, lens, camera.left_to(request.stream, request.index))
+    return video_stream_profile(whole, lens, camera.left_to(request.stream, request.index), camera.baseline_m)
 
 
 class pipeline_wrapper:

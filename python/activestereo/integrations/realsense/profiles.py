@@ -28,20 +28,23 @@ class StreamRequest:
 
 
 class video_stream_profile:
-    """One stream. left_to_stream: 4x4, from the left infrared camera, to which depth belongs."""
+    """One stream. left_to_stream: 4x4, from the left infrared camera, to which depth belongs. baseline_m: between the
+    infrared cameras, None where the camera does not tell it."""
 
     def __init__(
         self, request: StreamRequest | video_stream_profile, lens: intrinsics | None = None,
-        left_to_stream: NDArray[np.float64] | None = None,
+        left_to_stream: NDArray[np.float64] | None = None, baseline_m: float | None = None,
     ) -> None:  # fmt: skip
         if isinstance(request, video_stream_profile):  # rs.video_stream_profile(profile), as scripts cast
             given: video_stream_profile = request
             lens, left_to_stream, request = given.get_intrinsics(), given.left_to_stream, given.request
+            baseline_m = given.baseline_m
         if lens is None:
             raise TypeError("a stream profile needs intrinsics")
         self.request: StreamRequest = request
         self.intrinsics: intrinsics = lens
         self.left_to_stream: NDArray[np.float64] = np.eye(4) if left_to_stream is None else left_to_stream
+        self.baseline_m: float | None = baseline_m
 
     def stream_type(self) -> stream:
         return self.request.stream
@@ -83,11 +86,15 @@ class video_stream_profile:
     def get_extrinsics_to(self, to: video_stream_profile) -> extrinsics:
         return extrinsics.of(to.left_to_stream @ np.linalg.inv(self.left_to_stream))
 
+    def register_extrinsics_to(self, to: video_stream_profile, motion: extrinsics) -> None:
+        """Where another stream's camera stands; of streams of a software device."""
+        to.left_to_stream = motion.matrix() @ self.left_to_stream
+
     def seen(self, lens: intrinsics, form: pixel_format | None = None) -> video_stream_profile:
         """The same stream through other intrinsics, or in another format."""
         r = self.request
         request = StreamRequest(r.stream, r.index, lens.width, lens.height, r.format if form is None else form, r.fps)
-        return video_stream_profile(request, lens, self.left_to_stream)
+        return video_stream_profile(request, lens, self.left_to_stream, self.baseline_m)
 
     def __repr__(self) -> str:
         r = self.request

@@ -31,7 +31,10 @@ class SoftwareDevice:
         self._sensors: dict[str, Any] = {}
         self._profiles: dict[tuple[stream, int], Any] = {}
         right = [p.left_to_stream for p in profiles if (p.stream_type(), p.stream_index()) == (stream.infrared, 2)]
-        self._baseline_mm = -1e3 * float(right[0][0, 3]) if right else None
+        told_m = [p.baseline_m for p in profiles if p.baseline_m is not None] + [
+            -float(motion[0, 3]) for motion in right
+        ]
+        self._baseline_mm = 1e3 * told_m[0] if told_m else None
         for profile in profiles:
             self._add(profile)
         self._relate(profiles)

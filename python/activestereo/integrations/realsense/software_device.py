@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: Apache-2.0
+"""pyrealsense2's software device: frames of one's own NumPy arrays, on which this module's align, filters and point
+clouds work."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.integrations.realsense.enums import format, matchers, option, stream, timestamp_domain
+from activestereo.integrations.realsense.frames import composite_frame, depth_frame, frame, video_frame
+from activestereo.integrations.realsense.geometry import intrinsics as Intrinsics
+from activestereo.integrations.realsense.options import Options, option_range
+from activestereo.integrations.realsense.profiles import StreamRequest, video_stream_profile
+
+_KINDS: dict[format, tuple[type, int]] = {
+    format.z16: (np.uint16, 1), format.y8: (np.uint8, 1), format.y16: (np.uint16, 1), format.rgb8: (np.uint8, 3),
+    format.bgr8: (np.uint8, 3), format.rgba8: (np.uint8, 4), format.bgra8: (np.uint8, 4),
+}  # fmt: skip
+_MOST_WAITING = 16  # framesets that lack a stream
+
+
+@dataclass
+class video_stream:
+    """A stream that a sensor is to have; bpp: bytes of a pixel."""
+
+    type: stream = stream.any
+    index: int = 0
+    uid: int = 0
+    width: int = 0
+    height: int = 0
+    fps: int = 0
+    bpp: int = 0
+    fmt: format = format.any
+    intrinsics: Intrinsics | None = None
+
+
+@dataclass
+class software_video_frame:
+    """One image. pixels: an array of the stream's shape and type, or the same bytes in any other. stride: bytes of a
+    row, 0 for rows without padding. timestamp: milliseconds."""
+
+    pixels: Any = None
+    stride: int = 0
+    bpp: int = 0
+    timestamp: float = 0.0
+    domain: timestamp_domain = timestamp_domain.hardware_clock
+    frame_number: int = 0
+    profile: video_stream_profile | None = None
+    depth_units: float = 0.0
+
+
+class _Frames:
+    """Frames in the order in which they were sent."""
+
+    def __init__(self, queue_size: int = 16) -> None:
+        self._ready: deque[frame] = deque(maxlen=max(1, queue_size))
+        self.streams: set[int] = set()
+
+    def put(self, one: frame) -> None:
+        self._ready.append(one)
+
+    def wait_for_frames(self, timeout_ms: int = 5000) -> Any:
+        """The oldest. RuntimeError at once where there is none: nothing comes by itself."""
+        if not self._ready:
+            raise RuntimeError(f"Frame did not arrive in time! (none was sent that is whole; {timeout_ms} ms)")
+        return self._ready.popleft()
+
+    def poll_for_frames(self) -> Any:
+        return self._ready.popleft() if self._ready else None
+
+
+class syncer(_Frames):
+    """Framesets of frames of one number; a set is whole when each open stream has sent one."""
+
+    def __init__(self, queue_size: int = 16) -> None:
+        super().__init__(queue_size)
+        self._waiting: dict[int, list[frame]] = {}
+
+    def put(self, one: frame) -> None:
+        together = self._waiting.setdefault(one.frame_number, [])
+        together.append(one)
+        if {each.profile.unique_id() for each in together} >= self.streams:
+            super().put(composite_frame(self._waiting.pop(one.frame_number)))
+        elif len(self._waiting) > _MOST_WAITING:
+            self._waiting.pop(min(self._waiting))
+
+
+class software_sensor(Options):
+    """A sensor whose frames its user makes."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__({})
+        self.name = name
+        self._profiles: list[video_stream_profile] = []
+        self._open: list[video_stream_profile] = []
+        self._target: Any = None
+
+    def add_video_stream(self, stream_of: video_stream, is_default: bool = False) -> video_stream_profile:
+        """RuntimeError for a stream without intrinsics, or in a format that is not simulated."""
+        if stream_of.intrinsics is None or stream_of.fmt not in _KINDS:
+            known = ", ".join(form.name for form in _KINDS)
+            raise RuntimeError(f"a video stream has intrinsics and one of the formats {known}: {stream_of}")
+        v = stream_of
+        request = StreamRequest(v.type, v.index, v.width, v.height, v.fmt, v.fps)
+        baseline_mm = self._values.get(option.stereo_baseline)
+        baseline_m = None if baseline_mm is None else 1e-3 * baseline_mm
+        self._profiles.append(video_stream_profile(request, v.intrinsics, baseline_m=baseline_m))
+        return self._profiles[-1]
+
+    def add_read_only_option(self, which: option, value: float) -> None:
+        self._read_only[which] = self._values[which] = float(value)
+        if which == option.stereo_baseline:
+            for profile in self._profiles:
+                profile.baseline_m = 1e-3 * float(value)
+
+    def set_read_only_option(self, which: option, value: float) -> None:
+        self._require(which)
+        self.add_read_only_option(which, value)
+
+    def add_option(self, which: option, allowed: option_range, is_writable: bool = True) -> None:
+        if not is_writable:
+            self.add_read_only_option(which, allowed.default)
+        else:
+            self._ranges[which], self._values[which] = allowed, allowed.default
+
+    def get_stream_profiles(self) -> list[video_stream_profile]:
+        return list(self._profiles)
+
+    profiles = property(get_stream_profiles)
+
+    def open(self, profiles: video_stream_profile | list[video_stream_profile]) -> None:
+        self._open = profiles if isinstance(profiles, list) else [profiles]
+
+    def start(self, target: Any) -> None:
+        """target: a syncer, a frame_queue, or a function that takes frames."""
+        self._target = target
+        if hasattr(target, "connect"):
+            self._target = _Frames()
+            target.connect(self._target)
+        if isinstance(self._target, _Frames):
+            self._target.streams |= {profile.unique_id() for profile in self._open}
+
+    def stop(self) -> None:
+        self._target = None
+
+    def close(self) -> None:
+        self._open = []
+
+    def on_video_frame(self, given: software_video_frame) -> None:
+        """Sends a frame on. RuntimeError names what does not fit the stream."""
+        if given.profile is None or self._target is None:
+            raise RuntimeError("a software frame needs a profile, and its sensor open() and start() before")
+        profile = given.profile
+        unit_m = given.depth_units or self._values.get(option.depth_units, 0.001)
+        kind = depth_frame if profile.stream_type() == stream.depth else video_frame
+        made = kind(_pixels(given, profile), profile, given.frame_number, given.timestamp, None, unit_m)
+        self._target.put(made) if isinstance(self._target, _Frames) else self._target(made)
+
+
+def _pixels(given: software_video_frame, profile: video_stream_profile) -> NDArray[Any]:
+    """A copy of the pixels, [height][width] or [height][width][channels]."""
+    kind, channels = _KINDS[profile.format()]
+    width, height = profile.width(), profile.height()
+    row = width * channels * np.dtype(kind).itemsize
+    content = np.ascontiguousarray(given.pixels).reshape(-1).view(np.uint8)
+    stride = given.stride or row
+    if stride < row or content.size != stride * height:
+        raise RuntimeError(
+            f"the pixels have {content.size} bytes and the stride {stride}, expected {row * height} bytes of "
+            f"{width}x{height} {profile.format().name}"
+        )
+    rows: NDArray[Any] = content.reshape(height, stride)[:, :row].copy().view(kind)
+    return rows if channels == 1 else rows.reshape(height, width, channels)
+
+
+@dataclass
+class software_device:
+    """A device whose sensors its user makes."""
+
+    sensors: list[software_sensor] = field(default_factory=list)
+    _info: dict[int, str] = field(default_factory=dict)
+
+    def add_sensor(self, name: str) -> software_sensor:
+        self.sensors.append(software_sensor(name))
+        return self.sensors[-1]
+
+    def query_sensors(self) -> list[software_sensor]:
+        return list(self.sensors)
+
+    def register_info(self, which: int, value: str) -> None:
+        self._info[which] = value
+
+    update_info = register_info
+
+    def supports(self, which: int) -> bool:
+        return which in self._info
+
+    def get_info(self, which: int) -> str:
+        if which not in self._info:
+            raise RuntimeError(f"info {which} not supported by the device")
+        return self._info[which]
+
+    def create_matcher(self, matcher: matchers) -> None:
+        """Nothing: a syncer puts frames of one number together, whatever the matcher."""
