@@ -41,7 +41,7 @@ Makes a capture of a recording. RECORDING is one of
     realsense-ros (needs: pip install rosbags). It has its own calibration
   live: a connected D4xx (needs: pip install pyrealsense2)
   colour and depth alone: a TUM folder (rgb.txt, depth.txt), Open3D's
-    (camera_intrinsic.json, color/, depth/), or one scene of a BOP dataset
+    (camera_intrinsic.json, color/, depth/), a bag, or one scene of a BOP dataset
     (scene_camera.json), whose models become the scene. Without infrared images such
     a capture places objects and holds depth; it tells nothing of noise or dots
 
@@ -120,6 +120,8 @@ def _run(args: argparse.Namespace) -> None:
         f"with colour; baseline {1e3 * rig.baseline_m:.2f} mm, f {rig.left.K[0, 0]:.2f} px"
     )
     if recording is not None:
+        for line in recording.assumed:
+            print(f"assumed: {line}")
         print("colour and depth alone: it tells nothing of noise and dots; the baseline is nominal")
     has_scene = args.scene is not None or (recording is not None and recording.scene is not None)
     print(
@@ -131,10 +133,16 @@ def _run(args: argparse.Namespace) -> None:
 
 def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecording | None:
     """The recording where its layout is that of colour and depth alone."""
+    from activestereo.capture.importers.bag import is_bag
     from activestereo.capture.importers.bop import is_bop, read_bop
+    from activestereo.capture.importers.color_depth_bag import has_color_depth_alone, read_color_depth_bag
     from activestereo.capture.importers.open3d import is_open3d, read_open3d
     from activestereo.capture.importers.tum import is_tum, read_tum
+    from activestereo.common.progress_bar import ProgressBar
 
+    if is_bag(args.recording) and has_color_depth_alone(args.recording):
+        with ProgressBar(f"reading {args.recording.name}") as bar:
+            return read_color_depth_bag(args.recording, temporary, args.k, args.depth_scale, bar)
     if is_bop(args.recording):
         return read_bop(args.recording, temporary / "scene.gltf", args.depth_scale)
     if is_tum(args.recording):
@@ -160,7 +168,7 @@ def _write_color_depth(args: argparse.Namespace, recording: ColorDepthRecording)
 def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.capture.images import image_size
-    from activestereo.capture.importers.bag import extract_bag, is_bag
+    from activestereo.capture.importers.bag import extract_bag, has_color, is_bag
     from activestereo.capture.importers.foreign import refuse_foreign
     from activestereo.capture.importers.live import record_live
     from activestereo.capture.importers.realsense_folder import import_realsense, swapped
@@ -197,6 +205,8 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
         told = [sides_text(checked_sides(files, args.swap, offset_px))]
     else:
         told = ["cameras: not rectified, by this calibration: their order and rows are not looked at"]
+    if bag and has_color(args.recording):
+        told.append("left out: the bag's colour images, which are read only where it has no infrared ones")
     told += [*(f"assumed: {line}" for line in assumed)]
     told += unused_text(folder, files)
     told += [f"missing: {line}" for line in missing_text(files, bool(args.poses or args.robot))]

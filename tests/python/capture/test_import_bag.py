@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from activestereo.capture.capture import read_capture
 from activestereo.capture.importers import bag
-from activestereo.capture.importers.bag import _intrinsic, count_pairs, read_calibration
+from activestereo.capture.importers.bag import count_pairs, intrinsic_of, read_calibration
 from activestereo.capture.importers.pairs import recorded_pairs
 from activestereo.cli import main, make_parser
 from activestereo.cli.view import shown_path
@@ -59,9 +60,51 @@ def camera_info(store, baseline_m, model="plumb_bob", d=(0.0,) * 5):
     )
 
 
-def write_librealsense(path, frames=2, skip=()):
+_COLOR_SIZE = (24, 32)
+_TURN = Rotation.from_euler("xyz", (0.01, -0.02, 0.03))
+# ITU-R BT.601, of 8 bits from 16 to 235.
+_STUDIO_YUV = np.array([[65.738, 129.057, 25.064], [-37.945, -74.494, 112.439], [112.439, -94.154, -18.285]])
+_TO_COLOR_M = (0.015, 0.001, -0.002)
+
+
+def color_image(number):
+    """Smooth, for formats that keep half of the colours."""
+    y, x = np.mgrid[: _COLOR_SIZE[0], : _COLOR_SIZE[1]]
+    return np.stack([60 + 3 * x, 80 + 4 * y, 100 + 2 * x + number], axis=-1).astype(np.uint8)
+
+
+def encoded(rgb, encoding):
+    """The bytes of an image in one of ROS' or librealsense's encodings."""
+    name = encoding.lower()
+    if name in ("yuyv", "yuv422_yuy2", "uyvy", "yuv422"):
+        y, u, v = np.moveaxis(rgb @ _STUDIO_YUV.T / 256 + (16, 128, 128), -1, 0)
+        chroma = np.empty_like(y)
+        chroma[:, ::2], chroma[:, 1::2] = 0.5 * (u[:, ::2] + u[:, 1::2]), 0.5 * (v[:, ::2] + v[:, 1::2])
+        return np.stack([chroma, y] if name in ("uyvy", "yuv422") else [y, chroma], -1).round().astype(np.uint8)
+    if name == "mono8":
+        return rgb[..., 0].copy()
+    ordered = rgb[..., ::-1] if name.startswith("bgr") else rgb
+    return np.dstack([ordered, np.full(_COLOR_SIZE, 255, np.uint8)]) if name.endswith("a8") else ordered.copy()
+
+
+def color_message(store, pixels, encoding, time_ns):
+    made = image_message(store, np.zeros(_SIZE, np.uint8), time_ns)
+    data = np.frombuffer(pixels.tobytes(), np.uint8)
+    return replace(
+        made,
+        height=_COLOR_SIZE[0],
+        width=_COLOR_SIZE[1],
+        encoding=encoding,
+        step=data.size // _COLOR_SIZE[0],
+        data=data,
+    )
+
+
+def write_librealsense(path, frames=2, skip=(), color=None, color_tf=True):
+    """color: the encoding of a colour stream; color_tf: whether its place is told."""
     store = get_typestore(Stores.ROS1_NOETIC)
     with Writer1(path) as writer:
+
         def add(topic, kind, message, time_ns=1):
             connection = known.get(topic) or known.setdefault(
                 topic, writer.add_connection(topic, kind, typestore=store)
@@ -82,10 +125,19 @@ def write_librealsense(path, frames=2, skip=()):
         for stream, topic in _TOPICS1.items():
             if stream not in skip:
                 add(f"{topic}/info/camera_info", "sensor_msgs/msg/CameraInfo", camera_info(store, 0.0))
+        if color is not None:
+            info = replace(camera_info(store, 0.0), height=_COLOR_SIZE[0], width=_COLOR_SIZE[1])
+            add("/device_0/sensor_1/Color_0/info/camera_info", "sensor_msgs/msg/CameraInfo", info)
+            place = store.types["geometry_msgs/msg/Transform"](vector(*_TO_COLOR_M), turn(*_TURN.as_quat()))
+            if color_tf:
+                add("/device_0/sensor_1/Color_0/tf/0", "geometry_msgs/msg/Transform", place)
         for frame in range(frames):
+            time_ns = 1_700_000_000_000_000_000 + 33_000_000 * frame
+            if color is not None:
+                message = color_message(store, encoded(color_image(frame), color), color, time_ns)
+                add("/device_0/sensor_1/Color_0/image/data", "sensor_msgs/msg/Image", message, time_ns + 4_000_000)
             for stream, pixels in images(frame).items():
                 if stream not in skip:
-                    time_ns = 1_700_000_000_000_000_000 + 33_000_000 * frame
                     add(
                         f"{_TOPICS1[stream]}/image/data",
                         "sensor_msgs/msg/Image",
@@ -155,6 +207,70 @@ def test_what_a_bag_lacks_is_told(tmp_path, capsys, skip, words):
     assert "a.bag" in error and words in error and not (tmp_path / "capture").exists()
 
 
+@pytest.mark.parametrize(
+    "encoding", ["rgb8", "bgr8", "rgba8", "bgra8", "YUYV", "yuv422_yuy2", "UYVY", "yuv422", "mono8"]
+)
+def test_librealsenses_own_sample_of_depth_and_colour_alone(tmp_path, capsys, encoding):
+    write_librealsense(tmp_path / "a.bag", skip=(1, 2), color=encoding)
+    assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture")]) == 0
+    said = capsys.readouterr().out
+    assert "2 with depth, 2 with colour" in said and "colour and depth alone" in said and "assumed" not in said
+    capture = read_capture(tmp_path / "capture")
+    np.testing.assert_allclose(capture.rig.left.K, [[43.0, 0, 32.1], [0, 43.5, 24.2], [0, 0, 1]])
+    rig = capture.rig
+    np.testing.assert_allclose(rig.color.left_to_color[:3, :3], _TURN.as_matrix(), atol=1e-6)
+    np.testing.assert_allclose(rig.color.left_to_color[:3, 3], _TO_COLOR_M)
+    assert (rig.color.height, rig.color.width) == _COLOR_SIZE
+    for number, frame in enumerate(capture.frames):
+        np.testing.assert_allclose(capture.depth(frame), 0.0005 * images(number)[0], rtol=1e-6)
+        expected = color_image(number) if encoding != "mono8" else color_image(number)[..., :1].repeat(3, axis=-1)
+        found = np.asarray(Image.open(frame.color_path))[..., :3].astype(int)
+        assert np.abs(found - expected).max() <= (6 if encoding.lower().startswith(("yu", "uy")) else 0)
+
+
+def test_the_place_of_a_colour_camera_that_nothing_tells_is_assumed_and_said(tmp_path, capsys):
+    write_librealsense(tmp_path / "a.bag", skip=(1, 2), color="rgb8", color_tf=False)
+    assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture")]) == 0
+    assert "assumed: colour is seen from depth's place" in capsys.readouterr().out
+    np.testing.assert_array_equal(read_capture(tmp_path / "capture").rig.color.left_to_color, np.eye(4))
+
+
+def test_depth_alone_is_a_capture_and_colour_beside_infrared_is_told_to_be_left_out(tmp_path, capsys):
+    write_librealsense(tmp_path / "a.bag", skip=(1, 2))
+    assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "depth")]) == 0
+    assert "2 with depth, 0 with colour" in capsys.readouterr().out
+    write_librealsense(tmp_path / "b.bag", color="rgb8")
+    assert main(["import", str(tmp_path / "b.bag"), "--out", str(tmp_path / "pair")]) == 0
+    check(tmp_path / "pair", 2, 0.0005, images(0))
+    assert "left out: the bag's colour images" in capsys.readouterr().out
+
+
+def test_an_unknown_encoding_of_colour_is_told(tmp_path, capsys):
+    write_librealsense(tmp_path / "a.bag", skip=(1, 2), color="bayer_rggb8")
+    assert main(["import", str(tmp_path / "a.bag"), "--out", str(tmp_path / "capture")]) == 2
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert "a.bag: /device_0/sensor_1/Color_0/image/data: encoding is 'bayer_rggb8', expected one of rgb8" in error
+
+
+def test_depth_that_ros_has_aligned_to_colour_lies_on_its_pixels(tmp_path):
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with Writer2(tmp_path / "bag", version=8) as writer:
+        for topic, pixels in (("aligned_depth_to_color", images()[0]), ("color", np.dstack([images()[1]] * 3))):
+            info = writer.add_connection(f"/camera/{topic}/camera_info", "sensor_msgs/msg/CameraInfo", typestore=store)
+            writer.write(info, 1, store.serialize_cdr(camera_info(store, 0.0), info.msgtype))
+            image = writer.add_connection(f"/camera/{topic}/image_raw", "sensor_msgs/msg/Image", typestore=store)
+            message = image_message(store, images()[0], 10**18)
+            if topic == "color":
+                message = replace(
+                    message, encoding="rgb8", step=3 * _SIZE[1], data=np.frombuffer(pixels.tobytes(), np.uint8)
+                )
+            writer.write(image, 10**18, store.serialize_cdr(message, image.msgtype))
+    assert main(["import", str(tmp_path / "bag"), "--out", str(tmp_path / "capture")]) == 0
+    capture = read_capture(tmp_path / "capture")
+    np.testing.assert_array_equal(capture.rig.color.K, capture.rig.left.K)
+    np.testing.assert_allclose(capture.depth(capture.frames[0]), 0.001 * images()[0], rtol=1e-6)
+
+
 def test_a_bag_without_a_baseline_takes_that_of_the_option(tmp_path):
     write_librealsense(tmp_path / "a.bag", skip=("tf",))
     more = ["--baseline", str(_BASELINE_M)]
@@ -186,7 +302,7 @@ def test_a_damaged_bag_is_one_line(tmp_path, capsys):
 def test_a_lens_of_another_law_is_refused(model, d):
     message = camera_info(get_typestore(Stores.ROS1_NOETIC), 0.05, model, d)
     with pytest.raises(ValueError, match=f"distortion_model is '{model}'"):
-        _intrinsic("a.bag", "topic", message)
+        intrinsic_of("a.bag", "topic", message)
 
 
 @pytest.mark.parametrize(
@@ -199,14 +315,14 @@ def test_a_lens_of_another_law_is_refused(model, d):
 )
 def test_a_rational_lens_has_eight_numbers_where_it_has_a_denominator(d, read):
     message = camera_info(get_typestore(Stores.ROS1_NOETIC), 0.05, "rational_polynomial", d)
-    assert _intrinsic("a.bag", "topic", message).distortion.tolist() == read
+    assert intrinsic_of("a.bag", "topic", message).distortion.tolist() == read
 
 
 def test_a_fisheye_lens_has_four_numbers():
     message = camera_info(get_typestore(Stores.ROS1_NOETIC), 0.05, "equidistant", (0.1, 0, 0, 0))
-    assert _intrinsic("a.bag", "topic", message).distortion.tolist() == [0.1, 0, 0, 0]
+    assert intrinsic_of("a.bag", "topic", message).distortion.tolist() == [0.1, 0, 0, 0]
     with pytest.raises(ValueError, match="a fisheye lens has d = .*, expected 4 numbers"):
-        _intrinsic("a.bag", "topic", camera_info(get_typestore(Stores.ROS1_NOETIC), 0.05, "equidistant", (0.1,)))
+        intrinsic_of("a.bag", "topic", camera_info(get_typestore(Stores.ROS1_NOETIC), 0.05, "equidistant", (0.1,)))
 
 
 @pytest.mark.parametrize("write, name", [(write_librealsense, "a.bag"), (write_ros2, "a")])

@@ -7,12 +7,16 @@ from importlib.metadata import version
 
 import numpy as np
 import pytest
+from PIL import Image
+from scipy.spatial.transform import Rotation
 
 reason = "the package pyrealsense2 is not installed (pip install pyrealsense2)"
 real = pytest.importorskip("pyrealsense2", reason=reason)
 
 import activestereo.realsense as rs
 from activestereo.integrations.realsense.profiles import StreamRequest
+
+SUFFIX = ".db3" if tuple(map(int, version("pyrealsense2").split(".")[:2])) >= (2, 58) else ".bag"
 
 
 def frameset(number):
@@ -117,8 +121,7 @@ def test_what_the_real_recorder_writes_is_played_and_imported(tmp_path):
         return rs.composite_frame([*frameset(number), *pair])
 
     device = rs.to_software_device([one.profile for one in whole(1)])
-    suffix = ".db3" if tuple(map(int, version("pyrealsense2").split(".")[:2])) >= (2, 58) else ".bag"
-    path = tmp_path / f"recorded{suffix}"
+    path = tmp_path / f"recorded{SUFFIX}"
     recorder = real.recorder(str(path), device.device)
     for number in range(1, 4):
         device.send(whole(number))
@@ -137,3 +140,37 @@ def test_what_the_real_recorder_writes_is_played_and_imported(tmp_path):
     played = np.asanyarray(again.wait_for_frames(2000).get_infrared_frame(2).get_data())
     assert any((played == whole(number).get_infrared_frame(2).get_data()).all() for number in range(1, 4))
     again.stop()
+
+
+def test_what_the_real_recorder_writes_of_depth_and_colour_is_imported_with_its_place(tmp_path):
+    pytest.importorskip("rosbags", reason="the package rosbags is not installed (pip install rosbags)")
+    from activestereo.capture.importers.color_depth_bag import has_color_depth_alone, read_color_depth_bag
+
+    lens, place = frameset(1)[0].profile.get_intrinsics(), np.eye(4)
+    place[:3, :3] = Rotation.from_euler("xyz", (0.1, -0.2, 0.3)).as_matrix()
+    place[:3, 3] = (-0.015, 0.001, -0.002)
+    color = rs.video_stream_profile(StreamRequest(rs.stream.color, 0, 64, 48, rs.format.rgb8, 30), lens, place)
+
+    def whole(number):
+        pixels = np.random.default_rng(number).integers(0, 255, (48, 64, 3), np.uint8)
+        return rs.composite_frame([frameset(number)[0], rs.video_frame(pixels, color, number, 33.0 * number)])
+
+    device = rs.to_software_device([one.profile for one in whole(1)])
+    path = tmp_path / f"recorded{SUFFIX}"
+    recorder = real.recorder(str(path), device.device)
+    for number in range(1, 4):
+        device.send(whole(number))
+        time.sleep(0.05)  # or the recorder drops frames
+    recorder.pause()
+    device.stop()
+    del recorder, device  # closes the file
+    gc.collect()
+    assert has_color_depth_alone(path)
+    found = read_color_depth_bag(path, tmp_path)
+    np.testing.assert_allclose(found.color.left_to_color, place, atol=1e-5)
+    np.testing.assert_allclose(found.color.K, [[50.0, 0, 31.5], [0, 50.0, 23.5], [0, 0, 1]])
+    images = [(np.asarray(Image.open(f.depth)), np.asarray(Image.open(f.color))) for f in found.frames if f.color]
+    sent = [[one.get_data() for one in whole(number)] for number in range(1, 4)]
+    assert len(images) >= 2
+    for depth, seen in images:
+        assert any((depth == z).all() and (seen == rgb).all() for z, rgb in sent)

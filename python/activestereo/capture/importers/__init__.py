@@ -7,6 +7,7 @@
     middlebury         calib.txt of the Middlebury and ETH3D stereo sets
     realsense_folder   a folder of a librealsense recording's PNG files
     bag                librealsense's .bag, bags of ROS 1 and ROS 2, by the package rosbags where it is installed
+    color_depth_bag    the same of depth and colour alone
     trajectory         camera poses as a TUM text file
 
 Every failure of the input is a ValueError of one line: the file, the key and the value.

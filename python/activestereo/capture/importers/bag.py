@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from activestereo.capture.capture import Camera
 from activestereo.capture.images import write_gray
@@ -27,19 +28,27 @@ from activestereo.capture.importers.lone_db3 import described
 from activestereo.capture.importers.realsense_folder import LEAST_TIME_MS, SAME_FRAME_MS
 from activestereo.capture.importers.realsense_text import DeviceText
 from activestereo.common.baseline import chosen_baseline_m
+from activestereo.common.pose import printed_motion
 
 _STREAMS = {
+    "Aligned": re.compile(r"aligned_depth", re.I),  # to colour, or to an infrared stream
     "Infrared 1": re.compile(r"infra(?:red)?_?1", re.I),
     "Infrared 2": re.compile(r"infra(?:red)?_?2", re.I),
-    "Depth": re.compile(r"(?<!aligned_)depth", re.I),
+    "Color": re.compile(r"(?<!depth_to_)(?:color|rgb)", re.I),
+    "Depth": re.compile(r"depth", re.I),
 }
 _TYPES = {"mono8": np.uint8, "8UC1": np.uint8, "mono16": np.uint16, "16UC1": np.uint16}
-_SIDES = ("Infrared 1", "Infrared 2")
-_IMAGES = ("Image", "CompressedImage")
+SIDES = ("Infrared 1", "Infrared 2")
+_OF_A_PAIR = (*SIDES, "Depth")
+IMAGES = ("Image", "CompressedImage")
 _STEREO_BASELINE = "stereo_baseline"
 _MENDED_BY = {".bag": "'rosbag reindex'", ".mcap": "'mcap recover'", ".db3": "sqlite3's '.recover'"}
+_NUMBER = r"[-+]?\d+(?:\.\d*)?(?:e[-+]?\d+)?"
+_PLACE = re.compile(
+    rf"rotation=(?P<rotation>{_NUMBER}(?:,{_NUMBER}){{8}});\s*translation=(?P<translation>{_NUMBER}(?:,{_NUMBER}){{2}})"
+)
 _PNG = b"\x89PNG\r\n"
-_ROS2_DEPTH_SCALE_M = 0.001  # realsense-ros publishes 16UC1 in millimetres (REP 118)
+ROS2_DEPTH_SCALE_M = 0.001  # realsense-ros publishes 16UC1 in millimetres (REP 118)
 
 
 @dataclass
@@ -69,22 +78,27 @@ def extract_bag(
     """
     found = _Found()
     start_ms: float | None = None
-    for topic, message, time_ms, share in _messages(path):
-        stream = _stream(topic)
+    for topic, message, time_ms, share in messages(path):
+        stream = stream_of(topic)
         kind = type(message).__name__
         if kind.endswith(("sensor_msgs__msg__Image", "CompressedImage")) and stream is not None:
             start_ms = start_ms if start_ms is not None else _time_before(time_ms)
-            write_gray(folder / f"{stream} {start_ms + time_ms:.3f}.png", _pixels(path, topic, message))
+            write_gray(folder / f"{stream} {start_ms + time_ms:.3f}.png", pixels_of(path, topic, message))
             found.counts[stream] = found.counts.get(stream, 0) + 1
             if stream == "Depth" and found.depth_units_m is None and not topic.startswith("/device_"):
-                found.depth_units_m = _ROS2_DEPTH_SCALE_M
-        elif "depth_units" in topic.lower() and hasattr(message, "data"):
-            found.depth_units_m = float(message.data)
+                found.depth_units_m = ROS2_DEPTH_SCALE_M
+        elif (units_m := depth_units_of(topic, message)) is not None:
+            found.depth_units_m = units_m
         else:
             _note_calibration(path, found, topic, message)
         if progress is not None:
             progress(share)
     return _device(path, found, baseline_m), found.depth_units_m
+
+
+def depth_units_of(topic: str, message: Any) -> float | None:
+    """Metres per unit of depth, where a message is librealsense's option of it."""
+    return float(message.data) if "depth_units" in topic.lower() and hasattr(message, "data") else None
 
 
 def _time_before(first_ms: float) -> float:
@@ -94,26 +108,41 @@ def _time_before(first_ms: float) -> float:
 
 def _note_calibration(path: Path, found: _Found, topic: str, message: Any) -> None:
     """Keeps what a message says of a stream's intrinsics, or of the baseline."""
-    stream, kind = _stream(topic), type(message).__name__
+    stream, kind = stream_of(topic), type(message).__name__
     if kind.endswith("CameraInfo") and stream is not None and stream not in found.intrinsics:
-        found.intrinsics[stream] = _intrinsic(path, topic, message)
+        found.intrinsics[stream] = intrinsic_of(path, topic, message)
         projection = np.asarray(_either(message, "p"), float)
         if projection[0] > 0 and projection[3] != 0:
             found.baselines_m[stream] = float(-projection[3] / projection[0])
     elif _STEREO_BASELINE in topic.lower():
         found.nominal_baseline_m = 1e-3 * float(message.data)
-    elif kind.endswith("Transform") and stream == "Infrared 2":
-        found.baselines_m.setdefault(stream, abs(float(message.translation.x)))
+    elif stream == "Infrared 2" and (place := place_of(path, topic, message)) is not None:
+        found.baselines_m.setdefault(stream, abs(float(place[0, 3])))
+
+
+def place_of(path: Path, topic: str, message: Any) -> NDArray[np.float64] | None:
+    """4x4 from the device's first stream to a stream, where a message tells it: librealsense's Transform, or its text
+    since 2.58, column by column."""
+    name = f"{path}: {topic}"
+    if type(message).__name__.endswith("Transform"):
+        q, t = message.rotation, message.translation
+        rotation = Rotation.from_quat((q.x, q.y, q.z, q.w)) if any((q.x, q.y, q.z, q.w)) else Rotation.identity()
+        return printed_motion(rotation.as_matrix(), (t.x, t.y, t.z), name)
+    told = _PLACE.search(message.data) if "/tf/" in topic and isinstance(getattr(message, "data", None), str) else None
+    if told is None:
+        return None
+    turn, shift = ([float(word) for word in told[key].split(",")] for key in ("rotation", "translation"))
+    return printed_motion(np.reshape(turn, (3, 3), order="F"), shift, name)
 
 
 def read_calibration(path: Path, baseline_m: float | None = None) -> DeviceText:
     """The calibration alone, without an image read. baseline_m and errors as of extract_bag()."""
     found = _Found()
-    for topic, kind in _topics(path):
-        if kind in _IMAGES and (stream := _stream(topic)) is not None:
+    for topic, kind in topics(path):
+        if kind in IMAGES and (stream := stream_of(topic)) is not None:
             found.counts[stream] = 1
     kinds = ("CameraInfo", "Transform", "String", "Float32")
-    for topic, message, _, _ in _messages(path, kinds, is_first_enough=True):
+    for topic, message, _, _ in messages(path, kinds, is_first_enough=True):
         _note_calibration(path, found, topic, message)
     return _device(path, found, baseline_m)
 
@@ -124,14 +153,14 @@ def read_pairs(
     """(name, left, right) of each infrared pair, in order of time, one at a time in memory; the name is the left
     image's time in milliseconds. is_wanted: of a name; others are not decoded. Raises as extract_bag()."""
     waiting: dict[str, tuple[float, str, Any]] = {}
-    for topic, message, time_ms, _ in _messages(path, _IMAGES, _SIDES):
-        stream = _stream(topic) or ""
+    for topic, message, time_ms, _ in messages(path, IMAGES, SIDES):
+        stream = stream_of(topic) or ""
         waiting[stream] = time_ms, topic, message
-        if len(waiting) < 2 or abs(waiting[_SIDES[0]][0] - waiting[_SIDES[1]][0]) > SAME_FRAME_MS:
+        if len(waiting) < 2 or abs(waiting[SIDES[0]][0] - waiting[SIDES[1]][0]) > SAME_FRAME_MS:
             continue
-        name = f"{waiting[_SIDES[0]][0]:.3f}"
+        name = f"{waiting[SIDES[0]][0]:.3f}"
         if is_wanted(name):
-            left, right = (_pixels(path, *waiting[side][1:]) for side in _SIDES)
+            left, right = (pixels_of(path, *waiting[side][1:]) for side in SIDES)
             yield name, left, right
         waiting.clear()
 
@@ -139,17 +168,22 @@ def read_pairs(
 def count_pairs(path: Path) -> int:
     """How many pairs there are at most. Raises as extract_bag()."""
     with _opened(path) as reader:
-        counts = {_stream(c.topic): c.msgcount for c in _wanted(reader) if c.msgtype.split("/")[-1] in _IMAGES}
-    return min(counts.get(side, 0) for side in _SIDES)
+        counts = {stream_of(c.topic): c.msgcount for c in _wanted(reader) if c.msgtype.split("/")[-1] in IMAGES}
+    return min(counts.get(side, 0) for side in SIDES)
 
 
-def _topics(path: Path) -> list[tuple[str, str]]:
+def has_color(path: Path) -> bool:
+    """Whether a bag has colour images. Raises as extract_bag()."""
+    return any(stream_of(topic) == "Color" and kind in IMAGES for topic, kind in topics(path))
+
+
+def topics(path: Path) -> list[tuple[str, str]]:
     """(topic, kind of message) of all that is wanted."""
     with _opened(path) as reader:
         return [(c.topic, c.msgtype.split("/")[-1]) for c in _wanted(reader)]
 
 
-def _stream(topic: str) -> str | None:
+def stream_of(topic: str) -> str | None:
     return next((name for name, words in _STREAMS.items() if words.search(topic)), None)
 
 
@@ -177,17 +211,17 @@ def _opened(path: Path) -> Iterator[Any]:
         raise ValueError(f"{path}: cannot be read as a bag: {reason}{hint}") from error
 
 
-def _messages(
-    path: Path, kinds: Sequence[str] = (), streams: Sequence[str] = (), is_first_enough: bool = False
+def messages(
+    path: Path, kinds: Sequence[str] = (), streams: Sequence[str] = _OF_A_PAIR, is_first_enough: bool = False
 ) -> Iterator[tuple[str, Any, float, float]]:
-    """(topic, message, time in ms, share of the bag that is read). kinds, streams: of these alone, () = of all that is
-    wanted. is_first_enough: one message of each topic."""
+    """(topic, message, time in ms, share of the bag that is read). kinds: of these alone, () = all that is
+    wanted. streams: of these, and of the device. is_first_enough: one message of each topic."""
     with _opened(path) as reader:
         wanted = [
             c
             for c in _wanted(reader)
             if (not kinds or c.msgtype.split("/")[-1] in kinds)
-            and (not streams or _stream(c.topic) in streams)
+            and stream_of(c.topic) in (*streams, None)
         ]
         total, seen = max(1, sum(c.msgcount for c in wanted)), set()
         for number, (connection, time_ns, raw) in enumerate(reader.messages(wanted)):
@@ -216,15 +250,17 @@ _BROWN = {"": 5, "plumb_bob": 5, "none": 5, "brown conrady": 5, "modified brown 
 def _wanted(reader: Any) -> list[Any]:
     """The connections that are read: of a stream that is there as it is and compressed, not the compressed one."""
     found = [c for c in reader.connections if _is_wanted(c.topic, c.msgtype)]
-    plain = {_stream(c.topic) for c in found if c.msgtype.endswith("/Image")}
-    return [c for c in found if not (c.msgtype.endswith("/CompressedImage") and _stream(c.topic) in plain)]
+    plain = {stream_of(c.topic) for c in found if c.msgtype.endswith("/Image")}
+    return [c for c in found if not (c.msgtype.endswith("/CompressedImage") and stream_of(c.topic) in plain)]
 
 
 def _is_wanted(topic: str, kind: str) -> bool:
     name = kind.split("/")[-1]
     if name in ("String", "Float32"):
+        if name == "String" and "/tf/" in topic:
+            return stream_of(topic) is not None
         return any(f"{option}/value" in topic.lower() for option in ("depth_units", _STEREO_BASELINE))
-    return name in (*_IMAGES, "CameraInfo", "Transform") and _stream(topic) is not None
+    return name in (*IMAGES, "CameraInfo", "Transform") and stream_of(topic) is not None
 
 
 def _either(message: Any, name: str) -> Any:
@@ -245,7 +281,7 @@ def _decoded(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
     return pixels if pixels.dtype == np.uint8 else pixels.astype(np.uint16)
 
 
-def _pixels(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
+def pixels_of(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
     if hasattr(message, "format"):
         return _decoded(path, topic, message)
     kind = _TYPES.get(message.encoding)
@@ -259,7 +295,7 @@ def _pixels(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
     return np.ascontiguousarray(pixels.byteswap() if message.is_bigendian and kind == np.uint16 else pixels)
 
 
-def _intrinsic(path: Path, topic: str, message: Any) -> Camera:
+def intrinsic_of(path: Path, topic: str, message: Any) -> Camera:
     K = np.asarray(_either(message, "k"), float).reshape(3, 3)
     if message.distortion_model.lower() in _FISHEYE:
         distortion = np.asarray(_either(message, "d"), float)[:4]

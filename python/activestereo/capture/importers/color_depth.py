@@ -2,9 +2,9 @@
 """Recordings of colour and depth without infrared images become captures: what the readers of TUM, Open3D and BOP
 folders have in common.
 
-Depth of these recordings lies on the colour image's pixels, so that one camera took both. Baseline, pattern and
-projector are the preset's, and only nominal: such a capture places objects, gives depth to compare, and tells nothing
-of noise and dots.
+Depth of these recordings lies on the colour image's pixels, as if one camera took both, or the colour camera is told.
+Baseline, pattern and projector are the preset's, and only nominal: such a capture places objects, gives depth to
+compare, and tells nothing of noise and dots.
 """
 
 from __future__ import annotations
@@ -38,13 +38,15 @@ class ColorDepthFrame:
 @dataclass(frozen=True)
 class ColorDepthRecording:
     """K: of both images, in pixels; kind: whose layout it is; scene: a glTF file of what was in view, None where there
-    is none."""
+    is none. color: the colour camera, where depth does not lie on its pixels. assumed: lines for people."""
 
     path: Path
     kind: str
     K: NDArray[np.float64]
     frames: tuple[ColorDepthFrame, ...]
     scene: Path | None = None
+    color: ColorCamera | None = None
+    assumed: tuple[str, ...] = ()
 
 
 def camera_matrix_of(path: Path, key: str, values: object) -> NDArray[np.float64]:
@@ -78,6 +80,7 @@ def write_color_depth(
     file where sizes are mixed, depth is 8-bit or a file is damaged."""
     tell = progress or (lambda fraction: None)
     width, height = image_size(recording.frames[0].depth, "depth")
+    color = recording.color or ColorCamera(width, height, recording.K)
     still = all(frame.camera_to_world is None for frame in recording.frames)
     frames, depths, colors = [], {}, {}
     for number, entry in enumerate(recording.frames):
@@ -86,7 +89,7 @@ def write_color_depth(
             raise ValueError(f"{entry.depth}: depth: is an 8-bit picture of depth, expected 16-bit depth")
         depths[number] = depth
         if entry.color is not None:
-            colors[number] = read_color(entry.color, (width, height), "color")
+            colors[number] = read_color(entry.color, (color.width, color.height), "color")
         frames.append(
             Frame(
                 number,
@@ -106,9 +109,8 @@ def write_color_depth(
     camera = Camera(width, height, recording.K)
     left_to_right, left_to_projector = np.eye(4), np.eye(4)
     left_to_right[0, 3], left_to_projector[:3, 3] = -baseline_m, -np.array(projector_in_left_m)
-    color = ColorCamera(width, height, recording.K) if colors else None
     projector = Projector(Path("pattern.png"), pattern_K, left_to_projector)
-    rig = Rig(camera, camera, left_to_right, projector, color=color)
+    rig = Rig(camera, camera, left_to_right, projector, color=color if colors else None)
     empty = out.with_name(f".{out.name}.scene.gltf")
     chosen = scene or recording.scene
     try:
