@@ -8,11 +8,12 @@ import ctypes
 import os
 import re
 import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from activestereo.common.input_files import read_bytes, read_json_object
+from activestereo.common.input_files import read_json_object
 
 RENDER_NODES = Path("/dev/dri")
 _LAVAPIPE = "apt install libvulkan1 mesa-vulkan-drivers"
@@ -27,6 +28,12 @@ _PACKAGES = {
     "libGL": "libgl1", "libOpenGL": "libopengl0", "libgbm": "libgbm1", "libexpat": "libexpat1", "libelf": "libelf1",
     "libz": "zlib1g", "libzstd": "libzstd1", "libstdc++": "libstdc++6",
 }  # fmt: skip
+# A driver's first call of the loader, which NVIDIA's refuses where libglvnd's libEGL.so.1 is missing (driver 580).
+_NEGOTIATION = """
+import ctypes, sys
+print(ctypes.CDLL(sys.argv[1]).vk_icdNegotiateLoaderICDInterfaceVersion(ctypes.byref(ctypes.c_uint32(5))))
+"""
+_MOST_S = 20.0
 _LIBRARY = r"(lib[\w+-]+?)\.so[\w.]*"
 
 
@@ -108,10 +115,18 @@ def _needed_and_missing(library: str, fault: str | None) -> list[str]:
 
 
 def _opened_and_missing(library: str) -> list[str]:
-    """Known libraries that a driver without a device names, to open them itself, and that cannot be opened."""
-    own = [path for path in re.findall(r"(/\S+) \(0x", _trace(library)) if "nvidia" in path or path == library]
-    named = {found.decode() for path in own for found in re.findall(rb"lib[\w+-]+\.so\.\d+(?=\0)", read_bytes(path))}
-    return sorted(name for name in named if name.split(".so")[0] in _PACKAGES and load_fault(name) is not None)
+    """The names that a driver looks for itself and that cannot be opened, where it refuses to work."""
+    searched = os.environ | {"LD_DEBUG": "libs"}
+    asked = [sys.executable, "-c", _NEGOTIATION, library]
+    try:
+        said = subprocess.run(asked, env=searched, capture_output=True, text=True, check=False, timeout=_MOST_S)
+    except subprocess.TimeoutExpired:
+        return []
+    if said.stdout.strip() == "0":
+        return []
+    return [
+        name for name in dict.fromkeys(re.findall(r"find library=(\S+)", said.stderr)) if load_fault(name) is not None
+    ]
 
 
 def _trace(library: str) -> str:
