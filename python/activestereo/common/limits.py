@@ -38,7 +38,7 @@ class Limits:
         return value
 
     def __str__(self) -> str:
-        low, high = (f"{end:.0f}" if self.whole else f"{end:g}" for end in (self.low, self.high))
+        low, high = (str(int(end)) if self.whole else f"{end:g}" for end in (self.low, self.high))
         return f"{low} to {high} {self.unit}".rstrip()
 
 

@@ -68,6 +68,28 @@ def test_an_environment_has_the_same_bits_at_any_place_under_its_seed(config):
         first.restart([1, 2, 3])
 
 
+@pytest.mark.parametrize("seed", [np.int64(5), np.uint8(5), np.array(5), [5], (np.int64(5),), np.array([5])])
+def test_a_seed_of_numpy_is_a_seed(config, seed):
+    given, sensor, found = wall(config, 0.6), GBufferStereo(config), []
+    for one in (5, seed):
+        sensor.restart(one)
+        found.append(sensor(**given, outputs=("ir_left",))["ir_left"])
+    np.testing.assert_array_equal(*found)
+
+
+@pytest.mark.parametrize("seed", [2**64, -1, 1.5, "5", None, True, np.int64(-3), [2**64], [None]])
+def test_a_seed_that_is_none_is_told_with_seeds_that_are(config, seed):
+    with pytest.raises(ValueError, match=f"the seed .*expected .*0 to {2**64 - 1}"):
+        GBufferStereo(config).restart(seed)
+    GBufferStereo(config).restart(2**64 - 1)
+
+
+@pytest.mark.parametrize("right", [3, "depth", np.zeros((1, 120, 160)), [np.zeros((1, 120, 160))]])
+def test_images_of_the_right_camera_are_a_mapping(config, right):
+    with pytest.raises(ValueError, match="right is .*, expected a mapping of its images: depth"):
+        GBufferStereo(config)(**wall(config, 0.6), right=right)
+
+
 def test_what_is_found_on_cuda_has_the_bits_of_the_hosts(config, monkeypatch, stub_cuda):
     device = kuafu.Device("cpu")
     stub_for(device, stub_cuda, monkeypatch)

@@ -23,6 +23,7 @@ from activestereo.camera.presets import StereoDepthSensorConfig, own_config
 from activestereo.common.lens import is_distorting
 from activestereo.common.limits import POWER, Limits
 from activestereo.common.nearest import unknown
+from activestereo.common.shown import shown
 from activestereo.effects.core.engine import EngineInputs
 from activestereo.effects.engines.world import copy_record
 from activestereo.model import SensorModel
@@ -106,11 +107,12 @@ class GBufferStereo:
     def restart(self, seed: int | Sequence[int]) -> None:
         """The next call is frame 0 under this seed: from here on all noise is as it was after the same restart. seed: a
         number, or one for each environment, which then has that noise at any place among the others."""
-        if isinstance(seed, int):
-            self._engine.set_parameters(noise_seed=int(_SEED.check("the seed", seed)))
+        given = np.asarray(seed, dtype=object)
+        if given.ndim == 0:
+            self._engine.set_parameters(noise_seed=int(_SEED.check("the seed", given.item())))
             self._seeds = None
         else:
-            seeds = [int(_SEED.check(f"the seed of environment {n}", value)) for n, value in enumerate(seed)]
+            seeds = [int(_SEED.check(f"the seed of environment {n}", one)) for n, one in enumerate(given.tolist())]
             if len(seeds) != self._count:
                 raise ValueError(f"{len(seeds)} seeds for {self._count} environments")
             self._seeds = seeds
@@ -152,6 +154,8 @@ class GBufferStereo:
         self._require(given, "")
         own, other = self._views[0].put(given), None
         if right is not None:
+            if not isinstance(right, Mapping):
+                raise ValueError(f"right is {shown(right)}, expected a mapping of its images: {', '.join(_IMAGES)}")
             self._require(right, "right ")
             other = self._views[1].put({name: right.get(name) for name in _IMAGES})
         hiding = None if projector is None else self._shadows.put({"depth": projector})["depth"]
