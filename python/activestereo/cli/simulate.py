@@ -310,20 +310,21 @@ def _accuracy(sensor: StereoDepthSensor) -> list[Any]:
 
 
 def _write(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]) -> None:
-    from activestereo.common.output_files import write_depth_png, write_ply, write_png
+    from activestereo.common.output_files import write_depth_png, write_ply, write_png, written_together
     from activestereo.report.overview import simulation_figure, write_figure
 
     rgb, ir, depth, true_depth = sensor.get_rgb(), sensor.get_ir_measured(), sensor.get_depth(), sensor.get_true_depth()
-    write_png(args.out / "rgb.png", np.rint(255.0 * rgb).astype(np.uint8))
-    write_png(args.out / "ir_left.png", ir[0])
-    write_png(args.out / "ir_right.png", ir[1])
-    write_depth_png(args.out / "depth.png", depth)
-    write_depth_png(args.out / "depth_true.png", true_depth)
-    cloud = sensor.get_pointcloud(with_rgb=True)
-    write_ply(args.out / "cloud.ply", cloud[:, :3], cloud[:, 3:])
-    write_maps(args.out, {name: sensor.get_depth_map(name) for name in wanted_maps(args)})
-    title = f"{sensor.get_config().model} in {args.scene.name}"
-    write_figure(args.out / "overview.png", simulation_figure(title, rgb, ir, depth, true_depth, rows))
+    with written_together(args.out) as out:
+        write_png(out / "rgb.png", np.rint(255.0 * rgb).astype(np.uint8))
+        write_png(out / "ir_left.png", ir[0])
+        write_png(out / "ir_right.png", ir[1])
+        write_depth_png(out / "depth.png", depth)
+        write_depth_png(out / "depth_true.png", true_depth)
+        cloud = sensor.get_pointcloud(with_rgb=True)
+        write_ply(out / "cloud.ply", cloud[:, :3], cloud[:, 3:])
+        write_maps(out, {name: sensor.get_depth_map(name) for name in wanted_maps(args)})
+        title = f"{sensor.get_config().model} in {args.scene.name}"
+        write_figure(out / "overview.png", simulation_figure(title, rgb, ir, depth, true_depth, rows))
 
 
 def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any], added: float | None) -> None:

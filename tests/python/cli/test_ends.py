@@ -84,6 +84,20 @@ def test_depth_on_a_full_disk_leaves_no_file(tmp_path):
     assert not out.exists()
 
 
+@pytest.mark.parametrize("place", ["common.output_files.write_ply", "report.overview.write_figure"])
+def test_simulate_on_a_full_disk_leaves_no_file(tmp_path, table_top, monkeypatch, capsys, place):
+    def full(path, *rest):
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr(f"activestereo.{place}", full)
+    few = ("--resolution", "212x120", "--spp", "1", "--max-bounces", "1")
+    assert main(["simulate", str(table_top), *few, "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    name = "cloud.ply" if "ply" in place else "overview.png"
+    assert error.startswith("activestereo: ") and f"{tmp_path / 'out' / name}" in error and "No space left" in error
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("command", ["compare", "diagnose"])
 def test_a_refused_command_leaves_no_folder(command, tmp_path, capsys):
     (tmp_path / "there").mkdir()
