@@ -122,7 +122,10 @@ def rectified_pair(device: DeviceText, width: int, height: int) -> RectifiedPair
         )
     motion = device.extrinsic("Infrared 1", "Infrared 2")
     if motion[0, 3] >= 0.0:
-        raise CommandError(f"{device.path}: the right camera lies left of the left one: exchange both")
+        raise CommandError(
+            f'{device.path}: Extrinsic from "Infrared 1" To "Infrared 2": x is {motion[0, 3]:g} m, expected '
+            "below 0: left and right are swapped"
+        )
     return RectifiedPair(left.K, right.K, -float(motion[0, 3]))
 
 
