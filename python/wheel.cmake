@@ -43,6 +43,7 @@ function(ks_wheel_helper program)
 endfunction()
 
 ks_wheel_helper(kuafu-import-gltf)
+ks_wheel_helper(kuafu-import-mesh)
 ks_wheel_helper(kuafu-import-assimp)
 
 get_target_property(opens kuafu::kuafu KUAFU_OPENS)  # Embree, unless it is linked

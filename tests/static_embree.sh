@@ -37,7 +37,7 @@ if command -v ccache >/dev/null; then
 fi
 cmake -S . -B $tree -G Ninja -DCMAKE_BUILD_TYPE=Release -DKUAFU_STATIC_EMBREE=ON -Dembree_ROOT="$PWD/build/embree" -DACTIVESTEREO_PYTHON=OFF \
   -DACTIVESTEREO_BENCH=OFF "${launcher[@]}" >/dev/null
-cmake --build $tree --target kuafu simsense kuafu-import-gltf kuafu-import-assimp kuafu_accel_tests kuafu_laws_tests
+cmake --build $tree --target kuafu simsense kuafu-import-gltf kuafu-import-mesh kuafu-import-assimp kuafu_accel_tests kuafu_laws_tests
 
 refuse "$library shows functions of Embree" ' rtc' nm -D --defined-only "$library"
 refuse "$library asks for a library of Embree" 'NEEDED.*(embree|tbb)' readelf -d "$library"

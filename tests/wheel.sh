@@ -33,7 +33,7 @@ for numpy in "numpy==1.24.*" "numpy>=2"; do
     exit 1
   fi
   if ! ldd "$environment"/lib/python3*/site-packages/kuafu/lib/kuafu-import-assimp | grep libassimp | grep -q "$environment"; then
-    echo "the reader of OBJ files does not find the wheel's own assimp" >&2
+    echo "the reader of Collada files does not find the wheel's own assimp" >&2
     exit 1
   fi
 done

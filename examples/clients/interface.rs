@@ -834,6 +834,9 @@ extern "C" {
     pub fn kuafu_scene_animation_name(scene: *mut c_void, animation: u32) -> *const c_char;
     pub fn kuafu_scene_get_summary(scene: *mut c_void, out: *mut kuafu_scene_summary) -> i32;
     pub fn kuafu_scene_add_mesh(scene: *mut c_void, desc: *const kuafu_mesh_desc, id: *mut u32) -> i32;
+    pub fn kuafu_scene_get_mesh(scene: *mut c_void, id: u32, out: *mut kuafu_mesh_desc) -> i32;
+    pub fn kuafu_scene_get_texture(scene: *mut c_void, id: u32, out: *mut kuafu_texture_desc) -> i32;
+    pub fn kuafu_scene_get_instance(scene: *mut c_void, id: u32, out: *mut kuafu_instance_desc) -> i32;
     pub fn kuafu_scene_update_mesh(scene: *mut c_void, id: u32, positions: *const f32, normals: *const f32, vertex_count: u32) -> i32;
     pub fn kuafu_scene_add_texture(scene: *mut c_void, desc: *const kuafu_texture_desc, id: *mut u32) -> i32;
     pub fn kuafu_scene_set_texture(scene: *mut c_void, id: u32, desc: *const kuafu_texture_desc) -> i32;

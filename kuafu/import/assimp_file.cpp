@@ -1,20 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Wavefront, Collada, STL and PLY through assimp: one kuafu mesh per assimp mesh, one instance per node that shows it.
+// Collada through assimp: one kuafu mesh per assimp mesh, one instance per node that shows it.
 #include <assimp/config.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
 #include <assimp/DefaultLogger.hpp>
 #include <assimp/Importer.hpp>
-#include <cmath>
 #include <new>
-#include <optional>
 
 #include "device/error.h"
 #include "import/assimp_files.h"
 #include "import/assimp_guard.h"
 #include "import/assimp_material.h"
-#include "import/plain_mesh.h"
+#include "import/phong_textures.h"
 
 namespace kuafu {
 namespace {
@@ -23,28 +21,13 @@ glm::dmat4 to_matrix(const aiMatrix4x4& m) {
   return glm::transpose(glm::dmat4(m.a1, m.a2, m.a3, m.a4, m.b1, m.b2, m.b3, m.b4, m.c1, m.c2, m.c3, m.c4, m.d1, m.d2, m.d3, m.d4));
 }
 
-float srgb_to_linear(float v) { return v <= 0.04045f ? v / 12.92f : std::pow((v + 0.055f) / 1.055f, 2.4f); }
-
-/// PLY and OBJ say nothing about their colours; scanners and editors write sRGB.
-glm::vec4 linear_color(const aiColor4D& c) {
-  const glm::vec4 v = glm::clamp(glm::vec4(c.r, c.g, c.b, c.a), glm::vec4(0.0f), glm::vec4(1.0f));
-  return {srgb_to_linear(v.r), srgb_to_linear(v.g), srgb_to_linear(v.b), v.a};
-}
-
-/// What shows a mesh's colours where the file has no material: white and Lambertian.
-Material colored_material() {
-  Material m;
-  m.name = "vertex colours";
-  m.specular = 0.0f;
-  return m;
-}
-
 Mesh read_mesh(const aiMesh& from, size_t index) {
   Mesh mesh;
   mesh.name = from.mName.length > 0 ? clean_name(from.mName.C_Str()) : "mesh" + std::to_string(index);
   for (unsigned i = 0; i < from.mNumVertices; ++i) {
     mesh.positions.emplace_back(from.mVertices[i].x, from.mVertices[i].y, from.mVertices[i].z);
-    if (from.HasVertexColors(0)) mesh.colors.push_back(linear_color(from.mColors[0][i]));
+    if (from.HasVertexColors(0))
+      mesh.colors.push_back(linear_color({from.mColors[0][i].r, from.mColors[0][i].g, from.mColors[0][i].b, from.mColors[0][i].a}));
     if (from.HasTextureCoords(0)) mesh.uvs.emplace_back(from.mTextureCoords[0][i].x, from.mTextureCoords[0][i].y);
   }
   bool unit = from.HasNormals();
@@ -62,22 +45,6 @@ Mesh read_mesh(const aiMesh& from, size_t index) {
     mesh.indices.emplace_back(face.mIndices[0], face.mIndices[1], face.mIndices[2]);
   }
   return mesh;
-}
-
-/// What must come out of the file, where that can be counted; `bytes` become what assimp reads right.
-std::optional<PlainMesh> plain_mesh(Import& import, std::vector<uint8_t>& bytes) {
-  const std::string extension = lower_extension(import.path);
-  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  if (extension == ".obj") {
-    PlainObj obj = plain_obj(text);
-    bytes = std::move(obj.text);
-    return obj.mesh;
-  }
-  if (extension == ".stl") return plain_stl(text);
-  if (extension == ".dae") bytes = plain_collada(import, text);
-  if (extension != ".ply") return std::nullopt;
-  check_ply(text);
-  return plain_ply(text);
 }
 
 /// assimp catches what it throws itself, lack of memory among it.
@@ -137,7 +104,7 @@ void read_scene_file(Import& import) { import_assimp(import); }
 
 void import_assimp(Import& import) {
   std::vector<uint8_t> bytes = import.folder.read_scene_file();
-  const std::optional<PlainMesh> plain = plain_mesh(import, bytes);
+  bytes = plain_collada(import, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
   const Listening listening(import);
   Assimp::Importer importer;
   importer.SetIOHandler(new SceneFiles(import, std::move(bytes)));
@@ -145,18 +112,17 @@ void import_assimp(Import& import) {
   const aiScene* file = importer.ReadFile(import.path.filename().string(), aiProcess_ValidateDataStructure);
   if (file == nullptr) fail_read(importer);
   check_read(*file);
-  if (plain) check_against(*plain, *file);
   file = importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_JoinIdenticalVertices | aiProcess_SortByPType | aiProcess_FlipUVs);
   if (file == nullptr) fail_read(importer);
   if (file->mRootNode == nullptr || file->mNumMeshes == 0) ks::fail(KS_ERROR_FILE, "there are no triangles in it");
   if (file->mNumLights > 0)
     import.warn("its lamps are left out, for Collada gives their light no unit: " + std::to_string(file->mNumLights));
   Tables tables;
-  AssimpTextures textures(import);
+  PhongTextures textures(import);
   for (unsigned i = 0; i < file->mNumMaterials; ++i) {
     const aiMaterial& material = *file->mMaterials[i];
     const bool made_up = material.GetName() == aiString(AI_DEFAULT_MATERIAL_NAME) || material.GetName().length == 0;
-    tables.materials.push_back(made_up ? none : import.scene.add_material(read_material(import, material, textures)));
+    tables.materials.push_back(made_up ? none : import.scene.add_material(read_material(import, phong_of(import, material), textures)));
   }
   for (unsigned i = 0; i < file->mNumMeshes; ++i) {
     const aiMesh& mesh = *file->mMeshes[i];

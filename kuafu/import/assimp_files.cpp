@@ -7,7 +7,6 @@
 #include <cstring>
 
 #include "device/error.h"
-#include "import/assimp_guard.h"
 
 namespace kuafu {
 namespace {
@@ -26,9 +25,7 @@ std::vector<uint8_t> SceneFiles::read_named(const char* name) const {
   if (import_.path.filename() == name) return scene_file_;
   std::string uri(name);
   std::replace(uri.begin(), uri.end(), '\\', '/');
-  std::vector<uint8_t> bytes = import_.folder.read(uri);
-  if (lower_extension(uri) != ".mtl") return bytes;
-  return guarded_mtl(bytes, [&](const std::string& text) { import_.warn("'" + uri + "', " + text); });
+  return import_.folder.read(uri);
 }
 
 bool SceneFiles::Exists(const char* name) const {
@@ -55,8 +52,7 @@ void WarningStream::write(const char* message) {
   // "Warn,  T12345: OBJ: ..." without the thread.
   const char* text = std::strstr(message, ": ");
   const std::string_view said(text == nullptr ? message : text + 2);
-  for (const std::string_view guess : {"fallback material file", "No object detected to attach", "Invalid opacity value"})
-    if (said.find(guess) != std::string_view::npos) return;
+  if (said.find("Invalid opacity value") != std::string_view::npos) return;
   import_.warn(std::string(said.substr(0, said.find_last_not_of(" \n") + 1)));
 }
 

@@ -4,18 +4,17 @@
 #include <assimp/ObjMaterial.h>
 
 #include <algorithm>
-#include <cmath>
-#include <optional>
-
-#include "device/error.h"
 
 namespace kuafu {
 namespace {
 
-std::optional<glm::vec3> colour(const aiMaterial& from, const char* key, unsigned type, unsigned index) {
+constexpr std::array<aiTextureType, static_cast<size_t>(PhongMap::count)> kinds = {  // in the order of PhongMap
+    aiTextureType_DIFFUSE,           aiTextureType_SPECULAR,  aiTextureType_EMISSIVE, aiTextureType_OPACITY,
+    aiTextureType_DIFFUSE_ROUGHNESS, aiTextureType_METALNESS, aiTextureType_HEIGHT,   aiTextureType_NORMALS};
+
+void set(glm::vec3& to, const aiMaterial& from, const char* key, unsigned type, unsigned index) {
   aiColor3D c;
-  if (from.Get(key, type, index, c) != AI_SUCCESS) return std::nullopt;
-  return glm::vec3(c.r, c.g, c.b);
+  if (from.Get(key, type, index, c) == AI_SUCCESS) to = {c.r, c.g, c.b};
 }
 
 std::optional<float> number(const aiMaterial& from, const char* key, unsigned type, unsigned index) {
@@ -24,56 +23,33 @@ std::optional<float> number(const aiMaterial& from, const char* key, unsigned ty
   return value;
 }
 
-class Clamp {
- public:
-  Clamp(Import& import, const std::string& name) : import_(import), name_(name) {}
-  float operator()(const char* field, float value, float low, float high) const {
-    if (!std::isfinite(value)) ks::fail(KS_ERROR_FILE, "material '%s': %s is not finite", name_.c_str(), field);
-    const float inside = std::clamp(value, low, high);
-    if (inside != value)
-      import_.warn("material '" + name_ + "': " + field + " " + std::to_string(value) + " is clamped to " + std::to_string(inside));
-    return inside;
-  }
-
- private:
-  Import& import_;
-  const std::string& name_;
-};
-
-bool is_glass(int illum) { return illum == 4 || illum == 6 || illum == 7 || illum == 9; }
-
 }  // namespace
 
-Material read_material(Import& import, const aiMaterial& from, AssimpTextures& textures) {
-  aiString name;
-  from.Get(AI_MATKEY_NAME, name);
-  Material to;
-  to.name = clean_name(name.C_Str());
-  const Clamp clamp(import, to.name);
-  constexpr float huge = std::numeric_limits<float>::max();
-  const int illum = static_cast<int>(number(from, AI_MATKEY_OBJ_ILLUM).value_or(2.0f));
-  const float opacity = clamp("opacity", number(from, AI_MATKEY_OPACITY).value_or(1.0f), 0.0f, 1.0f);
-  const glm::vec3 diffuse = colour(from, AI_MATKEY_COLOR_DIFFUSE).value_or(glm::vec3(0.5f));
-  const glm::vec3 specular = colour(from, AI_MATKEY_COLOR_SPECULAR).value_or(glm::vec3(0.0f));
-  const glm::vec3 emission = colour(from, AI_MATKEY_COLOR_EMISSIVE).value_or(glm::vec3(0.0f));
-  const float shininess = clamp("shininess", number(from, AI_MATKEY_SHININESS).value_or(0.0f), 0.0f, huge);
-  for (int i = 0; i < 3; ++i) {
-    to.base_color[i] = clamp("diffuse", diffuse[i], 0.0f, 1.0f);
-    to.emission[i] = clamp("emission", emission[i], 0.0f, huge);
+PhongMaterial phong_of(Import& import, const aiMaterial& from) {
+  PhongMaterial to;
+  aiString text;
+  if (from.Get(AI_MATKEY_NAME, text) == AI_SUCCESS) to.name = text.C_Str();
+  set(to.diffuse, from, AI_MATKEY_COLOR_DIFFUSE);
+  set(to.specular, from, AI_MATKEY_COLOR_SPECULAR);
+  set(to.emission, from, AI_MATKEY_COLOR_EMISSIVE);
+  to.illum = static_cast<int>(number(from, AI_MATKEY_OBJ_ILLUM).value_or(2.0f));
+  to.opacity = number(from, AI_MATKEY_OPACITY).value_or(1.0f);
+  to.shininess = number(from, AI_MATKEY_SHININESS).value_or(0.0f);
+  to.ior = number(from, AI_MATKEY_REFRACTI).value_or(1.5f);
+  to.roughness = number(from, AI_MATKEY_ROUGHNESS_FACTOR);
+  to.metallic = number(from, AI_MATKEY_METALLIC_FACTOR);
+  to.bump = number(from, AI_MATKEY_OBJ_BUMPMULT_HEIGHT(0)).value_or(1.0f);
+  for (int type = aiTextureType_NONE + 1; type <= AI_TEXTURE_TYPE_MAX; ++type) {
+    const auto kind = static_cast<aiTextureType>(type);
+    if (from.GetTextureCount(kind) == 0 || from.GetTexture(kind, 0, &text) != AI_SUCCESS || text.length == 0) continue;
+    const auto* const at = std::find(kinds.begin(), kinds.end(), kind);
+    if (at == kinds.end())
+      import.warn("material '" + clean_name(to.name) + "': its texture of kind " + aiTextureTypeToString(kind) + " is ignored");
+    else if (text.C_Str()[0] == '*')
+      import.warn("material '" + clean_name(to.name) + "': embedded texture " + text.C_Str() + " is ignored");
+    else
+      to.maps[static_cast<size_t>(at - kinds.begin())] = text.C_Str();
   }
-  to.base_color.a = is_glass(illum) ? 1.0f : opacity;
-  to.specular = illum < 2 ? 0.0f : clamp("specular", (specular[0] + specular[1] + specular[2]) / 3.0f, 0.0f, 1.0f);
-  to.ior = clamp("ior", std::max(number(from, AI_MATKEY_REFRACTI).value_or(1.5f), 1.0f), 1.0f, huge);
-  const float alpha = std::sqrt(2.0f / (shininess + 2.0f));
-  to.roughness = clamp("roughness", number(from, AI_MATKEY_ROUGHNESS_FACTOR).value_or(std::sqrt(alpha)), 0.0f, 1.0f);
-  to.metallic = clamp("metallic", number(from, AI_MATKEY_METALLIC_FACTOR).value_or(0.0f), 0.0f, 1.0f);
-  if (is_glass(illum)) {
-    to.transmission = 1.0f - opacity;
-    to.roughness = 0.0f;
-    to.specular = 1.0f;
-  }
-  if (to.base_color.a < 1.0f) to.alpha_mode = Material::AlphaMode::blend;
-  textures.read(from, to);
   return to;
 }
 

@@ -45,5 +45,6 @@ void read_scene_file(Import& import);
 
 void import_gltf(Import& import);
 void import_assimp(Import& import);
+void import_mesh(Import& import);
 
 }  // namespace kuafu

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The helper programs kuafu-import-gltf and kuafu-import-assimp: read one scene file and answer with its content on file descriptor 3
-// (io/wire.h). libkuafu starts them (io/import_process.h); they are of no use by hand. Arguments: path, memory at the start, most memory
-// (bytes), seconds of processor time, 1 if files outside the scene's folder may be read, the number of the process that wants it, and the
-// 16 numbers of root_to_world, by columns.
+// The helper programs kuafu-import-gltf, kuafu-import-mesh and kuafu-import-assimp: read one scene file and answer with its content on file
+// descriptor 3 (io/wire.h). libkuafu starts them (io/import_process.h); they are of no use by hand. Arguments: path, memory at the start,
+// most memory (bytes), seconds of processor time, 1 if files outside the scene's folder may be read, the number of the process that wants
+// it, and the 16 numbers of root_to_world, by columns.
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <unistd.h>

@@ -602,6 +602,13 @@ class Scene:
         """Adds a material and returns its number. ArgumentError names a field that is out of range."""
     def set_material(self, id: int, material: Material) -> None:
         """Replaces a material: every instance that has it changes with the next render."""
+    def get_mesh(self, id: int) -> dict[str, Any]:
+        """A copy of a mesh, as the arguments that add_mesh takes; arrays that it lacks are None."""
+    def get_texture(self, id: int) -> dict[str, Any]:
+        """A copy of a texture, as the arguments that add_texture takes."""
+    def get_instance(self, id: int) -> dict[str, Any]:
+        """An instance, as the arguments that add_instance takes, but for velocities: mesh, materials (numbers, None for
+        the grey one), local_to_world, environment, semantic_id and name."""
     def get_material(self, id: int) -> Material:
         """A copy of the material as it is."""
     def add_instance(

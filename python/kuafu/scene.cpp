@@ -259,6 +259,47 @@ void bind_record(SceneType& type, const std::string& kind) {
            py::arg("id"), py::arg(kind.c_str()));
 }
 
+/// A copy; None from NULL.
+template <class T>
+py::object copy_of(const T* data, std::vector<py::ssize_t> shape) {
+  return data == nullptr ? py::none() : py::object(py::array_t<T>(std::move(shape), data));
+}
+
+py::dict get_mesh(const Scene& s, uint32_t id) {
+  kuafu_mesh_desc m = kuafu_mesh_desc_init();
+  check<Kuafu>(kuafu_scene_get_mesh(s.get(), id_of(id), &m));
+  const py::ssize_t n = m.vertex_count, t = m.triangle_count;
+  using namespace py::literals;
+  return py::dict("positions"_a = copy_of(m.positions, {n, 3}), "indices"_a = copy_of(m.indices, {t, 3}),
+                  "normals"_a = copy_of(m.normals, {n, 3}), "uvs"_a = copy_of(m.uvs, {n, 2}), "slots"_a = copy_of(m.slots, {t}),
+                  "name"_a = text_of(m.name), "uvs_1"_a = copy_of(m.uvs_1, {n, 2}), "colors"_a = copy_of(m.colors, {n, 4}));
+}
+
+py::dict get_texture(const Scene& s, uint32_t id) {
+  kuafu_texture_desc t = kuafu_texture_desc_init();
+  check<Kuafu>(kuafu_scene_get_texture(s.get(), id_of(id), &t));
+  const char* const type = t.format == KS_FORMAT_U8 ? "u1" : t.format == KS_FORMAT_U16 ? "u2" : "f4";
+  const std::array wraps{"repeat", "clamp", "mirror"};
+  using namespace py::literals;
+  const bool moved = std::ranges::any_of(t.uv_transform, [](float v) { return v != 0.0f; });
+  return py::dict("texels"_a = py::array(py::dtype(type), {t.height, t.width, t.channels}, t.texels), "srgb"_a = t.srgb != 0,
+                  "name"_a = text_of(t.name), "wrap"_a = py::make_tuple(wraps.at(t.wrap_u), wraps.at(t.wrap_v)),
+                  "filter"_a = t.filter == KUAFU_FILTER_LINEAR ? "linear" : "nearest", "uv_set"_a = t.uv_set,
+                  "uv_transform"_a = copy_of(moved ? t.uv_transform : nullptr, {2, 3}));
+}
+
+py::dict get_instance(const Scene& s, uint32_t id) {
+  kuafu_instance_desc i = kuafu_instance_desc_init(0);
+  check<Kuafu>(kuafu_scene_get_instance(s.get(), id_of(id), &i));
+  py::list materials;
+  for (uint32_t m = 0; m < i.material_count; ++m)
+    materials.append(i.materials[m] == 0 ? py::none() : py::object(py::int_(number_of(i.materials[m]))));
+  using namespace py::literals;
+  return py::dict("mesh"_a = number_of(i.mesh), "materials"_a = materials, "local_to_world"_a = copy_of(i.local_to_world, {4, 4}),
+                  "environment"_a = i.environment == KUAFU_ALL_ENVIRONMENTS ? py::none() : py::object(py::int_(i.environment)),
+                  "semantic_id"_a = i.semantic_id, "name"_a = text_of(i.name));
+}
+
 Material get_material(const Scene& s, uint32_t id) {
   Material m;
   check<Kuafu>(kuafu_scene_get_material(s.get(), id_of(id), &m.c));
@@ -337,6 +378,9 @@ void bind_scene(py::module_& module) {
           py::arg("id"));
   bind_record<Material, kuafu_scene_add_material, kuafu_scene_set_material>(type, "material");
   bind_record<Light, kuafu_scene_add_light, kuafu_scene_set_light>(type, "light");
+  type.def("get_mesh", &get_mesh, py::arg("id"), doc("Scene.get_mesh"));
+  type.def("get_texture", &get_texture, py::arg("id"), doc("Scene.get_texture"));
+  type.def("get_instance", &get_instance, py::arg("id"), doc("Scene.get_instance"));
   type.def("get_material", &get_material, py::arg("id"));
   type.def("get_light", &get_light, py::arg("id"));
   type.def("set_lights", &set_lights, py::arg("ids"), py::arg("lights"), doc("Scene.set_lights"));

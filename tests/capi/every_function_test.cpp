@@ -25,7 +25,7 @@
   f(scene_add_material) f(scene_set_material) f(scene_get_material) f(scene_remove_material) f(scene_material_name) \
   f(scene_add_instance) f(scene_remove_instance) f(scene_instance_name) f(scene_set_instance_pose) f(scene_set_instance_poses) \
   f(scene_set_instance_velocity) f(scene_set_instance_materials) f(scene_add_light) f(scene_set_light) f(scene_set_lights) \
-  f(scene_get_light) f(scene_remove_light) f(scene_set_environment) f(scene_set_medium) f(scene_get_camera) \
+  f(scene_get_mesh) f(scene_get_texture) f(scene_get_instance) f(scene_get_light) f(scene_remove_light) f(scene_set_environment) f(scene_set_medium) f(scene_get_camera) \
   f(scene_animate) f(scene_animation_duration) f(scene_animation_name) \
   f(renderer_create) f(renderer_retain) f(renderer_release) f(renderer_render) f(renderer_submit) f(renderer_light_gbuffers) f(renderer_wait) f(renderer_cancel) \
   f(renderer_get_summary) f(renderer_get_stage_times) f(renderer_export_timeline)

@@ -84,6 +84,9 @@ typedef struct kuafu_api {
   ks_status (*scene_animation_duration)(kuafu_scene scene, uint32_t animation, double* out);
   const char* (*scene_animation_name)(kuafu_scene scene, uint32_t animation);
   ks_status (*renderer_light_gbuffers)(kuafu_renderer renderer, kuafu_scene scene, const kuafu_gbuffer_desc* desc);
+  ks_status (*scene_get_mesh)(kuafu_scene scene, uint32_t id, kuafu_mesh_desc* out);
+  ks_status (*scene_get_texture)(kuafu_scene scene, uint32_t id, kuafu_texture_desc* out);
+  ks_status (*scene_get_instance)(kuafu_scene scene, uint32_t id, kuafu_instance_desc* out);
 } kuafu_api;
 
 #define KUAFU_API_HAS(api, entry) ((api)->size_bytes >= offsetof(kuafu_api, entry) + sizeof((api)->entry))

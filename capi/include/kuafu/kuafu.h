@@ -102,7 +102,7 @@ KUAFU_API void kuafu_scene_release(kuafu_scene scene);
 /* Adds the contents of a file to the scene: meshes, materials, textures, lights (KHR_lights_punctual) and cameras of .gltf and .glb files; meshes and
  * materials of .obj, .dae, .stl and .ply files. root_to_world is a row-major 4x4 transform that is applied to every node; NULL is the identity. An error
  * names the file and the field, and the scene is then unchanged. Contents that the renderer ignores, such as unknown extensions, are reported to the
- * device's log as a warning. A light's candela and lux are divided by 683 lm/W; its extras may have ir_intensity and ir_share (kuafu_light_desc). Of an .mtl file Kd, map_Kd, Ks, Ke, Ns, Ni, d, illum, Pr and Pm are read. A glTF
+ * device's log as a warning. A light's candela and lux are divided by 683 lm/W; its extras may have ir_intensity and ir_share (kuafu_light_desc). kuafu/import/README.md says what of each format is read. A glTF
  * material may have further fields in its extras (kuafu_material_desc). name is what messages call the file, for a copy of the user's; NULL is path. Nodes, skins and morph targets stand as they do without animation, until
  * kuafu_scene_animate is called. */
 KUAFU_API ks_status kuafu_scene_load(kuafu_scene scene, const char* path, const char* name, const double* root_to_world);
@@ -126,6 +126,11 @@ KUAFU_API const char* kuafu_scene_animation_name(kuafu_scene scene, uint32_t ani
 KUAFU_API ks_status kuafu_scene_get_summary(kuafu_scene scene, kuafu_scene_summary* out);
 
 KUAFU_API ks_status kuafu_scene_add_mesh(kuafu_scene scene, const kuafu_mesh_desc* desc, uint32_t* id);
+/* A mesh, texture or instance as its add function took it, or as a loaded file has it; an instance without its velocity. Arrays and names are the scene's
+ * own: they are valid until the scene changes, an instance's materials until the next call of kuafu_scene_get_instance too. */
+KUAFU_API ks_status kuafu_scene_get_mesh(kuafu_scene scene, uint32_t id, kuafu_mesh_desc* out);
+KUAFU_API ks_status kuafu_scene_get_texture(kuafu_scene scene, uint32_t id, kuafu_texture_desc* out);
+KUAFU_API ks_status kuafu_scene_get_instance(kuafu_scene scene, uint32_t id, kuafu_instance_desc* out);
 /* Moves the vertices of a mesh, for deforming bodies; its triangles, uvs and slots stay. positions is [vertex_count][3] in metres, with as many vertices as
  * the mesh has. normals is [vertex_count][3] of unit vectors where the mesh was made with normals, else NULL. The cost depends on the size of the mesh, not
  * on that of the scene. */

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "api/descriptors.h"
 
+#include <algorithm>
 #include <cstring>
 
 #include "device/error.h"
@@ -86,6 +87,45 @@ Light to_light(const kuafu_light_desc& desc) {
   copy_fields(desc, light);
   light.dots.dots = array<glm::vec3>(desc.dots, desc.dot_count, "dots");
   return light;
+}
+
+kuafu_mesh_desc to_desc(const Mesh& mesh) {
+  const auto first = [](const auto& array) { return array.empty() ? nullptr : &array[0].x; };
+  kuafu_mesh_desc desc = kuafu_mesh_desc_init();
+  desc.name = mesh.name.c_str();
+  desc.positions = first(mesh.positions);
+  desc.normals = first(mesh.normals);
+  desc.uvs = first(mesh.uvs);
+  desc.uvs_1 = first(mesh.uvs_1);
+  desc.colors = first(mesh.colors);
+  desc.indices = first(mesh.indices);
+  desc.slots = mesh.slots.empty() ? nullptr : mesh.slots.data();
+  desc.vertex_count = uint32_t(mesh.positions.size());
+  desc.triangle_count = uint32_t(mesh.indices.size());
+  return desc;
+}
+
+kuafu_texture_desc to_desc(const Texture& texture) {
+  kuafu_texture_desc desc = kuafu_texture_desc_init();
+  desc.name = texture.name.c_str();
+  desc.texels = texture.texels.data();
+  desc.width = texture.width, desc.height = texture.height, desc.channels = texture.channels;
+  desc.format = texture.format == Texture::Format::u8    ? KS_FORMAT_U8
+                : texture.format == Texture::Format::u16 ? KS_FORMAT_U16
+                                                         : KS_FORMAT_F32;
+  desc.srgb = texture.srgb;
+  desc.wrap_u = texture.wrap_u, desc.wrap_v = texture.wrap_v, desc.filter = texture.filter, desc.uv_set = texture.uv_set;
+  std::ranges::copy(texture.uv_transform, desc.uv_transform);
+  return desc;
+}
+
+kuafu_instance_desc to_desc(const Instance& instance) {
+  kuafu_instance_desc desc = kuafu_instance_desc_init(instance.mesh + 1);  // ids count from 1
+  desc.name = instance.name.c_str();
+  desc.environment = instance.environment;
+  desc.semantic_id = instance.semantic_id;
+  to_row_major(instance.local_to_world, desc.local_to_world);
+  return desc;
 }
 
 kuafu_material_desc to_desc(const Material& material) {

@@ -22,7 +22,11 @@ Record copied(const Desc& desc) {
   return out;
 }
 
-/// `name` points into the argument.
+/// `name` and arrays point into the argument.
+kuafu_mesh_desc to_desc(const Mesh& mesh);
+kuafu_texture_desc to_desc(const Texture& texture);
+/// Without its materials: callers count ids otherwise, so that their array is not the instance's.
+kuafu_instance_desc to_desc(const Instance& instance);
 kuafu_material_desc to_desc(const Material& material);
 kuafu_light_desc to_desc(const Light& light);
 kuafu_camera_desc to_desc(const Camera& camera);

@@ -14,6 +14,7 @@ struct DeviceScene {
   explicit DeviceScene(std::shared_ptr<ks::Device> d) : device(std::move(d)) {}
   std::shared_ptr<ks::Device> device;
   Scene scene;
+  std::vector<uint32_t> told_materials;        // what kuafu_scene_get_instance points to
   std::atomic<uint32_t> submitted_renders{0};  // that still read the scene
   std::atomic<uint64_t> load_wishes{0};        // how often kuafu_scene_cancel_load was called
 };

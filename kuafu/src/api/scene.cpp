@@ -146,6 +146,12 @@ ks_status kuafu_scene_add_mesh(kuafu_scene scene, const kuafu_mesh_desc* desc, u
   });
 }
 
+ks_status kuafu_scene_get_mesh(kuafu_scene scene, uint32_t id, kuafu_mesh_desc* out) {
+  return ks::call([&] {
+    ks::write_struct(out, kuafu::to_desc(kuafu::there(scene_of(scene).meshes(), "mesh", index_of(id))), KUAFU_TYPE_MESH_DESC, "out");
+  });
+}
+
 ks_status kuafu_scene_update_mesh(kuafu_scene scene, uint32_t id, const float* positions, const float* normals, uint32_t vertex_count) {
   return ks::call([&] {
     Changeable(scene)->update_mesh_positions(index_of(id), kuafu::to_vectors(&required(positions, "positions"), vertex_count),
@@ -157,6 +163,13 @@ ks_status kuafu_scene_add_texture(kuafu_scene scene, const kuafu_texture_desc* d
   return ks::call([&] {
     required(id, "id") = 0;
     *id = id_of(Changeable(scene)->add_texture(kuafu::to_texture(ks::read_struct(desc, KUAFU_TYPE_TEXTURE_DESC, "texture desc"))));
+  });
+}
+
+ks_status kuafu_scene_get_texture(kuafu_scene scene, uint32_t id, kuafu_texture_desc* out) {
+  return ks::call([&] {
+    ks::write_struct(out, kuafu::to_desc(kuafu::there(scene_of(scene).textures(), "texture", index_of(id))), KUAFU_TYPE_TEXTURE_DESC,
+                     "out");
   });
 }
 
@@ -188,6 +201,19 @@ ks_status kuafu_scene_add_instance(kuafu_scene scene, const kuafu_instance_desc*
   return ks::call([&] {
     required(id, "id") = 0;
     *id = id_of(Changeable(scene)->add_instance(kuafu::to_instance(ks::read_struct(desc, KUAFU_TYPE_INSTANCE_DESC, "instance desc"))));
+  });
+}
+
+ks_status kuafu_scene_get_instance(kuafu_scene scene, uint32_t id, kuafu_instance_desc* out) {
+  return ks::call([&] {
+    kuafu::DeviceScene& owner = *ks::object_of(scene, "scene");
+    const kuafu::Instance& instance = kuafu::there(owner.scene.instances(), "instance", index_of(id));
+    kuafu_instance_desc desc = kuafu::to_desc(instance);
+    owner.told_materials.resize(instance.materials.size());
+    std::ranges::transform(instance.materials, owner.told_materials.begin(), id_of);
+    desc.materials = owner.told_materials.data();
+    desc.material_count = uint32_t(owner.told_materials.size());
+    ks::write_struct(out, desc, KUAFU_TYPE_INSTANCE_DESC, "out");
   });
 }
 

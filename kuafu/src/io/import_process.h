@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // A reader of scene files in a process of its own, so that no file can take the host down: whatever the reader does with a broken or
-// hostile file (it crashes, runs forever, takes all memory) ends in one error here. The programs are kuafu-import-gltf and
-// kuafu-import-assimp, built from kuafu/import. Thread rule: one object belongs to one thread; any number of threads may have their own.
+// hostile file (it crashes, runs forever, takes all memory) ends in one error here. The programs are kuafu-import-gltf,
+// kuafu-import-mesh and kuafu-import-assimp, built from kuafu/import. Thread rule: one object belongs to one thread; any number of threads
+// may have their own.
 #pragma once
 
 #include <sys/types.h>

@@ -31,7 +31,8 @@ std::string lower_extension(const std::filesystem::path& path) {
 const char* helper_of(const std::filesystem::path& path) {
   const std::string extension = lower_extension(path);
   if (extension == ".gltf" || extension == ".glb") return "kuafu-import-gltf";
-  if (extension == ".obj" || extension == ".dae" || extension == ".stl" || extension == ".ply") return "kuafu-import-assimp";
+  if (extension == ".obj" || extension == ".stl" || extension == ".ply") return "kuafu-import-mesh";
+  if (extension == ".dae") return "kuafu-import-assimp";
   ks::fail(KS_ERROR_UNSUPPORTED, "the name ends in '%.40s': scene files are .gltf .glb .obj .dae .stl .ply", extension.c_str());
 }
 

@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.capture.capture import read_capture
     from activestereo.common.output_files import replace_file
     from activestereo.common.progress_bar import ProgressBar
-    from activestereo.scene_io.mesh_files import read_mesh
+    from activestereo.scene_io.parts import read_mesh
 
     if args.out.suffix != ".gltf":
         raise CommandError(f"{args.out}: -o is the name of a .gltf file")

@@ -21,11 +21,12 @@ from numpy.typing import ArrayLike, NDArray
 import kuafu
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
-from activestereo.scene_io.mesh_files import SUFFIXES, read_mesh
 from activestereo.scene_io.meshes import Mesh
+from activestereo.scene_io.parts import read_mesh
 
 Colour = tuple[float, float, float, float]
 _GREY: Colour = (0.6, 0.6, 0.6, 1.0)
+_READ = (".stl", ".obj", ".ply")
 _MOVES = ("revolute", "continuous", "prismatic")
 
 
@@ -227,12 +228,12 @@ class Urdf:
 
 
 def _read(path: Path) -> Mesh:
-    if path.suffix.lower() in SUFFIXES:
+    if path.suffix.lower() in _READ:
         return read_mesh(path)
     try:
         import trimesh
     except ImportError as error:
-        others = f"{', '.join(SUFFIXES)} need none"
+        others = f"{', '.join(_READ)} need none"
         raise ImportError(f"reading {path} needs the package trimesh (pip install trimesh); {others}") from error
     try:
         loaded = trimesh.load(path, force="mesh")

@@ -140,7 +140,7 @@ TEST(HostileFile, MemoryIsTiedToTheBytesOfTheFile) {
   write_text(folder / "bomb.tga", tga);
   write_text(folder / "a.mtl", "newmtl a\nmap_Kd bomb.tga\n");
   write_text(folder / "a.obj", "mtllib a.mtl\nusemtl a\n" + obj_triangle);
-  EXPECT_TRUE(has(load(folder / "a.obj").error, "too early")) << load(folder / "a.obj").error;
+  EXPECT_TRUE(warns(load(folder / "a.obj"), "too early"));
 
   GltfWriter w;  // accessors without bytes, and one of bytes used again and again
   w.root["accessors"] = {{{"componentType", type_float}, {"count", 999999}, {"type", "VEC3"}}};
@@ -193,7 +193,7 @@ TEST(HostileFile, AFifoIsNotWaitedFor) {
   EXPECT_TRUE(warns(load(folder / "lib.obj"), "'fifo' is not a regular file"));
   write_text(folder / "a.mtl", "newmtl a\nmap_Kd fifo\n");
   write_text(folder / "map.obj", "mtllib a.mtl\nusemtl a\n" + obj_triangle);
-  EXPECT_TRUE(has(load(folder / "map.obj").error, "'fifo' is not a regular file"));
+  EXPECT_TRUE(warns(load(folder / "map.obj"), "'fifo' is not a regular file"));
   std::filesystem::create_directory(folder / "images");
   write_text(folder / "image.glb", with_texture("images"));
   EXPECT_TRUE(warns(load(folder / "image.glb"), "'images' is not a regular file"));
@@ -224,7 +224,7 @@ TEST(HostileFile, NothingOutsideTheFolderIsReadUnlessAllowed) {
   }
   write_text(outer / "scene/a.mtl", "newmtl a\nmap_Kd ../out.png\n");
   write_text(outer / "scene/a.obj", "mtllib a.mtl\nusemtl a\n" + obj_triangle);
-  EXPECT_TRUE(has(load(outer / "scene/a.obj").error, "outside"));
+  EXPECT_TRUE(warns(load(outer / "scene/a.obj"), "'../out.png' is outside"));
   write_text(outer / "lib.mtl", "newmtl a\nKd 1 0 0\n");
   std::filesystem::remove(outer / "scene/a.mtl");
   write_text(outer / "scene/a.obj", "mtllib ../lib.mtl\nusemtl a\n" + obj_triangle);

@@ -23,7 +23,7 @@ from activestereo.capture.importers.color_depth import (
 from activestereo.common.input_files import read_json_object
 from activestereo.common.pose import printed_motion
 from activestereo.scene_io.gltf_writer import GltfWriter
-from activestereo.scene_io.mesh_files import read_mesh
+from activestereo.scene_io.parts import read_mesh
 
 _MM = 0.001
 _RATE_HZ = 30.0

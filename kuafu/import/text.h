@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <string>
 #include <string_view>
 
 #include "device/error.h"
@@ -12,6 +13,27 @@
 namespace kuafu {
 
 inline bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
+
+/// Without blanks around it.
+inline std::string_view trimmed(std::string_view text) {
+  while (!text.empty() && is_blank(text.front())) text.remove_prefix(1);
+  while (!text.empty() && is_blank(text.back())) text.remove_suffix(1);
+  return text;
+}
+
+/// Of ASCII letters.
+inline std::string lower_case(std::string_view text) {
+  std::string out(text);
+  for (char& c : out)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  return out;
+}
+
+/// Without the mark that Windows' programs begin a text with. Throws where the text is no UTF-8.
+inline std::string_view without_mark(std::string_view text) {
+  if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff")) ks::fail(KS_ERROR_FILE, "line 1: the text is UTF-16: save it as UTF-8");
+  return text.substr(text.starts_with("\xef\xbb\xbf") ? 3 : 0);
+}
 
 /// Takes the next word off a line; empty at its end.
 inline std::string_view take_word(std::string_view& line) {

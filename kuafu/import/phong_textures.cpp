@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "import/assimp_textures.h"
-
-#include <assimp/ObjMaterial.h>
+#include "import/phong_textures.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstring>
 
@@ -80,29 +77,37 @@ Texture normals_of(const Texture& heights, float multiplier, Budget& budget) {
   });
 }
 
-constexpr std::array read_kinds = {aiTextureType_DIFFUSE, aiTextureType_OPACITY, aiTextureType_SPECULAR,  aiTextureType_EMISSIVE,
-                                   aiTextureType_HEIGHT,  aiTextureType_NORMALS, aiTextureType_METALNESS, aiTextureType_DIFFUSE_ROUGHNESS};
-
 }  // namespace
 
-std::optional<std::string> AssimpTextures::uri(const aiMaterial& from, aiTextureType kind, const std::string& material) {
-  aiString file;
-  if (from.GetTexture(kind, 0, &file) != AI_SUCCESS || file.length == 0) return std::nullopt;
-  std::string uri = file.C_Str();
-  if (uri[0] == '*') {
-    import_.warn("material '" + material + "': embedded texture " + uri + " is ignored");
-    return std::nullopt;
-  }
-  std::replace(uri.begin(), uri.end(), '\\', '/');
-  return uri;
+/// A library's images lie beside it, or where the scene file is.
+std::vector<uint8_t> PhongTextures::bytes_of(const PhongMaterial& from, const std::string& name) const {
+  if (!from.folder.empty()) try {
+      return import_.folder.read(from.folder + "/" + name);
+    } catch (const ks::Error&) {
+    }
+  return import_.folder.read(name);
 }
 
-Texture AssimpTextures::image(const std::string& uri, bool srgb) const {
-  return decode_image(import_.folder.read(uri), clean_name(uri), srgb, import_.budget);
+std::optional<std::string> PhongTextures::uri(const PhongMaterial& from, PhongMap kind) {
+  const std::string& name = from.map(kind);
+  if (name.empty()) return std::nullopt;
+  const auto [image, is_new] = images_.try_emplace(name);
+  if (is_new) try {
+      image->second = decode_image(bytes_of(from, name), clean_name(name), false, import_.budget);
+    } catch (const ks::Error& error) {
+      import_.warn("material '" + clean_name(from.name) + "': a texture is left out: " + error.what());
+    }
+  return image->second ? std::optional(name) : std::nullopt;
+}
+
+Texture PhongTextures::image(const std::string& uri, bool srgb) const {
+  Texture out = *images_.at(uri);
+  out.srgb = srgb;
+  return out;
 }
 
 template <class Make>
-uint32_t AssimpTextures::id(const char* what, const std::string& first, const std::string& second, Make&& make) {
+uint32_t PhongTextures::id(const char* what, const std::string& first, const std::string& second, Make&& make) {
   const std::tuple key{std::string(what), first, second};
   const auto found = ids_.find(key);
   if (found != ids_.end()) return found->second;
@@ -111,27 +116,24 @@ uint32_t AssimpTextures::id(const char* what, const std::string& first, const st
   return id;
 }
 
-void AssimpTextures::read(const aiMaterial& from, Material& to) {
+void PhongTextures::read(const PhongMaterial& from, Material& to) {
   read_color(from, to);
   read_roughness(from, to);
   read_relief(from, to);
-  if (const auto emission = uri(from, aiTextureType_EMISSIVE, to.name))
+  if (const auto emission = uri(from, PhongMap::emission))
     to.emission_texture = id("colour", *emission, "", [&] { return image(*emission, true); });
-  if (const auto specular = uri(from, aiTextureType_SPECULAR, to.name))
+  else if (!from.map(PhongMap::emission).empty())
+    to.emission = glm::vec3(0.0f);  // written to be weighed by the image
+  if (const auto specular = uri(from, PhongMap::specular))
     to.specular_texture = id("specular", *specular, "", [&] {
       const Texture t = image(*specular, false);
       return make(t, t.name, false, import_.budget, [&](uint32_t x, uint32_t y) { return glm::vec4(1, 1, 1, grey(t, x, y)); });
     });
-  for (int type = aiTextureType_NONE + 1; type <= AI_TEXTURE_TYPE_MAX; ++type) {
-    const auto kind = static_cast<aiTextureType>(type);
-    if (std::find(read_kinds.begin(), read_kinds.end(), kind) == read_kinds.end() && from.GetTextureCount(kind) > 0)
-      import_.warn("material '" + to.name + "': its texture of kind " + aiTextureTypeToString(kind) + " is ignored");
-  }
 }
 
 /// map_Kd, and map_d as its alpha.
-void AssimpTextures::read_color(const aiMaterial& from, Material& to) {
-  const auto color = uri(from, aiTextureType_DIFFUSE, to.name), opacity = uri(from, aiTextureType_OPACITY, to.name);
+void PhongTextures::read_color(const PhongMaterial& from, Material& to) {
+  const auto color = uri(from, PhongMap::diffuse), opacity = uri(from, PhongMap::opacity);
   if (color && !opacity) to.base_color_texture = id("colour", *color, "", [&] { return image(*color, true); });
   if (!opacity) return;
   to.alpha_mode = Material::AlphaMode::blend;
@@ -143,13 +145,12 @@ void AssimpTextures::read_color(const aiMaterial& from, Material& to) {
 }
 
 /// map_Pr and map_Pm as green and blue.
-void AssimpTextures::read_roughness(const aiMaterial& from, Material& to) {
-  const auto rough = uri(from, aiTextureType_DIFFUSE_ROUGHNESS, to.name), metal = uri(from, aiTextureType_METALNESS, to.name);
+void PhongTextures::read_roughness(const PhongMaterial& from, Material& to) {
+  const auto rough = uri(from, PhongMap::roughness), metal = uri(from, PhongMap::metallic);
   if (!rough && !metal) return;
   // A factor that the file does not give must not hide the map.
-  float value = 0.0f;
-  if (rough && from.Get(AI_MATKEY_ROUGHNESS_FACTOR, value) != AI_SUCCESS) to.roughness = 1.0f;
-  if (metal && from.Get(AI_MATKEY_METALLIC_FACTOR, value) != AI_SUCCESS) to.metallic = 1.0f;
+  if (rough && !from.roughness) to.roughness = 1.0f;
+  if (metal && !from.metallic) to.metallic = 1.0f;
   to.metallic_roughness_texture = id("roughness", rough.value_or(""), metal.value_or(""), [&] {
     const Texture r = image(rough ? *rough : *metal, false), m = metal && rough ? image(*metal, false) : r;
     return make(r, r.name, false, import_.budget, [&](uint32_t x, uint32_t y) {
@@ -159,13 +160,11 @@ void AssimpTextures::read_roughness(const aiMaterial& from, Material& to) {
 }
 
 /// norm, else map_bump with its multiplier -bm.
-void AssimpTextures::read_relief(const aiMaterial& from, Material& to) {
-  const auto normals = uri(from, aiTextureType_NORMALS, to.name), heights = uri(from, aiTextureType_HEIGHT, to.name);
+void PhongTextures::read_relief(const PhongMaterial& from, Material& to) {
+  const auto normals = uri(from, PhongMap::normal), heights = uri(from, PhongMap::height);
   if (normals) to.normal_texture = id("normals", *normals, "", [&] { return image(*normals, false); });
   if (normals || !heights) return;
-  float multiplier = 1.0f;
-  from.Get(AI_MATKEY_OBJ_BUMPMULT_HEIGHT(0), multiplier);
-  if (!std::isfinite(multiplier)) multiplier = 1.0f;
+  const float multiplier = std::isfinite(from.bump) ? from.bump : 1.0f;
   to.normal_texture = id("heights", *heights, std::to_string(multiplier), [&] {
     const Texture t = image(*heights, false);
     return is_normal_map(t) ? t : normals_of(t, multiplier, import_.budget);

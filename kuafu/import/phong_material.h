@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// Phong-style materials, as MTL and Collada write them, into kuafu's GGX model.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+
+#include "import/import.h"
+
+namespace kuafu {
+
+/// The images of a material, each by its kind.
+enum class PhongMap : size_t { diffuse, specular, emission, opacity, roughness, metallic, height, normal, count };
+
+/// A material as the file has it, before a value is checked.
+struct PhongMaterial {
+  std::string name;
+  std::string folder;  // of the names of its images, relative to the scene's; empty = the same
+  glm::vec3 diffuse{0.5f}, specular{0.0f}, emission{0.0f};
+  float shininess = 0.0f, opacity = 1.0f, ior = 1.5f;
+  int illum = 2;                                                       // MTL's model of illumination
+  std::optional<float> roughness, metallic;                            // of MTL's physically based extension
+  float bump = 1.0f;                                                   // multiplies the heights
+  std::array<std::string, static_cast<size_t>(PhongMap::count)> maps;  // names of image files; empty = none
+
+  std::string& map(PhongMap kind) { return maps[static_cast<size_t>(kind)]; }
+  [[nodiscard]] const std::string& map(PhongMap kind) const { return maps[static_cast<size_t>(kind)]; }
+};
+
+class PhongTextures;
+
+/// base colour = diffuse (times map_Kd); emission = Ke; ior = Ni; specular = mean of Ks, and 0 for illum 0 and 1, which have no highlight.
+/// Roughness from the shininess: GGX alpha^2 = 2 / (Ns + 2) matches the Blinn-Phong lobe's width (Walter et al. 2007, section 5.2);
+/// a PBR roughness or metallic (Pr, Pm) stands as it is. Transmission = 1 - d for the glass models illum 4, 6, 7 and 9, which are also
+/// smooth. With another model d is alpha (KUAFU_ALPHA_BLEND).
+/// Values outside a field's range are clamped, with a warning.
+Material read_material(Import& import, const PhongMaterial& from, PhongTextures& textures);
+
+/// What shows colours of vertices where the file has no material: white and Lambertian.
+Material colored_material();
+
+/// Files say nothing about their colours; scanners and editors write sRGB. Values outside of 0 to 1 are clamped.
+glm::vec4 linear_color(const glm::vec4& srgb);
+
+}  // namespace kuafu

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// Textures of Phong-style materials, brought to what kuafu's materials have: MTL keeps roughness, opacity and highlights in images of their
+// own, and relief in heights.
+#pragma once
+
+#include <map>
+#include <tuple>
+
+#include "import/phong_material.h"
+
+namespace kuafu {
+
+class PhongTextures {
+ public:
+  explicit PhongTextures(Import& import) : import_(import) {}
+
+  /// Sets the material's textures. An image that is missing or cannot be read is left out, with a message: robots and downloads often come
+  /// without theirs, and a model in its colours is worth more than none.
+  void read(const PhongMaterial& from, Material& to);
+
+ private:
+  /// The name of the image of this kind, once it is read; none where there is none or it is left out.
+  [[nodiscard]] std::optional<std::string> uri(const PhongMaterial& from, PhongMap kind);
+  [[nodiscard]] std::vector<uint8_t> bytes_of(const PhongMaterial& from, const std::string& name) const;
+  [[nodiscard]] Texture image(const std::string& uri, bool srgb) const;
+  /// Scene id of a texture made of these images by `make`, which is called once for them.
+  template <class Make>
+  uint32_t id(const char* what, const std::string& first, const std::string& second, Make&& make);
+  void read_color(const PhongMaterial& from, Material& to);
+  void read_roughness(const PhongMaterial& from, Material& to);
+  void read_relief(const PhongMaterial& from, Material& to);
+
+  Import& import_;
+  std::map<std::string, std::optional<Texture>> images_;  // by name; none where one cannot be read
+  std::map<std::tuple<std::string, std::string, std::string>, uint32_t> ids_;
+};
+
+}  // namespace kuafu

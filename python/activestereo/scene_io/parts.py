@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Meshes and materials of a file as kuafu reads it, for what is put together in Python: CAD parts, robots, models."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+
+import kuafu
+from activestereo.scene_io.meshes import Mesh
+
+CREASE_DEG = 40.0
+LARGEST_M = 5.0
+
+
+@dataclass(frozen=True)
+class Part:
+    """A mesh of one material. colors: linear RGBA [n, 4] of the vertices, or None. material: None where the
+    file has none. texture: its base colour's image, as Scene.get_texture gives it, or None."""
+
+    mesh: Mesh
+    colors: NDArray[np.float32] | None
+    material: kuafu.Material | None
+    texture: dict[str, Any] | None
+
+
+def read_parts(path: str | Path) -> list[Part]:
+    """The parts of a .obj, .ply, .stl, .dae, .gltf or .glb file as they stand in it, in its unit, which is the metre in
+    Collada and glTF. Normals are the file's, else shaded()'s. ValueError names the file and what is wrong."""
+    scene = kuafu.Scene(_device())
+    try:
+        scene.load(path)
+    except kuafu.Error as error:
+        raise ValueError(str(error)) from error
+    parts = []
+    for number in range(scene.summary.instance_count):
+        instance = scene.get_instance(number)
+        arrays = scene.get_mesh(instance["mesh"])
+        slots = arrays["slots"] if arrays["slots"] is not None else np.zeros(len(arrays["indices"]), np.uint32)
+        for slot in np.unique(slots):
+            own = instance["materials"][slot] if slot < len(instance["materials"]) else None
+            parts.append(_part(scene, arrays, arrays["indices"][slots == slot], instance["local_to_world"], own))
+    if not parts:
+        raise ValueError(f"{path}: there is no mesh in it")
+    return parts
+
+
+def read_mesh(path: str | Path, unit_m: float = 1.0) -> Mesh:
+    """All of a file as one mesh in metres, with normals by creases; unit_m: metres per unit of the file, CAD often has
+    0.001. ValueError names the file and what is wrong."""
+    parts = read_parts(path)
+    first = np.cumsum([0] + [len(part.mesh.positions) for part in parts])
+    points = unit_m * np.vstack([part.mesh.positions for part in parts]).astype(np.float64)
+    faces = np.vstack([part.mesh.indices + start for part, start in zip(parts, first, strict=False)])
+    size_m = float(np.ptp(points[faces.ravel()], axis=0).max())
+    if not 0.0 < size_m <= LARGEST_M:
+        raise ValueError(f"{path}: the part is {size_m:g} m long: say the file's unit, such as 0.001 for millimetres")
+    return shaded(points, faces)
+
+
+def shaded(
+    points: NDArray[np.float64], faces: NDArray[np.integer[Any]], uvs: NDArray[np.float32] | None = None
+) -> Mesh:
+    """A Mesh whose normals follow the faces around a vertex that turn by less than CREASE_DEG from one another: a
+    cylinder's side is round and its rim sharp. It has a vertex for each corner. points [n, 3], uvs [n, 2], faces
+    [t, 3]."""
+    _, same = np.unique(points, axis=0, return_inverse=True)
+    joined = same.reshape(-1)[faces]
+    edges = points[faces]
+    area = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
+    length = np.linalg.norm(area, axis=1, keepdims=True)
+    unit = np.divide(area, length, out=np.zeros_like(area), where=length > 0.0)
+    corners, count = joined.ravel(), len(joined)
+    shape = len(corners), int(joined.max()) + 1
+    corner_vertex = coo_matrix((np.ones(len(corners)), (np.arange(len(corners)), corners)), shape).tocsr()
+    vertex_face = coo_matrix(
+        (np.ones(len(corners)), (corners, np.repeat(np.arange(count), 3))), (shape[1], count)
+    ).tocsr()
+    pairs = (corner_vertex @ vertex_face).tocoo()
+    alike = np.einsum("ij,ij->i", unit[pairs.row // 3], unit[pairs.col]) > np.cos(np.deg2rad(CREASE_DEG))
+    near = coo_matrix((np.ones(alike.sum()), (pairs.row[alike], pairs.col[alike])), (len(corners), count)).tocsr()
+    normals = near @ area
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.where(
+        length > 0.0, normals / np.where(length > 0.0, length, 1.0), (0.0, 0.0, 1.0)
+    )  # of no area: unseen
+    at = faces.ravel()
+    return Mesh.of(
+        points[at], normals, np.zeros((len(at), 2)) if uvs is None else uvs[at], np.arange(len(at)).reshape(-1, 3)
+    )
+
+
+def _part(
+    scene: kuafu.Scene,
+    arrays: dict[str, Any],
+    faces: NDArray[np.uint32],
+    to_world: NDArray[np.float64],
+    own: int | None,
+) -> Part:
+    points = arrays["positions"] @ to_world[:3, :3].T + to_world[:3, 3]
+    uvs, colors = arrays["uvs"], arrays["colors"]
+    if arrays["normals"] is None:
+        mesh = shaded(points, faces, uvs)
+        colors = None if colors is None else colors[faces.ravel()]
+    else:
+        normals = arrays["normals"] @ np.linalg.inv(to_world[:3, :3])
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        mesh = Mesh.of(points, normals, np.zeros((len(points), 2)) if uvs is None else uvs, faces)
+    material = None if own is None else scene.get_material(own)
+    texture = None if material is None or material.base_color_texture is None else material.base_color_texture
+    return Part(mesh, colors, material, None if texture is None else scene.get_texture(texture))
+
+
+@cache
+def _device() -> kuafu.Device:
+    """One for all files: a scene is made on a device."""
+    return kuafu.Device()
