@@ -66,6 +66,15 @@ class Listening {
   Listening& operator=(const Listening&) = delete;
 };
 
+/// In Collada a colour or an image stands, never both: without its image a body is grey, as one without a material.
+Material read_collada_material(Import& import, const aiMaterial& from, PhongTextures& textures) {
+  const PhongMaterial phong = phong_of(import, from);
+  Material out = read_material(import, phong, textures);
+  const bool lacks_image = !phong.map(PhongMap::diffuse).empty() && out.base_color_texture == none;
+  if (lacks_image) out.base_color = glm::vec4(PhongMaterial().diffuse, out.base_color.a);
+  return out;
+}
+
 /// Scene ids of the file's meshes and materials; none = grey default, or a mesh of points and lines only.
 struct Tables {
   std::vector<uint32_t> meshes, materials;
@@ -115,14 +124,12 @@ void import_assimp(Import& import) {
   file = importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_JoinIdenticalVertices | aiProcess_SortByPType | aiProcess_FlipUVs);
   if (file == nullptr) fail_read(importer);
   if (file->mRootNode == nullptr || file->mNumMeshes == 0) ks::fail(KS_ERROR_FILE, "there are no triangles in it");
-  if (file->mNumLights > 0)
-    import.warn("its lamps are left out, for Collada gives their light no unit: " + std::to_string(file->mNumLights));
   Tables tables;
   PhongTextures textures(import);
   for (unsigned i = 0; i < file->mNumMaterials; ++i) {
     const aiMaterial& material = *file->mMaterials[i];
     const bool made_up = material.GetName() == aiString(AI_DEFAULT_MATERIAL_NAME) || material.GetName().length == 0;
-    tables.materials.push_back(made_up ? none : import.scene.add_material(read_material(import, phong_of(import, material), textures)));
+    tables.materials.push_back(made_up ? none : import.scene.add_material(read_collada_material(import, material, textures)));
   }
   for (unsigned i = 0; i < file->mNumMeshes; ++i) {
     const aiMesh& mesh = *file->mMeshes[i];

@@ -29,8 +29,12 @@ bool begins_with(std::span<const uint8_t> bytes, std::string_view text) {
 
 /// The name of a format that is known and not read; nullptr: none of those.
 const char* unread_format(std::span<const uint8_t> bytes) {
-  if (begins_with(bytes, "\xabKTX ")) return "KTX";
-  return begins_with(bytes, "DDS ") ? "DDS" : nullptr;
+  static constexpr std::pair<std::string_view, const char*> first_bytes[] = {
+      {"\xabKTX ", "KTX"}, {"DDS ", "DDS"}, {"II*", "TIFF"}, {{"MM\0*", 4}, "TIFF"}, {"GIF8", "GIF"}, {"8BPS", "Photoshop"},
+  };
+  for (const auto& [first, format] : first_bytes)
+    if (begins_with(bytes, first)) return format;
+  return nullptr;
 }
 
 }  // namespace

@@ -5,36 +5,40 @@
     robot.add_to(bodies)  # activestereo.scene_io.bodies
     bodies.move(robot.poses(joints))  # [links, 4, 4] of [joints], or [E, links, 4, 4] of [E, joints]
 
-Visual elements are read (boxes, spheres, cylinders, meshes, colours); collisions, inertias and textures are not.
+Visual elements are read: boxes, spheres, cylinders, colours, and meshes with their own materials and textures, which a
+<material> with a colour covers. Collisions, inertias and a <material>'s texture are not.
 """
 
 from __future__ import annotations
 
+import logging
+import re
 import xml.etree.ElementTree as xml
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-import kuafu
+from activestereo.common.input_files import read_bytes
 from activestereo.scene_io import solids
-from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
+from activestereo.scene_io.bodies import Bodies, Shape
 from activestereo.scene_io.meshes import Mesh
-from activestereo.scene_io.parts import read_mesh
+from activestereo.scene_io.parts import LARGEST_M, Part, add_parts, read_parts
+
+_LOG = logging.getLogger("activestereo.integrations.urdf")
 
 Colour = tuple[float, float, float, float]
 _GREY: Colour = (0.6, 0.6, 0.6, 1.0)
-_READ = (".stl", ".obj", ".ply")
 _MOVES = ("revolute", "continuous", "prismatic")
 
 
 @dataclass(frozen=True)
 class _Visual:
-    mesh: Mesh
+    parts: Sequence[Part]
     to_link: NDArray[np.float64]  # 4x4, scale included
-    colour: Colour
+    colour: Colour | None  # of the URDF's material, which covers those of the parts
 
 
 @dataclass(frozen=True)
@@ -82,8 +86,8 @@ class Urdf:
         for name, visuals in zip(self.link_names, self._visuals, strict=True):
             shapes = []
             for visual in visuals:
-                material = bodies.scene.add_material(kuafu.Material(name=name, base_color=visual.colour))
-                shapes.append(Shape(add_mesh(bodies.scene, visual.mesh, name), [material], visual.to_link))
+                numbers = add_parts(bodies.scene, [_painted(part, visual.colour) for part in visual.parts], name)
+                shapes += [Shape(mesh, [material], visual.to_link) for mesh, material in numbers]
             out.append(bodies.add(prefix + name, shapes))
         return out
 
@@ -165,21 +169,36 @@ class Urdf:
         kind = None if geometry is None else next(iter(geometry), None)
         if kind is None:
             raise ValueError(f"{self._path}: a <visual> has no geometry")
-        mesh, scale = self._solid(kind)
-        return _Visual(mesh, self._origin(element) @ np.diag([*scale, 1.0]), own or _GREY)
+        parts, to_visual = self._mesh(kind) if kind.tag == "mesh" else self._solid(kind)
+        return _Visual(parts, self._origin(element) @ to_visual, own)
 
-    def _solid(self, kind: xml.Element) -> tuple[Mesh, NDArray[np.float64]]:
-        """A mesh and its scale."""
+    def _solid(self, kind: xml.Element) -> tuple[Sequence[Part], NDArray[np.float64]]:
+        """A unit solid, and the 4x4 that gives it its size."""
         if kind.tag == "box":
-            return solids.box(), 0.5 * self._numbers(kind.get("size", ""), 3)
+            return _sized(solids.box(), 0.5 * self._numbers(kind.get("size", ""), 3))
         if kind.tag == "sphere":
-            return solids.sphere(), np.full(3, self._numbers(kind.get("radius", ""), 1)[0])
+            return _sized(solids.sphere(), np.full(3, self._numbers(kind.get("radius", ""), 1)[0]))
         if kind.tag == "cylinder":
             radius, length = (self._numbers(kind.get(key, ""), 1)[0] for key in ("radius", "length"))
-            return solids.cylinder(), np.array([radius, radius, 0.5 * length])
-        if kind.tag == "mesh":
-            return _read(self._file(kind.get("filename", ""))), self._numbers(kind.get("scale", "1 1 1"), 3)
+            return _sized(solids.cylinder(), np.array([radius, radius, 0.5 * length]))
         raise ValueError(f"{self._path}: the geometry <{kind.tag}> is not known (box, sphere, cylinder, mesh)")
+
+    def _mesh(self, kind: xml.Element) -> tuple[Sequence[Part], NDArray[np.float64]]:
+        """The parts of a file, and the 4x4 from its coordinates: URDF's scale is their unit."""
+        path, scale = self._file(kind.get("filename", "")), self._numbers(kind.get("scale", "1 1 1"), 3)
+        try:
+            parts = read_parts(path)
+        except ValueError as error:
+            raise ValueError(f"{self._path}: {error}") from error
+        to_visual = np.diag([*scale, 1.0]) @ _as_written(path)
+        points = np.vstack([part.mesh.positions for part in parts]) @ to_visual[:3, :3].T
+        size_m = float(np.ptp(points, axis=0).max())
+        if size_m > LARGEST_M:
+            small = 'scale="0.001 0.001 0.001"'
+            _LOG.warning(
+                "%s: %s is %g m long: if it is in millimetres, its mesh needs %s", self._path, path, size_m, small
+            )
+        return parts, to_visual
 
     def _origin(self, element: xml.Element) -> NDArray[np.float64]:
         """4x4 of <origin xyz rpy>: roll, pitch and yaw about fixed axes."""
@@ -227,21 +246,30 @@ class Urdf:
         return values
 
 
-def _read(path: Path) -> Mesh:
-    if path.suffix.lower() in _READ:
-        return read_mesh(path)
-    try:
-        import trimesh
-    except ImportError as error:
-        others = f"{', '.join(_READ)} need none"
-        raise ImportError(f"reading {path} needs the package trimesh (pip install trimesh); {others}") from error
-    try:
-        loaded = trimesh.load(path, force="mesh")
-    except Exception as error:  # trimesh raises what its many readers raise
-        raise ValueError(f"{path}: no mesh could be read: {error}") from error
-    triangles = np.ascontiguousarray(loaded.faces, np.uint32)
-    positions, normals = (np.ascontiguousarray(a, np.float32) for a in (loaded.vertices, loaded.vertex_normals))
-    return Mesh(positions, normals, np.zeros((len(positions), 2), np.float32), triangles)
+def _painted(part: Part, colour: Colour | None) -> Part:
+    if colour is None and (part.material is not None or part.colors is not None):
+        return part
+    return part.painted(colour or _GREY)
+
+
+def _sized(mesh: Mesh, scale: NDArray[np.float64]) -> tuple[Sequence[Part], NDArray[np.float64]]:
+    return [Part(mesh)], np.diag([*scale, 1.0])
+
+
+_FROM_Y_UP = {
+    b"X": np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    b"Z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+}
+
+
+def _as_written(path: Path) -> NDArray[np.float64]:
+    """4x4 back to a file's own axes. A scene turns Collada's up axis to y; a link takes coordinates as they stand, as
+    RViz and Gazebo do."""
+    out = np.eye(4)
+    if path.suffix.lower() == ".dae":
+        found = re.search(rb"<up_axis>\s*([XYZ])_UP", read_bytes(path).replace(b"\0", b""))
+        out[:3, :3] = _FROM_Y_UP.get(found[1] if found else b"Y", np.eye(3))
+    return out
 
 
 def _about(axis: int, angle: float) -> NDArray[np.float64]:

@@ -69,20 +69,23 @@ class GltfWriter:
         """A mesh and a node with a 4x4."""
         self.place(name, self.add_shape(name, mesh, material), local_to_world)
 
-    def add_shape(self, name: str, mesh: Mesh, material: int) -> int:
-        """A mesh that place() shows, once or often. Returns its index."""
-        return self._mesh(name, mesh, material)
+    def add_shape(self, name: str, mesh: Mesh, material: int, colors: np.ndarray | None = None) -> int:
+        """A mesh that place() shows, once or often. colors: linear RGBA float32 [n, 4] of its vertices. Returns its
+        index."""
+        return self._mesh(name, mesh, material, colors)
 
     def place(self, name: str, shape: int, local_to_world: np.ndarray) -> None:
         """A node with a 4x4 that shows a mesh of add_shape()."""
         self._node(name, mesh=shape, matrix=_columns(local_to_world))
 
-    def _mesh(self, name: str, mesh: Mesh, material: int) -> int:
+    def _mesh(self, name: str, mesh: Mesh, material: int, colors: np.ndarray | None = None) -> int:
         attributes = {
             "POSITION": self._accessor(mesh.positions, "VEC3", bounds=True),
             "NORMAL": self._accessor(mesh.normals, "VEC3"),
             "TEXCOORD_0": self._accessor(mesh.uvs, "VEC2"),
         }
+        if colors is not None:
+            attributes["COLOR_0"] = self._accessor(colors, "VEC4")
         indices = self._accessor(mesh.indices.reshape(-1), "SCALAR")
         primitive = {"attributes": attributes, "indices": indices, "material": material}
         return self._append("meshes", {"name": name, "primitives": [primitive]})

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,17 +18,40 @@ from activestereo.scene_io.meshes import Mesh
 
 CREASE_DEG = 40.0
 LARGEST_M = 5.0
+_TEXTURES = tuple(name for name in dir(kuafu.Material) if name.endswith("_texture"))
 
 
 @dataclass(frozen=True)
 class Part:
-    """A mesh of one material. colors: linear RGBA [n, 4] of the vertices, or None. material: None where the
-    file has none. texture: its base colour's image, as Scene.get_texture gives it, or None."""
+    """A mesh of one material. colors: linear RGBA [n, 4] of the vertices, or None. material: None where the file has
+    none. textures: its images by the material's field, as Scene.get_texture gives them."""
 
     mesh: Mesh
-    colors: NDArray[np.float32] | None
-    material: kuafu.Material | None
-    texture: dict[str, Any] | None
+    colors: NDArray[np.float32] | None = None
+    material: kuafu.Material | None = None
+    textures: Mapping[str, dict[str, Any]] = field(default_factory=dict)
+
+    def painted(self, rgba: tuple[float, float, float, float]) -> Part:
+        """The same mesh in one colour."""
+        return Part(self.mesh, material=kuafu.Material(base_color=rgba))
+
+
+def add_parts(scene: kuafu.Scene, parts: Sequence[Part], name: str) -> list[tuple[int, int]]:
+    """Adds a file's parts to a scene, each image once; returns the numbers of mesh and material of each."""
+    numbers: dict[int, int] = {}
+    out = []
+    for part in parts:
+        material = part.material or kuafu.Material(specular=0.0)  # white, below the colours of vertices
+        material.name = material.name or name
+        for key in _TEXTURES:
+            image = part.textures.get(key)
+            if image is not None and id(image) not in numbers:
+                numbers[id(image)] = scene.add_texture(**image)
+            setattr(material, key, None if image is None else numbers[id(image)])
+        mesh = part.mesh
+        arrays = {"normals": mesh.normals, "uvs": mesh.uvs, "colors": part.colors}
+        out.append((scene.add_mesh(mesh.positions, mesh.indices, name=name, **arrays), scene.add_material(material)))
+    return out
 
 
 def read_parts(path: str | Path) -> list[Part]:
@@ -38,6 +62,7 @@ def read_parts(path: str | Path) -> list[Part]:
         scene.load(path)
     except kuafu.Error as error:
         raise ValueError(str(error)) from error
+    images = [scene.get_texture(number) for number in range(scene.summary.texture_count)]
     parts = []
     for number in range(scene.summary.instance_count):
         instance = scene.get_instance(number)
@@ -45,7 +70,8 @@ def read_parts(path: str | Path) -> list[Part]:
         slots = arrays["slots"] if arrays["slots"] is not None else np.zeros(len(arrays["indices"]), np.uint32)
         for slot in np.unique(slots):
             own = instance["materials"][slot] if slot < len(instance["materials"]) else None
-            parts.append(_part(scene, arrays, arrays["indices"][slots == slot], instance["local_to_world"], own))
+            faces = arrays["indices"][slots == slot]
+            parts.append(_part(scene, arrays, faces, instance["local_to_world"], own, images))
     if not parts:
         raise ValueError(f"{path}: there is no mesh in it")
     return parts
@@ -102,6 +128,7 @@ def _part(
     faces: NDArray[np.uint32],
     to_world: NDArray[np.float64],
     own: int | None,
+    images: Sequence[dict[str, Any]],
 ) -> Part:
     points = arrays["positions"] @ to_world[:3, :3].T + to_world[:3, 3]
     uvs, colors = arrays["uvs"], arrays["colors"]
@@ -113,8 +140,8 @@ def _part(
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         mesh = Mesh.of(points, normals, np.zeros((len(points), 2)) if uvs is None else uvs, faces)
     material = None if own is None else scene.get_material(own)
-    texture = None if material is None or material.base_color_texture is None else material.base_color_texture
-    return Part(mesh, colors, material, None if texture is None else scene.get_texture(texture))
+    numbers = {key: getattr(material, key, None) for key in _TEXTURES}
+    return Part(mesh, colors, material, {key: images[number] for key, number in numbers.items() if number is not None})
 
 
 @cache

@@ -58,18 +58,24 @@ TEST_P(Collada, IsRead) {
 const std::string unit = "<unit name=\"centimeter\" meter=\"0.01\"/>";
 INSTANTIATE_TEST_SUITE_P(
     Dialects, Collada,
-    testing::Values(Dialect{"two cameras of one name", with_cameras("Camera", "Camera"), 1.0, 2.0},
-                    Dialect{"cameras without names", with_cameras("", ""), 1.0, 2.0},
-                    Dialect{"UTF-16", utf16(replaced(collada_triangle(), "?>", " encoding=\"utf-16\"?>")), 1.0, 2.0},
-                    Dialect{"blanks around numbers",
-                            replaced(collada_triangle(), "0 0 200</translate>", "\n  0.0 0.0 200.0  \n</translate>"), 1.0, 2.0},
-                    Dialect{"blanks in a matrix",
-                            replaced(collada_triangle(), "<translate>0 0 200</translate>",
-                                     "<matrix>  1 0 0 0 0 1 0 0 0 0 1 200 0 0 0 1  </matrix>"),
-                            1.0, 2.0},
-                    Dialect{"inches", replaced(collada_triangle(), unit, "<unit name=\"inch\" meter=\"0.0254\"/>"), 2.54, 5.08},
-                    Dialect{"a unit without a name", replaced(collada_triangle(), unit, "<unit meter=\" 0.001 \"/>"), 0.1, 0.2},
-                    Dialect{"no unit", replaced(collada_triangle(), unit, ""), 100.0, 200.0}),
+    testing::Values(
+        Dialect{"two cameras of one name", with_cameras("Camera", "Camera"), 1.0, 2.0},
+        Dialect{"cameras without names", with_cameras("", ""), 1.0, 2.0},
+        Dialect{"UTF-16", utf16(replaced(collada_triangle(), "?>", " encoding=\"utf-16\"?>")), 1.0, 2.0},
+        Dialect{"blanks around numbers", replaced(collada_triangle(), "0 0 200</translate>", "\n  0.0 0.0 200.0  \n</translate>"), 1.0,
+                2.0},
+        Dialect{"blanks in a matrix",
+                replaced(collada_triangle(), "<translate>0 0 200</translate>", "<matrix>  1 0 0 0 0 1 0 0 0 0 1 200 0 0 0 1  </matrix>"),
+                1.0, 2.0},
+        Dialect{
+            "blanks in a colour",
+            replaced(collada_triangle(), "<library_geometries>",
+                     "<library_effects><effect id=\"e\"><profile_COMMON><technique sid=\"c\"><lambert><diffuse><color>  0.5 0.5 0.5 1.0  "
+                     "</color></diffuse></lambert></technique></profile_COMMON></effect></library_effects><library_geometries>"),
+            1.0, 2.0},
+        Dialect{"inches", replaced(collada_triangle(), unit, "<unit name=\"inch\" meter=\"0.0254\"/>"), 2.54, 5.08},
+        Dialect{"a unit without a name", replaced(collada_triangle(), unit, "<unit meter=\" 0.001 \"/>"), 0.1, 0.2},
+        Dialect{"no unit", replaced(collada_triangle(), unit, ""), 100.0, 200.0}),
     [](const auto& info) {
       std::string name = info.param.name;
       std::replace_if(

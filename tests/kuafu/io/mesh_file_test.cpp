@@ -128,22 +128,6 @@ TEST(PlyFile, ColoursOfVerticesAreLinearAndShown) {
   EXPECT_EQ(loaded.scene.materials()[material].base_color, glm::vec4(1)) << "the grey of surfaces without a material would dim them";
 }
 
-TEST(ObjFile, ATextureThatIsMissingOrOfAnotherKindLeavesTheColourAndIsSaid) {
-  const Folder folder;
-  write_text(folder / "scan.tif", std::string("II*\0\x08\0\0\0", 8));
-  for (const auto& [name, said] : {std::pair{"nowhere.png", "cannot open 'nowhere.png'"}, std::pair{"scan.tif", "is not a PNG"}}) {
-    write_text(folder / "a.mtl", std::string("newmtl m\nKd 0.25 0.5 1\nmap_Kd ") + name + "\n");
-    write_text(folder / "a.obj", "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n");
-    const Loaded loaded = load_path(folder / "a.obj");
-    const Material& material = loaded.scene.materials()[loaded.scene.instances()[0].materials.at(0)];
-    EXPECT_EQ(material.base_color, glm::vec4(0.25f, 0.5f, 1, 1));
-    EXPECT_EQ(material.base_color_texture, none);
-    ASSERT_EQ(loaded.warnings.size(), 1u);
-    EXPECT_NE(loaded.warnings[0].find("material 'm': a texture is left out: "), std::string::npos) << loaded.warnings[0];
-    EXPECT_NE(loaded.warnings[0].find(said), std::string::npos) << loaded.warnings[0];
-  }
-}
-
 TEST(ObjFile, NoFaceIsAnError) {
   const Folder folder;
   write_text(folder / "points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n");

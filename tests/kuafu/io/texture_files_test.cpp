@@ -69,6 +69,9 @@ TEST_P(TextureName, IsFound) {
   const Loaded loaded = load_textured(folder, kind, name.written);
   EXPECT_NE(shown(loaded).base_color_texture, none) << (loaded.warnings.empty() ? "" : loaded.warnings[0]);
   EXPECT_TRUE(loaded.warnings.empty()) << loaded.warnings[0];
+  if (std::string(kind) == "dae") {
+    EXPECT_EQ(shown(loaded).base_color, glm::vec4(1.0f)) << "an image stands in place of a colour";
+  }
 }
 
 constexpr Name names[] = {
@@ -116,7 +119,7 @@ TEST_P(UnreadTexture, LeavesTheColourAndIsSaid) {
   EXPECT_EQ(material.base_color_texture, none);
   EXPECT_EQ(material.emission, glm::vec3(0.0f)) << "a missing picture of light shines everywhere";
   EXPECT_EQ(material.metallic, 0.0f);
-  EXPECT_NEAR(material.base_color.g, std::string(kind) == "dae" ? 1.0f : 0.5f, 1e-6f) << "Collada has either a colour or an image";
+  EXPECT_NEAR(material.base_color.g, 0.5f, 1e-6f) << "Collada has no colour beside an image: it is grey";
   EXPECT_TRUE(std::any_of(loaded.warnings.begin(), loaded.warnings.end(), [&](const std::string& warning) {
     return warning.find("left out") != std::string::npos && warning.find(unread.said) != std::string::npos;
   })) << (loaded.warnings.empty() ? "nothing" : loaded.warnings[0]);
@@ -126,11 +129,26 @@ constexpr Unread unread[] = {
     {"gone.png", nullptr, "cannot open 'gone.png'"},
     {"../out.png", nullptr, "outside the scene file's folder"},
     {"C:/maps/gone.png", nullptr, "cannot open 'C:/maps/gone.png'"},
+    {"a.tif", "II*", "is a TIFF file, which is not read: export it as PNG, JPEG or WebP"},
+    {"a.gif", "GIF89a", "is a GIF file"},
     {"a.jpg", "no image", "is not a PNG, JPEG"},
     {"a.dds", "DDS |", "is a DDS file"},
     {"a.png", "\x89PNG\r\n\x1a\n and no chunk", "texture 'a.png' cannot be read"},
 };
 INSTANTIATE_TEST_SUITE_P(Kinds, UnreadTexture, testing::Combine(testing::Values("obj", "dae", "glb"), testing::ValuesIn(unread)));
+
+TEST(TextureFile, WhatIsMissingTakesNoOtherWithIt) {
+  const Folder folder;
+  write_text(folder / "red.png", png_pixel());
+  write_text(folder / "a.mtl", "newmtl m\nmap_Kd red.png\nmap_d gone.png\nmap_Pr gone.png\nmap_Pm red.png\nPr 0.3\n");
+  write_text(folder / "a.obj", obj);
+  const Loaded loaded = load_path(folder / "a.obj");
+  EXPECT_NE(shown(loaded).base_color_texture, none);
+  EXPECT_NE(shown(loaded).metallic_roughness_texture, none);
+  EXPECT_NEAR(shown(loaded).roughness, 0.3f, 1e-6f);
+  EXPECT_EQ(shown(loaded).alpha_mode, Material::AlphaMode::opaque);
+  EXPECT_EQ(loaded.warnings.size(), 1u) << "said once";
+}
 
 TEST(TextureFile, AGltfTextureWithoutASourceIsLeftOut) {
   GltfWriter w;

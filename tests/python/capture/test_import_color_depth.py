@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import kuafu
 from activestereo.scene_io import meshes
 from activestereo.capture.capture import CaptureError, read_capture
 from activestereo.cli import main
@@ -122,8 +123,6 @@ def test_an_open3d_folder_with_its_trajectory(tmp_path, capsys):
 
 
 def test_a_bop_scene_brings_its_objects(bop, tmp_path):
-    import kuafu
-
     assert main(["import", str(bop), "--out", str(tmp_path / "capture")]) == 0
     capture = read_capture(tmp_path / "capture")
     assert capture.frames[0].depth_scale == pytest.approx(0.0001)
@@ -132,6 +131,54 @@ def test_a_bop_scene_brings_its_objects(bop, tmp_path):
     scene.load(capture.scene_path)
     assert np.allclose(scene.summary.bounds_min_m, (-0.04, 0.0, 0.48), atol=1e-6)
     assert np.allclose(scene.summary.bounds_max_m, (0.04, 0.06, 0.52), atol=1e-6)
+
+
+_XYZ = "property float x\nproperty float y\nproperty float z\n"
+_FACES = "3 0 1 2\n3 0 2 3\n3 0 3 1\n3 1 3 2\n"
+_PLACES = ["0 0 0", "80 0 0", "0 60 0", "0 0 40"]
+
+
+def _model(header, rows):
+    """A tetrahedron in millimetres as text."""
+    return (
+        f"ply\nformat ascii 1.0\n{header[0]}element vertex 4\n{_XYZ}{header[1]}"
+        "element face 4\nproperty list uchar int vertex_indices\nend_header\n"
+        + "".join(f"{place} {row}\n" for place, row in zip(_PLACES, rows, strict=True))
+        + _FACES
+    )
+
+
+_UV = "property float texture_u\nproperty float texture_v\n"
+_RGB = "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+
+
+@pytest.mark.parametrize(
+    ("model", "linear_red"),
+    [
+        (_model(("comment TextureFile black.png\n", _UV), ["0 0", "1 0", "0 1", "1 1"]), 0.006),
+        (_model(("", _RGB), ["20 200 200"] * 4), 0.007),
+        (_model(("", ""), [""] * 4), 0.5),
+    ],
+    ids=["texture", "colours of vertices", "none"],
+)
+def test_a_bop_model_reflects_as_its_colours(bop, tmp_path, model, linear_red):
+    """sRGB 20 is 0.007 and 18 is 0.006 (IEC 61966-2-1); what an infrared camera sees of a matt surface under uniform
+    light is its red albedo, beside the reflecting layer's few per cent."""
+    models = bop.parent.parent / "models"
+    Image.new("RGB", (4, 4), (18, 200, 200)).save(models / "black.png")
+    (models / "obj_000003.ply").write_text(model)
+    assert main(["import", str(bop), "--out", str(tmp_path / "capture")]) == 0
+    scene = kuafu.Scene(kuafu.Device("cpu"))
+    scene.load(read_capture(tmp_path / "capture").scene_path)
+    np.testing.assert_allclose(scene.summary.bounds_max_m, (0.08, 0.06, 0.54), atol=1e-6)
+    material = scene.get_material(0)
+    material.specular = 0.0
+    scene.set_material(0, material)
+    scene.set_environment((1.0, 1.0, 1.0), 1.0)
+    camera = kuafu.Camera(8, 8, [[900, 0, -20], [0, 900, -20], [0, 0, 1]])
+    renderer = kuafu.Renderer(scene.device)
+    image = renderer.render(scene, camera, ["radiance"], band="infrared", spp=64, max_bounces=1)["radiance"]
+    assert float(np.mean(np.asarray(image)[..., 0])) == pytest.approx(linear_red, rel=0.15)
 
 
 def test_a_bop_scene_whose_rotations_have_few_digits_becomes_a_capture(bop, tmp_path, capsys):

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import kuafu
 from activestereo.scene_io.bodies import Bodies
@@ -95,3 +96,123 @@ def test_joints_that_are_not_there_are_refused(arm: Path) -> None:
         Urdf(arm).poses({"wrist": 1.0})
     with pytest.raises(ValueError, match=r"\[\.\.\., 3\], not \(2,\)"):
         Urdf(arm).poses([0.0, 1.0])
+
+
+BLACK = (0.02, 0.02, 0.02, 1.0)
+TRIANGLE_OBJ = "v 0 0 0\nv 120 0 0\nv 0 40 0\nvt 0 0\nf 1/1 2/1 3/1\n"
+
+
+def collada(unit: str, up: str = "Z_UP") -> str:
+    """A triangle (0, 0, 0), (120, 0, 0), (0, 0, 40) of a nearly black material."""
+    return f"""<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset>{unit}<up_axis>{up}</up_axis></asset>
+<library_effects><effect id="e"><profile_COMMON><technique sid="c"><lambert><diffuse><color>  0.02 0.02 0.02 1  </color>
+</diffuse></lambert></technique></profile_COMMON></effect></library_effects>
+<library_materials><material id="m" name="black"><instance_effect url="#e"/></material></library_materials>
+<library_geometries><geometry id="g"><mesh>
+<source id="p"><float_array id="a" count="9">0 0 0 120 0 0 0 0 40</float_array>
+<technique_common><accessor source="#a" count="3" stride="3"><param name="X" type="float"/>
+<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices><triangles count="1" material="m">
+<input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node id="n"><instance_geometry url="#g"><bind_material><technique_common>
+<instance_material symbol="m" target="#m"/></technique_common></bind_material></instance_geometry></node></visual_scene>
+</library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
+
+
+def shown(folder: Path, mesh: str, material: str = "") -> kuafu.Scene:
+    """The scene of a robot of one link with this <mesh> and what follows its geometry."""
+    urdf = folder / "one.urdf"
+    visual = f"<visual><geometry><mesh {mesh}/></geometry>{material}</visual>"
+    urdf.write_text(f'<robot name="one"><link name="base">{visual}</link></robot>')
+    scene = kuafu.Scene(kuafu.Device("cpu"))
+    Urdf(urdf).add_to(Bodies(scene))
+    return scene
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "scale", "size_m"),
+    [
+        ("a.obj", TRIANGLE_OBJ, "0.001 0.001 0.001", (0.12, 0.04, 0)),
+        ("a.obj", TRIANGLE_OBJ, "0.001 -0.002 1", (0.12, 0.08, 0)),
+        ("a.dae", collada('<unit name="inch" meter="0.0254"/>'), "0.1 0.1 0.1", (0.3048, 0, 0.1016)),
+        ("a.dae", collada('<unit name="centimeter" meter="0.01"/>'), "1 1 1", (1.2, 0, 0.4)),
+        ("a.dae", collada('<unit name="meter" meter="1"/>', "Y_UP"), "0.001 0.001 0.001", (0.12, 0, 0.04)),
+        ("a.dae", collada('<unit name="meter" meter="1"/>', "X_UP"), "0.001 0.001 0.001", (0.12, 0, 0.04)),
+        ("A.DAE", collada(""), "0.001 0.001 0.001", (0.12, 0, 0.04)),
+    ],
+)
+def test_a_mesh_has_its_scale_and_its_files_unit(
+    tmp_path: Path, name: str, text: str, scale: str, size_m: tuple[float, ...], caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / name).write_text(text)
+    summary = shown(tmp_path, f'filename="{name}" scale="{scale}"').summary
+    np.testing.assert_allclose(np.subtract(summary.bounds_max_m, summary.bounds_min_m), size_m, atol=1e-6)
+    assert summary.bounds_max_m[0] == pytest.approx(size_m[0])
+    assert not [record for record in caplog.records if "urdf" in record.name]
+
+
+def test_a_part_as_long_as_a_house_is_told_with_what_to_write(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (tmp_path / "a.obj").write_text(TRIANGLE_OBJ)
+    assert shown(tmp_path, 'filename="a.obj"').summary.bounds_max_m[0] == 120.0
+    assert "one.urdf: " in caplog.text and "a.obj is 120 m long" in caplog.text
+    assert 'scale="0.001 0.001 0.001"' in caplog.text
+
+
+PLY = """ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 0
+3 0 1 2
+"""
+RED = '<material name="r"><color rgba="0.8 0.1 0.1 1"/></material>'
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "material", "colour"),
+    [
+        ("a.obj", "mtllib a.mtl\nusemtl black\n" + TRIANGLE_OBJ, "", BLACK),
+        ("a.dae", collada(""), "", BLACK),
+        ("a.dae", collada(""), RED, (0.8, 0.1, 0.1, 1.0)),
+        ("a.dae", collada(""), '<material name="only a name"/>', BLACK),
+        ("a.ply", PLY, "", (0.6, 0.6, 0.6, 1.0)),
+        ("a.ply", PLY, RED, (0.8, 0.1, 0.1, 1.0)),
+    ],
+)
+def test_a_meshs_own_colour_stays_where_the_urdf_gives_none(
+    tmp_path: Path, name: str, text: str, material: str, colour: tuple[float, ...]
+) -> None:
+    (tmp_path / "a.mtl").write_text("newmtl black\nKd 0.02 0.02 0.02\n")
+    (tmp_path / name).write_text(text)
+    scene = shown(tmp_path, f'filename="{name}" scale="0.01 0.01 0.01"', material)
+    assert scene.summary.material_count == 1
+    assert scene.get_material(0).base_color == pytest.approx(colour, abs=1e-6)
+
+
+def test_a_meshs_materials_and_textures_come_with_it(tmp_path: Path) -> None:
+    Image.new("RGB", (2, 2), (10, 20, 30)).save(tmp_path / "dark.png")
+    (tmp_path / "a.mtl").write_text(
+        "newmtl a\nKd 1 1 1\nmap_Kd dark.png\nmap_Pr dark.png\nnewmtl b\nKd 0.5 0.25 0.125\n"
+    )
+    (tmp_path / "a.obj").write_text("mtllib a.mtl\nusemtl a\n" + TRIANGLE_OBJ + "usemtl b\nf 1/1 3/1 2/1\n")
+    scene = shown(tmp_path, 'filename="a.obj" scale="0.001 0.001 0.001"')
+    assert (scene.summary.instance_count, scene.summary.material_count, scene.summary.texture_count) == (2, 2, 2)
+    first, second = (scene.get_material(number) for number in (0, 1))
+    assert first.base_color_texture is not None and first.metallic_roughness_texture is not None
+    assert second.base_color[:3] == pytest.approx((0.5, 0.25, 0.125))
+
+
+def test_a_broken_mesh_names_both_files(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text("v 0 0 0\nf 1 2 3\n")
+    with pytest.raises(ValueError, match=r"one\.urdf: .*a\.obj: .*line 2") as error:
+        shown(tmp_path, 'filename="a.obj"')
+    assert "\n" not in str(error.value)

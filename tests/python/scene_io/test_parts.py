@@ -27,8 +27,9 @@ def test_parts_have_the_files_materials_and_textures(tmp_path):
     (tmp_path / "a.ply").write_text(PLY)
     cv2.imwrite(str(tmp_path / "red.png"), np.full((2, 3, 3), (0, 0, 255), np.uint8))
     black, red = read_parts(tmp_path / "a.obj")[0], read_parts(tmp_path / "a.ply")[0]
-    assert black.material.base_color == pytest.approx((0.02, 0.02, 0.02, 1.0)) and black.texture is None
-    assert red.texture["texels"].shape == (2, 3, 3) and (red.texture["texels"] == (255, 0, 0)).all()
+    assert black.material.base_color == pytest.approx((0.02, 0.02, 0.02, 1.0)) and not black.textures
+    texels = red.textures["base_color_texture"]["texels"]
+    assert texels.shape == (2, 3, 3) and (texels == (255, 0, 0)).all()
     assert np.allclose(red.mesh.uvs, (0.5, 0.75))  # v points down
     for part in (black, red):
         assert len(part.mesh.indices) == 2 and area_m2(part.mesh) == pytest.approx(1.0)

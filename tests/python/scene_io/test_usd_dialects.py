@@ -26,12 +26,16 @@ def _stage(folder: Path, body: str) -> Path:
     return path
 
 
-def _normals(glb: Path) -> np.ndarray:
+def _accessor(glb: Path, name: str) -> np.ndarray:
+    """The first mesh's indices, or [n, 3] of an attribute."""
     data = glb.read_bytes()
     size = struct.unpack("<I", data[12:16])[0]
     document = json.loads(data[20 : 20 + size])
-    accessor = document["accessors"][document["meshes"][0]["primitives"][0]["attributes"]["NORMAL"]]
+    primitive = document["meshes"][0]["primitives"][0]
+    accessor = document["accessors"][primitive[name] if name == "indices" else primitive["attributes"][name]]
     at = 28 + size + document["bufferViews"][accessor["bufferView"]].get("byteOffset", 0)
+    if name == "indices":
+        return np.frombuffer(data, "<u4", accessor["count"], at)
     return np.frombuffer(data, "<f4", 3 * accessor["count"], at).reshape(-1, 3)
 
 
@@ -57,7 +61,7 @@ def test_normals_of_any_interpolation_and_type(tmp_path: Path, normals: str, til
     path = _stage(tmp_path, f'def Mesh "M"\n{{\n uniform token subdivisionScheme = "none"\n{_QUAD} {normals}\n}}\n')
     converted = convert(path, tmp_path / "a.glb")
     expected = [0.6, 0, 0.8] if tilted else [0, 0, 1]
-    np.testing.assert_allclose(_normals(tmp_path / "a.glb"), [expected] * 4, atol=1e-6)
+    np.testing.assert_allclose(_accessor(tmp_path / "a.glb", "NORMAL"), [expected] * 4, atol=1e-6)
     assert len(converted.messages) == bool(said) and all(said in message for message in converted.messages)
 
 
@@ -127,3 +131,33 @@ def test_turned_solids(tmp_path: Path, solid: str, low: list[float], high: list[
     assert not load_usd(scene, _stage(tmp_path, f"def {solid}\n}}\n")).messages
     np.testing.assert_allclose(scene.summary.bounds_min_m, low, atol=2e-3)
     np.testing.assert_allclose(scene.summary.bounds_max_m, high, atol=2e-3)
+
+
+_ARROW = [(0, 0), (4, 1), (0, 2), (1, 1)]
+_COMB = [(0, 0), (7, 0), (7, 3), (6, 3), (6, 1), (4, 1), (4, 3), (3, 3), (3, 1), (1, 1), (1, 3), (0, 3)]
+_SLIT = [(0, 0), (3, 0), (3, 3), (0, 3), (0, 0), (1, 1), (1, 2), (2, 2), (2, 1), (1, 1)]  # a hole by a bridge
+
+
+@pytest.mark.parametrize("turn", range(4))
+@pytest.mark.parametrize("orientation", ["rightHanded", "leftHanded"])
+@pytest.mark.parametrize("outline", [_ARROW, _COMB, _SLIT], ids=["arrow", "comb", "hole"])
+def test_a_concave_face_is_covered_once(
+    tmp_path: Path, outline: list[tuple[float, float]], orientation: str, turn: int
+) -> None:
+    """Each triangle faces as the polygon does, and their areas sum up to its own (the shoelace formula)."""
+    corners = np.roll(np.array(outline, float), -turn, axis=0)
+    text = ", ".join(f"({x}, {y}, 1)" for x, y in corners)
+    numbers = ", ".join(map(str, range(len(corners))))
+    path = _stage(
+        tmp_path,
+        f'def Mesh "M"\n{{\n uniform token subdivisionScheme = "none"\n uniform token orientation = "{orientation}"\n'
+        f" int[] faceVertexCounts = [{len(corners)}]\n int[] faceVertexIndices = [{numbers}]\n"
+        f" point3f[] points = [{text}]\n}}\n",
+    )
+    convert(path, tmp_path / "a.glb")
+    points, indices = (_accessor(tmp_path / "a.glb", name) for name in ("POSITION", "indices"))
+    a, b, c = (points[indices.reshape(-1, 3)[:, k], :2].astype(float) for k in range(3))
+    twice = np.cross(b - a, c - a) * (1 if orientation == "rightHanded" else -1)
+    (x, y), (next_x, next_y) = corners.T, np.roll(corners, -1, axis=0).T
+    assert twice.min() > 0 and len(twice) == len(corners) - 2
+    assert twice.sum() == pytest.approx((x * next_y - next_x * y).sum())

@@ -8,11 +8,14 @@ object's poses put them.
 
 from __future__ import annotations
 
+import io
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from activestereo.capture.importers.color_depth import (
     ColorDepthFrame,
@@ -23,10 +26,11 @@ from activestereo.capture.importers.color_depth import (
 from activestereo.common.input_files import read_json_object
 from activestereo.common.pose import printed_motion
 from activestereo.scene_io.gltf_writer import GltfWriter
-from activestereo.scene_io.parts import read_mesh
+from activestereo.scene_io.parts import Part, read_parts
 
 _MM = 0.001
 _RATE_HZ = 30.0
+_GREY = [0.5, 0.5, 0.5, 1.0]
 
 
 def is_bop(folder: Path) -> bool:
@@ -91,10 +95,27 @@ def _write_scene(
         if not file.is_file():
             continue
         name = f"object {entry['obj_id']}" + (f" ({number})" if number else "")
-        material = writer.add_material(name, pbrMetallicRoughness={"metallicFactor": 0.0, "roughnessFactor": 0.6})
         pose = frame.camera_to_world @ _motion(folder / "scene_gt.json", first, entry, "m2c")
-        writer.add_placed_mesh(name, read_mesh(file, _MM), material, pose)
+        for part in read_parts(file):
+            writer.place(name, _add_part(writer, name, part), pose)
         count += 1
     if count:
         writer.write(scene)
     return count > 0
+
+
+def _add_part(writer: GltfWriter, name: str, part: Part) -> int:
+    """A part in metres with the model's colours, whose red is its albedo in the infrared (the capture's specification).
+    A model without any is grey."""
+    pbr: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 0.6}
+    if part.material is not None:
+        pbr["baseColorFactor"] = list(part.material.base_color)
+    elif part.colors is None:
+        pbr["baseColorFactor"] = _GREY
+    if "base_color_texture" in part.textures:
+        texture = part.textures["base_color_texture"]
+        png = io.BytesIO()
+        Image.fromarray(np.squeeze(texture["texels"])).save(png, "PNG")
+        pbr["baseColorTexture"] = {"index": writer.add_texture(png.getvalue(), texture["name"])}
+    mesh = replace(part.mesh, positions=part.mesh.positions * np.float32(_MM))
+    return writer.add_shape(name, mesh, writer.add_material(name, pbrMetallicRoughness=pbr), part.colors)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from activestereo.scene_io import meshes
 from activestereo.scene_io.meshes import Mesh
+from activestereo.scene_io.usd.ears import concave_faces, ears
 from activestereo.scene_io.usd.stage import Stage
 
 
@@ -45,6 +46,20 @@ def polygons(stage: Stage, mesh: Any, point_count: int) -> Polygons | None:
         corners = corners[:, [0, 2, 1]]
     face_of_corner = np.repeat(np.arange(len(counts)), counts)
     return Polygons(corners, faces, vertices, face_of_corner, len(counts), point_count)
+
+
+def _with_ears(cut: Polygons, points: np.ndarray) -> Polygons:
+    """Concave faces as they are: the others stay fans."""
+    count = np.bincount(cut.corner_face, minlength=cut.face_count)
+    first, corners = np.cumsum(count) - count, cut.corners.copy()
+    for face in concave_faces(points[cut.vertices], cut.corner_face, count):
+        begin, end = np.searchsorted(cut.faces, [face, face + 1])
+        if begin == end:  # a hole
+            continue
+        own = first[face] + ears(points[cut.vertices[first[face] : first[face] + count[face]]])
+        left_handed = corners[begin, 1] > corners[begin, 2]
+        corners[begin:end] = own[:, [0, 2, 1]] if left_handed else own
+    return replace(cut, corners=corners)
 
 
 def at_corners(values: np.ndarray, interpolation: str, cut: Polygons) -> np.ndarray | None:
@@ -105,6 +120,7 @@ def triangles_of(stage: Stage, mesh: Any) -> tuple[Polygons, Mesh] | None:
         return None
     if stage.value(mesh.GetSubdivisionSchemeAttr()) != "none":
         stage.tell("meshes are shown as their control cages, with smooth normals: subdivision surfaces are not read")
+    cut = _with_ears(cut, points)
     uvs = np.zeros((len(cut.vertices), 2))
     return cut, Mesh.of(points[cut.vertices], _normals(stage, mesh, cut, points), uvs, cut.corners)
 
