@@ -2,6 +2,7 @@
 """EMVA 1288: cameras whose parameters are known are measured from their frames, drawn by NumPy and by simsense."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -133,11 +134,40 @@ def swapped(old: str, new: str):
 
 
 @pytest.mark.parametrize(
+    "light, says",
+    [
+        ((5e5, 6e5, 7e5, 8e5), "4 of 4 steps of light have counts that clip at 0 or 4095"),
+        ((7e4, 7.2e4, 7.4e4, 7.6e4), "0 of 4 steps of light lie below 70 % of saturation: record ten or more"),
+        ((0.5, 0.5, 0.5, 0.5), "record"),
+    ],
+)
+def test_steps_that_tell_nothing_are_refused(light, says):
+    camera = Camera(9)
+    steps = [camera.step(photons) for photons in (*light, 0.0)]
+    with pytest.raises(ValueError, match=says):
+        measure(Recording("drawn", 12, tuple(steps)))
+
+
+@pytest.mark.parametrize("size, says", [((8, 64), "64x8 pixels"), ((64, 64), "half a count of noise")])
+def test_frames_without_noise_or_pixels_are_refused(size, says):
+    """Counts that all agree are no reason to divide by zero."""
+
+    def step(level: int, frames: int) -> Step:
+        return step_of([np.full(size, 10 + level, np.uint8)] * frames, 255, 0.0, float(level), "drawn")
+
+    steps = [step(level, 2) for level in range(0, 200, 20)] + [step(100, 3), step(0, 3)]
+    if size[0] < 16:
+        steps = [replace(s, variance_dn2=0.5 + 0.1 * s.photons) for s in steps]
+    with pytest.raises(ValueError, match=says):
+        measure(Recording("drawn", 8, tuple(steps)))
+
+
+@pytest.mark.parametrize(
     "change, says",
     [
         (lambda lines: lines[:6] + lines[39:42], "1 step of light: the gain needs 3 or more"),
         (lambda lines: [x for x in lines if not x.startswith("n")], "has no line 'n BITS WIDTH HEIGHT'"),
-        (swapped("n 12 64", "n 12 65"), ":4: "),
+        (swapped("n 12 64", "n 12 65"), "is 64x48, expected 65x48: record all steps with one setting"),
         (swapped("n 12", "n 8"), "line 'n' states at most 255"),
         (swapped("d 1000000", "d 2000000"), "no dark frames of its exposure time, 0.001 s"),
         (lambda lines: [x for x in lines if x != "i 01_01.png"], ":7: has 1 frame: record two of each step"),

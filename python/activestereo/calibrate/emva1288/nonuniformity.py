@@ -25,7 +25,7 @@ from activestereo.model import Quantity
 
 Array = NDArray[np.float64]
 
-_DEGREE = 4
+_DEGREE, _LEAST_SIDE = 4, 16
 _DEFECT = 5.0
 # A wave's power in a spectrum of noise is exponential; a chance of so much in all of the spectrum is no wave.
 _CHANCE, _MOST_WAVES, _BLOCK = 1e-4, 6, 16
@@ -94,7 +94,12 @@ def nonuniformity(recording: Recording) -> Nonuniformity | None:
             f"{bright.place}: {100 * bright.clipped:.1f} % of the counts clip: record these frames at half of "
             "saturation"
         )
-    signal = bright.mean_dn - dark.mean_dn
+    signal, size = bright.mean_dn - dark.mean_dn, _averaged(bright).shape
+    if signal <= 0.0 or min(size) < _LEAST_SIDE:
+        raise ValueError(
+            f"{bright.place}: {size[1]}x{size[0]} pixels, {signal:+.2f} DN over the dark: DSNU and PRNU need frames of "
+            f"{_LEAST_SIDE}x{_LEAST_SIDE} or more, and light"
+        )
     of_light, of_dark = _averaged(bright), _averaged(dark)
     noise = [step.variance_dn2 / step.frames for step in (bright, dark)]
     spread = _spread(of_dark, noise[1])

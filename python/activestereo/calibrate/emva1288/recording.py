@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from activestereo.calibrate.frames import read_repeats
 from activestereo.capture.images import read_gray
 from activestereo.common.input_files import read_text
+from activestereo.common.rounding import ROUNDING_VARIANCE
 
 # Of the counts of a step; more would bend its mean and narrow its noise.
 LARGEST_CLIPPED = 0.005
@@ -54,8 +55,9 @@ class Step:
         return self.photons == 0.0
 
     def variance_error_dn2(self) -> float:
-        """Standard deviation of the variance: that of a sum of squares of Gaussians."""
-        return self.variance_dn2 * float(np.sqrt(2.0 / (self.pixels * (self.frames - 1))))
+        """Standard deviation of the variance: of a sum of squares of Gaussians. It is rounding's or more, for
+        counts that all agree are not exact."""
+        return max(self.variance_dn2, ROUNDING_VARIANCE) * float(np.sqrt(2.0 / (self.pixels * (self.frames - 1))))
 
 
 @dataclass(frozen=True)

@@ -102,8 +102,8 @@ def photon_transfer(recording: Recording) -> PhotonTransfer:
     used = (levels.signal <= _GAIN_RANGE * levels.signal[top]) & (np.arange(len(levels.signal)) <= top)
     if used.sum() < _LEAST_STEPS:
         raise ValueError(
-            f"{recording.name}: {used.sum()} of {len(lit)} steps of light lie below {_GAIN_RANGE:.0%} of saturation: "
-            "record ten or more from dark to saturation"
+            f"{recording.name}: {used.sum()} of {len(lit)} steps of light lie below {100 * _GAIN_RANGE:.0f} % of "
+            "saturation: record ten or more from dark to saturation"
         )
     # 1. The dark, at exposure 0.
     times = np.array([step.exposure_s for step in dark])
