@@ -96,6 +96,8 @@ def add_parser(commands: Commands) -> None:
         help="refine what surfaces, air and lights do by kuafu's own images (default; --no-refine saves a minute or "
              "two on two cores)",
     )
+    text = "score all effects first and fit the few that matter: a first word in seconds, a name more until none passes"
+    parser.add_argument("--scores-first", action="store_true", help=text)
     parser.add_argument("--alpha", type=positive_share, metavar="P", help="probability of a name by chance")
     text = "least share of the squared error (of depth: of the disparity's) that a name removes, at the lower end"
     parser.add_argument("--least-share", type=share, metavar="SHARE", help=text)
@@ -140,6 +142,7 @@ def run(args: argparse.Namespace) -> None:
     given = {name: getattr(args, name) for name in ("alpha", "least_share") if getattr(args, name) is not None}
     model = None if args.model is None else read_model(args.model, effects)
     asked = "diagnose" + " --greedy" * args.greedy + " --no-refine" * (not args.refine)
+    asked += " --scores-first" * args.scores_first
     times = PhaseTimes(asked if args.spp is None else f"{asked} --spp {args.spp}")
     with ProgressBar(f"diagnosing {args.capture.name}") as bar, _told_where_stopped(args.out, bar):
         phases = Phases(bar, times.usual(PHASES | {WRITING: WRITING_TIME}))
@@ -158,6 +161,8 @@ def run(args: argparse.Namespace) -> None:
             rendering=(lambda capture: EngineImages(capture, *sampled(capture))) if args.refine else None,
             engines=lambda capture: CaptureRenderer(capture, *sampled(capture)),
             binning=args.bin,
+            scores_first=args.scores_first,
+            looks_like=lambda names: bar.tell(f"looks like {', '.join(names)}") if names else None,
         )
         phases.begin(WRITING)
         paths = [write_diagnosis_report(diagnosis, args.out, effects, phases), *write_diagnosis(diagnosis, args.out)]

@@ -76,6 +76,11 @@ class ProgressBar:
         self._drawn = now
         self._say(fraction, "..." if left_s is None else f"{_span(*left_s)} left")
 
+    def tell(self, text: str) -> None:
+        """Writes a line that stays, above the bar."""
+        self._stream.write(f"\r\x1b[2K{text}\n" if self._terminal else f"{self._label}: {text}\n")
+        self._stream.flush()
+
     def _say(self, fraction: float, note: str) -> None:
         phase = f"{self.phase}, " if self.phase else ""
         if self._terminal:

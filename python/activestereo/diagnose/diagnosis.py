@@ -29,6 +29,7 @@ from activestereo.compare.model_file import library, model_json, scene_of
 from activestereo.compare.phase_times import megapixels
 from activestereo.compare.render import WARP_SCALE, Renderer, render_frames, render_halves
 from activestereo.compare.where_channels import surface_text
+from activestereo.diagnose import by_scores
 from activestereo.diagnose.answer.albedo_json import albedo_json
 from activestereo.diagnose.answer.depth_split import depth_split
 from activestereo.diagnose.answer.figures import ErrorsOfModels, held_out_figures
@@ -39,6 +40,7 @@ from activestereo.diagnose.answer.judging import judging_json
 from activestereo.diagnose.answer.posterior import EffectPosterior, posterior_of
 from activestereo.diagnose.answer.ranking_json import depth_json, not_ranked_json, own_json, ranking_json
 from activestereo.diagnose.answer.residual_model import residual_model
+from activestereo.diagnose.answer.told import explained, ranking_figure, sets_told
 from activestereo.diagnose.base_fit import BaseFits
 from activestereo.diagnose.channels import Progress
 from activestereo.diagnose.channels.fields_together import shown_together
@@ -66,6 +68,8 @@ from activestereo.effects.engines.halves import half_samples
 from activestereo.model import SensorModel
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from activestereo.effects.engines import CaptureRenderer
 
 # The phases, each with seconds and seconds per megapixel of infrared images on two cores: a guess for a first run.
@@ -115,6 +119,26 @@ class Diagnosis:
         """{(frame id, side): measured minus expected DN [height][width]} under model.json."""
         return {} if self.after is None else self.after.residuals()
 
+    def predict(self, frame: int, side: str = "left") -> NDArray[np.float32]:
+        """DN [height][width] that model.json expects of a frame. KeyError: no such image was judged."""
+        return self.predictions()[frame, side]
+
+    def residual(self, frame: int, side: str = "left") -> NDArray[np.float32]:
+        """Measured minus expected DN [height][width] of a frame under model.json. KeyError: as of predict()."""
+        return self.residuals()[frame, side]
+
+    def sets(self) -> list[list[str]]:
+        """For each name, the effects that this recording cannot tell apart, likeliest first."""
+        return sets_told(self.result)
+
+    def explain(self, effect_id: str) -> str:
+        """Why an effect was named, or not: a sentence."""
+        return explained(self.result, effect_id)
+
+    def plot(self) -> Figure:
+        """The gain of each effect of the ranking, as bars."""
+        return ranking_figure(self.result)
+
     @computed_once
     def comparison(self) -> Comparison | None:
         """The Comparison of the model that the diagnosis started from; None where no images were judged. It renders
@@ -146,6 +170,8 @@ def diagnose(
     rendering: Callable[[Capture], Rendering] | None = None,
     engines: Callable[[Capture], CaptureRenderer] | None = None,
     binning: int | None = None,
+    scores_first: bool = False,
+    looks_like: Callable[[Sequence[str]], object] = lambda names: None,
 ) -> Diagnosis:
     """A Diagnosis of the capture folder. CaptureError where the capture cannot be used.
 
@@ -156,6 +182,7 @@ def diagnose(
     makes a capture's engine, by whose images effects of light transport are refined (diagnose/refine/by_rendering.py).
     engines: as of compare(), for the same held-out figures. binning: the search looks at images averaged over so many
     pixels along rows and columns, None for usual_binning(); what is told of the model's images is of whole ones.
+    scores_first, looks_like: as of Settings; such a search always goes on until nothing may be named.
     """
     effects = library() if effects is None else effects
     reason = no_infrared(capture_path)
@@ -191,7 +218,8 @@ def diagnose(
     told |= {"progress": part_of(phases, 0.0, _BASE_SHARE), "scale": WARP_SCALE}
     base = partial(render_halves, renderer=renderer, cache=kept, **told)
     errors = ErrorsOfModels(whole, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0), kept)
-    settings = Settings(steps, workers, phases, thresholds, place.rendering, place.memory, errors, located)
+    settings = Settings(steps, workers, phases, thresholds, place.rendering, place.memory, errors, located,
+                        scores_first, looks_like)
     try:
         diagnosis = examine(place.evidence, model, list(effects.values()), settings)
         return replace(diagnosis, made=RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed))
@@ -260,7 +288,9 @@ def _undetermined(reason: str, model: Model) -> Diagnosis:
 class Settings:
     """How evidence is examined. steps: "one" or "greedy". phases: told of each of PHASES but the first. rendering:
     the engine of the evidence. memory: where its fits are kept, or None. errors: None leaves the held-out figures out.
-    located: the evidence from where the capture stands under a model; None leaves it where it is."""
+    located: the evidence from where the capture stands under a model; None leaves it where it is. scores_first: all
+    effects are scored before the few that matter are fitted (by_scores.py); looks_like: called with the likeliest ones
+    then."""
 
     steps: str = "one"
     workers: int = 2
@@ -270,6 +300,8 @@ class Settings:
     memory: FitCache | None = None
     errors: ErrorsOfModels | None = None
     located: Callable[[Model, Evidence], Place] | None = None
+    scores_first: bool = False
+    looks_like: Callable[[Sequence[str]], object] = lambda names: None
 
 
 def examine(
@@ -281,6 +313,8 @@ def examine(
     if all(np.ptp(o.measured) == 0 for o in evidence.train):
         return _undetermined("the infrared images are blank", model)
     phases.begin(FITTING)
+    if settings.scores_first:
+        return Diagnosis(*by_scores.examined(evidence, given, model, candidates, settings, partial(phases.begin, BOTH)))
     context, bases = _on(evidence, model, settings, settings.rendering, settings.memory)
     first = rank(context, bases(model), candidates, phases)
     phases.begin(ADDING)

@@ -73,10 +73,10 @@ def _finding_json(ranking: Ranking, f: Finding, confidence: float, name_of: Call
 
 def parameters_json(f: Finding, name_of: Callable[[int], str]) -> Json:
     """{name: a parameter as found}."""
-    return {p.name: _parameter_json(p, f.explanation.parameters[p.name], name_of) for p in f.effect.parameters}
+    return {p.name: parameter_json(p, f.explanation.parameters[p.name], name_of) for p in f.effect.parameters}
 
 
-def _parameter_json(parameter: Parameter, found: Interval, name_of: Callable[[int], str]) -> Json:
+def parameter_json(parameter: Parameter, found: Interval, name_of: Callable[[int], str]) -> Json:
     """A parameter's finding; for a choice of surfaces with their materials' names, none for all surfaces."""
     names = {"materials": [name_of(k) for k in material_numbers(found.value)]} if parameter.choice else {}
     return found.as_json() | names

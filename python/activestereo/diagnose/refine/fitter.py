@@ -90,7 +90,8 @@ class Fitter:
         return self.nuisance_prior.albedo_sigma
 
     @computed_once
-    def _pixels(self) -> list[Pixels]:
+    def pixels(self) -> list[Pixels]:
+        """The pixels that count, of each observation."""
         return [Pixels(o, self.materials, FOLDS if self._supersampled else 1) for o in self.observations]
 
     @computed_once
@@ -128,6 +129,10 @@ class Fitter:
         """The Light of every observation."""
         model = self._prepared(space.model(theta))
         return self._side_by_side(lambda i: self._lights(model, i, self._supersampled), range(len(self.observations)))
+
+    def light(self, model: Model, i: int) -> Light:
+        """The Light of observation i under a model."""
+        return self._lights(model, i, self._supersampled)
 
     def each_light(self, space: ParameterSpace, theta: np.ndarray) -> Iterator[Light]:
         """The same, each made where it is asked for."""
@@ -168,10 +173,10 @@ class Fitter:
             pixels, light = seen
             return pixels.measured - _moved(exposed(model, pixels, light, phi)[0], pixels, phi)
 
-        return self._side_by_side(rest, list(zip(self._pixels(), lights, strict=True)))
+        return self._side_by_side(rest, list(zip(self.pixels(), lights, strict=True)))
 
     def _chi2(self, rests: Sequence[np.ndarray], phi: np.ndarray) -> float:
-        squares = sum(float(((r * p.root_weight) ** 2).sum()) for p, r in zip(self._pixels(), rests, strict=True))
+        squares = sum(float(((r * p.root_weight) ** 2).sum()) for p, r in zip(self.pixels(), rests, strict=True))
         return squares + float((self.sigmas(phi) ** 2).sum())
 
     def sigmas(self, phi: np.ndarray) -> np.ndarray:
@@ -186,11 +191,17 @@ class Fitter:
         """Sums at (theta, phi). Columns: theta, then phi."""
         n_theta = len(theta)
         sums = Sums.of_size(n_theta + len(phi), self._tiles)
-        for pixels, columns, residual in self._slopes(self._pixels(), space, theta, phi, lights, n_theta):
+        for pixels, columns, residual in self._slopes(self.pixels(), space, theta, phi, lights, n_theta):
             sums.add(pixels, columns, residual, n_theta, phi)
             if self._supersampled and n_theta:
                 sums.add_blocks(pixels, columns, residual, n_theta, phi)
         return sums
+
+    def pixel_slopes(self, solution: Solution) -> Iterator[tuple[Pixels, list[np.ndarray], np.ndarray]]:
+        """Yields (pixels, derivatives by theta, scales, black level and focal lengths, residual [n]) at a solution."""
+        theta = solution.theta
+        lights = self.lights(solution.space, theta)
+        return self._slopes(self.pixels(), solution.space, theta, solution.phi, lights, len(theta))
 
     def slopes(
         self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light], n_theta: int
@@ -308,11 +319,11 @@ class Fitter:
         if rounds == 1:
             return self._linear_fit(space, theta, phi, lights, limit)
         lights, chi2 = list(lights), np.inf
-        slopes = list(self._slopes(self._pixels(), space, theta, phi, lights, 0))
+        slopes = list(self._slopes(self.pixels(), space, theta, phi, lights, 0))
         columns, residuals = [c for _, c, _ in slopes], [r for *_, r in slopes]
         for _ in range(rounds):
             sums = Sums.of_size(len(phi), self._tiles)
-            for pixels, column, residual in zip(self._pixels(), columns, residuals, strict=True):
+            for pixels, column, residual in zip(self.pixels(), columns, residuals, strict=True):
                 sums.add(pixels, column, residual, 0, phi)
             trial = phi + self.solve(sums, phi, 0, space, theta, 0.0)
             residuals = self._rests(space, theta, trial, lights)
@@ -331,9 +342,9 @@ class Fitter:
         """See nuisance_fit(). What images leave with nuisances of their own they leave with everyone's, too, and those
         that are not looked at yet leave hardly less than their noise.
         """
-        sums, ahead = Sums.of_size(len(phi), self._tiles), sum(len(pixels.index) for pixels in self._pixels())
+        sums, ahead = Sums.of_size(len(phi), self._tiles), sum(len(pixels.index) for pixels in self.pixels())
         step, chi2 = np.zeros(len(phi)), 0.0
-        for pixels, columns, residual in self._slopes(self._pixels(), space, theta, phi, lights, 0):
+        for pixels, columns, residual in self._slopes(self.pixels(), space, theta, phi, lights, 0):
             sums.add(pixels, columns, residual, 0, phi)
             ahead -= len(pixels.index)
             least = _LEAST_CHI2 * ahead

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A search's outcome as diagnose.json holds it: the ranking, the sets, and what they rest on."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from activestereo.diagnose.answer.ranking_json import Json, parameter_json
+from activestereo.diagnose.channels.static_field import field_parameters
+from activestereo.diagnose.numbers import Numbers
+from activestereo.diagnose.score.intervals import Interval, intervals
+from activestereo.diagnose.score.likelihood import design_effect, nats_of
+from activestereo.diagnose.search.loop import Name, Outcome, Round
+from activestereo.diagnose.search.verdict import missing
+from activestereo.effects import Effect
+
+# Something else is as likely as not where the verdict turns; its odds go with this power of what is missing.
+_ODDS = 4.0
+_MOST_RATIO = 100.0
+_SHOWN = 12
+
+Parameters = Mapping[str, Interval]
+
+
+def parameters_of(outcome: Outcome, name: Name) -> Parameters:
+    """A named effect's parameters with 90 % intervals."""
+    if name.field is not None:
+        return field_parameters(name.effect, name.field)
+    if name.id in outcome.noise:
+        return outcome.noise[name.id].parameters
+    return intervals(outcome.fitter, outcome.solution, name.effect)
+
+
+def ranking_of(
+    outcome: Outcome, numbers: Numbers, verdict_is_effect: bool, name_of: Callable[[int], str]
+) -> list[Json]:
+    """Names first, in the order of their gains; then what this recording cannot tell from them; then the others by
+    their scores. name_of: a material's name."""
+    entries: dict[str, Json] = {}
+    pixels = sum(o.pixels for o in outcome.fitter.observations)
+    before = max(outcome.first.sums.total / pixels - 1.0, 1e-9)
+    known = 1.0 / (1.0 + _odds(outcome, numbers))
+
+    def add(effect: Effect, gain: float, nats: float, p: float, found: Parameters, same: list[str]) -> None:
+        if effect.id in entries:
+            return
+        entries[effect.id] = {
+            "effect": effect.id,
+            "family": effect.family,
+            "finding": effect.finding,
+            "channel": "noise" if effect.id in outcome.noise else "infrared",
+            "score_nats": nats,
+            "confidence": p,
+            "explained_share": gain / before,
+            "gain_reduced_chi2": gain,
+            "closed_share": None,
+            "closed_share_low": None,
+            "parameters": {q.name: parameter_json(q, found[q.name], name_of) for q in effect.parameters},
+            "equivalent": same,
+        }
+
+    for name in outcome.names:
+        own = outcome.noise.get(name.id)
+        nats = own.own.nats if own is not None and own.own is not None else _nats(outcome, name.gain)
+        same = [other for other in name.members if other != name.id]
+        sure = known if verdict_is_effect else 1.0 - known
+        add(name.effect, name.gain, nats, sure * name.members[name.id], parameters_of(outcome, name), same)
+    for name, seen in zip(outcome.names, outcome.rounds, strict=False):
+        for member, p in name.members.items():
+            if member in seen.fits:
+                _add_fit(outcome, seen, member, known * p, [m for m in name.members if m != member], add)
+    for seen in (outcome.rounds[-1], *outcome.rounds[:1]):
+        for member in sorted(seen.fits, key=lambda m: seen.fits[m].chi2):
+            _add_fit(outcome, seen, member, 0.0, [], add)
+    for candidate in list(outcome.rounds[0].candidates.values())[:_SHOWN]:
+        effect, line = candidate.best.atom.effect, candidate.best.values
+        found = {q.name: Interval(line[q.name], q.low, q.high, q.unit) for q in effect.parameters}
+        add(effect, candidate.gain / pixels, max(candidate.evidence, 0.0) / _unit(outcome), 0.0, found, [])
+    for term in outcome.noise.values():
+        add(term.effect, 0.0, 0.0 if term.own is None else term.own.nats, 0.0, term.parameters, [])
+    return list(entries.values())
+
+
+def _add_fit(outcome: Outcome, seen: Round, member: str, p: float, same: list[str], add: Callable[..., None]) -> None:
+    fit, pixels = seen.fits[member].solution, sum(o.pixels for o in outcome.fitter.observations)
+    effect = fit.effects[-1]
+    own = fit.theta[len(fit.theta) - len(effect.parameters) :]
+    found = {q.name: Interval(float(v), q.low, q.high, q.unit) for q, v in zip(effect.parameters, own, strict=True)}
+    gain = (seen.chi2 - fit.sums.total) / pixels
+    add(effect, gain, _nats(outcome, gain), p, found, same)
+
+
+def _nats(outcome: Outcome, gain: float) -> float:
+    """The gain of log-likelihood by a fall of the mean square from where the first fit is."""
+    pixels, first = sum(o.pixels for o in outcome.fitter.observations), outcome.first.sums.total
+    return nats_of(first, max(first - gain * pixels, 1e-3 * first), pixels, _design(outcome))
+
+
+def _design(outcome: Outcome) -> float:
+    tiles = np.bincount(np.concatenate([p.tile for p in outcome.fitter.pixels()]), minlength=outcome.evidence.tiles)
+    return design_effect(outcome.solution.sums.tile_chi2, tiles)
+
+
+def _unit(outcome: Outcome) -> float:
+    return max(1.0, _design(outcome))
+
+
+def _odds(outcome: Outcome, numbers: Numbers) -> float:
+    return float(np.clip(missing(outcome.rest, bool(outcome.names), numbers), 0.0, _MOST_RATIO)) ** _ODDS
+
+
+def probabilities_of(outcome: Outcome, numbers: Numbers) -> Json:
+    """{"named": {id: p}, "none": p, "something_else": p}, which add up to 1."""
+    known = 1.0 / (1.0 + _odds(outcome, numbers))
+    first = outcome.names[0].members if outcome.names else {}
+    total = sum(first.values())
+    named = {name: known * p / total for name, p in first.items()}
+    return {"named": named, "none": known - sum(named.values()), "something_else": 1.0 - known}
+
+
+def sets_of(outcome: Outcome) -> list[Json]:
+    """[{effects, probabilities}] of each name: what this recording cannot tell apart, likeliest first."""
+    return [{"effects": list(n.members), "probabilities": list(n.members.values())} for n in outcome.names]
+
+
+def judging_of(outcome: Outcome) -> dict[str, Any]:
+    """The numbers that the verdict rests on, and what each round saw."""
+    rounds = [
+        {
+            "floor": seen.floor, "structure": seen.structure, "gain": seen.gain, "chance": seen.chance,
+            "lines": {name: c.gain / seen.chi2 for name, c in list(seen.candidates.items())[:_SHOWN]},
+            "fits": {name: f.chi2 / seen.chi2 for name, f in seen.fits.items()},
+            "draws": {name: share for name, (share, _) in seen.fields.items()},
+        }
+        for seen in outcome.rounds
+    ]  # fmt: skip
+    return vars(outcome.rest) | {"rounds": rounds}

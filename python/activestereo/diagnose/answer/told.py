@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A diagnosis in sentences and a figure, for whoever works with it in Python."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_BARS = 10
+
+
+def sets_told(result: Mapping[str, Any]) -> list[list[str]]:
+    """For each name, the effects that this recording cannot tell apart. result: diagnose.json's contents."""
+    if "sets" in result:
+        return [list(s["effects"]) for s in result["sets"]]
+    entries = {entry["effect"]: entry for entry in result["ranking"]}
+    return [[name, *entries[name]["equivalent"]] for name in result["added"] if name in entries]
+
+
+def explained(result: Mapping[str, Any], effect_id: str) -> str:
+    """Why an effect was named, or not."""
+    skipped = {entry["effect"]: entry["reason"] for entry in result["not_ranked"]}
+    if effect_id in skipped:
+        return f"{effect_id} was not judged: {skipped[effect_id]}"
+    entry = next((entry for entry in result["ranking"] if entry["effect"] == effect_id), None)
+    if entry is None:
+        return f"{effect_id} explains next to nothing of the images"
+    gain = f"{effect_id} explains {entry['gain_reduced_chi2']:.3g} noise variances ({entry['score_nats']:.0f} nats)"
+    if effect_id in result["added"]:
+        others = ", ".join(entry["equivalent"])
+        return f"{gain} and was named" + (f"; this recording cannot tell it from {others}" if others else "")
+    first = result["ranking"][0]
+    if first is entry:
+        return f"{gain}, more than any other effect, and was not named: the verdict is '{result['verdict']}'"
+    if effect_id in first["equivalent"]:
+        return f"{gain}: this recording cannot tell it from {first['effect']}"
+    rest = f"{first['effect']} explains {first['gain_reduced_chi2']:.3g} ({first['score_nats']:.0f} nats)"
+    return f"{gain}, {rest}"
+
+
+def ranking_figure(result: Mapping[str, Any]) -> Figure:
+    """The gain of each effect of the ranking, noise variances; what was named is filled."""
+    from matplotlib.figure import Figure
+
+    entries = result["ranking"][:_BARS][::-1]
+    figure = Figure(figsize=(6.4, 0.6 + 0.3 * max(len(entries), 1)), layout="constrained")
+    axes = figure.subplots()
+    colours = ["C0" if entry["effect"] in result["added"] else "0.8" for entry in entries]
+    axes.barh([entry["effect"] for entry in entries], [entry["gain_reduced_chi2"] for entry in entries], color=colours)
+    axes.set_xlabel("explained, noise variances")
+    return figure

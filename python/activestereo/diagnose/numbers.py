@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The numbers that decide a diagnosis, in one table; all other numbers cost time alone.
+
+Noise variances: mean squares of residuals over those of the noise (a reduced chi-square).
+"""
+
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+
+def _number(value: float, unit: str, decides: str) -> Any:
+    return field(default=value, metadata={"unit": unit, "decides": decides})
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """See the head of this file. Shares are of the squared error above the noise."""
+
+    # fmt: off
+    # May it be named?
+    alpha: float = _number(0.01, "1", "probability of a name by chance, among all shapes of all effects")
+    least_share: float = _number(0.05, "1", "least share of the squared error above the noise that a name removes")
+    least_excess: float = _number(0.01, "noise variances", "least fall of the mean square by a name: the noise is "
+        "known no better")
+    formula_error: float = _number(0.03, "1", "share of a name's gain by which an inexact formula may miss: the unit "
+        "of the odds in a set; a further name exceeds it, or the measured error of the named effects' formulas")
+    credible: float = _number(0.95, "1", "probability that a set holds")
+    prior_reach: float = _number(3.0, "typical values", "deviation of an amplitude's prior")
+    most_names: int = _number(4, "1", "largest number of names")
+    # Is it the whole truth?
+    structure: float = _number(0.1, "noise variances", "structure beyond which something is missing where nothing is "
+        "named, and which draws leave")
+    structure_kept: float = _number(0.017, "noise variances", "the same beside a name: the structure that remains, "
+        "times its share of the first one")
+    scene_error: float = _number(0.5, "noise variances", "excess that errors of the scene measurement leave")
+    strain: float = _number(4.0, "1", "stated deviations by which a name may move the rig or an albedo")
+    # Draws, and the depth engine.
+    neighbours: float = _number(0.4, "1", "correlation of neighbours above which values are no draws")
+    outlier: float = _number(5.0, "1", "deviations by which a sparse draw, such as a hot pixel, stands out")
+    engines_differ: float = _number(1.7, "1", "factor within which the differences of neighbouring disparities of two "
+        "depth engines agree")
+    poses_known_to_rad: float = _number(0.0025, "rad", "uncertainty of measured orientations, for the depth engine")
+    # fmt: on
+
+
+NUMBERS = Numbers()
+
+
+def numbers_table(numbers: Numbers = NUMBERS) -> str:
+    """The table as Markdown: name, value, unit, what it decides."""
+    lines = ["| number | value | unit | decides |", "|---|---|---|---|"]
+    for f in fields(numbers):
+        unit = "" if f.metadata["unit"] == "1" else f.metadata["unit"]
+        lines.append(f"| `{f.name}` | {getattr(numbers, f.name):g} | {unit} | {f.metadata['decides']} |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    print(numbers_table())

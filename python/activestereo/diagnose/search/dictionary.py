@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The dictionary of a search: how the expected images change by each effect, at a few amplitudes and shapes.
+
+A column is the exact difference of two expected images, no derivative: dots that move or clip are far from linear.
+Effects whose likelihood has narrow peaks propose their own points (Effect.starts).
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from multiprocessing import RawArray, current_process, get_all_start_methods
+from typing import Any
+
+import numpy as np
+
+from activestereo.common.processes import process_pool
+from activestereo.diagnose.refine import Fitter
+from activestereo.diagnose.refine.light import exposed
+from activestereo.diagnose.search.linear import Columns, Linear
+from activestereo.effects import Effect, Model, Parameter, Stage
+from activestereo.effects.core.judging import StartImage
+from activestereo.effects.core.model import scales
+
+# Amplitudes in typical values, parts of a short range for what acts near a threshold, shapes of an effect at most,
+# and of its own proposals.
+_AMPLITUDES, _PARTS, _SHORT = (0.5, 3.0), (0.5, 0.65, 0.8), 4.0
+_MOST_SHAPES, _MOST_PROPOSED = 6, 4
+
+
+@dataclass(frozen=True)
+class Atom:
+    """One way to add an effect: columns whose coefficients are free.
+
+    values: the effect's parameters at coefficient 1 of the first column and 0 of the others. steps: (parameter, its
+    change per coefficient) of each column. signed: whether a coefficient may be negative. sigma: deviation of its
+    prior. first: the number of the first column.
+    """
+
+    effect: Effect
+    values: Mapping[str, float]
+    steps: tuple[tuple[str, float], ...]
+    signed: tuple[bool, ...]
+    sigma: tuple[float, ...]
+    first: int
+
+    @property
+    def columns(self) -> slice:
+        return slice(self.first, self.first + len(self.steps))
+
+
+def atoms_of(linear: Linear, effects: Iterable[Effect], reach: float) -> list[Atom]:
+    """The atoms of effects. reach: deviation of the amplitudes' prior in typical values."""
+    atoms: list[Atom] = []
+    seen: list[StartImage] = []
+    first = 0
+    for effect in effects:
+        seen = seen or (start_images(linear) if effect.starts else [])
+        for values, steps, sigma in _plans(effect, seen, reach):
+            signed = tuple(p.low < p.neutral for p, _ in steps)
+            atoms.append(Atom(effect, values, tuple((p.name, s) for p, s in steps), signed, sigma, first))
+            first += len(steps)
+    return atoms
+
+
+def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int) -> Columns:
+    """The columns [columns][n] of atoms in noise units, made by so many processes."""
+    model, images = linear.solution.model, list(_images(linear, linear.solution.model))
+    for effect in {atom.effect.id: atom.effect for atom in atoms}.values():
+        if effect.prepare is not None:
+            effect.prepare(o.view for o in linear.fitter.observations)
+    count, pixels = sum(len(atom.steps) for atom in atoms), len(linear.residual)
+    shared: Any = RawArray("f", max(1, count * pixels))
+    columns = np.frombuffer(shared, np.float32)[: count * pixels].reshape(count, pixels)
+
+    def fill(atom: Atom) -> None:
+        own = columns[atom.columns]
+        own[0] = _change(linear, model.with_effect(atom.effect, **atom.values), images)
+        if not own[0].any() and len(own) > 1 and atom.effect.parameters[0].name != atom.steps[0][0]:
+            return  # a drift alone shows nothing here: the atoms of the first amplitude have it
+        for column, (name, step) in zip(own[1:], atom.steps[1:], strict=True):
+            p = next(p for p in atom.effect.parameters if p.name == name)
+            moved = dict(atom.values) | {name: min(atom.values[name] + step, p.high)}
+            column[:] = _change(linear, model.with_effect(atom.effect, **moved), images) - own[0]
+
+    _side_by_side(fill, atoms, workers)
+    return columns
+
+
+def carried(columns: Columns, before: Fitter, after: Fitter) -> Columns:
+    """Columns over a fitter's pixels, as they are over another one's: their order and weights are others, where the
+    capture stands elsewhere. What the first one did not look at is 0."""
+    out = np.zeros((len(columns), sum(len(p.index) for p in after.pixels())), np.float32)
+    first = start = 0
+    for old, new in zip(before.pixels(), after.pixels(), strict=True):
+        place = np.full(old.observation.measured.size, -1)
+        place[old.index] = np.arange(len(old.index))
+        there = place[new.index]
+        ratio = new.root_weight / np.maximum(old.root_weight[there], 1e-12)
+        ratio[(there < 0) | (old.root_weight[there] == 0.0)] = 0.0
+        out[:, start : start + len(there)] = columns[:, first + np.maximum(there, 0)] * ratio.astype(np.float32)
+        first, start = first + len(old.index), start + len(there)
+    return out
+
+
+_work: list[tuple[Callable[[Any], object], Sequence[Any]]] = []
+
+
+def _side_by_side(work: Callable[[Any], object], items: Sequence[Any], workers: int) -> None:
+    """work(item) of each, in forked processes where there are several; what it writes has to be shared memory."""
+    if min(workers, len(items)) < 2 or "fork" not in get_all_start_methods() or current_process().daemon:
+        for item in items:
+            work(item)
+        return
+    _work.append((work, items))
+    try:
+        with process_pool(workers, _nothing, method="fork") as pool:
+            list(pool.map(_one, range(len(items)), chunksize=2))
+    finally:
+        _work.pop()
+
+
+def _nothing() -> None: ...
+
+
+def _one(i: int) -> None:
+    work, items = _work[-1]
+    work(items[i])
+
+
+def _images(linear: Linear, model: Model) -> Iterator[np.ndarray]:
+    for i, p in enumerate(linear.pixels):
+        yield exposed(model, p, linear.fitter.light(model, i), linear.solution.phi)[0]
+
+
+def _change(linear: Linear, model: Model, images: Sequence[np.ndarray]) -> Columns:
+    """By how much a model changes the expected images, noise units [n]."""
+    changes = zip(linear.pixels, _images(linear, model), images, strict=True)
+    return np.concatenate([((new - old) * p.root_weight).astype(np.float32) for p, new, old in changes])
+
+
+def start_images(linear: Linear) -> list[StartImage]:
+    """The images at which an effect's own proposals look."""
+    fitter, solution, images = linear.fitter, linear.solution, []
+    space, theta, phi = solution.space, solution.theta, solution.phi
+    lights = fitter.lights(space, theta)
+    for (o, slopes, residual), light in zip(fitter.slopes(space, theta, phi, lights, 0), lights, strict=True):
+        seen = residual if o.view.known is None else np.where(o.view.known, residual, 0.0)
+        images.append(StartImage(o.view, light, o.weight, seen, slopes[1] * phi[1], phi[1] * scales(o.frame)[1]))
+    return images
+
+
+_Plan = tuple[dict[str, float], list[tuple[Parameter, float]], tuple[float, ...]]
+
+
+def _plans(effect: Effect, seen: list[StartImage], reach: float) -> Iterator[_Plan]:
+    """(values, steps, sigma) of an effect's atoms."""
+    if effect.starts is not None:
+        yield from _proposed(effect, seen)
+        return
+    shapes = [p for p in effect.parameters if p.neutral != 0 and not p.choice]
+    amplitudes = [p for p in effect.parameters if p.neutral == 0 and not p.choice]
+    choices = list(product(*map(_ladder, shapes)))
+    if len(choices) > _MOST_SHAPES:
+        choices = [choices[k] for k in np.linspace(0, len(choices) - 1, _MOST_SHAPES).round().astype(int)]
+    # A drift may be large where the constant error is none.
+    for lead in [p for p in amplitudes if p is amplitudes[0] or "/K" in p.unit or "/s" in p.unit]:
+        others = [p for p in amplitudes if p is not lead] if lead is amplitudes[0] else amplitudes[:1]
+        for level, choice in product(_levels(lead, effect.stage), choices):
+            own = {p.name: v for p, v in zip(shapes, choice, strict=True)} | {lead.name: lead.neutral + level}
+            steps = [(lead, level), *((p, p.typical) for p in others)]
+            yield effect.neutral_values | own, steps, tuple(reach * p.typical / abs(step) for p, step in steps)
+
+
+def _proposed(effect: Effect, seen: list[StartImage]) -> Iterator[_Plan]:
+    assert effect.starts is not None
+    lead = effect.parameters[0]
+    for start in effect.starts(seen)[:_MOST_PROPOSED]:
+        within = {p.name: float(np.clip(start[p.name], p.low, p.high)) for p in effect.parameters if p.name in start}
+        values = effect.neutral_values | within
+        if values[lead.name] != lead.neutral:
+            yield values, [(lead, values[lead.name] - lead.neutral)], (1.0,)
+
+
+def _levels(p: Parameter, stage: Stage) -> list[float]:
+    """Steps of an amplitude from neutral: one where images are linear in it, several where dots move or clip."""
+    up, down = p.high - p.neutral, p.neutral - p.low
+    if Stage.MEDIUM <= stage <= Stage.SURFACE or stage in (Stage.OPTICS, Stage.DIGITAL):
+        return [min(p.typical, up)] if up > 0 else [-min(p.typical, down)]
+    rising = [m * p.typical for m in _AMPLITUDES if m * p.typical <= up * (1 + 1e-9)] or [0.8 * up] * (up > 0)
+    if stage >= Stage.CHARGE and 0 < up < _SHORT * p.typical:
+        rising = sorted({*rising, *(part * up for part in _PARTS)})
+    return rising + [-m * p.typical for m in _AMPLITUDES if m * p.typical <= down * (1 + 1e-9)]
+
+
+def _ladder(p: Parameter) -> list[float]:
+    """Values of a shape."""
+    if p.low > 0:
+        return sorted({p.neutral, *np.geomspace(max(p.low, 0.2 * p.neutral), min(p.high, 4 * p.neutral), 4).tolist()})
+    return sorted({v for v in (p.neutral, p.neutral + p.typical, p.neutral - p.typical) if p.low <= v <= p.high})

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The images near a fit as a linear model: a column for every nuisance and the residual, all in units of the noise."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.diagnose.evidence import Observation
+from activestereo.diagnose.refine import Fitter, ParameterSpace, Solution
+from activestereo.diagnose.refine.light import SCALES
+from activestereo.diagnose.refine.normal_equations import Pixels, cluster_of
+from activestereo.effects import Model
+
+# The algebra looks at so many pixels, and so many Gauss-Newton steps lead to the first fit.
+_LOOKED_AT, _ROUNDS = 200_000, 3
+_SEED = 11
+Columns = NDArray[np.float32]
+
+
+def some_pixels(observations: Sequence[Observation], seed: int = 0) -> tuple[Observation, ...]:
+    """The observations with a random part of their pixels: as much as the algebra and the fits need."""
+    share = min(1.0, _LOOKED_AT / max(sum(o.pixels for o in observations), 1))
+    out = []
+    for k, o in enumerate(observations):
+        rng = np.random.Generator(np.random.PCG64([_SEED, seed, k]))
+        pool = np.arange(o.measured.size) if o.pick is None else o.pick
+        out.append(replace(o, pick=np.sort(rng.permutation(pool)[: max(1, round(share * len(pool)))])))
+    return tuple(out)
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The linear model at a solution, over the fitter's pixels [n] of all observations in a row.
+
+    nuisances: [k][n], the parameters of the effects named so far, then scales, focal lengths, albedos and geometry, in
+    noise units per unit. precision, pull: of their priors. residual: [n], noise units. material: the scene's surface
+    that each pixel shows. block: the place, shared by repeats, whose errors vary together.
+    """
+
+    fitter: Fitter
+    solution: Solution
+    nuisances: Columns
+    precision: NDArray[np.float64]
+    pull: NDArray[np.float64]
+    residual: Columns
+    material: NDArray[np.int64]
+    block: NDArray[np.int64]
+
+    @property
+    def pixels(self) -> list[Pixels]:
+        return self.fitter.pixels()
+
+
+def linearised(fitter: Fitter, solution: Solution) -> Linear:
+    """The Linear model at a solution."""
+    space, theta, phi = solution.space, solution.theta, solution.phi
+    pixels, own, materials = fitter.pixels(), len(theta), fitter.materials
+    ends = np.cumsum([0, *(len(p.index) for p in pixels)])
+    A = np.zeros((own + len(phi), ends[-1]), np.float32)
+    residual = np.zeros(ends[-1], np.float32)
+    albedos = own + SCALES + 2
+    for (p, columns, rest), first, end in zip(fitter.pixel_slopes(solution), ends[:-1], ends[1:], strict=True):
+        block, weight = A[:, first:end], p.root_weight
+        for j, column in enumerate(columns):
+            block[j] = column * weight
+        glow = (columns[own] * phi[0] + columns[own + 1] * phi[1]) * weight
+        for m in range(materials):
+            block[albedos + m] = np.where(p.material == m, glow, 0.0)
+        block[own + SCALES + p.observation.geometry_places] = p.geometry
+        residual[first:end] = rest * weight
+    prior, pull = fitter.prior(own, space), fitter.pull(phi, own, space, theta)
+    surface = [p.of(_surface(p.observation)) for p in pixels]
+    return Linear(fitter, solution, A, prior, pull, residual, np.concatenate(surface), _blocks(pixels))
+
+
+def fitted_model(fitter: Fitter, model: Model, phi: NDArray[np.float64]) -> Solution:
+    """The fit of a model and of the nuisances, from the model's parameters and phi."""
+    space = ParameterSpace.of(model)
+    return fitter.refine(space, space.start, phi, _ROUNDS)
+
+
+def _surface(o: Observation) -> NDArray[np.int64]:
+    material = o.view.material
+    return np.zeros(o.view.shape, np.int64) if material is None else np.asarray(material).astype(np.int64)
+
+
+def _blocks(pixels: Sequence[Pixels]) -> NDArray[np.int64]:
+    """Each pixel's place: a block of a camera's picture of one pose, warmth and motion."""
+    out: list[NDArray[np.int64]] = []
+    known: dict[tuple[object, ...], int] = {}
+    first = 0
+    for p in pixels:
+        key, block = (*cluster_of(p.observation), p.observation.frame.temperature_c), p.block()
+        if key not in known:
+            known[key] = first
+            first += int(p.observation.measured.size)  # more than there are blocks
+        out.append(block + known[key])
+    return np.asarray(np.unique(np.concatenate(out), return_inverse=True)[1], dtype=np.int64)

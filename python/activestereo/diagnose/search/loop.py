@@ -1,0 +1,336 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The search: score all effects first, fit the few that matter, name the best, look again until nothing passes.
+
+One dictionary serves all rounds. After a name the weights are estimated again, for what was missing passed for noise
+and for misplaced edges, and the rig is measured again beside it.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from activestereo.diagnose.channels import NoiseModelChannel
+from activestereo.diagnose.channels.static_field import has_extended_draws
+from activestereo.diagnose.evidence import Evidence
+from activestereo.diagnose.findings import BaseFit, Explanation, FieldFit, NotRanked
+from activestereo.diagnose.numbers import NUMBERS, Numbers
+from activestereo.diagnose.refine import Fitter, ImageResidual, ParameterSpace, Solution
+from activestereo.diagnose.refine.fit_cache import FitCache
+from activestereo.diagnose.refine.light import SCALES
+from activestereo.diagnose.score.likelihood import design_effect
+from activestereo.diagnose.score.occam import occam_nats
+from activestereo.diagnose.score.structure import local_structure
+from activestereo.diagnose.search.dictionary import Atom, atoms_of, carried, columns_of
+from activestereo.diagnose.search.fields import fields_of
+from activestereo.diagnose.search.linear import Columns, Linear, fitted_model, linearised, some_pixels
+from activestereo.diagnose.search.refit import Refit, refits
+from activestereo.diagnose.search.rendered import Rendering
+from activestereo.diagnose.search.scores import scores
+from activestereo.diagnose.search.selection import Candidate, by_chance, candidates, credible
+from activestereo.diagnose.search.verdict import Remainder
+from activestereo.diagnose.search.weights import weighed_again
+from activestereo.diagnose.thresholds import THRESHOLDS
+from activestereo.effects import Effect, Model, Stage
+from activestereo.effects.core.differences import known_differences
+from activestereo.effects.core.judging import Channel
+
+# Effects that are fitted are the best few, and gain this part of the best by their lines; a fit gains at most so many
+# times what its line says; a gain of so many times what a name needs is no chance, and leaves no room for draws.
+_FITTED, _NEAR, _LINE_SHORT, _CLEAR = 4, 0.25, 3.0, 10.0
+_SETTLING = 3
+# The logarithm of the prior volume that a field of draws takes.
+_OF_A_FIELD = -3.0
+# A term of the noise has to be this share of it.
+_NOISE_SHARE = 0.1
+# No formula is more exact than this share of its squared signature.
+_LEAST_ERROR = 1e-3
+
+Located = Callable[[Model, Evidence], tuple[Evidence, Rendering | None]]
+Fields = dict[str, tuple[float, FieldFit]]
+
+
+@dataclass(frozen=True)
+class Name:
+    """An effect that was named. members: {effect: probability} of the set that this recording cannot tell apart, itself
+    first. gain: the fall of the mean square, noise variances. missed: the share of it that the effect's formula may
+    have missed. field: its draws."""
+
+    effect: Effect
+    members: dict[str, float]
+    gain: float
+    missed: float = 0.0
+    field: FieldFit | None = None
+
+    @property
+    def id(self) -> str:
+        return self.effect.id
+
+
+@dataclass(frozen=True)
+class Round:
+    """What one round of a search saw. floor, chance: what a name needs, as gain is: a fall of chi2 over chi2."""
+
+    candidates: dict[str, Candidate]
+    fields: Fields
+    chi2: float
+    floor: float
+    structure: float
+    fits: dict[str, Refit] = field(default_factory=dict)
+    members: dict[str, float] = field(default_factory=dict)
+    gain: float = 0.0
+    chance: float = 0.0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a search found. first: the fit without names; solution: with them, both over the fitter's pixels. rows: the
+    train images under the solution, less the draws of what was named. noise: terms of the noise model, and those that
+    cannot be judged, why."""
+
+    evidence: Evidence
+    fitter: Fitter
+    first: Solution
+    solution: Solution
+    rows: tuple[ImageResidual, ...]
+    names: tuple[Name, ...]
+    noise: dict[str, Explanation]
+    unjudged: dict[str, str]
+    rest: Remainder
+    rounds: tuple[Round, ...]
+
+
+class Search:
+    """A search among effects beside a given model.
+
+    rendering: the engine, for what surfaces, air and lamps do. located: evidence, and its engine, from where the
+    capture stands under a model. looks_like: called with the likeliest effects once the scores are there.
+    """
+
+    def __init__(
+        self,
+        evidence: Evidence,
+        given: Model,
+        effects: Sequence[Effect],
+        numbers: Numbers = NUMBERS,
+        rendering: Rendering | None = None,
+        located: Located | None = None,
+        memory: FitCache | None = None,
+        workers: int = 1,
+        looks_like: Callable[[Sequence[str]], object] = lambda names: None,
+    ) -> None:
+        known = {e.id for e, _ in given.effects}
+        self._given, self._effects = given, [e for e in effects if e.id not in known]
+        self._numbers, self._rendering, self._located = numbers, rendering, located
+        self._memory, self._workers, self._looks_like = memory, workers, looks_like
+        self._names: list[Name] = []
+        self._rounds: list[Round] = []
+        self._measured = evidence
+        self._look_at(evidence)
+        self._first = self._solution = fitted_model(self._fitter, given, self._fitter.phi0(evidence.nuisances))
+        self._rows = self._rows_of(self._solution)
+        self._structure = self._structure_before = local_structure(self._rows)
+
+    def run(self) -> Outcome:
+        """Names effects until nothing passes."""
+        linear = linearised(self._fitter, self._solution)
+        images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
+        atoms = atoms_of(linear, images, self._numbers.prior_reach)
+        columns = columns_of(linear, atoms, self._workers)
+        while self._name_one(linear, self._unnamed(atoms), columns):
+            before = linear.fitter
+            self._drop_needless()
+            linear = linearised(self._fitter, self._solution)
+            columns = carried(columns, before, self._fitter)
+            self._structure = local_structure(self._rows)
+        explained = (self._first.sums.total - self._solution.sums.total) / self._pixels
+        explained += sum(n.gain for n in self._names if n.field is not None)
+        noise, unjudged = self._name_noise()
+        left = self._excess - max((noise[n.id].repeats_reduced_chi2 for n in self._names if n.id in noise), default=0.0)
+        rest = Remainder(explained, left, self._structure, self._structure_before, self._strain())
+        return Outcome(
+            self._evidence, self._fitter, self._first, self._solution, tuple(self._rows), tuple(self._names), noise,
+            unjudged, rest, tuple(self._rounds),
+        )  # fmt: skip
+
+    @property
+    def _pixels(self) -> int:
+        return sum(o.pixels for o in self._fitter.observations)
+
+    @property
+    def _chi2(self) -> float:
+        return self._solution.sums.total
+
+    @property
+    def _excess(self) -> float:
+        return self._chi2 / self._pixels - 1.0
+
+    def _name_noise(self) -> tuple[dict[str, Explanation], dict[str, str]]:
+        """({effect: its term of the noise model}, {effect: why there is none}); names those that repeats show."""
+        effects = [e for e in self._effects if e.channel is Channel.NOISE_MODEL]
+        base = base_fit_of(self._first, ())
+        terms, unjudged = {}, {}
+        for term in NoiseModelChannel(self._measured, base, THRESHOLDS).explain(effects):
+            if isinstance(term, NotRanked):
+                unjudged[term.effect.id] = term.reason
+                continue
+            terms[term.effect.id] = term
+            own, chance = term.own, np.log(len(self._effects) / self._numbers.alpha)
+            if own is not None and own.nats > chance and own.share > _NOISE_SHARE:
+                self._names.append(Name(term.effect, {term.effect.id: 1.0}, 0.0))
+        return terms, unjudged
+
+    def _strain(self) -> float:
+        """How far names take the rig or an albedo. Of what air and surfaces do it makes another quantity."""
+        if any(Stage.MEDIUM <= n.effect.stage <= Stage.SURFACE for n in self._names):
+            return 0.0
+        return self._fitter.prior_sigmas(self._solution, self._first)
+
+    def _unnamed(self, atoms: Sequence[Atom]) -> list[Atom]:
+        return [a for a in atoms if a.effect.id not in {n.id for n in self._names}]
+
+    def _look_at(self, evidence: Evidence) -> None:
+        """Takes evidence in place of the last one."""
+        self._evidence, sized = evidence, (evidence.nuisance_prior(), evidence.tiles)
+        self._whole = Fitter(evidence.train, *sized)
+        self._fitter = Fitter(some_pixels(evidence.train, evidence.seed), *sized, memory=self._memory)
+
+    def _rows_of(self, solution: Solution) -> list[ImageResidual]:
+        return self._whole.residuals(solution)
+
+    def _name_one(self, linear: Linear, atoms: Sequence[Atom], columns: Columns) -> bool:
+        """Names the effect that is likeliest to be missing, where one may be named."""
+        numbers, seen = self._numbers, scores(linear, columns)
+        found = candidates(atoms, seen)
+        if not self._rounds:
+            self._looks_like(list(found)[:3])
+        floor = self._floor()
+        by_line = _LINE_SHORT * max((c.gain for c in found.values()), default=0.0)
+        fields = self._fields() if by_line < _CLEAR * floor or self._names else {}
+        by_draws = self._chi2 * max((share for share, _ in fields.values()), default=0.0)
+        now = Round(found, fields, self._chi2, floor / self._chi2, self._structure)
+        self._rounds.append(now)
+        if len(self._names) == numbers.most_names or max(by_line, by_draws) < floor:
+            return False
+        fits = self._fits(found)
+        left = {name: fit.chi2 for name, fit in fits.items()}
+        for name, (share, _) in fields.items():
+            if self._may_be_draws(name):
+                left[name] = self._chi2 * (1.0 - share)
+        if not left:
+            return False
+        members = self._members(left, fits)
+        name = next(iter(members))
+        gain = self._chi2 - left[name]
+        chance = by_chance(atoms, seen, numbers.alpha) if gain < _CLEAR * floor else 0.0
+        self._rounds[-1] = replace(
+            now, fits=fits, members=members, gain=gain / self._chi2, chance=chance / self._chi2
+        )
+        if gain < max(floor, chance):
+            return False
+        effect = next(e for e in self._effects if e.id == name)
+        is_rendered = name not in fits or fits[name].rendered
+        missed = 0.0 if is_rendered else formula_error(effect, numbers.formula_error)
+        drawn = fields[name][1] if name not in fits else None
+        named = Name(effect, members, gain / self._pixels, missed, drawn)
+        self._names.append(named)
+        if named.field is None:
+            self._take(fits[name].solution)
+        else:
+            self._take_draws(named.field)
+        return True
+
+    def _floor(self) -> float:
+        """The fall of chi2 that a name needs: a size of its own, and more than the names before it may have missed."""
+        numbers = self._numbers
+        missed = self._pixels * sum(n.gain * n.missed for n in self._names)
+        return max(numbers.least_excess * self._pixels, numbers.least_share * self._excess * self._pixels, missed)
+
+    def _fields(self) -> Fields:
+        return fields_of(self._unnamed_effects(), self._rows, float(self._solution.phi[SCALES - 1]))
+
+    def _unnamed_effects(self) -> list[Effect]:
+        return [e for e in self._effects if e.id not in {n.id for n in self._names}]
+
+    def _may_be_draws(self, name: str) -> bool:
+        """Draws leave no structure, unless pixels that lie together share them."""
+        return self._structure < self._numbers.structure or has_extended_draws(
+            next(e for e in self._effects if e.id == name)
+        )
+
+    def _fits(self, found: dict[str, Candidate]) -> dict[str, Refit]:
+        most = max((c.gain for c in found.values()), default=0.0)
+        chosen = [c for c in found.values() if c.gain > _NEAR * most][:_FITTED]
+        model, phi = self._solution.model, self._solution.phi
+        return refits(self._fitter, model, phi, chosen, self._chi2, self._rendering, self._workers)
+
+    def _members(self, left: dict[str, float], fits: dict[str, Refit]) -> dict[str, float]:
+        """The set that holds the truth, likeliest first. Formulas are not exact: odds count in units of what they may
+        miss of the best one's gain."""
+        best = min(left, key=lambda name: left[name])
+        solution = fits[best].solution if best in fits else self._solution
+        design = design_effect(solution.sums.tile_chi2, self._tile_pixels())
+        nats = {name: 0.5 * self._pixels / design * np.log(self._chi2 / chi2) for name, chi2 in left.items()}
+        unit = max(1.0, self._numbers.formula_error * nats[best])
+        logs = {}
+        for name, value in nats.items():
+            occam = _OF_A_FIELD
+            if name in fits:
+                s = fits[name].solution
+                occam = occam_nats(self._fitter, s, s.effects[-1], design * unit)
+            logs[name] = value / unit + occam
+        return credible(logs, self._numbers.credible)
+
+    def _tile_pixels(self) -> np.ndarray:
+        tiles = [p.tile for p in self._fitter.pixels()]
+        return np.bincount(np.concatenate(tiles), minlength=self._evidence.tiles)
+
+    def _take(self, fit: Solution) -> None:
+        """Goes on from a fit with a name more: weights and rig are estimated again beside it."""
+        evidence = self._evidence
+        if self._located is not None and not evidence.geometry.is_as_stated():
+            evidence, self._rendering = self._located(fit.model, evidence)
+        self._look_at(evidence)
+        rows = self._rows_of(fit)
+        self._look_at(weighed_again(evidence, fit.model, float(fit.phi[SCALES - 1]), rows))
+        self._fit_again(fit)
+
+    def _take_draws(self, fit: FieldFit) -> None:
+        """Goes on with images less the draws of a field."""
+        drawn = [row.residual - left for row, left in zip(self._rows, fit.residuals, strict=True)]
+        train = tuple(replace(o, measured=o.measured - d) for o, d in zip(self._evidence.train, drawn, strict=True))
+        self._look_at(replace(self._evidence, train=train))
+        self._fit_again(self._solution)
+
+    def _fit_again(self, fit: Solution) -> None:
+        self._solution = self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING)
+        start = ParameterSpace.of(self._given)
+        self._first = self._fitter.refine(start, start.start, self._first.phi, _SETTLING)
+        self._rows = self._rows_of(self._solution)
+        if not any(n.field is not None for n in self._names):
+            self._structure_before = local_structure(self._rows_of(self._first))
+
+    def _drop_needless(self) -> None:
+        """Names whose loss costs less than a name needs go, the weakest first."""
+        for name in sorted(self._names[:-1], key=lambda n: n.gain):
+            if name.field is not None:
+                continue
+            space = ParameterSpace.of(self._solution.model.without_effect(name.id))
+            without = self._fitter.refine(space, space.start, self._solution.phi, _SETTLING)
+            if without.sums.total - self._chi2 < self._numbers.least_excess * self._pixels:
+                self._names.remove(name)
+                self._solution = without
+                self._rows = self._rows_of(without)
+
+
+def base_fit_of(solution: Solution, rows: tuple[ImageResidual, ...]) -> BaseFit:
+    """A fit as channels beside the images' own take it."""
+    sums = solution.sums
+    return BaseFit(solution.model, solution, sums.total, sums.tile_chi2, rows, (), 0.0)
+
+
+def formula_error(effect: Effect, otherwise: float) -> float:
+    """The share of an effect's squared signature that its formula misses: as measured against the engines, where it
+    was."""
+    measured = known_differences().get(effect.id)
+    return otherwise if measured is None else float(np.clip(measured**2, _LEAST_ERROR, 1.0 / 3.0))

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fits of what surfaces, air and lamps do, to the engine's own images of it.
+
+An effect's image function is a formula. Around its fit the engine renders the effect, and the effect with each
+parameter one step further, with the same random numbers: what changes is the effect, not the noise. From then on the
+differences stand for it, linear in its parameters.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from activestereo.capture.capture import ImageKey
+from activestereo.common.computed_once import computed_once
+from activestereo.diagnose.refine.fit_cache import content_key
+from activestereo.diagnose.refine.fitter import Fitter
+from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solution
+from activestereo.effects import Effect, Light, Model, Stage, View
+from activestereo.effects.core.light import RenderedLight
+
+# Rounds of rendering and fitting, fits' steps in each; a step of a difference, of the typical value or of the
+# parameter's own; a round moves a parameter by no more than so many steps.
+_ROUNDS, _STEPS = 2, 4
+_STEP_TYPICAL, _STEP_DISTANCE = 0.2, 0.15
+_TRUSTED, _SETTLED = 6.0, 0.5
+
+
+class Rendering(Protocol):
+    """Renders a capture's train frames under a model, with the same random numbers in every call."""
+
+    def __call__(self, model: Model) -> Mapping[ImageKey, RenderedLight]: ...
+
+
+_Images = dict[ImageKey, np.ndarray]
+
+
+def is_transport(effect: Effect) -> bool:
+    """Whether an effect changes where light goes between projector and camera, and the engine knows it."""
+    return effect.engine is not None and Stage.MEDIUM <= effect.stage <= Stage.SURFACE
+
+
+@dataclass(frozen=True)
+class _Rendered:
+    """An effect whose image function is its change of the light [3][height][width] as rendered at theta, with
+    slopes, {} where a parameter has none."""
+
+    effect: Effect
+    theta: np.ndarray
+    change: _Images
+    slopes: tuple[_Images, ...]
+
+    def emulated(self) -> Effect:
+        """The effect with these images for its image function; neutral amplitudes change nothing."""
+        return replace(self.effect, apply=self._apply, prepare=None)
+
+    @computed_once
+    def content(self) -> str:
+        """Hash of what decides the images, for a FitCache."""
+        return content_key(self.theta, self.change, self.slopes)
+
+    def _apply(self, light: Light, view: View, **values: float) -> Light:
+        given, key = np.array([values[p.name] for p in self.effect.parameters]), (view.frame.id, view.side)
+        amplitudes = [v == p.neutral for p, v in zip(self.effect.parameters, given, strict=True) if p.neutral == 0.0]
+        if all(amplitudes):
+            return light
+        change = self.change[key]
+        for away, slope in zip(given - self.theta, self.slopes, strict=True):
+            if away and slope:
+                change = change + away * slope[key]
+        images = zip((light.direct, light.indirect, light.ambient), change, strict=True)
+        direct, indirect, ambient = (np.maximum(old + new, 0.0) for old, new in images)
+        return replace(light, direct=direct, indirect=indirect, ambient=ambient)
+
+
+def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> Solution:
+    """The fit of a solution's last effect to the engine's images of it; the solution itself where that is no better."""
+    effect, own = start.effects[-1], slice(len(start.theta) - len(start.effects[-1].parameters), None)
+    without = _images(rendering(Model()))
+
+    def change(values: np.ndarray) -> _Images:
+        named = {p.name: float(np.clip(v, p.low, p.high)) for p, v in zip(effect.parameters, values, strict=True)}
+        images = _images(rendering(Model().with_effect(effect, **named)))
+        return {key: image - without[key] for key, image in images.items()}
+
+    best, theta, phi = start, start.theta, start.phi
+    for _ in range(_ROUNDS):
+        here, steps = change(theta[own]), _steps(effect, theta[own])
+        slopes: list[_Images] = []
+        for j, step in enumerate(steps):
+            there = change(np.where(np.arange(len(steps)) == j, theta[own] + step, theta[own])) if step else {}
+            slopes.append({key: (image - here[key]) / step for key, image in there.items()})
+        emulated = _Rendered(effect, theta[own].copy(), here, tuple(slopes)).emulated()
+        solution = fitter.refine(_with(start.space, emulated), theta, phi, _STEPS)
+        best = min(best, solution, key=lambda s: s.sums.total)
+        reach = np.abs(steps)
+        moved = np.clip(solution.theta[own], theta[own] - _TRUSTED * reach, theta[own] + _TRUSTED * reach)
+        is_settled = (np.abs(moved - theta[own]) <= _SETTLED * reach).all()
+        theta, phi = np.concatenate([solution.theta[: own.start], moved]), solution.phi
+        if is_settled:
+            break
+    return best
+
+
+def _with(space: ParameterSpace, effect: Effect) -> ParameterSpace:
+    """The space with another image function of its last effect."""
+    return replace(space, pairs=tuple((effect if e.id == effect.id else e, p) for e, p in space.pairs))
+
+
+def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:
+    """Steps of differences inside the range, 0 for choices and for what the engine does not know."""
+    out = []
+    for p, v in zip(effect.parameters, values, strict=True):
+        step = min(max(_STEP_TYPICAL * p.typical, _STEP_DISTANCE * abs(v - p.neutral)), p.slope_step)
+        out.append(0.0 if p.choice or not p.in_engine else -step if v + step > p.high else step)
+    return np.array(out)
+
+
+def _images(lights: Mapping[ImageKey, RenderedLight]) -> _Images:
+    return {key: np.stack([x.direct, x.indirect, x.ambient]).astype(np.float32) for key, x in lights.items()}

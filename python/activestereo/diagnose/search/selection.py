@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which effect is likeliest to be missing: Bayes factors of all atoms, summed over the shapes of an effect.
+
+A coefficient has a normal prior; what no effect explains counts as noise, by which the likelihood is tempered. Sets
+that hold the truth with a stated probability follow SuSiE (Wang et al. 2020, JRSS B 82).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.diagnose.search.dictionary import Atom
+from activestereo.diagnose.search.scores import Scores
+from activestereo.effects.core.surfaces import SURFACES
+
+# Less information than this on a coefficient is none.
+_LEAST = 1e-3
+# A surface shows an effect where it gains this part of what the best one gains.
+_SHOWS = 0.05
+_DRAWS, _SEED = 400, 5
+# Fits start at so many atoms by the line, and at so many points of the dictionary that gain this part of the best.
+_LINES, _POINTS, _NEAR = 2, 2, 0.3
+
+
+@dataclass(frozen=True)
+class Hit:
+    """An atom as it fits the residual. surfaces: the materials that show it, None = all. coefficients: of its columns.
+    log_factor: its Bayes factor against nothing, nats. gain: the fall of chi2; at_point: that of the very image in the
+    dictionary."""
+
+    atom: Atom
+    surfaces: tuple[int, ...] | None
+    coefficients: NDArray[np.float64]
+    log_factor: float
+    gain: float
+    at_point: float
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The effect's parameters at the coefficients."""
+        return _values(self.atom, self.coefficients, self.surfaces)
+
+    @property
+    def point(self) -> dict[str, float]:
+        """The effect's parameters at the dictionary's point."""
+        return _values(self.atom, np.eye(1, len(self.coefficients))[0], self.surfaces)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect's best atom, its evidence over all atoms (nats), and parameters where a fit may start."""
+
+    best: Hit
+    evidence: float
+    starts: tuple[dict[str, float], ...]
+
+    @property
+    def gain(self) -> float:
+        return self.best.gain
+
+
+def candidates(atoms: Sequence[Atom], scores: Scores) -> dict[str, Candidate]:
+    """{effect: Candidate}, likeliest first; effects that show nothing are left out."""
+    hits: dict[str, list[Hit]] = {}
+    temper = max(scores.total / scores.pixels, 1e-3)
+    for atom in atoms:
+        found = [_hit(atom, scores, temper, None)]
+        if SURFACES in atom.effect.parameters and len(scores.surfaces) > 1:
+            each = [_hit(atom, scores, temper, (k,)) for k in scores.surfaces]
+            showing = tuple(h.surfaces[0] for h in each if h.gain > _SHOWS * max(o.gain for o in each) and h.surfaces)
+            found += each
+            if 1 < len(showing) < len(each):
+                found.append(_hit(atom, scores, temper, showing))
+        hits.setdefault(atom.effect.id, []).extend(found)
+    out = {name: _candidate(rows) for name, rows in hits.items() if max(row.gain for row in rows) > 0.0}
+    return dict(sorted(out.items(), key=lambda item: -item[1].evidence))
+
+
+def _candidate(hits: list[Hit]) -> Candidate:
+    hits = sorted(hits, key=lambda hit: -hit.log_factor)
+    best = hits[0]
+    evidence = best.log_factor + np.log(np.exp([h.log_factor - best.log_factor for h in hits]).sum() / len(hits))
+    points = sorted((h for h in hits if h.gain > _NEAR * best.gain and h.at_point > 0.0), key=lambda h: -h.at_point)
+    starts = [h.values for h in hits[:_LINES] if h.gain > 0.0] + [h.point for h in points[:_POINTS]]
+    return Candidate(best, float(evidence), tuple(starts))
+
+
+def _hit(atom: Atom, scores: Scores, temper: float, surfaces: tuple[int, ...] | None) -> Hit:
+    S, u, _ = scores.of(atom.columns, surfaces)
+    on, gain = _within_signs(S, u, atom.signed)
+    coefficients = np.zeros(len(u))
+    at_point = float(2.0 * u[0] - S[0, 0])
+    if gain <= 0.0:
+        return Hit(atom, surfaces, coefficients, -1.0, 0.0, at_point)
+    prior = np.array(atom.sigma)[on]
+    s, v = S[np.ix_(on, on)] / temper, u[on] / temper
+    coefficients[on] = np.linalg.solve(s + np.diag(prior**-2.0), v)
+    volume = np.linalg.slogdet(np.eye(len(on)) + prior[:, None] * s * prior)[1]
+    signs = sum(not atom.signed[j] for j in on) * np.log(2.0)
+    factor = 0.5 * coefficients[on] @ v - 0.5 * volume + signs
+    return Hit(atom, surfaces, coefficients, float(factor), gain, at_point)
+
+
+def _within_signs(S: NDArray[np.float64], u: NDArray[np.float64], signed: Sequence[bool]) -> tuple[list[int], float]:
+    """(coefficients that are not 0, fall of chi2) of the best fit under the signs."""
+    free = [j for j in range(len(u)) if S[j, j] > _LEAST]
+    while free:
+        ridge = 1e-6 * np.diag(np.diag(S)[free])
+        b = np.linalg.solve(S[np.ix_(free, free)] + ridge, u[free])
+        bad = [j for j, x in zip(free, b, strict=True) if x < 0.0 and not signed[j]]
+        if not bad:
+            return free, float(b @ u[free])
+        free = [j for j in free if j not in bad]
+    return [], 0.0
+
+
+def _values(atom: Atom, coefficients: NDArray[np.float64], surfaces: tuple[int, ...] | None) -> dict[str, float]:
+    values, parameters = dict(atom.values), {p.name: p for p in atom.effect.parameters}
+    (lead, step), *more = atom.steps
+    values[lead] = parameters[lead].neutral + coefficients[0] * step
+    for (name, step), b in zip(more, coefficients[1:], strict=True):
+        values[name] += b * step
+    if surfaces is not None:
+        values[SURFACES.name] = float(sum(2**k for k in surfaces))
+    return {name: float(np.clip(v, parameters[name].low, parameters[name].high)) for name, v in values.items()}
+
+
+def by_chance(atoms: Sequence[Atom], scores: Scores, alpha: float) -> float:
+    """The fall of chi2 that the best of all atoms exceeds with probability alpha where nothing is missing: a wild
+    bootstrap, the scores of places with random signs."""
+    rng = np.random.Generator(np.random.PCG64(_SEED))
+    signs = rng.choice(np.array([-1.0, 1.0]), (scores.by_block.shape[2], _DRAWS))
+    largest = np.zeros(_DRAWS)
+    for atom in atoms:
+        S, _, by_block = scores.of(atom.columns)
+        on = [j for j in range(len(S)) if S[j, j] > _LEAST]
+        if on:
+            drawn = by_block[on] @ signs
+            inner = S[np.ix_(on, on)] + 1e-6 * np.diag(np.diag(S)[on])
+            largest = np.maximum(largest, np.einsum("cd,cd->d", drawn, np.linalg.solve(inner, drawn)))
+    return float(np.quantile(largest, 1.0 - alpha))
+
+
+def credible(nats: Mapping[str, float], mass: float) -> dict[str, float]:
+    """{name: probability}, likeliest first, of those that hold so much of the mass."""
+    names = sorted(nats, key=lambda name: -nats[name])
+    p = np.exp([nats[name] - nats[names[0]] for name in names])
+    p /= p.sum()
+    count = int(np.searchsorted(np.cumsum(p), mass)) + 1
+    return {name: float(x) for name, x in zip(names[:count], p, strict=False)}

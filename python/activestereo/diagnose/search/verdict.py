@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verdict from three numbers: what is explained, what is left, and the structure of what is left."""
+
+from dataclasses import dataclass
+
+from activestereo.diagnose.numbers import Numbers
+
+EFFECT, NONE, UNKNOWN, UNDETERMINED = "effect", "none", "unknown", "undetermined"
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """Noise variances. explained: the fall of the mean square by all names. left: the mean square above the noise.
+    structure: of what is left (score/structure.py); structure_before: without names. strain: how far a name takes the
+    rig or an albedo beyond what is stated, in stated deviations."""
+
+    explained: float
+    left: float
+    structure: float
+    structure_before: float
+    strain: float = 0.0
+
+
+def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
+    """What remains in units of what may remain: beyond 1 something is missing.
+
+    Where nothing is named, errors of the scene measurement may leave some excess, but no structure. Beside a name the
+    structure has to be a part of the first one, for formulas are not exact; and no more may be left than is explained.
+    """
+    if not is_named:
+        return max(rest.left / numbers.scene_error, min(rest.structure, max(rest.left, 0.0)) / numbers.structure)
+    structure = max(rest.structure, 0.0) ** 2 / max(rest.structure_before, 1e-9) / numbers.structure_kept
+    return max(structure, rest.left / max(rest.explained, numbers.structure), rest.strain / numbers.strain)
+
+
+def verdict_of(rest: Remainder, is_named: bool, has_floor: bool, numbers: Numbers) -> str:
+    """EFFECT, NONE, UNKNOWN or UNDETERMINED. has_floor: whether the noise was measured."""
+    if not is_named and not has_floor:
+        return UNDETERMINED
+    if missing(rest, is_named, numbers) > 1.0:
+        return UNKNOWN
+    return EFFECT if is_named else NONE

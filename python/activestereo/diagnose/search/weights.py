@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Noise and weights estimated again from what was found: a missing effect passes for noise and for misplaced edges.
+
+A dark signal that grows with temperature is not light, but photon transfer takes it for light; where it grows from one
+repeat to the next it adds to their variance. The model found so far removes both.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from activestereo.common.rounding import ROUNDING_VARIANCE
+from activestereo.compare.noise import by_repeats, frame_noise_variances
+from activestereo.diagnose.evidence.gather import noise_at_other_gains
+from activestereo.diagnose.evidence.model_discrepancy import edge_discrepancy
+from activestereo.diagnose.evidence.observation import Evidence, Observation, weight_of
+from activestereo.diagnose.refine import ImageResidual
+from activestereo.effects import Model
+
+Images = Mapping[tuple[int, str], np.ndarray]
+
+
+def weighed_again(evidence: Evidence, model: Model, black_dn: float, rows: Sequence[ImageResidual]) -> Evidence:
+    """The Evidence with the noise and the train images' weights of the model found so far. rows: its train images."""
+    train, expected = evidence.train, {row.observation.key: row.expected for row in rows}
+    dark = {o.key: model.digital(np.zeros(o.view.shape), o.view, black_dn) - black_dn for o in train}
+    noise_model, variances = evidence.noise_model, evidence.noise_variances
+    lit_train = [replace(o, measured=o.measured - dark[o.key]) for o in train]
+    lit = {key: image - dark[key] for key, image in expected.items()}
+    if evidence.has_floor:
+        no_noise = dark | _drift(train, expected)
+        own, found = frame_noise_variances(evidence.capture, evidence.nuisances.black_dn, no_noise)
+        if found is not None:
+            own_variances = {key: max(variance, ROUNDING_VARIANCE) for key, (variance, _) in own.items()}
+            noise_model, variances = noise_at_other_gains(found, own_variances, lit_train, lit_train, lit)
+    edges_m = edge_discrepancy(lit_train, lit, noise_model)
+    weighed = tuple(replace(o, weight=weight_of(noise_model, edges_m, o, lit[o.key])) for o in train)
+    return replace(
+        evidence, train=weighed, noise_model=noise_model, noise_variances=evidence.noise_variances | variances,
+        edge_discrepancy_m=edges_m,
+    )  # fmt: skip
+
+
+def _drift(train: Sequence[Observation], expected: Images) -> Images:
+    """The difference of every repeat's expected image from the mean of its group's, DN."""
+    groups = by_repeats((o.frame, o.side, o.key) for o in train)
+    means = ((keys, np.mean([expected[k] for k in keys], axis=0)) for keys in groups)
+    return {key: expected[key] - mean for keys, mean in means for key in keys}
