@@ -9,10 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import activestereo.diagnose
 import activestereo.report
 from activestereo.diagnose import diagnose
-from activestereo.diagnose.numbers import NUMBERS, numbers_table
+from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.search.dictionary import carried
 from activestereo.diagnose.search.selection import credible
 from activestereo.diagnose.search.verdict import EFFECT, NONE, UNDETERMINED, UNKNOWN, Remainder, verdict_of
@@ -163,8 +162,3 @@ def test_a_set_ends_where_it_holds_its_mass():
 
 def test_at_most_fifteen_numbers_decide():
     assert len(vars(NUMBERS)) <= 15
-    assert numbers_table().count("\n") == len(vars(NUMBERS)) + 1
-
-
-def test_the_page_has_the_table_of_numbers():
-    assert numbers_table() in (Path(activestereo.diagnose.__file__).resolve().parent / "README.md").read_text()
