@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -38,15 +38,13 @@ from activestereo.diagnose.refine.geometry_fit import standing
 from activestereo.diagnose.score.likelihood import design_effect, nats_of
 from activestereo.diagnose.search.loop import Outcome, Search
 from activestereo.diagnose.search.verdict import EFFECT, UNDETERMINED, UNKNOWN, verdict_of
+from activestereo.diagnose.settings import Settings
 from activestereo.diagnose.verdict.depth import engine_faults
 from activestereo.effects import Effect, Model, builtin
 from activestereo.effects.core.judging import Channel
 from activestereo.effects.core.room_light import has_room_light
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.model import SensorModel
-
-if TYPE_CHECKING:
-    from activestereo.diagnose.diagnosis import Settings
 
 _TRAIN = "train"
 

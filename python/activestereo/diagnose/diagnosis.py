@@ -21,7 +21,6 @@ from activestereo.common.computed_once import computed_once
 from activestereo.common.input_files import read_json
 from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import part_of
-from activestereo.common.usual_time import UsualTime
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import Comparison, RenderedWith, comparison_of
 from activestereo.compare.image_errors import ImageErrors
@@ -56,6 +55,7 @@ from activestereo.diagnose.refine.by_rendering import Rendering
 from activestereo.diagnose.refine.fit_cache import FitCache
 from activestereo.diagnose.refine.geometry_fit import gather_where_it_stands, standing
 from activestereo.diagnose.refine.parameter_space import Solution
+from activestereo.diagnose.settings import ADDING, BOTH, DEPTH, FITTING, PHASES, RENDERING, Place, Settings
 from activestereo.diagnose.thresholds import THRESHOLDS, Thresholds
 from activestereo.diagnose.verdict.acceptance import passes
 from activestereo.diagnose.verdict.completeness import is_unexplained, lacks_nothing
@@ -72,25 +72,10 @@ if TYPE_CHECKING:
 
     from activestereo.effects.engines import CaptureRenderer
 
-# The phases, each with seconds and seconds per megapixel of infrared images on two cores: a guess for a first run.
-RENDERING, FITTING, ADDING, DEPTH, BOTH = (
-    "rendering the views",
-    "fitting effects",
-    "checking what was found",
-    "judging the depth engine",
-    "rendering what was found",
-)
 _BASE_SHARE = 0.4  # of the last phase
 # Effects that are fitted again where the geometry was searched beside the first one, and the share of chi2 that may be
 # lost there: the weights are others.
 _AGAIN, _WORSE = 3, 0.01
-PHASES = {
-    RENDERING: UsualTime(2.0, 8.0),
-    FITTING: UsualTime(10.0, 15.0),
-    ADDING: UsualTime(0.5, 1.0),
-    DEPTH: UsualTime(0.3, 2.0),
-    BOTH: UsualTime(3.0, 15.0),
-}
 
 
 @dataclass(frozen=True)
@@ -228,15 +213,6 @@ def diagnose(
             place.memory.save()  # what was done before a cancellation need not be done again
 
 
-@dataclass(frozen=True)
-class Place:
-    """Evidence from where a capture stands, with the engine and the fits there."""
-
-    evidence: Evidence
-    rendering: Rendering | None
-    memory: FitCache
-
-
 def no_infrared(capture_path: str | Path) -> str | None:
     """Why infrared images cannot be judged, or None.
 
@@ -284,30 +260,14 @@ def _undetermined(reason: str, model: Model) -> Diagnosis:
     return Diagnosis(result, model)
 
 
-@dataclass(frozen=True)
-class Settings:
-    """How evidence is examined. steps: "one" or "greedy". phases: told of each of PHASES but the first. rendering:
-    the engine of the evidence. memory: where its fits are kept, or None. errors: None leaves the held-out figures out.
-    located: the evidence from where the capture stands under a model; None leaves it where it is. scores_first: all
-    effects are scored before the few that matter are fitted (by_scores.py); looks_like: called with the likeliest ones
-    then."""
-
-    steps: str = "one"
-    workers: int = 2
-    phases: Phases | None = None
-    thresholds: Thresholds = THRESHOLDS
-    rendering: Rendering | None = None
-    memory: FitCache | None = None
-    errors: ErrorsOfModels | None = None
-    located: Callable[[Model, Evidence], Place] | None = None
-    scores_first: bool = False
-    looks_like: Callable[[Sequence[str]], object] = lambda names: None
-
-
 def examine(
-    evidence: Evidence, given: Model | SensorModel | None, candidates: Sequence[Effect], settings: Settings = Settings()
+    evidence: Evidence,
+    given: Model | SensorModel | None,
+    candidates: Sequence[Effect],
+    settings: Settings | None = None,
 ) -> Diagnosis:
     """diagnose() on gathered evidence."""
+    settings = settings or Settings()
     phases, thresholds, errors = settings.phases or Phases(None, PHASES), settings.thresholds, settings.errors
     model = _effects_of(given, evidence.capture.scene_path)
     if all(np.ptp(o.measured) == 0 for o in evidence.train):

@@ -74,7 +74,7 @@ def ranking_of(
         for member in sorted(seen.fits, key=lambda m: seen.fits[m].chi2):
             _add_fit(outcome, seen, member, 0.0, [], add)
     for candidate in list(outcome.rounds[0].candidates.values())[:_SHOWN]:
-        effect, line = candidate.best.atom.effect, candidate.best.values
+        effect, line = candidate.best.atom.effect, candidate.best.values()
         found = {q.name: Interval(line[q.name], q.low, q.high, q.unit) for q in effect.parameters}
         add(effect, candidate.gain / pixels, max(candidate.evidence, 0.0) / _unit(outcome), 0.0, found, [])
     for term in outcome.noise.values():

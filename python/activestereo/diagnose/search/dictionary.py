@@ -43,8 +43,8 @@ class Atom:
     sigma: tuple[float, ...]
     first: int
 
-    @property
     def columns(self) -> slice:
+        """Its columns in the dictionary."""
         return slice(self.first, self.first + len(self.steps))
 
 
@@ -73,7 +73,7 @@ def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int) -> Columns:
     columns = np.frombuffer(shared, np.float32)[: count * pixels].reshape(count, pixels)
 
     def fill(atom: Atom) -> None:
-        own = columns[atom.columns]
+        own = columns[atom.columns()]
         own[0] = _change(linear, model.with_effect(atom.effect, **atom.values), images)
         if not own[0].any() and len(own) > 1 and atom.effect.parameters[0].name != atom.steps[0][0]:
             return  # a drift alone shows nothing here: the atoms of the first amplitude have it
@@ -128,13 +128,13 @@ def _one(i: int) -> None:
 
 
 def _images(linear: Linear, model: Model) -> Iterator[np.ndarray]:
-    for i, p in enumerate(linear.pixels):
+    for i, p in enumerate(linear.fitter.pixels()):
         yield exposed(model, p, linear.fitter.light(model, i), linear.solution.phi)[0]
 
 
 def _change(linear: Linear, model: Model, images: Sequence[np.ndarray]) -> Columns:
     """By how much a model changes the expected images, noise units [n]."""
-    changes = zip(linear.pixels, _images(linear, model), images, strict=True)
+    changes = zip(linear.fitter.pixels(), _images(linear, model), images, strict=True)
     return np.concatenate([((new - old) * p.root_weight).astype(np.float32) for p, new, old in changes])
 
 

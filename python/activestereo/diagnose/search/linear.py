@@ -48,10 +48,6 @@ class Linear:
     material: NDArray[np.int64]
     block: NDArray[np.int64]
 
-    @property
-    def pixels(self) -> list[Pixels]:
-        return self.fitter.pixels()
-
 
 def linearised(fitter: Fitter, solution: Solution) -> Linear:
     """The Linear model at a solution."""

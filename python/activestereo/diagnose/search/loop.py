@@ -69,7 +69,7 @@ class Name:
 
 @dataclass(frozen=True)
 class Round:
-    """What one round of a search saw. floor, chance: what a name needs, as gain is: a fall of chi2 over chi2."""
+    """The findings of one round of a search. floor, chance: what a name needs, as gain is: a fall of chi2 over chi2."""
 
     candidates: dict[str, Candidate]
     fields: Fields
@@ -84,9 +84,9 @@ class Round:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a search found. first: the fit without names; solution: with them, both over the fitter's pixels. rows: the
-    train images under the solution, less the draws of what was named. noise: terms of the noise model, and those that
-    cannot be judged, why."""
+    """The result of a search. first: the fit without names; solution: with them, both over the fitter's pixels. rows:
+    the train images under the solution, less the draws of what was named. noise: terms of the noise model; unjudged:
+    those that cannot be judged, why."""
 
     evidence: Evidence
     fitter: Fitter

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the linear model says of every column of a dictionary, nuisances projected out with their priors.
+"""Scores of every column of a dictionary by the linear model, nuisances projected out with their priors.
 
 With nuisances A of prior precision P and pull o, columns C and the residual r, all in noise units, the information on
 the columns' coefficients is S = C C' - X' K X and their score is u = C (r - A' K (A r - o)), where X = A C' and

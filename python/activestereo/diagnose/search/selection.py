@@ -37,12 +37,10 @@ class Hit:
     gain: float
     at_point: float
 
-    @property
     def values(self) -> dict[str, float]:
         """The effect's parameters at the coefficients."""
         return _values(self.atom, self.coefficients, self.surfaces)
 
-    @property
     def point(self) -> dict[str, float]:
         """The effect's parameters at the dictionary's point."""
         return _values(self.atom, np.eye(1, len(self.coefficients))[0], self.surfaces)
@@ -83,12 +81,12 @@ def _candidate(hits: list[Hit]) -> Candidate:
     best = hits[0]
     evidence = best.log_factor + np.log(np.exp([h.log_factor - best.log_factor for h in hits]).sum() / len(hits))
     points = sorted((h for h in hits if h.gain > _NEAR * best.gain and h.at_point > 0.0), key=lambda h: -h.at_point)
-    starts = [h.values for h in hits[:_LINES] if h.gain > 0.0] + [h.point for h in points[:_POINTS]]
+    starts = [h.values() for h in hits[:_LINES] if h.gain > 0.0] + [h.point() for h in points[:_POINTS]]
     return Candidate(best, float(evidence), tuple(starts))
 
 
 def _hit(atom: Atom, scores: Scores, temper: float, surfaces: tuple[int, ...] | None) -> Hit:
-    S, u, _ = scores.of(atom.columns, surfaces)
+    S, u, _ = scores.of(atom.columns(), surfaces)
     on, gain = _within_signs(S, u, atom.signed)
     coefficients = np.zeros(len(u))
     at_point = float(2.0 * u[0] - S[0, 0])
@@ -134,7 +132,7 @@ def by_chance(atoms: Sequence[Atom], scores: Scores, alpha: float) -> float:
     signs = rng.choice(np.array([-1.0, 1.0]), (scores.by_block.shape[2], _DRAWS))
     largest = np.zeros(_DRAWS)
     for atom in atoms:
-        S, _, by_block = scores.of(atom.columns)
+        S, _, by_block = scores.of(atom.columns())
         on = [j for j in range(len(S)) if S[j, j] > _LEAST]
         if on:
             drawn = by_block[on] @ signs

@@ -22,7 +22,7 @@ class Remainder:
 
 
 def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
-    """What remains in units of what may remain: beyond 1 something is missing.
+    """The remainder in units of what may remain: beyond 1 something is missing.
 
     Where nothing is named, errors of the scene measurement may leave some excess, but no structure. Beside a name the
     structure has to be a part of the first one, for formulas are not exact; and no more may be left than is explained.
