@@ -20,7 +20,6 @@ OTHERS = {
     ("benchmarks/sim_to_real/files.py", "np.savez_compressed(file, **arrays)"): "replace_file()'s",
     ("cli/depth.py", "np.save(file, depth.astype(np.float32))"): "replace_file()'s",
     ("cli/depth.py", "np.save(file, np.maximum(disparity, 0.0).astype(np.float32))"): "replace_file()'s",
-    ("compare/cache.py", "np.load(path)"): "the layer cache's own",
     ("compare/cache.py", "np.savez(file, **arrays)"): "replace_file()'s",
     ("compare/kuafu_renderer.py", "Path('/proc/self/maps').read_text(encoding='utf-8')"): "the kernel's",
     ("compare/kuafu_renderer.py", "Path(path).read_bytes()"): "the loaded libraries",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is computed for some of an image's pixels, remembered by which they are."""
+"""Values at some of an image's pixels, remembered by which pixels they are."""
 
 from __future__ import annotations
 

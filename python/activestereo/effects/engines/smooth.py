@@ -26,7 +26,7 @@ _PLANE_SHARE = 0.006
 
 
 class Surfaces(NamedTuple):
-    """What the samples of a view see, [height][width]; vectors [3][height][width] in one frame."""
+    """Surfaces that the samples of a view see, [height][width]; vectors [3][height][width] in one frame."""
 
     depth_m: np.ndarray
     normal: np.ndarray
