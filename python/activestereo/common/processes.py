@@ -5,12 +5,15 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, contextmanager
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait
 from typing import Any, Literal
+
+_MOST_LOSSES = 3  # pools, one after another, that end without a result
 
 
 @contextmanager
@@ -25,6 +28,28 @@ def process_pool(
         yield pool
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+def done_in_pools(
+    pool: Callable[[], AbstractContextManager[ProcessPoolExecutor]], work: Callable[[Any], object], items: Sequence[Any]
+) -> Iterator[tuple[int, Future[Any]]]:
+    """The number of each item and its future, as work(item) is done. pool: makes processes. Where one is killed, its
+    pool ends, and another one goes on with what is left; after three in a row without a result, what is left fails."""
+    left, losses = list(range(len(items))), 0
+    while left:
+        lost: dict[int, Future[Any]] = {}
+        with pool() as processes:
+            futures = {processes.submit(work, items[i]): i for i in left}
+            for future in as_completed(futures):
+                if isinstance(future.exception(), BrokenProcessPool):
+                    lost[futures[future]] = future
+                else:
+                    yield futures[future], future
+        losses = losses + 1 if len(lost) == len(left) else 0
+        if losses == _MOST_LOSSES:
+            yield from lost.items()
+            return
+        left = sorted(lost)
 
 
 def _begin(begin: Callable[..., object], arguments: tuple[Any, ...]) -> None:

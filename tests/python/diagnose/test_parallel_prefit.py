@@ -2,6 +2,8 @@
 """Fits made ahead in forked processes: what they find is there afterwards, and what fails is left to the caller."""
 
 import os
+import signal
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -74,3 +76,18 @@ def test_a_cancellation_ends_the_call(memory: FitCache) -> None:
         parallel_prefit(memory, Squares(memory), list(range(8)), 2, cancel)
     parallel_prefit(memory, Squares(memory), [20, 21], 2, lambda i: None)
     assert memory.by_known(lambda: Squares(memory)(21)) == 441.0, "another call works"
+
+
+@pytest.mark.parametrize("kills", [1, 2])
+def test_a_killed_process_is_replaced_by_another(memory: FitCache, tmp_path: Path, kills: int) -> None:
+    squares, done = Squares(memory), list[int]()
+
+    def killed_at_first(n: int) -> float:
+        for k in range(kills):
+            with suppress(FileExistsError):
+                (tmp_path / f"killed {k}").touch(exist_ok=False)
+                os.kill(os.getpid(), signal.SIGKILL)
+        return squares(n)
+
+    parallel_prefit(memory, killed_at_first, list(range(6)), 2, done.append)
+    assert sorted(done) == list(range(6)) and squares.made == 0, "processes make all, none is left to the caller"

@@ -8,15 +8,16 @@ Processes that are forked have all observations at hand without a copy; what the
 import signal
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, as_completed
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from functools import partial
 from itertools import count
 from multiprocessing import current_process, get_all_start_methods
 from typing import Any
 
 import numpy as np
 
-from activestereo.common.processes import process_pool
+from activestereo.common.processes import done_in_pools, process_pool
 from activestereo.diagnose.refine.fit_cache import FitCache
 
 _numbers = count()
@@ -33,7 +34,8 @@ def parallel_prefit(
 ) -> None:
     """Makes the fits that work(item) asks for, of every item, in so many processes; done(i): called after item i.
 
-    Items that fail here, with their process perhaps, are left to the caller's own work(item), which then fails aloud.
+    A killed process is replaced. Items that fail here, or end their process again and again, are left to the caller's
+    own work(item), which then fails aloud.
     An exception of done() ends the call after the fits under way.
     """
     if min(workers, len(items)) < 2 or "fork" not in get_all_start_methods() or current_process().daemon:
@@ -41,23 +43,23 @@ def parallel_prefit(
     number = next(_numbers)
     _jobs[number] = memory, work, items
     try:
-        with _forked(min(workers, len(items)), number, range(len(items))) as futures:
-            for future in as_completed(futures):
-                if future.exception() is None:
-                    memory.learn(future.result())
-                    done(futures[future])
+        pools = partial(_forked, min(workers, len(items)))
+        for i, future in done_in_pools(pools, _fitted, [(number, i) for i in range(len(items))]):
+            if future.exception() is None:
+                memory.learn(future.result())
+                done(i)
     finally:
         del _jobs[number]
 
 
 @contextmanager
-def _forked(processes: int, number: int, indices: Sequence[int]) -> Iterator[dict[Future[Any], int]]:
-    """{future: index} of fits in processes that end with the block."""
+def _forked(processes: int) -> Iterator[ProcessPoolExecutor]:
+    """Processes that end with the block."""
     with warnings.catch_warnings():
         # Python 3.12 warns where other threads are; the processes use none of what those may hold.
         warnings.simplefilter("ignore", DeprecationWarning)
         with process_pool(processes, _begin, method="fork") as pool:
-            yield {pool.submit(_fitted, number, i): i for i in indices}
+            yield pool
 
 
 def _begin() -> None:
@@ -65,8 +67,9 @@ def _begin() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-def _fitted(number: int, i: int) -> Mapping[str, Mapping[str, np.ndarray]]:
-    """The fits that work(items[i]) made."""
+def _fitted(place: tuple[int, int]) -> Mapping[str, Mapping[str, np.ndarray]]:
+    """The fits that work(items[i]) of a call made. place: the call's number and i."""
+    number, i = place
     memory, work, items = _jobs[number]
     before = len(memory)
     work(items[i])
