@@ -10,8 +10,9 @@ import re
 import sys
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from pathlib import Path
+from typing import TextIO, cast
 
 import activestereo
 from activestereo.cli import (
@@ -41,8 +42,9 @@ from activestereo.cli import (
 )
 from activestereo.cli.arguments import CommandError, Finding
 from activestereo.cli.exit_codes import FAILURE, FINDING, FINE, READER_GONE, STOPPED, USAGE
-from activestereo.cli.parser import Parser, printable
+from activestereo.cli.parser import Parser
 from activestereo.common.own_files import outside_allowed
+from activestereo.common.shown import PlainStream, printable
 
 _COMMANDS = (
     demo,
@@ -123,7 +125,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return USAGE
         args = _parsed(given)
         with outside_allowed() if args.allow_outside else nullcontext(), _no_empty_folder(getattr(args, "out", None)):
-            _run(args)
+            with redirect_stdout(cast(TextIO, PlainStream(sys.stdout))):
+                _run(args)
         sys.stdout.flush()
     except KeyboardInterrupt as error:
         return _fail(_text(error) or "stopped", STOPPED)

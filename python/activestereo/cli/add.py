@@ -7,6 +7,7 @@ from typing import Any
 
 from activestereo.cli.arguments import CommandError, add_shared, check_out_file
 from activestereo.common.input_files import read_json
+from activestereo.common.shown import printable
 
 _TEXT = """\
 Adds an effect to a model, or gives one that it has other parameters. They come
@@ -78,7 +79,7 @@ def run(args: argparse.Namespace) -> None:
     added = model.effects[-1]
     on = f" on {', '.join(added.surfaces)}" if added.surfaces else ""
     print(f"{effect.id}{on}: " + ", ".join(f"{name} = {quantity_text(q)}" for name, q in added.parameters.items()))
-    print(f"written: {args.out} with {', '.join(e.effect.id for e in model.effects)}")
+    print(f"written: {printable(args.out)} with {', '.join(e.effect.id for e in model.effects)}")
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from activestereo.common.nearest import unknown
 from activestereo.common.output_files import check_target
 from activestereo.common.pose import rigid_fault
 from activestereo.common.render_table import RENDER
+from activestereo.common.shown import printable
 
 # What a command's add_parser gets, and adds its own parser to.
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -223,7 +224,7 @@ def print_section(args: argparse.Namespace, section: str, text: str) -> None:
     if args.json:
         print_json(read_json_object(args.out)[section])
     else:
-        print(f"{text}\nwritten: {section} in {args.out}")
+        print(f"{text}\nwritten: {section} in {printable(args.out)}")
 
 
 def print_json(value: Any) -> None:

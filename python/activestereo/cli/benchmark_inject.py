@@ -7,6 +7,7 @@ import argparse
 from pathlib import Path
 
 from activestereo.cli.arguments import CommandError, Commands, add_shared, check_out_file, positive
+from activestereo.common.shown import printable
 
 _TEXT = """\
 Copies a capture and puts one known effect into its measured infrared images, so that
@@ -52,7 +53,7 @@ def _run(args: argparse.Namespace) -> None:
         check_out_file(args.sheet)
         strength = args.strength
         write_sheet(read_capture(args.capture), strength, args.seed, args.black_level, args.sheet)
-        print(f"written: {args.sheet}")
+        print(f"written: {printable(args.sheet)}")
         return
     if args.effect is None or args.out is None:
         raise CommandError("give EFFECT and --out DIR, or --sheet FILE.png")
@@ -72,4 +73,4 @@ def _run(args: argparse.Namespace) -> None:
         f"{injection.black_dn:g} DN"
         + (" (assumed: the darkest pixels)" if args.black_level is None else "")
     )
-    print(f"written: {args.out}, with the answer in {ANSWER}")
+    print(f"written: {printable(args.out)}, with the answer in {ANSWER}")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from activestereo.cli.arguments import CommandError, add_shared, check_out_file, numbers, positive, print_json
+from activestereo.common.shown import printable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -94,7 +95,7 @@ def run(args: argparse.Namespace) -> None:
         return
     for name, pose in found.items():
         print(_words(name, pose))
-    print(f"written: {args.out}, {beside.name}")
+    print(f"written: {printable(args.out)}, {printable(beside.name)}")
 
 
 def _named(texts: list[str], form: str) -> dict[str, str]:

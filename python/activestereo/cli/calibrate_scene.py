@@ -7,6 +7,7 @@ import argparse
 from pathlib import Path
 
 from activestereo.cli.arguments import CommandError, add_shared, check_out_file, integer_from, print_section
+from activestereo.common.shown import printable
 
 _SCENE = """\
 A scene where no geometry exists: the surface that one pose of the camera measured, as
@@ -76,7 +77,7 @@ def _run_scene(args: argparse.Namespace) -> None:
     triangles = len(field.mesh.indices.reshape(-1, 3))
     print(f"{triangles} triangles from {field.frames} frames; {100 * field.share:.0f} % of the image is a surface")
     print(NOTE)
-    print(f"written: {args.out}")
+    print(f"written: {printable(args.out)}")
 
 
 def _run_materials(args: argparse.Namespace) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from activestereo.cli.arguments import CommandError, add_shared, integer_from, print_json
 from activestereo.common.input_files import read_json_object
+from activestereo.common.shown import printable
 
 _WORLD = """\
 A camera and a room from views with depth, without wall, rig or repeats: camera, poses,
@@ -73,4 +74,4 @@ def _run(args: argparse.Namespace) -> None:
         print_json(read_json_object(args.out / "capture.json")["measured"])
         return
     print("\n".join(lines))
-    print(f"written: {args.out}, with pictures in {args.out / 'measured'}")
+    print(f"written: {printable(args.out)}, with pictures in {printable(args.out / 'measured')}")

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from activestereo.cli.arguments import Commands, Finding, add_shared, print_json
+from activestereo.common.shown import printable
 
 _TEXT = """\
 Checks a capture: each key of capture.json and each image. All that is wrong is printed at
@@ -29,7 +30,8 @@ def run_check(args: argparse.Namespace) -> None:
     from activestereo.capture.check import capture_faults
 
     faults = capture_faults(args.folder)
-    print_json(faults) if args.json else print("\n".join(faults) or f"{args.folder}: all is well")
+    lines = [printable(fault) for fault in faults] or [f"{printable(args.folder)}: all is well"]
+    print_json(faults) if args.json else print("\n".join(lines))
     sys.stdout.flush()
     if faults:
         raise Finding(f"{args.folder}: {len(faults)} fault{'s' if len(faults) > 1 else ''}")

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from activestereo.cli.arguments import add_shared, check_paper, make_folder, print_json
+from activestereo.common.shown import printable
 
 if TYPE_CHECKING:
     from activestereo.effects import Effect
@@ -100,7 +101,7 @@ def run(args: argparse.Namespace) -> None:
         return
     print(summary_table(comparison.scores))
     print(f"{LayerCache().usage_text()} (activestereo cache list)")
-    print(f"written: compare.json, compare.png, report.html in {args.out}")
+    print(f"written: compare.json, compare.png, report.html in {printable(args.out)}")
     for extra in (args.pdf, args.csv):
         if extra:
             print(f"written: {extra}")

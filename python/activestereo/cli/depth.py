@@ -22,6 +22,7 @@ from activestereo.cli.depth_hints import depth_hints
 from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
 from activestereo.cli.engine_options import add_matching, given_matching, given_rig
 from activestereo.cli.import_calibration import RectifiedPair, folder_device, rectified_pair
+from activestereo.common.shown import printable
 
 if TYPE_CHECKING:
     import simsense
@@ -161,7 +162,8 @@ def _write(args: argparse.Namespace, left: np.ndarray, right: np.ndarray, result
         write_png,
         written_together,
     )
-    from activestereo.report.overview import colored, depth_span, matching_figure, write_figure
+    from activestereo.report.lettering import write_figure
+    from activestereo.report.overview import colored, depth_span, matching_figure
 
     depth, disparity = result["depth"], result["disparity"]
     with written_together(args.out) as out:
@@ -195,4 +197,5 @@ def _report(args: argparse.Namespace, engine: simsense.Engine, depth: np.ndarray
     middle = f", median depth {np.median(valid):.3f} m" if valid.size else ""
     print(f"measured: {100.0 * valid.size / depth.size:.1f} % of {depth.shape[1]}x{depth.shape[0]} pixels{middle}")
     more = "".join(f", {name}.png" for name in wanted_maps(args))
-    print(f"written: depth.png, depth.npy, disparity.npy, disparity.png, cloud.ply, overview.png{more} in {args.out}")
+    files = f"depth.png, depth.npy, disparity.npy, disparity.png, cloud.ply, overview.png{more}"
+    print(f"written: {files} in {printable(args.out)}")

@@ -16,6 +16,7 @@ import numpy as np
 from activestereo.cli.arguments import CommandError, check_out_file, make_folder, print_json
 from activestereo.cli.engine_options import given_matching, given_rig
 from activestereo.cli.import_calibration import RectifiedPair, folder_device, own_device, rectified_pair
+from activestereo.common.shown import printable
 
 if TYPE_CHECKING:
     from activestereo.camera.advanced_mode import AdvancedSettings
@@ -100,7 +101,7 @@ def _match(args: argparse.Namespace, settings: AdvancedSettings) -> None:
     before = f", {len(done)} were there already" if done else ""
     measured = f", measured {100 * fill / number:.1f} %" if number else ""
     print(f"{number} pairs matched{before}{measured}")
-    print(f"written: {_RUN} and 16-bit depth, one PNG a pair, in {args.out}")
+    print(f"written: {_RUN} and 16-bit depth, one PNG a pair, in {printable(args.out)}")
 
 
 def _unmapped_text(settings: AdvancedSettings) -> str:

@@ -21,6 +21,7 @@ from activestereo.cli.arguments import (
     print_json,
     share,
 )
+from activestereo.common.shown import printable
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Capture
@@ -175,7 +176,7 @@ def run(args: argparse.Namespace) -> None:
         return
     print(diagnosis_text(diagnosis.result))
     print(f"{LayerCache().usage_text()} (activestereo cache list)")
-    print(f"written: {', '.join(path.name for path in paths)} in {args.out}")
+    print(f"written: {', '.join(path.name for path in paths)} in {printable(args.out)}")
     for line in written:
         print(line)
 

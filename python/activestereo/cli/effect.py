@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from activestereo.cli.arguments import add_shared, check_out_file, print_json
+from activestereo.common.shown import printable
 
 if TYPE_CHECKING:
     from activestereo.effects import Effect
@@ -120,7 +121,7 @@ def run_show(args: argparse.Namespace) -> None:
     from activestereo.compare.kuafu_renderer import KuafuRenderer
     from activestereo.compare.model_file import find, library
     from activestereo.effects import load_effects
-    from activestereo.report.overview import write_figure
+    from activestereo.report.lettering import write_figure
     from activestereo.report.strip_figure import strip_figure
     from activestereo.report.strip_page import strip_page
 
@@ -143,7 +144,7 @@ def run_show(args: argparse.Namespace) -> None:
         return
     for name, change in changes.items():
         print(f"{name}: changes the picture by {change['rms']:.3g} {change['unit']} (root mean square)")
-    print(f"written: {args.out}")
+    print(f"written: {printable(args.out)}")
 
 
 def run_check(args: argparse.Namespace) -> None:

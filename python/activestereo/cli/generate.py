@@ -7,6 +7,7 @@ import argparse
 from pathlib import Path
 
 from activestereo.cli.arguments import CommandError, Commands, add_shared, integer_from, make_folder, names_of, size
+from activestereo.common.shown import printable
 
 FORMATS = ("lerobot", "mcap", "rerun")
 
@@ -128,4 +129,4 @@ def run(args: argparse.Namespace) -> None:
     if args.also and not done.missing:
         write_formats(args.out, args.count, args.also)
         notes += [f"also {', '.join(args.also)}"]
-    print(f"{'; '.join(notes)}; written: {args.out}")
+    print(f"{'; '.join(notes)}; written: {printable(args.out)}")

@@ -19,6 +19,7 @@ from activestereo.cli.import_calibration import (
     sides_text,
     unused_text,
 )
+from activestereo.common.shown import printable
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Capture
@@ -128,7 +129,7 @@ def _run(args: argparse.Namespace) -> None:
         "the pattern and the projector's place are nominal"
         + ("" if has_scene else "; the scene is empty: compare and diagnose need one")
     )
-    print(f"written: {args.out}")
+    print(f"written: {printable(args.out)}")
 
 
 def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecording | None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from activestereo.cli.arguments import CommandError, Commands, add_shared, make_folder, share, size
+from activestereo.common.shown import printable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -64,7 +65,7 @@ def _run(args: argparse.Namespace) -> None:
     for name, picture in pictures:
         write_png(args.out / f"{name}.png", picture)
         names.append(name)
-    print(f"written: {len(names)} pictures in {args.out}, {names[0]}.png first")
+    print(f"written: {len(names)} pictures in {printable(args.out)}, {names[0]}.png first")
 
 
 def _of_capture(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]]]:

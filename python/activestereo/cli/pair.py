@@ -17,6 +17,7 @@ from activestereo.cli.arguments import (
     positive,
     print_json,
 )
+from activestereo.common.shown import printable
 
 _TEXT = """\
 States what one rectified infrared pair of a real sensor tells without a known
@@ -84,7 +85,7 @@ def run(args: argparse.Namespace) -> None:
     text = json.dumps(entries, indent=1) + "\n"
     replace_file(args.out / "pair.json", lambda file: file.write(text.encode()))
     if "against" in pairs:
-        from activestereo.report.overview import write_figure
+        from activestereo.report.lettering import write_figure
         from activestereo.report.pair_figure import pair_figure
 
         write_figure(args.out / "against.png", pair_figure(pairs, disparity, statistics))
@@ -93,7 +94,7 @@ def run(args: argparse.Namespace) -> None:
         return
     print(findings_text(findings))
     print(f"\n{statistics_text(statistics)}")
-    print(f"written: pair.json{', against.png' if 'against' in pairs else ''} in {args.out}")
+    print(f"written: pair.json{', against.png' if 'against' in pairs else ''} in {printable(args.out)}")
 
 
 def _read(left_path: Path, right_path: Path) -> tuple[np.ndarray, np.ndarray]:

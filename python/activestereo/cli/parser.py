@@ -10,11 +10,7 @@ from typing import Any, NoReturn
 
 from activestereo.cli.exit_codes import USAGE
 from activestereo.common.nearest import did_you_mean, nearest, unknown
-
-
-def printable(text: str) -> str:
-    """The text with control characters and bytes that are no UTF-8 escaped: a file's name cannot end the line."""
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+from activestereo.common.shown import printable
 
 
 class Parser(argparse.ArgumentParser):

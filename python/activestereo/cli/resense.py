@@ -5,6 +5,7 @@ import argparse
 from pathlib import Path
 
 from activestereo.cli.arguments import CommandError, Commands, add_shared, integer_from, make_folder, size
+from activestereo.common.shown import printable
 
 _TEXT = """\
 Replays the states of stored demonstrations in MuJoCo (robosuite's, LIBERO's and robomimic's
@@ -47,4 +48,4 @@ def run(args: argparse.Namespace) -> None:
     for demo in read_demos(args.demos):
         with ProgressBar(demo.name) as bar:
             count += resense(demo, config, args.out / demo.name, args.camera, args.every, args.device, bar)
-    print(f"{count} states; written: {args.out}")
+    print(f"{count} states; written: {printable(args.out)}")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from activestereo.common.shown import printable
 from activestereo.scene_io.staging import ROOM_LUX
 from activestereo.scene_io.units import size_hint
 
@@ -58,6 +59,4 @@ def _percent(share: float) -> str:
 
 
 def _say(text: str) -> None:
-    from activestereo.cli.parser import printable
-
     print(f"activestereo: {printable(text)}", file=sys.stderr)

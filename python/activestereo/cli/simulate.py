@@ -27,6 +27,7 @@ from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
 from activestereo.cli.engine_options import add_matching, add_options, given, given_matching, given_rig
 from activestereo.cli.record_options import add_records, set_records
 from activestereo.common.render_table import RENDER, RENDERER
+from activestereo.common.shown import printable
 from activestereo.scene_io.lamp_kinds import INFRARED_SHARES, infrared_share
 
 if TYPE_CHECKING:
@@ -311,7 +312,8 @@ def _accuracy(sensor: StereoDepthSensor) -> list[Any]:
 
 def _write(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]) -> None:
     from activestereo.common.output_files import write_depth_png, write_ply, write_png, written_together
-    from activestereo.report.overview import simulation_figure, write_figure
+    from activestereo.report.lettering import write_figure
+    from activestereo.report.overview import simulation_figure
 
     rgb, ir, depth, true_depth = sensor.get_rgb(), sensor.get_ir_measured(), sensor.get_depth(), sensor.get_true_depth()
     with written_together(args.out) as out:
@@ -355,4 +357,5 @@ def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]
     print(accuracy_table(rows))
     print(light_line(share, added))
     more = "".join(f"{name}, " for name in wanted_maps(args))
-    print(f"written: rgb, ir_left, ir_right, depth, depth_true, {more}overview (.png) and cloud.ply in {args.out}")
+    files = f"rgb, ir_left, ir_right, depth, depth_true, {more}overview (.png) and cloud.ply"
+    print(f"written: {files} in {printable(args.out)}")

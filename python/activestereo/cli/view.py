@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from activestereo.cli.arguments import CommandError, Commands, add_shared, size, whole
+from activestereo.common.shown import printable
 
 _TEXT = """\
 Serves a page on this machine alone and opens it in the browser: what was measured,
@@ -57,7 +58,7 @@ def add_parser(commands: Commands) -> None:
 def run(args: argparse.Namespace) -> None:
     with ExitStack() as stack:
         server = stack.enter_context(make_server(args, shown_path(args, stack)))
-        print(f"activestereo view of {args.path}: {server.address}  (Ctrl-C ends it)", flush=True)
+        print(f"activestereo view of {printable(args.path)}: {server.address}  (Ctrl-C ends it)", flush=True)
         if not args.no_browser:
             webbrowser.open_new_tab(server.address)
         server.serve_forever()

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TextIO, overload
 
+from activestereo.common.shown import printable
+
 _REDRAW_S = 0.1
 _LINE_S = 15.0
 _WIDTH = 28
@@ -41,7 +43,7 @@ class ProgressBar:
     """
 
     def __init__(self, label: str, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic) -> None:
-        self._label = label
+        self._label = printable(label)
         self._stream = stream or sys.stderr
         self._clock = clock
         self._terminal = self._stream.isatty()

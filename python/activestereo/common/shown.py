@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Users' values in messages: one short line, whatever is nested in them."""
+"""Users' values and names in messages: one short line, whatever is nested or hidden in them."""
 
 from __future__ import annotations
 
+import re
 import reprlib
-from typing import Any
+from typing import Any, TextIO
 
 _MOST_LETTERS = 40
+_ENDS = re.compile(r"([\n\t])")
 
 
 class _Short(reprlib.Repr):
@@ -29,3 +31,23 @@ def shown(value: Any) -> str:
     """The value as a message has it, of at most 40 letters and three dots."""
     text = f"{value:g}" if isinstance(value, float) else _short.repr(value)
     return text if len(text) <= _MOST_LETTERS else f"{text[:_MOST_LETTERS]}..."
+
+
+def printable(name: object) -> str:
+    """The text of a name with control characters and bytes that are no UTF-8 escaped: a file's name cannot end the
+    line, nor give a terminal orders."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(name))
+
+
+class PlainStream:
+    """A stream that escapes control characters, but for the ends of lines and tabs."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        self._stream.write("".join(part if part in ("\n", "\t") else printable(part) for part in _ENDS.split(text)))
+        return len(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from activestereo.common.palette import BLUE, GREEN, GRID, INK, MUTED, ORANGE
 from activestereo.compare.covariates import COVARIATES
 from activestereo.diagnose.answer.verdict_words import error_text
+from activestereo.report.lettering import as_written
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -133,7 +134,7 @@ def _draw_bins(axes: Axes, bins: Sequence[Any]) -> None:
         axes.errorbar(x, mean, [np.maximum(mean - mean_low, 0), np.maximum(mean_high - mean, 0)], fmt="s", ms=3.5,
                       color=ORANGE, lw=1.4, label="mean residual")  # fmt: skip
         axes.hlines(floor, x - 0.4, x + 0.4, color=INK, lw=1.4, label="noise floor")
-        names = [b.get("label", f"{b.get('low', 0):.4g}") for b in bins]
+        names = [as_written(b.get("label", f"{b.get('low', 0):.4g}")) for b in bins]
         axes.set_xticks(
             x,
             names,

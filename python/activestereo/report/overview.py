@@ -2,7 +2,6 @@
 """The pictures that put a result on one page. Figures are made without pyplot, so nothing global is touched."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,16 +10,12 @@ from matplotlib.colors import Normalize, PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from activestereo.common.output_files import replace_file
 from activestereo.common.palette import BLUE, GRID, INK, MUTED, ORANGE
 from activestereo.compare.accuracy import Accuracy
+from activestereo.report.lettering import as_written
 
 _NO_DATA = "#15181c"
 _ERROR_SCALE_M = 0.02
-
-
-def write_figure(path: str | Path, figure: Figure) -> None:
-    replace_file(path, lambda file: figure.savefig(file, format="png", dpi=110))
 
 
 def simulation_figure(
@@ -97,7 +92,7 @@ class _Page:
             self.HEAD + picture_rows * (self._picture_height + self.CAPTION) + below,
         )
         self.figure = Figure(figsize=self._size, facecolor="white")
-        self._text(0.42, title, fontsize=18, weight="bold", color=INK)
+        self._text(0.42, as_written(title), fontsize=18, weight="bold", color=INK)
         self._text(0.76, subtitle, fontsize=12, color=MUTED)
 
     def _text(self, top: float, text: str, **style: Any) -> None:
@@ -191,7 +186,7 @@ def _bars(axes: Axes, rows: Sequence[Accuracy], values: Sequence[float], title: 
     for place, value in zip(places, values, strict=True):
         text = f"{value:.1f} {unit}" if np.isfinite(value) else "none"
         axes.text(max(np.nan_to_num(value), 0.0) + 0.008 * most, place, text, va="center", fontsize=10.5, color=INK)
-    axes.set_yticks(places, [row.name for row in rows], fontsize=11, color=INK)
+    axes.set_yticks(places, [as_written(row.name) for row in rows], fontsize=11, color=INK)
     axes.set_xlim(0, 1.13 * most)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_title(f"{title} by material", fontsize=12.5, color=INK, loc="left", pad=6)

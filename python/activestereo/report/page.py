@@ -13,6 +13,7 @@ from string import Template
 from typing import TYPE_CHECKING
 
 from activestereo.common.html_table import text
+from activestereo.report.lettering import save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,7 +54,7 @@ def share_bar(share: float, interval: Sequence[float] | None = None, mark: float
 def chart(figure: Figure, alt: str) -> str:
     """A matplotlib Figure as SVG, letters as shapes, so that it looks alike everywhere."""
     file = io.BytesIO()
-    figure.savefig(file, format="svg", bbox_inches="tight", pad_inches=0.06, metadata={"Date": None})
+    save_figure(figure, file, format="svg", bbox_inches="tight", pad_inches=0.06, metadata={"Date": None})
     return f'<figure><img alt="{text(alt)}" src="{_data("image/svg+xml", file)}"></figure>'
 
 

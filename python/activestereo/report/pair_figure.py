@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from activestereo.common.palette import BLUE, ORANGE
 from activestereo.compare.pair_findings import Finding
 from activestereo.compare.pair_statistics import residual_image
+from activestereo.report.lettering import as_written
 
 _COLOURS = (BLUE, ORANGE)
 _DETAIL = 0.25  # of the image's width, from its middle
@@ -34,7 +35,7 @@ def pair_figure(
         rest, _ = residual_image(left.astype(np.float64), right.astype(np.float64), disparities[name])
         axes = [figure.add_subplot(grid[row, column]) for column in range(4)]
         axes[0].imshow(left, cmap="gray", norm=PowerNorm(0.5, 0, highest))
-        axes[0].set_title(f"{name}: left camera (display gamma 2)", fontsize=9)
+        axes[0].set_title(f"{as_written(name)}: left camera (display gamma 2)", fontsize=9)
         middle = _middle(left)
         axes[1].imshow(left[middle], cmap="gray", norm=PowerNorm(0.5, 0, highest))
         axes[1].set_title("its middle, four times as large", fontsize=9)

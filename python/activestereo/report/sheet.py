@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from activestereo.capture.capture import SIDES, SPLITS
 from activestereo.common.palette import BLUE, GRID, INK, MUTED, ORANGE
+from activestereo.report.lettering import as_written
 from activestereo.report.worst import RESIDUAL_FLOORS, worst_frame
 
 if TYPE_CHECKING:
@@ -39,9 +40,8 @@ def comparison_figure(comparison: Comparison) -> Figure:
 
 
 def _title(figure: Figure, scores: dict[str, Any]) -> None:
-    figure.text(
-        0.055, 0.955, f"{scores['capture']}: measured against simulated infrared", size=15, weight="bold", color=INK
-    )
+    title = f"{as_written(scores['capture'])}: measured against simulated infrared"
+    figure.text(0.055, 0.955, title, size=15, weight="bold", color=INK)
     parts = []
     for split, values in scores["ir"].items():
         floor = values["noise_floor_dn"]

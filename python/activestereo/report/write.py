@@ -22,6 +22,7 @@ from activestereo.report.diagnosis import diagnosis_sections
 from activestereo.report.explorer import explorer_section
 from activestereo.report.first_screen import first_screen
 from activestereo.report.found_strips import found_strips
+from activestereo.report.lettering import write_figure
 from activestereo.report.models import model_images
 from activestereo.report.page import page
 from activestereo.report.sheet import comparison_figure
@@ -61,7 +62,7 @@ def write_report(
     html_text = report_page(comparison, diagnosis, effects, progress)
     replace_file(folder / "compare.json", lambda file: file.write(json_text.encode()))
     figure = comparison_figure(comparison)
-    replace_file(folder / "compare.png", lambda file: figure.savefig(file, format="png", dpi=110))
+    write_figure(folder / "compare.png", figure)
     replace_file(folder / "report.html", lambda file: file.write(html_text.encode()))
     return folder / "compare.json", folder / "report.html"
 

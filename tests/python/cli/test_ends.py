@@ -84,7 +84,7 @@ def test_depth_on_a_full_disk_leaves_no_file(tmp_path):
     assert not out.exists()
 
 
-@pytest.mark.parametrize("place", ["common.output_files.write_ply", "report.overview.write_figure"])
+@pytest.mark.parametrize("place", ["common.output_files.write_ply", "report.lettering.write_figure"])
 def test_simulate_on_a_full_disk_leaves_no_file(tmp_path, table_top, monkeypatch, capsys, place):
     def full(path, *rest):
         raise OSError(28, "No space left on device", str(path))
