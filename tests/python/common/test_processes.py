@@ -54,3 +54,39 @@ def test_work_left_by_an_error_is_cancelled_and_its_processes_end():
         workers = {pool.submit(os.getpid).result()}
         raise ZeroDivisionError
     assert not any(is_running(number) for number in workers)
+
+
+def killed_until(place: tuple[str, int, int]) -> int:
+    """Kills its process the first so many times that an item is asked for."""
+    folder, item, kills = place
+    for k in range(kills):
+        try:
+            Path(folder, f"{item} {k}").touch(exist_ok=False)
+        except FileExistsError:
+            continue
+        os.kill(os.getpid(), signal.SIGKILL)
+    return item
+
+
+@pytest.mark.parametrize(("method", "kills"), [("fork", 1), ("spawn", 1), ("fork", 2)])
+def test_killed_processes_are_replaced_until_all_is_done(tmp_path, method, kills):
+    from functools import partial
+
+    from activestereo.common.processes import done_in_pools, process_pool
+
+    items = [(str(tmp_path), item, kills if item == 3 else 0) for item in range(6)]
+    pools = partial(process_pool, 2, os.getpid, method=method)
+    found = {i: done.result() for i, done in done_in_pools(pools, killed_until, items)}
+    assert found == {item: item for item in range(6)}
+
+
+def test_items_that_always_end_their_process_fail_after_three_pools(tmp_path):
+    from concurrent.futures.process import BrokenProcessPool
+    from functools import partial
+
+    from activestereo.common.processes import done_in_pools, process_pool
+
+    items = [(str(tmp_path), 0, 99), (str(tmp_path), 1, 99)]
+    left = dict(done_in_pools(partial(process_pool, 1, os.getpid, method="fork"), killed_until, items))
+    assert sorted(left) == [0, 1] and all(isinstance(done.exception(), BrokenProcessPool) for done in left.values())
+    assert len(list(tmp_path.iterdir())) == 3

@@ -7,13 +7,14 @@ Effects whose likelihood has narrow peaks propose their own points (Effect.start
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from multiprocessing import RawArray, current_process, get_all_start_methods
 from typing import Any
 
 import numpy as np
 
-from activestereo.common.processes import process_pool
+from activestereo.common.processes import done_in_pools, process_pool
 from activestereo.diagnose.refine import Fitter
 from activestereo.diagnose.refine.light import exposed
 from activestereo.diagnose.search.linear import Columns, Linear
@@ -113,8 +114,9 @@ def _side_by_side(work: Callable[[Any], object], items: Sequence[Any], workers: 
         return
     _work.append((work, items))
     try:
-        with process_pool(workers, _nothing, method="fork") as pool:
-            list(pool.map(_one, range(len(items)), chunksize=2))
+        pools = partial(process_pool, workers, _nothing, method="fork")
+        for _, done in done_in_pools(pools, _one, range(len(items))):
+            done.result()
     finally:
         _work.pop()
 
