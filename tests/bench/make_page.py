@@ -19,7 +19,7 @@ FOLDER = Path(__file__).resolve().parent
 RESULTS = FOLDER / "results"
 CHAPTERS = {
     "Rendering": ("first_image", "render", "cpu", "mitsuba", "denoise", "noise", "scenes", "cancel", "load"),
-    "Matching": ("matcher", "matcher_vulkan", "memory", "depth", "accuracy", "pairs"),
+    "Matching": ("matcher", "matcher_vulkan", "memory", "depth", "accuracy", "pairs", "subpixel"),
     "Sensor": ("sensor", "split", "model_sensor", "gbuffer", "camera", "realism", "noise_profiles"),
     "Calibration": ("calibrate", "pose", "materials"),
 }
@@ -30,6 +30,7 @@ HEAD = """# Benchmarks
 """
 PICTURES = {
     "accuracy": "![Rendered](accuracy_rendered.png) ![Real](accuracy_real.png) ![Pixel locking](pixel_locking.png)",
+    "subpixel": "![Bias by fraction](subpixel.png)",
     "denoise": "![2 and 32 plain samples, 2 filtered, 256](denoise.png)",
 }
 
