@@ -25,7 +25,7 @@ CHAPTERS = {
 }
 HEAD = """# Benchmarks
 
-`make_page.py` writes this page from [results](results). Compare within one table.
+`make_page.py` writes this page from [results](results); n is 1 unless stated. Compare within one table.
 `cmake -DACTIVESTEREO_BENCH=ON` builds the C++ programs; Python's need `PYTHONPATH=build/python`.
 """
 PICTURES = {
@@ -68,7 +68,8 @@ def _section(name, results, machines):
     for run in results["runs"]:
         if run["machine"] not in machines:
             raise ValueError(f"{name}.json names the machine '{run['machine']}', which machines.json does not describe")
-        origin = f"`{_short(run['command'])}`, `{run['machine']}`, {run['date']}, n = {run['n']}"
+        repeats = f", n = {run['n']}" if run["n"] != 1 else ""
+        origin = f"`{_short(run['command'])}`, `{run['machine']}`, {run['date']}{repeats}"
         parts = [*([run["title"]] if "title" in run else []), *([origin] if origin != said else [])]
         lines += [f"{'; '.join(parts)}:", ""]
         said = origin
