@@ -1,2 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The depth sensor: one engine (engine.py) of which a sensor (sensor.py) and a batch (batch.py) are views."""
+"""The depth sensor. One engine (engine.py) does the work; a sensor (sensor.py) and a batch (batch.py) are views of
+it."""

@@ -6,8 +6,8 @@
     batch.compute_depth()
     depth_m = torch.from_numpy(batch.get_depth())  # [E, height, width] or [E, S, height, width], no copy
 
-Environments are kuafu's: an instance or a light that names environment e is seen by the sensors of environment e alone,
-one that names none by all (activestereo.scene_io.bodies puts bodies into them).
+Environments are kuafu's. Only the sensors of environment e see an instance or a light that names e; all sensors see one
+that names none. activestereo.scene_io.bodies puts bodies into environments.
 """
 
 from __future__ import annotations
@@ -40,34 +40,32 @@ _Result = TypeVar("_Result")
 
 
 class StereoDepthSensorBatch(SensorResults):
-    """E environments with S depth sensors in each, all of one configuration: a view of one SensorEngine, or of one for
-    each of several devices.
+    """E environments with S depth sensors each, all of one configuration. Runs one SensorEngine on each device.
 
     config: a StereoDepthSensorConfig, which is copied, or a camera's name. mounts: Mounts, or another object with a
     scene and poses (body axes). pose: the RGB camera's, relative to its mount. Sensors of one environment see one
     another's projectors, as real ones do. The frames of the batch differ in noise; under one seed they are the same
-    again. Exposure is 'fixed' or 'settled', for each sensor by what it sees; gain then counts as exposure. One
-    thread at a time.
+    again. Exposure is 'fixed' or 'settled'. Each settled sensor exposes for its own view, and gain counts as exposure.
+    One thread at a time.
 
     Several devices: mounts are a sequence, one for each, with a scene on that device and the poses of all environments.
-    The scenes are kept the same by the same calls; one may lack what belongs to environments of other devices, and then
-    numbers of instances and materials are those of each scene. Device k of D has the environments from k E / D to
-    (k + 1) E / D and a thread. Results are one array in the host's memory. On devices of one kind all has the bits that
-    one of them gives; but where config.rgb_exposure is None, each device exposes its own RGB pictures alike. A picture
-    that fails on one device alone counts there, too, so that all devices' next pictures are of one number.
+    Make the same calls on all scenes. A scene may lack the objects of other devices' environments; then instances and
+    materials are numbered per scene. Device k of D has the environments from k E / D to (k + 1) E / D and a thread.
+    Results are one array in the host's memory. Devices of one kind give the bits that one of them gives. Only if
+    config.rgb_exposure is None, each device chooses one exposure for its own RGB pictures. A picture that fails on one
+    device still counts there, so all devices stay at the same picture number.
 
-    model: a SensorModel or the path of a model.json, whose effects all sensors have; its materials and medium are those
-    of the whole scene until close(). ValueError for effects that act outside of the engines, which StereoDepthSensor
-    has, and for a model that does not fit the scene; then nothing has been changed.
+    model: a SensorModel or the path of a model.json. All sensors get its effects; the whole scene gets its materials
+    and medium until close(). Raises ValueError for effects that act outside the engines (StereoDepthSensor supports
+    them) and for a model that does not fit the scene. Nothing has changed then.
 
     on_cuda: pictures and maps lie where CUDA sees them, for get_cuda(), and the host reads them from there. CudaError
     where there is no CUDA, or none on this GPU.
 
     pipelined: pictures are rendered while those before them are matched and read. take_picture() begins them, results
-    are of those before, with the same bits, and wait() comes before the scene changes: kuafu.Error, that work is under
-    way, where it does not.
+    are those of the pictures before, with the same bits. Call wait() before changing the scene; otherwise kuafu.Error.
 
-    matcher: as of StereoDepthSensor, for all pairs at once.
+    matcher: as in StereoDepthSensor, for all pairs at once.
     """
 
     def __init__(
@@ -106,7 +104,7 @@ class StereoDepthSensorBatch(SensorResults):
                 engine.close()
             raise
         self._engines = engines
-        # Of each sensor, over the configuration's, and how its right camera is turned.
+        # Factors on each sensor's configured values, and the turn of its right camera.
         self._laser_power, self._light_share = np.ones((2, count * sensors))
         self._right_turn = np.broadcast_to(np.eye(4), (count * sensors, 4, 4)).copy()
         self._devices = Devices([f"on the device of environments {own[0]} to {own[-1]}" for own in self._numbers])
@@ -114,9 +112,9 @@ class StereoDepthSensorBatch(SensorResults):
     # ---- taking pictures ----
 
     def take_picture(self, infrared_only: bool = False) -> None:
-        """Renders all infrared pairs, and before them the RGB pictures unless infrared_only; a pipelined batch begins
-        to, and makes those before them the ones that results are of. Raises SensorPoseError, after the others' pictures
-        are taken or begun, where a mount's pose is none. Pictures that failed, here or in wait(), are none."""
+        """Renders all infrared pairs, and before them the RGB pictures unless infrared_only. A pipelined batch begins
+        new pictures and makes the ones before them current. Raises SensorPoseError if a mount has no pose, after the
+        others' pictures are taken or begun. A failed picture, here or in wait(), leaves no result."""
         self._each(lambda engine, _: engine.turn())
         broken, rigs = self._placed()
         try:
@@ -128,8 +126,8 @@ class StereoDepthSensorBatch(SensorResults):
         raise_broken(broken, self._shape)
 
     def wait(self) -> None:
-        """Until the pictures that a pipelined batch has begun are rendered: then the scene may change. Results stay
-        those of the ones before."""
+        """Waits until the pictures that a pipelined batch has begun are rendered; then the scene may change. Results
+        stay those of the pictures before."""
         self._each(lambda engine, _: engine.wait())
 
     @property
@@ -144,8 +142,8 @@ class StereoDepthSensorBatch(SensorResults):
         return False not in [engine.has_next for engine in self._engines]
 
     def render_true_depth(self) -> NDArray[np.float32]:
-        """float32 [..., height, width] as get_true_depth(), of the scene and the mounts as they are now; takes no
-        picture."""
+        """Renders float32 [..., height, width] as get_true_depth(), of the scene and the mounts as they are now. Takes
+        no picture."""
         self.wait()
         broken, rigs = self._placed()
         depth = self._devices.join(self._each(lambda engine, k: engine.render_true_depth(rigs[k])))
@@ -153,8 +151,8 @@ class StereoDepthSensorBatch(SensorResults):
         return depth
 
     def compute_depth(self) -> None:
-        """Noise, matching and registration of all pairs. What has been read of earlier pictures is computed at once;
-        anything else when it is first read."""
+        """Applies noise, matches and registers all pairs. Maps that were read of earlier pictures are computed at once,
+        others when first read."""
         if self._results is not None:
             self._results.begin()
         self._each(lambda engine, _: engine.match())
@@ -162,8 +160,8 @@ class StereoDepthSensorBatch(SensorResults):
     # ---- results ----
 
     def get_ir_radiance(self) -> NDArray[np.float32]:
-        """float32 [2, ..., height, width] W/(sr m^2) at the imagers, left then right, without noise; on one device
-        that is no GPU a view of what the next picture is rendered into, else a copy."""
+        """Returns float32 [2, ..., height, width] W/(sr m^2) at the imagers, left then right, without noise. On a
+        single CPU device it is a view of the next picture's memory, else a copy."""
         light = self._each(lambda engine, _: engine.light())
         return light[0] if len(light) == 1 else np.concatenate(light, axis=1)
 
@@ -218,12 +216,13 @@ class StereoDepthSensorBatch(SensorResults):
         exposure: ArrayLike | None = None,
         right_turn: NDArray[np.float64] | None = None,
     ) -> None:
-        """How the sensors of an environment differ from the configuration, from the next picture on: the laser's power
-        [S] and the exposure [S] over what they are without this, and rotations [S, 3, 3] of the right cameras in their
-        own axes, which the matcher does not know of. environment None: of all at once, each array then with the
-        batch's shape, [E] or [E, S], before the rest. What is None stays as it is. ValueError for another number of
-        sensors, and for numbers that are negative or not finite and what is no rotation, with all environments that
-        have such; then nothing has changed."""
+        """Makes the sensors of an environment differ from the configuration, from the next picture on.
+
+        laser_power [S] and exposure [S] are factors on the values without this call. The rotations [S, 3, 3] turn the
+        right cameras in their own axes; the matcher does not know of them. environment: its number; None: all, with
+        arrays of the batch's shape, [E] or [E, S], before the rest. None keeps a value. Raises ValueError, which lists
+        the environments, for a wrong number of sensors, negative or non-finite numbers, and matrices that are no
+        rotation. Nothing has changed then."""
         sensors = self._shape[1:] or (1,)
         first, last, shape, where = 0, self._shape[0], self._shape, "the batch"
         if environment is not None:
@@ -258,11 +257,12 @@ class StereoDepthSensorBatch(SensorResults):
             engine.rig.right_turn = self._right_turn[mine]
 
     def restart(self, seed: int | Sequence[int]) -> None:
-        """The next picture is frame 0 under this seed, of the render and of the noise: from here on all is as it was
-        after the same restart. seed: a number, or one for each environment, [E]: under it an environment's imagers have
-        the same noise at any place among the others, and samples of light are those of the configuration's render_seed
-        and of the environment's number. ValueError names all environments whose seed is none; then nothing has
-        changed."""
+        """Makes the next picture frame 0 under this seed, for render and noise. Pictures repeat exactly after the same
+        restart.
+
+        seed: a number, or one for each environment, [E]. With one for each, an environment's noise does not depend on
+        its place among the others; light samples depend on the configuration's render_seed and the environment's
+        number. Raises ValueError, which lists the environments, for an invalid seed; nothing has changed then."""
         if np.ndim(seed) == 0:
             one = int(RENDER_SEED.check("the seed", seed))
             self._config.render_seed = self._config.noise_seed = one
@@ -277,7 +277,7 @@ class StereoDepthSensorBatch(SensorResults):
         self._each(lambda engine, k: engine.restart(self._config.render_seed, own[self._own[k]]))
 
     def close(self) -> None:
-        """Takes the projectors, and what else a model brought, out of the scenes, and ends the devices' threads."""
+        """Removes the projectors and the model's additions from the scenes, and ends the devices' threads."""
         try:
             self._each(lambda engine, _: engine.close())
         finally:
@@ -305,6 +305,6 @@ class StereoDepthSensorBatch(SensorResults):
         return np.concatenate(rigs).reshape(*self._shape, 4, 4)
 
     def _placed(self) -> tuple[NDArray[np.bool_], list[NDArray[np.float64]]]:
-        """([sensors]: whose mount has no pose, the RGB cameras' poses by device)."""
+        """Returns a mask [sensors] of those whose mount has no pose, and the RGB cameras' poses by device."""
         broken = np.concatenate([one.read()[own] for one, own in zip(self._places, self._own, strict=True)])
         return broken, [one.rigs(own) for one, own in zip(self._places, self._own, strict=True)]

@@ -51,9 +51,9 @@ class CudaMaps:
         self._maps: dict[str, CudaMap] = {}
 
     def compute(self, names: Iterable[str], match: Callable[[Any], Mapping[str, NDArray[Any]]]) -> dict[str, CudaMap]:
-        """The named maps of the last picture. match: computes maps, to arrays where it is given their names, else into
-        {name: simsense.Image}; to arrays of maps that were never asked for, since those tell type and shape. CudaError
-        where there is no CUDA, or none on this GPU."""
+        """Computes the named maps of the last picture. match: computes maps into new arrays if it gets names, else into
+        {name: simsense.Image}. The first arrays of a map tell its type and shape. Raises CudaError without CUDA, or if
+        this GPU lacks it."""
         names = list(names)
         new = [name for name in names if name not in self._maps]
         for name, like in match(new).items() if new else ():

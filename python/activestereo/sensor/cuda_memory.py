@@ -116,7 +116,7 @@ class CudaMemory:
             self._driver.call("cuDestroyExternalMemory", self._external)
 
     def close(self) -> None:
-        """Lets go of the mapping: arrays of it must not be used any more."""
+        """Releases the mapping. Arrays of it must not be used afterwards."""
         if self._context is None:
             return
         try:
@@ -134,8 +134,8 @@ class CudaMemory:
         return self._address.value
 
     def array(self, dtype: DTypeLike, shape: Sequence[int], offset_bytes: int = 0) -> "CudaArray":
-        """A packed view for torch.as_tensor(..., device="cuda"), cupy.asarray() and numba.cuda.as_cuda_array().
-        ValueError where it leaves the buffer."""
+        """A packed view for torch.as_tensor(..., device="cuda"), cupy.asarray() and numba.cuda.as_cuda_array(). Raises
+        ValueError if it exceeds the buffer."""
         kind = np.dtype(dtype)
         needed = prod(shape) * kind.itemsize
         if offset_bytes < 0 or min(shape, default=1) < 1 or needed > self.size_bytes - offset_bytes:

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 
 def cuda_tensor(array: CudaArray) -> torch.Tensor:
-    """The same memory. What torch computes of it must have been waited for, with wait_for(), before the engines write
-    into it again."""
+    """Returns a torch tensor of the same memory. Call wait_for() on torch's work with it before the engines write
+    again."""
     return _torch().as_tensor(array, device=f"cuda:{array.ordinal}")
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames on their way from the camera to the program: late, unevenly late, or lost, in each environment by itself.
+"""Delays and drops frames between the camera and the program, for each environment separately.
 
-    delivery = Delivery(environments=E, latency_ms=33.0, jitter_ms=5.0, drop_share=0.02, seed=0)
-    delivery.put(batch.get_depth(), time_s)  # when a frame is taken
-    depth_m, taken_s = delivery.get(time_s)  # at each step of the policy
+delivery = Delivery(environments=E, latency_ms=33.0, jitter_ms=5.0, drop_share=0.02, seed=0)
+delivery.put(batch.get_depth(), time_s)  # when a frame is taken depth_m, taken_s = delivery.get(time_s)  # at each step
+of the policy
 """
 
 from __future__ import annotations
@@ -21,9 +21,11 @@ _ENVIRONMENTS, _SEED = Limits(1, 1_000_000, whole=True), Limits(0, 2**64 - 1, wh
 
 
 class Delivery:
-    """latency_ms: from the middle of the exposure to the arrival, a number or [E]. jitter_ms: standard deviation of
-    that, likewise; no frame arrives before it was taken, and none overtakes another. drop_share: of frames that never
-    arrive. The same seed draws the same. ValueError for what none of these may be."""
+    """Draws each frame's delay, and which frames are lost. The same seed draws the same.
+
+    latency_ms: mean time from the middle of the exposure to the arrival, a number or [E]. jitter_ms: its standard
+    deviation, likewise. No frame arrives before it was taken, and none overtakes another. drop_share: share of frames
+    that never arrive. Raises ValueError for values out of range."""
 
     def __init__(
         self, environments: int, latency_ms: ArrayLike = 0.0, jitter_ms: ArrayLike = 0.0, drop_share: ArrayLike = 0.0,
@@ -55,8 +57,8 @@ class Delivery:
         self._under_way.append((copy, time_s, np.where(is_dropped, np.inf, arrives_s)))
 
     def get(self, time_s: float) -> tuple[Any, NDArray[np.float64]]:
-        """The newest images that have arrived, [E, ...], 0 where none has, and when each was taken, [E] seconds, NaN
-        likewise. RuntimeError before the first put()."""
+        """Returns the newest images that have arrived, [E, ...], and when each was taken, [E] seconds. An environment
+        without a frame has 0 and NaN. Raises RuntimeError before the first put()."""
         if self._arrived is None:
             if not self._under_way:
                 raise RuntimeError("no image was put in yet")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Depth of one camera in eight kinds, one word each, to compare what a robot learns from them.
+"""Eight models of one camera's depth, to compare what a robot learns from each.
 
 | mode | depth |
 |--|--|
@@ -35,8 +35,8 @@ _SIGMA_M_AT_1_M = 0.004
 
 class DepthCamera:
     """Depth [E, height, width], float32 metres, of a sensor's RGB camera on each mount. 'raster' makes every material
-    of the scene Lambertian, for good. pose: the RGB camera's, relative to its mount. isaac: settings of 'isaac-like',
-    by default those of Isaac Sim, which see nothing nearer than 0.5 m and nothing without texture."""
+    of the scene Lambertian, for good. pose: the RGB camera's, relative to its mount. isaac: settings of 'isaac-like'.
+    By default they are Isaac Sim's, which drop depth below 0.5 m and surfaces without texture."""
 
     def __init__(
         self, mode: str, config: StereoDepthSensorConfig, mounts: HasPoses, pose: PoseLike | None = None,
@@ -83,7 +83,7 @@ class DepthCamera:
 
 
 def make_lambertian(scene: kuafu.Scene) -> None:
-    """Takes gloss, metal, glass and what lies below surfaces from every material; diffuse colours stay."""
+    """Removes gloss, metal, glass and subsurface scattering from every material; diffuse colours stay."""
     for number in range(scene.summary.material_count):
         material = scene.get_material(number)
         material.metallic = material.specular = material.transmission = material.subsurface = 0.0

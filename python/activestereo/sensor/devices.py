@@ -17,7 +17,7 @@ _Result = TypeVar("_Result")
 
 
 class Devices:
-    """names: what an error's note says of each device."""
+    """A thread for each device, if there are several. names: each device's name in errors."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = list(names)

@@ -32,13 +32,13 @@ from activestereo.sensor.rig_inputs import RigInputs
 
 
 class SensorEngine:
-    """environments: each sensor's, or [None]: one sensor in a scene without environments, which alone has a velocity,
-    conditions, 'converging' exposure and effects that act outside of the engines. shape: (), (E,) or (E, S). source:
-    what the scene is from. first_view: the first sensor's number among those of all devices. results: where maps lie,
-    if not in arrays of their own. matcher: what makes disparities.
+    """environments: the environment of each sensor. [None] is one sensor in a scene without environments; only it has a
+    velocity, conditions, 'converging' exposure and effects outside the engines. shape: (), (E,) or (E, S). source: the
+    scene's origin. first_view: the first sensor's number among those of all devices. results: memory for maps, None for
+    new arrays. matcher: computes disparities.
 
-    ValueError for a model that does not fit the scene or such sensors, and for exposure that does not; then nothing has
-    been changed."""
+    Raises ValueError for a model or an exposure mode that does not fit the scene or the sensors. Nothing has changed
+    then."""
 
     def __init__(
         self, plan: SensorPlan, scene: kuafu.Scene, environments: Sequence[int | None] = (None,),
@@ -69,7 +69,7 @@ class SensorEngine:
         self._present, self._next = pictures[0], pictures[-1]
         self._under_way = UnderWay()
         self._maps = Maps(weakref.proxy(self), on_cuda, results)
-        self.light_share = np.ones(self._count)  # of each sensor, over what its exposure makes of the view
+        self.light_share = np.ones(self._count)  # factors on each sensor's own exposure
         self._told: list[dict[str, float]] = []
         self._noise_seeds: list[int] | None = None
         self._place: NDArray[np.float64] | None = None
@@ -87,7 +87,8 @@ class SensorEngine:
     # ---- pictures ----
 
     def turn(self) -> None:
-        """Before take(): pictures that were begun are the present ones now; without a pipeline there are none."""
+        """Makes the pictures that were begun current. Call it before take(). Without a pipeline no picture is current
+        afterwards."""
         self.wait()
         if self.pipelined:
             self._turn()
@@ -98,9 +99,11 @@ class SensorEngine:
     def take(
         self, rigs: NDArray[np.float64], place: NDArray[np.float64], infrared_only: bool, progress: Progress | None
     ) -> None:
-        """Renders, after turn(), the infrared pairs, and before them the RGB pictures unless infrared_only, of sensors
-        whose RGB cameras are at `rigs`, [sensors, 4, 4], body axes; a pipelined engine begins to. place: static speckle
-        is drawn again where this is another array than before. A picture that fails, here or in wait(), is none."""
+        """Renders the infrared pairs, and before them the RGB pictures unless infrared_only. Call turn() first. A
+        pipelined engine only begins them.
+
+        rigs: poses of the RGB cameras, [sensors, 4, 4], body axes. place: static speckle is drawn again if this array
+        differs from the last call's. A failed picture, here or in wait(), leaves no result."""
         picture = self._next
         taken = self._prepare(place)
         share = 0.0 if infrared_only else 0.5
@@ -141,13 +144,13 @@ class SensorEngine:
         return self.pipelined and self._next.taken is not None
 
     def picture(self) -> Picture:
-        """The present one. RuntimeError where there is none."""
+        """Returns the current picture. Raises RuntimeError if there is none."""
         if self._present.taken is None:
             raise RuntimeError("no picture yet: call take_picture() first")
         return self._present
 
     def rgb_picture(self) -> PictureMemory:
-        """The present one's RGB images, or those before it. RuntimeError where there are none."""
+        """Returns the newest picture with RGB images. Raises RuntimeError if there is none."""
         if not self.picture().has_rgb:
             raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
         return self._present.rgb
@@ -163,7 +166,8 @@ class SensorEngine:
         return images.reshape(2, *self.shape, *images.shape[1:])
 
     def render_true_depth(self, rigs: NDArray[np.float64]) -> NDArray[np.float32]:
-        """float32 [*shape, height, width] metres in the RGB cameras of the scene as it is now; takes no picture."""
+        """Renders float32 [*shape, height, width] metres in the RGB cameras, of the scene as it is now. Takes no
+        picture."""
         self.wait()
         seen: dict[str, Any] = self.rig.visible() | {"optics": None, "spp": 1}
         depth = self._renderer.render(self.scene, self.rig.rgb_cameras(rigs), ["depth"], **seen)["depth"]
@@ -172,8 +176,8 @@ class SensorEngine:
     def render_now(
         self, rigs: NDArray[np.float64], names: Sequence[str], side: int | None, **options: Any
     ) -> dict[str, NDArray[Any]]:
-        """{name: [height, width, channels]}: kuafu's outputs as one sensor's left (0) or right (1) camera sees them
-        now, or the RGB camera (None), in one render. options: of kuafu.Renderer.render, over the sensor's own."""
+        """Renders {name: [height, width, channels]} of one sensor's camera now: left (0), right (1) or RGB (None).
+        options: those of kuafu.Renderer.render, over the sensor's own."""
         self.wait()
         self.rig.shine(rigs)
         try:
@@ -196,16 +200,16 @@ class SensorEngine:
 
     @property
     def ir_memory(self) -> str:
-        """How the infrared pairs reach the depth engine: 'opaque_fd', 'host' or 'copy'."""
+        """Names the infrared pairs' way to the depth engine: 'opaque_fd', 'host' or 'copy'."""
         return self._present.link.memory
 
     @property
     def maps(self) -> Maps:
-        """Those of the present pictures."""
+        """Returns the maps of the current pictures."""
         return self._maps
 
     def compute(self, outputs: Any) -> dict[str, NDArray[Any]]:
-        """Maps of the present pictures; outputs: their names, or what they are written into."""
+        """Computes maps of the current pictures. outputs: their names, or arrays to write into."""
         picture = self._present
         taken = picture.taken or Taken()
         self._tell(picture.signals)  # the next picture's exposure may be another
@@ -227,7 +231,7 @@ class SensorEngine:
         self.matcher.set_parameters(frame_index=frame_index, scene_index=0)
         return self._computed(pair, outputs, lasers)
 
-    # ---- what changes ----
+    # ---- settings between pictures ----
 
     def set(self, matcher: Mapping[str, Any], signal: dict[str, float]) -> None:
         """The matcher's parameters and the plan's signal. They hold for the pictures that there are, each under its own
@@ -259,7 +263,8 @@ class SensorEngine:
         self.rig.set_conditions(temperature_c, time_s)
 
     def restart(self, seed: int, noise_seeds: list[int] | None = None) -> None:
-        """The next picture is frame 0 under this seed; there is none now. noise_seeds: of each sensor's imagers."""
+        """Makes the next picture frame 0 under this seed and drops the current one. noise_seeds: a seed for each
+        sensor's imagers."""
         self.wait()
         self._noise_seeds = noise_seeds
         self.rig.plan = replace(self.plan, render_seed=seed, engine=self.plan.engine | {"noise_seed": seed})
@@ -270,7 +275,7 @@ class SensorEngine:
         self._maps.clear()
 
     def close(self) -> None:
-        """Takes what the sensors have in the scene out of it."""
+        """Removes the sensors' objects from the scene."""
         self._under_way.let_end()
         self.rig.leave()
 
@@ -284,7 +289,7 @@ class SensorEngine:
         return self.image_effects.depth(self.matcher, pair, outputs, **lasers)
 
     def _prepare(self, place: NDArray[np.float64]) -> Taken:
-        """Sets what changes from picture to picture: exposure, emitter, static speckle where a sensor has moved."""
+        """Sets the values that change between pictures: exposure, emitter, and static speckle if a sensor has moved."""
         if self._next_setting is not None:
             self.rig.set_exposure(self._next_setting)
             self._next_setting = None

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The exposure of many sensors behind one imager, each by what it sees: its light is scaled, and gain counts as
-exposure."""
+"""Exposes many sensors behind one imager, each for its own view: scales its light, and counts gain as exposure."""
 
 from __future__ import annotations
 

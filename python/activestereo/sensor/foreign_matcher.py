@@ -21,20 +21,20 @@ class Matcher(Protocol):
     def __call__(
         self, left: NDArray[Any], right: NDArray[Any]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
-        """(disparities, confidences or None), float32 [pairs, height, width]; pixels of the left image, NaN or not
-        above 0 where nothing was measured; confidences 0..1."""
+        """Returns (disparities, confidences or None), float32 [pairs, height, width]. Disparities are pixels of the
+        left image; NaN, 0 or less = not measured. Confidences are 0..1."""
 
 
-# What a sensor takes: simsense's own matcher, OpenCV's, the path of an ONNX file, or a Matcher.
+# Matchers that a sensor accepts: simsense's own, OpenCV's, the path of an ONNX file, or a Matcher.
 MatcherLike = str | PathLike[str] | Matcher
 _SGBM_BLOCK = 7
-_SGBM_STEPS = 16  # of a pixel in its disparities
+_SGBM_STEPS = 16  # step of disparities, pixels
 _SGBM_STEP_PX = 16  # disparities come in multiples of this
 _IMAGES = ("ir_left", "ir_right", "rectified_left", "rectified_right")
 
 
 def as_matcher(given: MatcherLike, engine: simsense.Engine) -> Matcher | None:
-    """The matcher, None for simsense's own, `engine`. ValueError says what else it may be."""
+    """Returns the matcher, or None for simsense's own, `engine`. Raises ValueError, which lists the choices."""
     if callable(given):
         return given
     if given == "simsense":
@@ -53,7 +53,7 @@ def foreign_maps(
     lasers: dict[str, Any],
 ) -> dict[str, NDArray[Any]]:  # fmt: skip
     """simsense.Engine.compute() with this matcher in place of its own: imager and rectification are the engine's.
-    outputs: names, or the arrays by name that they are written into. ValueError where the matcher gives other sizes."""
+    outputs: names, or {name: array to write into}. Raises ValueError if the matcher returns another size."""
     images = dict(engine.compute(*pair, _IMAGES, **lasers))
     left, right = images["rectified_left"], images["rectified_right"]
     leading = left.shape[:-2]
@@ -98,8 +98,8 @@ def _maps(
 
 
 class OpenCVMatcher:
-    """SGBM with eight paths of simsense's disparities, uniqueness and left-right check; other parameters are those of
-    OpenCV's documentation. ImportError where cv2 is missing."""
+    """SGBM with eight paths, and simsense's disparity range, uniqueness and left-right check. Other parameters follow
+    OpenCV's documentation. Raises ImportError if cv2 is missing."""
 
     def __init__(self, parameters: Mapping[str, Any]) -> None:
         import cv2

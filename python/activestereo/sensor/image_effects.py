@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A model's effects that no engine field expresses, on the images of a simulated sensor: each acts at its own stage, at
-the cost of copies.
+"""Applies the effects that no engine field expresses to a simulated sensor's images, each at its own stage, at the cost
+of copies.
 
-What acts on light comes after the camera's optics, what acts on charge before the imager, what acts on counts after it.
+Effects on light come after the camera's optics, effects on charge before the imager, effects on counts after it.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ class ModelCostWarning(UserWarning):
 
 
 class ImageEffects:
-    """The effects, pairs (Effect, {parameter: value}), of one sensor. False where there are none: then nothing is
-    touched."""
+    """One sensor's effects, pairs (Effect, {parameter: value}). False if there are none; images then stay as they
+    are."""
 
     def __init__(self, sensor: Sensor, effects: Sequence[tuple[Effect, dict[str, float]]]) -> None:
         self._sensor = sensor
@@ -108,7 +108,7 @@ class ImageEffects:
     def depth(
         self, engine: simsense.Engine, pair: tuple[Any, Any], outputs: tuple[str, ...], **lasers: Any
     ) -> dict[str, NDArray]:
-        """engine.compute() with what acts on counts, disparity and depth."""
+        """engine.compute() with the effects on counts, disparity and depth."""
         counts, matched = self._of(Stage.READOUT, Stage.DIGITAL), self._of(Stage.DISPARITY, Stage.DEPTH)
         wanted = (*outputs, "depth") if matched.effects else outputs
         if not counts.effects:
@@ -135,7 +135,7 @@ class ImageEffects:
         return out
 
     def _own_matcher(self) -> simsense.Engine:
-        """An engine that matches counts as they are."""
+        """Makes an engine that matches counts without changing them."""
         if self._matcher is None:
             self._matcher = self._sensor.make_engine()
         bits = {"bit_depth": self._sensor.engine_inputs().left.signal["bit_depth"]}

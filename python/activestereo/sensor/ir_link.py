@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The infrared pair's way from kuafu to simsense: one memory that both libraries address, so that no frame is copied.
+"""Hands the infrared pair from kuafu to simsense in memory that both address, so no frame is copied.
 
-kuafu exports the buffer once, as an opaque file descriptor where both devices can (GPUs, lavapipe), else as a host
-pointer; simsense imports it. A GPU with memory of its own keeps it there, and the host sees the pair by copies that are
-asked for: through host-visible memory every pixel would cross the bus twice. With copy=True each library has its own
-buffer and every frame is copied, which is slower and shows what the sharing saves.
+kuafu exports the buffer once: as an opaque file descriptor if both devices can (GPUs, lavapipe), else as a host
+pointer. simsense imports it. A GPU with its own memory keeps the pair there and copies it for the host on request;
+host-visible memory would move every pixel over the bus twice. With copy=True each library has its own buffer and every
+frame is copied; that is slower and shows the gain of sharing.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class IrLink:
         return {"radiance": self.target} | ({"projector": self.laser().target} if is_laser_apart else {})
 
     def lasers(self, is_laser_apart: bool) -> dict[str, simsense.Image]:
-        """The depth engine's keyword arguments for the laser's part; none where all light has speckle."""
+        """Keyword arguments of the depth engine for the laser's light; empty if all light has speckle."""
         return {"left_laser": self.laser().left, "right_laser": self.laser().right} if is_laser_apart else {}
 
     def images(self) -> np.ndarray:

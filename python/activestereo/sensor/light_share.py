@@ -23,9 +23,10 @@ _GROUPS = {group: f"light_group_{group}" for group in (LAMPS, SURFACES, ALL_SIDE
 
 @dataclass(frozen=True)
 class LightShare:
-    """Shares of the infrared light in the middle of the left camera's picture. distance_m: the median there. dots: the
-    projector's at its dots, the brightest tenth of the pixels; projector: the same of all pixels. brightest: the
-    brightest light beside the projector, by name; None where there is no other."""
+    """Shares of the infrared light in the middle of the left camera's picture.
+
+    distance_m: median distance there. dots: the projector's share at its dots, the brightest tenth of the pixels;
+    projector: its share over all pixels. brightest: name of the brightest other light, or None."""
 
     distance_m: float
     dots: float
@@ -35,8 +36,8 @@ class LightShare:
 
 
 def light_share(sensor: StereoDepthSensor) -> LightShare | None:
-    """Renders a few samples. The scene's lights are parted as staging.part_light() does. None: there is nothing to see
-    in the picture, or no infrared light at all."""
+    """Renders a few samples, with the lights split as in staging.part_light(). Returns None if the picture shows no
+    surface or no infrared light."""
     has_projector = sensor.get_config().light_pattern is not None
     names = ["depth", "position", *_GROUPS.values(), *(["projector"] if has_projector else [])]
     seen = sensor.get_pictures(names, "left", samples_per_pixel=_SAMPLES, denoise="none")
@@ -64,7 +65,7 @@ def _at_dots(seen: dict[str, NDArray[Any]], middle: NDArray[np.bool_]) -> float:
 
 
 def _middle(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """The pixels of the middle third that show something, or of the whole picture where none there does."""
+    """Pixels with a surface in the middle third; if it has none, those of the whole picture."""
     height, width = depth.shape
     out = np.zeros(depth.shape, bool)
     out[height // 3 : -(height // 3), width // 3 : -(width // 3)] = True

@@ -27,10 +27,10 @@ class ComputesMaps(Protocol):
 
 
 class Maps:
-    """Maps that have been read of earlier pictures are computed together, any other when it is first read.
+    """Computes maps that were read of earlier pictures together, others when first read.
 
-    on_cuda: maps lie where CUDA sees them, too, and the host reads them from there; CudaError, where the first is
-    computed, if there is no CUDA, or none on this GPU. results: where they lie, if not in arrays of their own."""
+    on_cuda: maps lie in memory that CUDA sees, and the host reads them from there. The first computation raises
+    CudaError without CUDA on this GPU. results: memory for maps, None for new arrays."""
 
     def __init__(self, engine: ComputesMaps, on_cuda: bool = False, results: PartOfResults | None = None) -> None:
         self._engine, self._results = engine, results
@@ -54,8 +54,7 @@ class Maps:
         self._has_begun = True
 
     def complete(self) -> None:
-        """Has all at hand where the pictures have been matched, as before the engine changes: all maps of a picture are
-        of one engine."""
+        """Computes all maps of matched pictures, before the engine changes: one engine makes all maps of a picture."""
         names = ("disparity", "ir_left", "ir_right", *self._engine.plan.depth_maps)
         missing = [name for name in names if name not in self._found]
         if self._has_begun and missing:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where sensors stand: a scene, and one pose or many in it."""
+"""Mounts of sensors: a scene, and one pose or many in it."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from activestereo.common.pose import Pose, PoseLike, as_matrix
 from activestereo.common.pose_arrays import PosesLike, host_array, pose_fault, pose_matrices
 from activestereo.scene_io.scene_files import load_scene_file
 
-# Of a batch's broken poses, so many are named in the error's text; the error has all their environments.
+# At most so many broken poses stand in the error's text; the error object lists all environments.
 _MOST_NAMED = 8
 
 
 class HasPose(Protocol):
-    """Where a sensor stands, as a Mount or activestereo.integrations.mujoco's mount()."""
+    """A place for a sensor, as a Mount or activestereo.integrations.mujoco's mount()."""
 
     @property
     def scene(self) -> kuafu.Scene: ...
@@ -38,14 +38,14 @@ class Mount:
 
 
 class RigPlace:
-    """Where a sensor is that stands at the pose `local` of its mount."""
+    """The place of a sensor at the pose `local` of its mount."""
 
     def __init__(self, mount: HasPose, local: Pose) -> None:
         self._mount, self.local = mount, local
         self._parts, self._matrix = b"", np.eye(4)
 
     def pose(self) -> Pose:
-        """In the scene. ValueError where the mount has none."""
+        """Pose in the scene. Raises ValueError if the mount has none."""
         return Pose(as_matrix(self._mount.pose) @ as_matrix(self.local))
 
     def matrix(self) -> NDArray[np.float64]:
@@ -62,8 +62,8 @@ class RigPlace:
 def as_mount(
     scene_or_mount: kuafu.Scene | HasPose | str | PathLike[str], device: str | int | kuafu.Device
 ) -> HasPose:
-    """A Mount, or another object with a scene and a pose, of that, of a scene, or of a scene file on a device (any that
-    load_scene_file knows; a USD stage's dome light is the environment)."""
+    """Makes a Mount from a scene, a scene file on a device, or an object with a scene and a pose. It takes every file
+    that load_scene_file knows; a USD stage's dome light becomes the environment."""
     if isinstance(scene_or_mount, kuafu.Scene):
         return Mount(scene_or_mount)
     if isinstance(scene_or_mount, (str, PathLike)):
@@ -79,16 +79,16 @@ def as_mount(
 
 
 class SensorPoseError(ValueError):
-    """A sensor's pose is none. The pictures of the other environments are taken; this one's are from its last place."""
+    """A sensor has no valid pose. The other environments' pictures are taken; this one's show its last place."""
 
     def __init__(self, text: str, environments: list[int]) -> None:
         super().__init__(text)
-        self.environments = environments  # all whose mounts have no pose
+        self.environments = environments  # all environments whose mounts have no pose
         self.environment = environments[0]
 
 
 class HasPoses(Protocol):
-    """Where a batch stands, as Mounts or activestereo.integrations.mujoco's mount()."""
+    """Places of a batch, as Mounts or activestereo.integrations.mujoco's mount()."""
 
     @property
     def scene(self) -> kuafu.Scene: ...
@@ -120,7 +120,7 @@ class Places:
         self.matrices = np.broadcast_to(np.eye(4), (int(np.prod(self.shape)), 4, 4)).copy()
 
     def read(self) -> NDArray[np.bool_]:
-        """Follows the mounts; [sensors]: whose mount has no pose, and which stay where they were."""
+        """Follows the mounts. Returns a mask [sensors] of those whose mount has no pose; they stay in place."""
         poses = pose_matrices(host_array(self._mounts.poses), "poses of sensors")
         if poses.shape[:-2] != self.shape:
             raise ValueError(f"this batch is of {self.shape} sensors; the poses are of {poses.shape[:-2]}")

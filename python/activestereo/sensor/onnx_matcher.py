@@ -24,7 +24,7 @@ class OnnxInterface:
     """A network's inputs and outputs. left, right: names of its inputs, float32 [1, channels, height, width], whose
     values are (counts of 0..255 - mean) / std; multiple: height and width are padded to multiples of it, at the right
     and below. disparity, confidence: names of its outputs, [1, (1,) height, width]; disparities times scale are pixels,
-    and confidences 0..1; "" = there are none."""
+    and confidences 0..1; "" = absent."""
 
     left: str = "left"
     right: str = "right"
@@ -38,9 +38,9 @@ class OnnxInterface:
 
 
 class OnnxMatcher:
-    """interface: what the network wants and gives, else the file's metadata under `activestereo`, else the defaults.
-    providers: onnxruntime's, such as CUDAExecutionProvider; None = those that there are. ImportError where onnxruntime
-    is missing; ValueError of one line for a file that it cannot run, and for one with other inputs or outputs."""
+    """interface: the network's inputs and outputs; None reads the file's metadata under `activestereo`, else takes the
+    defaults. providers: onnxruntime's, such as CUDAExecutionProvider; None = all available. Raises ImportError without
+    onnxruntime, and ValueError for a file that it cannot run or with other inputs or outputs."""
 
     def __init__(
         self, path: str | PathLike[str], interface: OnnxInterface | None = None, providers: list[str] | None = None
@@ -53,7 +53,7 @@ class OnnxMatcher:
         try:
             wanted = onnxruntime.get_available_providers() if providers is None else providers
             self._session = onnxruntime.InferenceSession(str(self._path), providers=wanted)
-        except Exception as error:  # onnxruntime has a class of its own for each failure
+        except Exception as error:  # each failure has its own class in onnxruntime
             reason = " ".join(str(error).split())
             raise ValueError(f"{path}: onnxruntime cannot run it (custom operators?): {reason}") from error
         self.interface = self._of_metadata() if interface is None else interface

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A camera's images, left where they were rendered until somebody reads one: a picture whose images nobody looks at
-costs no copy to the host."""
+"""A camera's images, which stay in the renderer's memory until somebody reads one. A picture that nobody reads costs no
+copy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import DTypeLike, NDArray
 import kuafu
 from activestereo.sensor.cuda_memory import CudaArray, CudaMemory
 
-# Of an RGB picture: dtype and channels.
+# dtype and channels of an RGB picture's outputs
 RGB_OUTPUTS = {
     "radiance": (np.float32, 3),
     "srgb": (np.uint8, 4),
@@ -24,12 +24,12 @@ RGB_OUTPUTS = {
 
 
 class PictureMemory:
-    """Images [count, height, width, channels] of several outputs, which the next picture is rendered into again. A GPU
-    writes an output that has been read into the host's memory from the next picture on, which saves a submission to
-    copy it; `radiance` stays, for the GPU itself reads it.
+    """Images [count, height, width, channels] of several outputs; each picture overwrites the last. After an output is
+    read once, a GPU writes it directly to host memory, which saves a copy. `radiance` stays on the GPU, which reads it
+    itself.
 
-    outputs: {kuafu's name: (dtype, channels)}. host_visible: None where the device is a GPU means its own memory.
-    on_cuda: CUDA sees it, too; CudaError where there is no CUDA, or none on this GPU.
+    outputs: {kuafu's name: (dtype, channels)}. host_visible: None = no on a GPU. on_cuda: CUDA sees the memory, too;
+    raises CudaError without CUDA on this GPU.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class PictureMemory:
         self._read: dict[str, NDArray[Any]] = {}
 
     def forget(self) -> None:
-        """Before a render into `targets`: what was read belongs to the picture before."""
+        """Forgets the last picture's outputs, before a render into `targets`."""
         for name in self._on_device & self._read.keys():
             image = self.targets[name]
             self.targets[name] = kuafu.Buffer(self._device, image.buffer.size_bytes).image(image.dtype, image.shape)
@@ -70,6 +70,6 @@ class PictureMemory:
         return self._read[name]
 
     def cuda(self, name: str, shape: tuple[int, ...]) -> CudaArray:
-        """One output of the last picture where it was rendered, of this shape: no copy, and the next picture's
-        memory."""
+        """One output of the last picture in this shape, in the memory that it was rendered into. No copy; the next
+        picture overwrites it."""
         return self._cuda[name].array(self.targets[name].dtype, shape)

@@ -28,9 +28,9 @@ class Taken(NamedTuple):
 
 @dataclass
 class Picture:
-    """Memory that pictures are rendered into one after another, and what the last one was taken under. taken: None
-    where there is none. has_rgb: of this picture or of one before. signals: the imagers', left and right, under this
-    exposure and gain. light_share: of each sensor, the light over that of its exposure."""
+    """Memory of one picture, and the settings of the last one in it. taken: None if there is none. has_rgb: the memory
+    holds RGB images, perhaps of an earlier picture. signals: the imagers' settings, left and right, with exposure and
+    gain. light_share: for each sensor, its light over that of its exposure."""
 
     link: IrLink
     rgb: PictureMemory
@@ -42,7 +42,7 @@ class Picture:
 
 
 class UnderWay:
-    """In the order of their submission. False where there are none."""
+    """Renders in order of submission. False if none is under way."""
 
     def __init__(self) -> None:
         self._submissions: list[tuple[str, kuafu.Submission]] = []
@@ -54,8 +54,8 @@ class UnderWay:
         self._submissions.append((name, submission))
 
     def wait(self, ended: Callable[[str], object]) -> None:
-        """Until all have ended; ended(name) after each. Where one has failed the others end first, unheard; an
-        interrupt leaves them."""
+        """Waits until all have ended and calls ended(name) after each. Raises the first error after the others have
+        ended; an interrupt leaves them running."""
         while self._submissions:
             name, submission = self._submissions[0]
             try:
@@ -83,7 +83,7 @@ class BeginsPictures(Protocol):
 
 
 class PipelinedSensors:
-    """Those of one scene, as long as they live: their pictures end before it changes."""
+    """The pipelined sensors of one scene. Their pictures end before it changes."""
 
     def __init__(self) -> None:
         self._sensors: weakref.WeakSet[BeginsPictures] = weakref.WeakSet()
@@ -92,7 +92,8 @@ class PipelinedSensors:
         self._sensors.add(sensor)
 
     def wait(self) -> None:
-        """Where a picture has failed, its error is raised after all others have ended; the next wait() goes on."""
+        """Waits for all pictures. Raises a failed picture's error after the others have ended; the next wait() goes
+        on."""
         errors: list[Exception] = []
         for sensor in self._sensors:
             try:

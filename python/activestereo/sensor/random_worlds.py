@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Domain randomisation of a batch: which bodies its environments have, and of each environment again at every draw the
-lamps, the materials' looks and the sensors, from declared ranges under a seed.
+"""Domain randomisation of a batch from declared ranges under a seed. Bodies are drawn once; lamps, materials and
+sensors of each environment at every draw.
 
     ranges = WorldRanges(lamps=(1, 2), laser_power=(0.7, 1.0))
     has = drawn_bodies(ranges, environments, len(meshes), seed)  # [E, bodies]: bodies.add(..., environments=...)
@@ -31,15 +31,15 @@ class WorldRanges(DeclaredRanges):
     """Each (low, high), drawn evenly between them, for each environment by itself. The defaults change nothing but
     lamps; a material that lets light through keeps its roughness."""
 
-    bodies: tuple[float, float] = (1, 1_000_000)  # how many of those that there are
-    lamps: tuple[float, float] = (1, 3)  # how many
+    bodies: tuple[float, float] = (1, 1_000_000)  # count out of the bodies
+    lamps: tuple[float, float] = (1, 3)  # count
     lamp_w_per_sr: tuple[float, float] = (0.5, 3.0)
     lamp_distance_m: tuple[float, float] = (1.0, 2.0)  # from the origin
     lamp_elevation_deg: tuple[float, float] = (30.0, 90.0)  # above the plane z = 0
     albedo_factor: tuple[float, float] = (1.0, 1.0)  # on base colour and infrared albedo, which stay below 1
     roughness_factor: tuple[float, float] = (1.0, 1.0)
-    laser_power: tuple[float, float] = (1.0, 1.0)  # of each sensor, over the configuration's
-    exposure: tuple[float, float] = (1.0, 1.0)  # of each sensor, over what its configuration makes of the view
+    laser_power: tuple[float, float] = (1.0, 1.0)  # factor on the configuration's
+    exposure: tuple[float, float] = (1.0, 1.0)  # factor on the configured exposure
     right_eye_turn_deg: tuple[float, float] = (0.0, 0.0)  # about each axis: a rig that has moved since its calibration
 
     LIMITS: ClassVar[dict[str, tuple[float, float]]] = {
@@ -78,7 +78,8 @@ class RandomWorlds:
         ]
 
     def draw(self, environments: Iterable[int] | None = None) -> None:
-        """Draws the environments again, all by default. What is drawn for one does not depend on which others are."""
+        """Draws the environments again, by default all. An environment's draw does not depend on the choice of
+        others."""
         chosen = set(range(self._count) if environments is None else environments)
         if any(not 0 <= environment < self._count for environment in chosen):
             raise ValueError(f"environments are 0 to {self._count - 1}, not {sorted(chosen)}")

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arrays for results that are taken again when nobody holds them any more: the kernel clears every page of new memory,
-which costs more than what is then written into it."""
+"""Arrays for results, reused when nobody holds them any more. The kernel clears every page of new memory, which costs
+more than writing the results."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-_MOST_FREE = 2  # of a result: the caller holds one while the next is computed
+_MOST_FREE = 2  # of a result: the caller holds one during the next computation
 
 
 class Kind(NamedTuple):
@@ -35,8 +35,8 @@ class ResultMemory:
         self._kinds |= kinds
 
     def take(self, names: Iterable[str]) -> dict[str, NDArray[Any]]:
-        """{name: array}, with anything in them; {} where one of the names has not been learnt. An array is the taker's
-        as long as it or a view of it lives."""
+        """Returns {name: array} with undefined contents, or {} if a name's shape is not known yet. The caller owns an
+        array as long as it or a view of it lives."""
         names = list(names)
         return {name: self._array(name) for name in names} if all(name in self._kinds for name in names) else {}
 
@@ -61,8 +61,8 @@ def _give_back(free: list[NDArray[Any]], memory: NDArray[Any]) -> None:
 
 
 class JoinedResults:
-    """Results of several parts, one after another in arrays of all. counts: of environments in each part. Parts may
-    take theirs in threads of their own."""
+    """Results of several parts, one after another in common arrays. counts: environments in each part. Parts may
+    reserve theirs in threads of their own."""
 
     def __init__(self, counts: Sequence[int]) -> None:
         ends = np.cumsum(counts).tolist()
@@ -73,7 +73,7 @@ class JoinedResults:
         self._lock = threading.Lock()
 
     def begin(self) -> None:
-        """Forgets the results of the picture before: none of the next one's has been taken."""
+        """Forgets the last picture's results before the next ones are reserved."""
         self._whole, self._taken = {}, set()
 
     def part(self, number: int) -> PartOfResults:
@@ -104,7 +104,7 @@ class PartOfResults:
 
 
 def joined(images: Sequence[NDArray[Any]]) -> NDArray[Any] | None:
-    """[all environments, ...] where the parts' images [environments, ...] lie in one such array, else None."""
+    """Returns [all environments, ...] if the parts' images [environments, ...] lie in one such array, else None."""
     first, whole = images[0], images[0].base
     if not isinstance(whole, np.ndarray) or any(image.base is not whole for image in images):
         return None

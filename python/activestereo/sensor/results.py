@@ -25,9 +25,9 @@ from activestereo.sensor.engine import SensorEngine
 
 
 class SensorResults(ABC):
-    """Arrays have the sensors' shape, (), [E] or [E, S], before the rest, which is [..., height, width] with further
-    axes where they are named. RuntimeError where the last picture has not what is asked for. What is not read costs no
-    copy; maps that are read are computed with the next compute_depth(), others when they are first read."""
+    """Reads a sensor's results. Arrays have the sensors' shape, (), [E] or [E, S], before [..., height, width]; further
+    axes are named. Raises RuntimeError if the last picture lacks the result. Unread results cost no copy.
+    compute_depth() computes maps that were read before, others are computed when first read."""
 
     # Those that get_depth_map() gives.
     _depth_maps: tuple[str, ...] = DEPTH_MAPS
@@ -35,7 +35,7 @@ class SensorResults(ABC):
 
     @abstractmethod
     def _of(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
-        """The result of all sensors, of what get() has of one device's."""
+        """Joins all sensors' results; get() reads one device's."""
 
     @abstractmethod
     def _poses(self) -> NDArray[np.float64]:
@@ -55,13 +55,13 @@ class SensorResults(ABC):
         return np.broadcast_to(k, (*leading, 3, 3)).copy()
 
     def get_extrinsics(self, camera: str = "rgb") -> NDArray[np.float64]:
-        """[..., 4, 4] camera_to_world of this camera where the mount is now, as the calibration has it; camera axes (x
-        right, y down, z forward), metres."""
+        """Returns [..., 4, 4] camera_to_world of the calibrated camera at the mount's current pose. Camera axes: x
+        right, y down, z forward; metres."""
         return self._poses() @ camera_to_world(Pose()) @ self.camera_info(camera).camera_to_rgb
 
     @computed_once
     def rgb_rays(self) -> NDArray[np.float64]:
-        """[3, height, width]: where the middles of the RGB camera's pixels look in its axes, with z = 1."""
+        """Returns [3, height, width]: ray directions through the RGB camera's pixel centres in its axes, with z = 1."""
         rgb = self.camera_info()
         v, u = np.indices((rgb.height, rgb.width))
         return pixel_rays(u.ravel(), v.ravel(), rgb.k, rgb.distortion).reshape(3, *u.shape)
@@ -79,7 +79,7 @@ class SensorResults(ABC):
         return self._of(lambda engine: engine.maps.read("disparity"))
 
     def get_ir_measured(self) -> list[NDArray[Any]]:
-        """[left, right] uint8 (uint16 where ir_signal has more bits): what the sensor gives, noisy."""
+        """Returns [left, right], the sensor's noisy images, uint8 (uint16 if ir_signal has more bits)."""
         left = self._of(lambda engine: engine.maps.read("ir_left"))
         return [left, self._of(lambda engine: engine.maps.read("ir_right"))]
 
@@ -90,8 +90,8 @@ class SensorResults(ABC):
         return self._of(lambda engine: engine.maps.read(name))
 
     def get_rgba8(self) -> NDArray[np.uint8]:
-        """uint8 [..., height, width, 4]: red, green, blue, 255, sRGB-encoded where the picture was rendered; several
-        sensors' are exposed alike on each device, unless the configuration says how."""
+        """Returns uint8 [..., height, width, 4]: red, green, blue, 255, sRGB-encoded on the rendering device. Unless
+        the configuration fixes an exposure, each device chooses one for all its sensors."""
         return self._of(lambda engine: engine.rgb_output("srgb"))
 
     def get_rgb(self) -> NDArray[np.float32]:
@@ -100,7 +100,7 @@ class SensorResults(ABC):
         return self._of(lambda engine: encoded_rgb(engine.rgb_output("radiance"), engine.plan.rgb_exposure))
 
     def get_true_depth(self) -> NDArray[np.float32]:
-        """float32 metres in the RGB camera of the first surface at each pixel's centre; 0 = none."""
+        """Returns float32 metres in the RGB camera to the first surface at each pixel's centre; 0 = none."""
         return self._of(lambda engine: engine.rgb_output("depth")[..., 0])
 
     def get_material_ids(self) -> NDArray[np.uint32]:

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene's part that is the sensors': projectors, a model's lights, materials and medium; all of it is taken out
-again."""
+"""The sensors' part of a scene: projectors, a model's lights, materials and medium. leave() removes all of it."""
 
 from __future__ import annotations
 
@@ -21,8 +20,8 @@ LATER = 1
 
 @dataclass
 class _RigLight:
-    """One light of the rig, once for each sensor. on_rig: 4x4, its pose where the RGB camera is at the origin; visible
-    and infrared: its intensities as kuafu.Light has them."""
+    """One light of the rig, repeated for each sensor. on_rig: 4x4, its pose with the RGB camera at the origin; visible
+    and infrared: its intensities as in kuafu.Light."""
 
     records: list[kuafu.Light]
     on_rig: NDArray[np.float64]
@@ -32,8 +31,8 @@ class _RigLight:
 
 
 class Rig:
-    """The lights and materials of like sensors in their scene. environments: each sensor's; None: its lights are seen
-    by all. Materials that a model changes are the model's until leave(). laser_power: of each sensor, over the inputs'.
+    """The lights and materials of like sensors in their scene. environments: each sensor's; None: all sensors see its
+    lights. A model's materials hold until leave(). laser_power: a factor for each sensor on the inputs' power.
     """
 
     def __init__(self, scene: kuafu.Scene, environments: Sequence[int | None]) -> None:
@@ -49,7 +48,7 @@ class Rig:
 
     @property
     def projector(self) -> int | None:
-        """The first sensor's projector among the scene's lights, None where there is none."""
+        """The first sensor's projector among the scene's lights, or None."""
         return self._numbers[0] if self._on_rig and self._on_rig[0].is_laser else None
 
     def material(self, number: int) -> kuafu.Material:
@@ -59,9 +58,9 @@ class Rig:
         return copy_record(self._materials[number])
 
     def enter(self, inputs: EngineInputs, laser_w_sr: float, pattern: Pattern | None) -> None:
-        """Puts the inputs' world into the scene, in place of what was there; lights on the rig are dark until shine().
-        laser_w_sr: the projector's intensity before any effect, which a light's record has rounded. pattern: before any
-        effect."""
+        """Puts the inputs' lights, materials and medium into the scene, in place of the last ones. Lights on the rig
+        stay dark until shine(). laser_w_sr: the projector's intensity before any effect; a light's record rounds it.
+        pattern: the pattern before any effect."""
         self._leave_but_pattern()
         own = [] if inputs.projector is None else [inputs.projector]
         for light in (*own, *inputs.rig_lights, *inputs.lights):
@@ -72,7 +71,7 @@ class Rig:
         enter_world(self._scene, inputs)
         instants = [(self._environments, 0.0)]
         if inputs.right.delay_s:
-            # The right camera opens at another time: it looks into an environment of its own, where the rig is by then.
+            # The right camera opens at another time, so it sees an environment of its own with the rig moved on.
             instants = [([0], 0.0), ([LATER], inputs.right.delay_s)]
         for light in (*own, *inputs.rig_lights):
             infrared = laser_w_sr if light.ir_intensity == np.float32(laser_w_sr) else light.ir_intensity
@@ -90,7 +89,7 @@ class Rig:
             self._standing.append(self._scene.add_light(light))
 
     def shine(self, rigs: NDArray[np.float64]) -> None:
-        """Lets the lights shine from where the rigs are: [sensors, 4, 4], the RGB cameras' poses, body axes."""
+        """Switches the lights on at the rigs' poses: [sensors, 4, 4], the RGB cameras', body axes."""
         for one in self._on_rig:
             shares = self.laser_power.tolist() if one.is_laser else [1.0] * len(rigs)
             for record, place, share in zip(one.records, rigs @ one.on_rig, shares, strict=True):
@@ -104,7 +103,7 @@ class Rig:
             for record in one.records:
                 record.intensity, record.ir_intensity = (0.0, 0.0, 0.0), 0.0
         self._set_lights()
-        for one in self._on_rig:  # the inputs' own records say what shines
+        for one in self._on_rig:  # the inputs' own records hold the lights' values
             one.records[0].intensity, one.records[0].ir_intensity = one.visible, one.infrared
 
     def leave(self) -> None:
@@ -131,7 +130,7 @@ class Rig:
         self._changed_texture, self._has_medium = None, False
 
     def _texture_of(self, own: Pattern, seen: NDArray[np.float32] | None) -> int:
-        """The texture of the sensor's own pattern, or of what effects made of it."""
+        """The texture of the sensor's own pattern, or of the pattern that effects changed."""
         if seen is None or seen is own.radiant or np.array_equal(seen, own.radiant):
             if self._texture is None:
                 self._texture = self._scene.add_texture(own.image, name="projector pattern")

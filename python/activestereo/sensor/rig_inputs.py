@@ -42,7 +42,7 @@ class RigInputs:
     ) -> None:  # fmt: skip
         self.plan, self.setting = plan, plan.exposure.start
         self.scene, self.is_one = scene, list(environments) == [None]
-        # What each sensor's cameras look into.
+        # environments that each sensor's cameras see
         self.environments = [environment or 0 for environment in environments]
         self._takes_image_effects = takes_image_effects
         self._effects, self._scene_measurement, ambient_dn = _fitted_to(scene, source, model)
@@ -69,7 +69,7 @@ class RigInputs:
         return self._inputs
 
     def enter(self) -> None:
-        """Puts what the sensors have in the scene into it, for the first time; where that fails, nothing."""
+        """Puts the sensors' objects into the scene for the first time; adds nothing if that fails."""
         try:
             self._enter(self.inputs())
         except BaseException:
@@ -89,8 +89,8 @@ class RigInputs:
         return [side.signal for side in self.inputs().sides]
 
     def ir_cameras(self, rigs: NDArray[np.float64]) -> list[kuafu.Camera]:
-        """All left ones, then all right ones, as they are: under a model not what the calibration says. rigs: the RGB
-        cameras' poses, [sensors, 4, 4], body axes."""
+        """All left cameras, then all right ones, at their true places; a model may move them off the calibration. rigs:
+        the RGB cameras' poses, [sensors, 4, 4], body axes."""
         self.inputs()
         left, right = (rigs @ side for side in self._cameras_on_rig)
         views = np.concatenate([left, right if self.right_turn is None else right @ self.right_turn])
@@ -111,14 +111,14 @@ class RigInputs:
         return {"band": "visible", "environments": self.environments, "optics": self.plan.rgb_optics}
 
     def infrared(self, side: int | None = None) -> dict[str, Any]:
-        """Keyword arguments of a render of the infrared cameras. side: 0 or 1, one sensor's; None: all."""
+        """Keyword arguments of a render of the infrared cameras. side: 0 or 1 for one sensor's camera; None: all."""
         sides = self.inputs().sides if side is None else [self.inputs().sides[side]]
         seen = [LATER if one.delay_s else environment for one in sides for environment in self.environments]
         optics = [one.optics for one in sides for _ in self.environments]
         return {"band": "infrared", "environments": seen, "optics": optics}
 
     def shine(self, rigs: NDArray[np.float64]) -> None:
-        """Lets the projectors, and what else is on the rigs, shine from there."""
+        """Switches the projectors and the rigs' other lights on at these poses."""
         self._rigs = rigs
         self.inputs()
         self.in_scene.shine(rigs)
@@ -128,7 +128,7 @@ class RigInputs:
         if not self.plan.projector_always_on:
             self.in_scene.darken()
 
-    # ---- what changes ----
+    # ---- settings between pictures ----
 
     def begin(self, frame: int) -> EngineInputs:
         """The inputs of a picture."""
@@ -167,7 +167,7 @@ class RigInputs:
             self._conditions, self._inputs = (temperature_c, time_s), None
 
     def leave(self) -> None:
-        """Takes what the sensors have in the scene out of it."""
+        """Removes the sensors' objects from the scene."""
         self.in_scene.leave()
         self._is_closed = True
 
@@ -237,7 +237,7 @@ class RigInputs:
 
     def _twist_of(self, name: str) -> NDArray[np.float64]:
         """[2, 3] linear and angular velocity of a part of the rig in its own camera axes."""
-        if not np.any(self.twist):  # as nearly always; each picture under automatic exposure asks
+        if not np.any(self.twist):  # the usual case; automatic exposure asks at each picture
             return np.zeros((2, 3))
         return carried_twist(self.plan.left_to[name], self.twist).reshape(2, 3)
 
@@ -272,8 +272,8 @@ def _bounds(summary: kuafu.SceneSummary) -> tuple[tuple[float, ...], tuple[float
 def _fitted_to(
     scene: kuafu.Scene, source: object, model: SensorModel | str | PathLike[str] | None
 ) -> tuple[Model, SceneMeasurement, float | None]:
-    """(effects, scene measurement, the infrared light of the model's room in counts or None) in this scene. source:
-    what the scene is from; where the model tells two objects of one material apart and it is a file's path, each gets
+    """Fits a model to this scene. Returns (effects, scene measurement, infrared light of the model's room in counts or
+    None). source: the scene's origin. If it is a file and the model tells two objects of one material apart, each gets
     a material of its own."""
     if model is None:
         return Model(), SceneMeasurement(), None

@@ -18,11 +18,11 @@ from activestereo.sensor.gbuffer.rig import inverse_depth
 from activestereo.sensor.gbuffer.warp import in_front, warped
 
 Depth = NDArray[np.float32]
-# simkinect (github.com/ankurhanda/simkinect, add_noise.py, commit 1106ad0b): each pixel's value comes from beside it; a
-# window of 9 x 9 accepts it where 1 / 1.2 of its neighbours lie within 0.1 px of the window's mean, each distance over
-# 1.44 times the square of how far it lies, and gives it to what lies up to 3 px away; then steps of 1/8 px with noise
-# of 1/6 step (35130 cm of its Kinect are about 8 focal lengths times baselines), rounded half a step too near:
-# round(x + 0.5). Its picture of a Kinect's dots is data and is left out: here each pixel is a dot.
+# simkinect (github.com/ankurhanda/simkinect, add_noise.py, commit 1106ad0b). Each pixel's value comes from a neighbour.
+# A 9 x 9 window accepts it if 1 / 1.2 of its neighbours lie within 0.1 px of the window's mean; each difference is
+# first divided by 1.44 times the squared pixel distance. Accepted values spread up to 3 px. Then come steps of 1/8 px
+# with noise of 1/6 step (35130 cm of its Kinect are about 8 focal lengths times baselines), rounded half a step too
+# near: round(x + 0.5). Its picture of a Kinect's dots is data and is left out: here each pixel is a dot.
 _KINECT_STEPS = 8.0
 _KINECT_SHIFT_PX, _KINECT_SIGMA_STEPS, _KINECT_BIAS_STEPS = 0.5, 1.0 / 6.0, 0.5
 _KINECT_WINDOW, _KINECT_INLIER_PX, _KINECT_PER_SQUARE_PX, _KINECT_LEAST_SHARE = 9, 0.1, 1.2**2, 1.0 / 1.2
@@ -33,7 +33,7 @@ _KINECT_FILL_PX = 3.0
 _REDWOOD_SHIFT_PX, _REDWOOD_SIGMA_PX, _REDWOOD_FARTHEST_M, _REDWOOD_STEPS = 0.25, 0.027778, 10.0, 8.0
 # Intel, "Best-known methods for tuning RealSense D400": RMS of subpixels of a passive, well textured plane.
 _DATASHEET_SUBPIXEL = 0.08
-# What a texture varies by within the window, of 255 grey levels.
+# Standard deviation of a texture within the window, of 255 grey levels.
 _TEXTURE_WINDOW, _TEXTURE_LEVELS = 7, 4.0
 
 
@@ -103,7 +103,7 @@ def isaac(
     depth: Depth, gray: NDArray[np.float32] | None, focal_px: float, baseline_m: float, settings: IsaacSettings,
     random: np.random.Generator,
 ) -> Depth:  # fmt: skip
-    """gray: the picture, 0..1, for settings.needs_texture. What the second view does not see is dropped."""
+    """gray: the picture, 0..1, for settings.needs_texture. Drops pixels that the second view does not see."""
     inverse = inverse_depth(depth)
     disparity = focal_px * baseline_m * inverse
     beside = warped(inverse, focal_px, baseline_m).inverse_depth
@@ -132,7 +132,7 @@ def _places(
 
 
 def _agreeing(disparity: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Where simkinect's window accepts a disparity; those at the border and those that are infinite never."""
+    """Whether simkinect's window accepts each disparity; never at the border, never an infinite one."""
     is_known = np.isfinite(disparity)
     known = np.where(is_known, disparity, 0.0)
     window, reach = (1, _KINECT_WINDOW, _KINECT_WINDOW), _KINECT_WINDOW // 2

@@ -40,28 +40,27 @@ from activestereo.sensor.results import SensorResults
 class StereoDepthSensor(SensorResults):
     """An active stereo depth sensor: a SensorEngine's view of one sensor alone.
 
-    config: a StereoDepthSensorConfig, which is copied, or a camera's name. scene_or_mount: a kuafu.Scene, a Mount,
-    or the path of a scene file. pose: the RGB camera's pose, in the scene or relative to the mount; body axes (x
-    forward, y left, z up) as in SAPIEN. device: 'auto', 'cpu', an index or a kuafu.Device, where the scene does not
-    bring its own. copy_ir: copies the infrared pair between the libraries instead of sharing its memory. The
-    projector becomes a light of the scene, seen in the infrared only, and shines while this sensor's pictures are
-    taken (always, if the config's projector_always_on says so). It goes with the sensor: at close(), at the end of
-    a `with` block, or when nothing refers to the sensor any more. One thread at a time.
+    config: a StereoDepthSensorConfig, which is copied, or a camera's name. scene_or_mount: a kuafu.Scene, a Mount, or
+    the path of a scene file. pose: the RGB camera's pose, in the scene or relative to the mount; body axes (x forward,
+    y left, z up) as in SAPIEN. device: 'auto', 'cpu', an index or a kuafu.Device; unused if the scene has its own.
+    copy_ir: copies the infrared pair between the libraries instead of sharing its memory. The projector becomes an
+    infrared light of the scene. It shines during this sensor's pictures, or always with the config's
+    projector_always_on. It leaves the scene at close(), at the end of a `with` block, or with the last reference to the
+    sensor. One thread at a time.
 
-    model: a model.SensorModel or the path of a model.json. Its effects act inside of the engines; those that no
-    engine field expresses change the images, with a ModelCostWarning. Its rig, pattern and imager are the config's:
-    StereoDepthSensorConfig.from_model(). ValueError says what in it does not fit this scene; then nothing has been
-    changed.
+    model: a model.SensorModel or the path of a model.json. The engines apply its effects. Effects that no engine field
+    expresses change the images, with a ModelCostWarning. Its rig, pattern and imager belong in the config:
+    StereoDepthSensorConfig.from_model(). Raises ValueError if it does not fit this scene; nothing has changed then.
 
-    on_cuda: RGB pictures and maps lie where CUDA sees them, for get_cuda(). CudaError where there is no CUDA, or none
-    on this GPU.
+    on_cuda: RGB pictures and maps lie in memory that CUDA sees, for get_cuda(). Raises CudaError without CUDA on this
+    GPU.
 
     pipelined: a picture is rendered while the one before it is matched and read. take_picture() begins it, results are
-    of the one before, with the same bits, and wait() comes before the scene changes: kuafu.Error, that work is under
-    way, where it does not. ValueError for a model that changes the images, with this or on_cuda.
+    those of the picture before, with the same bits. Call wait() before changing the scene; otherwise kuafu.Error. A
+    model that changes the images raises ValueError, with this or on_cuda.
 
     matcher: 'simsense', 'opencv', the path of an .onnx file (sensor.onnx_matcher), or a sensor.foreign_matcher.Matcher,
-    which gets the rectified pairs that simsense's imager counts. ValueError with on_cuda or a model that changes the
+    which gets the rectified pairs of simsense's imager. Raises ValueError with on_cuda or a model that changes the
     images.
     """
 
@@ -91,9 +90,9 @@ class StereoDepthSensor(SensorResults):
     # ---- taking pictures ----
 
     def take_picture(self, infrared_only: bool = False, progress: Progress | None = None) -> None:
-        """Renders the infrared pair, and before it the RGB picture unless infrared_only; a pipelined sensor begins to,
-        and makes the picture before the one that results are of. progress(fraction) may return True to cancel. A
-        picture that fails or is cancelled, here or in wait(), is none."""
+        """Renders the infrared pair, and before it the RGB picture unless infrared_only. A pipelined sensor begins a
+        new picture and makes the one before it current. progress(fraction) may return True to cancel. A failed or
+        cancelled picture, here or in wait(), leaves no result."""
         if progress is not None and self._engine.pipelined:
             raise ValueError("a picture that is rendered in the background has no progress")
         self._engine.turn()
@@ -128,7 +127,7 @@ class StereoDepthSensor(SensorResults):
     # ---- results ----
 
     def get_ir(self) -> list[NDArray[np.float32]]:
-        """[left, right] float32 [height, width] in 0..1: what linear imagers would count without noise and dark
+        """Returns [left, right] float32 [height, width] in 0..1: counts of linear imagers without noise and dark
         current, over full scale."""
         light, signals = self._engine.light(), self._engine.picture().signals
         return [_linear_counts(*side) for side in zip(light, signals, strict=True)]
@@ -137,7 +136,7 @@ class StereoDepthSensor(SensorResults):
         """One of the config's depth_maps, of the (rectified) left infrared camera: 'confidence' float32 [height, width]
         0..1, 'reason' uint8 [height, width] an index into simsense.REASONS, 'points' float32 [height, width, 3] metres,
         'rectified_left', 'rectified_right'; always 'cause', uint8 [height, width] an index into gbuffer.cause.CAUSES:
-        what in the scene, as it is now, made the hole."""
+        the cause of each hole, from the scene as it is now."""
         if name == "cause":
             return traced_causes(self, self._engine.maps.read("reason"))
         return super().get_depth_map(name)
@@ -150,8 +149,8 @@ class StereoDepthSensor(SensorResults):
         return np.hstack([points, self.get_rgb()[v, u]]) if with_rgb else points
 
     def get_cuda(self, name: str) -> CudaArray:
-        """The array of get_<name>() in CUDA memory, without a copy, of a sensor made with on_cuda; names, types and
-        errors are those of StereoDepthSensorBatch.get_cuda()."""
+        """Returns the array of get_<name>() in CUDA memory, without a copy. The sensor must be made with on_cuda.
+        Names, types and errors are those of StereoDepthSensorBatch.get_cuda()."""
         return self._cuda(self._engine, name)
 
     def get_picture(self, name: str, camera: str = "rgb") -> NDArray[Any]:
@@ -160,7 +159,8 @@ class StereoDepthSensor(SensorResults):
         return self.get_pictures([name], camera)[name]
 
     def get_pictures(self, names: Sequence[str], camera: str = "rgb", **options: Any) -> dict[str, NDArray[Any]]:
-        """{name: what get_picture() gives}, of one render. options: of kuafu.Renderer.render, over the sensor's own."""
+        """Renders {name: image as from get_picture()} at once. options: those of kuafu.Renderer.render, over the
+        sensor's own."""
         if camera not in CAMERAS:
             raise ValueError(unknown("camera", camera, CAMERAS))
         return self._engine.render_now(self._rigs(), names, None if camera == "rgb" else SIDES.index(camera), **options)
@@ -177,7 +177,7 @@ class StereoDepthSensor(SensorResults):
         return self._place.pose()
 
     def set_local_pose(self, pose: Pose | np.ndarray) -> None:
-        """Pose relative to the mount, or in the scene where there is none."""
+        """Sets the pose relative to the mount, or in the scene if there is no mount."""
         self._place.local = Pose(as_matrix(pose))
 
     def set_velocity(self, linear: ArrayLike, angular: ArrayLike = (0.0, 0.0, 0.0)) -> None:
@@ -193,8 +193,8 @@ class StereoDepthSensor(SensorResults):
         return twist[:3].copy(), twist[3:].copy()
 
     def set_conditions(self, temperature_c: float | None = None, time_s: float = 0.0) -> None:
-        """Sets what a model's effects may depend on in the pictures that follow: the sensor's temperature (None: that
-        of its signal) and the seconds since it was switched on."""
+        """Sets conditions that a model's effects may depend on in the next pictures: the sensor's temperature (None:
+        that of its signal) and the seconds since it was switched on."""
         if temperature_c is not None:
             TEMPERATURE.check("temperature_c", temperature_c)
         TIME.check("time_s", time_s)
@@ -239,7 +239,7 @@ class StereoDepthSensor(SensorResults):
 
     @property
     def ir_memory(self) -> str:
-        """How the infrared pair reaches the engine: 'opaque_fd', 'host' or 'copy'."""
+        """Names the infrared pair's way to the engine: 'opaque_fd', 'host' or 'copy'."""
         return self._engine.ir_memory
 
     @property
@@ -257,7 +257,7 @@ class StereoDepthSensor(SensorResults):
         return self._engine.rig.rgb_cameras(self._rigs())[0]
 
     def ir_cameras(self) -> list[kuafu.Camera]:
-        """The left and the right one, as they are: under a model not what the calibration says."""
+        """The left and the right camera at their true places; a model may move them off the calibration."""
         return self._engine.rig.ir_cameras(self._rigs())
 
     def __enter__(self) -> StereoDepthSensor:
@@ -267,7 +267,7 @@ class StereoDepthSensor(SensorResults):
         self.close()
 
     def close(self) -> None:
-        """Takes the projector, its pattern, and what else a model brought, out of the scene."""
+        """Removes the projector, its pattern and the model's additions from the scene."""
         self._engine.close()
 
     # ---- parameters ----

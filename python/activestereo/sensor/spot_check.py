@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a quick sensor is from the path-traced one on the frames of a training run, from a small share of them."""
+"""Estimates a quick sensor's distance from the path-traced one over a training run, from a small share of its
+frames."""
 
 from __future__ import annotations
 
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.stats import t
 
 MEASURES = ("bias, px", "noise ratio", "hole IoU")
-_FALSE_STOPS = 0.05  # of runs that keep their bounds
-_STREAM = 0x53504F54  # of random numbers: no other of a run whose seed is the same
+_FALSE_STOPS = 0.05  # share of runs that keep their bounds
+_STREAM = 0x53504F54  # stream of random numbers that no other part of a run uses
 _LEAST_FRAMES = 3  # of a material, for an interval
 
 
@@ -39,7 +40,7 @@ class Estimate:
 
 
 class SpotCheck:
-    """Path-traces a share of the frames that a quick sensor sees, and estimates what all of them would give.
+    """Path-traces a share of a quick sensor's frames, and estimates the difference over all of them.
 
         check = SpotCheck(traced, show, config.focal_baseline_px_m, share=0.01)
         out = fast(depth=depth_m, material=material)  # a GBufferStereo, at each step
@@ -47,12 +48,11 @@ class SpotCheck:
         print(check)
 
     sensor: traces one environment. show(n): places environment n in that sensor's scene, as it stands now. share: of
-    frames, drawn under the seed whatever is in them. focal_baseline_px_m: of the rectified pair. names: of material
-    numbers. bounds: {measure: (low, high)}; see() raises BoundExceededError once the whole interval of a material
-    lies outside.
-    Intervals are of the ratio estimator with whole frames as clusters (Cochran, Sampling Techniques, 1977, ch. 6.3).
-    The k-th look at the bounds has a level of 1 - 0.05 / (k (k + 1)), so that all looks together stop at most 5 % of
-    the runs that keep them.
+    frames, drawn under the seed regardless of their content. focal_baseline_px_m: of the rectified pair. names: of
+    material numbers. bounds: {measure: (low, high)}; see() raises BoundExceededError once the whole interval of a
+    material lies outside. Intervals are of the ratio estimator with whole frames as clusters (Cochran, Sampling
+    Techniques, 1977, ch. 6.3). The k-th look at the bounds has a level of 1 - 0.05 / (k (k + 1)), so that all looks
+    together stop at most 5 % of the runs that keep them.
     """
 
     def __init__(
@@ -85,8 +85,8 @@ class SpotCheck:
     def see(
         self, disparity: NDArray[Any], depth_m: NDArray[Any], material: NDArray[Any] | None = None
     ) -> NDArray[np.intp]:
-        """One step of all environments: [environments, height, width] of disparity in px (0 = none), of true planar
-        depth in metres (0 = nothing there) and of material numbers. Returns the environments that were traced."""
+        """Adds one step of all environments, [environments, height, width]: disparity in px (0 = none), true planar
+        depth in metres (0 = no surface) and material numbers. Returns the environments that were traced."""
         disparity, depth_m = np.asarray(disparity), np.asarray(depth_m)
         kinds = np.zeros(depth_m.shape, int) if material is None else np.asarray(material)
         if disparity.ndim != 3 or not disparity.shape == depth_m.shape == kinds.shape:

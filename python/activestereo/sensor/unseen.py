@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from activestereo.sensor.sensor import StereoDepthSensor
 
 _SIDE = 256  # pixels of each face of the cube around the camera
-# Turns from the camera's axes (x right, y down, z forward) to those of a camera that looks there.
+# Rotations from the camera's axes (x right, y down, z forward) to those of a camera that looks in that direction.
 _AROUND = {
     "outside the picture": np.eye(3),
     "to the right of the picture": np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]]),

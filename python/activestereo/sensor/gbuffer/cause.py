@@ -14,16 +14,16 @@ from activestereo.common.window_statistics import mean_and_deviation
 from activestereo.sensor.gbuffer.warp import in_front
 
 Floats = NDArray[np.float64]
-# A pixel has the first of these that holds, in this order but for 'measured'.
+# A pixel gets the first cause that holds, in this order; 'measured' comes last.
 CAUSES = (
     "measured",
     "nothing",  # no surface there
-    "out_of_range",  # of the depths or of the disparities
-    "outside",  # of the other camera's image, or at its border
+    "out_of_range",  # of depths or disparities
+    "outside",  # the other camera's image, or at its border
     "occluded",  # from the other camera
     "saturated",
     "mirror_or_glass",  # light that only paths know
-    "shadow",  # of the projector
+    "shadow",  # in the projector's light
     "edge",  # another surface's depth lies within the matcher's block
     "too_dark",
     "low_contrast",
@@ -32,7 +32,7 @@ CAUSES = (
 )
 # Two depths are two surfaces from so many pixels of disparity on.
 _EDGE_PX = 1.0
-# What a slanted surface's disparity changes by within a block, over its own; of tests/bench/bench_causes.py.
+# Relative disparity change of a slanted surface within a block; from tests/bench/bench_causes.py.
 _SLANT = 0.1
 _HIDDEN_PX = 1.0
 _SATURATED_SHARE = 0.1  # of the block
@@ -41,15 +41,15 @@ _SATURATED_SHARE = 0.1  # of the block
 def hidden_from_right(
     config: StereoDepthSensorConfig, inverse_depth: Floats, right_inverse_depth: Floats
 ) -> NDArray[np.bool_]:
-    """[E, height, width]: the part of the left view that something nearer hides from the right camera; inverse depths,
-    1/m, of what the two see."""
+    """[E, height, width]: whether something nearer hides the left view's pixel from the right camera. Takes inverse
+    depths, 1/m, of both views."""
     column = _right_column(config, inverse_depth)
     in_front_px = config.focal_baseline_px_m * in_front(right_inverse_depth, column, inverse_depth)
     return np.asarray((in_front_px > _HIDDEN_PX) & (column >= 0))
 
 
 def _right_column(config: StereoDepthSensorConfig, inverse_depth: Floats) -> Floats:
-    """Columns of the right image where the left one's pixels lie."""
+    """Columns of the right image at which the left image's pixels lie."""
     k_left, k_right = ir_intrinsics(config, False)[0], ir_intrinsics(config, True)[0]
     disparity = config.focal_baseline_px_m * inverse_depth
     return np.asarray(np.arange(disparity.shape[-1]) - disparity + (k_right[0, 2] - k_left[0, 2]))

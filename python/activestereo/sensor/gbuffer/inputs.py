@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulator's images in the renderer's memory: of NumPy, of torch on the host or on CUDA, of what speaks DLPack."""
+"""Moves a simulator's images into the renderer's memory: from NumPy, torch on the host or on CUDA, and DLPack."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _TYPES = {"depth": np.float32, "normal": np.float32, "albedo": np.float32, "mate
 
 
 def host_image(name: str, values: Any, shape: tuple[int, ...]) -> NDArray[Any]:
-    """An array of this shape on the host; a missing axis of one environment is added. ValueError for another shape,
-    TypeError for what is no array of numbers."""
+    """An array of this shape on the host; adds a missing axis for one environment. Raises ValueError for another shape,
+    TypeError for anything but an array of numbers."""
     if hasattr(values, "detach"):
         values = values.detach().cpu().numpy()
     elif hasattr(values, "__dlpack__") and not isinstance(values, np.ndarray):
@@ -56,7 +56,7 @@ class InputImages:
         self._seen_by_cuda: dict[str, Any] = {}
 
     def put(self, given: Mapping[str, Any]) -> dict[str, kuafu.Buffer]:
-        """Takes over the images that are not None: kuafu's light_gbuffers() reads them from here."""
+        """Copies the images that are not None to the memory that kuafu's light_gbuffers() reads."""
         return {name: self._taken(name, image) for name, image in given.items() if image is not None}
 
     def _taken(self, name: str, values: Any) -> kuafu.Buffer:
@@ -76,7 +76,7 @@ class InputImages:
         else:
             image = host_image(name, values, shape)
         if name == "material":
-            image = self._materials.ids(image, unknown=0)  # where nothing is, after require_known()
+            image = self._materials.ids(image, unknown=0)  # no surface here, after require_known()
         if self._is_on_gpu:
             buffer.write(np.ascontiguousarray(image, _TYPES[name]))
         else:

@@ -16,13 +16,15 @@ _NONE = np.uint32(0xFFFFFFFF)
 
 
 def mirrors_or_is_glass(material: kuafu.Material) -> bool:
-    """Whether what it shows comes by paths of several reflections."""
+    """Whether the material shows light of several reflections."""
     return material.transmission > 0.5 or (material.metallic > 0.5 and material.roughness < _MIRROR_ROUGHNESS)
 
 
 class MaterialNumbers:
-    """materials: kuafu.Materials by number, a sequence or a mapping; None: all surfaces are matt, and only an albedo
-    tells them apart. They are put into the scene. TypeError for what is no Material."""
+    """kuafu.Materials by number, put into the scene.
+
+    materials: a sequence or a mapping. None: all surfaces are matt, and only an albedo tells them apart. Raises
+    TypeError for anything but a Material."""
 
     def __init__(self, scene: kuafu.Scene, materials: Any = None) -> None:
         self.is_given = materials is not None
@@ -41,7 +43,7 @@ class MaterialNumbers:
         self._ids_on_cuda: Any = None
 
     def ids(self, numbers: NDArray[Any], unknown: np.uint32 | int = _NONE) -> NDArray[np.uint32]:
-        """As kuafu's light_gbuffers() takes them, of an unknown number this one."""
+        """Material ids for kuafu's light_gbuffers(); a number that is not there gets `unknown`."""
         ids = self._ids[self._places(numbers)]
         return np.where(ids == _NONE, np.uint32(unknown), ids)
 
@@ -59,7 +61,7 @@ class MaterialNumbers:
         return self._is_odd[self._places(numbers)]
 
     def require_known(self, numbers: NDArray[Any], depth: NDArray[Any]) -> None:
-        """ValueError with environment and pixel of a surface whose material is not there."""
+        """Raises ValueError with the environment and the pixel of a surface whose material is unknown."""
         is_bad = (self.ids(numbers) == _NONE) & (depth > 0) & np.isfinite(depth)
         if is_bad.any():
             environment, v, u = (int(i) for i in np.unravel_index(int(np.argmax(is_bad)), is_bad.shape))

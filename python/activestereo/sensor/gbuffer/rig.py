@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the projector and the right camera stand beside the left one."""
+"""Places of the projector and the right camera beside the left one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _ASIDE_M, _TURNED_RAD = 5e-3, 0.02
 
 
 def require_row(here: PoseLike, there: PoseLike, what: str) -> None:
-    """ValueError where a camera's rows are not aligned with those of one `here`."""
+    """Raises ValueError if a camera's rows are not aligned with those of the camera `here`."""
     place = np.linalg.inv(camera_to_camera(here, there))
     turned = float(np.arccos(np.clip((np.trace(place[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
     x, y, z = place[:3, 3].tolist()
@@ -25,7 +25,7 @@ def require_row(here: PoseLike, there: PoseLike, what: str) -> None:
 
 
 def inverse_depth(depth: NDArray[Any]) -> NDArray[np.float64]:
-    """1 / depth, 0 where nothing is. ValueError for what is no depth."""
+    """1 / depth, 0 for no surface. Raises ValueError for invalid depth."""
     if not ((depth >= 0.0) | np.isposinf(depth)).all():
         raise ValueError(f"a depth is {float(np.nanmin(depth)):g} m or no number, expected depths of 0 or more")
     with np.errstate(divide="ignore", over="ignore"):

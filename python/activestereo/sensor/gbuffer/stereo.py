@@ -51,11 +51,11 @@ class GBufferStereo:
 
     config: a StereoDepthSensorConfig, which is copied, or a camera's name; 'converging' exposure is 'settled'. device:
     where light and depth are computed, as kuafu.Device has it. materials: kuafu.Materials by number. model: a
-    SensorModel or a model.json, whose effects on projector, cameras, imagers and depth engine act. Surfaces send light
-    to one another as far as the images show them; metal that mirrors and glass are named in 'cause'. on_cuda: what the
-    depth engine finds stays on the GPU, in arrays that torch and CuPy take without a copy and the next call writes
-    again; CudaError at the first call where there is no CUDA. A fixed exposure keeps all else there, too. ValueError
-    for a configuration or a model that has lenses that distort, rows that are not aligned, or effects on images.
+    SensorModel or a model.json, whose effects on projector, cameras, imagers and depth engine act. Light bounces only
+    between surfaces that the images show; 'cause' names mirroring metal and glass. on_cuda: the depth engine's results
+    stay on the GPU, in arrays that torch and CuPy take without a copy. The next call overwrites them. The first call
+    raises CudaError without CUDA. With a fixed exposure all other images stay there, too. Raises ValueError for a
+    configuration or a model with lens distortion, unaligned rows, or effects on images.
     """
 
     def __init__(
@@ -128,18 +128,18 @@ class GBufferStereo:
 
         depth: metres, 0 or inf = nothing there; depth_kind: 'planar' (z) or 'ray' (along the ray). normal [..., 3]:
         unit, in the camera's axes (x right, y down, z forward), None = found from depth. albedo: infrared, 0..1 or
-        uint8, or [..., 3] of RGB, whose red is taken, a guess; needed where no materials are. material: numbers of
-        the sensor's materials; their ir_albedo counts more than the albedo image. right: the same images of the right
-        camera, a mapping; None = warped from the left one's, what that does not see is continued. projector: depth of a
-        camera like the left one in the projector's place, for its shadows; None = warped. ambient: the room's radiance,
-        W/(sr m^2), a number or [E], None = ir_ambient_radiance. laser_power, exposure: over the configuration's, a
-        number or [E]. outputs: which of OUTPUTS to return, None = all; 'cause' takes the host some time, and it and
-        'valid' are not on_cuda.
+        uint8, or [..., 3] of RGB, whose red is taken, a guess; needed where no materials are. material: numbers of the
+        sensor's materials; their ir_albedo overrides the albedo image. right: the same images of the right camera, a
+        mapping; None = warped from the left camera's, and parts that it does not see are extrapolated. projector: depth
+        of a camera like the left one in the projector's place, for its shadows; None = warped. ambient: the room's
+        radiance, W/(sr m^2), a number or [E], None = ir_ambient_radiance. laser_power, exposure: over the
+        configuration's, a number or [E]. outputs: which of OUTPUTS to return, None = all; 'cause' takes time on the
+        host; 'cause' and 'valid' never stay on CUDA.
 
         Returns depth float32 metres in the left infrared camera, 0 = no measurement; disparity float32 pixels, -1;
-        ir_left, ir_right as the imager counts; valid bool; cause uint8, an index into cause.CAUSES. ValueError names
-        the environment and the value that cannot be; then no frame was taken. RuntimeError while torch captures a CUDA
-        graph.
+        ir_left, ir_right as the imager counts; valid bool; cause uint8, an index into cause.CAUSES. Raises ValueError
+        with the environment and the invalid value; no frame is taken then. Raises RuntimeError while torch captures a
+        CUDA graph.
         """
         known = OUTPUTS if self._on_cuda is None else _OF_ENGINE
         outputs = known if outputs is None else outputs
@@ -218,7 +218,7 @@ class GBufferStereo:
     # ---- inside ----
 
     def _require(self, given: Mapping[str, Any], whose: str) -> None:
-        """That the images say what surfaces are of."""
+        """Raises ValueError unless the images give each surface an albedo or a material."""
         if given.get("depth") is None:
             raise ValueError(f"{whose}depth is missing")
         material = given.get("material")
@@ -234,7 +234,7 @@ class GBufferStereo:
             self._materials.require_known(numbers, depth)
 
     def _optics(self) -> list[kuafu.Optics]:
-        """Without the limit of fireflies, of which light on G-buffers has none."""
+        """The optics without a firefly limit: light on G-buffers has no fireflies."""
         optics = [copy_record(one) for one in self._rig.infrared()["optics"]]
         for one in optics:
             one.firefly_factor = 0.0
@@ -285,7 +285,7 @@ class GBufferStereo:
 
 
 def _read(image: Any) -> NDArray[Any]:
-    """An output of the renderer, where it is an array of the host's or memory of a GPU's."""
+    """Reads an output of the renderer from host or GPU memory."""
     if isinstance(image, np.ndarray):
         return image
     return np.asarray(image.buffer.read().view(image.dtype).reshape(image.shape))

@@ -21,7 +21,7 @@ _NOTHING = 0xFFFFFFFF
 
 
 class TracedSensor(Protocol):
-    """A StereoDepthSensor, as causes are asked of it."""
+    """The part of a StereoDepthSensor that causes need."""
 
     @property
     def scene(self) -> kuafu.Scene: ...
@@ -36,8 +36,8 @@ class TracedSensor(Protocol):
 
 
 def traced_causes(sensor: TracedSensor, reason: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """uint8 [height, width], an index into cause.CAUSES, of the scene as it is now. reason: the matcher's. ValueError
-    for a sensor whose images are rectified before they are matched."""
+    """Returns uint8 [height, width], an index into cause.CAUSES, of the scene as it is now. reason: the matcher's.
+    Raises ValueError for a sensor that rectifies images before it matches them."""
     config = sensor.get_config()
     if not config.rectified or any(is_distorting(ir_intrinsics(config, is_right)[1]) for is_right in (False, True)):
         raise ValueError("causes are told of pairs that are matched as they come: rectified=True, and no distortion")

@@ -8,15 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-# Neighbours whose depths differ by less than a surface would that is tilted so far (tangent) are one surface.
+# Largest slant (tangent) of one surface: neighbours whose depths differ by more are two surfaces.
 _STEEPEST = 8.0
 # A pixel's stretch beyond this many is torn.
 _MOST_PIXELS = 3
 
 
 class Warped(NamedTuple):
-    """[E, height, width] each. seen: by the camera that was warped from; elsewhere the background is continued. pixel:
-    the flat index of the pixel there whose surface this is."""
+    """[E, height, width] each. seen: the source camera sees this pixel; elsewhere the background is continued. pixel:
+    flat index of the source pixel that shows this surface."""
 
     inverse_depth: NDArray[np.float64]
     pixel: NDArray[np.intp]
@@ -27,8 +27,8 @@ def warped(inverse_depth: NDArray[np.float64], focal_px: float, baseline_m: floa
     """The view baseline_m to the right (negative: left) of a rectified camera with the same focal length, whose
     principal point lies shift_px further right. inverse_depth [E, height, width], 1/m, 0 = infinitely far.
 
-    Where two pixels land on one, the nearer one lies further right before a shift to the left: written in the row's
-    order, the last one holds (McMillan 1997, occlusion-compatible order)."""
+    If two pixels land on one and the shift is to the left, the nearer one comes later in its row. Writing in row order
+    therefore keeps the nearer one (McMillan 1997, occlusion-compatible order)."""
     count, height, width = inverse_depth.shape
     is_mirrored = baseline_m < 0
     near = inverse_depth[..., ::-1] if is_mirrored else inverse_depth
@@ -54,7 +54,7 @@ def warped(inverse_depth: NDArray[np.float64], focal_px: float, baseline_m: floa
     out.ravel()[target] = value
     source.ravel()[target] = target // width * width + column
 
-    # Each pixel reaches half a pixel to its sides: at edges over what lies farther, and over gaps.
+    # Each pixel reaches half a pixel to each side. At edges it covers the farther surface, and it closes gaps.
     middle = np.rint(x)
     inside = (middle >= 0) & (middle < width)
     target = (rows + np.where(inside, middle, 0.0).astype(np.intp))[inside]
@@ -77,14 +77,14 @@ def warped(inverse_depth: NDArray[np.float64], focal_px: float, baseline_m: floa
 def in_front(
     beside: NDArray[np.float64], column: NDArray[np.float64], inverse_depth: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """1/m: by how much the inverse depth of what another camera sees exceeds that of each surface, which lies in this
-    column of its image; what lies beside the image is compared with the last column. beside: that camera's."""
+    """1/m: inverse depth in another camera's view at each surface's column, less the surface's own. beside: that view.
+    Columns beside the image read the last column."""
     place = np.clip(np.rint(column), 0, beside.shape[-1] - 1).astype(np.intp)
     return np.take_along_axis(beside, place, axis=-1) - inverse_depth
 
 
 def _filled(inverse: NDArray[np.float64], seen: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Columns of the nearest seen pixels beside each, the farther surface of the two; its own where it is seen."""
+    """Columns of the nearest seen pixel; a hole takes the farther of its two neighbours."""
     width = inverse.shape[-1]
     u = np.broadcast_to(np.arange(width), inverse.shape)
     before = np.maximum.accumulate(np.where(seen, u, -1), axis=-1)
