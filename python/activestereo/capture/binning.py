@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Captures whose images are averaged over blocks of pixels: the lab searches large images so, and tells its figures on
-the whole ones."""
+"""Captures with images averaged over blocks of pixels. The lab searches large images so, and reports figures on the
+whole ones."""
 
 from __future__ import annotations
 
@@ -12,20 +12,19 @@ import numpy as np
 from activestereo.capture.capture import SIDES, Camera, Capture
 from activestereo.capture.capture_json import CaptureError
 
-# Images up to this size are taken as they are; larger ones keep half as many pixels at most.
+# Images up to this size stay whole; larger ones are binned to at most half as many pixels.
 MOST_PIXELS = 848 * 480
 
 _Camera = TypeVar("_Camera", bound=Camera)
 
 
 def usual_samples(capture: Capture) -> int:
-    """Samples of each pixel where nothing else is asked for: 64, and of larger images as many for a whole image."""
+    """Default samples per pixel: 64 for a whole image of usual size; larger images share the same total."""
     return max(4, round(64 * min(1.0, MOST_PIXELS / _pixels(capture))))
 
 
 def usual_binning(capture: Capture) -> int:
-    """Over how many pixels, along rows and columns, the images of a capture are averaged where nothing else is asked
-    for."""
+    """Default side of the block, along rows and columns, over which a capture's images are averaged."""
     pixels = _pixels(capture)
     return 1 if pixels <= MOST_PIXELS else int(np.ceil(np.sqrt(2.0 * pixels / MOST_PIXELS)))
 
@@ -35,8 +34,8 @@ def _pixels(capture: Capture) -> int:
 
 
 def binned(capture: Capture, size: int) -> Capture:
-    """The capture with its infrared images averaged over size x size pixels, and without the device's depth, which was
-    matched on the whole ones. CaptureError where nothing would be left of an image."""
+    """The capture with its infrared images averaged over size x size pixels, without the device's depth, which was
+    matched on the whole images. Raises CaptureError if no pixel of an image is left."""
     if size == 1:
         return capture
     least = min(min(capture.rig.camera(side).width, capture.rig.camera(side).height) for side in SIDES)
@@ -53,7 +52,7 @@ def binned(capture: Capture, size: int) -> Capture:
 
 
 def unbinned(capture: Capture) -> Capture:
-    """The whole capture with the poses, focal lengths and projector that a binned one has; any other as it is."""
+    """The whole capture with a binned one's poses, focal lengths and projector; any other capture unchanged."""
     if capture.whole is None:
         return capture
     whole, rig = capture.whole, capture.rig

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A capture: what a real active stereo sensor measured, and what is known about the scene (capture format, version 1).
+"""A capture: a real active stereo sensor's measurements and the known facts of the scene (capture format, version 1).
 
 Metres, seconds, radians. Cameras: x right, y down, z forward, pixel centres at integers. A transform `a_to_b` is a 4x4
-array that maps coordinates in a to coordinates in b. Images are digital numbers (DN), read when asked for.
+array that maps coordinates in a to coordinates in b. Images are digital numbers (DN), read on each call.
 """
 
 import warnings
@@ -79,14 +79,14 @@ class Projector:
 
 @dataclass(frozen=True)
 class ColorCamera(Camera):
-    """The colour camera of the same housing, and where it stands."""
+    """The colour camera of the same housing, and its place."""
 
     left_to_color: np.ndarray = field(default_factory=lambda: np.eye(4))
 
 
 @dataclass(frozen=True)
 class KnownLight:
-    """A lamp of the room whose place was measured; how bright it is, is not known. position_m: in the world's axes."""
+    """A room lamp at a measured place, of unknown brightness. position_m: in the world's axes."""
 
     name: str
     position_m: np.ndarray
@@ -95,8 +95,8 @@ class KnownLight:
 
 @dataclass(frozen=True)
 class Rig:
-    """The nominal calibration: what the user believes. black_dn: the black level and its standard deviation where it
-    was measured, None: fits find it."""
+    """The nominal calibration, as the user states it. black_dn: the measured black level and its standard deviation;
+    None: fits find it."""
 
     left: Camera
     right: Camera
@@ -123,8 +123,8 @@ class Rig:
 @dataclass(frozen=True)
 class Frame:
     """One exposure of the rig. `camera_to_world` is the left camera's pose at mid-exposure. left_path, right_path: None
-    in recordings of colour and depth alone. left_mask_path, right_mask_path: images that are 0 where the scene is not
-    known; None where it is known everywhere."""
+    in recordings of colour and depth alone. left_mask_path, right_mask_path: images with 0 at pixels of unknown scene;
+    None: all is known."""
 
     id: int
     left_path: Path | None
@@ -147,7 +147,7 @@ class Frame:
     right_mask_path: Path | None = None
 
     def path(self, side: str) -> Path:
-        """The path of one camera's image. CaptureError where the recording has none."""
+        """The path of one camera's image. Raises CaptureError if the recording has none."""
         path = {"left": self.left_path, "right": self.right_path}[side]
         if path is None:
             raise CaptureError(f"frames[id={self.id}].{side}: there are no infrared images, only colour and depth")
@@ -159,7 +159,7 @@ class Frame:
 
     @property
     def exposure_gain(self) -> float:
-        """Seconds times gain: what scales every light in this frame alike."""
+        """Exposure in seconds times gain: the common factor of every light in this frame."""
         return self.exposure_s * self.gain
 
     @property
@@ -169,10 +169,10 @@ class Frame:
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Standard deviations of what a capture states, of each coordinate: poses of views, the projector's pose, focal
-    lengths and albedos (relative). The defaults are those of a good hand-eye and rig calibration and of albedos by
-    comparison with a reference card. exposure: of each frame's exposure (relative), which a comparison fits, then;
-    None: exposures are as stated."""
+    """Standard deviations of a capture's stated values, per coordinate: poses of views, the projector's pose, focal
+    lengths and albedos (relative). The defaults fit a good hand-eye and rig calibration, and albedos compared with a
+    reference card. exposure: of each frame's exposure (relative), which a comparison then fits; None: exposures are
+    exact."""
 
     pose_m: float = 1e-3
     pose_rad: float = 1.5e-3
@@ -185,9 +185,9 @@ class Uncertainty:
 
 @dataclass(frozen=True)
 class Capture:
-    """A folder in the capture format. Frames keep the file's order. measured: what `calibrate world` knows of camera,
-    poses, pattern and light, with covariances (calibrate/README.md). binning: over how many pixels, along rows and
-    columns, its images are averaged; whole: then the capture that they are averages of (binning.py)."""
+    """A folder in the capture format. Frames keep the file's order. measured: results of `calibrate world` on camera,
+    poses, pattern and light, with covariances (calibrate/README.md). binning: side of the block, in pixels, that images
+    are averaged over (binning.py). whole: the capture before binning."""
 
     path: Path
     name: str
@@ -213,7 +213,7 @@ class Capture:
         return image.astype(np.float32)
 
     def known(self, frame: Frame, side: str) -> np.ndarray | None:
-        """Where the scene is known in an IR image, bool [height][width]; None: everywhere."""
+        """Mask of an infrared image's pixels with a known scene, bool [height][width]; None: all."""
         path = {"left": frame.left_mask_path, "right": frame.right_mask_path}[side]
         if path is None:
             return None
@@ -222,7 +222,7 @@ class Capture:
         return known if self.whole is None else block_means(known, self.binning) == 1.0
 
     def depth(self, frame: Frame) -> np.ndarray | None:
-        """The device's own depth in metres, float32 [height][width], 0 = no measurement; None where there is none."""
+        """The device's own depth in metres, float32 [height][width], 0 = no measurement; None if the frame has none."""
         if frame.depth_path is None:
             return None
         size = (self.rig.left.width, self.rig.left.height)
@@ -230,7 +230,7 @@ class Capture:
         return image.astype(np.float32) * np.float32(frame.depth_scale)
 
     def color(self, frame: Frame) -> np.ndarray | None:
-        """The colour image as stored, sRGB uint8 [height][width][3]; None where there is none."""
+        """The colour image as stored, sRGB uint8 [height][width][3]; None if the frame has none."""
         if frame.color_path is None or self.rig.color is None:
             return None
         size = (self.rig.color.width, self.rig.color.height)

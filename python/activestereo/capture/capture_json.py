@@ -15,13 +15,13 @@ from activestereo.common.limits import ANY, DISTORTION, FOCAL, LENGTH, NUMBER, P
 from activestereo.common.own_files import own_file
 from activestereo.common.pose import rigid_fault
 
-# Row by row; what else they must be is told in their own words.
+# Row by row; further conditions have messages of their own.
 _CAMERA_MATRIX = (PIXEL,) * 9
 _TRANSFORM = ((ANY,) * 3 + (LENGTH,)) * 3 + (ANY,) * 4
 
 
 class CaptureError(ValueError):
-    """A capture that cannot be used: the message names the file, the key and what is wrong."""
+    """A capture is unusable. The message names the file, the key and the fault."""
 
 
 class JsonObject:
@@ -124,7 +124,7 @@ class JsonObject:
         return child
 
     def free_form(self, key: str) -> dict[str, Any]:
-        """An optional object whose keys are nobody's business."""
+        """An optional object with arbitrary keys."""
         value = self._get(key, optional=True)
         if value is not None and not isinstance(value, dict):
             self.fail(key, "is not an object")

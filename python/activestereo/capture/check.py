@@ -28,7 +28,7 @@ class _Collected(JsonObject):
         self.faults.append(str(error))
 
     def _or(self, neutral: _Out, read: Callable[..., Any], *arguments: Any) -> Any:
-        """read(), or the neutral value and a fault; the reads that it is made of are part of it."""
+        """read()'s value; on an error the neutral value and one fault, for the reads inside it, too."""
         if self._is_reading:
             return read(*arguments)
         self._is_reading = True
@@ -93,14 +93,14 @@ def capture_faults(path: str | Path) -> list[str]:
         return [str(error)]
     try:
         capture = capture_from(root)
-    except CaptureError as error:  # another format or version, where no key means what it says
+    except CaptureError as error:  # another format or version: its keys have unknown meanings
         return list(dict.fromkeys([*root.faults, str(error)]))
     faults = root.faults + [f"{root.path}: unknown key {key} is ignored" for key in root.unknown_keys()]
     return list(dict.fromkeys(faults)) or _image_faults(capture)
 
 
 def _image_faults(capture: Capture) -> list[str]:
-    """The images that cannot be decoded, of a capture whose file is well."""
+    """Faults of images that cannot be decoded, for a capture with a valid file."""
     reads: list[Callable[[], object]] = [capture.rig.projector.pattern]
     for frame in capture.frames:
         if frame.has_infrared:

@@ -17,7 +17,7 @@ _GRAY_MODES = ("L", "I;16", "I;16B", "I")
 _COLOR_MODES = ("RGB", "RGBA", "LA", "P")
 # No camera of this kind has a tenth of them; a small file can promise far more.
 _MOST_PIXELS = 1 << 26
-# What Pillow raises for damaged bytes: damaged chunks of a PNG are ValueErrors in some versions, struct's in others.
+# Pillow's errors for damaged bytes. Damaged chunks of a PNG are ValueErrors in some versions, struct.error in others.
 _DAMAGES = (OSError, SyntaxError, ValueError, EOFError, struct.error, zlib.error)
 
 
@@ -28,8 +28,8 @@ def image_size(path: str | Path, key: str = "image") -> tuple[int, int]:
 
 
 def read_gray(path: str | Path, expected_size: tuple[int, int] | None = None, key: str = "image") -> np.ndarray:
-    """Pixels as stored: uint8 or uint16 [height][width]. expected_size: (width, height). A colour image whose channels
-    are equal is gray, too."""
+    """Pixels as stored: uint8 or uint16 [height][width]. expected_size: (width, height). A colour image with equal
+    channels counts as gray."""
     mode, pixels = _pixels(path, key, expected_size, (*_GRAY_MODES, *_COLOR_MODES), "8-bit or 16-bit gray")
     if mode in _COLOR_MODES:
         if not (pixels == pixels[..., :1]).all():
@@ -43,7 +43,7 @@ def read_gray(path: str | Path, expected_size: tuple[int, int] | None = None, ke
 
 
 def block_means(image: np.ndarray, size: int) -> np.ndarray:
-    """Means of an image's blocks of size x size pixels, float32; rows and columns that fill none are left out."""
+    """Means of an image's blocks of size x size pixels, float32. Drops rows and columns that fill no block."""
     height, width = (length // size for length in image.shape)
     blocks = image[: height * size, : width * size].reshape(height, size, width, size)
     return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float32))

@@ -26,11 +26,11 @@ def write_capture(
 ) -> None:
     """Writes `capture` as a folder at `path` (made in a sibling folder, then renamed; `path` must not exist).
 
-    images: {(frame id, side): uint8 or uint16 [height][width]}, none of recordings of colour and depth alone; pattern:
-    uint8 [height][width]; depths: {frame id: uint16 [height][width]} in units of the frame's depth_scale; colors:
-    {frame id: sRGB uint8 [height][width][3]}; masks: {(frame id, side): bool [height][width]}, where the scene is
-    known. The scene and the files it names are the caller's: capture.scene_path is copied with every file
-    beside it that has the same stem.
+    images: {(frame id, side): uint8 or uint16 [height][width]}, empty for recordings of colour and depth alone;
+    pattern: uint8 [height][width]; depths: {frame id: uint16 [height][width]} in units of the frame's depth_scale;
+    colors: {frame id: sRGB uint8 [height][width][3]}; masks: {(frame id, side): bool [height][width]}, true at pixels
+    of known scene. The caller writes the scene: capture.scene_path is copied with every file beside it that has the
+    same stem.
     """
     with new_folder(Path(path)) as folder:
         _write(folder, capture, images, pattern, depths, colors, masks or {})

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of other programs become captures (capture format, version 1).
+"""Converts recordings of other programs to captures (capture format, version 1).
 
     realsense_text     what `rs-enumerate-devices -c` prints: intrinsics and extrinsics
     calibration        a calibration of both cameras, whichever of the following programs wrote it

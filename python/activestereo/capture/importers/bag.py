@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags of ROS 1 and ROS 2, librealsense's own .bag files among them, as a folder of PNG files and a DeviceText.
+"""Extracts bags of ROS 1 and ROS 2, and librealsense's .bag files, into a folder of PNG files and a DeviceText.
 
-Reading needs the package rosbags, which is not one of ours: pip install rosbags. Topics are known by their names:
-librealsense's /device_0/sensor_0/Infrared_1/image/data, realsense-ros's /camera/infra1/image_rect_raw, and others with
-the same words. The baseline is that of the right camera's camera_info (-P[3] / P[0]) where it is there, else of
-librealsense's transform of the stream; Infrared 1 is the left camera on every D4xx.
+Reading needs the package rosbags (pip install rosbags). Topics are recognised by name: librealsense's
+/device_0/sensor_0/Infrared_1/image/data, realsense-ros's /camera/infra1/image_rect_raw, and others with the same words.
+The baseline comes from the right camera's camera_info (-P[3] / P[0]), else from librealsense's transform of the stream.
+Infrared 1 is the left camera on every D4xx.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class _Found:
 
     intrinsics: dict[str, Camera] = field(default_factory=dict)
     baselines_m: dict[str, float] = field(default_factory=dict)
-    nominal_baseline_m: float | None = None  # librealsense's option, where nothing else tells it
+    nominal_baseline_m: float | None = None  # librealsense's option, used if nothing else states the units
     depth_units_m: float | None = None
     counts: dict[str, int] = field(default_factory=dict)
 
@@ -71,10 +71,10 @@ def extract_bag(
     path: Path, folder: Path, progress: Callable[[float], None] | None = None, baseline_m: float | None = None
 ) -> tuple[DeviceText, float | None]:
     """Writes the images of both infrared streams and of depth into `folder`, named by stream and time, as
-    realsense_folder reads them. Returns (calibration, metres per unit of depth or None). baseline_m: where the bag has
-    none.
+    realsense_folder reads them. Returns (calibration, metres per unit of depth or None). baseline_m: used if the bag
+    has none.
 
-    ImportError where rosbags is missing; ValueError of one line names the bag and what it lacks.
+    Raises ImportError without rosbags, and ValueError, one line, with the bag and the missing part.
     """
     found = _Found()
     start_ms: float | None = None
@@ -97,17 +97,17 @@ def extract_bag(
 
 
 def depth_units_of(topic: str, message: Any) -> float | None:
-    """Metres per unit of depth, where a message is librealsense's option of it."""
+    """Metres per unit of depth if a message is librealsense's option for it, else None."""
     return float(message.data) if "depth_units" in topic.lower() and hasattr(message, "data") else None
 
 
 def _time_before(first_ms: float) -> float:
-    """Milliseconds by which a recording whose time begins at 0 is moved, so that its names tell times."""
+    """Offset in milliseconds for a recording whose time begins at 0, so that file names hold times."""
     return 0.0 if first_ms > LEAST_TIME_MS else LEAST_TIME_MS + 1.0
 
 
 def _note_calibration(path: Path, found: _Found, topic: str, message: Any) -> None:
-    """Keeps what a message says of a stream's intrinsics, or of the baseline."""
+    """Stores a message's intrinsics of a stream, or the baseline."""
     stream, kind = stream_of(topic), type(message).__name__
     if kind.endswith("CameraInfo") and stream is not None and stream not in found.intrinsics:
         found.intrinsics[stream] = intrinsic_of(path, topic, message)
@@ -121,8 +121,8 @@ def _note_calibration(path: Path, found: _Found, topic: str, message: Any) -> No
 
 
 def place_of(path: Path, topic: str, message: Any) -> NDArray[np.float64] | None:
-    """4x4 from the device's first stream to a stream, where a message tells it: librealsense's Transform, or its text
-    since 2.58, column by column."""
+    """The pose of a stream, 4x4 from the device's first stream, if the message states it. Reads librealsense's
+    Transform, or its text since 2.58, in column order."""
     name = f"{path}: {topic}"
     if type(message).__name__.endswith("Transform"):
         q, t = message.rotation, message.translation
@@ -166,7 +166,7 @@ def read_pairs(
 
 
 def count_pairs(path: Path) -> int:
-    """How many pairs there are at most. Raises as extract_bag()."""
+    """Upper limit of the number of pairs. Raises as extract_bag()."""
     with _opened(path) as reader:
         counts = {stream_of(c.topic): c.msgcount for c in _wanted(reader) if c.msgtype.split("/")[-1] in IMAGES}
     return min(counts.get(side, 0) for side in SIDES)
@@ -189,7 +189,7 @@ def stream_of(topic: str) -> str | None:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """A reader of the bag. ValueError where it cannot be read, there or inside of the block."""
+    """Opens a bag for reading. Raises ValueError if it cannot be read, on opening or inside the block."""
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
@@ -205,7 +205,7 @@ def _opened(path: Path) -> Iterator[Any]:
             yield reader
     except ValueError:
         raise
-    except Exception as error:  # rosbags and what it reads with have classes of their own
+    except Exception as error:  # rosbags and its readers raise classes of their own
         reason, mending = " ".join(str(error).split()) or "it is damaged", _MENDED_BY.get(path.suffix)
         hint = f" (of one that was cut off, {mending} saves what is there)" if mending and path.is_file() else ""
         raise ValueError(f"{path}: cannot be read as a bag: {reason}{hint}") from error
@@ -242,13 +242,13 @@ def _without_tail(raw: bytes) -> bytes:
     return raw[:at]
 
 
-# How many numbers of k1, k2, p1, p2, k3, k4, k5, k6 a lens model has at most: ROS's names and librealsense's.
+# Largest number of k1, k2, p1, p2, k3, k4, k5, k6 in a lens model, by ROS's and librealsense's names.
 _FISHEYE = ("equidistant", "fisheye", "kannala brandt4")
 _BROWN = {"": 5, "plumb_bob": 5, "none": 5, "brown conrady": 5, "modified brown conrady": 5, "rational_polynomial": 8}
 
 
 def _wanted(reader: Any) -> list[Any]:
-    """The connections that are read: of a stream that is there as it is and compressed, not the compressed one."""
+    """Connections to read. A stream that exists raw and compressed is read raw."""
     found = [c for c in reader.connections if _is_wanted(c.topic, c.msgtype)]
     plain = {stream_of(c.topic) for c in found if c.msgtype.endswith("/Image")}
     return [c for c in found if not (c.msgtype.endswith("/CompressedImage") and stream_of(c.topic) in plain)]
@@ -269,7 +269,7 @@ def _either(message: Any, name: str) -> Any:
 
 
 def _decoded(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
-    """A compressed image, which is a PNG file; one of depth stands behind a header of its own."""
+    """Decodes a compressed image, which is a PNG file. A depth image has a header of its own before it."""
     content = np.asarray(message.data, np.uint8).tobytes()
     start = content.find(_PNG)
     if start < 0:

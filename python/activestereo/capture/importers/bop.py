@@ -2,8 +2,8 @@
 """One scene of a data set of the BOP benchmark (Hodan et al., ECCV 2018): rgb/ or gray/, depth/, scene_camera.json with
 K and millimetres, scene_gt.json with the objects' poses, and models/ beside the dataset's scenes.
 
-World is that of cam_R_w2c where it is there; else the first frame's camera, and the others stand where the first
-object's poses put them.
+The world is that of cam_R_w2c. Without it the world is the first frame's camera, and the first object's poses place the
+other cameras.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ def is_bop(folder: Path) -> bool:
 
 
 def read_bop(folder: Path, scene: Path, depth_scale: float | None = None) -> ColorDepthRecording:
-    """scene: where the objects' glTF file is written, if there are models. ValueError names file, key and value."""
+    """scene: path for the objects' glTF file, written if there are models. Raises ValueError with file, key and
+    value."""
     path = folder / "scene_camera.json"
     cameras, poses = read_json_object(path), folder / "scene_gt.json"
     truth = read_json_object(poses) if poses.is_file() else {}
@@ -84,7 +85,7 @@ def _motion(path: Path, key: str, entry: dict[str, Any], way: str) -> NDArray[np
 def _write_scene(
     folder: Path, truth: dict[str, Any], cameras: dict[str, Any], frame: ColorDepthFrame, scene: Path
 ) -> bool:
-    """The objects of the first frame whose models are there."""
+    """Writes the objects of the first frame that have models."""
     first = min(cameras, key=int)
     models = next((p / "models" for p in (folder.parent, folder.parent.parent) if (p / "models").is_dir()), None)
     if models is None or frame.camera_to_world is None:
@@ -105,8 +106,8 @@ def _write_scene(
 
 
 def _add_part(writer: GltfWriter, name: str, part: Part) -> int:
-    """A part in metres with the model's colours, whose red is its albedo in the infrared (the capture's specification).
-    A model without any is grey."""
+    """Adds a part in metres. The red of its colours is its infrared albedo (the capture's specification); a model
+    without colours is grey."""
     pbr: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 0.6}
     if part.material is not None:
         pbr["baseColorFactor"] = list(part.material.base_color)

@@ -26,8 +26,8 @@ def read_calibration_files(
 ) -> DeviceText:
     """The DeviceText of one file, or of ROS' or OpenCV's two.
 
-    are_rectified: the images are those of P. baseline_m: where the files tell none, or none in metres. size: (width,
-    height) of the images, for files that do not tell it. ValueError names file, key, value and what to do."""
+    are_rectified: the images are those of P. baseline_m: used if the files state none in metres. size: (width, height)
+    of the images, for files without it. Raises ValueError with file, key, value and remedy."""
     for path in paths:
         refuse_foreign(path)
     texts = [read_text(path, errors="replace") for path in paths]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Calibrations in YAML: ROS' camera_info of both cameras, Kalibr's camera chain, and OpenCV's matrices.
 
-ROS: what camera_calibration's cameracalibrator saves (camera_matrix, distortion_coefficients, rectification_matrix,
-projection_matrix), or what `rostopic echo` and `ros2 topic echo` print (K, D, R, P, in either case), of one camera in
-each file or document. The right camera is the one whose P[3] is below 0: -fx x baseline (REP 104). Kalibr: cam0 and
+ROS: files of camera_calibration's cameracalibrator (camera_matrix, distortion_coefficients, rectification_matrix,
+projection_matrix), or output of `rostopic echo` and `ros2 topic echo` (K, D, R, P, in either case). Each file or
+document holds one camera. The right camera is the one whose P[3] is below 0: -fx x baseline (REP 104). Kalibr: cam0 and
 cam1, with T_cn_cnm1 from cam0 to cam1. OpenCV: a FileStorage with the names of its sample stereo_calib, M1 D1 M2 D2
 with R T, which maps camera 1 to camera 2, or P1 P2 of both rectified images.
 """
@@ -28,15 +28,15 @@ _SIDES = ("Infrared 1", "Infrared 2")
 _NO_LENS = np.zeros(5)
 _FISHEYE = ("equidistant", "fisheye")
 _ROS_MODELS = ("plumb_bob", "rational_polynomial", *_FISHEYE)
-# What names of the right camera hold; its P[3] tells more, where it is not 0.
+# Parts of names of the right camera. Its P[3], if not 0, decides before the name.
 _RIGHT = re.compile(r"right|infra(?:red)?[ _-]?2|ir2", re.I)
-# What programs call the matrices of OpenCV's camera 1 and 2.
+# Names of the matrices of OpenCV's cameras 1 and 2 in several programs.
 _MATRICES, _LENSES = ("M{}", "K{}", "cameraMatrix{}"), ("D{}", "distCoeffs{}")
 
 
 @dataclass(frozen=True)
 class _Camera:
-    """A camera as ROS has it; R and P are those of its rectified image."""
+    """A camera in ROS' terms; R and P are those of its rectified image."""
 
     name: str
     raw: Camera
@@ -53,9 +53,9 @@ def read_calibration_yaml(
 ) -> DeviceText:
     """The DeviceText of Kalibr's file, of ROS' two (or one with two documents) in any order, or of OpenCV's.
 
-    are_rectified: the images are those that P describes, ROS' image_rect, in place of image_raw's. baseline_m: where
-    ROS' P[3] are 0. size: (width, height) of the images, where OpenCV's files have none. ValueError names file, key
-    and value of what is wrong, or the package where PyYAML is missing."""
+    are_rectified: the images are those of P, ROS' image_rect, instead of image_raw. baseline_m: used if ROS' P[3] are
+    0. size: (width, height) of the images, used if OpenCV's files have none. Raises ValueError with file, key and
+    value, or with the package if PyYAML is missing."""
     entries = [entry for path in paths for entry in read_entries(Path(path))]
     path = Path(paths[0])
     chain = next((entry for entry in entries if entry.has("cam0")), None)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of colour and depth without infrared images become captures: what the readers of TUM, Open3D and BOP
-folders have in common.
+"""Converts recordings of colour and depth without infrared images to captures, for the readers of TUM, Open3D and BOP
+folders.
 
-Depth of these recordings lies on the colour image's pixels, as if one camera took both, or the colour camera is told.
-Baseline, pattern and projector are the preset's, and only nominal: such a capture places objects, gives depth to
-compare, and tells nothing of noise and dots.
+Depth lies on the colour image's pixels, as if one camera took both, unless the colour camera is stated. Baseline,
+pattern and projector are the preset's nominal ones. Such a capture places objects and gives depth to compare, but no
+noise and no dots.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ EMPTY_SCENE = '{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []
 
 @dataclass(frozen=True)
 class ColorDepthFrame:
-    """Files of one moment; depth_scale: metres per unit of the depth file; camera_to_world: None where not known."""
+    """Files of one moment. depth_scale: metres per unit of the depth file. camera_to_world: None if unknown."""
 
     time_s: float
     depth: Path
@@ -37,8 +37,8 @@ class ColorDepthFrame:
 
 @dataclass(frozen=True)
 class ColorDepthRecording:
-    """K: of both images, in pixels; kind: whose layout it is; scene: a glTF file of what was in view, None where there
-    is none. color: the colour camera, where depth does not lie on its pixels. assumed: lines for people."""
+    """K: matrix of both images, in pixels. kind: the program of the layout. scene: a glTF file of the objects in view,
+    or None. color: the colour camera, if depth does not lie on its pixels. assumed: lines for people."""
 
     path: Path
     kind: str
@@ -127,6 +127,6 @@ def write_color_depth(
 
 
 def nearest(times: Iterable[float], time_s: float, within_s: float) -> float | None:
-    """The one of some times that is nearest to another, None where it is farther than within_s."""
+    """The time nearest to another one, or None if it is farther than within_s."""
     found = min(times, key=lambda t: abs(t - time_s), default=None)
     return found if found is not None and abs(found - time_s) <= within_s else None

@@ -41,7 +41,7 @@ _YUV = {
 
 
 def has_color_depth_alone(path: Path) -> bool:
-    """Whether a bag has depth and no infrared stream. ValueError where it cannot be read."""
+    """Whether a bag has depth and no infrared stream. Raises ValueError if it cannot be read."""
     streams = {stream_of(topic) for topic, kind in topics(path) if kind in IMAGES}
     return not streams & set(SIDES) and bool(streams & {"Depth", "Aligned"})
 
@@ -53,8 +53,8 @@ def read_color_depth_bag(
     depth_scale: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> ColorDepthRecording:
-    """Writes the images into `folder`. K and depth_scale go before what the bag says. ImportError where rosbags is
-    missing; ValueError of one line names the bag and what it lacks."""
+    """Writes the images into `folder`. K and depth_scale override the bag's. Raises ImportError without rosbags, and
+    ValueError, one line, with the bag and the missing part."""
     there = {stream_of(topic) for topic, kind in topics(path) if kind in IMAGES}
     depth_stream = "Depth" if "Depth" in there else "Aligned"
     lenses: dict[str, Camera] = {}
@@ -102,7 +102,7 @@ def read_color_depth_bag(
 
 
 def _color_camera(lens: Camera | None, places: dict[str, NDArray[np.float64]], depth_stream: str) -> ColorCamera | None:
-    """The colour camera where the bag has its lens; without a transform it stands where depth's does."""
+    """The colour camera if the bag has its lens. Without a transform it stands in the depth camera's place."""
     if lens is None:
         return None
     to_depth = places.get(depth_stream, np.eye(4))

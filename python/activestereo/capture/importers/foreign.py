@@ -11,7 +11,7 @@ _TRANSFORMS = "transforms.json"
 
 
 def refuse_foreign(path: Path) -> None:
-    """ValueError where a file, or the transforms.json of a folder, is of a kind that is known and not read."""
+    """Raises ValueError if a file, or a folder's transforms.json, is of a known kind that is not supported."""
     path = path / _TRANSFORMS if path.is_dir() else path
     if path.suffix.lower() != ".json" or not path.is_file():
         return

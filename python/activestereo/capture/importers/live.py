@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames of a connected D4xx, as a folder of PNG files and a DeviceText: what a bag's reader gives, too. Needs
+"""Records frames of a connected D4xx as a folder of PNG files and a DeviceText, as the bag reader does. Needs
 librealsense's own package: pip install pyrealsense2."""
 
 from __future__ import annotations

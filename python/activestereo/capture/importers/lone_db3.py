@@ -15,8 +15,8 @@ from activestereo.common.output_files import write_text
 
 @contextmanager
 def described(path: Path) -> Iterator[Path]:
-    """A folder with a link to the file and its metadata.yaml; the file is only read. sqlite3.Error where it is no such
-    bag."""
+    """Makes a folder with a link to the file and its metadata.yaml; only reads the file. Raises sqlite3.Error if it is
+    no such bag."""
     with TemporaryDirectory(prefix="activestereo.") as name:
         folder = Path(name)
         (folder / path.name).symlink_to(path.absolute())

@@ -32,7 +32,7 @@ def is_open3d(folder: Path) -> bool:
 def read_open3d(
     folder: Path, K: NDArray[np.float64] | None = None, depth_scale: float | None = None
 ) -> ColorDepthRecording:
-    """K and depth_scale go before what the folder says. ValueError names file, key and value."""
+    """K and depth_scale override the folder's. Raises ValueError with file, key and value."""
     path = next(folder / name for name in _INTRINSICS if (folder / name).is_file())
     intrinsics = read_json_object(path)
     if K is None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording's infrared pairs one after another, of a bag or of a folder of PNG files, without a copy of it."""
+"""Reads a recording's infrared pairs one after another, from a bag or a folder of PNG files, without a copy of it."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Pair:
 
 
 def recorded_pairs(path: Path, is_wanted: Callable[[str], bool] = lambda name: True) -> Iterator[Pair]:
-    """The pairs in order of time. is_wanted: of a pair's name; others are not decoded. ValueError of one line names the
-    recording and what is wrong with it, behind the pairs before."""
+    """Yields the pairs in order of time. is_wanted: decides by a pair's name; other pairs are not decoded. Raises
+    ValueError, one line, with the recording and its fault, after the pairs before it."""
     pairs = read_pairs(path, is_wanted) if is_bag(path) else _folder_pairs(frame_files(path), is_wanted)
     first: NDArray[np.generic] | None = None
     for name, left, right in pairs:

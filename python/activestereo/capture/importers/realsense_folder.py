@@ -49,8 +49,8 @@ class RobotPoses:
     camera_to_gripper: NDArray[np.float64]
 
     def at(self, left: Path) -> tuple[NDArray[np.float64], int]:
-        """(gripper_to_base, repeat group) of a frame; frames of one pose are repeats. ValueError where it is not
-        listed."""
+        """(gripper_to_base, repeat group) of a frame. Frames of one pose are repeats. Raises ValueError if the frame is
+        not listed."""
         if left.stem not in self.gripper_to_base:
             raise ValueError(f"{left}: the robot's poses do not name it ({len(self.gripper_to_base)} are there)")
         pose = self.gripper_to_base[left.stem]
@@ -60,8 +60,8 @@ class RobotPoses:
 
 @dataclass(frozen=True)
 class FrameFiles:
-    """Files of one frame by stream, the number in the left one's name (its place in order where names have none), and
-    the view, by number, that it is of. projector_on: False below a folder that is named off."""
+    """Files of one frame by stream. The number is that in the left file's name, else its place in order. view: the
+    number of its view. projector_on: False below a folder that is named off."""
 
     number: float
     files: dict[str, Path]
@@ -70,9 +70,9 @@ class FrameFiles:
 
 
 def frame_files(folder: Path, depth_word: str | None = None) -> list[FrameFiles]:
-    """Frames with both cameras: of each view in order of time. A folder inside with both cameras of its own is a view
-    of its own, such as walls/near and walls/far, or desk/on and desk/off. depth_word: what names of depth images hold
-    where there are several kinds, None for "depth". ValueError where there are none."""
+    """Frames with both cameras, for each view in order of time. A folder inside with both cameras is a view of its own,
+    such as walls/near and walls/far, or desk/on and desk/off. depth_word: a word in names of depth images, to choose
+    one of several kinds; None for "depth". Raises ValueError if there are none."""
     folder = Path(folder)
     streams = _STREAMS if depth_word is None else _STREAMS | {"depth": re.compile(re.escape(depth_word), re.I)}
     out = []
@@ -98,8 +98,8 @@ def swapped(files: list[FrameFiles]) -> list[FrameFiles]:
 
 
 def _views(folder: Path, seen: set[Path]) -> list[Path]:
-    """The innermost folders with both cameras. seen: those that are looked at already or lie around, where links may
-    lead."""
+    """The innermost folders with both cameras. seen: folders visited before or on the way; links may lead back to
+    them."""
     out = []
     for child in sorted(folder.iterdir()):
         if child.is_dir() and child.resolve() not in seen and _has_both(child):
@@ -137,7 +137,7 @@ def _number(file: Path) -> float | None:
 
 
 def _by_number(folder: Path, by_stream: dict[str, list[Path]]) -> list[FrameFiles]:
-    """Frames of files whose numbers are the same, or times that are near."""
+    """Joins files into frames by equal numbers or near times."""
     numbered = {stream: [(_number(file) or 0.0, file) for file in files] for stream, files in by_stream.items()}
     frames = []
     for time_ms, left in sorted(numbered["left"]):
@@ -160,7 +160,7 @@ def _by_number(folder: Path, by_stream: dict[str, list[Path]]) -> list[FrameFile
 def _by_name(
     folder: Path, by_stream: dict[str, list[Path]], streams: dict[str, re.Pattern[str]]
 ) -> list[FrameFiles]:
-    """Frames of files whose names are the same but for the words that tell the stream, in natural order."""
+    """Joins files into frames by names that differ only in the stream's word, in natural order."""
     named: dict[str, dict[str, Path]] = {}
     for stream, files in by_stream.items():
         for file in files:
@@ -198,13 +198,12 @@ def import_realsense(
     robot: RobotPoses | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Capture:  # fmt: skip
-    """Writes the capture `out` (which must not exist) of frames and returns it.
+    """Writes frames as the capture `out`, which must not exist, and returns it.
 
-    files: of frame_files; 16-bit images none of whose pixels is above 255 are stored as the 8 bits that they are.
-    pattern: uint8, the nominal one of the device, under pattern_K; projector_in_left_m: its nominal place in the left
-    camera's frame. depth_scale: metres per unit of the depth images. scene: a glTF file, None for an empty one.
-    trajectory: camera poses over seconds; robot: poses of a gripper that carries the camera. Without either the camera
-    stands still, and all frames are repeats of one view.
+    files: from frame_files(). 16-bit images with no pixel above 255 are stored in 8 bits. pattern: uint8, the device's
+    nominal one, with matrix pattern_K; projector_in_left_m: its nominal place in the left camera's frame. depth_scale:
+    metres per unit of the depth images. scene: a glTF file, None for an empty one. trajectory: camera poses over
+    seconds; robot: poses of a gripper that carries the camera. Without either all frames are repeats of one view.
     """
     tell = progress or (lambda fraction: None)
     first = read_gray(files[0].files["left"], key="Infrared 1")
@@ -259,7 +258,7 @@ def import_realsense(
 
 
 def _color_camera(files: list[FrameFiles], device: DeviceText) -> ColorCamera | None:
-    """None where no frame has a colour image, or the device's text does not know the camera."""
+    """The colour camera; None if no frame has a colour image, or the device's text lacks the camera."""
     first = next((entry.files["color"] for entry in files if "color" in entry.files), None)
     if first is None or not any(stream == "Color" for stream, _, _ in device.intrinsics):
         return None

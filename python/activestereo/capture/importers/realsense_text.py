@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads what `rs-enumerate-devices -c` prints of one device: intrinsics of every stream and mode, extrinsics between
+"""Reads the output of `rs-enumerate-devices -c` for one device: intrinsics of every stream and mode, extrinsics between
 streams.
 
     Intrinsic of "Infrared 1" / 848x480 / {Y8}         Extrinsic from "Infrared 1"  To  "Infrared 2" :
@@ -27,7 +27,7 @@ _INTRINSIC = re.compile(r'Intrinsic of\s+"(?P<stream>[^"]+)"\s*/\s*(?P<width>\d+
 _EXTRINSIC = re.compile(r'Extrinsic from\s+"(?P<first>[^"]+)"\s+To\s+"(?P<second>[^"]+)"', re.IGNORECASE)
 _FIELD = re.compile(r"^\s*(?P<key>Width|Height|PPX|PPY|Fx|Fy|Distortion|Coeffs)\s*:\s*(?P<value>.*)$")
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
-# Of librealsense's distortion models these are Brown and Conrady's five numbers; "Inverse" holds for images that are
+# These of librealsense's distortion models have Brown and Conrady's five numbers. "Inverse" means that the images are
 # distorted already.
 _BROWN = ("brown conrady", "modified brown conrady", "none", "inverse brown conrady")
 
@@ -55,7 +55,7 @@ class DeviceText:
         return found
 
     def extrinsic(self, first: str, second: str) -> NDArray[np.float64]:
-        """first_to_second, 4x4. ValueError where the text has neither it nor its inverse."""
+        """first_to_second, 4x4. Raises ValueError if the text has neither it nor its inverse."""
         if (first, second) in self.extrinsics:
             return self.extrinsics[first, second]
         if (second, first) in self.extrinsics:
@@ -66,7 +66,7 @@ class DeviceText:
 
 
 def read_device_text(path: Path) -> DeviceText:
-    """The DeviceText of a file. ValueError names file, key and value of what is wrong."""
+    """The DeviceText of a file. Raises ValueError with file, key and value."""
     path = Path(path)
     try:
         lines = read_text(path, errors="replace").splitlines()

@@ -13,7 +13,7 @@ from activestereo.common.input_files import read_text
 
 
 def read_trajectory(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(times [n] in seconds, increasing; poses [n][4][4]). ValueError names file, line and what is wrong."""
+    """(times [n] in seconds, increasing; poses [n][4][4]). Raises ValueError with file, line and fault."""
     refuse_foreign(path)
     rows: list[list[float]] = []
     for number, line in enumerate(read_text(path).splitlines(), 1):
@@ -44,7 +44,8 @@ def read_trajectory(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64
 
 
 def pose_at(times: NDArray[np.float64], poses: NDArray[np.float64], time: float, name: str) -> NDArray[np.float64]:
-    """The pose at a time, between its neighbours. ValueError where the time is more than 50 ms outside."""
+    """The pose at a time, interpolated between its neighbours. Raises ValueError if the time is more than 50 ms
+    outside."""
     if not times[0] - 0.05 <= time <= times[-1] + 0.05:
         raise ValueError(f"{name}: its time {time:.6f} s is outside the poses' {times[0]:.6f} to {times[-1]:.6f} s")
     time = float(np.clip(time, times[0], times[-1]))

@@ -23,7 +23,7 @@ def is_tum(folder: Path) -> bool:
 
 
 def read_tum(folder: Path, K: NDArray[np.float64] | None, depth_scale: float | None = None) -> ColorDepthRecording:
-    """K: the layout has none of its own. ValueError names file, line and value."""
+    """K: the layout has none of its own. Raises ValueError with file, line and value."""
     if K is None:
         raise ValueError(f"{folder}: K: the TUM layout has none: give --k FX,FY,CX,CY of the colour camera")
     colors, depths = (_listed(folder / name) for name in ("rgb.txt", "depth.txt"))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Other programs' YAML as mappings of texts, and numbers out of them.
+"""Reads other programs' YAML as mappings of texts, and numbers out of them.
 
-Texts stay texts until a number is asked for, and tags make nothing: so `!!bool foo`, `!!opencv-matrix`, merge keys and
-numbers in base 60 are as harmless as any other text. Aliases share what they stand for, and nothing here walks deeper
-than a matrix. Reading needs PyYAML: python3-yaml of Debian, or pip install pyyaml.
+Values stay texts until a number is asked for, and tags build no objects. So `!!bool foo`, `!!opencv-matrix`, merge keys
+and numbers in base 60 do no harm. Aliases share their targets, and nothing here walks deeper than a matrix. Reading
+needs PyYAML: python3-yaml of Debian, or pip install pyyaml.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _OPENCV_DIRECTIVE = re.compile(r"%YAML:[\d.]+")
 
 @dataclass(frozen=True)
 class Entry:
-    """One mapping, with the name that errors have of it."""
+    """One mapping, with its name for errors."""
 
     name: str
     values: dict[str, Any]
@@ -49,19 +49,19 @@ class Entry:
         self.fail(keys[0], "is missing")
 
     def entry(self, key: str) -> Entry | None:
-        """The mapping inside; None where there is none."""
+        """The mapping inside; None if there is none."""
         value = self.values.get(key)
         return Entry(f"{self.name}: {key}", value) if isinstance(value, dict) else None
 
     def one_of(self, known: Sequence[str], key: str, default: str | None = None) -> str:
-        """A text that is one of these; default: where the key has none."""
+        """A text out of these; default: used if the key is missing."""
         value = self.named(key)[1] if default is None or self.has(key) else default
         if value not in known:
             self.fail(key, f"is {shown(value)}, expected {' or '.join(known)}")
         return str(value)
 
     def numbers(self, counts: Sequence[int], limits: Limits, *keys: str) -> NDArray[np.float64]:
-        """As many numbers as one of `counts`: of a list, of a list of rows, or of a matrix' data."""
+        """Numbers, as many as one of `counts`, from a list, a list of rows, or a matrix' data."""
         key, value = self.named(*keys)
         if isinstance(value, dict):
             value = value.get("data")
@@ -98,7 +98,7 @@ class Entry:
 
 
 def read_entries(path: Path) -> list[Entry]:
-    """The file's mappings, one of each document. ValueError names the file and what is wrong."""
+    """The file's mappings, one per document. Raises ValueError with the file and the fault."""
     try:
         import yaml
     except ImportError as error:
@@ -130,7 +130,7 @@ def _flat(rows: list[Any], most: int) -> list[Any]:
 
 
 def _number(text: Any) -> Any:
-    """The number that a text is; what is none stays as it is."""
+    """A text's number; any other value unchanged."""
     try:
         return float(text) if isinstance(text, str) else text
     except ValueError:
