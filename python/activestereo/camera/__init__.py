@@ -1,4 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras as data: figures of real cameras (data), a sensor's configuration from them, and what both engines are told
-of it.
-"""
+"""Cameras as data: figures of real cameras (data), sensor configurations from them, and the engines' parameters."""

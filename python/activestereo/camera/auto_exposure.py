@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Automatic exposure and gain, as librealsense's options have them: a mean count to aim at, a region that is looked at,
-limits for each; exposure goes first, gain only when exposure is at its limit.
+"""Automatic exposure and gain with librealsense's options: a target mean count, a region to measure, and limits for
+each. Exposure changes first; gain changes only when exposure is at its limit.
 
-The devices' own steps are not published. Here a step takes the light by _DAMPING of its error in the logarithm, and at
-most twice or half of it; clipped pixels make a step too small, never wrong.
+The devices' own steps are not published. Here a step corrects _DAMPING of the error in the logarithm of light, by a
+factor of at most two. Clipped pixels make a step too small, never wrong.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _SETTLED = 0.002  # relative change of a step after which nothing more is to com
 _MOST_STEPS = 60
 _VIEWS = 16  # at a time, which stay in the processor's cache
 STRIDE = 2  # every so many pixels are looked at, in x and y
-DARKEST = np.finfo(np.float32).tiny  # that counts as lit: devices may take what is below for 0
+DARKEST = np.finfo(np.float32).tiny  # smallest count of a lit pixel; devices may treat less as 0
 _BLOCK = 1 << 16  # numbers at a time, which stay in the processor's cache
 
 
@@ -51,8 +51,9 @@ class AutoExposure:
     region: tuple[int, int, int, int] | None = None
 
     def after(self, now: Setting, signal: Mapping[str, float], light: NDArray[np.float32], max_dn: float) -> Setting:
-        """The setting that follows the present one on one view; 'settled': what the steps from the start end at.
-        signal: simsense's, under the present setting; light: radiance [height][width]."""
+        """The setting after the present one for one view; 'settled': the end of the steps from the start.
+
+        signal: simsense's, under the present setting. light: radiance [height][width]."""
         seen, black_dn = self._seen(light[None], signal, now), signal["black_level_dn"]
         begin = np.array([(now if self.mode == "converging" else self.start).light_s])
         follow = self._step if self.mode == "converging" else self._settled
@@ -71,7 +72,7 @@ class AutoExposure:
         return np.asarray(np.concatenate(found) / self.start.light_s, np.float32)
 
     def _seen(self, light: NDArray[np.float32], signal: Mapping[str, float], now: Setting) -> NDArray[np.float32]:
-        """[n, pixels]: counts above black per second of light, of what is looked at."""
+        """[n, pixels]: counts above black per second of light, in the region."""
         dn_per_light_s = signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"] / now.gain
         left, top, right, bottom = self.region or (0, 0, light.shape[2], light.shape[1])
         looked_at = np.asarray(light[:, top:bottom:STRIDE, left:right:STRIDE], dtype=np.float32)
@@ -97,7 +98,7 @@ class AutoExposure:
         counts += np.float32(black_dn)
         np.clip(counts, np.float32(0.0), np.float32(max_dn), out=counts)
         mean_dn = counts.mean(axis=1).astype(np.float64)
-        # Where black alone is beyond the target no light is wanted: the steps end at the shortest exposure.
+        # If black alone exceeds the target, the steps end at the shortest exposure.
         wanted = max(self.target_dn - black_dn, 0.0) / np.maximum(mean_dn - black_dn, 1e-6)
         after = light_s * np.clip(wanted**_DAMPING, 1.0 / _LARGEST_STEP, _LARGEST_STEP)
         (shortest_s, longest_s), (least, most) = self.exposure_limits_s, self.gain_limits
@@ -109,9 +110,9 @@ def _clipped(value: float, low: float, high: float) -> float:
 
 
 def rgb_exposure(radiance: NDArray[np.float32]) -> float:
-    """The factor that puts the median lit pixel's green at a quarter of white, the same float32 as kuafu's output
-    `srgb` takes: that of the middle of all light that shares the median's upper 16 bits. radiance: float32 [...,
-    height, width, 3]."""
+    """Factor that puts the median lit pixel's green at a quarter of white, in the float32 arithmetic of kuafu's output
+    `srgb`. The median is the middle of all light with the same upper 16 bits. radiance: float32 [..., height, width,
+    3]."""
     green = radiance[..., ::STRIDE, ::STRIDE, 1]
     lit = green[(green >= DARKEST) & (green < np.inf)]
     if not lit.size:
@@ -127,14 +128,14 @@ def exposure_of_median(green: np.float32) -> float:
 
 
 def encoded_rgb(radiance: NDArray[np.float32], exposure: float | None) -> NDArray[np.float32]:
-    """0..1, sRGB-encoded, under this exposure or, for None or 0, that of rgb_exposure(). radiance: [..., height, width,
+    """Colours 0..1, sRGB-encoded under this exposure; None or 0: that of rgb_exposure(). radiance: [..., height, width,
     3]."""
     return srgb(radiance, exposure or rgb_exposure(radiance))
 
 
 def srgb(linear: NDArray[np.float32], factor: float = 1.0) -> NDArray[np.float32]:
-    """sRGB's transfer curve (IEC 61966-2-1) on linear values times a factor, clipped to 0..1. Accurate to 2e-5, by a
-    table over the root of the value, where the curve is nearly straight."""
+    """sRGB's transfer curve (IEC 61966-2-1) on linear values times a factor, clipped to 0..1. Accurate to 2e-5: it
+    reads a table over the root of the value, in which the curve is nearly straight."""
     light = np.ascontiguousarray(linear).reshape(-1)
     encoded = np.empty_like(light)
     scratch = np.empty(min(_BLOCK, light.size), dtype=np.float32)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of cameras' data: TOML, every figure with where it comes from, checked by the table below.
+"""Reads camera data from TOML files. Every figure has its source, and the table below checks it.
 
 name = "D435i"
 title = "Intel RealSense D435i"
@@ -61,7 +61,7 @@ def _of_table(p: Parameter, least: float, most: float) -> Field:
     return Field(doc, p.unit, low=low, high=high, choices=choices, whole=whole, or_zero=p.or_zero)
 
 
-# section: {figure: what it may be}. Positions are in the RGB camera's body frame (x forward, y left, z up).
+# section: {figure: allowed values}. Positions are in the RGB camera's body frame (x forward, y left, z up).
 FIELDS: dict[str, dict[str, Field]] = {
     "rig": {
         "ir_resolution": _numbers("width and height of the infrared images", "px", 2, 32, 65535, whole=True),
@@ -124,7 +124,7 @@ FIELDS: dict[str, dict[str, Field]] = {
 
 @dataclass(frozen=True)
 class Figure:
-    """A value, what it rests on (one of BASES) and where it was found."""
+    """A value, its basis (one of BASES) and its source."""
 
     value: Any
     basis: str
@@ -133,7 +133,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class CameraData:
-    """figures: {section: {name: Figure}}, with those of the files that it is based on."""
+    """figures: {section: {name: Figure}}, including those of the files that it is based on."""
 
     name: str
     title: str
@@ -154,7 +154,8 @@ def camera_names() -> list[str]:
 
 
 def read_camera(name: str | Path) -> CameraData:
-    """A camera by its name (in any case) or the path of a file. ValueError says what is wrong with which figure."""
+    """Reads a camera by its name (in any case) or the path of a file. Raises ValueError with the figure and its
+    fault."""
     path = FOLDER / f"{str(name).lower()}.toml"
     if not path.is_file() or "/" in str(name):
         path = Path(name)

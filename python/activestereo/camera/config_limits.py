@@ -38,18 +38,18 @@ from activestereo.common.pattern import PatternDesign
 from activestereo.common.pose import Pose
 from activestereo.common.render_table import OPTICS, RENDER, RENDERER
 
-# {camera: (resolution, its matrix, a copy of that)}: what came together.
+# {camera: (resolution, its matrix, a copy of the matrix)}, set together.
 Calibrated: TypeAlias = "Mapping[str, tuple[tuple[int, int], NDArray[np.float64], NDArray[np.float64]]]"
 _TABLE = {p.name: p for p in (*MATCHER, *RIG, *RENDERER, *RENDER)}
 _NEUTRAL_OPTICS = kuafu.Optics()
-# Fields that hold an engine's own parameters by name: those of one number, and how many numbers the others have.
+# Fields that hold an engine's parameters by name: numbers, and lengths of the lists.
 _IMAGER: tuple[dict[str, Parameter], dict[str, int]] = {p.name: p for p in SIGNAL}, {}
 _OPTICS = {p.name: p for p in OPTICS}, {
     name: len(value) for name in dir(_NEUTRAL_OPTICS) if isinstance(value := getattr(_NEUTRAL_OPTICS, name), tuple)
 }
-# Sides of the matcher's windows, whose products are at most 65 and 256.
+# Sides of the matcher's windows. Their products are at most 65 and 256.
 _WINDOWS = {"census_width": 65, "census_height": 65, "block_width": 255, "block_height": 255}
-# Where infinity says that there is no limit.
+# Fields in which infinity means no limit.
 _ENDLESS = ("max_depth_m",)
 _SHARE = Limits(0.0, 1.0)
 _PENALTY = Limits(1, 223, whole=True)
@@ -109,7 +109,7 @@ _MAY_BE_NONE = ("rgb_exposure", "ir_exposure_region", "ir_distortion_right", "ir
 
 
 def check_field(name: str, value: Any) -> None:
-    """ValueError says what is wrong with a field's value, and what it may be."""
+    """Raises ValueError with a field's invalid value and the allowed ones."""
     if name in _FAULT_OF and not (value is None and name in _MAY_BE_NONE):
         fault = _FAULT_OF[name](value)
         if fault is not None:
@@ -251,7 +251,7 @@ def _matrix_fault(value: Any) -> str | None:
     return None
 
 
-# Of each field: the reason why a value cannot be, in words that follow its name.
+# For each field: the fault of a value, in words that follow the field's name.
 _FAULT_OF: dict[str, Callable[[Any], str | None]] = {
     **{name: partial(_parameter_fault, p) for name, p in _TABLE.items()},
     **{name: partial(_window_fault, most) for name, most in _WINDOWS.items()},
@@ -272,7 +272,7 @@ _FAULT_OF: dict[str, Callable[[Any], str | None]] = {
 
 
 def check_matrix(name: str, k: Any, fields: Mapping[str, Any]) -> None:
-    """ValueError where a camera's matrix is not of the resolution that is set."""
+    """Raises ValueError if a camera's matrix does not fit its resolution."""
     camera = name.partition("_")[0]
     if k is not None and name != "pattern_intrinsic":
         width, height = fields[f"{camera}_resolution"]
@@ -280,8 +280,8 @@ def check_matrix(name: str, k: Any, fields: Mapping[str, Any]) -> None:
 
 
 def check_together(fields: Mapping[str, Any]) -> None:
-    """ValueError where an array was filled with what a field may not be, or fields do not go together. fields: vars()
-    of a configuration."""
+    """Raises ValueError if a changed array has invalid values, or fields do not fit one another. fields: vars() of a
+    configuration."""
     for name, value in fields.items():
         check_field(name, value)
     calibrated: Calibrated = fields["_calibrated"]
@@ -300,7 +300,7 @@ def check_together(fields: Mapping[str, Any]) -> None:
 
 
 def _check_matcher(fields: Mapping[str, Any]) -> None:
-    """ValueError where the matcher's parameters do not go together, as the engine has it."""
+    """Raises ValueError if the engine refuses this combination of matcher parameters."""
     if not fields["p1"] < fields["p2"]:
         raise ValueError(f"p1 is {fields['p1']} and p2 is {fields['p2']}, expected a larger p2")
     if not fields["min_depth_m"] < fields["max_depth_m"]:
@@ -313,7 +313,7 @@ def _check_matcher(fields: Mapping[str, Any]) -> None:
 
 
 def _check_light(fields: Mapping[str, Any]) -> None:
-    """ValueError where laser, noise or automatic exposure are told what cannot be."""
+    """Raises ValueError for an invalid combination of laser, noise and automatic exposure."""
     (low, high, _), power_mw = fields["laser_power_limits_mw"], fields["laser_power_mw"]
     if not low <= power_mw <= high:
         raise ValueError(f"laser_power_mw is {power_mw:g}, expected {low:g} to {high:g}")
@@ -349,7 +349,7 @@ def _check_middle(name: str, k: NDArray[np.float64], width: int, height: int, re
 
 
 def checked_twist(linear: ArrayLike, angular: ArrayLike) -> NDArray[np.float64]:
-    """[6] of a linear and an angular velocity. ValueError where one is none that a sensor can have."""
+    """A linear and an angular velocity, [6]. Raises ValueError for one that no sensor can have."""
     parts = (("linear velocity in m/s", linear, SPEED), ("angular velocity in rad/s", angular, TURN_RATE))
     for name, part, limits in parts:
         fault = _list_fault(np.asarray(part).tolist(), [limits] * 3)

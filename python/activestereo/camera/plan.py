@@ -38,14 +38,14 @@ class Pattern(NamedTuple):
 
 @dataclass(frozen=True)
 class SensorPlan:
-    """The parts that renderer, imagers, rectification, matcher and registration get of a sensor whose RGB camera is at
-    the origin. A mapping holds keyword arguments.
+    """Inputs of renderer, imagers, rectification, matcher and registration, for a sensor with its RGB camera at the
+    origin. A mapping holds keyword arguments.
 
-    rgb, left, right: of kuafu.Camera, but for velocities and the infrared exposure. left_to: 4x4 from the left camera's
+    rgb, left, right: of kuafu.Camera, without velocities and the infrared exposure. left_to: 4x4 from the left camera's
     axes to those of 'rgb', 'left', 'right' and 'projector'. ir_optics: of kuafu.Optics; rgb_optics: the same or None.
-    projector: of kuafu.Light, but for its intensity; None where there is none. pattern: the projector's image, None
-    where it has dots. laser_w_sr: its intensity in even and in odd pictures. renderer: of kuafu.Renderer; render: of
-    its render(). engine: of simsense.Engine, but for the imagers. signal: the imagers' parameters at gain 1.
+    projector: of kuafu.Light, without its intensity; None if the sensor has none. pattern: the projector's image; None
+    if it has dots. laser_w_sr: its intensity in even and in odd pictures. renderer: of kuafu.Renderer; render: of its
+    render(). engine: of simsense.Engine, without the imagers. signal: the imagers' parameters at gain 1.
     responsivity_dn: counts per W s / (sr m^2) at gain 1."""
 
     rgb: dict[str, Any]
@@ -160,7 +160,7 @@ def _sapien_noise(config: StereoDepthSensorConfig) -> dict[str, float]:
 
 
 def pattern_of(config: StereoDepthSensorConfig) -> tuple[NDArray[np.uint8], NDArray[np.float64]] | None:
-    """The projector's image as uint8 [height, width] and its 3x3 K, or None where there is no projector."""
+    """The projector's image as uint8 [height, width] and its 3x3 K; None without a projector."""
     pattern = _pattern(config)
     return None if pattern is None else (pattern.image, pattern_k(config, *pattern.image.shape[::-1]))
 
@@ -185,7 +185,7 @@ def pattern_k(config: StereoDepthSensorConfig, width: int, height: int) -> np.nd
 
 
 def _projector(config: StereoDepthSensorConfig, pattern: Pattern | None) -> dict[str, Any] | None:
-    """Keyword arguments of kuafu.Light but for the place; None where there are neither dots nor an image."""
+    """Keyword arguments of kuafu.Light without the place; None if there are neither dots nor an image."""
     fields: dict[str, Any] = {"kind": "projector", "name": "projector"}
     fields |= {"falloff": config.projector_falloff, "pattern_scale": config.light_pattern_scale}
     if config.projector_beam_radius_m > 0.0:
@@ -213,5 +213,5 @@ def _exposure(config: StereoDepthSensorConfig) -> AutoExposure:
 
 
 def _shutter(line_time_s: float, readout: str) -> dict[str, Any]:
-    """kuafu.Camera's arguments of a rolling shutter, none of a global one."""
+    """kuafu.Camera's arguments for a rolling shutter; empty for a global one."""
     return {"shutter": "rolling", "line_time_s": line_time_s, "readout": readout} if line_time_s else {}

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor's configuration: StereoDepthSensorConfig("D435"), or another camera of camera/data, whose files tell every
-figure with its source ('activestereo presets' prints them). Names are SAPIEN's; what SAPIEN has no name for follows
-them. "sapien-D435" and "sapien-D415" have SAPIEN's values, too.
+"""A sensor's configuration: StereoDepthSensorConfig("D435"), or another camera of camera/data. Its files give every
+figure with its source ('activestereo presets' prints them). Names are SAPIEN's, and new fields follow their style.
+"sapien-D435" and "sapien-D415" have SAPIEN's values, too.
 
 Exposure. A pixel's noise-free count is ir_camera_exposure * ir_camera_gain * ir_responsivity_dn * radiance, plus the
-black level. The devices' presets find exposure and gain by themselves (auto_exposure.py); SAPIEN's are fixed, so that a
-mean dot reaches about 130 counts at 1 m on a surface of albedo 0.5.
+black level. The devices' presets expose automatically (auto_exposure.py). SAPIEN's exposure is fixed: a mean dot
+reaches about 130 counts at 1 m on a surface of albedo 0.5.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def _pattern_design(camera: CameraData) -> PatternDesign:
 
 
 def _signal(camera: CameraData) -> dict[str, float] | None:
-    """simsense's imager for counts, None where the camera's file has none: SAPIEN's noise then."""
+    """simsense's imager for counts. None if the camera's file has none; SAPIEN's noise is used then."""
     imager = camera.figures["imager"]
     if "conversion_gain_dn_per_e" not in imager:
         return None
@@ -77,8 +77,7 @@ def _signal(camera: CameraData) -> dict[str, float] | None:
     return signal
 
 
-# What SAPIEN's StereoDepthSensorConfig calls the engines' parameters: a configuration answers to those names, too. And
-# where its defaults are others.
+# SAPIEN's names of the engines' parameters, which a configuration accepts, too, and the defaults that differ.
 SAPIEN_NAMES = {
     "noise_seed": "ir_noise_seed",
     "max_disparity": "max_disp",
@@ -91,7 +90,7 @@ SAPIEN_NAMES = {
     "ir_ambient_radiance": "ir_ambient_strength",
 }
 SAPIEN_DEFAULTS = {"depth_dilation": True}
-# Parameters of the engines that are a camera's own, with the section of its data where they stand.
+# Engine parameters that belong to a camera, with the section of its data.
 OF_THE_CAMERA = {
     "min_depth_m": "rig",
     "max_depth_m": "rig",
@@ -104,7 +103,7 @@ OF_THE_CAMERA = {
 
 
 FIELD_OF_VIEW = Limits(1.0, 170.0, "degrees")
-# A block of summed costs covers at least this side, that of a census window.
+# A block of summed costs has at least this side, that of a census window.
 _LEAST_BLOCK_PX = 7
 
 
@@ -131,9 +130,9 @@ _OWN_NAMES = {sapien: own for own, sapien in SAPIEN_NAMES.items()}
 
 
 class StereoDepthSensorConfig(MatcherFields, RenderFields):
-    """Everything about a sensor; change any field before making the sensor. model: a camera's name, or the path of a
-    TOML file like those of camera/data. Raises ValueError for an unknown model and for a field that is set to what it
-    cannot be, AttributeError for a field that there is not."""
+    """All settings of a sensor. Change any field before making the sensor. model: a camera's name, or the path of a
+    TOML file like those of camera/data. Raises ValueError for an unknown model and for an invalid value, AttributeError
+    for an unknown field."""
 
     SUPPORTED_MODELS = tuple(camera_titles())
     _FIELDS: tuple[str, ...] = ()  # all names, once a first one has been made
@@ -155,7 +154,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         # k3, k4 of a fisheye lens. Both IR cameras have the same one. rectified: the infrared pair is matched as it
         # comes, its rows aligned; a pair with a distorting lens is rectified first all the same.
         self.ir_distortion: tuple[float, ...] = (0.0,) * 5
-        # Of the right IR camera, where it is not as the left one; None = it is.
+        # The right IR camera's, if it differs from the left one's; None = the same.
         self.ir_intrinsic_right: NDArray[np.float64] | None = None
         self.ir_distortion_right: tuple[float, ...] | None = None
         self.rgb_distortion: tuple[float, ...] = (0.0,) * 5
@@ -170,30 +169,30 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         # 3x3 of the pattern image in place of active_light_fov.
         self.pattern_intrinsic: NDArray[np.float64] | None = None
         self.pattern_design = _pattern_design(camera)
-        # In place of light_pattern: [n, 3] u, v and power of dots, in pixels of pattern_design's image and with its
+        # Replaces light_pattern: [n, 3] u, v and power of dots, in pixels of pattern_design's image and with its
         # dot_sigma_px. A dot's power is the pattern's integral over it, in pixels squared. light_pattern_scale
-        # magnifies the pattern about its middle; light_dot_background is what every pixel of it has beside the dots.
+        # magnifies the pattern about its middle; light_dot_background is the value of every pixel without dots.
         self.light_dots: NDArray[np.float32] | None = None
         self.light_dot_background = 0.0
         self.light_pattern_scale = 1.0
-        self.projector_intensity = camera.value("projector", "intensity_w_sr")  # W/sr where the pattern is 1
+        self.projector_intensity = camera.value("projector", "intensity_w_sr")  # W/sr at pattern value 1
         # The laser's setting: light goes with laser_power_mw over laser_power_nominal_mw. emitter: 'on', 'off', or
         # 'alternating' (on in every even picture, as librealsense's emitter on-off).
         self.laser_power_mw = camera.value("projector", "laser_power_mw")
         self.laser_power_nominal_mw = self.laser_power_mw
         self.laser_power_limits_mw = tuple(camera.value("projector", "laser_power_limits_mw"))
         self.emitter = "on"
-        # A dot's beam is so wide where it leaves the projector; 0 = no wider than its angle makes it. Dots fall with
-        # this power of the cosine from the projector's axis.
+        # A dot's beam has this width at the projector; 0 = only its angle widens it. Dots fall off with this power of
+        # the cosine from the projector's axis.
         self.projector_beam_radius_m = camera.value("projector", "beam_radius_m", 0.0)
         self.projector_falloff = camera.value("projector", "falloff", 0.0)
-        # True: other sensors of the scene see its dots, too, as those of real sensors do that look at one thing.
+        # True: the scene's other sensors see its dots, too, as real sensors do.
         self.projector_always_on = False
 
         # Exposure and infrared light. ir_camera_exposure in seconds; ir_responsivity_dn in counts per W s / (sr m^2).
         # ir_exposure_mode: 'fixed'; 'converging': after each picture exposure, then gain, take a step towards a mean
         # count of ir_exposure_target_dn in ir_exposure_region (left, top, right, bottom; None = the whole left image);
-        # 'settled': each picture has what such steps end at, as if the camera had looked at this view for a while.
+        # 'settled': each picture has the end of such steps, as if the camera had looked at this view for a while.
         self.ir_camera_exposure = camera.value("exposure", "exposure_s")
         self.ir_camera_gain = camera.value("exposure", "gain")
         self.ir_exposure_mode = camera.value("exposure", "mode")
@@ -204,11 +203,10 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         self.ir_responsivity_dn = camera.value("imager", "responsivity_dn")
         self.rgb_exposure = None  # colour value per radiance; None = the median lit pixel at a quarter of white
 
-        # Shutters, which what moves is seen through (the sensor by set_velocity(), instances and lights by
-        # kuafu.Scene). The IR cameras' is open for ir_camera_exposure, the RGB camera's for rgb_exposure_s, seconds,
-        # each centred on the same instant. A line time is how many seconds later each line is exposed than the one
-        # before; 0 = a global shutter. A readout is the way the lines go: 'rows_down', 'rows_up', 'columns_right' or
-        # 'columns_left'.
+        # Shutters, which blur motion (the sensor's by set_velocity(), instances' and lights' by kuafu.Scene). The IR
+        # cameras open for ir_camera_exposure, the RGB camera for rgb_exposure_s, seconds, centred on the same instant.
+        # A line time is the delay in seconds from one line to the next; 0 = a global shutter. A readout is the order of
+        # lines: 'rows_down', 'rows_up', 'columns_right' or 'columns_left'.
         self.rgb_exposure_s = 0.0
         self.ir_line_time_s = camera.value("rig", "line_time_s")
         self.rgb_line_time_s = 0.0
@@ -222,28 +220,27 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         self.noise_seed = 0
         self.ir_speckle_noise = 1.0
         self.ir_thermal_noise = 1.0
-        # Of which light the speckle is, that of ir_signal too: False = of all, as SAPIEN and the paper have it; True =
-        # of the projector's alone, which is coherent (two more images are rendered and copied to the engine).
+        # Light with speckle, also for ir_signal. False = all light, as in SAPIEN and the paper. True = the projector's
+        # alone, which is coherent (two more images are rendered and copied to the engine).
         self.ir_signal: Any = _signal(camera)
         self.ir_speckle_of_laser = bool(self.ir_signal and "speckle_shape" in self.ir_signal)
-        # Instead of that noise: 'd435', 'paper-d415' or another of simsense.signal_preset, or a dict of
-        # simsense_signal's parameters whose input is in counts; exposure, responsivity and black level above come on
-        # top. (Set above, with the devices' own noise.)
+        # Replaces that noise: 'd435', 'paper-d415' or another of simsense.signal_preset, or a dict of simsense_signal's
+        # parameters whose input is in counts; exposure, responsivity and black level above apply, too. (Set above, with
+        # the devices' own noise.)
 
-        # Further settings of the engines (capi/generation/reference.md): every parameter of matching and depth, where
-        # the depth engine works and which faults of the published SimSense it keeps, who traces rays, and how pictures
-        # are rendered.
+        # Further settings of the engines (capi/generation/reference.md): all parameters of matching and depth, the
+        # depth engine's device and its options for the published SimSense's faults, the ray tracer, and the rendering.
         for p in (*MATCHER, *RIG, *RENDERER, *RENDER):
             setattr(self, p.name, SAPIEN_DEFAULTS.get(p.name, p.default))
         for name, section in OF_THE_CAMERA.items():
             setattr(self, name, camera.value(section, name, getattr(self, name)))
         self.render_seed = 0
-        # What compute_depth() gives besides, out of 'confidence', 'reason', 'points', 'rectified_left' and
-        # 'rectified_right'; get_depth_map() returns it.
+        # Further maps of compute_depth(): 'confidence', 'reason', 'points', 'rectified_left' and 'rectified_right'.
+        # Read them with get_depth_map().
         self.depth_maps: tuple[str, ...] = ()
 
-        # Optics of the cameras: a dict of kuafu.Optics' fields (vignetting_exponent, psf_sigma_px, ...); None is
-        # perfect.
+        # Optics of the cameras: a dict of kuafu.Optics' fields (vignetting_exponent, psf_sigma_px, ...); None = perfect
+        # optics.
         self.ir_optics: dict[str, Any] | None = {
             name: figure.value for name, figure in camera.figures["optics"].items()
         } or None
@@ -272,10 +269,10 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         return not self._differing(other)
 
     def __repr__(self) -> str:
-        """The model, and the fields that are not as it has them."""
+        """The model, and the fields that differ from it."""
         try:
             base = type(self)(self.model)
-        except ValueError:  # of a file of the user's
+        except ValueError:  # the path of a user's file
             return f"<StereoDepthSensorConfig of '{self.model}', {self.ir_resolution[0]}x{self.ir_resolution[1]}>"
         changed = [f"{name}={_brief(getattr(self, name))}" for name in self._differing(base)]
         return f"StereoDepthSensorConfig({', '.join([repr(self.model), *changed])})"
@@ -289,7 +286,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
             """A field under SAPIEN's name."""
             if name in _OWN_NAMES:
                 return getattr(self, _OWN_NAMES[name])
-            if name.startswith("__"):  # what Python asks for, as for a copy: nothing to guess
+            if name.startswith("__"):  # names that Python asks for, in copy() for one: no guess
                 raise AttributeError(name)
             raise AttributeError(self._unknown(name))
 
@@ -304,8 +301,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
 
     @classmethod
     def from_model(cls, model: SensorModel | str | Path, base: str = "D435") -> StereoDepthSensorConfig:
-        """The sensor that a model describes: a model.SensorModel or the path of a model.json. What it does not
-        say is the preset's. Give the model to the sensor, too: StereoDepthSensor(config, scene, model=model)."""
+        """The sensor of a model: a model.SensorModel or the path of a model.json. Values that it lacks are the
+        preset's. Give the model to the sensor, too: StereoDepthSensor(config, scene, model=model)."""
         from activestereo.model import SensorModel, read_model
         from activestereo.model.configure import configured
 
@@ -342,10 +339,9 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         return out
 
     def resized(self, width: int, height: int, fov: float | None = None) -> StereoDepthSensorConfig:
-        """A copy whose images are all width x height pixels, with square pixels as square as before. fov: the
-        horizontal field of view of all cameras, degrees; None = each keeps its own, and height cuts or adds above and
-        below. The disparity range and the matcher's block go with the infrared cameras' focal length, as scaled() has
-        them."""
+        """A copy whose images are all width x height pixels, with square pixels as square as before. fov: horizontal
+        field of view of all cameras, degrees; None = each keeps its own, and height crops or extends. The disparity
+        range and the matcher's block scale with the infrared focal length, as in scaled()."""
         for name, side in (("width", width), ("height", height)):
             SIDE.check(name, side)
         if fov is not None:
@@ -362,7 +358,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         return out
 
     def _rescaled(self, factor: float) -> StereoDepthSensorConfig:
-        """A copy whose matcher and speckle are of images with this many times the focal length."""
+        """A copy with matcher and speckle for images of this many times the focal length."""
         self.check()
         out = deepcopy(self)
         out.max_disparity = max(32, round(self.max_disparity * factor))
@@ -400,7 +396,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
 
 
 def own_config(config: StereoDepthSensorConfig | str | PathLike[str]) -> StereoDepthSensorConfig:
-    """A copy of a configuration, or that of a camera's name or file. TypeError for anything else."""
+    """A copy of a configuration, or the configuration of a camera's name or file. Raises TypeError for anything
+    else."""
     if isinstance(config, (str, PathLike)):
         return StereoDepthSensorConfig(str(config))
     if not isinstance(config, StereoDepthSensorConfig):

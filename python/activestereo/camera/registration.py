@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A depth image of the left infrared camera in the RGB camera, for what is computed outside of the depth engine."""
+"""Registers a depth image of the left infrared camera to the RGB camera, outside the depth engine."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from activestereo.common.lens import distort, is_distorting, is_drawn
 def registered(
     depth_m: NDArray[np.float32], k: NDArray[np.float64], left_to_rectified: NDArray[np.float64], plan: SensorPlan
 ) -> NDArray[np.float32]:
-    """float32 [height][width] of the RGB camera, metres, 0 = none: nearest pixels, the nearest surface wins. depth_m,
-    k: of the rectified left image. With depth_dilation each point covers the pixels up and left of it, too."""
+    """Registered depth, float32 [height][width] of the RGB camera, metres, 0 = none: nearest pixels, the nearest
+    surface wins. depth_m, k: the rectified left image's. With depth_dilation each point also covers the pixels up and
+    left of it."""
     rgb, matcher, left_to_rgb = plan.rgb, plan.engine, plan.left_to["rgb"]
     v, u = np.nonzero(depth_m)
     z = depth_m[v, u].astype(np.float64)

@@ -13,7 +13,7 @@ import simsense
 from activestereo.camera.advanced_mode.parameters import DepthTable, depth_table, matcher_parameters
 from activestereo.camera.advanced_mode.settings import AdvancedSettings
 
-_DISPARITY_STEPS = 32  # of a pixel, where images hold disparities
+_DISPARITY_STEPS = 32  # of a pixel, the step of disparities in images
 _IN_COUNTS_OF_8_BITS = ("p2_full_gradient_dn", "min_texture_dn", "low_texture_dn", "census_noise_dn")
 
 
@@ -62,7 +62,7 @@ class PairMatcher:
         self._engine.set_parameters(**{name: matcher[name] for name in self._engine.parameters if name in matcher})
 
     def disparity(self, left: NDArray[np.generic], right: NDArray[np.generic]) -> NDArray[np.float32]:
-        """Pixels, -1 where nothing was measured."""
+        """Disparity in pixels, -1 = not measured."""
         return np.array(self._engine.compute(left, right, ("disparity",))["disparity"], np.float32)
 
     def image(self, left: NDArray[np.generic], right: NDArray[np.generic]) -> NDArray[np.uint16]:

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The keys of the advanced mode as what they set: the matcher's parameters, the depth image's units, and the camera's
-light.
+"""Converts the keys of the advanced mode to the matcher's parameters, the depth image's units, and the camera's light.
 
-Nobody outside of Intel knows the D400's matcher, so that keys are read against its defaults: a key that has the
-camera's default leaves the matcher as the camera's preset has it, and another moves it by the same share."""
+Only Intel knows the D400's matcher, so keys are read against its defaults. A key with the camera's default leaves the
+preset's matcher unchanged; another value scales the parameter by the same ratio."""
 
 from __future__ import annotations
 
@@ -24,7 +23,7 @@ _DN_OF_12_BITS = 1 / 16
 
 @dataclass(frozen=True)
 class DepthTable:
-    """How a depth image is written: metres per unit, the depths that it keeps, or disparities in place of it."""
+    """Format of a depth image: metres per unit and the depths that it keeps, or disparities instead."""
 
     unit_m: float
     min_depth_m: float
@@ -33,7 +32,7 @@ class DepthTable:
 
 
 def matcher_parameters(settings: AdvancedSettings, base: Mapping[str, Any]) -> dict[str, Any]:
-    """simsense's parameters: `base`, those of the camera's preset for images of 8 bits, moved by the settings."""
+    """simsense's parameters: `base`, the camera's preset for images of 8 bits, changed by the settings."""
     out = dict(base)
     changed, number = settings.is_changed, settings.number
     for side, name in (("width", "param-censususize"), ("height", "param-censusvsize")):

@@ -14,7 +14,7 @@ from scipy.ndimage import uniform_filter
 from activestereo.camera.advanced_mode.settings import AdvancedSettings
 
 Goal = Literal["fill", "noise", "truth"]
-# What each key is tried at, coarse to fine in effect.
+# Values to try for each key, in order of their effect, coarse to fine.
 _CHOICES: dict[str, tuple[float, ...]] = {
     "param-secondpeakdelta": (0, 110, 222, 325, 480, 647),
     "param-leftrightthreshold": (10, 24, 64),
@@ -30,7 +30,7 @@ ROUNDS = 2
 # Fill is not bought with noise, nor less noise with holes: these times the start's are allowed.
 _MOST_NOISE, _LEAST_FILL = 1.1, 0.98
 _WINDOW_PX = 11
-_FLAT_PX = 1.0  # a window whose disparities leave its plane by more holds an edge
+_FLAT_PX = 1.0  # a larger residual from a plane means an edge in the window
 _WRONG_PX = 2.0
 
 
@@ -45,7 +45,7 @@ class Score:
 
 
 def score(disparities: Sequence[NDArray[np.float32]], truths: Sequence[NDArray[np.float32]] = ()) -> Score:
-    """The score of disparity images, -1 = no measurement; truths: likewise, NaN where it is not known."""
+    """Scores disparity images, -1 = no measurement. truths: likewise, NaN = unknown."""
     fill = float(np.mean([np.mean(disparity > 0) for disparity in disparities]))
     noise = float(np.median(np.concatenate([_plane_residuals(disparity) for disparity in disparities])))
     wrong = [

@@ -23,7 +23,7 @@ _IGNORED = ("result", "result:")
 
 @dataclass(frozen=True)
 class Key:
-    """A row of keys.toml. words: what it may be where it is no number. to: the names that it sets here."""
+    """A row of keys.toml. words: allowed values of a key that is no number. to: names that it sets here."""
 
     name: str
     default: Value
