@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The distance between a pair's cameras: its calibration's, or the user's where that has none or none of this world."""
+"""Chooses a pair's baseline: the calibration's, or the user's if the calibration has none or an implausible one."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-# Twice that of the widest rigs of cars; what files tell above it is in millimetres, or in squares of a board.
+# Twice the widest baseline of cars' rigs. A larger number in a file is in millimetres, or in squares of a board.
 MOST_BASELINE_M = 2.0
 _AGREEING = 0.02
 
 
 def unit_question(baseline: float) -> str | None:
-    """The question, in words that follow a name, where a baseline can only be in another unit than metres."""
+    """Asks for the unit, in words that follow a name, if a baseline cannot be in metres."""
     if baseline <= MOST_BASELINE_M:
         return None
     return (
@@ -22,8 +22,8 @@ def unit_question(baseline: float) -> str | None:
 
 
 def chosen_baseline_m(name: str, told_m: float, given_m: float | None) -> float:
-    """The baseline that a calibration tells (0: none), else the one that --baseline gives. ValueError, which begins
-    with the calibration's name, where there is none, where both differ, or where it cannot be in metres."""
+    """The calibration's baseline (0: none), else --baseline's. Raises ValueError, which begins with the calibration's
+    name, if both are absent or differ, or if it cannot be in metres."""
     question = unit_question(told_m)
     if given_m is None:
         if told_m == 0.0:

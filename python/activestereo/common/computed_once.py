@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A method whose result is kept. It is called with parentheses, so that a reader sees where work is done."""
+"""A method that computes its result once. Callers write parentheses, so a reader sees that work is done."""
 
 from __future__ import annotations
 

@@ -14,8 +14,8 @@ from activestereo.common.input_files import read_toml
 
 
 class DeclaredRanges:
-    """The base of frozen dataclasses whose fields are all (low, high), drawn evenly between them. LIMITS: within which
-    a range lies, 0 and up where a name is not there. ValueError says what is wrong with which range."""
+    """The base of frozen dataclasses of ranges (low, high), drawn uniformly. LIMITS: allowed ends by name, 0 and up by
+    default. Raises ValueError with the range and its fault."""
 
     LIMITS: ClassVar[dict[str, tuple[float, float]]] = {}
 
@@ -50,7 +50,7 @@ def range_names(kind: type[DeclaredRanges]) -> list[str]:
 
 
 def read_ranges(path: Path | None, kind: type[Kind]) -> Kind:
-    """The defaults where there is no file. ValueError names the file and what is wrong in it."""
+    """Reads ranges; the defaults without a file. Raises ValueError with the file and its fault."""
     if path is None:
         return kind()
     given = read_toml(path)

@@ -20,14 +20,14 @@ else:
 MOST_BYTES = 1 << 33
 _PART_BYTES = 1 << 24
 MOST_TEXT_BYTES = 1 << 26
-# No format of this project nests ten deep; what walks a deeper tree may run out of stack.
+# No format of this project nests ten deep. Deeper trees may exhaust the stack of recursive code.
 DEEPEST_JSON = 100
 _MOST_TOML_BYTES = 1 << 20
 _DEEPEST_TOML = 16
 
 
 def open_file(path: str | Path, most_bytes: int = MOST_BYTES) -> BinaryIO:
-    """The file, open for reading. OSError, whose filename is `path`, where it is no regular file or has more bytes."""
+    """Opens a file for reading. Raises OSError, with filename `path`, if it is no regular file or has more bytes."""
     # Without O_NONBLOCK a pipe that nobody writes to would be waited for here.
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
@@ -47,7 +47,7 @@ def checked_file(path: str | Path, most_bytes: int = MOST_BYTES) -> Path:
 def read_bytes(path: str | Path, most_bytes: int = MOST_BYTES) -> bytes:
     """The whole content. OSError as by open_file()."""
     with open_file(path, most_bytes) as file:
-        # In parts, for one large read takes the memory before it knows the size; the kernel's files tell none.
+        # In parts: one large read allocates memory before it knows the size, and the kernel's files report none.
         parts, size = [], 0
         while part := file.read(_PART_BYTES):
             parts.append(part)
@@ -58,7 +58,7 @@ def read_bytes(path: str | Path, most_bytes: int = MOST_BYTES) -> bytes:
 
 
 def read_text(path: str | Path, encoding: str = "utf-8", errors: str = "strict") -> str:
-    """The text. OSError as by open_file(), ValueError with the path where the encoding is another."""
+    """The text. Raises OSError as open_file(), and ValueError with the path if the encoding is another."""
     try:
         return read_bytes(path, MOST_TEXT_BYTES).decode(encoding, errors)
     except UnicodeDecodeError as error:
@@ -66,7 +66,7 @@ def read_text(path: str | Path, encoding: str = "utf-8", errors: str = "strict")
 
 
 def read_json(path: str | Path) -> Any:
-    """The JSON value. OSError as by open_file(), ValueError with the path where it is no JSON or nested too deep."""
+    """The JSON value. Raises OSError as open_file(), and ValueError with the path for invalid or too deep JSON."""
     text = read_text(path)
     try:
         value = json.loads(text)
@@ -83,7 +83,7 @@ def read_json(path: str | Path) -> Any:
 
 
 def read_json_object(path: str | Path) -> dict[str, Any]:
-    """read_json() of a file that holds an object; ValueError with the path where it holds another value."""
+    """Reads a JSON object. Raises as read_json(), and ValueError with the path for another value."""
     found = read_json(path)
     if not isinstance(found, dict):
         raise ValueError(f"{path}: is not a JSON object")
@@ -91,7 +91,7 @@ def read_json_object(path: str | Path) -> dict[str, Any]:
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """The tables. OSError as by open_file(), ValueError with the path where it is no TOML or nested too deep."""
+    """The tables. Raises OSError as open_file(), and ValueError with the path for invalid or too deep TOML."""
     content = read_bytes(path, _MOST_TOML_BYTES)
     try:
         text = content.decode()

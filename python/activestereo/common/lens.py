@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lens distortion of image positions x, y in focal lengths, by the number of its coefficients: five are Brown and
 Conrady's [k1, k2, p1, p2, k3], eight a rational lens' with [k4, k5, k6] behind (OpenCV's order), and four a fisheye
-lens' [k1, k2, k3, k4] (Kannala and Brandt 2006, as in OpenCV's fisheye module). A lens draws directions only up to the
+lens' [k1, k2, k3, k4] (Kannala and Brandt 2006, as in OpenCV's fisheye module). A lens images directions only up to the
 radius at which its radial distortion folds."""
 
 from collections.abc import Sequence
@@ -34,8 +34,8 @@ def lens_fields(coefficients: Coefficients) -> dict[str, Any]:
 
 
 def distort(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Coefficients) -> Positions:
-    """Where a lens draws what an ideal pinhole draws at (x, y). Beyond the fold, where is_drawn() is false, the radial
-    factor stays as it is there, so that positions go on outwards."""
+    """Distorts an ideal pinhole's image positions (x, y). Beyond the fold, at which is_drawn() turns false, the radial
+    factor stays constant, so positions keep moving outwards."""
     k, _, last2 = _lens(tuple(map(float, coefficients)))
     r2 = np.minimum(x * x + y * y, last2)
     if len(coefficients) == _FISHEYE:
@@ -47,14 +47,14 @@ def distort(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Coeffi
 
 
 def is_drawn(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Coefficients) -> NDArray[np.bool_]:
-    """Whether a lens draws the directions (x, y, 1): they lie within its fold, as both engines have it."""
+    """Whether a lens images the directions (x, y, 1): they lie within its fold, as in both engines."""
     return x * x + y * y < _lens(tuple(map(float, coefficients)))[1]
 
 
 def pixel_rays(
     u: NDArray[np.int_], v: NDArray[np.int_], k: NDArray[np.float64], coefficients: Coefficients
 ) -> NDArray[np.float64]:
-    """[3, n]: where the middles of pixels (u, v) look, with z = 1."""
+    """Ray directions [3, n] through the pixels' centres (u, v), with z = 1."""
     rays = np.linalg.inv(k) @ np.stack([u, v, np.ones_like(u)]).astype(np.float64)
     if is_distorting(coefficients):
         rays[:2] = undistort(rays[0], rays[1], coefficients)
@@ -100,7 +100,7 @@ def _tangential(x: NDArray[np.float64], y: NDArray[np.float64], k: tuple[float, 
 
 
 def _fisheye_radius(angle: NDArray[np.float64], k: tuple[float, ...]) -> Positions:
-    """Where a fisheye lens draws an angle from its axis, in focal lengths, and the derivative."""
+    """Image radius of a fisheye lens at an angle from its axis, in focal lengths, and its derivative."""
     a2 = angle * angle
     radius = angle * (1.0 + a2 * (k[0] + a2 * (k[1] + a2 * (k[2] + a2 * k[3]))))
     return radius, 1.0 + a2 * (3 * k[0] + a2 * (5 * k[1] + a2 * (7 * k[2] + a2 * 9 * k[3])))
@@ -114,7 +114,7 @@ def _fisheye_scale(r: NDArray[np.float64], k: tuple[float, ...]) -> NDArray[np.f
 def _undistort_fisheye(
     x: NDArray[np.float64], y: NDArray[np.float64], k: tuple[float, ...], last: float
 ) -> Positions:
-    """last: the largest angle that the lens draws; what lies beyond stays there."""
+    """last: the largest angle that the lens images; larger ones are clamped to it."""
     radius = np.hypot(x, y)
     angle = np.minimum(radius, last)
     for _ in range(_STEPS):
@@ -129,10 +129,11 @@ def _undistort_fisheye(
 
 @lru_cache(maxsize=256)
 def _lens(coefficients: tuple[float, ...]) -> tuple[tuple[float, ...], float, float]:
-    """All coefficients, and two squared radii: of the fold, the first, in steps of a thousandth of the focal length (of
-    a fisheye lens, of 1e-4 rad), beyond which a larger radius is not drawn farther out (100 where there is none, 1e8 of
-    a fisheye lens; simsense/src/rig/undistort.cpp), and the last before it, where the factor is finite (infinite where
-    there is none)."""
+    """Pads the coefficients and finds two squared radii.
+
+    The fold: the first radius, in steps of 1e-3 focal lengths (fisheye: 1e-4 rad), beyond which a larger radius is not
+    imaged farther out (100 if there is none, 1e8 for a fisheye; simsense/src/rig/undistort.cpp). The last radius before
+    it with a finite factor (infinite if there is none)."""
     if len(coefficients) == _FISHEYE:
         angle = np.arange(0.0, np.pi / 2, 1e-4)
         folds = np.flatnonzero(_fisheye_radius(angle, coefficients)[1] <= 0)

@@ -21,7 +21,7 @@ class Limits:
     whole: bool = False
 
     def fault(self, value: Any) -> str | None:
-        """The reason why a value is no such number, in words that follow its name; None where it is one."""
+        """The fault of a number, in words that follow its name; None if it is allowed."""
         kind = "a whole" if self.whole else "a finite"
         is_number = isinstance(value, Integral if self.whole else Real) and not isinstance(value, bool)
         if not is_number or not math.isfinite(_as_float(value)):
@@ -31,7 +31,7 @@ class Limits:
         return None
 
     def check(self, name: str, value: Any) -> Any:
-        """The value. ValueError with the name where it is none of these."""
+        """Returns the value. Raises ValueError with the name if it is not allowed."""
         fault = self.fault(value)
         if fault is not None:
             raise ValueError(f"{name} {fault}")
@@ -49,7 +49,7 @@ def _as_float(value: Any) -> float:
         return math.inf
 
 
-# What a sensor, a lamp or a view can be; wide enough for any that there is, and far from where float32 ends.
+# Limits of sensors, lamps and views: wider than any real one, and far from float32's ends.
 ANY = Limits(-1e30, 1e30)
 # Standard deviations of stated numbers, in metres, radians or shares: nothing is known better than to one in 10^7.
 UNCERTAINTY = Limits(1e-7, 1.0)

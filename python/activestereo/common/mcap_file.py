@@ -51,7 +51,7 @@ class McapFile:
 
 
 def _quality(depth: int, is_latched: bool) -> Any:
-    """As a recording keeps it; times are without end."""
+    """Quality of service as a recording stores it; durations are infinite."""
     from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
     durability = QosDurability.TRANSIENT_LOCAL if is_latched else QosDurability.VOLATILE

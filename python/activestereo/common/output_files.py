@@ -17,7 +17,7 @@ import numpy as np
 from PIL import Image
 
 _UNFINISHED = ".unfinished-"
-_OF_PROCESS = f"process_{platform.node()}_"  # of this machine: other machines' numbers say nothing here
+_OF_PROCESS = f"process_{platform.node()}_"  # of this machine: process numbers of other machines are unrelated
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -31,8 +31,8 @@ def write_bytes(path: str | Path, content: bytes) -> None:
 
 
 def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
-    """write(binary file) fills it. A failed write leaves what was there before. Raises OSError whose filename is
-    `path`: a full disk alone does not say what it had no room for."""
+    """Replaces a file. write(binary file) fills it. A failed write keeps the old file. Raises OSError with filename
+    `path`; the system's error for a full disk names no file."""
     path = Path(path)
     check_target(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}")  # threads may write the same file
@@ -49,14 +49,14 @@ def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
 
 
 def left_over(folder: Path) -> Iterator[tuple[str, Path]]:
-    """(name, folder) of what written_together() could not remove, for its process was killed."""
+    """(name, folder) of files that written_together() left when its process was killed."""
     for path in folder.glob(f"{_UNFINISHED}*"):
         yield path.name.removeprefix(_UNFINISHED).rpartition("-")[0], path
 
 
 def check_target(path: Path) -> None:
-    """OSError where a rename would put a file in the place of a folder, a device, a pipe or links in a loop: asked
-    before long work, too."""
+    """Raises OSError if a rename would replace a folder, a device, a pipe or a loop of links. Call it before long
+    work."""
     try:
         is_file = stat.S_ISREG(path.stat().st_mode)
     except FileNotFoundError:
@@ -67,10 +67,10 @@ def check_target(path: Path) -> None:
 
 @contextmanager
 def written_together(folder: Path, name: str = "", last: Path = Path()) -> Iterator[Path]:
-    """A folder for files that go with one another, by their places below `folder`. They move there when the block ends;
-    a block that fails, on a full disk perhaps, leaves none of them. OSError names a file by its place. name: what
-    left_over() tells the folder by that a killed process leaves; without one, the next call removes that. last: the
-    file that moves behind the others, for who looks whether all are there."""
+    """A temporary folder for files that belong together. They move to the same places below `folder` when the block
+    ends; a failed block leaves none of them. Raises OSError with the file's place. name: a name by which left_over()
+    finds the folder of a killed process; without one the next call removes that folder. last: the file that moves last,
+    and so marks a complete set."""
     aside = _new_aside(folder, name)
     try:
         with _named_by_place(aside, folder):
@@ -81,8 +81,8 @@ def written_together(folder: Path, name: str = "", last: Path = Path()) -> Itera
 
 
 def _new_aside(folder: Path, name: str = "") -> Path:
-    """A new folder below `folder`, named for this process where there is no name; those of processes of this machine
-    that have ended go."""
+    """A new folder below `folder`, named for this process by default. Removes those of ended processes of this
+    machine."""
     if not name:
         for owner, path in left_over(folder):
             if owner.startswith(_OF_PROCESS) and not Path("/proc", owner.removeprefix(_OF_PROCESS)).exists():
@@ -93,7 +93,7 @@ def _new_aside(folder: Path, name: str = "") -> Path:
 
 
 def _move(aside: Path, folder: Path, last: Path) -> None:
-    """Puts the files into their places; where one cannot go, those that went before are taken back."""
+    """Moves the files to their places. If one cannot move, moves the ones before it back."""
     found = (path for path in aside.rglob("*") if path.is_file())
     files = sorted(found, key=lambda path: (path == aside / last, path))
     for path in files:
@@ -126,8 +126,8 @@ def _keep(place: Path, before: Path) -> None:
 
 @contextmanager
 def new_folder(path: Path) -> Iterator[Path]:
-    """A folder to fill, which has the name `path` when the block ends; a block that fails leaves nothing. OSError names
-    a file by its place, FileExistsError `path` where it is there already."""
+    """A folder to fill, which is renamed to `path` when the block ends; a failed block leaves nothing. Raises OSError
+    with the file's place, and FileExistsError if `path` exists."""
     if path.exists():
         raise FileExistsError(errno.EEXIST, "exists already: give another name", str(path))
     aside = _new_aside(path.parent)
@@ -154,8 +154,7 @@ def _named_by_place(aside: Path, place: Path) -> Iterator[None]:
 def write_png(path: str | Path, pixels: np.ndarray) -> None:
     """uint8 [h, w] or [h, w, 3], or uint16 [h, w]."""
     image = Image.fromarray(np.ascontiguousarray(pixels))
-    # Run lengths in place of a search for what has been before, which takes three times as long and finds nothing in
-    # images with noise.
+    # Run lengths, not a dictionary search: that takes three times as long and finds nothing in noisy images.
     replace_file(path, lambda file: image.save(file, format="png", compress_type=zlib.Z_RLE))
 
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that a capture, a model or a recording's list names: they lie in its own folder, for who shares such a folder
-should not choose what is read elsewhere. Links count by where they lead."""
+"""Files that a capture, a model or a list of a recording names. They must lie in its own folder: the author of a shared
+folder should not choose other files to read. Links count by their targets."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def outside_allowed() -> Iterator[None]:
 
 
 def own_file(folder: Path, name: str) -> Path:
-    """The path of the file `name` of the folder. ValueError where it does not exist, or lies outside and
-    outside_allowed() is not there; nothing outside is looked at then."""
+    """The path of the file `name` of the folder. Raises ValueError if it does not exist, or lies outside and
+    outside_allowed() is not set; it touches nothing outside then."""
     path = folder / name
     try:
         inside = path.resolve().is_relative_to(folder.resolve())

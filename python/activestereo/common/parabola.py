@@ -10,6 +10,6 @@ Number = TypeVar("Number", float, NDArray[np.float64])
 
 
 def vertex(before: Number, middle: Number, after: Number) -> Number:
-    """Offset from the middle, pixels, of the top of a parabola through three pixels, of which the middle one is the
+    """Offset in pixels, from the middle, of the vertex of a parabola through three pixels. The middle pixel is the
     largest."""
     return 0.5 * (before - after) / np.minimum(before - 2.0 * middle + after, -1e-12)

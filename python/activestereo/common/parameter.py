@@ -12,16 +12,16 @@ class Parameter:
     """A row of a generated table (capi/generation)."""
 
     name: str  # the same in C, C++ and Python
-    kind: type[Any]  # int, float, bool, str (one of `choices`, where there are some), or tuple for several of `choices`
+    kind: type[Any]  # int, float, bool, str (perhaps one of `choices`), or tuple for several of `choices`
     default: Any
     unit: str = ""
     possible: str = ""  # the range in words
     range: tuple[float, float] | None = None
     allowed: tuple[int, ...] = ()  # the only numbers that it may be
-    or_zero: bool = False  # 0 has a meaning of its own, outside of range and allowed
+    or_zero: bool = False  # 0 has a special meaning; it is allowed outside the range
     choices: tuple[str, ...] = ()
     short: str = ""  # its other name in Python and on the command line
-    one: str = ""  # what one of a tuple is called
+    one: str = ""  # name of one entry of a tuple
     on_command_line: bool = True
     pair: str = ""  # this and the next parameter are also the width and height of the option --<pair> WxH
     doc: str = ""
@@ -35,5 +35,5 @@ class Parameter:
 
     @property
     def option(self) -> str:
-        """Its name on the command line; of a tuple, that of the option that gives one of them."""
+        """Its name on the command line; for a tuple, the option that adds one entry."""
         return "--" + (self.one or self.name).replace("_", "-")

@@ -2,10 +2,10 @@
 """Projector patterns: pseudo-random dots like those of the D4xx, made at run time, the same on every machine.
 
 One dot a cell of a square grid, at a random place in it. Heights are stratified: in a row of cells each group of four
-takes the four quarters of the cell height in random order, so that no low, wide window stays without dots. What makes
-stereo work is the uniqueness law (tested): along a row, every window of UNIQUE_WINDOW camera pixels differs from all
-others within the disparity range by at least half the energy of a mean dot. Density and size are those measured on D435
-and D415 images: about 5000 dots in view, visible sigma 1.2 and 1.8 pixels with the pixel's own blur.
+takes the four quarters of the cell height in random order. So no low, wide window stays without dots. Stereo works by
+the uniqueness law (tested): along a row, every window of UNIQUE_WINDOW camera pixels differs from all others within the
+disparity range by at least half the energy of a mean dot. Density and size are measured on D435 and D415 images: about
+5000 dots in view, visible sigma 1.2 and 1.8 pixels with the pixel's own blur.
 
 Or square lattices turned against each other, as a D415 throws them: rosettes where dots of both meet. A grating's
 orders are evenly spaced in the sines of their angles (its equation), so that lattices widen towards the border.
@@ -33,7 +33,7 @@ class PatternDesign:
     background: float = 0.02  # light between the dots, relative to the brightest peak
     seed: int = 0
     lattice_angles_deg: tuple[float, ...] = ()  # one lattice each, turned from the rows; () = one dot a cell
-    focal_px: float = 0.0  # of the image; lattices need it
+    focal_px: float = 0.0  # of the image; only for lattices
 
 
 def make_pattern(design: PatternDesign) -> np.ndarray:
@@ -74,7 +74,7 @@ def _cells(design: PatternDesign) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _lattices(design: PatternDesign) -> tuple[np.ndarray, np.ndarray]:
-    pitch = design.dot_pitch_px / design.focal_px  # of the direction cosines
+    pitch = design.dot_pitch_px / design.focal_px  # in direction cosines
     orders = np.arange(-int(1.0 / pitch), int(1.0 / pitch) + 1)
     places = []
     for number, angle_deg in enumerate(design.lattice_angles_deg):

@@ -12,7 +12,7 @@ from activestereo.common.usual_time import UsualTime
 
 # A phase that takes longer than it used to is told to need this share of its time so far.
 _OVERTIME = 0.1
-# A phase that passes in less than this share of its usual time was kept on disk: it tells nothing of the pace.
+# A phase faster than this share of its usual time was read from disk; it says nothing about the pace.
 _KEPT = 0.2
 # The usual pace counts as much as this share of the whole that was done at it.
 _TRUST = 0.05
@@ -21,11 +21,11 @@ _SLOWEST = 5.0
 
 
 class Phases:
-    """Tells the progress of work in phases. Called with the fraction 0..1 of the phase that runs.
+    """Reports the progress of work in phases. Call it with the fraction 0..1 of the running phase.
 
-    progress: a ProgressBar, which names the phases, or a Progress, which is called with the fraction of the whole.
-    usual: {phase: its time}, in the order in which they run. work: units of it, by which times grow. taken_s: {phase:
-    seconds} of those that have ended.
+    progress: a ProgressBar, which names the phases, or a Progress, which gets the fraction of the whole. usual: {phase:
+    its time}, in order. work: units of work, with which times grow. taken_s: {phase: seconds} of phases that have
+    ended.
     """
 
     def __init__(
@@ -73,8 +73,8 @@ class Phases:
         return self._progress(self._told)
 
     def _left_s(self, fraction: float) -> tuple[float, float, float]:
-        """(shortest, likely, longest) seconds that are left of the phase that runs and of those behind it. The more of
-        the phase is done, the more its share says, and the less its usual time: what was kept on disk passes at once.
+        """(shortest, likely, longest) seconds left in the running phase and those behind it. As the phase proceeds, its
+        own pace counts more and its usual time less, because results from disk pass at once.
         """
         assert self._phase is not None
         here, names = self._clock() - self._begun, list(self._usual)
@@ -89,7 +89,7 @@ class Phases:
         return out[0], out[1], out[2]
 
     def _pace(self, spans: Mapping[str, tuple[float, float, float]], here: float, fraction: float) -> float:
-        """This run's time over the usual one, of what is done: a machine that is busy is slow in every phase."""
+        """This run's time over the usual time, so far; a busy machine is slow in every phase."""
         done = [(spans[name][1], seconds) for name, seconds in self.taken_s.items() if name in spans]
         assert self._phase is not None
         done.append((spans[self._phase][1] * fraction, here))

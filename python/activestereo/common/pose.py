@@ -87,7 +87,7 @@ def as_matrix(pose: PoseLike) -> np.ndarray:
 
 
 def camera_to_world(pose: PoseLike) -> np.ndarray:
-    """camera_to_world (camera axes) of a camera whose body stands at `pose` (body axes)."""
+    """camera_to_world (camera axes) of a camera with its body at `pose` (body axes)."""
     return as_matrix(pose) @ CAMERA_TO_BODY
 
 
@@ -97,14 +97,14 @@ def body_pose(camera_to_world: ArrayLike) -> Pose:
 
 
 def camera_to_camera(pose_a: PoseLike, pose_b: PoseLike) -> np.ndarray:
-    """a_to_b in camera axes, for two bodies whose poses (body axes) are given in one common frame."""
+    """a_to_b in camera axes, from two poses (body axes) in one common frame."""
     return np.linalg.inv(camera_to_world(pose_b)) @ camera_to_world(pose_a)
 
 
 def carried_twist(a_to_b: np.ndarray, twist: ArrayLike) -> np.ndarray:
-    """The twist [v, w] (6, m/s and rad/s) of frame b in its own axes, where b is fixed to a frame a whose own twist is
-    `twist`: the adjoint of a_to_b (Lynch and Park, Modern Robotics, 3.3.2). Exact for any time, as pose(t) = pose(0)
-    exp(t [v, w]) of both."""
+    """The twist [v, w] (6, m/s and rad/s) of frame b in its own axes, if b is fixed to a frame a with the twist
+    `twist`. This is the adjoint of a_to_b (Lynch and Park, Modern Robotics, 3.3.2). Exact at any time, as pose(t) =
+    pose(0) exp(t [v, w]) for both."""
     twist = np.asarray(twist, dtype=np.float64)
     rotation, offset = a_to_b[:3, :3], a_to_b[:3, 3]
     angular = rotation @ twist[3:]
@@ -124,7 +124,7 @@ def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> np.ndarray:
 
 
 def rigid_fault(pose: np.ndarray, tolerance: float = _ROTATION_TOLERANCE) -> str | None:
-    """The reason why a [4, 4] is no rigid motion, in words that follow its name; None where it is one."""
+    """The reason why a [4, 4] is no rigid motion, in words that follow its name; None if it is one."""
     if pose.shape != (4, 4) or not np.isfinite(pose).all():
         return "is not a 4x4 of finite numbers"
     if np.abs(pose[3] - [0.0, 0.0, 0.0, 1.0]).max() > 1e-9:
@@ -141,9 +141,8 @@ def rigid_fault(pose: np.ndarray, tolerance: float = _ROTATION_TOLERANCE) -> str
 def printed_motion(
     rotation: ArrayLike, translation: ArrayLike, name: str, last_row: ArrayLike = (0.0, 0.0, 0.0, 1.0)
 ) -> np.ndarray:
-    """The rigid [4, 4] nearest to a rotation (9 numbers, row by row) and a translation (3) that another program has
-    printed with few digits. last_row: where it printed 4x4. ValueError, which begins with the name, for what is no
-    rigid motion."""
+    """The rigid [4, 4] nearest to a rotation (9 numbers, row by row) and a translation (3) with few printed digits.
+    last_row: of a printed 4x4. Raises ValueError, which begins with the name, if it is no rigid motion."""
     pose = np.eye(4)
     try:
         pose[:3, :3] = np.asarray(rotation, dtype=np.float64).reshape(3, 3)

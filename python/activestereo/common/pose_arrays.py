@@ -22,7 +22,7 @@ _RIGID = 1e-3  # float32 physics keeps its rotations to 1e-6; a scale or a shear
 
 
 def host_array(values: PosesLike) -> NDArray[np.float64]:
-    """float64 in host memory, of a NumPy array, a torch tensor of any device, what speaks DLPack, or nested lists."""
+    """float64 array in host memory, from NumPy, torch on any device, DLPack, or nested lists."""
     if hasattr(values, "detach"):
         values = values.detach().cpu().numpy()
     elif hasattr(values, "__dlpack__") and not isinstance(values, np.ndarray):
@@ -31,8 +31,8 @@ def host_array(values: PosesLike) -> NDArray[np.float64]:
 
 
 def pose_matrices(poses: NDArray[np.float64], what: str) -> NDArray[np.float64]:
-    """[..., 4, 4] of [..., 7] or [..., 4, 4]; a new array. Quaternions need not have the length 1. ValueError for
-    another shape, which it calls `what`."""
+    """[..., 4, 4] from [..., 7] or [..., 4, 4]; a new array. Quaternions may have any length. Raises ValueError for
+    another shape; `what` names the array."""
     if poses.shape[-2:] == (4, 4):
         return poses.copy()
     if poses.shape[-1:] != (7,):
@@ -52,7 +52,7 @@ def pose_matrices(poses: NDArray[np.float64], what: str) -> NDArray[np.float64]:
 
 
 def pose_fault(matrices: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """[...] of [..., 4, 4]: where one is not finite or no rigid motion."""
+    """Mask [...] of matrices [..., 4, 4] that are not finite or no rigid motion."""
     rotation = matrices[..., :3, :3]
     with np.errstate(invalid="ignore", over="ignore"):
         product = rotation @ np.swapaxes(rotation, -1, -2)

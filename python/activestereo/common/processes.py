@@ -20,9 +20,8 @@ _MOST_LOSSES = 3  # pools, one after another, that end without a result
 def process_pool(
     count: int, begin: Callable[..., object], *arguments: Any, method: Literal["spawn", "fork"] = "spawn"
 ) -> Iterator[ProcessPoolExecutor]:
-    """So many processes, in each of which begin(*arguments) has been called. They end with the block, whose unfinished
-    work is cancelled where it is left by an error, and with this process, however that ends. 'fork' has all of this
-    process's data at hand; a device does not survive it."""
+    """A pool of processes that have each called begin(*arguments). They end with the block, which cancels unfinished
+    work on an error, and with this process. 'fork' shares this process's data; a device does not survive it."""
     pool = ProcessPoolExecutor(count, get_context(method), initializer=_begin, initargs=(begin, arguments))
     try:
         yield pool

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Progress of long work: its parts as shares of the whole, and a bar with the time left on stderr, which redraws itself
-on a terminal and elsewhere says a line at times."""
+"""Progress of long work, in parts of known shares. A bar on stderr shows the time left; it redraws itself on a terminal
+and otherwise prints a line now and then."""
 
 from __future__ import annotations
 
@@ -70,8 +70,7 @@ class ProgressBar:
         self.show(fraction, None if left_s is None else (left_s, left_s))
 
     def show(self, fraction: float, left_s: tuple[float, float] | None, at_once: bool = False) -> None:
-        """Draws what is done and the fewest and most seconds that are left, where the last drawing is long ago or
-        `at_once`."""
+        """Draws the progress and the fewest and most seconds left, if the last drawing is old or `at_once`."""
         now = self._clock()
         if not at_once and now - self._drawn < (_REDRAW_S if self._terminal else _LINE_S):
             return
@@ -95,7 +94,7 @@ class ProgressBar:
 
 
 def _span(least_s: float, most_s: float) -> str:
-    """'40 s', or '40 s to 2 min 10 s' where the two are far apart."""
+    """'40 s', or '40 s to 2 min 10 s' if the two are far apart."""
     if most_s <= _SURE * least_s or most_s < 1.0:
         return duration(0.5 * (least_s + most_s))
     return f"{duration(least_s)} to {duration(most_s)}"

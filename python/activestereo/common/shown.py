@@ -12,7 +12,7 @@ _ENDS = re.compile(r"([\n\t])")
 
 
 class _Short(reprlib.Repr):
-    """Two levels and three entries of each: aliases of YAML make values whose whole text no memory holds."""
+    """Two levels and three entries of each: YAML's aliases make values too large to print."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The time that a phase of long work may take, by earlier runs of it."""
+"""Estimates the time of a phase of long work from earlier runs."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _OTHER_RUNS = 0.5
 
 @dataclass(frozen=True)
 class UsualTime:
-    """fixed_s, per_work_s: a guess, seconds of any work and of each unit of it. runs: (units of work, seconds) of
-    earlier runs, the guess's betters."""
+    """fixed_s, per_work_s: a guess, constant seconds and seconds per unit of work. runs: (units of work, seconds) of
+    earlier runs, which replace the guess."""
 
     fixed_s: float = 0.0
     per_work_s: float = 0.0
@@ -30,7 +30,7 @@ class UsualTime:
         if alike:
             spread = 1.0 + _OTHER_RUNS / len(alike)
             return min(alike) / spread, median(alike), spread * max(alike)
-        if self.runs:  # between a time that does not grow with the work and one that grows as it does
+        if self.runs:  # between a constant time and one proportional to the work
             other, seconds = min(self.runs, key=lambda run: max(run[0] / work, work / run[0]))
             ends = sorted((seconds, seconds * work / other))
             return ends[0], (ends[0] * ends[1]) ** 0.5, ends[1]

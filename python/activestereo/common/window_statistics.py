@@ -11,8 +11,8 @@ from scipy.ndimage import uniform_filter
 def mean_and_deviation(
     images: NDArray[Any], window: tuple[int, ...]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(mean, standard deviation) within the window of each pixel, whose last pixels are repeated at borders. images and
-    window have the same number of axes."""
+    """(mean, standard deviation) within each pixel's window; borders repeat the last pixels. images and window have the
+    same number of axes."""
     values = np.asarray(images, np.float64)
     mean = uniform_filter(values, window, mode="nearest")
     return mean, np.sqrt(np.maximum(uniform_filter(values**2, window, mode="nearest") - mean**2, 0.0))
