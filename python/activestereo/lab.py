@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The lab: compare the simulator with a capture, see where it fails, learn which effect is missing, add it. All of it
-is one object, for a notebook."""
+"""The lab in one object, for a notebook: compare the simulator with a capture, find the missing effect, add it."""
 
 from __future__ import annotations
 
@@ -40,12 +39,13 @@ class Lab:
         self._settings = settings
 
     def compare(self) -> Comparison:
-        """A Comparison of the capture with the model as it is now."""
+        """Compares the capture with the present model. Returns a Comparison."""
         self.comparison = compare(self.capture, model=self.model, **self._settings)
         return self.comparison
 
     def diagnose(self, greedy: bool = False, workers: int | None = None) -> Diagnosis:
-        """A Diagnosis of what the model lacks. The model stays as it is: add() what you believe."""
+        """Finds the model's missing effects. Returns a Diagnosis; the model stays as it is until you add() an
+        effect."""
         steps, workers = "greedy" if greedy else "one", workers or os.cpu_count() or 1
         self.diagnosis = diagnose(self.capture, self.model, self.effects, steps, workers=workers, **self._settings)
         return self.diagnosis

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""model.json: everything that is known of one sensor, in one file. What the lab finds is what the simulator simulates.
+"""model.json: all knowledge of one sensor, in one file. The lab writes it and the simulator reads it.
 
 model = read_model("out/diagnosis/model.json")
 sensor = StereoDepthSensor(StereoDepthSensorConfig.from_model(model), "scene.gltf", model=model)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A capture whose nominal calibration and pattern give way to what a model says of them."""
+"""Replaces a capture's nominal calibration and pattern with a model's."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class MeasuredProjector(Projector):
 
 
 def calibrated(capture: Capture, model: SensorModel) -> Capture:
-    """The capture with the model's K, lenses, baseline, projector, pattern and poses, where it has them.
+    """The capture with those of K, lenses, baseline, projector, pattern and poses that the model has.
 
-    ValueError where the model is of images of another size.
+    Raises ValueError if the model is of another image size.
     """
     rig = capture.rig
     if model.rig is not None:

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor's configuration from its model: what the model says of rig, pattern, imager and calibration in place of a
-preset's."""
+"""Makes a sensor's configuration from its model, which replaces the preset's rig, pattern, imager and calibration."""
 
 from __future__ import annotations
 
@@ -19,8 +18,9 @@ from activestereo.model.model import Imager, Pattern, Rig, SensorModel
 
 
 def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
-    """The fields of a configuration that the model changes, with their new values. given: the configuration's fields
-    as they are. Effects and materials are the sensor's own to apply: StereoDepthSensor(config, scene, model=model)."""
+    """The fields of a configuration that the model changes, with their new values. given: the configuration's present
+    fields. Give the model to the sensor for its effects and materials: StereoDepthSensor(config, scene,
+    model=model)."""
     changes: dict[str, Any] = {}
     if model.rig is not None:
         changes |= _rig(given["trans_pose_l"], model.rig)
@@ -29,8 +29,8 @@ def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
     if model.imager is not None or model.rig is not None:
         changes["ir_signal"] = _signal(model)
     if model.nuisances:
-        # Fitted to images: what its effects do not say of optics, beam and speckle is not there. Fireflies are the
-        # renderer's, not the camera's: their limit stays.
+        # The model is fitted to images: optics, beam and speckle without an effect are absent. The limit of fireflies
+        # is the renderer's, so it stays.
         limit = (given["ir_optics"] or {}).get("firefly_factor")
         changes |= {"ir_optics": limit and {"firefly_factor": limit}, "ir_speckle_of_laser": False}
         changes |= {"projector_beam_radius_m": 0.0, "projector_falloff": 0.0}
@@ -71,7 +71,7 @@ def _rig(left_pose: Pose, rig: Rig) -> dict[str, Any]:
 
 
 def _beside(left: Pose, left_to_other: NDArray[np.float64]) -> Pose:
-    """Body pose of what stands beside the left camera. left_to_other: 4x4 in camera axes."""
+    """Body pose of a part at a fixed place from the left camera. left_to_other: 4x4 in camera axes."""
     return Pose(as_matrix(left) @ CAMERA_TO_BODY @ np.linalg.inv(left_to_other) @ CAMERA_TO_BODY.T)
 
 

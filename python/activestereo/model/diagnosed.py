@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The model of a capture: its calibration and pattern, with what a diagnosis found."""
+"""The model of a capture: its calibration and pattern, with a diagnosis' findings."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ def diagnosed_model(
 ) -> SensorModel:
     """The SensorModel of a diagnosis.
 
-    effects: what was found. nuisances: values by names of model.model.NUISANCES. noise_model: None where no repeat
-    gives it. albedo: {material name: factor on its nominal infrared
-    albedo}. intervals: {(effect id or 'nuisances' or material name, parameter): 90 % interval}. material_names: of the
-    capture's scene, by id. poses: where views stand, where that is not where they are stated.
+    effects: those found. nuisances: values by names of model.model.NUISANCES. noise_model: None without repeats.
+    albedo: {material name: factor on its nominal infrared albedo}. intervals: {(effect id or 'nuisances' or material
+    name, parameter): 90 % interval}. material_names: of the capture's scene, by id. poses: measured poses of views that
+    differ from the stated ones.
     """
     bounds, source = intervals or {}, f"diagnosis of {capture.name}"
 

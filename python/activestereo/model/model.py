@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A complete sensor model as plain data: calibration, pattern, imager, effects, materials and what a fit left over,
+"""A complete sensor model as plain data: calibration, pattern, imager, effects, materials and nuisances of the fit,
 with intervals and sources.
 
-Metres, seconds, radians, digital numbers (DN). Every section may be absent: then nothing is said of it, and the
-simulator's own values hold.
+Metres, seconds, radians, digital numbers (DN). Every section may be absent; the simulator's own values hold then.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from activestereo.effects.core.scene_surfaces import material_of, names_of, numb
 from activestereo.effects.core.surfaces import SURFACES, material_numbers
 from activestereo.effects.engines.scene_measurement import SceneMeasurement
 
-# What a fit may leave over, with units: {name: (unit, low, high)}.
+# Nuisances of a fit, with units: {name: (unit, low, high)}.
 NUISANCES: dict[str, tuple[str, float, float]] = {
     "projector_scale": ("DN sr/(W s)", 0.0, np.inf),
     "ambient_scale": ("DN sr m^2/(W s)", 0.0, np.inf),
@@ -32,7 +31,7 @@ NUISANCES: dict[str, tuple[str, float, float]] = {
 }
 # Terms of the imager's noise model, with units.
 NOISE_TERMS: dict[str, str] = {"offset": "DN^2", "shot": "DN", "relative": "1"}
-# What is known of a material by its glTF name: {field: (unit, low, high)}. All but the factor are fields of
+# Known properties of a material by its glTF name: {field: (unit, low, high)}. All except the factor are fields of
 # kuafu.Material.
 MATERIAL_FIELDS: dict[str, tuple[str, float, float]] = {
     "ir_albedo_factor": ("1", 0.0, 100.0),
@@ -46,7 +45,7 @@ MATERIAL_FIELDS: dict[str, tuple[str, float, float]] = {
 
 @dataclass(frozen=True)
 class Quantity:
-    """A value, the ends of its 90 % interval where they are known, its unit and where it comes from."""
+    """A value, the ends of its 90 % interval or None, its unit and its source."""
 
     value: float
     low: float | None = None
@@ -98,7 +97,7 @@ class Imager:
 
 @dataclass(frozen=True)
 class MeasuredPose:
-    """Where a view of the capture stands: 4x4 camera_to_world of the left camera, as stated and as measured."""
+    """The pose of a view of the capture: 4x4 camera_to_world of the left camera, as stated and as measured."""
 
     stated: NDArray[np.float64]
     measured: NDArray[np.float64]
@@ -116,8 +115,8 @@ class ModelEffect:
 
 @dataclass(frozen=True)
 class SensorModel:
-    """nuisances: names of NUISANCES; materials: {glTF name: {name of MATERIAL_FIELDS: Quantity}}; poses: of the capture
-    that the model was found on, where they are not as it states; source: how the model came to be."""
+    """nuisances: names of NUISANCES. materials: {glTF name: {name of MATERIAL_FIELDS: Quantity}}. poses: measured poses
+    of the model's capture that differ from the stated ones. source: the model's origin."""
 
     rig: Rig | None = None
     pattern: Pattern | None = None
@@ -131,16 +130,16 @@ class SensorModel:
     def with_effect(
         self, effect: Effect, parameters: Mapping[str, Quantity], surfaces: Sequence[str] = ()
     ) -> SensorModel:
-        """One effect more, or other parameters of one that is there. ValueError for what the effect does not know or
-        that is out of range."""
+        """A copy with one more effect, or with other parameters of a present one. Raises ValueError for an unknown
+        parameter or a value out of range."""
         effect.values({name: q.value for name, q in parameters.items() if name != SURFACES.name})
         kept = tuple(e for e in self.effects if e.effect.id != effect.id)
         values = {name: q for name, q in parameters.items() if name != SURFACES.name}
         return replace(self, effects=(*kept, ModelEffect(effect, values, tuple(surfaces))))
 
     def bound(self, material_names: Sequence[str]) -> Model:
-        """The effects in a scene whose surfaces (scene_surfaces.py) have these names, by number. ValueError names one
-        that is not there."""
+        """Binds the effects to a scene's surfaces (scene_surfaces.py) with these names, by number. Raises ValueError
+        with a name that is absent."""
         model = Model()
         for entry in self.effects:
             values = {name: q.value for name, q in entry.parameters.items()}
@@ -169,7 +168,7 @@ class SensorModel:
         return SceneMeasurement((left, right), albedo, surfaces)
 
     def _surface(self, name: str) -> dict[str, float]:
-        """The known properties of a surface, but for factors."""
+        """The known properties of a surface, without factors."""
         fields = self.materials.get(name) or self.materials.get(material_of(name)) or {}
         return {field: q.value for field, q in fields.items() if field != "ir_albedo_factor"}
 
@@ -177,7 +176,7 @@ class SensorModel:
 def with_surfaces(
     effect: Effect, values: Mapping[str, float], material_names: Sequence[str]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Parameters without the choice of surfaces, and the names of the chosen materials. ValueError where a chosen
+    """Parameters without the choice of surfaces, and the names of the chosen materials. Raises ValueError if a chosen
     number has no name."""
     chosen = material_numbers(values.get(SURFACES.name, 0.0)) if SURFACES in effect.parameters else []
     unknown = [n for n in chosen if n >= len(material_names)]

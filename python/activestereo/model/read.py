@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads model.json, versions 1 and 2. Anything wrong is one line that names the file, the key and what is wrong;
-nothing is read in part."""
+"""Reads model.json, versions 1 and 2. An error is one line with the file, the key and the fault; nothing is read in
+part."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ _NOTES = ("simulated", "image_only", "unit")
 
 
 def read_model(path: str | Path, effects: dict[str, Effect] | None = None) -> SensorModel:
-    """The SensorModel of a file. effects: {id: Effect} that it may name, the built-in ones by default. ValueError says
-    what is wrong."""
+    """The SensorModel of a file. effects: {id: Effect} that it may name, by default the built-in ones. Raises
+    ValueError with the fault."""
     path = Path(path)
     try:
         root = JsonObject.read(path)

@@ -37,14 +37,14 @@ def show(model: SensorModel) -> str:
 
 
 def diff(first: SensorModel, second: SensorModel) -> str:
-    """Lines that only the first has (-) and only the second (+); empty where they say the same."""
+    """Lines that only the first has (-) and only the second (+); empty if both are equal."""
     lines = list(unified_diff(show(first).splitlines(), show(second).splitlines(), n=0, lineterm=""))[2:]
     return "\n".join(line for line in lines if not line.startswith("@@"))
 
 
 def differences(first: SensorModel, second: SensorModel) -> dict[str, list[Any]]:
-    """{name: [the first's value, the second's]} of all that differs, by names as in effects.vignetting.exponent.value;
-    None for what one of them does not say."""
+    """{name: [the first's value, the second's]} of all differences, with names such as
+    effects.vignetting.exponent.value; None for an absent value."""
     said = [dict(_leaves(model_json(model), "")) for model in (first, second)]
     names = [name for name in dict.fromkeys([*said[0], *said[1]]) if said[0].get(name) != said[1].get(name)]
     return {name: [values.get(name) for values in said] for name in names}
