@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot's URDF file: its links as bodies of a scene, and where they are for given joint positions.
+"""A robot's URDF file: its links as bodies of a scene, and their poses for given joint positions.
 
     robot = Urdf("arm.urdf")
     robot.add_to(bodies)  # activestereo.scene_io.bodies
     bodies.move(robot.poses(joints))  # [links, 4, 4] of [joints], or [E, links, 4, 4] of [E, joints]
 
-Visual elements are read: boxes, spheres, cylinders, colours, and meshes with their own materials and textures, which a
-<material> with a colour covers. Collisions, inertias and a <material>'s texture are not.
+Reads visual elements: boxes, spheres, cylinders, colours, and meshes with their own materials and textures. A
+<material> with a colour covers them. Collisions, inertias and a <material>'s texture are not read.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _MOVES = ("revolute", "continuous", "prismatic")
 class _Visual:
     parts: Sequence[Part]
     to_link: NDArray[np.float64]  # 4x4, scale included
-    colour: Colour | None  # of the URDF's material, which covers those of the parts
+    colour: Colour | None  # the URDF material's, which covers those of the parts
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class _Joint:
 
 class Urdf:
     """packages: {name: folder} for meshes at package://name/...; others are looked for in the folders above the file.
-    ValueError names the file and what is wrong in it."""
+    Raises ValueError with the file and the fault."""
 
     def __init__(self, path: str | Path, packages: Mapping[str, str | Path] | None = None) -> None:
         self._path = Path(path)
@@ -93,7 +93,7 @@ class Urdf:
 
     def poses(self, joints: Mapping[str, ArrayLike] | ArrayLike, base: ArrayLike | None = None) -> NDArray[np.float64]:
         """[..., links, 4, 4] link to world. joints: [..., joints] in the order of joint_names, radians and metres, or
-        {name: [...]}, where others are at 0. base: 4x4 or [..., 4, 4] of the root link."""
+        {name: [...]} with the others at 0. base: 4x4 or [..., 4, 4] of the root link."""
         position = self._positions(joints)
         shape = next(iter(position.values())).shape if position else ()
         out = np.zeros((*shape, len(self.link_names), 4, 4))

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Images that simulators render themselves, for GBufferStereo: a small file for each, which imports no other.
+"""Feeds simulators' own images to GBufferStereo. Each simulator has a small file, which imports no other.
 
     sensor = GBufferStereo(config, environments=E)
     look = NewtonGBuffers(model, sensor)  # or MujocoWarpGBuffers, MujocoGBuffers, ...
     depth_m = sensor(**look(state, camera_to_world))["depth"]
 
-The simulator's camera stands where the left infrared camera is and has its matrix, sensor.k; a simulator that knows
-a field of view alone takes centred(config).
+The simulator's camera stands in the left infrared camera's place and has its matrix, sensor.k. A simulator with only a
+field of view takes centred(config).
 """

@@ -30,7 +30,8 @@ def image_of(message: Any) -> NDArray[Any]:
 
 
 def gazebo_gbuffers(depth: Any, image: Any) -> dict[str, Any]:
-    """Messages of one RGB-D camera; its picture's red is taken for the albedo, a guess. uint16 depth is millimetres."""
+    """Reads the messages of one RGB-D camera. Takes the picture's red for the albedo, a guess. uint16 depth is
+    millimetres."""
     depth_m, picture = image_of(depth), image_of(image)
     depth_m = depth_m * 1e-3 if depth_m.dtype.kind == "u" else np.nan_to_num(depth_m, nan=0.0, posinf=0.0, neginf=0.0)
     return {"depth": depth_m, "albedo": picture}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Isaac Lab 3: a renderer whose 'depth' an active stereo camera measures in another renderer's images.
+"""Isaac Lab 3: a renderer that measures 'depth' with an active stereo camera in another renderer's images.
 
     CameraCfg(..., data_types=["depth", "distance_to_image_plane", "normals", "albedo"],
               renderer_cfg=ActiveStereoRendererCfg(source=NewtonWarpRendererCfg(), camera="D435"))
@@ -49,7 +49,7 @@ class ActiveStereoRenderer(_Forwarding):
         self._cameras[id(render_data)] = _tensor(orientations), float(_tensor(intrinsics)[0, 0, 0])
 
     def read_output(self, render_data: Any, camera_data: Any) -> None:
-        """ValueError where the camera lacks one of the data types above."""
+        """Reads the camera's output. Raises ValueError if it lacks one of the data types above."""
         self.source.read_output(render_data, camera_data)
         missing = [name for name in _NEEDS if name not in camera_data.output]
         if missing:
@@ -77,7 +77,8 @@ def _tensor(values: Any) -> Any:
 
 
 def _in_camera(turns: Any, normal: Any) -> Any:
-    """Normals of the world in the axes of cameras whose quaternions x, y, z, w are of x forward, y left, z up."""
+    """Rotates the world's normals into the axes of cameras with quaternions x, y, z, w of axes x forward, y left, z
+    up."""
     axis, w = -turns[:, None, None, :3].expand_as(normal), turns[:, None, None, 3:]
     twice = 2.0 * axis.cross(normal, dim=-1)
     forward, left, up = (normal + w * twice + axis.cross(twice, dim=-1)).unbind(-1)

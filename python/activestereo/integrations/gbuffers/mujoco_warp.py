@@ -13,8 +13,8 @@ from activestereo.sensor.gbuffer.stereo import GBufferStereo
 
 
 class MujocoWarpGBuffers:
-    """camera: its number among those of `context`, an mjw.create_render_context() with render_depth and render_seg of a
-    model that set_camera() has prepared; the sensor's materials are geom_materials()."""
+    """camera: its number in `context`, an mjw.create_render_context() with render_depth and render_seg of a model that
+    set_camera() has prepared; the sensor's materials are geom_materials()."""
 
     def __init__(self, context: Any, sensor: GBufferStereo, camera: int = 0) -> None:
         self._context, self._camera, self._shape = context, camera, sensor.shape

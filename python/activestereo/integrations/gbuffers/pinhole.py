@@ -14,7 +14,7 @@ _CENTRED_PX = 0.01
 
 
 def centred(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
-    """A copy whose infrared cameras have their principal points in the middle of the image."""
+    """A copy with the infrared cameras' principal points in the middle of the image."""
     out = deepcopy(config)
     middle = (np.array(config.ir_resolution) - 1.0) / 2.0
     for name in ("ir_intrinsic", "ir_intrinsic_right"):

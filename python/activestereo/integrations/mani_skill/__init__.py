@@ -4,9 +4,8 @@
     import activestereo.integrations.mani_skill
     env = gymnasium.make("PickCube-v1", obs_mode="rgb+depth", sensor_configs={"use_stereo_depth": True})
 
-ManiSkill has no register of sensors: its environments make a `StereoDepthCamera` for each configuration that is a
-`StereoDepthCameraConfig`. The import puts the classes of these names here in the place of ManiSkill's own, whose sensor
-needs CUDA and SAPIEN 2.
+ManiSkill has no register of sensors: its environments make a `StereoDepthCamera` for each `StereoDepthCameraConfig`.
+The import replaces ManiSkill's classes of these names, which need CUDA and SAPIEN 2.
 """
 
 import mani_skill.envs.sapien_env

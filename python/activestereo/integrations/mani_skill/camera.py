@@ -21,7 +21,7 @@ from activestereo.sensor.cuda_tensor import wait_for
 
 
 class _CameraMounts:
-    """Where a ManiSkill camera is in each environment."""
+    """The poses of a ManiSkill camera in all environments."""
 
     def __init__(self, camera: Any, scene: kuafu.Scene) -> None:
         self._camera, self.scene = camera, scene
@@ -43,15 +43,16 @@ class _Begun:
 
 class StereoDepthCamera(Camera):
     """One sensor in each environment. `rgb`, `depth`, `position` and `segmentation` have ManiSkill's shapes, types and
-    units; depth 0 = no measurement, and position is what depth says. ManiSkill's normal and albedo are not there.
+    units; depth 0 = no measurement; position follows the depth. ManiSkill's normal and albedo are absent.
 
-    With config.pipelined an observation has the picture that the one before it began, which is rendered while ManiSkill
-    simulates and the one before is matched. The first observation after reset(), of some environments too, has a
-    picture of the present instead, as of a camera that has long stood there; so the one after it shows the same.
+    With config.pipelined each observation begins a picture and returns the one before. The picture renders while
+    ManiSkill simulates and the picture before is matched. The first observation after reset(), also of some
+    environments, has a present picture, as of a camera that has long stood there. The observation after it shows the
+    same.
 
-    With config.on_cuda observations are made of what the sensors' GPU holds, and no image passes through the host.
-    CudaError where there is no CUDA, or none on this GPU; a UserWarning, and the way through the host, where on_cuda is
-    None and the simulation is on CUDA."""
+    With config.on_cuda observations stay on the sensors' GPU, and no image passes through the host. Raises CudaError
+    without CUDA on this GPU. If on_cuda is None and the simulation is on CUDA, a UserWarning replaces the error and
+    images pass through the host."""
 
     def __init__(self, camera_config: CameraConfig, scene: Any, articulation: Any = None) -> None:
         if not isinstance(camera_config, StereoDepthCameraConfig):
@@ -109,8 +110,8 @@ class StereoDepthCamera(Camera):
         return {name: wait_for(image).to(self._scene.device) for name, image in out.items()}
 
     def get_params(self) -> dict[str, torch.Tensor]:
-        """ManiSkill's, of a pipelined camera those of the next observation's picture: ManiSkill asks for an
-        observation's parameters before its picture."""
+        """ManiSkill's parameters; a pipelined camera returns those of the next observation's picture, because ManiSkill
+        asks for parameters before pictures."""
         begun = self._begun
         return begun.params if begun is not None and self._serves(begun) else super().get_params()
 
@@ -128,7 +129,7 @@ class StereoDepthCamera(Camera):
             return Observations(StereoDepthSensorBatch(config, mounts, pipelined=pipelined), False)
 
     def _serves(self, begun: _Begun) -> bool:
-        """Whether the picture that was begun is the next observation's: not after a reset(), nor where it failed."""
+        """Whether the next observation can use the picture that was begun: not after a reset() or a failure."""
         return begun.reset is self._reset and self.sensors.has_next
 
     @property

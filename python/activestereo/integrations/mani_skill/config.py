@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ManiSkill camera's configuration with what a stereo sensor needs beyond it."""
+"""A ManiSkill camera's configuration with a stereo sensor's further settings."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from activestereo.camera.presets import StereoDepthSensorConfig
 
-# Below this width the infrared images are twice the depth's size: the matcher's windows would blur what is ten pixels
-# wide. The windows are small then, too.
+# Below this width the infrared images have twice the depth's size, since the matcher's windows would blur objects of
+# ten pixels. The windows are small then, too.
 _SMALL_PX = 256
 # The matcher looks for no nearer things than disparities of this share of the width have.
 _MOST_DISPARITY = 0.5
@@ -22,10 +22,9 @@ _MOST_DISPARITY = 0.5
 
 class StereoDepthCameraConfig(ManiSkillConfig):
     """A CameraConfig and: model, a preset's name; samples_per_pixel; min_depth and max_depth in metres; device, 'auto',
-    'cpu' or an index; sensor, an activestereo.StereoDepthSensorConfig that is taken as it is but for the RGB camera's
-    size and intrinsics, which are the CameraConfig's; pipelined, whether observations are a picture late; on_cuda,
-    whether observations are made on the GPU that renders, without the host, None: where the simulation is on CUDA,
-    too."""
+    'cpu' or an index; sensor, an activestereo.StereoDepthSensorConfig, with the RGB camera's size and intrinsics from
+    the CameraConfig; pipelined, whether observations are a picture late; on_cuda, whether observations stay on the
+    rendering GPU, None: if the simulation is on CUDA."""
 
     def __init__(
         self,

@@ -37,19 +37,19 @@ class Observations:
     def segmentation(self, semantic_ids: NDArray[np.integer]) -> torch.Tensor:
         """int16 [E, height, width, 1]: ManiSkill's per_scene_id, 0 = nothing there. semantic_ids: of each instance."""
         ids = torch.from_numpy(semantic_ids.astype(np.int16))
-        instances = self._taken("instance_ids").view(torch.int32)  # of which what is beyond 2^31 is negative
+        instances = self._taken("instance_ids").view(torch.int32)  # values above 2^31 are negative
         known = torch.where(instances < 0, len(ids) - 1, instances.clamp(max=len(ids) - 1))
         return ids.to(instances.device)[known][..., None]
 
     def _taken(self, name: str) -> torch.Tensor:
-        """The images of the sensors' get_<name>(), where observations are made."""
+        """Reads the sensors' get_<name>() on the device of the observations."""
         if self._on_cuda:
             return cuda_tensor(self.sensors.get_cuda(name))
         return torch.from_numpy(getattr(self.sensors, f"get_{name}")())
 
     @computed_once
     def _rays(self) -> torch.Tensor:
-        """float32 [height, width, 3]: in the same axes, where pixels look, with z = -1."""
+        """Ray directions, float32 [height, width, 3], in the same axes, with z = -1."""
         config = self.sensors.get_config()
         k, (width, height) = config.rgb_intrinsic, config.rgb_resolution
         v, u = np.indices((height, width))

@@ -21,8 +21,8 @@ _AMBIENT = (0.3, 0.3, 0.3)
 class ManiSkillWorld:
     """The actors and links of a ManiSkillScene, whose parallel scenes are environments of `scene`, a kuafu.Scene.
 
-    Poses come from ManiSkill's own batched structs, so that those of a simulation on a GPU are gathered there and read
-    once. What ManiSkill hides is not seen. The ambient light is the first scene's. device: 'auto', 'cpu' or an index.
+    Poses come from ManiSkill's own batched structs, so a simulation on a GPU gathers them there and the host reads them
+    once. Hidden objects stay unseen. The ambient light is the first scene's. device: 'auto', 'cpu' or an index.
     """
 
     _known: weakref.WeakValueDictionary[int, ManiSkillWorld] = weakref.WeakValueDictionary()
@@ -36,7 +36,7 @@ class ManiSkillWorld:
         self.bodies = Bodies(self.scene, self.count)
         self._looks = Looks(self.scene)
         self.pipelined = PipelinedSensors()
-        # Of each body, in the order of the bodies: ManiSkill's struct, and the environments of the struct's objects.
+        # For each body, in order: ManiSkill's struct, and the environments of its objects.
         self._places: dict[str, tuple[Any, list[int]]] = {}
         self._add_lights()
         self.update()
@@ -49,8 +49,8 @@ class ManiSkillWorld:
         return cls(scene, device) if known is None or known.mani_skill_scene is not scene else known
 
     def update(self) -> int:
-        """Waits for the `pipelined` sensors' pictures and brings the scene to ManiSkill's present state; returns how
-        many shapes moved. BodyPoseError where a state has gone to NaN: it names the environment and the body, and the
+        """Waits for the `pipelined` sensors' pictures and moves the scene to ManiSkill's present state. Returns the
+        number of shapes that moved. Raises BodyPoseError, with environment and body, if a state has turned NaN; the
         other environments have moved."""
         self.pipelined.wait()
         seen = {id(struct): (name, struct) for name, struct in self._structs() if not getattr(struct, "hidden", False)}
@@ -84,7 +84,7 @@ class ManiSkillWorld:
         self._places[name] = (struct, environments)
 
     def _poses(self) -> torch.Tensor:
-        """[E, bodies, 7] where the simulation has them."""
+        """Poses [E, bodies, 7] on the simulation's device."""
         device = self.mani_skill_scene.device
         out = torch.zeros((self.count, len(self._places), 7), device=device)
         out[..., 3] = 1.0

@@ -20,7 +20,7 @@ _INSIDE = 0.999
 
 
 def geom_mesh(model: mujoco.MjModel, geom: int) -> Mesh | None:
-    """The geom's surface in metres; None for kinds that are no surface of a body."""
+    """The geom's surface in metres; None for kinds without a body's surface."""
     kinds = mujoco.mjtGeom
     kind, size = kinds(int(model.geom_type[geom])), model.geom_size[geom]
     if kind == kinds.mjGEOM_PLANE:
@@ -52,15 +52,16 @@ def has_own_uvs(model: mujoco.MjModel, geom: int) -> bool:
 
 
 def plane_uvs(mesh: Mesh, repeat: NDArray[np.float64], is_uniform: bool) -> Mesh:
-    """With a 2D texture laid over x and y: `repeat` times over the geom, or a metre where it is uniform."""
+    """Texture coordinates of a 2D texture over x and y, repeated `repeat` times over the geom, or per metre if it is
+    uniform."""
     at = mesh.positions[:, :2] * [1.0, -1.0]
     half = 1.0 if is_uniform else 2.0 * np.abs(mesh.positions[:, :2]).max(axis=0).clip(1e-9)
     return replace(mesh, uvs=np.ascontiguousarray(at / half * repeat + 0.5 * (not is_uniform), np.float32))
 
 
 def cube_uvs(mesh: Mesh, is_uniform: bool) -> Mesh:
-    """With the six squares of a cube texture, which lie below one another (+x, -x, +y, -y, +z, -z), seen from the
-    geom's middle (OpenGL's rule for cube maps). Each triangle takes the square that its middle is in."""
+    """Texture coordinates of a cube texture, seen from the geom's middle (OpenGL's rule for cube maps). Its six squares
+    lie below one another (+x, -x, +y, -y, +z, -z). Each triangle takes the square of its own middle."""
     half = 1.0 if is_uniform else np.abs(mesh.positions).max(axis=0).clip(1e-9)
     corners = (mesh.positions / half)[mesh.indices].astype(np.float64)
     middle = corners.mean(axis=1)

@@ -3,8 +3,8 @@
 
 A light whose `intensity` is set has candela, which LUMENS_PER_WATT makes W/sr. Others have no unit: a Lambertian
 surface that faces a light of `diffuse` d shines with d times its colour. The irradiance of such a light is pi d. A spot
-light gives that at the middle of the model (`statistic/center`), and falls off with the square of the distance, where
-MuJoCo's does not fall off by default.
+light gives this irradiance at the middle of the model (`statistic/center`) and falls off with the square of the
+distance; MuJoCo's lights have no fall-off by default.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import kuafu
 from activestereo.common.pose import look_at
 from activestereo.scene_io.lamp_kinds import LUMENS_PER_WATT
 
-# What MJCF has where a geom names no colour; such a geom has its material's.
+# MJCF's default for a geom without a colour; such a geom takes its material's.
 _DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)
 # A geom without a material shines as MJCF's default material does.
 _DEFAULT_SPECULAR, _DEFAULT_SHININESS = 0.5, 0.5
@@ -44,7 +44,7 @@ class Looks:
         return self._materials[key]
 
     def texture_kind(self, geom: int) -> int | None:
-        """MuJoCo's kind of the colour texture on a geom, None where there is none."""
+        """MuJoCo's kind of the colour texture on a geom, or None."""
         texture = self._colour_texture(int(self._model.geom_matid[geom]))
         return None if texture is None else int(self._model.tex_type[texture])
 
@@ -101,7 +101,7 @@ def texture_image(model: mujoco.MjModel, number: int) -> NDArray[np.uint8]:
 
 
 def ambient_radiance(model: mujoco.MjModel) -> tuple[float, float, float]:
-    """Even light from everywhere: what MuJoCo calls ambient, and its headlight, which is no light of the room."""
+    """Uniform radiance from all sides: MuJoCo's ambient terms and its headlight, which is no light of the room."""
     head = model.vis.headlight
     total = (np.asarray(head.ambient) + np.asarray(head.diffuse)) * bool(head.active) + np.zeros(3)
     for light in range(model.nlight):
@@ -111,7 +111,7 @@ def ambient_radiance(model: mujoco.MjModel) -> tuple[float, float, float]:
 
 
 def light(model: mujoco.MjModel, data: mujoco.MjData, number: int, environment: int | None) -> kuafu.Light | None:
-    """One of the model's lights where the state has it; None where it is off or gives no diffuse light."""
+    """One of the model's lights, posed by the state; None if it is off or gives no diffuse light."""
     diffuse = np.asarray(model.light_diffuse[number], dtype=np.float64)
     if not model.light_active[number] or not diffuse.any():
         return None

@@ -31,7 +31,7 @@ class Demo:
 
 
 def packages() -> tuple[Any, Any]:
-    """The modules mujoco and h5py. ImportError where one is missing."""
+    """The modules mujoco and h5py. Raises ImportError if one is missing."""
     import h5py
     import mujoco
 
@@ -39,7 +39,7 @@ def packages() -> tuple[Any, Any]:
 
 
 def read_demos(path: str | Path) -> Iterator[Demo]:
-    """ValueError says what is not in robosuite's layout."""
+    """Reads demonstrations. Raises ValueError if a part of robosuite's layout is absent."""
     _, h5py = packages()
     try:
         file = h5py.File(checked_file(path), "r")
@@ -60,8 +60,9 @@ def resense(
 ) -> int:  # fmt: skip
     """Takes every `every`-th state from the model's camera (the first by default) and writes into `out`, by number of
     the state: depth and depth_true (uint16 millimetres, of the RGB camera), ir_left and ir_right (as measured), and
-    cause (uint8 of the left infrared camera, an index into sensor.gbuffer.cause.CAUSES). Returns how many. ValueError
-    for a model that MuJoCo cannot load, and for states of another size or that are no numbers."""
+    cause (uint8 of the left infrared camera, an index into sensor.gbuffer.cause.CAUSES). Returns the number of
+    pictures. Raises ValueError for a model that MuJoCo cannot load, and for states of another size or without
+    numbers."""
     from activestereo.integrations.mujoco.scene import MujocoScene
 
     mujoco, _ = packages()

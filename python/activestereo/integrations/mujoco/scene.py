@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A MuJoCo model as a kuafu scene, whose bodies follow the state.
+"""A MuJoCo model as a kuafu scene. Its bodies follow the state.
 
     world = MujocoScene(model, data)
     sensor = StereoDepthSensor(StereoDepthSensorConfig("D435"), world.mount("wrist"))
@@ -7,8 +7,8 @@
     world.update()
     sensor.take_picture()
 
-A list of states of one model is a batch: each is an environment of its own, and mount() gives what
-StereoDepthSensorBatch takes.
+A list of states of one model is a batch: each state is an environment, and StereoDepthSensorBatch takes mount()'s
+result.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ class MujocoScene:
         self.update()
 
     def update(self) -> int:
-        """Brings the scene to the states as they are now; returns how many geoms moved. BodyPoseError where a state has
-        gone to NaN: it names the environment and the geom, and the other environments have moved."""
+        """Moves the scene to the present states. Returns the number of geoms that moved. Raises BodyPoseError, with
+        environment and geom, if a state has turned NaN; the other environments have moved."""
         self._move_lights()
         poses = np.zeros((len(self._states), len(self._geoms), 4, 4))
         for pose, data in zip(poses, self._states, strict=True):
@@ -77,8 +77,8 @@ class MujocoScene:
         return self.bodies.move(poses if self.is_batch else poses[0])
 
     def mount(self, camera: str | None = None, body: str | None = None) -> MujocoMount:
-        """Where a sensor stands: on a camera of the model, which looks where the camera does, or on a body, whose x
-        axis is forward, y left and z up. ValueError where the model has none of this name."""
+        """A place for a sensor: a camera of the model, with the camera's direction, or a body, with axes x forward, y
+        left, z up. Raises ValueError if the model has neither of this name."""
         if (camera is None) == (body is None):
             raise ValueError("a mount is on a camera or on a body: name one of them")
         kind = mujoco.mjtObj.mjOBJ_CAMERA if body is None else mujoco.mjtObj.mjOBJ_BODY
@@ -152,7 +152,7 @@ class MujocoScene:
 
 
 class MujocoMount:
-    """A place that moves with a MuJoCo camera or body: what StereoDepthSensor and StereoDepthSensorBatch stand on."""
+    """A place on a moving MuJoCo camera or body, for StereoDepthSensor and StereoDepthSensorBatch."""
 
     def __init__(self, world: MujocoScene, number: int, is_camera: bool) -> None:
         self._world, self._number, self._is_camera = world, number, is_camera
@@ -171,7 +171,7 @@ class MujocoMount:
 
     @property
     def pose(self) -> NDArray[np.float64]:
-        """[4, 4], where there is one state."""
+        """Pose [4, 4] of a single state."""
         if self._world.is_batch:
             raise ValueError("this world is a batch of states: use poses")
         return np.asarray(self.poses[0])

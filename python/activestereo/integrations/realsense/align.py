@@ -11,7 +11,7 @@ from activestereo.integrations.realsense.frames import composite_frame, frame
 from activestereo.integrations.realsense.geometry import deprojected, intrinsics, projected, rs2_fov
 from activestereo.integrations.realsense.profiles import video_stream_profile
 
-_CORNER_PX = 0.5  # a pixel covers what its corners span
+_CORNER_PX = 0.5  # a pixel covers the area between its corners
 _WIDEST_PX = 15
 
 
@@ -22,7 +22,7 @@ class align:
         self._to = to
 
     def process(self, frames: composite_frame) -> composite_frame:
-        """RuntimeError where the frameset lacks depth or the stream that is aligned to."""
+        """Aligns a frameset. Raises RuntimeError if it lacks depth or the target stream."""
         depth, target = frames.first(stream.depth), frames.first(self._to)
         if self._to == stream.depth:
             others = [one for one in frames if one.profile.stream_type() != stream.depth]
@@ -58,9 +58,9 @@ def _pixels(depth: frame, target: video_stream_profile, corner_px: float) -> NDA
 
 
 def _depth_in_color(depth: frame, target: video_stream_profile) -> frame:
-    """Each measured pixel falls into the pixel of its upper left corner or, where depth is the coarser image, covers
-    the rectangle between its corners; the nearest one stays. As in librealsense, depth stays what the depth camera
-    measured."""
+    """Moves each measured pixel to the color pixel of its upper left corner. If depth is the coarser image, it covers
+    the rectangle between its corners. The nearest one stays. As in librealsense, depth keeps the depth camera's
+    values."""
     lens, counts = target.intrinsics, np.asarray(depth.get_data())
     first = _pixels(depth, target, -_CORNER_PX)
     last = _pixels(depth, target, _CORNER_PX) if _is_coarser(depth.profile.intrinsics, lens) else first

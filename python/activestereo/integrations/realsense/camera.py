@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated camera behind a device: a scene, a sensor, and what options make of it."""
+"""The simulated camera behind a device: a scene, and a sensor that the options configure."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ from activestereo.sensor.mounts import as_mount
 from activestereo.sensor.sensor import StereoDepthSensor
 
 SCENE_VARIABLE, SENSOR_VARIABLE = "ACTIVESTEREO_SCENE", "ACTIVESTEREO_SENSOR"
-_GAIN_STEPS = 16  # of librealsense's gain for one of ours
+_GAIN_STEPS = 16  # of librealsense's gain per unit of ours
 # From the middle of the exposure to the arrival, measured on D400s.
 LATENCY_MS: dict[stream, float] = {stream.depth: 9.0, stream.infrared: 9.0, stream.color: 66.0}
 
 
 @dataclass
 class World:
-    """The world that a simulated camera looks at, and how it delivers. scene: a scene file, or None for the example's
-    table top. pose: the RGB camera's, in body axes; None: that of the scene's first camera. before_frame: called with
-    the sensor and the time in seconds before each picture, to move what moves. jitter_ms: standard deviation of the
-    latency, by seed. drop_share: of each stream's frames, by seed. frames: after so many none arrives, and
-    waiting fails as on a camera that was unplugged; None: for ever."""
+    """The world in a simulated camera's view, and its delivery of frames. scene: a scene file, or None for the
+    example's table top. pose: the RGB camera's, in body axes; None: that of the scene's first camera. before_frame:
+    called with the sensor and the time in seconds before each picture, to move objects. jitter_ms: standard deviation
+    of the latency, by seed. drop_share: of each stream's frames, by seed. frames: after this number no frame arrives,
+    and waiting fails as with an unplugged camera; None: no end."""
 
     scene: str | os.PathLike[str] | kuafu.Scene | None = None
     sensor: str = "D435"
@@ -88,10 +88,10 @@ class SimulatedCamera:
         self.color_size: tuple[int, int] = (self.base.rgb_resolution[0], self.base.rgb_resolution[1])
         self._scene: kuafu.Scene | None = None
         self._sensor: StereoDepthSensor | None = None
-        self._config: StereoDepthSensorConfig | None = None  # of the next picture
+        self._config: StereoDepthSensorConfig | None = None  # time of the next picture
         self._made_for: StereoDepthSensorConfig | None = None
 
-    # ---- what options set ----
+    # ---- settings of the options ----
 
     def set_option(self, which: option, value: float) -> None:
         """Takes effect in the next picture."""
@@ -198,7 +198,7 @@ class SimulatedCamera:
         return round(1e6 * self._ready().get_config().ir_camera_exposure)
 
     def gain_steps(self) -> int:
-        """As the option's: 16 is a gain of 1."""
+        """The option's gain steps: 16 is a gain of 1."""
         return round(_GAIN_STEPS * self._ready().get_config().ir_camera_gain)
 
     def is_lit(self) -> bool:
@@ -212,7 +212,7 @@ class SimulatedCamera:
         self._sensor = None
 
     def _ready(self) -> StereoDepthSensor:
-        """The sensor of the present configuration; made again where that has changed."""
+        """The sensor of the present configuration; makes a new one after a change."""
         config = self.config()
         if self._sensor is None or self._made_for is not config:
             self.close()

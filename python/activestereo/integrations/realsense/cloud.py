@@ -22,7 +22,7 @@ _TEXEL = np.dtype([("u", "<f4"), ("v", "<f4")])
 
 
 class points(frame):
-    """A point for each pixel of a depth frame, 0 where nothing was measured; texture coordinates 0..1."""
+    """A point for each pixel of a depth frame, 0 = not measured; texture coordinates 0..1."""
 
     def __init__(
         self, of: frame | None = None, vertices: NDArray[np.float32] | None = None,
@@ -113,7 +113,7 @@ class save_to_ply(filter):
         self._path, self._cloud = filename, pc or pointcloud()
 
     def set_option(self, which: int, value: float) -> None:
-        """Nothing: the file is binary, with colours where there are some."""
+        """Ignored: the file is binary, with colours if there are any."""
 
     def process(self, given: frame) -> frame:
         texture = None

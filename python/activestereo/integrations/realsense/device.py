@@ -65,7 +65,7 @@ class sensor(Castable, Options):
         return self.name
 
     def query_embedded_filters(self) -> list[Any]:
-        """None: as on every camera whose depth is not filtered inside."""
+        """None, as on every camera without filters of depth inside."""
         return []
 
     def get_embedded_filter(self, which: embedded_filter_type) -> Any:
@@ -101,7 +101,7 @@ class depth_sensor(sensor):
         super().__init__("Stereo Module", camera, ranges, {option.stereo_baseline: baseline_mm}, camera.set_option)
 
     def set_option(self, which: option, value: float) -> None:
-        """As librealsense's: an exposure or gain of one's own ends automatic exposure."""
+        """As in librealsense, setting an exposure or gain ends automatic exposure."""
         super().set_option(which, value)
         if which in (option.exposure, option.gain):
             self._values[option.enable_auto_exposure] = 0.0
@@ -192,10 +192,10 @@ class rs400_advanced_mode:
         return True
 
     def toggle_advanced_mode(self, enable: bool) -> None:
-        """Nothing: it is always on."""
+        """Ignored: advanced mode is always on."""
 
     def load_json(self, text: str) -> None:
-        """RuntimeError, as librealsense's, where a key is unknown or out of range."""
+        """Raises RuntimeError, as librealsense does, if a key is unknown or out of range."""
         try:
             self._device.camera.set_settings(parse_settings(json.loads(text), "the settings"))
         except ValueError as error:

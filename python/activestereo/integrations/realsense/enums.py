@@ -109,7 +109,7 @@ class frame_metadata_value(_Enum):
         sequence_name, sequence_id, sequence_size, trigger, preset, input_width, input_height,
         sub_preset_info, calib_info, crc,
     ) = range(43)  # fmt: skip
-    embedded_filters = 130  # between them: those of safety cameras
+    embedded_filters = 130  # numbers in between belong to safety cameras
 
 
 class log_severity(_Enum):

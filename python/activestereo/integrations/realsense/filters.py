@@ -15,7 +15,7 @@ from activestereo.integrations.realsense.options import Options, option_range
 
 
 class filter(Options):
-    """One filter; process() gives what it was given, filtered."""
+    """One filter. process() returns its input, filtered."""
 
     ranges: dict[option, option_range] = {}
 
@@ -37,7 +37,7 @@ class filter(Options):
 
 
 class decimation_filter(filter):
-    """Fewer pixels: of each square the median of what was measured, of squares from 4 on the mean."""
+    """Fewer pixels: each square becomes the median of its measured pixels, from side 4 on their mean."""
 
     ranges = {option.filter_magnitude: option_range(1, 8, 1, 2)}
 
@@ -184,8 +184,8 @@ _ALWAYS = 8
 
 
 class temporal_filter(filter):
-    """Averages over frames where a pixel changes by less than filter_smooth_delta, and keeps values in holes by
-    holes_fill, the persistence."""
+    """Averages each pixel over frames if it changes by less than filter_smooth_delta. holes_fill, the persistence,
+    keeps values in holes."""
 
     ranges = {
         option.filter_smooth_alpha: option_range(0, 1, 0.01, 0.4),
@@ -243,7 +243,7 @@ class hole_filling_filter(filter):
             _fill_rows(values, values.shape[1])
             return depth.changed(values.astype(pixels.dtype))
         rows, columns = values.shape
-        for y, x in np.argwhere(values[1 : rows - 1, 1:columns] == 0) + 1:  # what was filled before counts
+        for y, x in np.argwhere(values[1 : rows - 1, 1:columns] == 0) + 1:  # filled values count
             around = (values[y - 1, x], values[y - 1, x - 1], values[y, x - 1], values[y + 1, x - 1], values[y + 1, x])
             if mode == 1:
                 values[y, x] = max(around)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""pyrealsense2's frames. get_data() is a NumPy array, which the scripts' np.asanyarray() takes as it is."""
+"""pyrealsense2's frames. get_data() returns a NumPy array, which scripts' np.asanyarray() takes without a copy."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ class depth_frame(video_frame):
         return self.unit_m
 
     def get_distance(self, x: int, y: int) -> float:
-        """Metres, 0 where nothing was measured."""
+        """Metres, 0 = not measured."""
         if not (0 <= x < self.get_width() and 0 <= y < self.get_height()):
             raise RuntimeError(f"pixel {x}, {y} is outside of {self.get_width()}x{self.get_height()}")
         return float(self._pixels[y, x]) * self.unit_m
@@ -168,7 +168,7 @@ class composite_frame(frame):
         return self.first_or_default(stream.color)
 
     def get_infrared_frame(self, index: int = 0) -> frame | None:
-        """The first one where the index is 0."""
+        """The infrared frame of an index; index 0 gives the first one."""
         infrared = (one for one in self._frames if one.profile.stream_type() == stream.infrared)
         return next((one for one in infrared if index in (0, one.profile.stream_index())), None)
 

@@ -46,7 +46,7 @@ NOT_SIMULATED = {name: reason for reason, names in _REASONS.items() for name in 
 
 
 def reason(name: str) -> str:
-    """The message where a name is asked for."""
+    """The error message for a name."""
     return f"{name} is not there on a simulated camera: {NOT_SIMULATED[name]}"
 
 

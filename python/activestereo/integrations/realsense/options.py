@@ -18,8 +18,8 @@ class option_range:
 
 
 class Options:
-    """ranges: of each option that there is, None for one that is read only. on_change: told before an option takes a
-    value; it may refuse it."""
+    """ranges: each option's range, None for a read-only one. on_change: called before an option takes a value; it may
+    refuse it."""
 
     def __init__(
         self,

@@ -26,7 +26,7 @@ _DEFAULT = (StreamRequest(stream.depth), StreamRequest(stream.color))
 
 
 class config:
-    """Which streams a pipeline starts."""
+    """The streams that a pipeline starts."""
 
     def __init__(self) -> None:
         self.requests: dict[tuple[stream, int], StreamRequest] = {}
@@ -167,8 +167,8 @@ class pipeline:
         return self._profile
 
     def wait_for_frames(self, timeout_ms: int = 5000) -> composite_frame:
-        """The next frameset that has every stream. The simulation takes what time it takes: timeout_ms matters only
-        where the world's frames are over."""
+        """The next frameset with every stream. A picture takes as long as the simulation needs; timeout_ms matters only
+        after the world's last frame."""
         arrived, frames = self.try_wait_for_frames(timeout_ms)
         if not arrived or frames is None:
             raise RuntimeError(f"Frame didn't arrive within {timeout_ms}")

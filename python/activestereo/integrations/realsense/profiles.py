@@ -28,8 +28,8 @@ class StreamRequest:
 
 
 class video_stream_profile:
-    """One stream. left_to_stream: 4x4, from the left infrared camera, to which depth belongs. baseline_m: between the
-    infrared cameras, None where the camera does not tell it."""
+    """One stream. left_to_stream: 4x4, from the left infrared camera, which depth belongs to. baseline_m: between the
+    infrared cameras; None if unknown."""
 
     def __init__(
         self, request: StreamRequest | video_stream_profile, lens: intrinsics | None = None,
@@ -87,7 +87,7 @@ class video_stream_profile:
         return extrinsics.of(to.left_to_stream @ np.linalg.inv(self.left_to_stream))
 
     def register_extrinsics_to(self, to: video_stream_profile, motion: extrinsics) -> None:
-        """Where another stream's camera stands; of streams of a software device."""
+        """Sets another stream's pose relative to this one, for streams of a software device."""
         to.left_to_stream = motion.matrix() @ self.left_to_stream
 
     def seen(self, lens: intrinsics, form: pixel_format | None = None) -> video_stream_profile:

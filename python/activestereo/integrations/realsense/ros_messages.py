@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Framesets as the messages of ROS 2's realsense2_camera 4.5x, whichever package makes and carries them.
+"""Framesets as the messages of ROS 2's realsense2_camera 4.5x, for any package that makes and sends them.
 
 Names, frames and fields are those of its ros2-development branch (github.com/IntelRealSense/realsense-ros), qualities
 of service those that the recording in its issue 3472 lists for the topics it holds, and alike for the others."""
@@ -34,7 +34,7 @@ _ENCODINGS = {
 }  # fmt: skip
 _NODE = "/camera/camera"
 _BASE_FRAME = "camera_link"
-_DEPTH_UNIT_M = 0.001  # of 16UC1 (REP 118)
+_DEPTH_UNIT_M = 0.001  # unit of 16UC1 (REP 118)
 _OPTICAL_XYZW = (-0.5, 0.5, -0.5, 0.5)  # from x forward, y left, z up to x right, y down, z forward
 # Messages of realsense2_camera_msgs, which ROS itself does not have.
 OWN_TYPES = {
@@ -70,8 +70,8 @@ class Published:
 
 
 def published(frames: composite_frame, is_first: bool, make: Maker) -> Iterator[Published]:
-    """A frameset's messages; of the first one also what is published once: the streams' places. ValueError for a format
-    that has no encoding."""
+    """A frameset's messages; the first one also gets the streams' places, which are published once. Raises ValueError
+    for a format without an encoding."""
     own = {(one.profile.stream_type(), one.profile.stream_index()): one for one in frames}
     streams = {key: own[key] for key in _STREAMS if key in own}
     if is_first:

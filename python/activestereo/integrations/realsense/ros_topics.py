@@ -32,8 +32,8 @@ def write_topics(path: str | Path, frames: Iterable[composite_frame]) -> int:
 
 
 class TopicPublisher:
-    """Publishes framesets on a node of rclpy. missing: topics whose package of messages this ROS has not, such as
-    realsense2_camera_msgs; they are left out. ImportError where rclpy is missing."""
+    """Publishes framesets on a node of rclpy. missing: topics whose message package this ROS lacks, such as
+    realsense2_camera_msgs; they are left out. Raises ImportError without rclpy."""
 
     def __init__(self, node: Any) -> None:
         try:
@@ -62,7 +62,7 @@ class TopicPublisher:
 
 
 def _message(kind: str, **fields: Any) -> Any:
-    """A message of ROS' own Python packages; None where its package is missing."""
+    """Makes a message of ROS' own Python packages; None if its package is missing."""
     package, _, name = kind.split("/")
     try:
         made = getattr(import_module(f"{package}.msg"), name)
@@ -70,6 +70,6 @@ def _message(kind: str, **fields: Any) -> Any:
         return None
     kinds = made.get_fields_and_field_types()
     for field, value in fields.items():
-        if isinstance(value, np.ndarray) and kinds[field].startswith("sequence"):  # which takes no NumPy
+        if isinstance(value, np.ndarray) and kinds[field].startswith("sequence"):  # this field takes no NumPy array
             fields[field] = array.array(value.dtype.char, value.tobytes())
     return made(**fields)

@@ -55,7 +55,7 @@ class software_video_frame:
 
 
 class _Frames:
-    """Frames in the order in which they were sent."""
+    """Frames in order of their sending."""
 
     def __init__(self, queue_size: int = 16) -> None:
         self._ready: deque[frame] = deque(maxlen=max(1, queue_size))
@@ -65,7 +65,7 @@ class _Frames:
         self._ready.append(one)
 
     def wait_for_frames(self, timeout_ms: int = 5000) -> Any:
-        """The oldest. RuntimeError at once where there is none: nothing comes by itself."""
+        """The oldest frame. Raises RuntimeError at once if there is none, since none arrives later."""
         if not self._ready:
             raise RuntimeError(f"Frame did not arrive in time! (none was sent that is whole; {timeout_ms} ms)")
         return self._ready.popleft()
@@ -91,7 +91,7 @@ class syncer(_Frames):
 
 
 class software_sensor(Options):
-    """A sensor whose frames its user makes."""
+    """A sensor with frames from its user."""
 
     def __init__(self, name: str) -> None:
         super().__init__({})
@@ -152,7 +152,7 @@ class software_sensor(Options):
         self._open = []
 
     def on_video_frame(self, given: software_video_frame) -> None:
-        """Sends a frame on. RuntimeError names what does not fit the stream."""
+        """Sends a frame. Raises RuntimeError with the part that does not fit the stream."""
         if given.profile is None or self._target is None:
             raise RuntimeError("a software frame needs a profile, and its sensor open() and start() before")
         profile = given.profile
@@ -180,7 +180,7 @@ def _pixels(given: software_video_frame, profile: video_stream_profile) -> NDArr
 
 @dataclass
 class software_device:
-    """A device whose sensors its user makes."""
+    """A device with sensors from its user."""
 
     sensors: list[software_sensor] = field(default_factory=list)
     _info: dict[int, str] = field(default_factory=dict)

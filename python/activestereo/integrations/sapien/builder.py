@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""SAPIEN's ActorBuilder where SAPIEN finds no device to render with: it keeps what actors look like for our scene.
+"""SAPIEN's ActorBuilder for machines on which SAPIEN finds no rendering device. It records actors' looks for our scene.
 
-SAPIEN then refuses to make a material or a visual shape at all. This builder's methods are the same; materials are
-kuafu.Material or a colour. What it recorded travels with the entity, as a component.
+SAPIEN then refuses to make a material or a visual shape. This builder has the same methods, with a kuafu.Material or a
+colour for materials. Its records travel with the entity, as a component.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import kuafu
 
 
 class VisualRecords(sapien.Component):
-    """An entity's looks: a list of SAPIEN's VisualShapeRecord, whose materials are kuafu's."""
+    """An entity's looks: a list of SAPIEN's VisualShapeRecord with kuafu's materials."""
 
     def __init__(self, records: Sequence[VisualShapeRecord]) -> None:
         super().__init__()

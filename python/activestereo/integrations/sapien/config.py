@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""SAPIEN's configuration of a depth sensor, what SAPIEN refuses of it, and what our sensor makes of it."""
+"""Converts SAPIEN's configuration of a depth sensor to ours, and refuses the same values as SAPIEN."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class StereoDepthSensorConfig(NativeConfig):
     SUPPORTED_MODELS = ("D415", "D435")
 
     def __init__(self, model: str = "D435") -> None:
-        name = model.removeprefix("sapien-")  # as the presets call them
+        name = model.removeprefix("sapien-")  # the presets' names
         if name not in self.SUPPORTED_MODELS:
             raise ValueError(f"Invalid sensor model '{model}', must be one of: {self.SUPPORTED_MODELS}")
         super().__init__(f"sapien-{name}")
@@ -58,7 +58,7 @@ def own_value(name: str, value: Any) -> Any:
 
 
 def _red_of(path: str | PathLike[str]) -> NDArray[np.uint8]:
-    """SAPIEN's patterns are colour images, of which its red projector shows the red."""
+    """The red channel of a colour image: SAPIEN's projector is red."""
     with Image.open(checked_file(Path(path))) as image:
         return np.ascontiguousarray(np.asarray(image.convert("RGB"))[..., 0])
 

@@ -24,7 +24,7 @@ class CudaResults:
         self._rgb_exposure = sensor.get_config().rgb_exposure
 
     def depth(self) -> torch.Tensor:
-        """[height, width] where the depth engine wrote it, and writes the next one."""
+        """Depth [height, width] in the depth engine's memory; the next compute overwrites it."""
         return cuda_tensor(self._sensor.get_cuda("depth"))
 
     def rgba(self) -> torch.Tensor:
@@ -46,7 +46,7 @@ class CudaResults:
     # ---- inside ----
 
     def _rgb(self) -> torch.Tensor:
-        """As auto_exposure.encoded_rgb() has it; of the picture the host sees one number."""
+        """As auto_exposure.encoded_rgb(). The host sees only one number of the picture."""
         light = self._light()
         exposure = self._rgb_exposure or _exposure_of(light)
         # By float64, for not every torch's root of float32 is the nearest one.
@@ -69,7 +69,7 @@ class CudaResults:
 
 
 class CopiedResults:
-    """The same of a sensor whose results are the host's: copies on torch's CUDA device."""
+    """Copies on torch's CUDA device, for a sensor with results in host memory."""
 
     def __init__(self, sensor: StereoDepthSensor) -> None:
         self._sensor = sensor
@@ -86,7 +86,7 @@ class CopiedResults:
 
 
 def _exposure_of(light: torch.Tensor) -> float:
-    """As auto_exposure.rgb_exposure() has it."""
+    """As auto_exposure.rgb_exposure()."""
     green = light[::STRIDE, ::STRIDE, 1]
     lit = green[(green >= float(DARKEST)) & (green < np.inf)]
     return exposure_of_median(np.float32(lit.median().item())) if lit.numel() else 1.0

@@ -27,11 +27,11 @@ class Looks:
         self._textures: dict[int, tuple[int, Any]] = {}
 
     def shapes(self, entity: Any, name: str) -> list[Shape]:
-        """The entity's shapes, whose meshes have this name."""
+        """The entity's shapes, with meshes of this name."""
         return [self._shape(part, pose, name) for part, pose in parts(entity)]
 
     def materials(self, entity: Any) -> list[int]:
-        """Those of shapes(), for an entity whose meshes are in the scene already."""
+        """The materials of shapes(), for an entity with meshes in the scene already."""
         return [self.material(part.material) for part, _ in parts(entity)]
 
     def _shape(self, part: Part, pose: Any, name: str) -> Shape:
@@ -99,7 +99,7 @@ def parts(entity: Any) -> Iterator[tuple[Part, Any]]:
 
 
 def light_record(light: Any, environment: int | None = None) -> kuafu.Light | None:
-    """None for a projector, which is a sensor's to make, and for kinds that kuafu lacks."""
+    """None for a projector, which a sensor makes, and for kinds that kuafu lacks."""
     fields = {
         "intensity": tuple(light.color),
         "light_to_world": camera_to_world(light.entity.pose * light.local_pose),
@@ -118,10 +118,10 @@ def light_record(light: Any, environment: int | None = None) -> kuafu.Light | No
 
 
 def render_system(scene: Any) -> Any:
-    """None where SAPIEN has no renderer."""
+    """SAPIEN's render system; None if SAPIEN has no renderer."""
     try:
         return scene.render_system
-    except RuntimeError:  # SAPIEN's way to say that there is none
+    except RuntimeError:  # SAPIEN's error without a renderer
         return None
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A live SAPIEN scene as a kuafu scene: its visible entities and lights, and where they are now."""
+"""A live SAPIEN scene as a kuafu scene: its visible entities and lights, at their present poses."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from activestereo.integrations.sapien.looks import Looks, is_visible, light_reco
 from activestereo.scene_io.bodies import Bodies
 from activestereo.sensor.pictures import PipelinedSensors
 
-# Even light in a scene whose lights cannot be known, since SAPIEN has no renderer.
+# Uniform light in a scene with unknown lights, since SAPIEN has no renderer.
 _AMBIENT = (0.3, 0.3, 0.3)
 
 
 class SapienScene:
-    """The scene's entities, each by its render components where SAPIEN has a renderer, else by the VisualRecords that
-    activestereo.integrations.sapien.ActorBuilder left, else by its collision shapes in grey.
+    """The scene's entities. Their looks come from render components if SAPIEN has a renderer, else from VisualRecords
+    of activestereo.integrations.sapien.ActorBuilder, else from collision shapes in grey.
 
     update() follows entities that come, go, hide (visibility 0) or move. `scene` is the kuafu.Scene; lights and
     materials of one's own may be added to it. device: 'auto', 'cpu', an index or a kuafu.Device.
@@ -33,7 +33,7 @@ class SapienScene:
         self.sapien_scene = scene
         self.scene = kuafu.Scene(device if isinstance(device, kuafu.Device) else kuafu.Device(device))
         self.bodies = Bodies(self.scene)
-        self._names: dict[int, str] = {}  # of the entities that are in the scene, by per_scene_id
+        self._names: dict[int, str] = {}  # of the scene's entities, by per_scene_id
         self.looks = Looks(self.scene)
         self._lights: list[tuple[Any, int]] = []
         self._ambient: tuple[float, ...] = _AMBIENT

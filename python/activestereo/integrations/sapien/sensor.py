@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""SAPIEN 3's StereoDepthSensor, method by method; the table in examples/sapien/README.md says what is the same."""
+"""SAPIEN 3's StereoDepthSensor, method by method. The table in examples/sapien/README.md lists the common parts."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ _GAMMA = 2.2
 class StereoDepthSensor(Parameters):
     """One RGB camera, two infrared cameras and a projector on an entity of a SAPIEN scene.
 
-    config: SAPIEN's StereoDepthSensorConfig or ours, which has more fields. mount_entity: a sapien.Entity, in a scene
-    before the first picture. pose: sapien.Pose relative to it. Intrinsics are in SAPIEN's convention: the middle of the
-    first pixel is at (0.5, 0.5). The scene is mirrored at the first picture and followed from then on.
+    config: SAPIEN's StereoDepthSensorConfig, or ours with more fields. mount_entity: a sapien.Entity, in a scene before
+    the first picture. pose: sapien.Pose relative to it. Intrinsics are in SAPIEN's convention: the middle of the first
+    pixel is at (0.5, 0.5). The scene is mirrored at the first picture and followed from then on.
 
     pipelined: a picture is rendered while SAPIEN simulates and the one before is matched. Results are of the picture
     before; from the second take_picture() on has_picture is True.
 
-    on_cuda: get_..._cuda() give what lies on the GPU or is computed there, with the host's bits; without, they copy the
-    host's arrays. The first picture then raises CudaError where there is no CUDA, or none on the GPU that renders.
+    on_cuda: get_..._cuda() return arrays on the GPU, with the host's bits; without it they copy the host's arrays. With
+    it the first picture raises CudaError without CUDA on the rendering GPU.
     """
 
     def __init__(
@@ -48,7 +48,8 @@ class StereoDepthSensor(Parameters):
         self._cuda: CudaResults | CopiedResults | None = None
 
     def take_picture(self, infrared_only: bool = False) -> None:
-        """RuntimeError where the mount is in no scene. SAPIEN's scene.update_render() is not needed."""
+        """Takes a picture. Raises RuntimeError if the mount is in no scene. SAPIEN's scene.update_render() is not
+        needed."""
         scene = self._mount.get_scene()
         if scene is None:
             raise RuntimeError("Cannot take picture: sensor is not added to scene")
@@ -73,9 +74,9 @@ class StereoDepthSensor(Parameters):
     def compute_depth(
         self, bbox_start: tuple[int, int] | None = None, bbox_size: tuple[int, int] | None = None
     ) -> None:
-        """bbox_start, bbox_size: (x, y) and (width, height) in pixels of the left infrared image, rectified; what lies
-        outside has no depth. RuntimeError before the first picture."""
-        x = y = width = height = 0  # all of it
+        """bbox_start, bbox_size: (x, y) and (width, height) in pixels of the left infrared image, rectified; pixels
+        outside get no depth. Raises RuntimeError before the first picture."""
+        x = y = width = height = 0  # the whole image
         if bbox_start is not None and bbox_size is not None:
             (x, y), (width, height) = bbox_start, bbox_size
         self.native().engine.set_parameters(roi_x=x, roi_y=y, roi_width=width, roi_height=height)

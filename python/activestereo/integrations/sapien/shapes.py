@@ -24,7 +24,7 @@ _GREY = (0.6, 0.6, 0.6, 1.0)
 
 @dataclass(frozen=True)
 class Part:
-    """A mesh in its shape's frame with one material. normals and uvs are absent where the source has none."""
+    """A mesh in its shape's frame with one material. normals and uvs are absent if the source has none."""
 
     positions: NDArray[np.float32]
     indices: NDArray[np.uint32]
@@ -70,7 +70,7 @@ def record_parts(record: Any) -> Iterator[Part]:
 
 
 def collision_parts(shape: Any) -> Iterator[Part]:
-    """The parts of a PhysxCollisionShape, in grey: what there is where an entity has no looks."""
+    """The parts of a PhysxCollisionShape, in grey, for an entity without looks."""
     kind = type(shape).__name__.removeprefix("PhysxCollisionShape")
     grey = kuafu.Material(name="collision shape", base_color=_GREY)
     if kind in ("ConvexMesh", "TriangleMesh"):
@@ -103,7 +103,7 @@ def _file_parts(path: str, scale: ArrayLike, material: Any) -> Iterator[Part]:
         raise ImportError(f"{path} is read by the package trimesh, which is missing: pip install trimesh") from error
     try:
         loaded = trimesh.load(path, force="mesh", process=False)
-    except Exception as error:  # trimesh raises what its many readers raise
+    except Exception as error:  # errors of trimesh's many readers
         raise ValueError(f"{path}: no mesh could be read: {error}") from error
     yield Part(
         _floats(loaded.vertices),
