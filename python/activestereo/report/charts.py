@@ -51,7 +51,7 @@ def _legend(axes: Axes, **place: Any) -> None:
 
 
 def frames_chart(scores: Mapping[str, Any]) -> Figure:
-    """Bars per frame with their noise floors: infrared, and disparity where the device gave depth."""
+    """Bars for each frame with their noise floors: infrared, and disparity if the device gave depth."""
     infrared = [(e["id"], e["split"], e["rmse_dn"], e["noise_floor_dn"]) for e in scores["frames"]]
     depth = [(e["id"], s, e["rmse_px"], e["noise_floor_px"]) for s, v in scores["depth"].items() for e in v["frames"]]
     panels = [("Infrared RMSE, DN", infrared)] + ([("Disparity RMSE, px", sorted(depth))] if depth else [])
@@ -152,8 +152,8 @@ def _draw_bins(axes: Axes, bins: Sequence[Any]) -> None:
 
 
 def effects_chart(steps: Sequence[Mapping[str, Any]], floor: float | None) -> Figure:
-    """Held-out error against effects added, with the floor line. steps: [{effects, heldout_ir_rmse}] from none on;
-    floor: DN or None."""
+    """Held-out error by number of effects, with the floor line. steps: [{effects, heldout_ir_rmse}], beginning without
+    effects. floor: DN or None."""
     figure = Figure(figsize=(4.9, 2.5), layout="constrained")
     axes = _axes(figure, 1, 1, 1, y="held-out infrared RMSE, DN", title="Error against effects added", grid="y")
     told = [step["heldout_ir_rmse"] for step in steps]
@@ -174,7 +174,7 @@ def effects_chart(steps: Sequence[Mapping[str, Any]], floor: float | None) -> Fi
 
 
 def _step_name(steps: Sequence[Mapping[str, Any]], index: int) -> str:
-    """The name of what a step changed, in words."""
+    """The changed part of a step, in words."""
     now, before = steps[index]["effects"], steps[index - 1]["effects"] if index else []
     changes = [f"+ {name}" for name in now if name not in before] + [f"− {name}" for name in before if name not in now]
     return "\n".join(changes) or ("refitted" if index else "base model")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report's sections on a comparison: how large the error is, how large it must be, and where it sits."""
+"""The report's sections on a comparison: the error, its lower bound, and its place in the images."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _CHARTS = 8
 
 
 def summary_line(scores: dict[str, Any]) -> str:
-    """The comparison in one sentence, after what has to be known first."""
+    """The comparison in one sentence, after its preconditions."""
     return " ".join([*(f"Warning: {text}." for text in scores["warnings"]), _error_line(scores)])
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from activestereo.common.html_table import table, text
 from activestereo.report.page import section, share_bar
 
-# The sensor's own, and what that is made of.
+# The sensor's own error and its parts.
 _OWN = "sensor's own"
 _WHOLE = ("image effects", "any matcher", _OWN)
 _MADE_OF = ("filters", "calibration", "temperature", "other matcher")
@@ -22,7 +22,7 @@ _WORDS = {
     "beside simulated depth": "the device's depth less the model's, with the noise of both",
 }
 _CAVEAT = "the images still lack something, which stands under 'any matcher'"
-_MATERIALS = 5  # that the terminal tells
+_MATERIALS = 5  # rows on the terminal
 _MODELS = {"before": "given model", "after": "model.json"}
 
 Split = Mapping[str, Any]
@@ -47,7 +47,7 @@ def depth_parts_lines(split: Split | None) -> list[str]:
 
 
 def depth_parts_section(split: Split | None) -> str:
-    """The same as a section of a page; empty where there is none."""
+    """The same as a section of a page; empty if there are no parts."""
     if not split:
         return ""
     note = f"<p>{split['pixels']} pixels where both engines measured." + (
@@ -69,7 +69,7 @@ def depth_parts_section(split: Split | None) -> str:
 
 
 def _rows(split: Split) -> list[tuple[str, dict[str, Any]]]:
-    """(name, {"before" or "after": figures}) of the error, of what the model leaves of it, and of each part."""
+    """(name, {"before" or "after": figures}) of the error, of the model's rest, and of each part."""
     rows: list[tuple[str, dict[str, Any]]] = [("whole error", {when: split[when] for when in _MODELS})]
     for name in (*_WHOLE, *_MADE_OF):
         rows.append((name, {when: split[when]["parts"][name] for when in _MODELS}))
@@ -86,7 +86,7 @@ def _places(split: Split, most: int | None = None) -> list[tuple[str, Split]]:
 
 
 def _said(figures: Mapping[str, float]) -> str:
-    """RMS in mm and px, with the share of the mean square in mm, where it is a part."""
+    """RMS in mm and px; for a part also its share of the mean square in mm."""
     share = f" {round(100 * figures['share_m']):4d} %" if "share_m" in figures else ""
     rms_mm, rms_px = round(1e3 * figures["rms_m"], 2) + 0.0, round(figures["rms_px"], 3) + 0.0  # no negative zero
     return f"{rms_mm:.2f} mm {rms_px:.3f} px{share}"

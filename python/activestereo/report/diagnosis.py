@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report's sections on a diagnosis: which effect is missing, what cannot be told apart, what to measure next."""
+"""The report's sections on a diagnosis: the missing effect, effects that cannot be told apart, the next measurement."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ _ENGINE_VERDICT = {
 
 
 def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> list[str]:
-    """Sections of diagnose.json's contents (report/schema/diagnose.schema.json). shown: effects whose residuals the
-    page holds."""
+    """Sections of diagnose.json's contents (report/schema/diagnose.schema.json). shown: effects with residuals on the
+    page."""
     parts = [_verdict(diagnosis)]
     if diagnosis.get("geometry"):
         parts.append(section("What stands elsewhere than the capture says", _geometry(diagnosis["geometry"])))
@@ -67,7 +67,7 @@ def _geometry(entries: Sequence[dict[str, Any]]) -> str:
 
 
 def _object(entry: dict[str, Any]) -> str:
-    """All that may be so of the surfaces that the first effect acts on."""
+    """Possible properties of the surfaces that the first effect acts on."""
     rows = []
     for name in entry["names"]:
         values = "<br>".join(text(parameter_text(n, p)) for n, p in name["parameters"].items() if "materials" not in p)

@@ -33,7 +33,7 @@ def parameter_text(name: str, found: Mapping[str, Any]) -> str:
 
 
 def diagnosis_text(result: Mapping[str, Any]) -> str:
-    """The text that the command prints: verdict_text(), then the table with all that may be asked of it."""
+    """The command's text: verdict_text(), then the full table."""
     lines = [verdict_text(result), "", *_probabilities(result)]
     lines += _table(result)
     lines += [entry["text"] for entry in result.get("objects", [])]
@@ -47,7 +47,7 @@ def diagnosis_text(result: Mapping[str, Any]) -> str:
 
 
 def verdict_text(result: Mapping[str, Any]) -> str:
-    """The verdict in ten lines at most: the sentence, the errors as bars, what was found, what to do next."""
+    """The verdict in ten lines at most: a sentence, the errors as bars, the effects found, the next step."""
     added = f" ({', '.join(result['added'])})" if result["added"] else ""
     lines = [headline(result), f"verdict: {result['verdict']}{added}"]
     if result.get("reason") and result["verdict"] != "undetermined":
@@ -65,7 +65,7 @@ def verdict_text(result: Mapping[str, Any]) -> str:
 
 
 def _probabilities(result: Mapping[str, Any]) -> list[str]:
-    """A line of what may be named, nothing and something else, which add up to 1."""
+    """A line of probabilities that add up to 1: the candidates, nothing, and something else."""
     given = result.get("probabilities")
     if given is None:
         return []
@@ -88,8 +88,7 @@ def _errors(result: Mapping[str, Any]) -> list[str]:
 
 
 def _table(result: Mapping[str, Any]) -> list[str]:
-    """The ranking's first rows that gain anything and those of the user's own effects, each with what it cannot be told
-    from."""
+    """The ranking's first rows with a gain and the user's own effects, each with those that it cannot be told from."""
     ranking, own = result["ranking"], result.get("own", {})
     told = [
         (place, entry)
@@ -125,7 +124,7 @@ def _values(entry: Mapping[str, Any]) -> str:
 
 
 def _depth_lines(depth: Mapping[str, Any] | None) -> list[str]:
-    """The verdict on the depth engine, and what differs from our engine as any other would."""
+    """The verdict on the depth engine, its added effects, and differences that are no fault of the sensor."""
     if not depth:
         return []
     lines = [f"depth engine: {depth['verdict']}" + (f" ({depth['reason']})" if depth["reason"] else "")]

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from activestereo.compare.compare import Comparison
     from activestereo.compare.depth_compare import DepthFrame
 
-# Model images are stored in steps of this share of a frame's noise floor, or of its error where the floor is unknown.
+# Step of stored model images, as a share of a frame's noise floor, or of its error if the floor is unknown.
 _STEP_SHARE = 0.125
 _DISPARITY_STEP_PX = 1.0 / 64.0
 _LEAST_DISPARITY_LIMIT_PX = 0.5
-_ROW_STEP_SHARE = 0.25  # of ranked effects, which are compared with one another
+_ROW_STEP_SHARE = 0.25  # ranked effects, for comparison with one another
 # Pixels of infrared images that a page holds, both cameras of all its frames, about 3 bytes each; and of those frames
 # that show a dozen ranked effects, another 4.
 _LARGEST_PIXELS, _LARGEST_PIXELS_OF_ROWS = 1_600_000, 500_000
@@ -50,8 +50,7 @@ def explorer_section(comparison: Comparison, images: ModelImages) -> str:
 
 
 def explorer_data(comparison: Comparison, images: ModelImages) -> dict[str, Any]:
-    """{views, start, models, maps}: what web/explorer.js shows; views in the order of frames, then left, right, depth.
-    """
+    """{views, start, models, maps} for web/explorer.js. Views are in the order of frames, then left, right, depth."""
     frames = _chosen_frames(comparison, _LARGEST_PIXELS)
     with_rows = [frame for frame in _chosen_frames(comparison, _LARGEST_PIXELS_OF_ROWS) if frame in frames]
     large = {name: own for name, own in images.items() if name in (BASE, FOUND)}
@@ -77,7 +76,7 @@ def explorer_data(comparison: Comparison, images: ModelImages) -> dict[str, Any]
 
 
 def _chosen_frames(comparison: Comparison, most_pixels: int) -> list[Frame]:
-    """All frames where they fit, else the worst of each split in turn; in the capture's order."""
+    """All frames if they fit, else the worst of each split in turn, in the capture's order."""
     frames = {frame.id: frame for frame in comparison.capture.frames}
     rig = comparison.capture.rig
     fit = max(2, most_pixels // sum(rig.camera(side).width * rig.camera(side).height for side in SIDES))
@@ -94,7 +93,7 @@ def _chosen_frames(comparison: Comparison, most_pixels: int) -> list[Frame]:
 def _infrared_view(
     comparison: Comparison, frame: Frame, side: str, images: ModelImages, held: ModelImages
 ) -> dict[str, Any]:
-    """images: of which the errors are told; held: of which the page holds the pixels."""
+    """images: models for errors; held: models with pixels on the page."""
     scores = next(e for e in comparison.scores["frames"] if e["id"] == frame.id)["cameras"][side]
     measured = comparison.capture.ir(frame, side)
     floor = scores["noise_floor_dn"]
@@ -103,7 +102,7 @@ def _infrared_view(
     base = images[BASE][frame.id, side].astype(np.float64)
     layers[BASE] = encoded_image(base, _STEP_SHARE * typical)
     for name in held:
-        if name != BASE:  # most pixels of a difference are zero: it takes little room
+        if name != BASE:  # most pixels of a difference are zero, so it takes little room
             change = images[name][frame.id, side] - base
             share = _STEP_SHARE if name == FOUND else _ROW_STEP_SHARE
             layers[name] = encoded_image(change, share * typical) | {"added_to": BASE}

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The first screen of a diagnosis: the verdict in a sentence, measured, model, model with the effect found, the error
-falling, and what to do next. It fits a window of 1280 x 720 pixels."""
+"""The first screen of a diagnosis: the verdict in a sentence; measured, model, and model with the found effect; the
+falling error, and the next step. It fits a window of 1280 x 720 pixels."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ _DETAIL, _LEAST_PX = 1.0 / 3.0, 140
 def first_screen(
     diagnosis: Mapping[str, Any], comparison: Comparison | None = None, images: ModelImages | None = None
 ) -> str:
-    """HTML. images: expected DN of the models BASE and, where something was found, FOUND; without a comparison there
-    are no pictures."""
+    """HTML. images: expected DN of the models BASE and, if an effect was found, FOUND. Without a comparison it has no
+    pictures."""
     parts = [f"<h1>{text(headline(diagnosis))}</h1>", f'<p class="muted">{_errors(diagnosis)}</p>']
     cells = [] if comparison is None or images is None else _pictures(comparison, images)
     floor = diagnosis["heldout_noise_floor"]
@@ -79,7 +79,8 @@ class Detail:
 
 
 def _pictures(comparison: Comparison, images: ModelImages) -> list[str]:
-    """Details of measured, model and model with what was found; then whole residuals of the models."""
+    """Details of the measured image, the model and the model with the found effects, then whole residuals of the
+    models."""
     detail = where_most_goes(comparison, images)
     key, part = (detail.frame.id, detail.side), (detail.rows, detail.columns)
     measured = comparison.measured[key]
@@ -101,8 +102,8 @@ def _pictures(comparison: Comparison, images: ModelImages) -> list[str]:
 
 
 def where_most_goes(comparison: Comparison, images: ModelImages) -> Detail:
-    """The detail whose squared error falls most with what was found, of held-out frames where there are some; is
-    largest, where nothing was found."""
+    """The detail with the largest fall of squared error by the found effects, or the largest error if none was found.
+    Uses held-out frames if there are any."""
     frames = comparison.capture.split("test") or comparison.capture.split("train")
     best, found = -np.inf, None
     for frame in frames:

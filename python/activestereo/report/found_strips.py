@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The effects that a diagnosis found, and those of the user's own, under a slider of their strength: in the part of the
-capture's picture that the first screen shows."""
+"""The found effects and the user's own under a slider of their strength, in the first screen's part of the capture's
+picture."""
 
 from __future__ import annotations
 

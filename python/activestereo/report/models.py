@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Images that the models of a report expect of each frame: the base model, the model with what was found, and each row
-of the ranking."""
+"""Images that a report's models expect of each frame: the base model, the model with the found effects, and each row of
+the ranking."""
 
 from __future__ import annotations
 
@@ -33,13 +33,12 @@ def model_images(
 ) -> ModelImages:
     """{name: {(frame id, side): expected DN, float32 [height][width]}} under BASE, FOUND and the ids of ranked effects.
 
-    BASE is the model without effects. FOUND is the comparison's model where it has effects, else the diagnosis's; it is
-    absent where neither has. A ranked effect stands alone on the base model with its fitted parameters; it is absent
-    where it has no expected image of its own: random effects, faults of the depth engine, effects that are not in
-    `effects`. Projector scale, ambient scale and black level are fitted to the train frames under each. diagnosis:
-    diagnose.json's contents; effects: {id: Effect}, None for the built-in ones. progress: called as progress(fraction
-    done). found_images: what the diagnosis itself expects under FOUND; the comparison is then of the model that it
-    started from, which stands in the place of the model without effects.
+    BASE is the model without effects. FOUND is the comparison's model if it has effects, else the diagnosis's; it is
+    absent if neither has. A ranked effect stands alone on the base model with its fitted parameters. Effects without an
+    expected image are absent: random effects, faults of the depth engine, effects that are not in `effects`. Projector
+    scale, ambient scale and black level are fitted to the train frames under each. diagnosis: diagnose.json's contents;
+    effects: {id: Effect}, None for the built-in ones. progress: called as progress(fraction done). found_images: the
+    diagnosis's own images for FOUND. The comparison is then of its start model, which takes BASE's place.
     """
     effects = library() if effects is None else effects
     start = Model() if found_images is None else comparison.model
@@ -64,7 +63,7 @@ def model_images(
 
 
 def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callable[[float], object] | None) -> Any:
-    """given: {name: images} of models whose images are there."""
+    """given: {name: images} of models with known images."""
     capture = comparison.capture
     keys = [(frame, side) for frame in capture.frames for side in SIDES]
     views = {(f.id, side): View.of(capture, f, side, comparison.layers[f.id][side]) for f, side in keys}
@@ -90,8 +89,8 @@ def _found(diagnosis: dict[str, Any] | None, effects: Mapping[str, Effect]) -> A
 
 
 def _with(model: Model, effects: Mapping[str, Effect], effect_id: str, parameters: Any) -> Any:
-    """The model with an effect; as it is where the effect is not known or does not take these parameters: a report
-    shows what it can."""
+    """The model with an effect. Returns the model unchanged if it does not know the effect or its parameters, so that
+    the report shows the rest."""
     try:
         return model.with_effect(effects[effect_id], **parameters)
     except (KeyError, TypeError, ValueError):

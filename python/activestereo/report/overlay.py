@@ -20,7 +20,7 @@ _STRENGTH = 0.85
 _CREASE = 0.82
 _STEP = 0.02
 _LEAST_LIGHT = 0.3  # on a surface that is seen edge on
-_NOTHING_M = 1e3  # depth of what no surface covers
+_NOTHING_M = 1e3  # depth of pixels without a surface
 _WINDOW = "activestereo overlay (q ends)"
 _WINDOW_SECONDS = 30.0
 
@@ -29,7 +29,7 @@ class Overlay:
     """Contours of a scene, rendered once for each camera: blending alone follows every picture."""
 
     def __init__(self, scene_path: Path, device: str | int = "auto", share: float = 0.0) -> None:
-        """share: of the rendered surfaces, lit from the camera, in what is shown of them, 0 to 1."""
+        """share: weight of the rendered surfaces, lit from the camera, 0 to 1."""
         self._device = kuafu.Device(device)
         self._scene, self._renderer = kuafu.Scene(self._device), kuafu.Renderer(self._device)
         load_scene_file(self._scene, scene_path)
@@ -39,7 +39,7 @@ class Overlay:
     def blend(
         self, picture: NDArray[np.uint8], K: NDArray[np.float64] | None, camera_to_world: NDArray[np.float64] | None
     ) -> NDArray[np.uint8]:
-        """picture: uint8 [h][w][1 or 3]. K, camera_to_world: None for those of the scene's first camera. Returns uint8
+        """picture: uint8 [h][w][1 or 3]. K, camera_to_world: None = the scene's first camera. Returns uint8
         [h][w][3]."""
         out = np.array(np.broadcast_to(picture, (*picture.shape[:2], 3)))
         lines, surfaces = self._rendered(out.shape[1], out.shape[0], K, camera_to_world)
@@ -52,12 +52,12 @@ class Overlay:
     def _rendered(
         self, width: int, height: int, K: NDArray[np.float64] | None, pose: NDArray[np.float64] | None
     ) -> tuple[NDArray[np.bool_], NDArray[np.uint8] | None]:
-        """(contours, surfaces, 0 where there is none)"""
+        """(contours, surfaces, 0 = none)"""
         if K is None or pose is None:
             if self._scene.summary.camera_count == 0:
                 raise ValueError(f"{self._path}: has no camera: lay it over a capture, or add one to the scene")
             own = self._scene.camera(0)
-            if K is None:  # a file's camera has a field of view and no pixels: its k is that of an image of height 1
+            if K is None:  # a file's camera has a field of view and no pixels: its k is for an image of height 1
                 scale = height / max(own.height, 1)
                 K = np.array(
                     [[scale * own.k[0, 0], 0, (width - 1) / 2], [0, scale * own.k[1, 1], (height - 1) / 2], [0, 0, 1]]
@@ -95,7 +95,7 @@ def contours(depth: NDArray, normal: NDArray, instance: NDArray) -> NDArray[np.b
 
 
 def can_show_windows() -> bool:
-    """Whether OpenCV opens windows here. A process of its own tries: Qt aborts where there is no display."""
+    """Whether OpenCV can open windows here. Another process tries it, because Qt aborts without a display."""
     program = [sys.executable, "-c", "import cv2; cv2.namedWindow('')"]
     try:
         return subprocess.run(program, capture_output=True, timeout=_WINDOW_SECONDS).returncode == 0

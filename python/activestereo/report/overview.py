@@ -26,8 +26,7 @@ def simulation_figure(
     true_depth: np.ndarray,
     rows: Sequence[Accuracy],
 ) -> Figure:
-    """A sensor's frame: pictures on top, depth against truth below them, and the figures of each material at the
-    bottom.
+    """A sensor's frame: pictures on top, depth and truth below, and figures of each material at the bottom.
 
     rgb: float [h, w, 3] 0..1. ir: the measured pair, uint8. depth, true_depth: metres, 0 = none. rows: from
     accuracy_by_material.
@@ -63,7 +62,7 @@ def simulation_figure(
 def matching_figure(
     title: str, left: np.ndarray, right: np.ndarray, disparity: np.ndarray, depth: np.ndarray
 ) -> Figure:
-    """An infrared pair and what the engine made of it. disparity: pixels, -1 = none; depth: metres, 0 = none."""
+    """An infrared pair and the engine's maps. disparity: pixels, -1 = none; depth: metres, 0 = none."""
     subtitle = f"{100.0 * np.mean(depth > 0):.1f} % of the pixels measured"
     page = _Page(title, subtitle, columns=2, picture_rows=2, aspect=depth.shape[0] / depth.shape[1])
     _picture(page.picture(0, 0), left, "left", cmap="gray")
@@ -124,7 +123,7 @@ def depth_span(depth: np.ndarray) -> tuple[float, float]:
 
 
 def colored(values: np.ndarray, span: tuple[float, float], cmap: str) -> np.ndarray:
-    """uint8 [h, w, 3] of positive values; dark where there is none."""
+    """uint8 [h, w, 3] of positive values; others are dark."""
     from matplotlib import colormaps
 
     rgba = colormaps[cmap](Normalize(*span, clip=True)(values))[..., :3]

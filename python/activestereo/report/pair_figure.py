@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A real pair and a simulated one side by side: the left images, what the cameras disagree by, and the figures of
-both."""
+"""A real pair and a simulated one side by side: the left images, the cameras' differences, and the figures of both."""
 
 from __future__ import annotations
 
@@ -26,8 +25,8 @@ def pair_figure(
     disparities: Mapping[str, NDArray],
     findings_of: Mapping[str, Sequence[Finding]],
 ) -> Figure:
-    """pairs: {name: (left, right) DN [height][width]} of two; disparities: of the left images, 0 = none.
-    findings_of: what pair_statistics found."""
+    """pairs: {name: (left, right) DN [height][width]} of two; disparities: of the left images, 0 = none. findings_of:
+    results of pair_statistics."""
     figure = Figure(figsize=(15, 10.5), layout="constrained")
     grid = figure.add_gridspec(3, 4, height_ratios=(1, 1, 0.9))
     highest = max(float(np.quantile(pair[0], 0.995)) for pair in pairs.values())

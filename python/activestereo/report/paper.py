@@ -54,7 +54,7 @@ def write_diagnosis_pdf(
 
 
 def write_comparison_csv(path: str | Path, scores: Mapping[str, Any]) -> None:
-    """Writes a row for each frame and camera. An empty cell: it is not known."""
+    """Writes a row for each frame and camera. An empty cell is an unknown value."""
     names = ("rmse_dn", "bias_dn", "render_noise_dn", "noise_floor_dn", "explainable_rmse_dn")
     rows = [
         [frame["id"], frame["split"], side, *(values[name] for name in names)]
@@ -99,7 +99,7 @@ def _write_pdf(path: str | Path, figures: Sequence[Figure]) -> None:
 
 
 def _charts(scores: Mapping[str, Any]) -> list[Figure]:
-    """Errors of the frames, photon transfer, and the residuals against what they depend on."""
+    """Errors of the frames, photon transfer, and the residuals over their causes."""
     figures = [frames_chart(scores)]
     if scores["photon_transfer"] and scores["noise_model"]:
         figures.append(photon_transfer_chart(scores["photon_transfer"], scores["noise_model"]))
@@ -112,7 +112,7 @@ def _charts(scores: Mapping[str, Any]) -> list[Figure]:
 
 
 def _images_figure(comparison: Comparison, images: Mapping[str, Mapping[ImageKey, NDArray]], title: str) -> Figure:
-    """The worst frame's left image, what models expect of it, and what these leave, with pixels as axes."""
+    """The worst frame's left image, the models' expected images, and their residuals, with axes in pixels."""
     scores = comparison.scores
     entry = worst_frame(scores, "test" if "test" in scores["ir"] else "train")
     key = entry["id"], _SIDE

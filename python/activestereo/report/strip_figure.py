@@ -39,8 +39,8 @@ def parameter_words(strip: EffectStrip) -> str:
 
 
 def strip_ranges(strip: EffectStrip) -> tuple[float, float]:
-    """(the picture's brightest shown value, the difference's largest), in the strip's unit. Depth that comes or goes
-    differs by all of it: where any other changes, that tells the difference's range."""
+    """(the picture's brightest shown value, the difference's largest), in the strip's unit. A depth that appears or
+    vanishes changes by its whole value, so other changes alone set the range, if there are any."""
     shown = lambda image: max(float(np.quantile(image, _SHOWN_QUANTILE)), 1e-6)  # noqa: E731
     difference = np.abs(strip.difference)
     stays = (strip.without > 0) & (strip.with_it > 0)

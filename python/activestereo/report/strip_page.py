@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def strip_page(effects: Sequence[Sequence[EffectStrip]]) -> str:
-    """A document with a section per effect: its strips by rising strength, of which the middle one is shown first."""
+    """A document with a section for each effect: its strips by rising strength, the middle one shown first."""
     sections = [strip_section(strips, strips[0].effect.id, "typical") for strips in effects]
     return page("What effects do to a picture", sections, ("strip.js",))
 

@@ -48,11 +48,10 @@ def write_report(
     progress: Callable[[float], object] | None = None,
 ) -> tuple[Path, Path]:
     """Writes compare.json, compare.png and report.html into `folder` (made where absent); returns the paths of the
-    first and the last.
+first and the last.
 
-    diagnosis: what diagnose.json holds, a dict; None for the folder's own diagnose.json, if there is one of this
-    capture. effects: {id: Effect} that it may name, None for the built-in ones. progress: called as progress(fraction
-    done).
+    diagnosis: contents of diagnose.json, a dict; None for the folder's own diagnose.json, if it is of this capture.
+    effects: {id: Effect} that it may name, None for the built-in ones. progress: called as progress(fraction done).
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -115,7 +114,7 @@ def write_diagnosis_report(
 
 
 def _stored_diagnosis(folder: Path, capture: str) -> dict[str, Any] | None:
-    """The folder's diagnose.json if it is of this capture; one that cannot be read is as good as none."""
+    """The folder's diagnose.json if it is of this capture; None if it is unreadable."""
     try:
         diagnosis = read_json(folder / "diagnose.json")
     except (OSError, ValueError):

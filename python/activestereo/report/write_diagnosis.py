@@ -14,9 +14,7 @@ if TYPE_CHECKING:
 
 
 def write_diagnosis(diagnosis: "Diagnosis", folder: str | Path) -> list[Path]:
-    """Writes diagnose.json, model.json and, where an unknown effect was described, effect_stub.py; returns their
-    paths.
-    """
+    """Writes diagnose.json, model.json and, for an unknown effect, effect_stub.py. Returns their paths."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     as_text = lambda value: json.dumps(value, indent=1) + "\n"  # noqa: E731

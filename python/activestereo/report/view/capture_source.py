@@ -27,9 +27,10 @@ _STRONGEST_LASER = 3.0
 
 
 class CaptureSource:
-    """A capture. model: what is known of the sensor besides; what it does not say of light and noise is fitted.
+    """A capture as a source of the page. model: further knowledge of the sensor; light and noise that it lacks are
+    fitted.
 
-    Where the capture's scene is empty nothing is simulated."""
+    A capture with an empty scene is not simulated."""
 
     def __init__(self, capture: Capture, device: kuafu.Device, model: SensorModel | None = None) -> None:
         self.title = capture.name
@@ -59,7 +60,7 @@ class CaptureSource:
         }  # fmt: skip
 
     def measured(self, frame_id: int) -> Pictures:
-        """One frame with the device's depth, or with the depth that its pair gives where the device's is not there."""
+        """One frame with the device's depth, or with the depth of its pair if the device gave none."""
         frame, capture = self._frame(frame_id), self._capture
         left, right = (capture.ir(frame, side) for side in ("left", "right"))
         depth = capture.depth(frame)
@@ -71,7 +72,7 @@ class CaptureSource:
 
     @computed_once
     def simulation(self) -> Simulation | None:
-        """The capture's scene, loaded; None where there is nothing in it."""
+        """The capture's scene, loaded; None if it is empty."""
         path = self._capture.scene_path
         if not path.is_file():
             return None
@@ -91,7 +92,7 @@ class CaptureSource:
     # ---- inside ----
 
     def _exposure(self, frame_id: int) -> Exposure:
-        """Radiance is in counts of the room's light, in which lamps of the scene count alike."""
+        """Radiance in counts of the room's light; lamps of the scene use the same unit."""
         frame, model = self._frame(frame_id), self._model()
         room = model.nuisances["ambient_scale"].value * (1.0 if frame.ambient is None else frame.ambient)
         projector = model.nuisances["projector_scale"].value

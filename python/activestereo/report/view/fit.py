@@ -30,7 +30,7 @@ def fitted_nuisances(capture: Capture, renderer: KuafuRenderer) -> dict[str, Qua
 
 
 def fitted_noise(capture: Capture, black_dn: float) -> Imager | None:
-    """The noise model of the capture's repeats, None where it has none."""
+    """The noise model of the capture's repeats; None without repeats."""
     noise_model = fit_noise_model(repeat_statistics(capture), black_dn, capture.rig.max_dn)
     if noise_model is None:
         return None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which requests are answered: those of the page that was opened by its own address, and no other page's."""
+"""Decides which requests are answered: those of the page at its own address, and no other page's."""
 
 from __future__ import annotations
 

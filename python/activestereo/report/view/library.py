@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The entries that may be opened: one file or folder, or all captures, scenes and pictures below a folder. Nothing
-outside of it is looked at."""
+"""The entries of the page: one file or folder, or all captures, scenes and pictures below a folder. It reads nothing
+outside."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _DEEPEST, _MOST = 3, 500
 
 
 class Library:
-    """Entries below `root` by their names there, "." for itself. make: the source of a path; ValueError or OSError
-    where it cannot be used."""
+    """Entries below `root` by their names there, "." for itself. make: makes the source of a path; raises ValueError or
+    OSError if it cannot."""
 
     def __init__(self, root: Path, make: Callable[[Path], Any]) -> None:
         if not root.exists():
@@ -58,7 +58,7 @@ def _entries(root: Path) -> list[Path]:
         found.append(path)
         if len(found) == _MOST:
             break
-    # Else it is a recording's folder, or its error says what it lacks.
+    # Otherwise it is a recording's folder, or its error names the missing part.
     return found if found or not root.is_dir() else [root]
 
 

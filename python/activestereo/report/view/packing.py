@@ -19,7 +19,7 @@ _ALIGNMENT = 8
 
 
 def packed(content: Mapping[str, Any], images: Mapping[str, NDArray[Any]] | None = None) -> bytes:
-    """One answer. images: {name: [height][width] of float32, uint8 or uint32}; what has no value is NaN."""
+    """One answer. images: {name: [height][width] of float32, uint8 or uint32}; NaN = no value."""
     arrays, parts, size = {}, [], 0
     for name, image in (images or {}).items():
         data = np.ascontiguousarray(image).astype(image.dtype.newbyteorder("<"), copy=False).tobytes()
@@ -43,7 +43,7 @@ def unpacked(answer: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
 
 
 def _finite(value: Any) -> Any:
-    """The same with None for infinities, which JSON has no words for."""
+    """The same with None for infinities, which JSON cannot express."""
     if isinstance(value, dict):
         return {name: _finite(one) for name, one in value.items()}
     if isinstance(value, list | tuple):

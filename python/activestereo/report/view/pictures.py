@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Infrared pairs without a calibration of their own, as a capture without a scene: a recording's folder, a data set of
-`activestereo generate`, what `activestereo simulate` wrote. Their cameras are a preset's."""
+"""Infrared pairs without a calibration, as a capture without a scene: a recording's folder, a data set of `activestereo
+generate`, what `activestereo simulate` wrote. Their cameras are a preset's."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ _NONE = Path("none")
 
 
 def is_pictures(folder: Path) -> bool:
-    """Whether there are pairs by their names: one of simulate, or those of a data set."""
+    """Whether a folder's names are pairs of simulate, or of a data set."""
     return all((folder / f"{side}.png").is_file() for side in SIDES) or all((folder / side).is_dir() for side in SIDES)
 
 
 def pictures_capture(folder: Path, config: StereoDepthSensorConfig) -> Capture:
-    """The capture of all pairs in a folder. config: the camera, which is resized to the images. ValueError where there
-    are none."""
+    """The capture of all pairs in a folder. config: the camera, resized to the images. Raises ValueError without
+    pairs."""
     pairs = _pairs(folder)
     size, bits = image_size(pairs[0][0]), 8 * read_gray(pairs[0][0]).dtype.itemsize
     if size != config.ir_resolution:

@@ -23,8 +23,8 @@ _MAPS = ("gray", "RdBu_r", "viridis")
 
 
 class Routes:
-    """The calls on a library of sources. effects: {id: Effect} that may be added. save_as: where models are saved,
-    under another number where a file is there."""
+    """The calls on a library of sources. effects: {id: Effect} that may be added. save_as: path for models; an existing
+    file is kept and the new one gets a number."""
 
     def __init__(self, library: Library, effects: Mapping[str, Effect], save_as: Path) -> None:
         self._library, self._effects, self._save_as = library, effects, save_as
@@ -42,7 +42,7 @@ class Routes:
         return packed({"root": self._library.root.name, "entries": self._library.names, "maps": maps})
 
     def open(self, given: dict[str, Any]) -> bytes:
-        """One entry: its frames, and what the page needs to draw it."""
+        """Opens one entry: its frames, and the page's data to draw it."""
         source = self._library.source(given.get("entry"))
         facts = {"title": source.title, "frames": source.frames(), **source.facts()}
         return packed(facts | {"is_simulated": source.simulation() is not None, "catalogue": catalogue(self._effects)})
@@ -61,7 +61,7 @@ class Routes:
         return packed({"camera": camera, "effects": present_effects(exposure.model)})
 
     def surface(self, given: dict[str, Any]) -> bytes:
-        """The name and the sliders of the material at pixel u, v of the left image; no name where nothing is."""
+        """The name and the sliders of the material at pixel u, v of the left image; no name without a surface."""
         source = self._library.source(given.get("entry"))
         simulation = _simulation(source)
         found = simulation.surface(source.exposure(_frame(given)), self._settings(given, simulation), *_pixel(given))
@@ -69,7 +69,7 @@ class Routes:
         return packed({"name": name, "sliders": [s.as_json() for s in surface_sliders(values)] if values else []})
 
     def save(self, given: dict[str, Any]) -> bytes:
-        """Writes the sensor under the settings as a model; tells where, and what simulates it."""
+        """Writes the sensor under the settings as a model. Returns its path and the command that simulates it."""
         source = self._library.source(given.get("entry"))
         simulation = _simulation(source)
         model, remark = saved_model(source.exposure(_frame(given)), self._settings(given, simulation))
@@ -79,7 +79,7 @@ class Routes:
 
     def simulate(self, given: dict[str, Any]) -> bytes:
         """One frame under the settings, as a draft or refined. page: a number of the page's own; serial: counts what it
-        asks for. An answer with "superseded" has no images: the page has asked for another one meanwhile."""
+        asks for. An answer with "superseded" has no images, because the page has asked for a newer frame."""
         source = self._library.source(given.get("entry"))
         simulation = _simulation(source)
         settings = self._settings(given, simulation)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sensor under the page's settings as a model: what `activestereo simulate --model` simulates."""
+"""Saves the sensor under the page's settings as a model, for `activestereo simulate --model`."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _POWER = "projector_scale"
 
 
 def saved_model(exposure: Exposure, settings: Settings) -> tuple[SensorModel, str]:
-    """The model, and the settings that a model without a rig or a fitted projector has no words for, as options of
-    simulate: empty where it says all."""
+    """The model, and the settings that it cannot hold without a rig or a fitted projector, as options of simulate;
+    empty if it holds all."""
     config, model = settings.applied(deepcopy(exposure.config), exposure.model)
     remarks = []
     if model.rig is not None:
@@ -42,8 +42,8 @@ def saved_model(exposure: Exposure, settings: Settings) -> tuple[SensorModel, st
 
 @contextmanager
 def free_name(path: Path) -> Iterator[Path]:
-    """The path, or where it is there already the same with a number: model.json, model-2.json. An empty file takes the
-    name before anybody else can, and goes where the block fails."""
+    """The path, or if it exists the same with a number: model.json, model-2.json. An empty file reserves the name at
+    once, and is removed if the block fails."""
     for number in range(1, _MOST_NUMBERS):
         name = path if number == 1 else path.with_name(f"{path.stem}-{number}{path.suffix}")
         try:

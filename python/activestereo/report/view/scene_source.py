@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene file on the page: what a preset's sensor gives at its cameras. There is no measurement; the page compares
-with the picture before any slider was moved."""
+"""A scene file on the page: a preset's sensor at its cameras. Without a measurement the page compares with the picture
+before any slider moved."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from activestereo.scene_io.staging import overall_view, room_radiance
 
 
 class SceneSource:
-    """A scene file. config: the sensor; model: what is known of it, or None."""
+    """A scene file. config: the sensor; model: its known effects, or None."""
 
     def __init__(
         self, path: Path, device: kuafu.Device, config: StereoDepthSensorConfig, model: SensorModel | None = None

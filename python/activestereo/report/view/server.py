@@ -62,7 +62,7 @@ class ViewServer(ThreadingHTTPServer):
         self.address = f"http://{HOSTS[0]}:{self.guard.port}/{self.guard.token}/"
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """A thread for each connection, as long as they are few; more are told so and closed."""
+        """Starts a thread for each connection up to a limit; refuses more."""
         if not self._free.acquire(blocking=False):
             with suppress(OSError):
                 request.settimeout(0.0)
@@ -139,7 +139,7 @@ class _Handler(BaseHTTPRequestHandler):
             raise ValueError("the call's body is no JSON object")
         if not self.server.free_calls.acquire(blocking=False):
             raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, _BUSY)
-        try:  # what the command line allowed holds in this thread, too
+        try:  # the command line's permissions hold in this thread, too
             return self._context.copy().run(self._calls[name], given), "application/octet-stream"
         finally:
             self.server.free_calls.release()

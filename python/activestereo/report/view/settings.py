@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page's sliders: exposure, gain, laser power, properties of surfaces, effects. What was not moved is not there,
-and stays what it was."""
+"""The page's sliders: exposure, gain, laser power, properties of surfaces, effects. Settings that nobody moved are
+absent and keep their values."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ BY_HAND = "set by hand in activestereo view"
 @dataclass(frozen=True)
 class Settings:
     """exposure_s, gain, laser_power_mw: None = the sensor's own. materials: {name: {one of SURFACE_FIELDS: value}}.
-    effects: {id: {parameter: value}}, all that there are, None = those of the model; surfaces: {id of an effect: the
-    materials that show it}, all where it is not there."""
+    effects: {id: {parameter: value}}, all active ones, None = the model's; surfaces: {id of an effect: the materials
+    that show it}, all by default."""
 
     exposure_s: float | None = None
     gain: float | None = None
@@ -80,12 +80,12 @@ class Settings:
         return replace(model, materials=materials)
 
     def has_motion(self, model: SensorModel) -> bool:
-        """Whether an effect lets what moves be seen: without one every camera stands still, as in the lab."""
+        """Whether an effect shows motion; otherwise every camera stands still, as in the lab."""
         return any(entry.effect.family == _FAMILY_OF_MOTION for entry in self.in_model(model).effects)
 
 
 def settings_of(given: Any, library: Mapping[str, Effect], material_names: list[str]) -> Settings:
-    """The Settings of a call's JSON object. ValueError says what is wrong in it."""
+    """The Settings of a call's JSON object. Raises ValueError with the fault."""
     given = _object(given, "settings")
     for key in given:
         if key not in _KEYS:

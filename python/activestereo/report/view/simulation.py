@@ -35,8 +35,8 @@ _REFINED_SAMPLES = 64
 
 @dataclass(frozen=True)
 class Exposure:
-    """One exposure before any setting. config: with the colour camera in the left infrared one's place; model: what is
-    known of the sensor; camera_to_world: the left camera's, 4x4. room_radiance: infrared, from all sides; None: the
+    """One exposure before any setting. config: with the colour camera in the left infrared one's place; model: known
+    effects of the sensor; camera_to_world: the left camera's, 4x4. room_radiance: infrared, from all sides; None: the
     scene's own. twist: (6,) m/s and rad/s, as a capture's camera_velocity."""
 
     config: StereoDepthSensorConfig
@@ -50,8 +50,8 @@ class Exposure:
 
 @dataclass(frozen=True)
 class Pictures:
-    """left, right: DN, float32 [height][width]; disparity_px: of the left one, NaN = none; None where nothing is known
-    of depth. focal_baseline_px_m over a disparity is a depth in metres."""
+    """left, right: DN, float32 [height][width]; disparity_px: of the left one, NaN = none; None without depth.
+    focal_baseline_px_m over a disparity is a depth in metres."""
 
     left: NDArray[np.float32]
     right: NDArray[np.float32]
@@ -71,7 +71,7 @@ class Superseded(Exception):
 
 
 class Simulation:
-    """A loaded scene, in which one exposure is made at a time."""
+    """A loaded scene, for one exposure at a time."""
 
     def __init__(self, scene: kuafu.Scene) -> None:
         self._scene = scene
@@ -96,7 +96,7 @@ class Simulation:
                 raise Superseded from error
 
     def surface(self, exposure: Exposure, settings: Settings, u: int, v: int) -> tuple[str, dict[str, float]] | None:
-        """The material at a pixel of the left image and its SURFACE_FIELDS, None where there is nothing."""
+        """The material at a pixel of the left image and its SURFACE_FIELDS; None without a surface."""
         with self._one_at_a_time, self._sensor(exposure, settings, is_draft=True) as sensor:
             numbers = sensor.get_picture("material_id", "left")[..., 0]
             materials = [self._scene.get_material(n) for n in range(self._scene.summary.material_count)]
@@ -152,7 +152,7 @@ def _pictures(sensor: StereoDepthSensor, begin: float) -> Pictures:
     left, right = (image.astype(np.float32) for image in sensor.get_ir_measured())
     depth_m, focal_baseline = sensor.get_depth(), config.focal_baseline_px_m
     if config.rectified and not is_distorting(config.ir_distortion):
-        # Registration would take away what lies between pixels.
+        # Registration would remove sub-pixel positions.
         disparity = sensor.get_disparity()
         disparity = np.where(disparity > 0, disparity, np.float32(np.nan))
     else:
@@ -163,6 +163,6 @@ def _pictures(sensor: StereoDepthSensor, begin: float) -> Pictures:
 
 
 def disparity_of(depth_m: NDArray[np.float32], focal_baseline_px_m: float) -> NDArray[np.float32]:
-    """Pixels, NaN where the depth is 0."""
+    """Disparity in pixels, NaN at depth 0."""
     with np.errstate(divide="ignore"):
         return np.where(depth_m > 0, focal_baseline_px_m / depth_m, np.nan).astype(np.float32)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page's sliders as data: where each begins and ends, and where it stands before it is moved."""
+"""The page's sliders as data: their ends, and their first positions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from activestereo.model.model import MATERIAL_FIELDS
 from activestereo.report.view.settings import SURFACE_FIELDS
 from activestereo.report.view.simulation import Exposure
 
-# A camera's slider reaches so many times below and above where it stands.
+# A camera's slider spans this factor below and above its first position.
 _REACH = 16.0
 # An effect's slider reaches so many prior deviations from neutral; its field takes all that is possible.
 _DEVIATIONS = 5.0
@@ -23,7 +23,7 @@ _DEVIATIONS = 5.0
 
 @dataclass(frozen=True)
 class Slider:
-    """One number. least, most: what may be typed; low, high: the slider's own ends. is_log: equal steps are equal
+    """One number. least, most: limits of typed numbers; low, high: the slider's own ends. is_log: equal steps are equal
     ratios."""
 
     name: str
@@ -41,8 +41,8 @@ class Slider:
 
 
 def camera_sliders(exposure: Exposure) -> list[Slider]:
-    """Exposure, gain and laser power of one exposure. Where the sensor chooses exposure and gain by itself, the picture
-    tells what they are."""
+    """Exposure, gain and laser power of one exposure. If the sensor exposes automatically, the picture states exposure
+    and gain."""
     config = exposure.config
     exposure_s, gain = config.ir_camera_exposure, config.ir_camera_gain
     power, (_, strongest, _) = config.laser_power_mw, config.laser_power_limits_mw
