@@ -25,9 +25,9 @@ from activestereo.scene_io.example_scene import write_table_top
 _SCALE = 0.25
 _BASELINE_M, _PROJECTOR_M = 0.05, 0.029
 _EXPOSURE_S, _BLACK_DN = 0.004, 5.0
-_PROJECTOR_DN_PER_S, _ROOM_DN_PER_S = 120000.0, 9000.0  # of a projector of 1 W/sr, and of a radiance of 1
+_PROJECTOR_DN_PER_S, _ROOM_DN_PER_S = 120000.0, 9000.0  # counts of a projector of 1 W/sr, and of a radiance of 1
 _NOISE = NoiseModel(0.3, 0.02, "stated")
-_BOUNCES = 8  # as diagnose and compare have them
+_BOUNCES = 8  # as diagnose and compare take them
 _REPEATS = 2  # of the first view, by which the noise is known
 _PLACES_M = ((-0.02, 0.46, 0.72), (0.25, 0.40, 0.62), (-0.30, 0.35, 0.60), (0.10, 0.55, 0.55))
 _TARGET_M, _UP = (0.0, 0.035, -0.02), (0.0, 1.0, 0.0)

@@ -10,7 +10,7 @@ from activestereo.common.pose import Pose
 
 
 def with_rgb_at_left(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
-    """The configuration, changed: its RGB camera stands in the left infrared one's place, the rest where it stood."""
+    """The configuration, changed: its RGB camera takes the left infrared one's place; the rest stays."""
     to_left = np.linalg.inv(config.trans_pose_l.to_transformation_matrix())
     for name in ("pose_rgb_irproj", "trans_pose_r", "trans_pose_l"):
         setattr(config, name, Pose(to_left @ getattr(config, name).to_transformation_matrix()))

@@ -7,9 +7,9 @@ format is described beside the BOP toolkit).
     DIR/train_pbr/000000/{ir_left,ir_right,confidence,reason,depth_true}/000000.png  DIR/ir_cameras.json
     DIR/train_pbr/000000/{scene_camera,scene_gt,scene_gt_info,scene_gt_coco}.json
 
-Those of the last line are ours: confidence (0..255 for 0..1) and reason are of the left infrared camera, the reasons'
-names, both cameras' matrices and the baseline in ir_cameras.json. Lengths of BOP's files are millimetres. A frame's
-record is written after its pictures: a frame with a record is whole.
+The files of the last but one line are ours. confidence (0..255 for 0..1) and reason belong to the left infrared camera;
+ir_cameras.json holds the reasons' names, both cameras' matrices and the baseline. Lengths of BOP's files are
+millimetres. A frame's record is written after its pictures: a frame with a record is whole.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def is_done(out: Path, number: int) -> bool:
 
 
 def remove_left_over(out: Path, numbers: Collection[int]) -> None:
-    """Temporary files of these frames, whose process ended before it renamed them."""
+    """Removes temporary files of these frames from processes that ended before the rename."""
     for folder in (out / SPLIT).glob("*"):
         for name, path in left_over(folder):
             if name.isdigit() and int(name) in numbers:
@@ -61,7 +61,7 @@ def remove_left_over(out: Path, numbers: Collection[int]) -> None:
 
 
 def write_frame(out: Path, frame: Frame) -> None:
-    """Pictures, then the record; none of them where one cannot be written."""
+    """Writes the pictures, then the record; keeps none if one cannot be written."""
     folder, name = scene_folder(out, frame.number), f"{frame.number % FRAMES_PER_SCENE:06d}"
     kinds = ("rgb", "depth", "ir_left", "ir_right", "confidence", "reason", "depth_true", "mask", "mask_visib")
     for kind in (*kinds, _RECORDS):
@@ -99,7 +99,7 @@ def read_files(out: Path) -> dict[str, bytes]:
 
 
 def write_files(out: Path, files: Mapping[str, bytes]) -> None:
-    """A frame's files, as read_files() has them: pictures, then the record; none where one cannot be written."""
+    """Writes a frame's files, as from read_files(): pictures, then the record; keeps none if one cannot be written."""
     with written_together(out, last=Path(next(name for name in files if _RECORDS in name))) as aside:
         for name, content in files.items():
             (aside / name).parent.mkdir(parents=True, exist_ok=True)
@@ -107,8 +107,8 @@ def write_files(out: Path, files: Mapping[str, bytes]) -> None:
 
 
 def write_scenes(out: Path, count: int) -> Counter[int]:
-    """Each scene's tables, of the records of its frames. Returns {obj_id: pixels of it in all frames}, where it was
-    placed."""
+    """Writes each scene's tables from the records of its frames. Returns {obj_id: its pixels in all frames} of placed
+    objects."""
     pixels: Counter[int] = Counter()
     for first in range(0, count, FRAMES_PER_SCENE):
         records = {n % FRAMES_PER_SCENE: read_json(record_path(out, n))
@@ -171,7 +171,7 @@ def _info(found: Found, depth: NDArray[np.float32]) -> dict[str, Any]:
 
 
 def _box(mask: NDArray[np.bool_]) -> list[int]:
-    """[x, y, width, height]; -1 four times where there is nothing, as BOP has it."""
+    """[x, y, width, height]; -1 four times if the mask is empty, as in BOP."""
     if not mask.any():
         return [-1, -1, -1, -1]
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
@@ -179,7 +179,7 @@ def _box(mask: NDArray[np.bool_]) -> list[int]:
 
 
 def _coco(folder: Path, records: dict[int, Any]) -> dict[str, Any]:
-    """COCO's instances: boxes and areas of what is seen, and masks as its uncompressed run lengths."""
+    """COCO's instances: boxes and areas of visible parts, and masks as uncompressed run lengths."""
     from PIL import Image
 
     images: list[Any] = []

@@ -12,7 +12,7 @@ _WRITERS = {"lerobot": lerobot, "mcap": mcap, "rerun": rerun}
 
 
 def require(names: list[str]) -> None:
-    """ImportError that says what to install, where a format's package is missing."""
+    """Raises ImportError, with the packages to install, if a format's package is missing."""
     for name in names:
         _WRITERS[name].package()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where things lie on the table z = 0: upright and side by side, or as they fell."""
+"""Places things on the table z = 0: upright and side by side, or dropped."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _STEP_S, _LONGEST_S, _REST_M_PER_S = 0.002, 4.0, 0.01
 
 
 def chosen(things: list[Thing], ranges: Ranges, random: np.random.Generator) -> list[int]:
-    """Which things a frame has."""
+    """Chooses a frame's things."""
     count = min(max(ranges.count("things", random), 1), len(things))
     return sorted(random.permutation(len(things))[:count].tolist())
 
 
 def scatter(things: list[Thing], ranges: Ranges, random: np.random.Generator) -> Poses:
-    """Upright, turned at random, no circle around one touching another's. What finds no place in many tries is left
-    out."""
+    """Places things upright, turned at random, without contact of their bounding circles. Leaves out things without a
+    place after many tries."""
     out: Poses = {}
     spread = ranges.draw("spread_m", random)
     circles: list[tuple[NDArray[np.float64], float]] = []
@@ -46,7 +46,7 @@ def scatter(things: list[Thing], ranges: Ranges, random: np.random.Generator) ->
 
 
 def physics() -> tuple[Any, Any]:
-    """The modules mujoco and trimesh. ImportError where one is missing."""
+    """The modules mujoco and trimesh. Raises ImportError if one is missing."""
     try:
         import mujoco
         import trimesh
@@ -56,8 +56,8 @@ def physics() -> tuple[Any, Any]:
 
 
 def drop(things: list[Thing], ranges: Ranges, random: np.random.Generator) -> Poses:
-    """Turned at random and dropped one above the other, with MuJoCo's physics and the things' convex hulls. What rolls
-    away from the place is left out. ImportError where mujoco or trimesh is missing."""
+    """Drops things, turned at random, one above the other, with MuJoCo's physics and their convex hulls. Leaves out
+    things that roll away. Raises ImportError without mujoco or trimesh."""
     mujoco, trimesh = physics()
     spread, order = ranges.draw("spread_m", random), chosen(things, ranges, random)
     spec = mujoco.MjSpec()

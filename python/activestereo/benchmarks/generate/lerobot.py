@@ -4,8 +4,8 @@
     DIR/lerobot: LeRobotDataset(name, root=DIR/lerobot)
 
 Depth maps are LeRobot's (huggingface/lerobot#3644): uint16 millimetres of one channel, marked `is_depth_map`, kept as
-images without loss. A frame is an episode of its own, for one has nothing to do with the next; its state is where the
-RGB camera is, position in metres and a quaternion x, y, z, w, and rgb_k its matrix by rows.
+images without loss. Frames are independent, so each is an episode. Its state is the RGB camera's pose, position in
+metres and a quaternion x, y, z, w; rgb_k is its matrix by rows.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _STATE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
 
 def package() -> Any:
-    """LeRobotDataset. ImportError where it is missing."""
+    """LeRobotDataset. Raises ImportError if it is missing."""
     try:
         from lerobot.datasets.lerobot_dataset import LeRobotDataset
     except ImportError as error:

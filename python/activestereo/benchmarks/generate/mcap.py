@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A data set as messages of ROS 2 in an MCAP file (pip install rosbags): DIR/mcap.
 
-Topics are as a RealSense camera has them: color, aligned depth (16UC1, millimetres: REP 118) and the infrared pair,
-each with its camera_info; /camera/pose says where the RGB camera is. Axes are those of REP 103's optical frames.
+Topics are a RealSense camera's: color, aligned depth (16UC1, millimetres: REP 118) and the infrared pair, each with its
+camera_info; /camera/pose is the RGB camera's pose. Axes are those of REP 103's optical frames.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _COLOR = "camera_color_optical_frame"
 
 
 def package() -> Any:
-    """The module rosbags. ImportError where it is missing."""
+    """The module rosbags. Raises ImportError if it is missing."""
     try:
         import rosbags
     except ImportError as error:

@@ -13,12 +13,12 @@ from activestereo.common.declared_ranges import DeclaredRanges
 class Ranges(DeclaredRanges):
     """Each (low, high), drawn evenly between them."""
 
-    things: tuple[float, float] = (3, 6)  # how many, at most as many as there are files
-    spread_m: tuple[float, float] = (0.15, 0.25)  # radius of the place where they lie
+    things: tuple[float, float] = (3, 6)  # count, at most the number of files
+    spread_m: tuple[float, float] = (0.15, 0.25)  # radius of the area of things
     distance_m: tuple[float, float] = (0.5, 1.0)  # of the camera from the middle
-    elevation_deg: tuple[float, float] = (30, 80)  # of the camera above the table
+    elevation_deg: tuple[float, float] = (30, 80)  # height of the camera above the table
     roll_deg: tuple[float, float] = (-10, 10)
-    lamps: tuple[float, float] = (1, 3)  # how many
+    lamps: tuple[float, float] = (1, 3)  # count
     lamp_w_per_sr: tuple[float, float] = (0.5, 3.0)
     ambient_radiance: tuple[float, float] = (0.05, 0.4)
     table_albedo: tuple[float, float] = (0.1, 0.8)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames made by the machines of a Ray cluster: an actor for each GPU, or for so many processors.
+"""Makes frames on the machines of a Ray cluster, with an actor for each GPU, or for a number of processors.
 
-Actors send the files of a frame, as bytes, and the calling process alone writes them; so each frame is written once,
-whatever happened to the actors that were asked for it, and the machines need not share a folder. What waits to be
-written is in Ray's object store, which spills it to disk.
+Actors send the files of a frame as bytes, and only the calling process writes them. So each frame is written once, even
+if actors are lost, and the machines need not share a folder. Frames that wait for writing are in Ray's object store,
+which spills them to disk.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ class StudioActor:
         self._studio: Studio | None = None
 
     def begin(self) -> None:
-        """Returns where there is an actor: Ray makes it when there is room."""
+        """Returns once the actor exists: Ray makes it when there is room."""
 
     def files(self, number: int) -> dict[str, bytes]:
-        """Those of a frame, by path below the data set's folder."""
-        if self._studio is None:  # not in __init__, whose errors look like an actor's end
+        """The files of a frame, by path below the data set's folder."""
+        if self._studio is None:  # not in __init__: its errors look like an actor's end
             import ray
 
             own = ray.get_gpu_ids()
@@ -48,10 +48,11 @@ class StudioActor:
 
 
 def made_by_ray(settings: Settings, out: Path, missing: Sequence[int], address: str, cpus: int) -> Iterator[int]:
-    """The number of each frame after it is written. address: 'auto', HOST:PORT or ray://HOST:PORT of a cluster that
-    runs. cpus: of an actor, where the cluster has no GPUs or the settings name a device. ValueError without Ray and
-    where no machine has so many processors, ConnectionError where there is no such cluster, ChildProcessError where a
-    frame ends one actor after another."""
+    """Yields the number of each frame after it is written.
+
+    address: 'auto', HOST:PORT or ray://HOST:PORT of a running cluster. cpus: for each actor, if the cluster has no GPUs
+    or the settings name a device. Raises ValueError without Ray or if no machine has so many processors,
+    ConnectionError without such a cluster, and ChildProcessError if a frame ends one actor after another."""
     if not missing:
         return
     with _cluster(address) as ray:
@@ -63,9 +64,9 @@ def made_by_ray(settings: Settings, out: Path, missing: Sequence[int], address: 
 
 
 def room_for(nodes: Sequence[dict[str, Any]], cpus: int, may_have_gpu: bool) -> tuple[int, dict[str, int]]:
-    """How many actors the machines have room for, and what Ray gives each of them: a GPU where there are some, else
-    `cpus` processors of one machine. nodes: ray.nodes(). ValueError where no machine has so many: Ray would wait for
-    one for ever."""
+    """Number of actors that fit on the machines, and the resources of each: a GPU if there are any, else `cpus`
+    processors of one machine. nodes: ray.nodes(). Raises ValueError if no machine has so many processors; Ray would
+    wait for one without end."""
     alive = [node["Resources"] for node in nodes if node["Alive"]]
     gpus = sum(int(own.get("GPU", 0)) for own in alive)
     if gpus and may_have_gpu:
@@ -81,13 +82,12 @@ def room_for(nodes: Sequence[dict[str, Any]], cpus: int, may_have_gpu: bool) -> 
 def frames_of(
     ray: Any, start: Callable[[], Any], count: int, numbers: Sequence[int]
 ) -> Iterator[tuple[int, dict[str, bytes]]]:
-    """Each frame's number and files, in the order in which they come. start(): a new StudioActor of Ray's; `count` work
-    at the same time. One that is lost is replaced, and its frame goes to the next that is free; an exception of a
-    frame's own is raised."""
+    """Yields each frame's number and files, in order of arrival. start(): makes a StudioActor; `count` work at the same
+    time. A lost one is replaced, and its frame goes to the next free one; a frame's own exception is raised."""
     waiting, losses, left = deque(numbers), Counter[int | None](), len(numbers)
     errors = ray.exceptions
     lost = (errors.RayActorError, errors.ObjectLostError, errors.NodeDiedError, errors.OutOfMemoryError)
-    busy: dict[Any, tuple[Any, int | None]] = {}  # by what is waited for: actor and frame, or none that it may have
+    busy: dict[Any, tuple[Any, int | None]] = {}  # key: the awaited result; value: its actor and frame, None before the first frame
 
     def begin() -> None:
         actor = start()
@@ -109,7 +109,7 @@ def frames_of(
                     raise ChildProcessError(text) from error
                 if number is not None:
                     waiting.appendleft(number)
-                ray.kill(actor)  # what it held is free for the next
+                ray.kill(actor)  # the memory it held is free for the next
                 begin()
                 continue
             except errors.RayTaskError as error:
@@ -128,7 +128,7 @@ def frames_of(
 
 
 def ray_package() -> Any:
-    """The module ray. ValueError where it is missing."""
+    """The module ray. Raises ValueError if it is missing."""
     try:
         import ray
     except ImportError as error:
@@ -163,8 +163,7 @@ def _gpu(name: str) -> int:
 
 
 def _reason(error: Exception) -> str:
-    """The line that tells most: the first, or where that has an actor's particulars below it, indented, the one after
-    those."""
+    """The most informative line: the first, or the one after an actor's indented details."""
     text = str(error).strip()
     after = re.search(r"^[ \t].*\n(\S.*)", text, re.MULTILINE)
     return after[1] if after else text.partition("\n")[0]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A data set as a recording of Rerun's viewer (pip install rerun-sdk): DIR/rerun/frames.rrd.
 
-world/camera is a pinhole where the RGB camera is, with depth and true depth as Rerun's depth images of millimetres."""
+world/camera is a pinhole at the RGB camera's pose, with depth and true depth as Rerun's depth images in millimetres."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from activestereo.benchmarks.generate.stored import stored_frames
 
 
 def package() -> Any:
-    """The module rerun. ImportError where it is missing."""
+    """The module rerun. Raises ImportError if it is missing."""
     try:
         import rerun
     except ImportError as error:

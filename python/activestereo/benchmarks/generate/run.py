@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a data set with workers, each with a device of its own. What is there already is not made again."""
+"""Makes a data set with workers, each with its own device. Skips frames that exist."""
 
 from __future__ import annotations
 
@@ -47,14 +47,15 @@ def generate(
     progress: Callable[[float], object] | None = None,
     ray: tuple[str, int] | None = None,
 ) -> Done:
-    """Frames 0 to count - 1 in BOP's format under `out`, or part k of n of them; other parts may be made at the same
-    time, also by other machines that share the folder. Whoever makes the last frame writes the scenes' tables.
-    ValueError where `out` has frames of other settings; ChildProcessError where workers were ended from outside again
-    and again: what is done stays, and the same call goes on. ray: a cluster's address and the processors of an actor
-    there, which take the place of the workers (ray_actors.py). Things that are USD stages are written to out/things as
-    .glb first."""
+    """Makes frames 0 to count - 1 in BOP's format under `out`, or part k of n of them.
+
+    Other parts may run at the same time, also on other machines that share the folder. The process that makes the last
+    frame writes the scenes' tables. ray: a cluster's address and the processors of an actor there, in place of workers
+    (ray_actors.py). USD stages are first written to out/things as .glb. Raises ValueError if `out` has frames of other
+    settings, and ChildProcessError if workers are killed repeatedly. Finished frames stay, and the same call
+    continues."""
     if settings.layout == "drop":
-        physics()  # what is missing is said first
+        physics()  # reports a missing package first
     if ray is not None:
         ray_package()
     settings = replace(settings, things=tuple(_as_gltf(path, out / "things") for path in settings.things))
@@ -102,7 +103,7 @@ def description(settings: Settings) -> dict[str, Any]:
 
 
 def _made(settings: Settings, out: Path, missing: list[int], workers: int) -> Iterator[int]:
-    """The number of each frame after it is written. Where a worker is lost all are replaced and go on."""
+    """Yields the number of each frame after it is written. After a lost worker all are replaced and go on."""
     if workers == 1 or len(missing) < 2:
         yield from _made_here(settings, out, missing)
         return

@@ -15,7 +15,7 @@ from activestereo.benchmarks.generate import bop
 from activestereo.capture.images import read_color, read_gray
 from activestereo.common.input_files import read_json
 
-# Frames of a data set are no film: where a format wants times, they are this far apart.
+# Frames of a data set are no film; formats with times get this interval.
 FRAMES_PER_S = 30
 
 

@@ -28,9 +28,9 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class Settings:
-    """The settings that a data set is made of. layout: 'scatter' or 'drop'. sensor: a preset's name or a camera's .toml
-    file. ir_size: of the infrared cameras, None = as the sensor has it. unit_m: metres of what the things' files take
-    for a metre. keep_transparent: their materials of opacity 0 stay unseen."""
+    """The settings of a data set. layout: 'scatter' or 'drop'. sensor: a preset's name or a camera's .toml file.
+    ir_size: of the infrared cameras, None = the sensor's. unit_m: metres per unit of the things' files.
+    keep_transparent: materials of opacity 0 stay invisible."""
 
     things: tuple[Path, ...]
     sensor: str = "d435"
@@ -47,8 +47,8 @@ class Settings:
 
 @dataclass(frozen=True)
 class Found:
-    """A thing in a frame. model_to_camera: 4x4, metres, camera axes. mask: bool [h, w], all of it as if nothing stood
-    before it; mask_visible: what is seen."""
+    """A thing in a frame. model_to_camera: 4x4, metres, camera axes. mask: bool [h, w], all of it without occluders.
+    mask_visible: its visible part."""
 
     thing_id: int
     model_to_camera: NDArray[np.float64]
@@ -138,7 +138,7 @@ class Studio:
         return frame
 
     def _alone(self, index: int, pose: NDArray[np.float64], camera_to_world: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Where the thing is in the picture when all others are away."""
+        """The thing's mask in the picture without all others."""
         self._things.place({index: pose})
         width, height = self._config.rgb_resolution
         camera = kuafu.Camera(width, height, self._config.rgb_intrinsic, camera_to_world)

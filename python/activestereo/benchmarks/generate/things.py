@@ -16,7 +16,7 @@ from activestereo.scene_io.units import scale, size_hint
 from activestereo.scene_io.usd import is_usd
 
 _Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
-# Where things wait that a frame has not.
+# Place of things that a frame does not show.
 _AWAY = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, -1000.0], [0, 0, 0, 1]])
 # Larger or smaller things are in other units than metres.
 _SIZE_M = (1e-3, 5.0)
@@ -25,7 +25,7 @@ _SIZE_M = (1e-3, 5.0)
 @dataclass(frozen=True)
 class Thing:
     """id: from 1, BOP's obj_id. low_m, high_m: its box in the file's axes, metres. upright: 4x4 from the file's axes to
-    one in which z is up, the middle of the box's lower face the origin."""
+    axes with z up and the origin in the middle of the box's lower face."""
 
     id: int
     path: Path
@@ -62,7 +62,7 @@ class Things:
             self._scene.set_instance_poses(ids, poses.get(index, _AWAY) @ base)
 
     def is_of(self, index: int, instance_ids: NDArray[np.uint32]) -> NDArray[np.bool_]:
-        """Where a picture of instances shows this thing."""
+        """Mask of this thing in a picture of instances."""
         ids = self._instances[index]
         return (instance_ids >= ids[0]) & (instance_ids <= ids[-1])
 

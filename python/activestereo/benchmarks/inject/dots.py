@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dead dots: directions in which the projector gives no light, the same in every frame and both cameras."""
+"""Dead dots: directions without light from the projector, the same in every frame and both cameras."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def dead_directions(view: View, share: float) -> np.ndarray:
 
 
 def _is_dead(view: View, share: float) -> np.ndarray:
-    """Pixels of the image whose surface point lies in a dead direction."""
+    """Mask of the pixels with surface points in a dead direction."""
     assert view.depth is not None
     x, y = view.rays(view.depth.shape)
     point = np.stack([x, y, np.ones_like(x)]) * view.depth

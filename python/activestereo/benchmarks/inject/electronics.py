@@ -19,13 +19,13 @@ def black_level(light: Light, view: View, offset_dn: float) -> Light:
 
 
 def row_noise(light: Light, view: View, sigma_dn: float) -> Light:
-    """Every row of every image has an offset of its own."""
+    """Adds an offset of its own to every row of every image."""
     offsets = sigma_dn * view.temporal.standard_normal((light.value.shape[0], 1))
     return Light(light.value + offsets, light.variance)
 
 
 def response(light: Light, view: View, compression: float) -> Light:
-    """A response that saturates softly: y = x (1 + c) / (1 + c x / full scale), which leaves full scale where it is."""
+    """A response that saturates softly: y = x (1 + c) / (1 + c x / full scale). Full scale stays fixed."""
     relative = np.maximum(light.value, 0.0) / view.max_dn
     below = 1.0 + compression * relative
     slope = (1.0 + compression) / below**2

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A copy of a capture whose measured infrared images have one effect more, and the answer beside them."""
+"""Copies a capture with one more effect in its measured infrared images, and writes the answer beside them."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from activestereo.common.output_files import new_folder, write_bytes, write_text
 from activestereo.common.progress_bar import ProgressBar
 
 ANSWER = "answer.json"
-_DARKEST = 0.001  # of all pixels: taken for black where nothing better is known
-_ROW_TIME_S = 2e-5  # of a capture that tells none
+_DARKEST = 0.001  # of all pixels: taken for black if nothing better is known
+_ROW_TIME_S = 2e-5  # of a capture that states none
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Injection:
         )
 
     def _depth(self, frame: Frame, is_right: bool) -> np.ndarray | None:
-        """Depth of one camera, by this frame or a repeat of it: repeats often have it once."""
+        """Depth of one camera, from this frame or a repeat of it, since repeats often store it once."""
         group = frame.repeat_group
         repeats = [f for f in self.capture.frames if group is not None and f.repeat_group == group]
         told = next((f for f in (frame, *repeats) if f.depth_path is not None), frame)
@@ -101,7 +101,7 @@ def _generator(*key: int | bool) -> np.random.Generator:
 
 def plan(capture: Capture, name: str, strength: str, seed: int, black_dn: float | None = None) -> Injection:
     """The Injection of an effect at one of STRENGTHS, or at a number. black_dn: the images' black level; None takes
-    their darkest pixels for it. ValueError says what is wrong."""
+    their darkest pixels. Raises ValueError with the fault."""
     if name not in KINDS:
         raise ValueError(unknown("effect", name, KINDS))
     kind = KINDS[name]
@@ -127,8 +127,8 @@ def darkest(capture: Capture) -> float:
 
 
 def write_injected(injection: Injection, out: Path, bar: ProgressBar | None = None) -> dict[str, Any]:
-    """Writes the capture with the effect as the new folder `out`, and returns what answer.json in it says. All but the
-    infrared images is copied: depth is what the device computed before."""
+    """Writes the capture with the effect as the new folder `out`, and returns the contents of its answer.json. Copies
+    everything except the infrared images; depth stays the device's."""
     capture = injection.capture
     home = capture.path.resolve()
     if out.resolve().is_relative_to(home):

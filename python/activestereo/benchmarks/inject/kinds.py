@@ -16,10 +16,11 @@ STRENGTHS = ("weak", "medium", "strong")
 
 @dataclass(frozen=True)
 class Kind:
-    """One effect. values: by STRENGTHS; low, high: what a value may be; in_dn: values are DN of an image of 8 bits;
-    one_camera: it is in the left or the right one, as the seed says; drawn: parameters beside the value, from the seed;
-    accepted: names of the lab's library that are right, none where the library has no such effect; behind_noise: the
-    imager's noise goes through it, too."""
+    """One effect.
+
+    values: by STRENGTHS. low, high: limits of a value. in_dn: values are DN of an image of 8 bits. one_camera: the seed
+    picks the left or the right one. drawn: further parameters, from the seed. accepted: right names of the lab's
+    library, empty if the library has no such effect. behind_noise: the effect acts on the imager's noise, too."""
 
     apply: Callable[..., Light]
     parameter: str
@@ -34,7 +35,7 @@ class Kind:
     drawn: Callable[[np.random.Generator], Mapping[str, float]] = lambda _: {}
 
     def value(self, strength: str) -> float:
-        """A strength's name or a number as the parameter's value. ValueError says what may be given."""
+        """A strength's name or a number as the parameter's value. Raises ValueError with the choices."""
         if strength in STRENGTHS:
             return self.values[STRENGTHS.index(strength)]
         try:

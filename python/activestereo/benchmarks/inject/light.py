@@ -25,8 +25,8 @@ class Light:
 
 @dataclass(frozen=True)
 class View:
-    """Where an image was taken. time_s: of the frame's middle row; row_time_s: from one row to the next; max_dn: full
-    scale above the black level; depth: z of this camera in metres, 0 = unknown, None where the frame has none."""
+    """The conditions of an image. time_s: of the frame's middle row; row_time_s: from one row to the next; max_dn: full
+    scale above the black level; depth: z of this camera in metres, 0 = unknown, None if the frame has none."""
 
     K: NDArray[np.float64]
     is_right: bool

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The noise of measured images, modelled as variance = floor + slope x light (EMVA 1288), and noise that is added where
-an effect has taken some away: a blurred lens does not quieten an imager."""
+"""The noise of measured images, variance = floor + slope x light (EMVA 1288). Adds noise after an effect that reduces
+it: a blurred lens does not quieten an imager."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _QUIET = 0.1
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """variance = floor_dn2 + slope_dn x light, DN above black; measured: by what."""
+    """variance = floor_dn2 + slope_dn x light, DN above black. measured: the method."""
 
     floor_dn2: float
     slope_dn: float
@@ -32,8 +32,8 @@ class NoiseModel:
 
 
 def measured_noise_model(capture: Capture, black_dn: float) -> NoiseModel:
-    """The noise model by differences of repeats; without repeats by the quietest places, where texture makes it too
-    high."""
+    """The noise model from differences of repeats. Without repeats it uses the quietest places; texture makes it too
+    high there."""
     pairs = [
         (capture.ir(first, side), capture.ir(second, side))
         for frames in capture.repeats().values()
@@ -53,8 +53,7 @@ def measured_noise_model(capture: Capture, black_dn: float) -> NoiseModel:
 
 
 def _quiet_blocks(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(mean, variance by second differences across both axes) of blocks; Immerkaer 1996, of 3x3 pixels that share
-    none."""
+    """(mean, variance by second differences across both axes) of blocks; Immerkaer 1996, with separate 3x3 pixels."""
     side = 3 * _BLOCK
     rows, columns = (length // side for length in image.shape)
     blocks = image[: rows * side, : columns * side].reshape(rows, _BLOCK, 3, columns, _BLOCK, 3)
@@ -64,8 +63,8 @@ def _quiet_blocks(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _line(level: np.ndarray, variance: np.ndarray, full: float, quiet: float | None) -> tuple[float, float]:
-    """(floor, slope), neither below 0, through the mean variance of bins of equal count; with `quiet` through that
-    quantile, over what it would be for noise alone."""
+    """(floor, slope), neither below 0, through the mean variance of bins of equal count. With `quiet` it uses that
+    quantile, divided by the quantile of pure noise."""
     usable = level < 0.95 * full
     level, variance = level[usable], variance[usable]
     order = np.array_split(np.argsort(level, kind="stable"), max(1, min(_BINS, len(level) // _FEWEST)))
@@ -84,8 +83,7 @@ def _line(level: np.ndarray, variance: np.ndarray, full: float, quiet: float | N
 
 
 def with_noise(light: Light, noise_model: NoiseModel, generator: np.random.Generator) -> Light:
-    """The light with as much noise as the noise model asks for at its level, less what the rounding to come will
-    add."""
+    """Adds noise up to the noise model's at each level, less the later rounding's."""
     lacking = np.maximum(noise_model.variance(light.value) - light.variance - ROUNDING, 0.0)
     added = np.sqrt(lacking) * generator.standard_normal(light.value.shape)
     return Light(light.value + added, light.variance + lacking)

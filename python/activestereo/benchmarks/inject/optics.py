@@ -69,7 +69,8 @@ def tangential_distortion(light: Light, view: View, size: float, direction_rad: 
 
 
 def _bent(light: Light, view: View, shift: Callable[..., tuple[Image, Image]]) -> Light:
-    """Each pixel shows the ray whose drawn place, ray + shift(ray), is its centre: found by fixed-point iteration."""
+    """Shows in each pixel the ray that the distortion, ray + shift(ray), moves to its centre. Finds it by fixed-point
+    iteration."""
     drawn_x, drawn_y = view.rays(light.value.shape)
     x, y = drawn_x, drawn_y
     for _ in range(12):

@@ -11,7 +11,7 @@ _LOBES = 3
 
 
 def resampled(light: Light, u: np.ndarray, v: np.ndarray, outside: float | None = None) -> Light:
-    """The light at the places (u, v). outside: its value beyond the image; None repeats the border."""
+    """The light at the positions (u, v). outside: value beyond the image; None repeats the border."""
     height, width = light.value.shape
     first_u, weight_u = _taps(u)
     first_v, weight_v = _taps(v)

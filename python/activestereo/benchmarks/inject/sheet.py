@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A picture of all kinds of effects: the first frame's image with each, and below it what changed."""
+"""A picture of all kinds of effects: the first frame's image with each, and its change below."""
 
 from __future__ import annotations
 

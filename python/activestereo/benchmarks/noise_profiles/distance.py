@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far apart the errors of two kinds of depth are."""
+"""The distance between the errors of two kinds of depth."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Distance:
 
 
 def distance(views: Views, depth_m: NDArray[np.float32]) -> Distance:
-    """The distance of depth [rooms, height, width], metres, 0 = none, from what was measured: the rooms' mean."""
+    """The distance of depth [rooms, height, width], metres, 0 = none, from the measured one; mean of the rooms."""
     rooms = [
         _of_room(truth, found, depth, views)
         for truth, found, depth in zip(views.truth_m, views.found_m, depth_m, strict=True)

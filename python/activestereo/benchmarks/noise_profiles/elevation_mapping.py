@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The variances that elevation_mapping gives a depth camera's points, as its YAML.
+"""elevation_mapping's variances of a depth camera's points, as its YAML.
 
 Its structured-light sensor (Nguyen, Izadi and Lovell, 3DIMPVT 2012; ANYbotics/elevation_mapping,
 StructuredLightSensorProcessor) has a standard deviation along the ray, a + b (z - c)^2 + d z^e in metres, one across

@@ -38,7 +38,7 @@ _HELD_OUT_SEED = 2**40
 
 @dataclass(frozen=True)
 class Exported:
-    """default, profile: how far both are from the sensor in rooms that no fit saw; None where none were asked for."""
+    """default, profile: both models' distances from the sensor in rooms outside the fit; None without such rooms."""
 
     profile: Profile
     file: Path
@@ -51,8 +51,8 @@ def export(
     config: StereoDepthSensorConfig, model: SensorModel | None, names: list[str], out: Path, held_out: int = 0,
     seed: int = 0, device: str | int = "auto", progress: Progress | None = None,
 ) -> dict[str, Exported]:  # fmt: skip
-    """{name: what was written} for names of PROFILES; profiles.json has the parameters and distances. progress: of
-    taking the views, which takes nearly all of the time."""
+    """Writes profiles and returns {name: its text} for names of PROFILES; profiles.json has the parameters and
+    distances. progress: of taking the views, nearly all of the time."""
     start = time.perf_counter()
     views = take_views(config, model, _ROOMS, seed, device, progress)
     views_s = time.perf_counter() - start

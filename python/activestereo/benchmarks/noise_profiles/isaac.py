@@ -22,7 +22,7 @@ from activestereo.sensor.rival_noise import IsaacSettings, isaac
 
 @dataclass(frozen=True)
 class Isaac(Profile):
-    """confidence: 0.7 by default, which drops what has no texture; 0 drops nothing."""
+    """confidence: 0.7 by default, which drops surfaces without texture; 0 drops nothing."""
 
     FILE = "isaac.usda"
     LACKS = (

@@ -2,8 +2,8 @@
 """mujoco_ros2_control's depth camera, as a <ros2_control> sensor of a URDF.
 
 The model is that of ros-controls/mujoco_ros2_control#303: NaN outside of a range, sigma(z) = z^2 subpixel / (fx
-baseline) and a share of pixels that drop out. depth_min_range and depth_max_range are the pull request's names; those
-of the three others follow its description and are to be compared with it once it is merged.
+baseline) and a share of pixels that drop out. depth_min_range and depth_max_range are the pull request's names; the
+other three follow its description. Compare them after its merge.
 """
 
 from __future__ import annotations

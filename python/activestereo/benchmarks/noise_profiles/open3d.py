@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Open3D's DepthNoiseSimulator, as its file of a distortion model.
 
-The file is that of Redwood's simdepth.py (Choi, Zhou and Koltun, CVPR 2015; Teichman et al., RSS 2013), as Open3D
-reads it (t::io::DepthNoiseSimulator): five lines that are skipped, then a row of 23 numbers for each cell of 8 x 6
-pixels of a 640x480 image: three that are not read, five counts, which make a cell blind where all are below 8000, ten
-that are not read, and the factors that depth is divided by at 1, 3, 5, 7 and 9 m. The noise is fixed: 1/36 px in steps
-of 1/8 px of a camera with 35.13 px m. Depths in another unit have more of it, so that depth_scale, simulate()'s
-argument, says how much.
+The file is that of Redwood's simdepth.py (Choi, Zhou and Koltun, CVPR 2015; Teichman et al., RSS 2013), as Open3D reads
+it (t::io::DepthNoiseSimulator): five skipped lines, then a row of 23 numbers for each cell of 8 x 6 pixels of a 640x480
+image. Three are not read; five are counts, and a cell is blind if all are below 8000; ten are not read; the last are
+divisors of depth at 1, 3, 5, 7 and 9 m. The noise is fixed: 1/36 px in steps of 1/8 px of a camera with 35.13 px m.
+Depths in another unit have more of it, so depth_scale, simulate()'s argument, sets its size.
 """
 
 from __future__ import annotations

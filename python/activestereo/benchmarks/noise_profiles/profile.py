@@ -23,18 +23,18 @@ class Profile(ABC):
     """A simulator's model of noise, with its parameters. One that is made without arguments is its default."""
 
     FILE: ClassVar[str]
-    LACKS: ClassVar[tuple[str, ...]]  # what the model has no parameter for, one line each
+    LACKS: ClassVar[tuple[str, ...]]  # properties without a parameter in the model, one line each
     # Parameters that are fitted: {name: (low, high, start)}.
     FITTED: ClassVar[dict[str, tuple[float, float, float]]]
 
     @abstractmethod
     def apply(self, views: Views, random: np.random.Generator) -> NDArray[np.float32]:
-        """Depth of the views as the simulator would have it, [rooms, height, width] metres, 0 = none."""
+        """Depth of the views as the simulator gives it, [rooms, height, width] metres, 0 = none."""
 
     @classmethod
     @abstractmethod
     def known(cls, views: Views) -> Profile:
-        """With what needs no fit: range, geometry."""
+        """The profile with the parameters that need no fit: range, geometry."""
 
     @abstractmethod
     def text(self, views: Views) -> str:
@@ -46,13 +46,13 @@ class Profile(ABC):
 
 
 def clipped(truth_m: NDArray[np.float32], noisy_m: NDArray[Any], near_m: float, far_m: float) -> NDArray[np.float32]:
-    """noisy_m, positive, where the true depth lies within a range, 0 elsewhere."""
+    """noisy_m, positive, if the true depth lies within a range, else 0."""
     is_kept = (truth_m >= near_m) & (truth_m <= far_m)
     return np.where(is_kept, np.maximum(noisy_m, 1e-3), 0.0).astype(np.float32)
 
 
 def fitted(kind: type[Profile], views: Views) -> Profile:
-    """The model nearest to what the sensor measured, by distance()'s total."""
+    """The model nearest to the sensor's measurements, by distance()'s total."""
     rows, start = views.bands(_BAND, _PERIOD), kind.known(views)
     low, high, first = (np.array(values) for values in zip(*kind.FITTED.values(), strict=True))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor in rooms of solids that are drawn under a seed: what it measured, and what was there."""
+"""A sensor in rooms of solids, drawn under a seed: its measurements and the truth."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class Views:
-    """Rooms that one sensor saw from where its left camera is. truth_m, found_m: float32 [rooms, height, width] metres,
-    0 = nothing there, or not measured. gray: float32 of the same shape, 0..1, what the surfaces reflect. near_m, far_m:
-    the range that the sensor gives depth in."""
+    """Rooms in one sensor's left camera. truth_m, found_m: float32 [rooms, height, width] metres, 0 = no surface, or
+    not measured. gray: float32 of the same shape, 0..1, the surfaces' reflectance. near_m, far_m: the sensor's range of
+    depth."""
 
     truth_m: NDArray[np.float32]
     found_m: NDArray[np.float32]
@@ -49,7 +49,7 @@ def take_views(
     config: StereoDepthSensorConfig, model: SensorModel | None, count: int, seed: int, device: str | int = "auto",
     progress: Progress | None = None,
 ) -> Views:  # fmt: skip
-    """Views of `count` rooms. model: its effects act; those on named surfaces find none here and are left out."""
+    """Views of `count` rooms. model: its effects act, except those on named surfaces, which are absent here."""
     config = _seen_by_the_left_camera(config)
     if model is not None:
         model = replace(model, effects=tuple(e for e in model.effects if not e.surfaces), materials={}, poses=())
@@ -73,7 +73,7 @@ def take_views(
 
 
 def _seen_by_the_left_camera(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
-    """The same sensor whose depth is registered to a pinhole where its left infrared camera is."""
+    """The same sensor with depth registered to a pinhole in its left infrared camera's place."""
     out = deepcopy(config)
     left_inverse = np.linalg.inv(as_matrix(config.trans_pose_l))
     out.trans_pose_l = Pose()

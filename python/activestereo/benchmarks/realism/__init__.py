@@ -1,3 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How close kinds of simulated depth come to a real camera's, on its own recordings: `activestereo benchmark
+"""Measures the distance of kinds of simulated depth from a real camera's recordings: `activestereo benchmark
 realism`."""

@@ -21,7 +21,7 @@ DEVICE = "device"
 HOLES, NOISE = "hole IoU", "spatial noise: factor to the device's"
 _DRAWS, _LEVEL = 4000, 0.9
 
-Values = dict[str, list[dict[str, float]]]  # of each method, one of each view
+Values = dict[str, list[dict[str, float]]]  # for each method, its exposures of each view
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def board(
     captures: list[tuple[Path, Path | None]], sensor: str, samples: int, seed: int, device: str | int,
     progress: Callable[[float], object] = lambda share: None,
 ) -> Board:  # fmt: skip
-    """captures: folders, and of each the folder of the device's depth where the capture's own is another's."""
+    """captures: folders, each with the folder of the device's depth if that is another's."""
     views: list[str] = []
     values: Values = {method: [] for method in (DEVICE, *METHODS)}
     pictures: dict[str, dict[str, NDArray[np.float32]]] = {}

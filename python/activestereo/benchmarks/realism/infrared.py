@@ -17,9 +17,11 @@ _MOST_UNEVEN = 0.15  # of the mean: above it a surface has a texture of its own
 
 
 def statistics(left: Map, right: Map, patch: Patch, black_dn: float) -> dict[str, float] | None:
-    """The STATISTICS of a patch whose disparity is a plane; None where the surface has a texture. Fine is what a
-    Gaussian of 6 px takes away; the residual is of left less right at the true disparity, over sqrt 2, and of the
-    dots' RMS; the side peak is the largest of the autocorrelation from 4 to 30 px, where 1 is its middle."""
+    """The STATISTICS of a patch with planar disparity; None if the surface has a texture.
+
+    Fine structure is the image less its Gaussian blur of 6 px. The residual is left less right at the true disparity,
+    over sqrt 2 and the dots' RMS. The side peak is the largest autocorrelation from 4 to 30 px, with 1 in the
+    middle."""
     rows, columns = patch.place
     image = left[rows, columns].astype(np.float32)
     coarse = cv2.GaussianBlur(image, (0, 0), _BLUR_PX)

@@ -26,13 +26,13 @@ def distance_names() -> list[str]:
 
 
 def depth_measures(view: RealView, depth_m: Map, again_m: Map | None, patches: list[Patch]) -> dict[str, float]:
-    """{measure: value}, NaN where a view does not tell it. again_m: another exposure of the same view.
+    """{measure: value}, NaN if a view does not determine it. again_m: another exposure of the same view.
 
-    hole IoU: of the holes with the device's, where the scene is known. edge width: mean run of foreground beyond an
-    edge of the truth. flying pixels: of those measured within 5 px of an edge, they lie between both surfaces. dead
-    band: unmeasured columns at the left, the median row. Spatial noise: RMS from its own plane on patches that are
-    planes; its correlation: the lag at which it falls to 1/e. Temporal noise: between two exposures, over sqrt 2.
-    Bias: the median error. All in pixels of disparity, by distance."""
+    hole IoU: of the holes with the device's, at pixels of known scene. edge width: mean run of foreground beyond an
+    edge of the truth. flying pixels: share of measured pixels within 5 px of an edge that lie between both surfaces.
+    dead band: unmeasured columns at the left, the median row. Spatial noise: RMS from its own plane on patches that are
+    planes; its correlation: the lag at which it falls to 1/e. Temporal noise: between two exposures, over sqrt 2. Bias:
+    the median error. All in pixels of disparity, by distance."""
     found, truth = view.disparity(depth_m), view.disparity(view.truth_m)
     is_known, is_measured = np.isfinite(truth), np.isfinite(found)
     holes, device_holes = ~is_measured & is_known, ~(view.device_m > 0) & is_known
@@ -104,7 +104,7 @@ def _spread(change: Map) -> float:
 
 
 def _correlation_px(residual: Map) -> float:
-    """The lag along rows and columns at which the autocorrelation of what is measured falls to 1/e."""
+    """The lag along rows and columns at which the autocorrelation of the measured depth falls to 1/e."""
     values = np.where(np.abs(residual) < 1.0, residual, np.nan)
     values = values - np.nanmean(values)
     variance = np.nanmean(values**2)

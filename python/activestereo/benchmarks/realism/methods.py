@@ -21,12 +21,12 @@ OF_TRUTH = ("clean", "gaussian", "datasheet", "simkinect", "redwood", "isaac-lik
 OF_PAIRS = ("raster", "preset", "calibrated")
 METHODS = (*OF_TRUTH, *OF_PAIRS)
 _SIGMA_M_AT_1_M = 0.004
-_FIT_STEP_PX = 7  # of the pixels that the light's two levels are fitted to
+_FIT_STEP_PX = 7  # share of the pixels in the fit of the light's two levels
 
 
 @dataclass(frozen=True)
 class Simulated:
-    """depth_m: two exposures that differ by their noise alone. left, right: DN, None where there is no pair."""
+    """depth_m: two exposures that differ only by noise. left, right: DN, None without a pair."""
 
     depth_m: tuple[Map, Map]
     left: Map | None = None
@@ -120,7 +120,7 @@ def fitted_light(view: RealView, taken: StereoDepthSensor) -> tuple[list[Map], l
 
 
 def _robust(terms: NDArray[np.float64], counts: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Least squares of factors, none below 0, by Huber's weights."""
+    """Least squares of factors, all at least 0, with Huber's weights."""
     weights = np.ones(len(counts))
     levels = np.zeros(2)
     for _ in range(10):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Patches of an image whose true disparity is a plane."""
+"""Patches of an image with planar true disparity."""
 
 from __future__ import annotations
 
@@ -43,8 +43,7 @@ def planar_patches(truth: Map, focal_baseline_px_m: float) -> list[Patch]:
 def fitted_plane(
     disparity: Map, y: int = 0, x: int = 0, least_known: float = _LEAST_KNOWN
 ) -> tuple[NDArray[np.float64], float]:
-    """(plane, RMS distance from it) without what lies more than a pixel off, and inf where less than a share is
-    known."""
+    """(plane, RMS distance from it) without pixels more than 1 px off; inf if less than the least share is known."""
     rows, columns = np.nonzero(np.isfinite(disparity))
     values = disparity[rows, columns].astype(np.float64)
     if len(values) < least_known * disparity.size:

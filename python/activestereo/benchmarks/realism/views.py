@@ -21,8 +21,8 @@ Map = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class RealView:
-    """left, right: DN. device_m: the device's depth in the left camera, truth_m that of the scene's model; 0 = none.
-    room: the room's light that was measured on the surfaces, None where the scene has lights of its own."""
+    """left, right: DN. device_m: the device's depth in the left camera, truth_m the scene model's; 0 = none. room: the
+    room's light as measured on the surfaces, None if the scene has lights of its own."""
 
     name: str
     capture: Capture
@@ -42,15 +42,15 @@ class RealView:
         return body_pose(self.frame.camera_to_world).to_transformation_matrix()
 
     def disparity(self, depth_m: Map) -> Map:
-        """Pixels, NaN where there is no depth."""
+        """Disparity in pixels, NaN without depth."""
         with np.errstate(divide="ignore"):
             return np.where(depth_m > 0, self.focal_baseline_px_m / depth_m, np.float32(np.nan)).astype(np.float32)
 
 
 def real_views(capture: Capture, device_depth: Path | None, device: str | int) -> list[RealView]:
-    """The views of a capture that have a pair and the device's depth. device_depth: a folder of its 16-bit PNG files in
-    millimetres, in order of the frames, where the capture's own depth is a better instrument's. ValueError where there
-    are not as many."""
+    """The views of a capture with a pair and the device's depth. device_depth: a folder of the device's 16-bit PNG
+    files in millimetres, in order of the frames, if the capture's own depth is a better instrument's. Raises ValueError
+    if the counts differ."""
     frames = [frame for frame in capture.frames if frame.has_infrared]
     files: list[Path] | None = None
     if device_depth is not None:

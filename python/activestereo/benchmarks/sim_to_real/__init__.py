@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well a simulated depth camera ranks methods as a foreign one does: `activestereo benchmark sim-to-real run |
-score | ablate`.
+"""Compares a simulated depth camera's ranking of methods with a foreign one's: `activestereo benchmark sim-to-real run
+| score | ablate`.
 
 | file | job |
 |--|--|

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures which part of the simulation its realism rests on: the agreement of `full` with the foreign world, with more
-and fewer rays, with and without the denoiser, with more and less noise, with nominal, random and measured materials.
-The models stay those of the run."""
+"""Measures which part of the simulation its realism rests on.
+
+It compares the agreement of `full` with the foreign world, with more and fewer rays, with and without the denoiser,
+with more and less noise, with nominal, random and measured materials. The models stay those of the run."""
 
 from __future__ import annotations
 
@@ -37,7 +38,7 @@ KINDS = ("samples", "noise", "materials")
 def variants(
     kinds: tuple[str, ...] = KINDS, samples: tuple[int, ...] = SAMPLES, has_measured: bool = False
 ) -> list[World]:
-    """Worlds like `full`, but for what `kinds` name. has_measured: one of them is of measured materials."""
+    """Worlds like `full`, except for the changes that `kinds` name. has_measured: add one with measured materials."""
     out = []
     if "samples" in kinds:
         for is_denoised in (True, False):
@@ -63,9 +64,9 @@ def ablate(
     progress: Progress | None = None,
     measured: Measured | None = None,
 ) -> Ablation:
-    """The agreement of each world with the foreign one over the first `views` test views of a run. measured: what the
-    world of measured materials has. ValueError where the run is not so far, has pictures of other measured materials,
-    or a world asks for measured materials and there are none; what is done stays, and the same call goes on."""
+    """The agreement of each world with the foreign one over the first `views` test views of a run. measured: the data
+    of the measured materials. Raises ValueError if the run is incomplete, has pictures of other measured materials, or
+    lacks measured materials that a world asks for. Finished work stays, and the same call continues."""
     if not measured and any(world.materials == "measured" for world in worlds):
         raise ValueError("a world of measured materials is asked for without them: give measured=read_measured(...)")
     settings = BenchmarkSettings.of(folder)
@@ -112,7 +113,7 @@ def table(found: Ablation) -> list[str]:
 
 
 def chart(found: Ablation) -> Picture:
-    """Pearson's correlation and the mean gap at the first criterion, over what was varied: a column for each."""
+    """Pearson's correlation and the mean gap at the first criterion, over the varied quantity: a column for each."""
     from matplotlib.figure import Figure as Picture
 
     kinds = [kind for kind in KINDS if any(_kind(world) == kind for world, _ in found)]

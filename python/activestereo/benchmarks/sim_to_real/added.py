@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Models of others, learned ones for instance, that were scored on a run's test views by their own programs.
+"""External models, such as learned ones, with scores from their own programs on a run's test views.
 
 A file is a table, CSV with a header, in one of two forms:
 
@@ -34,7 +34,7 @@ Key = tuple[str, tuple[float, float]]  # a world and a criterion
 
 @dataclass(frozen=True)
 class AddedModel:
-    """found: successes [views] by world and criterion, or None where there are scores alone."""
+    """found: successes [views] by world and criterion; None with scores alone."""
 
     method: str
     tuned_on: str
@@ -43,10 +43,10 @@ class AddedModel:
 
 
 def read_added(path: Path, views: int) -> list[AddedModel]:
-    """The models of a file, in its order, for a run of so many test views. ValueError names the line, or what is
-    missing."""
+    """The models of a file, in its order, for a run of so many test views. Raises ValueError with the line or the
+    missing part."""
     try:
-        text = read_text(path, "utf-8-sig")  # as Excel writes it, too
+        text = read_text(path, "utf-8-sig")  # with a byte order mark, as Excel writes it
         rows = list(csv.reader(io.StringIO(text, newline="")))
     except (ValueError, csv.Error) as error:
         raise ValueError(f"{path}: is not a table of text: {error}") from error

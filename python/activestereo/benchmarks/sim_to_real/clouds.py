@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Points of an object in a depth picture, with normals, where a detector says that the object is."""
+"""Points of an object in a depth picture, with normals, at a detector's guess."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-# What is nearer to the table is taken for it; what is farther from the detector's guess for something else.
+# Nearer points belong to the table; points farther from the detector's guess to another object.
 _TABLE_M, _REGION_M = 0.006, 0.1
 _MOST, _NEIGHBOURS = 400, 16
 LEAST = 30  # fewer points tell no pose
@@ -30,7 +30,7 @@ def cloud(
     guess_m: NDArray[np.float64],
 ) -> Cloud:
     """The points of a depth picture [height, width], 0 = no measurement: at most 400 points above the table within 0.1
-    m (across) of guess_m. Empty where there are fewer than LEAST."""
+    m (across) of guess_m. Empty with fewer than LEAST."""
     v, u = np.nonzero(depth_m > 0)
     z = depth_m[v, u].astype(np.float64)
     rays = np.stack([(u - k[0, 2]) / k[0, 0], (v - k[1, 2]) / k[1, 1], np.ones(len(z))], axis=1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fast point feature histograms (Rusu, Blodow and Beetz, ICRA 2009): what a surface looks like around a point."""
+"""Fast point feature histograms (Rusu, Blodow and Beetz, ICRA 2009): descriptors of the surface around a point."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class RunFolder:
     def read_errors(
         self, world: str, split: str, number: int, candidates: list[Candidate]
     ) -> NDArray[np.float64] | None:
-        """[candidates, objects, 2], or None where there are none of all these candidates."""
+        """Errors [candidates, objects, 2], or None if the file lacks one of these candidates."""
         path = self.errors_path(world, split, number)
         if not path.exists():
             return None
@@ -61,14 +61,14 @@ class RunFolder:
         return found["errors"][[rows[name] for name in wanted]] if set(wanted) <= set(rows) else None
 
     def rounds(self, world: str, split: str) -> int:
-        """How many rounds there are errors of, without a gap from the first on."""
+        """Number of rounds with errors, without a gap from the first on."""
         count = 0
         while self.errors_path(world, split, count).exists():
             count += 1
         return count
 
     def keep_settings(self, settings: dict[str, Any]) -> None:
-        """ValueError where the folder has results of other settings."""
+        """Raises ValueError if the folder has results of other settings."""
         settings = json.loads(json.dumps(settings))
         if (self.path / "settings.json").exists():
             before = self.settings()
@@ -82,7 +82,7 @@ class RunFolder:
         write_text(self.path / "settings.json", json.dumps(settings, indent=2) + "\n")
 
     def keep_measured(self, materials: Mapping[str, Mapping[str, float]]) -> None:
-        """ValueError where the folder has pictures of other measured materials."""
+        """Raises ValueError if the folder has pictures of other measured materials."""
         path, text = self.path / "measured.json", json.dumps(materials, indent=2) + "\n"
         if path.exists() and read_text(path) != text:
             raise ValueError(
@@ -92,7 +92,7 @@ class RunFolder:
         write_text(path, text)
 
     def settings(self) -> dict[str, Any]:
-        """ValueError where there is no run."""
+        """The settings of a run. Raises ValueError without a run."""
         path = self.path / "settings.json"
         try:
             found = read_json(path)
@@ -119,5 +119,5 @@ def _read(path: Path, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
             return {name: file[name] for name in names}
     except FileNotFoundError:
         raise
-    except Exception as error:  # zipfile, zlib, numpy and KeyError, by where the file is broken
+    except Exception as error:  # errors of zipfile, zlib and numpy, by the damaged part of the file
         raise ValueError(f"{path}: cannot be read ({error}); delete it and run the same again") from error

@@ -33,7 +33,7 @@ from activestereo.sensor.depth_modes import DepthCamera
 
 _ROOM = Room(ambient=0.3, table_albedo=0.35, lamp_m=(-0.6, 0.5, 1.0), lamp_w_per_sr=1.6)
 _BOUNCES = 6
-_RIGHT_TURN_RAD = np.deg2rad([0.02, 0.0, 0.0])  # about the row: what rectification did not know
+_RIGHT_TURN_RAD = np.deg2rad([0.02, 0.0, 0.0])  # about the row axis, unknown to rectification
 
 
 class ForeignStage(Stage):

@@ -63,7 +63,7 @@ class MitsubaStage:
         return self._camera.counts(self._light(view, random), random)
 
     def repeats(self, view: View, count: int, random: np.random.Generator) -> list[NDArray[np.uint8]]:
-        """[count, height, width] of the left and the right camera, of a view where nothing moves."""
+        """Several pictures [count, height, width] of the left and the right camera, of an unchanged view."""
         light = self._light(view, random)
         pairs = [self._camera.counts(light, random) for _ in range(count)]
         return [np.stack(side) for side in zip(*pairs, strict=True)]
@@ -82,7 +82,7 @@ def foreign_things(
     object_to_world: NDArray[np.float64],
     camera_m: NDArray[np.float64],
 ) -> dict[str, Any]:
-    """Parts of a scene: the table, whose top is z = 0, and object number `index`; camera_m: in the world."""
+    """Parts of a scene: the table with its top at z = 0, and object number `index`. camera_m: in the world's axes."""
     mi = mitsuba()
     bsdf, vertex = foreign_bsdf(shape, material, index, (np.linalg.inv(object_to_world) @ [*camera_m, 1.0])[:3])
     upright = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, -0.02], [0, 0, 0, 1]])
@@ -126,8 +126,8 @@ def foreign_bsdf(
 
 
 def _reflected(shape: Mesh, camera_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[corners] what a face of glass reflects of light from where the camera is: Fresnel's equations, not polarised.
-    Their path tracer finds no light through glass that bends it, so this glass does not."""
+    """[corners] glass' reflectance towards the camera: Fresnel's equations for unpolarised light. Mitsuba's path tracer
+    finds no light through refracting glass, so this glass does not refract."""
     way = camera_m - shape.positions
     cosine = np.abs(np.einsum("ij,ij->i", way, shape.normals)) / np.linalg.norm(way, axis=1)
     inside = np.sqrt(1.0 - (1.0 - cosine**2) / _GLASS_IOR**2)

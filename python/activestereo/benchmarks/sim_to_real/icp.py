@@ -21,7 +21,7 @@ _LARGEST_STEP = 0.2  # rad, m
 
 @dataclass(frozen=True)
 class IcpSetting:
-    """reach_m: pairs farther apart are none; wider at first. loss: 'point', 'plane', or 'cauchy', which is 'plane' with
+    """reach_m: largest distance of a pair; wider at first. loss: 'point', 'plane', or 'cauchy', which is 'plane' with
     Cauchy's weights."""
 
     reach_m: float

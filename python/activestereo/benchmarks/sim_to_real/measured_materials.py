@@ -17,7 +17,7 @@ Measured = Mapping[str, Mapping[str, float]]  # {object: {field of its material:
 
 
 def read_measured(path: Path, objects: tuple[BenchmarkObject, ...]) -> Measured:
-    """Reads the materials of a model.json that are named after objects. ValueError where it has none of these."""
+    """Reads the materials of a model.json that are named after objects. Raises ValueError if it has none."""
     names = [thing.name for thing in objects]
     known = read_model(path).scene_measurement(names).surfaces
     if not known:
@@ -26,7 +26,7 @@ def read_measured(path: Path, objects: tuple[BenchmarkObject, ...]) -> Measured:
 
 
 def read_imager(path: Path) -> NoiseModel:
-    """Reads the imager of a model.json. ValueError where it has none."""
+    """Reads the imager of a model.json. Raises ValueError if it has none."""
     imager = read_model(path).imager
     if imager is None:
         raise ValueError(f"{path}: has no imager: 'activestereo calibrate noise' makes one")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The methods that find poses, each with the settings that tuning chooses from, and what they find in a picture."""
+"""The methods that find poses, the settings for tuning them, and their results in a picture."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A stereo camera with a dot projector in Mitsuba 3: its light, optics, exposure and noise are not those of the
-preset that it has its geometry of (the table in foreign_mitsuba.py)."""
+"""A stereo camera with a dot projector in Mitsuba 3. Its geometry is a preset's; its light, optics, exposure and noise
+differ (the table in foreign_mitsuba.py)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from activestereo.common.pattern import PatternDesign, make_pattern
 from activestereo.common.pose import Pose, camera_to_world
 
 _MOST_DEPTH = 8  # surfaces of a path, the light's and the camera's included
-_RIGHT_TURN_RAD = np.deg2rad([0.02, 0.0, 0.0])  # about the row: what rectification did not know
+_RIGHT_TURN_RAD = np.deg2rad([0.02, 0.0, 0.0])  # about the row axis, unknown to rectification
 _LASER_SHARE, _DOT_WIDTH, _PATTERN_SEED = 0.85, 1.1, 77
 _SPECKLE = 0.1
 _NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], np.uint8)
@@ -27,8 +27,8 @@ _FULL_WELL_E, _READ_E, _TARGET_DN = 15_000.0, 10.0, 80.0
 
 
 class MitsubaCamera:
-    """Infrared pairs of the cameras of `config`. samples: rays per pixel of the projector's light, and as many of the
-    room's; 64 leave a fifth of the camera's own noise on what is matt. ValueError without Mitsuba."""
+    """Infrared pairs of the cameras of `config`. samples: rays per pixel of the projector's light, and of the room's;
+    with 64 the error on matt surfaces is a fifth of the camera's noise. Raises ValueError without Mitsuba."""
 
     def __init__(self, config: StereoDepthSensorConfig, samples: int) -> None:
         self._mi, self._config, self._samples = mitsuba(), config, samples
@@ -42,8 +42,8 @@ class MitsubaCamera:
     def light(
         self, things: dict[str, Any], room: dict[str, Any], body: Pose, random: np.random.Generator
     ) -> list[NDArray[np.float64]]:
-        """The light that falls on the left and the right camera, [height, width]. things, room: parts of a scene, those
-        that are lit and what lights them; body: the RGB camera's pose."""
+        """The light at the left and the right camera, [height, width]. things, room: parts of a scene, lit surfaces and
+        their lights. body: the RGB camera's pose."""
         seeds = iter(random.integers(2**31, size=4).tolist())
         config = self._config
         laser = self._laser | {"to_world": pose(self._mi, camera_to_world(body * config.pose_rgb_irproj))}

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parts of scenes of Mitsuba 3 (Jakob et al., 2022) from this project's meshes, poses and patterns. Colours are grey:
-one band. Every part is what mitsuba.load_dict takes, or an object that may stand in it."""
+one band. Every part is a dict for mitsuba.load_dict, or an object inside one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from activestereo.scene_io.meshes import Mesh
 
 
 def mitsuba() -> Any:
-    """The package, as it computes without LLVM and CUDA. ValueError where it is not installed."""
+    """The package, in a variant without LLVM and CUDA. Raises ValueError if it is not installed."""
     try:
         import mitsuba as mi
     except ImportError as error:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Eight objects from clay to glass. Metres, z up; the origin is the middle of what is symmetric."""
+"""Eight objects from clay to glass. Metres, z up; the origin is the centre of symmetry."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _HALF_TURNS = np.stack([np.diag(d) for d in ([1.0, 1, 1], [1.0, -1, -1], [-1.0, 
 
 @dataclass(frozen=True)
 class BenchmarkObject:
-    """turns: [n, 3, 3], rotations that change nothing. is_round: nor does any turn about z. rest_m: the origin's height
-    where it stands on a table."""
+    """turns: [n, 3, 3], rotations that map the object to itself. is_round: so do all turns about z. rest_m: the
+    origin's height on a table."""
 
     name: str
     mesh: Mesh

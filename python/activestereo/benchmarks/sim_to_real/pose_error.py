@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a found pose is off, and whether that is near enough."""
+"""The error of a found pose, and the criteria of success."""
 
 from __future__ import annotations
 
@@ -8,15 +8,14 @@ from numpy.typing import NDArray
 
 from activestereo.benchmarks.sim_to_real.objects import BenchmarkObject
 
-# Of a success: (mm, degrees), as BOP's and the paper's tables have them.
+# Criteria of success: (mm, degrees), as in the tables of BOP and the paper.
 CRITERIA = ((10.0, 10.0), (20.0, 20.0))
 
 
 def pose_error(
     found: NDArray[np.float64] | None, true: NDArray[np.float64], thing: BenchmarkObject
 ) -> tuple[float, float]:
-    """(mm, degrees) between two poses of an object, up to what its symmetry cannot tell; infinite where none was
-    found."""
+    """(mm, degrees) between two poses of an object, up to its symmetry; infinite if no pose was found."""
     if found is None or not np.isfinite(found).all():
         return float("inf"), float("inf")
     offset_mm = 1000.0 * float(np.linalg.norm(found[:3, 3] - true[:3, 3]))

@@ -26,7 +26,7 @@ def find_poses(
     workers: int,
     progress: Progress | None = None,
 ) -> dict[str, NDArray[np.float64]]:
-    """{world: errors [candidates, views, 2]}; finds what is missing."""
+    """{world: errors [candidates, views, 2]}; finds missing ones."""
     missing = [
         (world, number)
         for number in range(rounds)
@@ -43,7 +43,7 @@ def find_poses(
 def errors_of(
     folder: RunFolder, world: str, split: str, rounds: int, candidates: list[Candidate]
 ) -> NDArray[np.float64]:
-    """[candidates, views, 2] of what is there. ValueError where something is missing."""
+    """Errors [candidates, views, 2] of finished views. Raises ValueError if one is missing."""
     found = [folder.read_errors(world, split, number, candidates) for number in range(rounds)]
     there = [errors for errors in found if errors is not None]
     if len(there) < len(found) or not there:

@@ -14,8 +14,9 @@ from activestereo.benchmarks.sim_to_real.clouds import LEAST, Cloud
 from activestereo.benchmarks.sim_to_real.icp import Icp, IcpSetting
 from activestereo.benchmarks.sim_to_real.objects import Surface
 
-_TRIED = 8  # of the poses with the most votes
-# Of the model's size: its sampling and the features' steps. Of the scene: points that vote, and its sampling.
+_TRIED = 8  # the poses with the most votes
+# For the model: sampling and the features' steps, relative to its size. For the scene: number of voting points, and
+# sampling.
 _STEP, _SCENE_SHARE, _SCENE_DISTANCE = 0.1, 0.1, 0.05
 # OpenCV joins poses that are nearer to each other than its relative step, taken as a length. In millimetres that joins
 # equal ones alone; in metres it would join all.
@@ -24,7 +25,7 @@ _UNITS_PER_M = 1000.0
 
 @dataclass(frozen=True)
 class PpfSetting:
-    """reach_m: of the ICP, and of what counts as agreement with a pose."""
+    """reach_m: distance limit of the ICP, and of points that agree with a pose."""
 
     reach_m: float
 
@@ -40,12 +41,12 @@ class Ppf:
         self._detector.trainModel(_table(surface.points, surface.normals))
 
     def find(self, cloud: Cloud, start: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """object_to_world, or None. The guess is not used."""
+        """object_to_world, or None. It ignores the guess."""
         if len(cloud.points) < LEAST:
             return None
         try:
             found = self._detector.match(_table(cloud.points, cloud.normals), _SCENE_SHARE, _SCENE_DISTANCE)
-        except cv2.error:  # it asserts where a scene has too few points left after its own thinning
+        except cv2.error:  # it asserts if its own thinning leaves too few points of a scene
             return None
         starts = np.array([pose.pose for pose in found[:_TRIED]], np.float64).reshape(-1, 4, 4)
         starts[:, :3, 3] /= _UNITS_PER_M

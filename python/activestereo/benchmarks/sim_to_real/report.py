@@ -48,13 +48,13 @@ class Results:
         return int(self.errors["foreign"].shape[1])
 
     def rates(self, world: str, criterion: tuple[float, float]) -> NDArray[np.float64]:
-        """[models] shares of views where the pose was found, the added ones last."""
+        """[models] shares of views with a found pose, the added ones last."""
         own = successes(self.errors[world], criterion).mean(axis=1)
         return np.append(own, [model.scores[world, criterion] for model in self.added])
 
     @property
     def names(self) -> list[tuple[str, str, str]]:
-        """[models] method, what it was tuned on, and its setting."""
+        """[models] method, its tuning world, and its setting."""
         own = [(m.method, m.tuned_on, ", ".join(f"{k} {v}" for k, v in m.values.items())) for m in self.models]
         return own + [(model.method, model.tuned_on, "added") for model in self.added]
 
@@ -141,7 +141,7 @@ def scatter(found: Results) -> Picture:
 
 
 def shown(figure: Figure) -> str:
-    """'0.97 (0.91 to 0.99)', or a dash where there is no value."""
+    """'0.97 (0.91 to 0.99)', or a dash without a value."""
     if isnan(figure.value):
         return "–"
     return f"{figure.value:.2f} ({figure.low:.2f} to {figure.high:.2f})"
@@ -170,7 +170,7 @@ def _as_json(found: Results) -> dict[str, Any]:
 
 
 def agreement_json(own: Agreement) -> dict[str, list[float | None]]:
-    """{figure: [value, low, high]}; null where there is no value."""
+    """{figure: [value, low, high]}; null without a value."""
     return {
         name: [None if isnan(value) else value for value in figure.values()] for name, figure in asdict(own).items()
     }

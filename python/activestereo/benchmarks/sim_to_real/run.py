@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Takes all pictures, tunes the methods, finds all poses. What is there already is not made again."""
+"""Takes all pictures, tunes the methods, finds all poses. Skips finished parts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from activestereo.common.progress_bar import Progress, part_of
 
 # When each part ends, as a share of the time, about: pictures for tuning and for the test, poses likewise.
 _ENDS = (0.1, 0.7, 0.85, 1.0)
-# How long a round of pictures takes in a world, against 'clean'.
+# Time of a round of pictures in a world, relative to 'clean'.
 _EFFORT = {"clean": 1.0, "raster": 10.0, "full": 20.0, "foreign": 60.0}
 
 
@@ -27,9 +27,9 @@ def run(
     workers: int = 1,
     progress: Progress | None = None,
 ) -> list[Model]:
-    """Everything that a score needs, under `out`; returns the nine models. ValueError where `out` has results of other
-    settings, or the foreign world's renderer is not installed; ChildProcessError where a worker was ended from outside:
-    what is done stays, and the same call goes on."""
+    """Makes all data of a score under `out`; returns the nine models. Raises ValueError if `out` has results of other
+    settings or the foreign world's renderer is missing, and ChildProcessError if a worker is killed. Finished work
+    stays, and the same call continues."""
     folder = RunFolder(out)
     if settings.foreign == "mitsuba":
         mitsuba()  # told before hours of work
@@ -49,7 +49,7 @@ def run(
 
 
 def _share(effort: dict[str, float], world: str) -> tuple[float, float]:
-    """Where a world's part begins and ends in the time that all take, one after the other."""
+    """The begin and the end of a world's part in the time of all, one after the other."""
     names = list(effort)
     before = sum(effort[name] for name in names[: names.index(world)])
     whole = sum(effort.values())

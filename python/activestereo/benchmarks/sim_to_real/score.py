@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How two worlds agree on how good methods are: correlation of their scores, and how far the scores are apart.
+"""Agreement of two worlds on the quality of methods: the correlation of their scores, and the gap between them.
 
 Intervals come from resampling views, the same ones in both worlds (Efron and Tibshirani, An Introduction to the
 Bootstrap, 1993, ch. 6)."""
@@ -18,8 +18,7 @@ _DRAWS, _LEVEL = 2000, 0.95
 
 @dataclass(frozen=True)
 class Figure:
-    """A value with the interval that holds it 95 times in 100. NaN: there is none, as all scores of a world are
-    alike."""
+    """A value with its 95 % interval. NaN: undefined, because all scores of a world are alike."""
 
     value: float
     low: float
@@ -59,8 +58,8 @@ def agreement(
     seed: int = 0,
     known: tuple[Sequence[float], Sequence[float]] = ((), ()),
 ) -> Agreement:
-    """The agreement of successes [models, views] in two worlds. known: the scores, in both, of more models, of which no
-    views are drawn. ValueError where the two are not of the same models and views."""
+    """The agreement of successes [models, views] in two worlds. known: scores of further models in both, without views
+    to resample. Raises ValueError if the two differ in models or views."""
     if simulated.shape != real.shape or simulated.ndim != 2 or not simulated.size:
         raise ValueError(f"successes of both worlds are [models, views], not {simulated.shape} and {real.shape}")
     views = simulated.shape[1]

@@ -26,7 +26,7 @@ class BenchmarkSettings:
         return -(-(self.views if split == "test" else self.tuning_views) // len(objects()))
 
     def described(self) -> dict[str, Any]:
-        """Without the number of test views, which may grow, and without a noise model where there is none."""
+        """As a dict, without the number of test views, which may grow, and without an absent noise model."""
         out = asdict(self)
         del out["views"]
         if self.camera.imager is None:
@@ -35,7 +35,7 @@ class BenchmarkSettings:
 
     @staticmethod
     def of(folder: RunFolder) -> BenchmarkSettings:
-        """As described() wrote them."""
+        """Reads the settings that described() wrote."""
         told = folder.settings()
         try:
             camera = dict(told["camera"])

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Takes the depth of a round of views in a world of ours: each object stands in an environment of its own, and one
-render and one match serve all."""
+"""Takes the depth of a round of views in one of our worlds. Each object has an environment of its own, and one render
+and one match serve all."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ class Stage:
 
 def crop(settings: CameraSettings) -> StereoDepthSensorConfig:
     """The sensor's configuration for the middle of its infrared images; depth is seen from the RGB camera's place with
-    the same K and size, without distortion. ValueError where the sensor's images are smaller."""
+    the same K and size, without distortion. Raises ValueError if the sensor's images are smaller."""
     config = StereoDepthSensorConfig(settings.sensor).scaled(settings.scale)
     width, height = settings.size_px
     if width > config.ir_resolution[0] or height > config.ir_resolution[1]:

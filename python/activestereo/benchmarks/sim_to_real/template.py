@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Templates and RANSAC: what an object's sides look like (fast point feature histograms of views from all around) is
-found again in the picture; of poses that three such pairs give, the one that most points agree with is refined by ICP
-(Fischler and Bolles, CACM 24, 1981; the pipeline of Rusu et al., ICRA 2009). Needs no guess."""
+"""Templates and RANSAC. The templates are fast point feature histograms of an object's views from all around. RANSAC
+forms poses from three matched pairs each and keeps the pose that most points agree with; ICP refines it (Fischler and
+Bolles, CACM 24, 1981; the pipeline of Rusu et al., ICRA 2009). Needs no guess."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SHORTEST_M, _STRETCH = 0.02, 0.15
 
 @dataclass(frozen=True)
 class TemplateSetting:
-    """radius_m: of the features. reach_m: what counts as agreement, and of the ICP."""
+    """radius_m: of the features. reach_m: distance limit of agreement and of the ICP."""
 
     radius_m: float
     reach_m: float
@@ -43,7 +43,7 @@ class Template:
         )
 
     def find(self, cloud: Cloud, start: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """object_to_world, or None. The guess is not used."""
+        """object_to_world, or None. It ignores the guess."""
         if len(cloud.points) < LEAST:
             return None
         random = np.random.default_rng(0)
@@ -65,7 +65,7 @@ class Template:
 
 
 def _is_alike(seen: NDArray[np.float64], known: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """[n]: whether two triangles [n, 3, 3] have sides of the same lengths, none too short."""
+    """[n]: whether two triangles [n, 3, 3] have equal side lengths, none too short."""
     a, b = (np.linalg.norm(t - np.roll(t, 1, axis=1), axis=2) for t in (seen, known))
     return np.asarray(((a > _SHORTEST_M) & (np.abs(a - b) < _STRETCH * a)).all(axis=1))
 

@@ -40,7 +40,7 @@ def every_candidate() -> list[Candidate]:
 
 
 def models_of(folder: RunFolder) -> list[Model]:
-    """The models of a run whose tuning is done. ValueError where it is not."""
+    """The models of a tuned run. Raises ValueError if it is not tuned."""
     settings = BenchmarkSettings.of(folder)
     every, rounds = every_candidate(), settings.rounds("tuning")
     return tuned({mode: errors_of(folder, mode, "tuning", rounds, every) for mode in SIMULATED}, every)
@@ -48,8 +48,7 @@ def models_of(folder: RunFolder) -> list[Model]:
 
 def tuned(errors: dict[str, NDArray[np.float64]], candidates: list[Candidate]) -> list[Model]:
     """For each method and each world of {world: errors [candidates, views, 2]} the setting with the most successes over
-    both criteria; of equal ones that with the smallest errors, where large ones count as three times the first
-    criterion's."""
+    both criteria. Ties go to the smallest errors, capped at three times the first criterion's."""
     models = []
     for method in METHODS:
         rows = [row for row, (name, _) in enumerate(candidates) if name == method]

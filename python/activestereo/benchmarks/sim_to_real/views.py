@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where an object and the camera are in view n, and where a method is told to look."""
+"""Poses of object and camera in view n, and the start pose of a method."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 from activestereo.benchmarks.sim_to_real.objects import BenchmarkObject
 from activestereo.common.pose import look_at
 
-# Methods are tuned on the views of one split and scored on those of the other.
+# Methods are tuned on the views of one split and scored on the other's.
 SPLITS = ("tuning", "test")
 _OBJECT_SPREAD_M = 0.03
 _DISTANCE_M, _ELEVATION_DEG = (0.4, 0.55), (30.0, 65.0)
-# How far a detector's guess is off: the turn, and the standard deviation of each coordinate.
+# Errors of a detector's guess: the turn, and the standard deviation of each coordinate.
 _START_TURN_DEG, _START_SIGMA_M = 12.0, 0.01
 
 
 @dataclass(frozen=True)
 class View:
-    """Poses are 4x4 to the world, whose table is z = 0. start: of the object, as a detector guesses it."""
+    """Poses are 4x4 to the world with the table at z = 0. start: the object's, as a detector guesses it."""
 
     object_index: int
     object_to_world: NDArray[np.float64]

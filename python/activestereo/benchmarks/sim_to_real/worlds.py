@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which worlds depth is taken in: three modes of our simulation, the foreign one, and variants of `full`."""
+"""The worlds: three modes of our simulation, the foreign one, and variants of `full`."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from dataclasses import dataclass
 @dataclass(frozen=True)
 class World:
     """mode: 'clean', 'raster' or 'full' of activestereo.sensor.depth_modes, or 'foreign'. samples: rays per pixel, None
-    = the run's. noise: the imager's standard deviations over the sensor's own. materials: 'nominal', or 'random' or
-    'measured' ones in place of the objects'. None in is_denoised: as the sensor has it."""
+    = the run's. noise: the imager's standard deviations over the sensor's own. materials: 'nominal' (the objects'),
+    'random' or 'measured'. is_denoised None: the sensor's setting."""
 
     name: str
     mode: str
