@@ -72,7 +72,7 @@ class SensorPlan:
 
 
 def plan_of(config: StereoDepthSensorConfig) -> SensorPlan:
-    """ValueError where fields of the configuration do not go together."""
+    """Raises ValueError if fields of the configuration do not go together."""
     pattern = _pattern(config) if config.light_dots is None else None
     check_together(vars(config))
     seen = {

@@ -255,8 +255,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         object.__setattr__(self, "_calibrated", kept)
 
     def check(self) -> None:
-        """ValueError where fields do not go together, as sensors refuse them: a camera's matrix of another resolution,
-        a power that the laser has not."""
+        """Raises ValueError if fields do not go together, as sensors refuse them: a camera's matrix of another
+        resolution, a power that the laser has not."""
         check_together(vars(self))
 
     @classmethod

@@ -246,7 +246,7 @@ class Capture:
 
 
 def read_capture(path: str | Path) -> Capture:
-    """Reads and checks CAPTURE/capture.json. CaptureError names the file and the key; unknown keys give a
+    """Reads and checks CAPTURE/capture.json. Raises CaptureError with the file and the key; unknown keys give a
     CaptureWarning."""
     folder = Path(path)
     if folder.name == "capture.json":

@@ -11,7 +11,7 @@ from typing import Any
 
 class McapFile:
     """A context manager: a folder with one .mcap and its metadata. path: of the folder, which must not exist.
-    own_types: {kind: text of the message} that ROS itself does not have. ImportError where rosbags is missing."""
+    own_types: {kind: text of the message} that ROS itself does not have. Raises ImportError if rosbags is missing."""
 
     def __init__(self, path: str | Path, own_types: Mapping[str, str] | None = None) -> None:
         try:

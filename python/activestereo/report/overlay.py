@@ -114,7 +114,7 @@ def show_window(pictures: Iterable[NDArray[np.uint8]]) -> None:
 
 
 def live_pictures(size: tuple[int, int]) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.float64]]]:
-    """(colour image, K) of a connected D4xx, until the reader stops. ValueError where pyrealsense2 is missing."""
+    """(colour image, K) of a connected D4xx, until the reader stops. Raises ValueError if pyrealsense2 is missing."""
     try:
         import pyrealsense2 as rs
     except ImportError as error:

@@ -59,8 +59,8 @@ class StereoDepthSensorBatch(SensorResults):
     and medium until close(). Raises ValueError for effects that act outside the engines (StereoDepthSensor supports
     them) and for a model that does not fit the scene. Nothing has changed then.
 
-    on_cuda: pictures and maps lie where CUDA sees them, for get_cuda(), and the host reads them from there. CudaError
-    where there is no CUDA, or none on this GPU.
+    on_cuda: pictures and maps lie where CUDA sees them, for get_cuda(), and the host reads them from there. Raises
+    CudaError if there is no CUDA, or none on this GPU.
 
     pipelined: pictures are rendered while those before them are matched and read. take_picture() begins them, results
     are those of the pictures before, with the same bits. Call wait() before changing the scene; otherwise kuafu.Error.
@@ -176,7 +176,8 @@ class StereoDepthSensorBatch(SensorResults):
         'disparity', 'ir_left', 'ir_right' (of ir_measured), a map of get_depth_map(), 'rgba8', 'true_depth',
         'instance_ids' or 'material_ids'; or 'radiance', the light that get_rgb() encodes. torch.as_tensor(array,
         device="cuda") takes it. The next take_picture() or compute_depth() writes into the same memory. device: which
-        of several devices', with its environments alone. RuntimeError without on_cuda, ValueError for another name."""
+        of several devices', with its environments alone. Raises RuntimeError without on_cuda, ValueError for another
+        name."""
         if device not in range(len(self._engines)):
             raise ValueError(f"devices are 0 to {len(self._engines) - 1}, not {device}")
         return self._cuda(self._engines[device], name)

@@ -30,7 +30,7 @@ class CameraInfo:
 
 
 def camera_info(config: StereoDepthSensorConfig, camera: str) -> CameraInfo:
-    """camera: 'rgb', 'left' or 'right'; ValueError for another."""
+    """camera: 'rgb', 'left' or 'right'; raises ValueError for another."""
     if camera not in CAMERAS:
         raise ValueError(unknown("camera", camera, CAMERAS))
     if camera == "rgb":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CUDA memory as torch's tensors. RuntimeError where torch or CUDA is missing."""
+"""CUDA memory as torch's tensors. Raises RuntimeError if torch or CUDA is missing."""
 
 from __future__ import annotations
 

@@ -135,7 +135,7 @@ class Places:
 
 
 def raise_broken(broken: NDArray[np.bool_], shape: tuple[int, ...]) -> None:
-    """SensorPoseError where sensors of a batch of this shape have no pose."""
+    """Raises SensorPoseError if sensors of a batch of this shape have no pose."""
     if broken.any():
         places = np.argwhere(broken.reshape(shape))
         named = "; environment ".join(", sensor ".join(map(str, place)) for place in places[:_MOST_NAMED].tolist())
@@ -146,7 +146,7 @@ def raise_broken(broken: NDArray[np.bool_], shape: tuple[int, ...]) -> None:
 
 
 def raise_faults(name: str, environments: NDArray[np.intp], faults: Sequence[str | None]) -> None:
-    """ValueError with the fault of every sensor that has one. environments: of each sensor."""
+    """Raises ValueError with the fault of every sensor that has one. environments: of each sensor."""
     bad = [f"environment {at} {fault}" for at, fault in zip(environments, faults, strict=True) if fault is not None]
     if bad:
         more = f" and {len(bad) - _MOST_NAMED} more" if len(bad) > _MOST_NAMED else ""

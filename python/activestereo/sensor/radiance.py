@@ -13,8 +13,8 @@ def checked_radiance(
     left: ArrayLike, right: ArrayLike, left_laser: ArrayLike | None, right_laser: ArrayLike | None,
     shape: tuple[int, ...],
 ) -> tuple[Pair, dict[str, NDArray[np.float32]]]:  # fmt: skip
-    """((left, right), keyword arguments of simsense.Engine.compute for the laser's part), float32 of this shape.
-    ValueError names the image, the place and the value that is no radiance."""
+    """((left, right), keyword arguments of simsense.Engine.compute for the laser's part), float32 of this shape. Raises
+    ValueError with the image, the place and the value that is no radiance."""
     if (left_laser is None) != (right_laser is None):
         raise ValueError("left_laser and right_laser come together, or not at all: then all light has speckle")
     pair = _checked("left", left, shape), _checked("right", right, shape)

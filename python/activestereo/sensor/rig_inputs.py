@@ -34,7 +34,7 @@ _MARGIN_M = 0.05
 
 class RigInputs:
     """environments, model, source: as SensorEngine has them. takes_image_effects: whether effects may act outside of
-    the engines. ValueError for a model that does not fit."""
+    the engines. Raises ValueError for a model that does not fit."""
 
     def __init__(
         self, plan: SensorPlan, scene: kuafu.Scene, environments: Sequence[int | None],
@@ -253,7 +253,7 @@ class RigInputs:
         return kuafu.Camera(**self.plan.rgb, linear_velocity=linear, angular_velocity=angular)
 
     def _refuse(self, inputs: EngineInputs) -> None:
-        """ValueError for effects that these sensors have not."""
+        """Raises ValueError for effects that these sensors have not."""
         names = [] if self._takes_image_effects else [effect.id for effect, _ in self.left_over]
         names += ["exposure_desync"] if inputs.right.delay_s and not self.is_one else []
         if names:

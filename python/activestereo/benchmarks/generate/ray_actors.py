@@ -87,7 +87,7 @@ def frames_of(
     waiting, losses, left = deque(numbers), Counter[int | None](), len(numbers)
     errors = ray.exceptions
     lost = (errors.RayActorError, errors.ObjectLostError, errors.NodeDiedError, errors.OutOfMemoryError)
-    busy: dict[Any, tuple[Any, int | None]] = {}  # key: the awaited result; value: its actor and frame, None before the first frame
+    busy: dict[Any, tuple[Any, int | None]] = {}  # {awaited result: (actor, frame or None)}
 
     def begin() -> None:
         actor = start()

@@ -128,7 +128,7 @@ def crop(settings: CameraSettings) -> StereoDepthSensorConfig:
 
 def set_noise(config: StereoDepthSensorConfig, noise_model: NoiseModel) -> None:
     """Sets the noise that changes from frame to frame, as the model has it; static speckle and pixels' own gains stay.
-    ValueError for a sensor with SAPIEN's noise."""
+    Raises ValueError for a sensor with SAPIEN's noise."""
     if not isinstance(config.ir_signal, dict):
         raise ValueError(f"{config.model} cannot be given another noise: it has no imager of its own")
     signal = dict(config.ir_signal) | {"read_noise_e": 0.0}
@@ -152,8 +152,8 @@ def set_noise(config: StereoDepthSensorConfig, noise_model: NoiseModel) -> None:
 
 
 def scale_noise(config: StereoDepthSensorConfig, factor: float) -> None:
-    """Standard deviations of all the imager's noise times `factor`. ValueError for a sensor with SAPIEN's noise, where
-    the factor is not 1."""
+    """Standard deviations of all the imager's noise times `factor`. Raises ValueError for a sensor with SAPIEN's noise,
+    where the factor is not 1."""
     if factor == 1.0:
         return
     if not isinstance(config.ir_signal, dict):

@@ -14,7 +14,7 @@ from activestereo.common.processes import process_pool
 
 
 def each_done(work: Callable[..., None], tasks: Sequence[tuple[Any, ...]], workers: int) -> Iterator[None]:
-    """Calls work(*task) of every task, here or in so many processes; yields after each. ChildProcessError where a
+    """Calls work(*task) of every task, here or in so many processes; yields after each. Raises ChildProcessError if a
     worker was ended from outside."""
     if workers == 1 or len(tasks) < 2:
         for task in tasks:

@@ -73,7 +73,7 @@ class AdvancedSettings:
 
 
 def read_settings(path: str | Path) -> AdvancedSettings:
-    """The settings of a file. ValueError names the file and each key that is unknown or out of range."""
+    """The settings of a file. Raises ValueError with the file and each key that is unknown or out of range."""
     return parse_settings(read_json_object(path), str(path))
 
 

@@ -50,7 +50,7 @@ class ColorDepthRecording:
 
 
 def camera_matrix_of(path: Path, key: str, values: object) -> NDArray[np.float64]:
-    """K from nine numbers, row by row. ValueError names file, key and value."""
+    """K from nine numbers, row by row. Raises ValueError with file, key and value."""
     try:
         K = np.array(values, dtype=np.float64).reshape(3, 3)
     except (TypeError, ValueError):
@@ -76,7 +76,7 @@ def write_color_depth(
     scene: Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Capture:
-    """Writes the capture `out`, which must not exist. The four after `out` are the preset's. ValueError names the
+    """Writes the capture `out`, which must not exist. The four after `out` are the preset's. Raises ValueError with the
     file where sizes are mixed, depth is 8-bit or a file is damaged."""
     tell = progress or (lambda fraction: None)
     width, height = image_size(recording.frames[0].depth, "depth")

@@ -28,7 +28,7 @@ def is_middlebury(text: str) -> bool:
 
 
 def read_middlebury(path: Path) -> DeviceText:
-    """The DeviceText of both rectified cameras. ValueError names file, key and value."""
+    """The DeviceText of both rectified cameras. Raises ValueError with file, key and value."""
     values = dict(_LINE.findall(read_text(path)))
     K = []
     for key in ("cam0", "cam1"):

@@ -26,8 +26,8 @@ def centred(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
 
 
 def vertical_fov_deg(sensor: GBufferStereo) -> float:
-    """Field of view from the upper edge to the lower one. ValueError for a principal point that is not in the middle
-    and for pixels that are no squares."""
+    """Field of view from the upper edge to the lower one. Raises ValueError for a principal point that is not in the
+    middle and for pixels that are no squares."""
     k, (_, height, width) = sensor.k, sensor.shape
     off_px = k[:2, 2] - (np.array([width, height]) - 1.0) / 2.0
     if np.abs(off_px).max() > _CENTRED_PX or abs(k[0, 0] / k[1, 1] - 1.0) > 1e-3:

@@ -65,7 +65,7 @@ class StereoDepthCamera(Camera):
 
     @property
     def sensors(self) -> StereoDepthSensorBatch:
-        """The sensors behind it, which have more: the infrared pair, true depth. RuntimeError before the first
+        """The sensors behind it, which have more: the infrared pair, true depth. Raises RuntimeError before the first
         capture()."""
         if self._observations is None:
             raise RuntimeError("no picture yet: call capture() first")
@@ -90,7 +90,8 @@ class StereoDepthCamera(Camera):
         albedo: bool = False,
         apply_texture_transforms: bool = True,
     ) -> dict[str, torch.Tensor]:
-        """{modality: [E, height, width, channels]} on the simulation's device. ValueError for normal and albedo."""
+        """{modality: [E, height, width, channels]} on the simulation's device. Raises ValueError for normal and
+        albedo."""
         if normal or albedo:
             raise ValueError("a stereo depth camera has rgb, depth, position and segmentation, not normal or albedo")
         sensors, seen, out = self.sensors, self._observations, {}

@@ -116,8 +116,8 @@ def group_of(settings: AdvancedSettings, name: str, mode: int = 0) -> ControlGro
 
 
 def with_group(settings: AdvancedSettings, name: str, group: ControlGroup) -> AdvancedSettings:
-    """The settings with a group's numbers; those that are the camera's default stay as they were. ValueError for a
-    number out of its range."""
+    """The settings with a group's numbers; those that are the camera's default stay as they were. Raises ValueError for
+    a number out of its range."""
     new = {own.key: own.key_value(float(getattr(group, field))) for field, own in GROUPS[name].items()}
     changed = {key: value for key, value in new.items() if abs(value - settings.number(key)) > 1e-6}
     return parse_settings({**settings.values, **changed}, name) if changed else settings

@@ -32,8 +32,8 @@ class config:
         self.requests: dict[tuple[stream, int], StreamRequest] = {}
 
     def enable_stream(self, stream_type: stream, *args: Any, **names: Any) -> None:
-        """Any of librealsense's forms: [index,] [width, height,] [format,] [framerate]. RuntimeError for a stream or a
-        format that is not simulated."""
+        """Any of librealsense's forms: [index,] [width, height,] [format,] [framerate]. Raises RuntimeError for a
+        stream or a format that is not simulated."""
         forms = [a for a in args if isinstance(a, format)]
         before = [int(a) for a in (args[: args.index(forms[0])] if forms else args)]
         after = [int(a) for a in args[args.index(forms[0]) + 1 :]] if forms else []
@@ -103,7 +103,7 @@ class pipeline_profile:
 
 
 def _set_sizes(camera: SimulatedCamera, requests: list[StreamRequest]) -> None:
-    """RuntimeError where streams that are one image here are asked for in two sizes."""
+    """Raises RuntimeError if streams that are one image here are asked for in two sizes."""
     for streams, name in (((stream.depth, stream.infrared), "depth_size"), ((stream.color,), "color_size")):
         sizes = {(r.width, r.height) for r in requests if r.stream in streams and r.width and r.height}
         if len(sizes) > 1:

@@ -19,8 +19,8 @@ from activestereo.integrations.realsense.ros_messages import OWN_TYPES, Publishe
 
 def write_topics(path: str | Path, frames: Iterable[composite_frame]) -> int:
     """Writes framesets into the folder `path`, which must not exist, as `ros2 bag record` does of the camera's topics;
-    returns how many framesets there were. ImportError where rosbags is missing; ValueError for a format that has no
-    encoding."""
+    returns how many framesets there were. Raises ImportError if rosbags is missing; raises ValueError for a format that
+    has no encoding."""
     count = 0
     with McapFile(path, OWN_TYPES) as file:
         for frameset in frames:

@@ -16,7 +16,7 @@ from activestereo.integrations.realsense.profiles import video_stream_profile
 
 class SoftwareDevice:
     """A pyrealsense2.software_device with the streams of these profiles, open and started. device: the real one, for a
-    recorder; syncer: gives framesets, as wait_for_frames(). ImportError where pyrealsense2 is missing."""
+    recorder; syncer: gives framesets, as wait_for_frames(). Raises ImportError if pyrealsense2 is missing."""
 
     def __init__(self, profiles: Sequence[video_stream_profile], unit_m: float = 0.001) -> None:
         try:

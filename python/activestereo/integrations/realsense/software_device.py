@@ -101,7 +101,7 @@ class software_sensor(Options):
         self._target: Any = None
 
     def add_video_stream(self, stream_of: video_stream, is_default: bool = False) -> video_stream_profile:
-        """RuntimeError for a stream without intrinsics, or in a format that is not simulated."""
+        """Raises RuntimeError for a stream without intrinsics, or in a format that is not simulated."""
         if stream_of.intrinsics is None or stream_of.fmt not in _KINDS:
             known = ", ".join(form.name for form in _KINDS)
             raise RuntimeError(f"a video stream has intrinsics and one of the formats {known}: {stream_of}")

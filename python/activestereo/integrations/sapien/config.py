@@ -64,7 +64,7 @@ def _red_of(path: str | PathLike[str]) -> NDArray[np.uint8]:
 
 
 def check_config(c: Any) -> None:
-    """TypeError where SAPIEN's SimSenseComponent raises it."""
+    """Raises TypeError if SAPIEN's SimSenseComponent raises it."""
     noise = ("ir_speckle_noise", "ir_thermal_noise")
     census, block = ("census_width", "census_height"), ("block_width", "block_height")
     is_quiet = c.ir_speckle_noise == 0

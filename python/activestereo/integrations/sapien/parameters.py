@@ -11,7 +11,8 @@ from activestereo.integrations.sapien.config import check_config, own_value
 
 
 class Parameters:
-    """A configuration, and the sensor that follows it once it is there. TypeError for values that SAPIEN refuses."""
+    """A configuration, and the sensor that follows it once it is there. Raises TypeError for values that SAPIEN
+    refuses."""
 
     _config: Any
     _sensor: activestereo.StereoDepthSensor | None

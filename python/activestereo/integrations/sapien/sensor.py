@@ -123,8 +123,8 @@ class StereoDepthSensor(Parameters):
         self._pose = pose
 
     def native(self) -> activestereo.StereoDepthSensor:
-        """The sensor behind it, which has more: true depth, ids, the noisy infrared pair. RuntimeError before the first
-        picture."""
+        """The sensor behind it, which has more: true depth, ids, the noisy infrared pair. Raises RuntimeError before
+        the first picture."""
         if self._sensor is None:
             raise RuntimeError("no picture yet: call take_picture() first")
         return self._sensor

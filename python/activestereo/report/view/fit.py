@@ -20,8 +20,8 @@ _SAMPLES, _BOUNCES = 16, 4
 
 
 def fitted_nuisances(capture: Capture, renderer: KuafuRenderer) -> dict[str, Quantity]:
-    """{name of NUISANCES: Quantity}, by least squares on a few train frames without any effect. ValueError where there
-    is nothing to fit."""
+    """{name of NUISANCES: Quantity}, by least squares on a few train frames without any effect. Raises ValueError if
+    there is nothing to fit."""
     frames = _chosen(capture)
     layers = render_frames(capture, renderer, _SAMPLES, _BOUNCES, cache=LayerCache(), frames=frames)
     seen = [(f, layers[f.id][side], capture.ir(f, side)) for f in frames for side in SIDES]

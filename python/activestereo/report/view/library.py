@@ -33,7 +33,7 @@ class Library:
             raise ValueError(f"{root}: holds neither a capture ({CAPTURE_FILE}) nor a scene ({scenes})")
 
     def source(self, name: Any) -> Any:
-        """The source of an entry, opened once. ValueError for a name that is not listed."""
+        """The source of an entry, opened once. Raises ValueError for a name that is not listed."""
         if not isinstance(name, str) or name not in self.names:
             raise ValueError("there is no such entry, or it lies outside of the folder that is shown")
         with self._one_at_a_time:
