@@ -102,7 +102,7 @@ class GraspWorld:
     def look(self) -> NDArray[np.float32]:
         """Depth [E, size, size] of the wrist cameras, metres."""
         self.mounts.poses = self._poses()
-        return self.camera.take()
+        return self.camera.take_depth()
 
     def offsets(self) -> NDArray[np.float64]:
         """[E, 4]: how far the gripper is from where it should close, in its own axes: x, y, z and the turn."""

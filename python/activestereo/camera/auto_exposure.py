@@ -29,7 +29,7 @@ class Setting:
     exposure_s: float
     gain: float
 
-    def of(self, signal: Mapping[str, float]) -> dict[str, float]:
+    def applied_to(self, signal: Mapping[str, float]) -> dict[str, float]:
         """The imagers' parameters under this setting. signal: those at gain 1."""
         return {**signal, "exposure_s": self.exposure_s, "gain": signal["gain"] * self.gain}
 

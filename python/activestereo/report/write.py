@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a comparison: compare.json, its picture compare.png, and report.html, one self-contained page to explore,
-which shows a diagnosis too where there is one; and the page of a diagnosis alone.
+"""Writes a comparison: compare.json, its picture compare.png, and report.html, one self-contained page to explore, also
+with a diagnosis. Also writes the page of a diagnosis alone.
 
 Files appear whole or not at all: written aside, then renamed.
 """

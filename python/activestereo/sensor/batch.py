@@ -118,7 +118,7 @@ class StereoDepthSensorBatch(SensorResults):
         self._each(lambda engine, _: engine.turn())
         broken, rigs = self._placed()
         try:
-            self._each(lambda engine, k: engine.take(rigs[k], self._places[k].matrices, infrared_only, None))
+            self._each(lambda engine, k: engine.take_pictures(rigs[k], self._places[k].matrices, infrared_only, None))
         finally:
             last = max(engine.frame for engine in self._engines)
             for engine in self._engines:

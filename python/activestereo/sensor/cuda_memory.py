@@ -99,7 +99,7 @@ class CudaMemory:
 
     def _map(self, desc: Any) -> None:
         handle = _HandleDesc(type=_OPAQUE_FD, size=desc.allocation_bytes, flags=_DEDICATED if desc.dedicated else 0)
-        fd = os.dup(desc.handle)  # CUDA takes it where it succeeds
+        fd = os.dup(desc.handle)  # CUDA owns it after success
         handle.handle[0] = fd
         try:
             self._driver.call("cuImportExternalMemory", c.byref(self._external), c.byref(handle))

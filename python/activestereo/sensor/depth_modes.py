@@ -58,7 +58,7 @@ class DepthCamera:
         self._random = np.random.default_rng(seed)
         self.sensors.restart(seed)
 
-    def take(self) -> NDArray[np.float32]:
+    def take_depth(self) -> NDArray[np.float32]:
         """Depths in metres [E, height, width] that the cameras measure now, 0 = no measurement."""
         if self.mode in ("raster", "full"):
             self.sensors.take_picture(infrared_only=True)

@@ -87,8 +87,8 @@ class SensorEngine:
     # ---- pictures ----
 
     def turn(self) -> None:
-        """Makes the pictures that were begun current. Call it before take(). Without a pipeline no picture is current
-        afterwards."""
+        """Makes the pictures that were begun current. Call it before take_pictures(). Without a pipeline it drops the
+        current ones."""
         self.wait()
         if self.pipelined:
             self._turn()
@@ -96,7 +96,7 @@ class SensorEngine:
             self._maps.clear()
         self._next.taken = None
 
-    def take(
+    def take_pictures(
         self, rigs: NDArray[np.float64], place: NDArray[np.float64], infrared_only: bool, progress: Progress | None
     ) -> None:
         """Renders the infrared pairs, and before them the RGB pictures unless infrared_only. Call turn() first. A
@@ -239,7 +239,7 @@ class SensorEngine:
         self.wait()
         self._maps.complete()
         now = self.rig.setting
-        told: dict[str, Any] = {**matcher, **now.of(signal)}
+        told: dict[str, Any] = {**matcher, **now.applied_to(signal)}
         self.matcher.set_parameters(**told)
         exposure = replace(self.plan.exposure, start=now)
         self._told = []

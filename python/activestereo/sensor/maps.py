@@ -86,7 +86,7 @@ class Maps:
     def _compute(self, names: list[str]) -> Mapping[str, Any]:
         if self._on_cuda is not None:
             return self._on_cuda.compute(names, self._engine.compute)
-        taken = {} if self._results is None else self._results.take(names)
+        taken = {} if self._results is None else self._results.reserve(names)
         if taken:
             leading = len(self._engine.shape)
             self._engine.compute({name: image.reshape(-1, *image.shape[leading:]) for name, image in taken.items()})

@@ -24,7 +24,7 @@ class Kind(NamedTuple):
 
 
 class ResultMemory:
-    """Arrays [count, ...] by names. take() in one thread at a time; arrays may be let go of in any."""
+    """Arrays [count, ...] by names. reserve() in one thread at a time; arrays may be let go of in any."""
 
     def __init__(self, count: int) -> None:
         self._count = count
@@ -34,7 +34,7 @@ class ResultMemory:
     def learn(self, kinds: dict[str, Kind]) -> None:
         self._kinds |= kinds
 
-    def take(self, names: Iterable[str]) -> dict[str, NDArray[Any]]:
+    def reserve(self, names: Iterable[str]) -> dict[str, NDArray[Any]]:
         """Returns {name: array} with undefined contents, or {} if a name's shape is not known yet. The caller owns an
         array as long as it or a view of it lives."""
         names = list(names)
@@ -83,11 +83,11 @@ class JoinedResults:
         with self._lock:
             self._memory.learn(kinds)
 
-    def take(self, number: int, names: Iterable[str]) -> dict[str, NDArray[Any]]:
+    def reserve(self, number: int, names: Iterable[str]) -> dict[str, NDArray[Any]]:
         own = {(name, number) for name in names}
         with self._lock:
             missing = [name for name, _ in own if name not in self._whole or (name, number) in self._taken]
-            new = self._memory.take(missing)
+            new = self._memory.reserve(missing)
             if len(new) < len(missing):
                 return {}
             self._whole |= new
@@ -100,7 +100,7 @@ class PartOfResults:
 
     def __init__(self, results: JoinedResults, number: int) -> None:
         self.learn = results.learn
-        self.take = partial(results.take, number)
+        self.reserve = partial(results.reserve, number)
 
 
 def joined(images: Sequence[NDArray[Any]]) -> NDArray[Any] | None:

@@ -79,7 +79,7 @@ class RigInputs:
     def make_matcher(self, count: int) -> simsense.Engine:
         """A depth engine for so many pairs at a time."""
         device = simsense.Device(self.scene.device.info.device_uuid)
-        told: dict[str, Any] = self.plan.engine | self.setting.of(self.plan.signal)
+        told: dict[str, Any] = self.plan.engine | self.setting.applied_to(self.plan.signal)
         engine = simsense.Engine(device, batch_count=count, **told)
         engine.set_signal(*self.signals())
         return engine
@@ -232,7 +232,7 @@ class RigInputs:
         return inputs
 
     def _signal(self) -> dict[str, float]:
-        temperature_c, signal = self._conditions[0], self.setting.of(self.plan.signal)
+        temperature_c, signal = self._conditions[0], self.setting.applied_to(self.plan.signal)
         return signal if temperature_c is None else signal | {"temperature_c": temperature_c}
 
     def _twist_of(self, name: str) -> NDArray[np.float64]:

@@ -97,7 +97,7 @@ class StereoDepthSensor(SensorResults):
             raise ValueError("a picture that is rendered in the background has no progress")
         self._engine.turn()
         rigs = self._rigs()
-        self._engine.take(rigs, rigs, infrared_only, progress)
+        self._engine.take_pictures(rigs, rigs, infrared_only, progress)
 
     def wait(self) -> None:
         """Until the picture that a pipelined sensor has begun is rendered: then the scene may change."""

@@ -57,10 +57,10 @@ def test_mitsuba_sees_what_the_simulation_sees() -> None:
     pytest.importorskip("mitsuba", reason="the package mitsuba is not installed (pip install mitsuba)")
     views = round_of_views(objects(), 0, "test", 0)[:1]  # the block of clay
     stage = MitsubaStage(objects(), CAMERA, samples=9)
-    depth = stage.take(views, 3)
-    truth = Stage(objects(), WORLDS["clean"], CAMERA).take(round_of_views(objects(), 0, "test", 0), 3)[:1]
+    depth = stage.take_depth(views, 3)
+    truth = Stage(objects(), WORLDS["clean"], CAMERA).take_depth(round_of_views(objects(), 0, "test", 0), 3)[:1]
     right = np.abs(depth - truth) < 0.01
     assert right[0, 50:70, 70:90].mean() > 0.9  # the camera looks at the object
     assert right.mean() > 0.5
-    assert np.array_equal(stage.take(views, 3), depth)  # the same under one seed
-    assert not np.array_equal(stage.take(views, 4), depth)
+    assert np.array_equal(stage.take_depth(views, 3), depth)  # the same under one seed
+    assert not np.array_equal(stage.take_depth(views, 4), depth)

@@ -65,7 +65,7 @@ def options(out: Path, count: int, workers: int = 1) -> list[str]:
 
 
 def test_poses_masks_and_true_depth_agree(things: tuple[Path, ...]) -> None:
-    frame = Studio(settings(things)).take(3)
+    frame = Studio(settings(things)).make_frame(3)
     assert [found.thing_id for found in frame.found] == [1, 2]
     for found in frame.found:
         assert found.mask.any() and (found.mask | ~found.mask_visible).all()

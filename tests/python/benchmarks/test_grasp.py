@@ -31,13 +31,13 @@ def camera(mode, isaac=None, **options):
 
 def test_clean_is_the_true_depth():
     one, _ = camera("clean")
-    depth = one.take()
+    depth = one.take_depth()
     assert depth.shape == (2, 120, 212) and depth.dtype == np.float32
     np.testing.assert_allclose(depth[depth > 0], 0.8, atol=1e-4)
 
 
 def test_gaussian_noise_grows_with_the_square_of_depth():
-    sigma = [np.std(camera("gaussian", distance_m=d)[0].take()) for d in (0.5, 2.0)]
+    sigma = [np.std(camera("gaussian", distance_m=d)[0].take_depth()) for d in (0.5, 2.0)]
     np.testing.assert_allclose(sigma, [0.001, 0.016], rtol=0.05)
 
 
@@ -48,18 +48,18 @@ def measured(depth):
 def test_isaac_like_is_noise_and_steps_of_disparity_where_the_other_view_sees_too():
     isaac = IsaacSettings(needs_texture=False)
     one, config = camera("isaac-like", isaac=isaac)
-    depth = one.take()
+    depth = one.take_depth()
     disparity = config.focal_baseline_px_m / measured(depth)
     np.testing.assert_allclose(disparity * 4, np.rint(disparity * 4), atol=0.01)
     np.testing.assert_allclose(np.std(disparity), np.hypot(0.25, 0.25 / np.sqrt(12)), rtol=0.05)
     outside = int(config.focal_baseline_px_m / 0.8) - 1
     assert (depth[..., :outside] == 0).all() and (depth[..., outside + 2 :] > 0).all()
-    np.testing.assert_array_equal(depth, camera("isaac-like", isaac=isaac)[0].take())
+    np.testing.assert_array_equal(depth, camera("isaac-like", isaac=isaac)[0].take_depth())
 
 
 def test_isaac_like_sees_no_untextured_wall_and_nothing_near():
-    assert not camera("isaac-like", distance_m=1.0)[0].take().any()
-    assert not camera("isaac-like", distance_m=0.4, isaac=IsaacSettings(needs_texture=False))[0].take().any()
+    assert not camera("isaac-like", distance_m=1.0)[0].take_depth().any()
+    assert not camera("isaac-like", distance_m=0.4, isaac=IsaacSettings(needs_texture=False))[0].take_depth().any()
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_isaac_like_sees_no_untextured_wall_and_nothing_near():
 )
 def test_rivals_have_the_noise_that_their_papers_state(mode, sigma_px, step_px):
     one, config = camera(mode)
-    disparity = config.focal_baseline_px_m / measured(one.take())
+    disparity = config.focal_baseline_px_m / measured(one.take_depth())
     true = config.focal_baseline_px_m / 0.8
     if step_px:
         np.testing.assert_allclose(disparity / step_px, np.rint(disparity / step_px), atol=0.01)
@@ -101,7 +101,7 @@ def test_redwood_sees_every_other_pixel():
 
 @pytest.mark.parametrize("mode", ["raster", "full"])
 def test_matched_modes_measure_a_wall(mode):
-    depth = camera(mode)[0].take()
+    depth = camera(mode)[0].take_depth()
     assert np.median(depth[depth > 0]) == pytest.approx(0.8, rel=0.02) and (depth > 0).mean() > 0.7
 
 
@@ -109,7 +109,7 @@ def test_metal_is_matt_in_raster_alone():
     """A mirror sends the dots elsewhere; a raster's Lambertian one sends them back."""
     good = {}
     for mode in ("raster", "full"):
-        depth = camera(mode, metallic=1.0, roughness=0.05)[0].take()
+        depth = camera(mode, metallic=1.0, roughness=0.05)[0].take_depth()
         good[mode] = (np.abs(depth - 0.8) < 0.02).mean()
     assert good["raster"] > good["full"] + 0.3
 

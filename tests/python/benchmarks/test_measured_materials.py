@@ -73,7 +73,7 @@ def test_the_sensor_has_the_noise_that_was_acquired(tmp_path: Path) -> None:
     counts = []
     for number in range(12):  # one render, whose noise alone is drawn again
         if number == 0:
-            stage.take(views, 1)
+            stage.take_depth(views, 1)
         batch = stage.camera.sensors
         picture = batch._engines[0].picture()
         picture.taken = picture.taken._replace(frame=number)
@@ -90,7 +90,7 @@ def test_the_sensor_has_the_noise_that_was_acquired(tmp_path: Path) -> None:
 def test_a_run_keeps_to_its_noise(tmp_path: Path) -> None:
     folder, noise_model = RunFolder(tmp_path), NoiseModel(0.3, 0.05)
     folder.keep_settings(BenchmarkSettings(camera=CameraSettings(imager=noise_model)).described())
-    assert BenchmarkSettings.of(folder).camera.imager == noise_model
+    assert BenchmarkSettings.read(folder).camera.imager == noise_model
     with pytest.raises(ValueError, match="other settings: camera"):
         folder.keep_settings(BenchmarkSettings().described())
     assert "imager" not in BenchmarkSettings().described()["camera"]  # as runs before had it

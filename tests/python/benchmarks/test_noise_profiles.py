@@ -63,7 +63,7 @@ def test_a_fit_is_nearer_than_the_default(views, profiles):
 
 
 def test_files_say_what_was_found(views, profiles):
-    texts = {name: profile.text(views) for name, profile in profiles.items()}
+    texts = {name: profile.file_text(views) for name, profile in profiles.items()}
     noise = xml.fromstring(texts["gazebo"]).find(".//camera/noise")
     assert float(noise.find("stddev").text) == pytest.approx(profiles["gazebo"].stddev_m, rel=1e-4)
     sensor = xml.fromstring(texts["mujoco_ros2_control"]).find("ros2_control/sensor")
@@ -76,10 +76,10 @@ def test_files_say_what_was_found(views, profiles):
 
 def test_open3ds_file_has_a_row_for_each_cell_and_divides_bias_away(views):
     profile = PROFILES["open3d"](zoom=2.0, bias_px=0.1, blind_cells=3)
-    rows = np.loadtxt(profile.text(views).splitlines(), comments="%", skiprows=5).reshape(80, 80, 23)
+    rows = np.loadtxt(profile.file_text(views).splitlines(), comments="%", skiprows=5).reshape(80, 80, 23)
     assert (rows[:, :3, 3:8] < 8000).all() and (rows[:, 3:, 3:8] == 8000).all()
     assert np.allclose(rows[0, 5, 18:], 1.0 + 0.1 * np.array([1, 3, 5, 7, 9]) / 35.13)
-    assert "depth_scale=500" in profile.text(views)
+    assert "depth_scale=500" in profile.file_text(views)
 
 
 def test_the_command_knows_all_formats_and_refuses_others():

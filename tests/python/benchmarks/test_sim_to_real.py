@@ -167,7 +167,7 @@ def test_points_of_clean_depth_lie_on_the_object() -> None:
     things = objects()
     views = round_of_views(things, 0, "test", 0)
     stage = Stage(things, WORLDS["clean"], SMALL)
-    for view, depth in zip(views, stage.take(views, 0), strict=True):
+    for view, depth in zip(views, stage.take_depth(views, 0), strict=True):
         thing = things[view.object_index]
         seen = cloud(depth, stage.config.rgb_intrinsic, view.camera_to_world, view.start[:3, 3])
         assert len(seen.points) > 100
@@ -184,15 +184,15 @@ def test_points_of_clean_depth_lie_on_the_object() -> None:
 def test_metal_takes_depth_away_in_full_and_not_in_raster() -> None:
     things = objects()
     views = round_of_views(things, 0, "test", 0)
-    truth = Stage(things, WORLDS["clean"], SMALL).take(views, 3)
+    truth = Stage(things, WORLDS["clean"], SMALL).take_depth(views, 3)
     shares = {}
     for name in ("raster", "full"):
         stage = Stage(things, WORLDS[name], SMALL)
-        depth = stage.take(views, 3)
+        depth = stage.take_depth(views, 3)
         right = np.abs(depth - truth) < 0.01
         shares[name] = right[:, 50:70, 70:90].mean(axis=(1, 2))  # the camera looks at the object
         if name == "full":
-            assert np.array_equal(stage.take(views, 3), depth)  # the same under one seed
+            assert np.array_equal(stage.take_depth(views, 3), depth)  # the same under one seed
     metal = [1, 3]
     assert (shares["raster"][metal] > 0.9).all() and shares["full"][metal].mean() < 0.6
     assert shares["full"][0] > 0.9

@@ -101,7 +101,7 @@ def test_frames_end_and_drop_by_seed():
     def numbers(seed, arrival=False, **delivery):
         rs.simulate(rs.World(frames=9, seed=seed, **({"drop_share": 0.4} | delivery)))
         pipeline = rs.pipeline()
-        pipeline.device().camera.take = lambda time_s, with_color: None
+        pipeline.device().camera.take_picture = lambda time_s, with_color: None
         pipeline.device().camera.depth = lambda: np.zeros((4, 4), np.uint16)
         pipeline.device().camera.exposure_us = lambda: 1
         pipeline.device().camera.gain_steps = lambda: 16

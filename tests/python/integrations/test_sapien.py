@@ -126,8 +126,8 @@ def test_true_depth_is_that_of_the_shapes(scene, visual):
 def test_the_scene_is_followed(scene):
     mount = camera_entity(scene)
     box = add(scene, "box", "box", sapien.Pose([0, 0, 0]), half_size=[0.1, 0.1, 0.1])
-    world = SapienScene.of(scene)
-    assert SapienScene.of(scene) is world and world.update() == 0
+    world = SapienScene.for_scene(scene)
+    assert SapienScene.for_scene(scene) is world and world.update() == 0
     box.set_pose(sapien.Pose([0.1, 0, 0]))
     assert world.update() == 1
     other = add(scene, "box", "box", sapien.Pose([1, 0, 0]), half_size=[0.1, 0.1, 0.1])

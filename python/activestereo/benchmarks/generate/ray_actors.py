@@ -43,7 +43,7 @@ class StudioActor:
             own = ray.get_gpu_ids()
             self._studio = Studio(replace(self._settings, device=_gpu(str(own[0]))) if own else self._settings)
         with TemporaryDirectory() as folder:
-            bop.write_frame(Path(folder), self._studio.take(number))
+            bop.write_frame(Path(folder), self._studio.make_frame(number))
             return bop.read_files(Path(folder))
 
 

@@ -134,7 +134,7 @@ def _made_here(settings: Settings, out: Path, missing: list[int]) -> Iterator[in
     with ThreadPoolExecutor(1) as writer:
         written: Future[int] | None = None
         for number in missing:
-            frame = studio.take(number)
+            frame = studio.make_frame(number)
             if written is not None:
                 yield written.result()
             written = writer.submit(_write, out, frame)
@@ -160,7 +160,7 @@ def _begin(settings: Settings, begun: Any) -> None:
 
 def _make(out: Path, number: int) -> int:
     assert _studio is not None
-    return _write(out, _studio.take(number))
+    return _write(out, _studio.make_frame(number))
 
 
 def _check_same(out: Path, about: dict[str, Any]) -> None:

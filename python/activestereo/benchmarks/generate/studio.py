@@ -101,7 +101,7 @@ class Studio:
         width, height = self._config.rgb_resolution
         self._alone_ids = PictureMemory(self._scene.device, (1, height, width), {"instance_id": (np.uint32, 1)})
 
-    def take(self, number: int) -> Frame:
+    def make_frame(self, number: int) -> Frame:
         """Frame `number` of the data set."""
         settings, random = self._settings, np.random.default_rng([self._settings.seed, number])
         poses = LAYOUTS[settings.layout](self._things.things, settings.ranges, random)

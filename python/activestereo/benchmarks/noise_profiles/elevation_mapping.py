@@ -44,7 +44,7 @@ class ElevationMapping(Profile):
         noisy = views.truth_m + sigma_m * random.standard_normal(views.truth_m.shape, np.float32)
         return clipped(views.truth_m, noisy, self.near_m, self.far_m)
 
-    def text(self, views: Views) -> str:
+    def file_text(self, views: Views) -> str:
         values = {
             "cutoff_min_depth": self.near_m,
             "cutoff_max_depth": self.far_m,

@@ -60,7 +60,7 @@ def export(
     for name in names:
         start = time.perf_counter()
         fits[name] = fitted(PROFILES[name], views), views_s + time.perf_counter() - start
-        write_text(out / PROFILES[name].FILE, fits[name][0].text(views))
+        write_text(out / PROFILES[name].FILE, fits[name][0].file_text(views))
     others = take_views(config, model, held_out, _HELD_OUT_SEED + seed, device, progress) if held_out else None
     found = {
         name: Exported(profile, out / profile.FILE, seconds, _far(type(profile)(), others), _far(profile, others))

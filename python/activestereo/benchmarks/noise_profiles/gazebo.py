@@ -40,7 +40,7 @@ class Gazebo(Profile):
         noise = self.mean_m + self.stddev_m * random.standard_normal(views.truth_m.shape, np.float32)
         return clipped(views.truth_m, views.truth_m + noise, self.near_m, self.far_m)
 
-    def text(self, views: Views) -> str:
+    def file_text(self, views: Views) -> str:
         height, width = views.truth_m.shape[1:]
         (fx, _, cx), (_, fy, cy), _ = views.k
         return f"""<?xml version="1.0"?>

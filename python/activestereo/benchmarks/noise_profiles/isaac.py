@@ -55,7 +55,7 @@ class Isaac(Profile):
         )
         return isaac(near, views.gray, float(views.k[0, 0]), views.baseline_m, settings, random)
 
-    def text(self, views: Views) -> str:
+    def file_text(self, views: Views) -> str:
         values = {
             "baselineMM": views.baseline_m * 1000.0,
             "focalLengthPixel": float(views.k[0, 0]),

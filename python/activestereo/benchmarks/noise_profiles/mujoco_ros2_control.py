@@ -45,7 +45,7 @@ class MujocoRos2Control(Profile):
         is_kept = random.random(views.truth_m.shape, np.float32) >= self.dropout
         return np.where(is_kept, clipped(views.truth_m, noisy, self.near_m, self.far_m), np.float32(0.0))
 
-    def text(self, views: Views) -> str:
+    def file_text(self, views: Views) -> str:
         values = {
             "depth_min_range": self.near_m,
             "depth_max_range": self.far_m,

@@ -57,7 +57,7 @@ class Open3D(Profile):
         depth[..., : self.blind_cells * views.truth_m.shape[2] // _CELLS] = 0.0
         return depth
 
-    def text(self, views: Views) -> str:
+    def file_text(self, views: Views) -> str:
         factors = 1.0 + self.bias_px * (2.0 * np.arange(_PLANES) + 1.0) / _FOCAL_BASELINE_PX_M
         head = [
             f"% simulate(image, depth_scale={1000.0 / self.zoom:.6g}) of 16-bit depth in millimetres",

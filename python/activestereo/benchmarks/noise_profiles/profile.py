@@ -37,7 +37,7 @@ class Profile(ABC):
         """The profile with the parameters that need no fit: range, geometry."""
 
     @abstractmethod
-    def text(self, views: Views) -> str:
+    def file_text(self, views: Views) -> str:
         """The simulator's own file."""
 
     @property

@@ -5,20 +5,20 @@
 | file | job |
 |--|--|
 | objects.py | eight objects, from clay to glass, and their symmetries |
-| views.py | where an object and the camera are in view n |
-| worlds.py | which worlds there are: modes of depth and their variants |
+| views.py | poses of an object and the camera in view n |
+| worlds.py | the worlds: modes of depth and their variants |
 | stage.py | takes depth pictures of views in a world |
-| foreign.py | a world whose differences the others do not know of, of our renderer |
-| foreign_mitsuba.py, mitsuba_scene.py | another, of Mitsuba 3 and its materials; parts of its scenes |
+| foreign.py | a world with undisclosed differences, by our renderer |
+| foreign_mitsuba.py, mitsuba_scene.py | another, by Mitsuba 3 with its materials; parts of its scenes |
 | sgbm.py | the matcher of both |
 | clouds.py | points of an object in a depth picture |
 | icp.py, ppf.py, features.py, template.py | three methods that find an object's pose |
 | methods.py | the methods with the settings that tuning chooses from |
-| pose_error.py | how far a pose is off, up to symmetry |
-| score.py | how two worlds' scores agree, with intervals |
+| pose_error.py | the error of a pose, up to symmetry |
+| score.py | agreement of two worlds' scores, with intervals |
 | added.py | scores of models of others |
 | workers.py | processes that share the work |
-| files.py | the folder of a run: what is there already, what is written |
+| files.py | the folder of a run |
 | run.py | pictures, tuning, poses, in this order; resumable |
 | ablate.py, measured_materials.py | the same under more samples, noise, other materials; measured materials |
 | report.py | tables and pictures of the results |

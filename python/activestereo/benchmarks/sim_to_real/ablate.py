@@ -69,7 +69,7 @@ def ablate(
     lacks measured materials that a world asks for. Finished work stays, and the same call continues."""
     if not measured and any(world.materials == "measured" for world in worlds):
         raise ValueError("a world of measured materials is asked for without them: give measured=read_measured(...)")
-    settings = BenchmarkSettings.of(folder)
+    settings = BenchmarkSettings.read(folder)
     models = models_of(folder)
     candidates = candidates_of(models)
     rows = [candidates.index(model.candidate) for model in models]

@@ -8,7 +8,7 @@ A file is a table, CSV with a header, in one of two forms:
 
 tuned_on says what the model learned from, in a word. world is clean, raster, full or foreign; mm and deg are the
 criterion, 10 and 10 or 20 and 20. View 8 r + n is object n of round r, depth/WORLD/test-000r.npz; every model has every
-world, criterion and view. With found a model is part of what the intervals resample; with score it is as it is.
+world, criterion and view. The intervals resample models with found; a score stays fixed.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A world that stands for reality: its camera differs from the simulated one in ways that the simulation is not told.
+"""A world that stands for reality. Its camera differs from the simulated one, and the simulation does not know how.
 
 | what | simulation | here |
 |--|--|--|
@@ -64,7 +64,7 @@ class _ForeignCamera:
     def seed(self, seed: int) -> None:
         self._sensors.restart(seed)
 
-    def take(self) -> NDArray[np.float32]:
+    def take_depth(self) -> NDArray[np.float32]:
         self._sensors.take_picture(infrared_only=True)
         self._sensors.compute_depth()
         pairs = zip(*self._sensors.get_ir_measured(), strict=True)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A world that stands for reality, rendered by another project, Mitsuba 3, with materials of that project's models. No
-mode is told how it differs:
+"""A world that stands for reality, rendered by Mitsuba 3 with its own material models. The simulation does not know the
+differences:
 
 | what | simulation | here |
 |--|--|--|
@@ -50,7 +50,7 @@ class MitsubaStage:
         self.config = crop(settings)
         self._objects, self._camera, self._matcher = objects, MitsubaCamera(self.config, samples), Sgbm(self.config)
 
-    def take(self, views: list[View], seed: int) -> NDArray[np.float32]:
+    def take_depth(self, views: list[View], seed: int) -> NDArray[np.float32]:
         """0 = no measurement. Everything drawn at random depends on `seed` alone."""
         depths = []
         for number, view in enumerate(views):

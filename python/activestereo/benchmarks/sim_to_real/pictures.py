@@ -25,7 +25,7 @@ from activestereo.common.progress_bar import Progress
 class _TakesViews(Protocol):
     config: StereoDepthSensorConfig
 
-    def take(self, views: list[View], seed: int) -> NDArray[np.float32]: ...
+    def take_depth(self, views: list[View], seed: int) -> NDArray[np.float32]: ...
 
 
 def take_pictures(
@@ -61,7 +61,7 @@ def _take(
     folder: RunFolder, settings: BenchmarkSettings, world: World, split: str, number: int, stage: _TakesViews
 ) -> None:
     views = round_of_views(objects(), settings.seed, split, number)
-    depth = stage.take(views, _seed(settings.seed, split, number))
+    depth = stage.take_depth(views, _seed(settings.seed, split, number))
     folder.write_depth(world.name, split, number, depth, stage.config.rgb_intrinsic)
 
 

@@ -72,7 +72,7 @@ class Results:
 def results(folder: RunFolder, added: Sequence[Path] = ()) -> Results:
     """The results of the test views that all worlds have. added: files of models of others (added.py). Raises
     ValueError if the run is not so far, or such a file is not of this run."""
-    settings = BenchmarkSettings.of(folder)
+    settings = BenchmarkSettings.read(folder)
     models = models_of(folder)
     candidates = candidates_of(models)
     rounds = max(1, min(folder.rounds(world, "test") for world in WORLDS))

@@ -34,7 +34,7 @@ class BenchmarkSettings:
         return out | {"tuning_views": self.rounds("tuning") * len(objects())}
 
     @staticmethod
-    def of(folder: RunFolder) -> BenchmarkSettings:
+    def read(folder: RunFolder) -> BenchmarkSettings:
         """Reads the settings that described() wrote."""
         told = folder.settings()
         try:

@@ -90,7 +90,7 @@ class Stage:
         self.config = config
         self.camera: Any = DepthCamera("full" if world.mode == "foreign" else world.mode, config, self.mounts)
 
-    def take(self, views: list[View], seed: int) -> NDArray[np.float32]:
+    def take_depth(self, views: list[View], seed: int) -> NDArray[np.float32]:
         """0 = no measurement. Everything drawn at random depends on `seed` alone."""
         if self._world.materials == "random":
             random = np.random.default_rng(seed)
@@ -99,7 +99,7 @@ class Stage:
         self.bodies.move({self._objects[v.object_index].name: self._in_all(v.object_to_world) for v in views})
         self.mounts.poses = np.stack([v.camera_to_world @ CAMERA_TO_BODY.T for v in views])
         self.camera.seed(seed)
-        return np.asarray(self.camera.take(), np.float32)
+        return np.asarray(self.camera.take_depth(), np.float32)
 
     def _in_all(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.broadcast_to(pose, (len(self._objects), 4, 4))

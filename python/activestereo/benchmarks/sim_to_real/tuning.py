@@ -41,7 +41,7 @@ def every_candidate() -> list[Candidate]:
 
 def models_of(folder: RunFolder) -> list[Model]:
     """The models of a tuned run. Raises ValueError if it is not tuned."""
-    settings = BenchmarkSettings.of(folder)
+    settings = BenchmarkSettings.read(folder)
     every, rounds = every_candidate(), settings.rounds("tuning")
     return tuned({mode: errors_of(folder, mode, "tuning", rounds, every) for mode in SIMULATED}, every)
 

@@ -74,7 +74,7 @@ class StereoDepthCamera(Camera):
     def capture(self) -> None:
         """Brings the sensors' scene to the present state. Images are rendered when get_obs() asks for them."""
         if self._world is None:
-            self._world = ManiSkillWorld.of(self._scene, self.config.device)
+            self._world = ManiSkillWorld.for_scene(self._scene, self.config.device)
             self._observations = self._made(self._world)
             if self.config.pipelined:
                 self._world.pipelined.add(self.sensors)

@@ -43,7 +43,7 @@ class ManiSkillWorld:
         ManiSkillWorld._known[id(scene)] = self
 
     @classmethod
-    def of(cls, scene: Any, device: str | int = "auto") -> ManiSkillWorld:
+    def for_scene(cls, scene: Any, device: str | int = "auto") -> ManiSkillWorld:
         """The one that a ManiSkill scene has already, else a new one."""
         known = cls._known.get(id(scene))
         return cls(scene, device) if known is None or known.mani_skill_scene is not scene else known

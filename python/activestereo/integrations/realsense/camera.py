@@ -145,17 +145,17 @@ class SimulatedCamera:
 
     def infrared(self) -> intrinsics:
         c = self.config()
-        return intrinsics.of(self.depth_size, c.ir_intrinsic, c.ir_distortion)
+        return intrinsics.from_matrix(self.depth_size, c.ir_intrinsic, c.ir_distortion)
 
     def color(self) -> intrinsics:
         c = self.config()
-        return intrinsics.of(self.color_size, c.rgb_intrinsic, c.rgb_distortion)
+        return intrinsics.from_matrix(self.color_size, c.rgb_intrinsic, c.rgb_distortion)
 
     def lens(self, s: stream, size: tuple[int, int]) -> intrinsics:
         """A stream's intrinsics in a mode of this size."""
         name = "rgb" if s == stream.color else "ir"
         c = _cut(self.base, name, size)
-        return intrinsics.of(size, getattr(c, f"{name}_intrinsic"), getattr(c, f"{name}_distortion"))
+        return intrinsics.from_matrix(size, getattr(c, f"{name}_intrinsic"), getattr(c, f"{name}_distortion"))
 
     def left_to(self, s: stream, index: int) -> NDArray[np.float64]:
         """4x4 from the left infrared camera to a stream's camera."""
@@ -168,7 +168,7 @@ class SimulatedCamera:
 
     # ---- pictures ----
 
-    def take(self, time_s: float, with_color: bool) -> None:
+    def take_picture(self, time_s: float, with_color: bool) -> None:
         """The picture of a moment; the results stay until the next."""
         sensor = self._ready()
         self.world.before_frame(sensor, time_s)

@@ -20,7 +20,7 @@ class _Field:
     scale: float = 1.0
     is_inverted: bool = False
 
-    def of(self, value: float) -> float:
+    def from_key(self, value: float) -> float:
         return 1.0 - value if self.is_inverted else round(self.scale * value, 6)
 
     def key_value(self, number: float) -> float:
@@ -109,9 +109,9 @@ def group_of(settings: AdvancedSettings, name: str, mode: int = 0) -> ControlGro
     found = {}
     for field, own in GROUPS[name].items():
         if mode == 0:
-            found[field] = own.of(settings.number(own.key))
+            found[field] = own.from_key(settings.number(own.key))
         else:
-            found[field] = sorted(own.of(end) for end in keys()[own.key].range)[mode - 1]
+            found[field] = sorted(own.from_key(end) for end in keys()[own.key].range)[mode - 1]
     return ControlGroup(**found)
 
 

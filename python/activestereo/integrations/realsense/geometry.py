@@ -25,7 +25,7 @@ class intrinsics:
     coeffs: list[float] = field(default_factory=lambda: [0.0] * 5)
 
     @classmethod
-    def of(cls, size: tuple[int, int], K: NDArray[np.float64], lens: Sequence[float]) -> intrinsics:
+    def from_matrix(cls, size: tuple[int, int], K: NDArray[np.float64], lens: Sequence[float]) -> intrinsics:
         """From an image's (width, height), its 3x3 K and Brown and Conrady's five numbers."""
         model = distortion.brown_conrady
         return cls(*size, K[0, 2], K[1, 2], K[0, 0], K[1, 1], model, [float(c) for c in lens[:5]])
@@ -46,7 +46,7 @@ class extrinsics:
     translation: list[float] = field(default_factory=lambda: [0.0] * 3)
 
     @classmethod
-    def of(cls, a_to_b: NDArray[np.float64]) -> extrinsics:
+    def from_transform(cls, a_to_b: NDArray[np.float64]) -> extrinsics:
         return cls(a_to_b[:3, :3].T.ravel().tolist(), a_to_b[:3, 3].tolist())
 
     def matrix(self) -> NDArray[np.float64]:

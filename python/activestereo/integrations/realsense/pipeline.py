@@ -190,7 +190,7 @@ class pipeline:
     def _frameset(self, streams: list[video_stream_profile]) -> composite_frame:
         camera = self.device().camera
         time_ms = 1e3 * (self._number - 1) / min(profile.fps() for profile in streams)
-        camera.take(1e-3 * time_ms, any(profile.stream_type() == stream.color for profile in streams))
+        camera.take_picture(1e-3 * time_ms, any(profile.stream_type() == stream.color for profile in streams))
         return composite_frame([self._frame(camera, profile, time_ms) for profile in streams])
 
     def _frame(self, camera: SimulatedCamera, profile: video_stream_profile, time_ms: float) -> frame:

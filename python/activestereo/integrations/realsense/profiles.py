@@ -84,7 +84,7 @@ class video_stream_profile:
         return True
 
     def get_extrinsics_to(self, to: video_stream_profile) -> extrinsics:
-        return extrinsics.of(to.left_to_stream @ np.linalg.inv(self.left_to_stream))
+        return extrinsics.from_transform(to.left_to_stream @ np.linalg.inv(self.left_to_stream))
 
     def register_extrinsics_to(self, to: video_stream_profile, motion: extrinsics) -> None:
         """Sets another stream's pose relative to this one, for streams of a software device."""

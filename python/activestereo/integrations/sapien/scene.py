@@ -43,7 +43,7 @@ class SapienScene:
         SapienScene._known[id(scene)] = self
 
     @classmethod
-    def of(cls, scene: sapien.Scene) -> SapienScene:
+    def for_scene(cls, scene: sapien.Scene) -> SapienScene:
         """The one that a SAPIEN scene has already, else a new one."""
         known = cls._known.get(id(scene))
         return cls(scene) if known is None or known.sapien_scene is not scene else known

@@ -54,7 +54,7 @@ class StereoDepthSensor(Parameters):
         if scene is None:
             raise RuntimeError("Cannot take picture: sensor is not added to scene")
         if self._world is None or self._world.sapien_scene is not scene:
-            self._world, self._sensor, self._cuda = SapienScene.of(scene), None, None
+            self._world, self._sensor, self._cuda = SapienScene.for_scene(scene), None, None
         self._world.update()
         if self._sensor is None:  # after update(), which waits: its projector changes the scene
             config, place = native_config(self._config), self._world.scene

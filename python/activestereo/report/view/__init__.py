@@ -8,13 +8,13 @@ view`.
 | server.py | HTTP on the loopback address |
 | routes.py | the page's calls |
 | packing.py | images and numbers as one answer |
-| library.py | what a folder holds, and what may be opened of it |
+| library.py | a folder's entries |
 | capture_source.py | a capture: its frames, and the sensor that took them |
 | pictures.py | pairs of a recording or a data set as a capture without a scene |
 | scene_source.py | a scene file: its cameras, and a preset's sensor |
 | fit.py | projector's light, room's light and black level of a capture, and its noise |
-| settings.py | what the sliders change |
-| sliders.py | where the sliders begin and end |
+| settings.py | the sliders' settings |
+| sliders.py | the sliders' ends |
 | save.py | the sensor under these settings as model.json |
 | simulation.py | one exposure under these settings |
 """

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Infrared pairs without a calibration, as a capture without a scene: a recording's folder, a data set of `activestereo
-generate`, what `activestereo simulate` wrote. Their cameras are a preset's."""
+generate`, output of `activestereo simulate`. Their cameras are a preset's."""
 
 from __future__ import annotations
 

@@ -128,7 +128,7 @@ class GBufferStereo:
 
         depth: metres, 0 or inf = nothing there; depth_kind: 'planar' (z) or 'ray' (along the ray). normal [..., 3]:
         unit, in the camera's axes (x right, y down, z forward), None = found from depth. albedo: infrared, 0..1 or
-        uint8, or [..., 3] of RGB, whose red is taken, a guess; needed where no materials are. material: numbers of the
+        uint8, or [..., 3] of RGB, whose red serves as a guess; needed without materials. material: numbers of the
         sensor's materials; their ir_albedo overrides the albedo image. right: the same images of the right camera, a
         mapping; None = warped from the left camera's, and parts that it does not see are extrapolated. projector: depth
         of a camera like the left one in the projector's place, for its shadows; None = warped. ambient: the room's
