@@ -51,8 +51,8 @@ class Lab:
         return self.diagnosis
 
     def add(self, effect_id: str, **parameters: float) -> Model:
-        """Adds an effect: with the given parameters, else as the last diagnosis found it, else typical. Returns the
-        model."""
+        """Adds an effect and returns the model. Without parameters it takes the last diagnosis' values, else typical
+        ones."""
         effect = find(self.effects, effect_id)
         if not parameters:
             entries: list[dict[str, Any]] = self.diagnosis.result["ranking"] if self.diagnosis else []

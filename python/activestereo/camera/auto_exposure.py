@@ -64,7 +64,8 @@ class AutoExposure:
     def settled_light(
         self, signal: Mapping[str, float], light: NDArray[np.float32], max_dn: float
     ) -> NDArray[np.float32]:
-        """[n]: how much more light than under the start, which signal is of, n views take each, [n][height][width]."""
+        """[n]: the settled light of n views [n][height][width], relative to the start setting, which `signal` belongs
+        to."""
         begin = np.full(_VIEWS, self.start.light_s)
         parts = [self._seen(light[n : n + _VIEWS], signal, self.start) for n in range(0, len(light), _VIEWS)]
         black_dn = signal["black_level_dn"]

@@ -48,7 +48,7 @@ def _numbers(doc: str, unit: str, count: int = 0, low: float = -inf, high: float
 
 
 def _engine(table: Sequence[Parameter], *names: str, least: float = -inf, most: float = inf) -> dict[str, Field]:
-    """Figures that are parameters of an engine, as its table has them; least, most: narrower bounds for a camera."""
+    """Figures of an engine's parameters, from its table. least, most: narrower bounds for a camera."""
     rows = {p.name: p for p in table}
     return {name: _of_table(rows[name], least, most) for name in names}
 
@@ -149,7 +149,7 @@ class CameraData:
 
 
 def camera_names() -> list[str]:
-    """The known cameras, as their files are called."""
+    """Names of the known cameras' files."""
     return sorted(path.stem for path in FOLDER.glob("*.toml"))
 
 
@@ -167,7 +167,7 @@ def read_camera(name: str | Path) -> CameraData:
 
 
 def camera_titles() -> list[str]:
-    """The known cameras, as their files call them."""
+    """Titles in the known cameras' files."""
     return [read_toml(FOLDER / f"{name}.toml")["name"] for name in camera_names()]
 
 

@@ -30,7 +30,7 @@ _FAR_M = 1e6
 
 
 class Pattern(NamedTuple):
-    """A projector's image, and its relative radiant intensity 0..1, which nobody may change in place."""
+    """A projector's image, and its relative radiant intensity 0..1, read-only."""
 
     image: NDArray[np.uint8]
     radiant: NDArray[np.float32]

@@ -108,7 +108,7 @@ _LEAST_BLOCK_PX = 7
 
 
 def _scaled_block(side_px: int, factor: float) -> int:
-    """An odd side."""
+    """Scales a block to an odd side."""
     return min(side_px, max(_LEAST_BLOCK_PX, 2 * int(0.5 * side_px * factor) + 1))
 
 

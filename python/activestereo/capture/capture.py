@@ -43,7 +43,7 @@ SPLITS = ("train", "test")
 
 
 class CaptureWarning(UserWarning):
-    """Something in a capture was ignored."""
+    """The reader ignored a part of a capture."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ class CaptureError(ValueError):
 
 
 class JsonObject:
-    """One object of the file: typed reads by key, remembering which keys were asked for."""
+    """One object of the file, with typed reads by key. It remembers the keys that were read."""
 
     def __init__(self, path: Path, name: str, values: dict[str, Any]) -> None:
         self.path, self.name = path, name
@@ -49,7 +49,7 @@ class JsonObject:
         return f"{self.name}.{key}" if self.name else key
 
     def rename(self, name: str) -> None:
-        """A friendlier name for messages, once an entry's identity is known."""
+        """Gives an entry a better name for messages, once its identity is known."""
         self.name = name
 
     def has(self, key: str) -> bool:
@@ -61,7 +61,7 @@ class JsonObject:
         return list(self._values)
 
     def plain(self, key: str) -> object:
-        """An entry as it stands."""
+        """An entry without checks."""
         return self._get(key)
 
     def texts(self, key: str) -> list[str]:
@@ -85,15 +85,15 @@ class JsonObject:
         raise CaptureError(f"{self.path}: {self.key(key)}: {what}")
 
     def complain(self, key: str, what: str) -> None:
-        """refuse() with a text on a key."""
+        """Calls refuse() with a text on a key."""
         self.refuse(CaptureError(f"{self.path}: {self.key(key)}: {what}"))
 
     def refuse(self, error: CaptureError) -> None:
-        """Raises a fault beside which reading could go on."""
+        """Raises a fault; a subclass may record it and go on."""
         raise error
 
     def unknown_keys(self) -> list[str]:
-        """Keys present in the file that nobody asked for, here and below, in the file's order."""
+        """Keys in the file that nobody read, here and below, in the file's order."""
         own = [self.key(key) for key in self._values if key not in self._known]
         return own + [key for child in self._children for key in child.unknown_keys()]
 

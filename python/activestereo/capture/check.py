@@ -84,7 +84,7 @@ class _Collected(JsonObject):
 
 
 def capture_faults(path: str | Path) -> list[str]:
-    """The faults of a capture's file and of each of its images, in the file's order; empty where all is well."""
+    """The faults of a capture's file and of each of its images, in the file's order; empty if there are none."""
     folder = Path(path).parent if Path(path).name == "capture.json" else Path(path)
     try:
         root = _Collected.read(folder / "capture.json")

@@ -13,7 +13,8 @@ _LOCK = "_computed_once_lock"
 
 
 class _Lock:
-    """An object's own lock: one for each method would let two objects wait for one another. A copy gets a new one."""
+    """A lock for each object: a lock for each method would let two objects wait for one another. A copy gets a new
+    one."""
 
     def __init__(self) -> None:
         self.lock = threading.RLock()

@@ -23,7 +23,7 @@ Coefficients = Sequence[float] | np.ndarray
 
 
 def is_distorting(coefficients: Coefficients) -> bool:
-    """Whether a lens is more than an ideal pinhole: a fisheye lens is, even where all of its coefficients are 0."""
+    """Whether a lens differs from an ideal pinhole; a fisheye lens always does."""
     return len(coefficients) == _FISHEYE or bool(np.any(coefficients))
 
 

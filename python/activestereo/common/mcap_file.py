@@ -41,8 +41,8 @@ class McapFile:
     def write(
         self, topic: str, kind: str, message: Any, time_ns: int, depth: int = 1, is_latched: bool = False
     ) -> None:
-        """depth, is_latched: the topic's quality of service, all being reliable: how many messages are kept, and
-        whether who comes late gets the last."""
+        """depth, is_latched: the topic's quality of service: the number of messages kept, and whether late subscribers
+        get the last one. All are reliable."""
         if topic not in self._connections:
             self._connections[topic] = self._writer.add_connection(
                 topic, kind, typestore=self._store, offered_qos_profiles=[_quality(depth, is_latched)]

@@ -21,12 +21,12 @@ _OF_PROCESS = f"process_{platform.node()}_"  # of this machine: process numbers 
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """replace_file() of a text in UTF-8."""
+    """Replaces a file by a text in UTF-8, as replace_file()."""
     write_bytes(path, text.encode())
 
 
 def write_bytes(path: str | Path, content: bytes) -> None:
-    """replace_file() of these."""
+    """Replaces a file by these bytes, as replace_file()."""
     replace_file(path, lambda file: file.write(content))
 
 
@@ -117,7 +117,7 @@ def _move(aside: Path, folder: Path, last: Path) -> None:
 
 
 def _keep(place: Path, before: Path) -> None:
-    """A second name of the file, which stays in its place: a process that is killed here loses nothing."""
+    """Makes a second name of the file and keeps the first, so a killed process loses nothing."""
     try:
         os.link(place, before)
     except OSError:  # a file system without links
@@ -141,7 +141,7 @@ def new_folder(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def _named_by_place(aside: Path, place: Path) -> Iterator[None]:
-    """OSErrors of files below `aside` have the names that they would have had below `place`."""
+    """Raises OSErrors of files below `aside` with their final names below `place`."""
     try:
         yield
     except OSError as error:

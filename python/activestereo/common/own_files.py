@@ -14,7 +14,7 @@ _MAY_LEAVE = ContextVar("may_leave", default=False)
 
 @contextmanager
 def outside_allowed() -> Iterator[None]:
-    """Here the files may lie anywhere, as under the command line's --allow-outside."""
+    """Allows files anywhere in this block, as the command line's --allow-outside."""
     token = _MAY_LEAVE.set(True)
     try:
         yield

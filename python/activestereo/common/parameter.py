@@ -27,7 +27,7 @@ class Parameter:
     doc: str = ""
 
     def takes(self, value: float) -> bool:
-        """Whether a number is one that it may be."""
+        """Whether a number is allowed."""
         if self.or_zero and value == 0:
             return True
         low, high = self.range or (value, value)

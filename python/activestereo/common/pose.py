@@ -22,7 +22,7 @@ _PRINTED_TOLERANCE = 1e-3
 
 
 class HasMatrix(Protocol):
-    """A pose of another program, such as sapien.Pose."""
+    """A pose of another library with to_transformation_matrix(), such as sapien.Pose."""
 
     def to_transformation_matrix(self) -> np.ndarray: ...
 

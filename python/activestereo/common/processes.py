@@ -57,7 +57,8 @@ def _begin(begin: Callable[..., object], arguments: tuple[Any, ...]) -> None:
 
 
 def _end_with_parent() -> None:
-    """A worker waits for tasks on a pipe that it holds open itself: without this it would wait for ever."""
+    """Ends a worker with its parent. The worker holds its own task pipe open, so without this it would wait for
+    ever."""
     parent = parent_process()
     if parent is not None:
         wait([parent.sentinel])

@@ -28,8 +28,8 @@ def camera_info_message(
     make: Callable[..., Any], header: Any, height: int, width: int, k: NDArray[np.float64], distortion: ArrayLike,
     tx: float = 0.0, ty: float = 0.0,
 ) -> Any:  # fmt: skip
-    """sensor_msgs/msg/CameraInfo. k: [3, 3] pixels. distortion: k1 k2 p1 p2 k3. tx, ty: the last column of P, pixel
-    metres, of a pair's right camera: minus focal length times its way from the left one."""
+    """sensor_msgs/msg/CameraInfo. k: [3, 3] pixels. distortion: k1 k2 p1 p2 k3. tx, ty: the last column of P in pixel
+    metres; for a right camera minus focal length times its offset from the left one."""
     region = make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
     return make(
         "sensor_msgs/msg/CameraInfo",

@@ -20,7 +20,7 @@ class _Short(reprlib.Repr):
         self.maxstring = self.maxother = self.maxlong = _MOST_LETTERS
 
     def repr_int(self, x: int, level: int) -> str:
-        """Python writes no decimals of whole numbers with thousands of digits."""
+        """Shortens whole numbers: Python refuses to print thousands of digits."""
         return repr(x) if x.bit_length() < 4 * _MOST_LETTERS else f"a whole number of {x.bit_length()} bits"
 
 
@@ -28,7 +28,7 @@ _short = _Short()
 
 
 def shown(value: Any) -> str:
-    """The value as a message has it, of at most 40 letters and three dots."""
+    """A value for messages, at most 40 letters and three dots."""
     text = f"{value:g}" if isinstance(value, float) else _short.repr(value)
     return text if len(text) <= _MOST_LETTERS else f"{text[:_MOST_LETTERS]}..."
 

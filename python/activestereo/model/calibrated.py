@@ -55,7 +55,7 @@ def calibrated(capture: Capture, model: SensorModel) -> Capture:
 
 def pattern_image(pattern: Pattern) -> NDArray[np.float32]:
     """Relative radiant intensity, [height][width], 1 at the brightest: the file's, or the dots' Gaussians, each with
-    its power as its integral, and the background that all pixels have."""
+    its power as its integral, and the common background."""
     if pattern.dots is None:
         assert pattern.file is not None
         return read_gray(pattern.file, key="pattern.file").astype(np.float32) / 255.0

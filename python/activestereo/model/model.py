@@ -150,11 +150,11 @@ class SensorModel:
 
     @property
     def surfaces(self) -> set[str]:
-        """Names of all surfaces that effects are on."""
+        """Names of all surfaces with effects."""
         return {name for entry in self.effects for name in entry.surfaces}
 
     def scene_measurement(self, material_names: Sequence[str]) -> SceneMeasurement:
-        """Focal lengths, albedo factors and measured materials in a scene; nothing is said of those that it lacks."""
+        """Focal lengths, albedo factors and measured materials in a scene; unknown ones are absent."""
         left, right = (
             self.nuisances[name].value if name in self.nuisances else 0.0 for name in ("focal_left", "focal_right")
         )

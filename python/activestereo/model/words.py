@@ -21,7 +21,7 @@ _NUISANCE_WORDS = {
 
 
 def show(model: SensorModel) -> str:
-    """The model's sections, one line for each thing that it says."""
+    """The model's sections, a line for each value."""
     lines = [f"a sensor model from {model.source}" if model.source else "a sensor model"]
     lines += _rig(model) + _pattern(model) + _imager(model)
     lines.append("effects" if model.effects else "effects: none")

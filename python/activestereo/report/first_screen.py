@@ -70,7 +70,7 @@ def _errors(diagnosis: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Detail:
-    """A part of one image: where most of the error goes."""
+    """The part of one image with most of the error."""
 
     frame: Frame
     side: str
@@ -120,7 +120,7 @@ def where_most_goes(comparison: Comparison, images: ModelImages) -> Detail:
 
 
 def _largest_window(values: NDArray[np.float64]) -> tuple[float, slice, slice]:
-    """(sum, rows, columns) of the window of a detail's size that holds most."""
+    """(sum, rows, columns) of the window of a detail's size with the largest sum."""
     share = min(max(_DETAIL, _LEAST_PX / values.shape[1]), 1.0)
     height, width = (max(1, round(share * size)) for size in values.shape)
     sums = np.zeros((values.shape[0] + 1, values.shape[1] + 1))
@@ -131,13 +131,13 @@ def _largest_window(values: NDArray[np.float64]) -> tuple[float, slice, slice]:
 
 
 def _floor(comparison: Comparison, key: tuple[int, str]) -> float:
-    """The deviation of noise in an image, else its error, DN: residuals are drawn by it."""
+    """Scale of drawn residuals, DN: the noise's deviation in an image, else its error."""
     entry = next(e for e in comparison.scores["frames"] if e["id"] == key[0])["cameras"][key[1]]
     return float(entry["noise_floor_dn"] or entry["rmse_dn"] or 1.0)
 
 
 def _gray(image: NDArray, high: float) -> NDArray[np.uint8]:
-    """Square-root scale, as of the explored pictures."""
+    """Square-root scale, as in the explored pictures."""
     level = np.rint(255.0 * np.sqrt(np.clip(image / high, 0.0, 1.0))).astype(np.uint8)
     return np.repeat(level[..., None], 3, axis=2)
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def found_strips(
     comparison: Comparison, diagnosis: Mapping[str, Any], images: ModelImages, effects: Mapping[str, Effect]
 ) -> list[str]:
-    """A section for each effect that was added or is the user's own and fitted; its values stand in the middle."""
+    """A section for each found or user's effect with fitted values; the values stand in the middle."""
     fitted = {e["effect"]: {n: p["value"] for n, p in e["parameters"].items()} for e in diagnosis["ranking"]}
     fitted |= {e["id"]: e.get("parameters", {}) for e in diagnosis.get("model", {}).get("effects", [])}
     shown = [n for n in dict.fromkeys([*diagnosis["added"], *diagnosis.get("own", {})]) if n in fitted and n in effects]

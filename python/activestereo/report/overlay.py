@@ -26,7 +26,7 @@ _WINDOW_SECONDS = 30.0
 
 
 class Overlay:
-    """Contours of a scene, rendered once for each camera: blending alone follows every picture."""
+    """Contours of a scene. It renders once for each camera, and each picture only blends."""
 
     def __init__(self, scene_path: Path, device: str | int = "auto", share: float = 0.0) -> None:
         """share: weight of the rendered surfaces, lit from the camera, 0 to 1."""
@@ -104,7 +104,7 @@ def can_show_windows() -> bool:
 
 
 def show_window(pictures: Iterable[NDArray[np.uint8]]) -> None:
-    """Each picture as it comes, until q."""
+    """Shows each picture on arrival, until q."""
     cv2.namedWindow(_WINDOW, cv2.WINDOW_NORMAL)
     for picture in pictures:
         cv2.imshow(_WINDOW, picture[..., ::-1])

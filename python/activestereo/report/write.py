@@ -73,7 +73,7 @@ def report_page(
     progress: Callable[[float], object] | None = None,
     found_images: Mapping[ImageKey, NDArray] | None = None,
 ) -> str:
-    """The page's text. found_images: as of model_images()."""
+    """The page's text. found_images: as in model_images()."""
     scores = comparison.scores
     images = model_images(comparison, diagnosis, effects, progress, found_images)
     head = (

@@ -132,13 +132,13 @@ class StereoDepthSensorBatch(SensorResults):
 
     @property
     def has_picture(self) -> bool:
-        """Whether results are there: of a pipelined batch from the second take_picture() on, else from the first."""
+        """Whether results exist: from the second take_picture() on for a pipelined batch, else from the first."""
         return False not in [engine.has_picture for engine in self._engines]
 
     @property
     def has_next(self) -> bool:
-        """Whether a pipelined batch has begun pictures, and they have not failed, that the next take_picture() makes
-        the present ones."""
+        """Whether a pipelined batch has begun pictures without a failure; the next take_picture() makes them
+        current."""
         return False not in [engine.has_next for engine in self._engines]
 
     def render_true_depth(self) -> NDArray[np.float32]:
@@ -166,8 +166,8 @@ class StereoDepthSensorBatch(SensorResults):
         return light[0] if len(light) == 1 else np.concatenate(light, axis=1)
 
     def get_pointcloud(self, with_rgb: bool = False) -> NDArray[np.float32]:
-        """float32 [..., height, width, 3], metres in the RGB cameras' axes (x right, y down, z forward), 0 where there
-        is no measurement; with_rgb: 6, and colours."""
+        """float32 [..., height, width, 3], metres in the RGB cameras' axes (x right, y down, z forward), 0 = no
+        measurement; with_rgb: 6 numbers, with colours."""
         points = np.moveaxis(self.rgb_rays(), 0, -1).astype(np.float32) * self.get_depth()[..., None]
         return np.concatenate([points, self.get_rgb()], axis=-1) if with_rgb else points
 
@@ -295,7 +295,7 @@ class StereoDepthSensorBatch(SensorResults):
     # ---- inside ----
 
     def _each(self, call: Callable[[SensorEngine, int], _Result]) -> list[_Result]:
-        """call(engine, device) of all devices."""
+        """Runs call(engine, device) on all devices."""
         return self._devices.each(lambda k: call(self._engines[k], k))
 
     def _of(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:

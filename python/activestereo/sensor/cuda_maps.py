@@ -34,17 +34,17 @@ class CudaMap:
     memory: CudaMemory
 
     def array(self, shape: tuple[int, ...]) -> CudaArray:
-        """The map as an array of this shape, of the same number of elements."""
+        """The map as an array of another shape with as many elements."""
         assert math.prod(shape) == math.prod(self.image.shape)
         return self.memory.array(self.image.dtype, shape)
 
     def read(self) -> NDArray[Any]:
-        """A copy of the host's."""
+        """A copy in host memory."""
         return self.image.buffer.read().view(self.image.dtype).reshape(self.image.shape)
 
 
 class CudaMaps:
-    """One memory for each map, which the next picture's is written into."""
+    """Memory of each map; every picture overwrites it."""
 
     def __init__(self, device: simsense.Device) -> None:
         self._device = device

@@ -22,7 +22,7 @@ _OPAQUE_FD, _DEDICATED = 1, 1
 
 
 class CudaError(RuntimeError):
-    """There is no CUDA here, or it refused a call; the text says which and why."""
+    """CUDA is absent, or refused a call; the text states the call and the reason."""
 
 
 class _HandleDesc(c.Structure):
@@ -55,7 +55,7 @@ class _Driver:
             raise CudaError(f"{name} failed with {status} ({(text.value or b'unknown').decode()})")
 
     def device_of(self, uuid: bytes) -> tuple[int, int]:
-        """Number and handle of the CUDA device that Vulkan knows by this UUID."""
+        """Number and handle of the CUDA device with this Vulkan UUID."""
         count = c.c_int()
         self.call("cuDeviceGetCount", c.byref(count))
         for ordinal in range(count.value):
@@ -90,7 +90,7 @@ class CudaMemory:
                 raise
 
     def _inside(self, work: Any) -> None:
-        """In the GPU's primary context, which PyTorch and CuPy use too."""
+        """Makes the GPU's primary context current, which PyTorch and CuPy use, too."""
         self._driver.call("cuCtxPushCurrent_v2", self._context)
         try:
             work()

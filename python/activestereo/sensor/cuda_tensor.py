@@ -26,14 +26,14 @@ def copied_to_cuda(array: NDArray[Any]) -> torch.Tensor:
 
 
 def wait_for(tensor: torch.Tensor) -> torch.Tensor:
-    """The tensor, when all that torch was told to compute on its device before is done."""
+    """Waits for torch's work on the tensor's device, then returns the tensor."""
     if tensor.is_cuda:
         _torch().cuda.current_stream(tensor.device).synchronize()
     return tensor
 
 
 def require_no_capture() -> None:
-    """RuntimeError while torch captures a CUDA graph."""
+    """Raises RuntimeError while torch captures a CUDA graph."""
     if _torch().cuda.is_current_stream_capturing():
         raise RuntimeError(
             "a CUDA graph is being captured, and it would not hold what Vulkan allocates and computes here: call the"

@@ -38,7 +38,7 @@ class Delivery:
         self.restart(seed)
 
     def restart(self, seed: int) -> None:
-        """Nothing is on its way, and nothing has arrived."""
+        """Forgets all frames, delivered or on their way."""
         self._random = np.random.default_rng(int(_SEED.check("the seed", seed)))
         self._under_way: deque[tuple[Any, float, NDArray[np.float64]]] = deque()
         self._last_s = np.full(self._count, -np.inf)  # when each environment's last frame arrives

@@ -54,12 +54,12 @@ class DepthCamera:
         self._random = np.random.default_rng(config.noise_seed)
 
     def seed(self, seed: int) -> None:
-        """From here on all noise is as it was after the same seed."""
+        """Restarts all noise under this seed; the same seed repeats it."""
         self._random = np.random.default_rng(seed)
         self.sensors.restart(seed)
 
     def take_depth(self) -> NDArray[np.float32]:
-        """Depths in metres [E, height, width] that the cameras measure now, 0 = no measurement."""
+        """Measures depths now: metres [E, height, width], 0 = no measurement."""
         if self.mode in ("raster", "full"):
             self.sensors.take_picture(infrared_only=True)
             self.sensors.compute_depth()

@@ -24,8 +24,8 @@ class Devices:
         self._threads = ThreadPoolExecutor(len(names), "device") if len(names) > 1 else None
 
     def each(self, call: Callable[[int], _Result]) -> list[_Result]:
-        """call(number of the device) of all at once, after close() of one after another. An error is raised after all
-        have ended."""
+        """Runs call(number of the device) on all devices at once; after close() one after another. Raises an error
+        after all have ended."""
         if self._threads is None:
             return [call(k) for k in range(len(self._names))]
         running = [self._threads.submit(call, k) for k in range(len(self._names))]
@@ -44,8 +44,7 @@ class Devices:
         return [one.result() for one in running]
 
     def join(self, images: Sequence[NDArray[Any]]) -> NDArray[Any]:
-        """One array of the devices' images [environments, ...]: the one that they were computed into, or one that they
-        are copied into."""
+        """Joins the devices' images [environments, ...] in one array: their common memory, or a copy."""
         if len(images) == 1:
             return images[0]
         whole = joined(images)

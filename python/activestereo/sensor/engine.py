@@ -130,7 +130,7 @@ class SensorEngine:
             self._turn()
 
     def wait(self) -> None:
-        """Until pictures that were begun are rendered: then the scene may change."""
+        """Waits until the pictures that were begun are rendered; then the scene may change."""
         if self._under_way:
             self._finish()
 
@@ -140,7 +140,7 @@ class SensorEngine:
 
     @property
     def has_next(self) -> bool:
-        """Whether pictures have been begun, and have not failed, that are not the present ones yet."""
+        """Whether new pictures have been begun without a failure."""
         return self.pipelined and self._next.taken is not None
 
     def picture(self) -> Picture:
@@ -192,8 +192,8 @@ class SensorEngine:
     # ---- maps ----
 
     def match(self, maps: Sequence[str] = ()) -> None:
-        """Noise, matching and registration of the present pictures: these maps and those that have been read of earlier
-        pictures now, any other when it is first read."""
+        """Applies noise, matches and registers the current pictures: computes these maps and those that were read
+        before now, others when first read."""
         self.picture()
         self._maps.begin(maps)
         self._keep_times("depth", self.matcher)
@@ -224,7 +224,7 @@ class SensorEngine:
     def compute_from(
         self, pair: tuple[Any, Any], outputs: tuple[str, ...], lasers: dict[str, Any], frame_index: int
     ) -> dict[str, NDArray[Any]]:
-        """Maps of another pair of radiance, with the noise of picture frame_index."""
+        """Computes maps of another pair of radiance, with the noise of picture frame_index."""
         self.wait()
         self._maps.complete()
         self._tell(self.rig.signals())
@@ -234,8 +234,8 @@ class SensorEngine:
     # ---- settings between pictures ----
 
     def set(self, matcher: Mapping[str, Any], signal: dict[str, float]) -> None:
-        """The matcher's parameters and the plan's signal. They hold for the pictures that there are, each under its own
-        exposure; maps that have been matched stay. simsense.ArgumentError changes nothing."""
+        """Sets the matcher's parameters and the plan's signal, also for present pictures, each under its own exposure.
+        Matched maps stay. simsense.ArgumentError changes nothing."""
         self.wait()
         self._maps.complete()
         now = self.rig.setting
@@ -252,12 +252,12 @@ class SensorEngine:
         self._tell(self.rig.signals())
 
     def set_twist(self, twist: NDArray[np.float64]) -> None:
-        """RigInputs.set_twist() when no picture is under way."""
+        """Calls RigInputs.set_twist() when no picture is under way."""
         self.wait()
         self.rig.set_twist(twist)
 
     def set_conditions(self, temperature_c: float | None, time_s: float) -> None:
-        """RigInputs.set_conditions() when no picture is under way; maps that have been matched stay."""
+        """Calls RigInputs.set_conditions() when no picture is under way; matched maps stay."""
         self.wait()
         self._maps.complete()
         self.rig.set_conditions(temperature_c, time_s)
@@ -299,14 +299,14 @@ class SensorEngine:
         return Taken(frame, self._speckle_draw, self.rig.begin(frame).speckle_of_laser)
 
     def _settings(self, outputs: Any, frame: int) -> dict[str, Any]:
-        """Keyword arguments of a render that any camera has."""
+        """Keyword arguments of every camera's render."""
         scales = {"srgb": self.plan.rgb_exposure or 0.0} if "srgb" in outputs else {}
         return self.plan.render | {"seed": (self.plan.render_seed << 32) + frame, "scales": scales}
 
     def _render(
         self, group: str, cameras: list[kuafu.Camera], targets: Any, taken: Taken, progress: Any, seen: dict[str, Any]
     ) -> None:
-        """Renders now, or begins to where pictures are pipelined."""
+        """Renders now, or begins to if pictures are pipelined."""
         options = self._settings(targets, taken.frame) | seen
         if self.pipelined:
             self._under_way.add(group, self._renderer.submit(self.scene, cameras, targets, **options))
@@ -315,7 +315,7 @@ class SensorEngine:
             self._keep_times(group, self._renderer)
 
     def _finish(self) -> None:
-        """Once pictures are rendered: the projectors go dark, and the pairs are exposed and delivered."""
+        """Finishes rendered pictures: switches the projectors off, exposes and delivers the pairs."""
         picture = self._next
         try:
             try:
@@ -340,7 +340,7 @@ class SensorEngine:
             raise
 
     def _turn(self) -> None:
-        """Makes the rendered pictures the present ones; the next of a pipelined engine take the memory of the last."""
+        """Makes the rendered pictures current; a pipelined engine's next pictures take the memory of the last ones."""
         if self._next.taken is None:
             return
         self._maps.clear()
@@ -354,7 +354,7 @@ class SensorEngine:
         self.frame = self._present.taken.frame
 
     def _expose(self, link: IrLink) -> None:
-        """Automatic exposure looks at the light of one sensor's picture: for the same picture, or for the next."""
+        """Runs automatic exposure on one sensor's picture, for the same picture or the next."""
         auto = self.plan.exposure
         if auto.mode == "fixed":
             return

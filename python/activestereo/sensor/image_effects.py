@@ -47,7 +47,7 @@ class Sensor(Protocol):
 
 
 class ModelCostWarning(UserWarning):
-    """Part of a model is simulated outside of the engines, which costs a copy of every picture."""
+    """The model has effects outside the engines, which cost a copy of every picture."""
 
 
 class ImageEffects:
@@ -73,8 +73,8 @@ class ImageEffects:
         return bool(self._of(Stage.PROJECTOR, Stage.OPTICS).effects)
 
     def on_light(self, link: IrLink, is_laser_apart: bool) -> None:
-        """Changes the pair of radiance, up to the charge that it makes. is_laser_apart: the link has the part of the
-        light that is the laser's, too."""
+        """Changes the pair of radiance, up to the charge that it makes. is_laser_apart: the link holds the laser's part
+        separately."""
         before, charge = self._of(Stage.PROJECTOR, Stage.OPTICS), self._of(Stage.CHARGE, Stage.CHARGE)
         if not before.effects and not charge.effects:
             return

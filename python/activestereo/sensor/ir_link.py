@@ -19,7 +19,7 @@ import simsense
 
 
 def shared_memory_kind(renderer_device: kuafu.Device, engine_device: simsense.Device) -> Literal["host", "opaque_fd"]:
-    """'opaque_fd' where both devices share file descriptors and are the same physical device, else 'host'."""
+    """'opaque_fd' if both devices are one physical device and share file descriptors, else 'host'."""
     a, b = renderer_device.info, engine_device.info
     fd = "export_opaque_fd" in a.capabilities and "import_opaque_fd" in b.capabilities
     same = (a.device_uuid, a.driver_uuid) == (b.device_uuid, b.driver_uuid)
@@ -66,8 +66,7 @@ class IrLink:
         self.left, self.right = (self._sink.image(np.float32, side_shape, side * size_bytes // 2) for side in (0, 1))
 
     def laser(self) -> IrLink:
-        """A second pair of memory beside this one, for the part of the light that is the laser's; made when it is first
-        asked for."""
+        """A second pair of memory for the laser's part of the light, made on first use."""
         if self._laser is None:
             self._laser = self._beside()
         return self._laser

@@ -91,7 +91,7 @@ def _brightest(scene: kuafu.Scene, group: int, point: NDArray[np.floating[Any]])
 
 
 def _present(get: Callable[[int], _Record], count: int) -> list[_Record]:
-    """All records of a kind: numbers of removed ones, as a model's lights are, stay free."""
+    """All records of a kind, without the free numbers of removed ones, such as a model's lights."""
     out: list[_Record] = []
     number = 0
     while len(out) < count:
@@ -104,7 +104,7 @@ def _present(get: Callable[[int], _Record], count: int) -> list[_Record]:
 
 
 def _irradiance(light: kuafu.Light, point: NDArray[np.floating[Any]]) -> float:
-    """On a surface that faces the light, up to the camera's ir_ambient_scale."""
+    """Irradiance on a surface that faces the light, up to the camera's ir_ambient_scale."""
     pose = np.asarray(light.light_to_world)
     level = (light.ir_share or 1.0) * light.intensity[0] if light.ir_intensity is None else light.ir_intensity
     if light.kind == "directional":

@@ -44,11 +44,11 @@ class Maps:
         return self._on_cuda is not None
 
     def clear(self) -> None:
-        """There are other pictures, which have not been matched."""
+        """Forgets all maps, because the pictures are new."""
         self._found, self._has_begun = {}, False
 
     def begin(self, names: Iterable[str] = ()) -> None:
-        """Computes these and those that have been read of earlier pictures."""
+        """Computes these maps and those that were read of earlier pictures."""
         self.clear()
         self._found = dict(self._compute(list(dict.fromkeys((*self._wanted, *names)))))
         self._has_begun = True
@@ -61,17 +61,17 @@ class Maps:
             self._found |= self._compute(missing)
 
     def read(self, name: str) -> NDArray[Any]:
-        """One of the depth engine's, [*shape, height, width, ...]."""
+        """One map of the depth engine, [*shape, height, width, ...]."""
         found = self._one(name)
         return found.read().reshape(self._shape_of(found.image)) if isinstance(found, CudaMap) else found
 
     def cuda(self, name: str) -> CudaArray:
-        """The same, in CUDA's memory."""
+        """The map in CUDA memory."""
         found = self._one(name)
         return found.array(self._shape_of(found.image))
 
     def values(self) -> list[Any]:
-        """Those that were computed."""
+        """The maps computed so far."""
         return list(self._found.values())
 
     def _one(self, name: str) -> Any:

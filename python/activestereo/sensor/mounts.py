@@ -107,7 +107,7 @@ class Mounts:
 
 
 class Places:
-    """The last poses that a batch's mounts had, and the RGB cameras' from them. pose: relative to its mount."""
+    """The last poses of a batch's mounts, and the RGB cameras' poses from them. pose: relative to its mount."""
 
     def __init__(self, mounts: HasPoses, pose: NDArray[np.float64]) -> None:
         if not isinstance(getattr(mounts, "scene", None), kuafu.Scene):
@@ -130,7 +130,7 @@ class Places:
         return broken
 
     def rigs(self, own: slice) -> NDArray[np.float64]:
-        """[sensors, 4, 4] of some sensors' RGB cameras, body axes."""
+        """RGB cameras' poses of some sensors, [sensors, 4, 4], body axes."""
         return self.matrices[own] @ self._pose
 
 

@@ -67,7 +67,7 @@ class UnderWay:
             ended(name)
 
     def let_end(self) -> None:
-        """wait() that hears no failures."""
+        """wait() that ignores failures."""
         while self._submissions:
             _, submission = self._submissions.pop(0)
             try:

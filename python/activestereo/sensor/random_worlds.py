@@ -50,7 +50,7 @@ class WorldRanges(DeclaredRanges):
 
 
 def drawn_bodies(ranges: WorldRanges, environments: int, bodies: int, seed: int) -> NDArray[np.bool_]:
-    """[E, bodies]: which bodies each environment has."""
+    """Bodies of each environment, a mask [E, bodies]."""
     random = np.random.default_rng([seed, 0])
     low, high = (min(int(bound), bodies) for bound in ranges.bodies)
     has = np.zeros((environments, bodies), bool)
@@ -60,7 +60,7 @@ def drawn_bodies(ranges: WorldRanges, environments: int, bodies: int, seed: int)
 
 
 class RandomWorlds:
-    """The lamps are this object's until close(); the materials of the bodies are copies, one for each environment."""
+    """Draws worlds. It owns the lamps until close(); each environment has its own copies of the bodies' materials."""
 
     def __init__(self, bodies: Bodies, batch: StereoDepthSensorBatch, ranges: WorldRanges, seed: int = 0) -> None:
         if bodies.environment_count is None or bodies.environment_count < batch.shape[0]:
@@ -97,8 +97,7 @@ class RandomWorlds:
             self._scene.set_lights(numbers, lamps)
 
     def close(self) -> None:
-        """Takes the lamps and the copies of materials out of the scene: the bodies have the materials they came
-        with."""
+        """Removes the lamps and the copies of materials from the scene; the bodies get their first materials back."""
         for lamp in (lamp for own in self._lamps for lamp in own):
             self._scene.remove_light(lamp)
         self._lamps = [[] for _ in self._lamps]

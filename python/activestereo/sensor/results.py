@@ -42,15 +42,15 @@ class SensorResults(ABC):
         """[..., 4, 4] of the RGB cameras, body axes."""
 
     def get_config(self) -> StereoDepthSensorConfig:
-        """A copy, with the exposure and gain that there are now."""
+        """A copy, with the present exposure and gain."""
         return deepcopy(self._config)
 
     def camera_info(self, camera: str = "rgb") -> CameraInfo:
-        """Size, intrinsics, lens and place of 'rgb', 'left' or 'right', as the calibration has them."""
+        """Size, intrinsics, lens and place of 'rgb', 'left' or 'right', from the calibration."""
         return camera_info(self._config, camera)
 
     def get_intrinsics(self, camera: str = "rgb") -> NDArray[np.float64]:
-        """[..., 3, 3] of this camera, as the calibration has it; pixel centres are at integers."""
+        """[..., 3, 3] of this camera from the calibration; pixel centres are at integers."""
         k, leading = self.camera_info(camera).k, self._poses().shape[:-2]
         return np.broadcast_to(k, (*leading, 3, 3)).copy()
 
@@ -95,8 +95,8 @@ class SensorResults(ABC):
         return self._of(lambda engine: engine.rgb_output("srgb"))
 
     def get_rgb(self) -> NDArray[np.float32]:
-        """float32 [..., height, width, 3] in 0..1, as get_rgba8() but not rounded, and encoded here: three times the
-        copy, and work."""
+        """float32 [..., height, width, 3] in 0..1, as get_rgba8() without rounding. It encodes on the host and copies
+        three times as much."""
         return self._of(lambda engine: encoded_rgb(engine.rgb_output("radiance"), engine.plan.rgb_exposure))
 
     def get_true_depth(self) -> NDArray[np.float32]:

@@ -52,7 +52,7 @@ class Rig:
         return self._numbers[0] if self._on_rig and self._on_rig[0].is_laser else None
 
     def material(self, number: int) -> kuafu.Material:
-        """A fresh copy of one of the scene's materials as it was before any model."""
+        """A fresh copy of a scene's material, without any model's changes."""
         if number not in self._materials:
             return self._scene.get_material(number)
         return copy_record(self._materials[number])
@@ -107,7 +107,7 @@ class Rig:
             one.records[0].intensity, one.records[0].ir_intensity = one.visible, one.infrared
 
     def leave(self) -> None:
-        """Takes everything out of the scene."""
+        """Removes everything from the scene."""
         self._leave_but_pattern()
         if self._texture is not None:
             self._scene.remove_texture(self._texture)
@@ -117,7 +117,7 @@ class Rig:
         self._scene.set_lights(self._numbers, [record for one in self._on_rig for record in one.records])
 
     def _leave_but_pattern(self) -> None:
-        """The pattern's texture stays, for enter() to use again."""
+        """Removes all but the pattern's texture, which enter() uses again."""
         for number in (*self._numbers, *self._standing):
             self._scene.remove_light(number)
         if self._changed_texture is not None:

@@ -124,14 +124,14 @@ class RigInputs:
         self.in_scene.shine(rigs)
 
     def darken(self) -> None:
-        """Ends that, so that other sensors do not see them."""
+        """Switches them off, so that other sensors do not see them."""
         if not self.plan.projector_always_on:
             self.in_scene.darken()
 
     # ---- settings between pictures ----
 
     def begin(self, frame: int) -> EngineInputs:
-        """The inputs of a picture."""
+        """Returns the inputs of a picture."""
         self._frame = frame
         if len(set(self.plan.laser_w_sr)) > 1:
             self._inputs = None
@@ -141,8 +141,8 @@ class RigInputs:
         self.plan, self._inputs = plan, None
 
     def set_exposure(self, setting: Setting) -> None:
-        """The inputs are found again where effects or a scene measurement, which may depend on the exposure, have
-        touched them."""
+        """Sets the exposure. Recomputes the inputs if effects or a scene measurement, which may depend on it, changed
+        them."""
         if setting == self.setting:
             return
         self.setting = setting
@@ -154,7 +154,7 @@ class RigInputs:
             side.signal, side.camera.exposure_s = self._signal(), setting.exposure_s
 
     def set_twist(self, twist: NDArray[np.float64]) -> None:
-        """[6] m/s and rad/s of the left infrared camera in its own axes, of one sensor."""
+        """Sets the twist of one sensor: [6] m/s and rad/s of the left infrared camera in its own axes."""
         self.twist = twist
         if self._inputs is None or any(side.delay_s for side in self._inputs.sides):
             self._inputs = None
@@ -183,7 +183,7 @@ class RigInputs:
             self.in_scene.shine(self._rigs)
 
     def _found(self) -> EngineInputs:
-        """The inputs under the model, and the cameras that follow from them."""
+        """Computes the inputs under the model, and the cameras from them."""
         inputs = self._unchanged()
         self._scene_measurement.apply(inputs)
         self.left_over = apply_engine(inputs, self._effects.effects)
@@ -198,7 +198,7 @@ class RigInputs:
         return inputs
 
     def _unchanged(self) -> EngineInputs:
-        """The inputs before any effect."""
+        """The inputs without effects."""
         plan, exposure_s = self.plan, self.setting.exposure_s
         temperature_c, time_s = self._conditions
         frame = Frame(
@@ -242,7 +242,7 @@ class RigInputs:
         return carried_twist(self.plan.left_to[name], self.twist).reshape(2, 3)
 
     def _give_velocity(self, inputs: EngineInputs) -> None:
-        """Lets all that is on the rig move as the left camera does."""
+        """Moves everything on the rig with the left camera."""
         for record, name in ((inputs.left.camera, "left"), (inputs.right.camera, "right")):
             record.linear_velocity, record.angular_velocity = self._twist_of(name)
         for light in ([] if inputs.projector is None else [inputs.projector]) + inputs.rig_lights:

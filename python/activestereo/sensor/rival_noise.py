@@ -69,8 +69,8 @@ def simkinect(depth: Depth, focal_baseline_px_m: float, random: np.random.Genera
 def redwood(
     depth: Depth, focal_baseline_px_m: float, random: np.random.Generator, farthest_m: float = _REDWOOD_FARTHEST_M
 ) -> Depth:
-    """Choi et al. 2015: from a place beside each pixel every other pixel's depth, its disparity jittered and rounded;
-    nothing from farthest_m on."""
+    """Choi et al. 2015: every other pixel's depth from a random neighbour, its disparity jittered and rounded; no depth
+    from farthest_m on."""
     row, column = (np.rint(at).astype(np.intp) // 2 * 2 for at in _places(depth.shape, _REDWOOD_SHIFT_PX, random))
     coarse = depth[np.arange(len(depth))[:, None, None], row, column]
     jitter = _REDWOOD_SIGMA_PX * random.standard_normal(depth.shape)

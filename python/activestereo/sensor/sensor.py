@@ -100,18 +100,18 @@ class StereoDepthSensor(SensorResults):
         self._engine.take_pictures(rigs, rigs, infrared_only, progress)
 
     def wait(self) -> None:
-        """Until the picture that a pipelined sensor has begun is rendered: then the scene may change."""
+        """Waits until the picture that a pipelined sensor has begun is rendered; then the scene may change."""
         self._engine.wait()
 
     @property
     def has_picture(self) -> bool:
-        """Whether results are there: of a pipelined sensor from the second take_picture() on, else from the first."""
+        """Whether results exist: from the second take_picture() on for a pipelined sensor, else from the first."""
         return self._engine.has_picture
 
     def compute_depth(self, maps: Sequence[str] = ()) -> None:
-        """Noise, matching, registration of the last picture. The same picture gives the same depth. Maps that have been
-        read of an earlier picture are computed with it, and those named: 'disparity', 'ir_left', 'ir_right' and the
-        config's depth_maps; others when they are first read, which matches again."""
+        """Applies noise, matches and registers the last picture. The same picture gives the same depth. Maps that have
+        been read of an earlier picture are computed with it, and those named: 'disparity', 'ir_left', 'ir_right' and
+        the config's depth_maps; others when they are first read, which matches again."""
         self._engine.match(maps)
 
     def compute_depth_from(
@@ -142,7 +142,7 @@ class StereoDepthSensor(SensorResults):
         return super().get_depth_map(name)
 
     def get_pointcloud(self, with_rgb: bool = False) -> NDArray[np.float32]:
-        """float32 [n, 3], metres in the RGB camera's axes (x right, y down, z forward); with_rgb: and colours."""
+        """float32 [n, 3], metres in the RGB camera's axes (x right, y down, z forward); with_rgb: with colours."""
         depth = self.get_depth()
         v, u = np.nonzero(depth)
         points = (self.rgb_rays()[:, v, u] * depth[v, u]).T.astype(np.float32)
@@ -188,7 +188,7 @@ class StereoDepthSensor(SensorResults):
         self._engine.set_twist(checked_twist(linear, angular))
 
     def get_velocity(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(linear, angular) as set_velocity() has them."""
+        """(linear, angular), in the terms of set_velocity()."""
         twist = self._engine.rig.twist
         return twist[:3].copy(), twist[3:].copy()
 

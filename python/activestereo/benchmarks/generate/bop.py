@@ -94,7 +94,7 @@ def write_frame(out: Path, frame: Frame) -> None:
 
 
 def read_files(out: Path) -> dict[str, bytes]:
-    """All there are, by path below `out`."""
+    """All present files of a frame, by path below `out`."""
     return {str(path.relative_to(out)): read_bytes(path) for path in out.rglob("*") if path.is_file()}
 
 
@@ -212,7 +212,7 @@ def _coco(folder: Path, records: dict[int, Any]) -> dict[str, Any]:
 
 
 def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
-    """Column by column, background first, as COCO counts."""
+    """Run lengths column by column, background first, as in COCO."""
     flat = np.concatenate([[False], mask.ravel(order="F")])
     edges = np.flatnonzero(np.diff(flat.astype(np.int8))) if mask.size else np.empty(0, np.intp)
     return np.diff(np.concatenate([[0], edges, [mask.size]])).astype(int).tolist()

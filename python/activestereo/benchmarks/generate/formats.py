@@ -18,8 +18,8 @@ def require(names: list[str]) -> None:
 
 
 def write_formats(out: Path, count: int, names: list[str]) -> None:
-    """Frames 0 to count - 1 of the data set `out`, whole or not at all, in the folder out/NAME of each format; one that
-    is there is replaced."""
+    """Writes frames 0 to count - 1 of the data set `out`, each format into its folder out/NAME. Writes a folder whole
+    or not at all, and replaces an old one."""
     aside = out / ".unfinished"
     shutil.rmtree(aside, ignore_errors=True)
     aside.mkdir()

@@ -127,7 +127,7 @@ def _made(settings: Settings, out: Path, missing: list[int], workers: int) -> It
 
 
 def _made_here(settings: Settings, out: Path, missing: list[int]) -> Iterator[int]:
-    """A frame is written while the next one is rendered."""
+    """Makes frames here. Writes one while the next renders."""
     if not missing:
         return
     studio = Studio(settings)

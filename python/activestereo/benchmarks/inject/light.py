@@ -41,7 +41,7 @@ class View:
     static: np.random.Generator  # the same in all images of the capture
 
     def rays(self, shape: tuple[int, ...]) -> tuple[Image, Image]:
-        """(x / z, y / z) of the pixels' centres."""
+        """Ray slopes (x / z, y / z) through the pixels' centres."""
         v, u = np.indices(shape, dtype=np.float64)
         y = (v - self.K[1, 2]) / self.K[1, 1]
         return (u - self.K[0, 2] - self.K[0, 1] * y) / self.K[0, 0], y

@@ -75,7 +75,7 @@ def _far(profile: Profile, views: Views | None) -> Distance | None:
 
 
 def said(one: Exported) -> dict[str, Any]:
-    """The part of profiles.json that is about one."""
+    """One profile's part of profiles.json."""
     distances = {"default": one.default_distance, "exported": one.distance}
     return {
         "file": one.file.name,

@@ -21,7 +21,7 @@ from activestereo.sensor.rival_noise import gaussian
 
 @dataclass(frozen=True)
 class MujocoRos2Control(Profile):
-    """By default a D435i's data sheet without drop-outs."""
+    """The noise model. The defaults are a D435i's data sheet without drop-outs."""
 
     FILE = "mujoco_ros2_control.urdf"
     LACKS = (

@@ -70,7 +70,7 @@ def surface(mesh: Mesh, count: int, seed: int = 0) -> Surface:
 def _made(
     name: str, mesh: Mesh, material: kuafu.Material, turns: NDArray[np.float64], is_round: bool = False
 ) -> BenchmarkObject:
-    """From a mesh with y up that stands on y = 0."""
+    """Makes an object from a mesh with y up that stands on y = 0."""
     points = mesh.positions.astype(np.float64)
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     if is_round:

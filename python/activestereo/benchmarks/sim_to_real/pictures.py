@@ -39,8 +39,8 @@ def take_pictures(
     progress: Progress | None = None,
     things: tuple[BenchmarkObject, ...] | None = None,
 ) -> None:
-    """The depths that are missing of rounds 0 to rounds - 1. workers: processes that render with Mitsuba; our own
-    renderer fills a device by itself. things: objects(), perhaps of other materials."""
+    """Takes the missing depths of rounds 0 to rounds - 1. workers: processes that render with Mitsuba; our own renderer
+    fills a device by itself. things: objects(), perhaps of other materials."""
     missing = [number for number in range(rounds) if not folder.depth_path(world.name, split, number).exists()]
     if not missing:
         return
@@ -75,5 +75,5 @@ def _mitsuba_stage(settings: BenchmarkSettings) -> MitsubaStage:
 
 
 def _seed(seed: int, split: str, number: int) -> int:
-    """The seed of all that a round's pictures draw, another one for each round."""
+    """The seed of a round's random numbers, different for each round."""
     return int(np.random.SeedSequence([seed, SPLITS.index(split), number]).generate_state(1)[0] % 2**31)

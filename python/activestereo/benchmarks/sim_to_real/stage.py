@@ -189,7 +189,7 @@ def _furnish(scene: kuafu.Scene, room: Room) -> None:
 
 
 def any_material(material: kuafu.Material, random: np.random.Generator) -> kuafu.Material:
-    """One that nobody has measured: any roughness and albedo, a quarter of them metal, an eighth glass."""
+    """A random unmeasured material: any roughness and albedo, a quarter of them metal, an eighth glass."""
     kind = int(random.integers(8))
     material.metallic, material.transmission = float(kind in (1, 2)), float(kind == 0)
     material.roughness = 0.0 if kind == 0 else float(random.uniform(0.05, 1.0))

@@ -79,7 +79,7 @@ def _around(count: int) -> NDArray[np.float64]:
 
 
 def _side(surface: Surface, way: NDArray[np.float64], seed: int) -> Cloud:
-    """The points that are seen from far in direction `way`: the front points of each cell of a grid across it."""
+    """The points visible from far in direction `way`: the front points of each cell of a grid across it."""
     facing = surface.normals @ way > 0.1
     points, normals = surface.points[facing], surface.normals[facing]
     first = np.cross(way, [0.0, 0.0, 1.0] if abs(way[2]) < 0.9 else [1.0, 0.0, 0.0])

@@ -19,7 +19,7 @@ from activestereo.benchmarks.sim_to_real.worlds import SIMULATED
 
 @dataclass(frozen=True)
 class Model:
-    """A method with the setting that was best in a world."""
+    """A method with its best setting in a world."""
 
     method: str
     tuned_on: str
@@ -61,5 +61,5 @@ def tuned(errors: dict[str, NDArray[np.float64]], candidates: list[Candidate]) -
 
 
 def candidates_of(models: list[Model]) -> list[Candidate]:
-    """Each once: two worlds may have chosen the same setting."""
+    """Candidates without repeats: two worlds may choose the same setting."""
     return sorted({model.candidate for model in models})

@@ -53,11 +53,11 @@ class PairMatcher:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """The engine's, all of them."""
+        """All parameters of the engine."""
         return dict(self._engine.parameters)
 
     def set_settings(self, settings: AdvancedSettings) -> None:
-        """Other settings of the matcher from the next pair on; the depth table stays."""
+        """Sets the matcher for the next pairs; the depth table stays."""
         matcher = self._parameters(settings)
         self._engine.set_parameters(**{name: matcher[name] for name in self._engine.parameters if name in matcher})
 
@@ -66,7 +66,7 @@ class PairMatcher:
         return np.array(self._engine.compute(left, right, ("disparity",))["disparity"], np.float32)
 
     def image(self, left: NDArray[np.generic], right: NDArray[np.generic]) -> NDArray[np.uint16]:
-        """The depth image as the camera would send it: units of the depth table, or disparities; 0 = no measurement."""
+        """The depth image in the camera's format: units of the depth table, or disparities; 0 = no measurement."""
         if self.table.is_disparity:
             values = _DISPARITY_STEPS * np.maximum(self.disparity(left, right), 0.0).astype(np.float64)
         else:

@@ -47,7 +47,7 @@ def keys() -> dict[str, Key]:
 
 @dataclass(frozen=True)
 class AdvancedSettings:
-    """values: of the keys that were given, by the table's names (an alias under the name that it stands for)."""
+    """values: those of the given keys, by the table's names; an alias stands under its target's name."""
 
     values: Mapping[str, Value]
 

@@ -53,7 +53,7 @@ ROS2_DEPTH_SCALE_M = 0.001  # realsense-ros publishes 16UC1 in millimetres (REP 
 
 @dataclass
 class _Found:
-    """A bag's contents beside its images."""
+    """A bag's contents without its images."""
 
     intrinsics: dict[str, Camera] = field(default_factory=dict)
     baselines_m: dict[str, float] = field(default_factory=dict)
@@ -63,7 +63,7 @@ class _Found:
 
 
 def is_bag(path: Path) -> bool:
-    """A ROS 1 bag, or the folder or file of a ROS 2 one."""
+    """Whether the path is a ROS 1 bag, or the folder or file of a ROS 2 bag."""
     return path.suffix in (".bag", ".db3", ".mcap") or (path / "metadata.yaml").is_file()
 
 
@@ -136,7 +136,7 @@ def place_of(path: Path, topic: str, message: Any) -> NDArray[np.float64] | None
 
 
 def read_calibration(path: Path, baseline_m: float | None = None) -> DeviceText:
-    """The calibration alone, without an image read. baseline_m and errors as of extract_bag()."""
+    """Reads only the calibration. baseline_m and errors as in extract_bag()."""
     found = _Found()
     for topic, kind in topics(path):
         if kind in IMAGES and (stream := stream_of(topic)) is not None:
@@ -178,7 +178,7 @@ def has_color(path: Path) -> bool:
 
 
 def topics(path: Path) -> list[tuple[str, str]]:
-    """(topic, kind of message) of all that is wanted."""
+    """(topic, kind of message) of all topics to read."""
     with _opened(path) as reader:
         return [(c.topic, c.msgtype.split("/")[-1]) for c in _wanted(reader)]
 

@@ -165,7 +165,7 @@ def _opencv_size(entry: Entry, size: tuple[int, int] | None) -> tuple[int, int]:
 
 
 def _ordered(path: Path, lenses: Sequence[Camera], first_to_second: NDArray[np.float64]) -> DeviceText:
-    """The left camera is the one that the other lies right of."""
+    """Orders two cameras: the right one lies right of the left one."""
     if first_to_second[0, 3] > 0.0:
         return _device(path, lenses[::-1], np.linalg.inv(first_to_second))
     return _device(path, lenses, first_to_second)

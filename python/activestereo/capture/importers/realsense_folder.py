@@ -131,7 +131,7 @@ def _view_files(folder: Path, streams: dict[str, re.Pattern[str]]) -> list[Frame
 
 
 def _number(file: Path) -> float | None:
-    """The last one in its name."""
+    """The last number in a name."""
     found = _LAST_NUMBER.search(file.stem)
     return None if found is None else float(found[1])
 

@@ -41,7 +41,7 @@ class DeviceText:
     extrinsics: dict[tuple[str, str], NDArray[np.float64]]
 
     def intrinsic(self, stream: str, width: int, height: int) -> Camera:
-        """ValueError lists the modes that there are."""
+        """Intrinsics of a mode. Raises ValueError, which lists the modes."""
         found = self.intrinsics.get((stream, width, height))
         if found is None:
             known = [(w, h) for s, w, h in self.intrinsics if s == stream]

@@ -14,7 +14,7 @@ from activestereo.sensor.gbuffer.stereo import GBufferStereo
 
 
 def geom_materials(model: mujoco.MjModel) -> dict[int, kuafu.Material]:
-    """By geom, without textures."""
+    """Materials of each geom, without textures."""
     return {geom: kuafu.Material(**geom_surface(model, geom)) for geom in range(model.ngeom)}
 
 

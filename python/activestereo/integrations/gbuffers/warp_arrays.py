@@ -9,5 +9,5 @@ import warp as wp
 
 
 def as_array(values: wp.array) -> Any:
-    """Without a copy: NumPy's on a processor, torch's on CUDA."""
+    """A view without a copy: NumPy's on a processor, torch's on CUDA."""
     return values.numpy() if values.device.is_cpu else wp.to_torch(values)

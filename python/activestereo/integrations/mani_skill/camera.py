@@ -34,7 +34,7 @@ class _CameraMounts:
 
 @dataclass(frozen=True)
 class _Begun:
-    """A pipelined camera's picture: since which reset(), whether it is one of RGB, and from where."""
+    """A pipelined camera's picture: its reset() number, whether it includes RGB, and its poses."""
 
     reset: torch.Tensor
     has_rgb: bool
@@ -135,7 +135,7 @@ class StereoDepthCamera(Camera):
 
     @property
     def _reset(self) -> torch.Tensor:
-        """Another object after each reset()."""
+        """Marks a reset: a new object after each reset()."""
         return self._scene._reset_mask
 
     def _take_picture(self, with_rgb: bool) -> None:

@@ -88,7 +88,7 @@ def _tangents(config: StereoDepthSensorConfig) -> NDArray[np.float64]:
 
 
 def _centred(intrinsic: NDArray[np.float64]) -> NDArray[np.float64]:
-    """From SAPIEN's pixel centres at halves to ours at integers."""
+    """Moves SAPIEN's pixel centres at halves to ours at integers."""
     k = np.array(intrinsic, np.float64)
     k[:2, 2] -= 0.5
     return k

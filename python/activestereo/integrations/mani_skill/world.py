@@ -44,7 +44,7 @@ class ManiSkillWorld:
 
     @classmethod
     def for_scene(cls, scene: Any, device: str | int = "auto") -> ManiSkillWorld:
-        """The one that a ManiSkill scene has already, else a new one."""
+        """The world of a ManiSkill scene; makes one at the first call."""
         known = cls._known.get(id(scene))
         return cls(scene, device) if known is None or known.mani_skill_scene is not scene else known
 
@@ -63,7 +63,7 @@ class ManiSkillWorld:
         return self.bodies.move(self._poses())
 
     def _structs(self) -> Iterator[tuple[str, Any]]:
-        """Actors and links by names that are theirs alone."""
+        """Actors and links by unique names."""
         for name, actor in self.mani_skill_scene.actors.items():
             yield name, actor
         for name, articulation in self.mani_skill_scene.articulations.items():

@@ -31,7 +31,7 @@ _OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 class MujocoMirrorWarning(UserWarning):
-    """Something of a model has no likeness in the scene."""
+    """A part of a model has no counterpart in the scene."""
 
 
 class MujocoScene:
@@ -91,7 +91,7 @@ class MujocoScene:
         return MujocoMount(self, number, is_camera=body is None)
 
     def geom_of(self, semantic_id: int) -> str:
-        """The name of a geom in the picture 'semantic_id', which holds geom + 1 (0 = nothing)."""
+        """The name of a geom in the picture 'semantic_id', which stores geom + 1 (0 = no geom)."""
         return self._name(semantic_id - 1)
 
     def _add_geom(self, geom: int, groups: Sequence[int]) -> bool:

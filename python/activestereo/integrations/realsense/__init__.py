@@ -69,9 +69,9 @@ from activestereo.integrations.realsense.software_device import (
 
 
 def log_to_console(severity: log_severity) -> None:
-    """Nothing: there is nothing to log."""
+    """Ignored: there is nothing to log."""
 
 
 def __getattr__(name: str) -> NoReturn:
-    """AttributeError says why pyrealsense2's other names are not there."""
+    """Raises AttributeError with the reason why a pyrealsense2 name is missing."""
     raise AttributeError(reason(name) if name in NOT_SIMULATED else f"pyrealsense2 has no {name!r}, nor has {__name__}")

@@ -54,7 +54,7 @@ class World:
 
     @classmethod
     def of_environment(cls) -> World:
-        """The scene and the camera that ACTIVESTEREO_SCENE and ACTIVESTEREO_SENSOR name."""
+        """The scene and the camera in ACTIVESTEREO_SCENE and ACTIVESTEREO_SENSOR."""
         return cls(os.environ.get(SCENE_VARIABLE), os.environ.get(SENSOR_VARIABLE, "D435"))
 
 

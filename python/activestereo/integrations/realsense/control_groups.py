@@ -14,7 +14,7 @@ from activestereo.camera.advanced_mode.settings import keys, parse_settings
 
 @dataclass(frozen=True)
 class _Field:
-    """A key as a structure's number: scale times its own, or 1 less it."""
+    """A key as a structure's number: scale times the key, or 1 minus it."""
 
     key: str
     scale: float = 1.0

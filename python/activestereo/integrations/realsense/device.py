@@ -28,7 +28,7 @@ _worlds: list[World] = []
 
 
 def simulate(world: World) -> None:
-    """The world that cameras of this module look at from now on; pipelines that run keep theirs."""
+    """Sets the world for cameras of this module; running pipelines keep theirs."""
     _worlds[:] = [world]
 
 
@@ -107,7 +107,7 @@ class depth_sensor(sensor):
             self._values[option.enable_auto_exposure] = 0.0
 
     def get_depth_scale(self) -> float:
-        """Metres of one count."""
+        """Metres per count."""
         return self._camera.unit_m
 
 
@@ -149,7 +149,7 @@ class device(Castable):
         return self._color
 
     def hardware_reset(self) -> None:
-        """All options as they came."""
+        """Resets all options to their defaults."""
         self.camera.close()
         self.__init__(SimulatedCamera(self.camera.world))  # type: ignore[misc]  # the object stays the script's
 

@@ -61,7 +61,7 @@ class frame:
         return self.metadata[which]
 
     def keep(self) -> None:
-        """Nothing: a frame lives as long as something refers to it."""
+        """Ignored: a frame lives as long as its references."""
 
     def is_frame(self) -> bool:
         return True
@@ -119,7 +119,7 @@ class video_frame(frame):
 
 class depth_frame(video_frame):
     def get_units(self) -> float:
-        """Metres of one count."""
+        """Metres per count."""
         return self.unit_m
 
     def get_distance(self, x: int, y: int) -> float:

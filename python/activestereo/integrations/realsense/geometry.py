@@ -31,7 +31,7 @@ class intrinsics:
         return cls(*size, K[0, 2], K[1, 2], K[0, 0], K[1, 1], model, [float(c) for c in lens[:5]])
 
     def divided(self, factor: int) -> intrinsics:
-        """The intrinsics of an image with so many times fewer pixels."""
+        """The intrinsics of an image reduced by this factor."""
         return intrinsics(
             self.width // factor, self.height // factor, self.ppx / factor, self.ppy / factor,
             self.fx / factor, self.fy / factor, self.model, list(self.coeffs),

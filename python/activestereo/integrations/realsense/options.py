@@ -57,7 +57,7 @@ class Options:
         return None
 
     def set_option(self, which: option, value: float) -> None:
-        """RuntimeError, as librealsense's, for an option that there is not and a value out of its range."""
+        """Sets an option. Raises RuntimeError, as librealsense does, for an unknown option or a value out of range."""
         self._require(which)
         if which in self._read_only:
             raise RuntimeError(f"option {option(which).name} is read only")

@@ -65,7 +65,7 @@ class config:
         self.requests.clear()
 
     def enable_device(self, serial: str) -> None:
-        """Nothing: there is one camera, whatever its serial number."""
+        """Ignored: there is one camera, with any serial number."""
 
     def enable_device_from_file(self, file_name: str, repeat_playback: bool = True) -> None:
         raise RuntimeError(f"{file_name}: a simulated camera plays no recordings: 'activestereo import' reads them")
@@ -127,8 +127,8 @@ class pipeline_wrapper:
 
 
 class pipeline:
-    """One simulated camera's framesets. Time is the pictures': each is 1 / framerate after the one before, however long
-    its simulation took."""
+    """One simulated camera's framesets. Time follows the pictures: each comes 1 / framerate after the last, for any
+    duration of its simulation."""
 
     def __init__(self, ctx: context | None = None) -> None:
         self._device: device | None = None

@@ -206,4 +206,4 @@ class software_device:
         return self._info[which]
 
     def create_matcher(self, matcher: matchers) -> None:
-        """Nothing: a syncer puts frames of one number together, whatever the matcher."""
+        """Ignored: a syncer joins frames of one number with any matcher."""

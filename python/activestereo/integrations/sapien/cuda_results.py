@@ -46,7 +46,7 @@ class CudaResults:
     # ---- inside ----
 
     def _rgb(self) -> torch.Tensor:
-        """As auto_exposure.encoded_rgb(). The host sees only one number of the picture."""
+        """As auto_exposure.encoded_rgb(), on CUDA. Only the exposure factor passes through the host."""
         light = self._light()
         exposure = self._rgb_exposure or _exposure_of(light)
         # By float64, for not every torch's root of float32 is the nearest one.

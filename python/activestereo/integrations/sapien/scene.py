@@ -44,7 +44,7 @@ class SapienScene:
 
     @classmethod
     def for_scene(cls, scene: sapien.Scene) -> SapienScene:
-        """The one that a SAPIEN scene has already, else a new one."""
+        """The mirror of a SAPIEN scene; makes one at the first call."""
         known = cls._known.get(id(scene))
         return cls(scene) if known is None or known.sapien_scene is not scene else known
 

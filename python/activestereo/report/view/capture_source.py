@@ -51,7 +51,7 @@ class CaptureSource:
         ]
 
     def facts(self) -> dict[str, object]:
-        """The left camera as the page's depth and points need it."""
+        """The left camera for the page's depth and points."""
         rig = self._capture.rig
         return {
             "kind": "capture", "has_measured": True, "width": rig.left.width, "height": rig.left.height,
@@ -131,7 +131,7 @@ class CaptureSource:
 
     @computed_once
     def _model(self) -> SensorModel:
-        """Everything that is known of the sensor, without the settings of single frames."""
+        """All knowledge of the sensor, without settings of single frames."""
         capture, given = self._capture, self._given
         rig, projector = capture.rig, capture.rig.projector
         own = Rig(rig.left, rig.right, rig.left_to_right, projector.left_to_projector, rig.bit_depth, rig.line_time_s)

@@ -14,7 +14,7 @@ _JSON = "application/json"
 
 
 class Refused(Exception):
-    """A request that is not answered; the text is the one line to say why."""
+    """A refused request; the text is one line with the reason."""
 
     def __init__(self, status: HTTPStatus, text: str) -> None:
         super().__init__(text)

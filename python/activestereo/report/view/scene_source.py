@@ -34,7 +34,7 @@ class SceneSource:
         return [{"id": n, "label": f"camera {n}" if count else "all of it"} for n in range(max(count, 1))]
 
     def facts(self) -> dict[str, object]:
-        """The left camera as the page's depth and points need it."""
+        """The left camera for the page's depth and points."""
         width, height = self._left_config.ir_resolution
         return {
             "kind": "scene", "has_measured": False, "width": width, "height": height, "max_dn": self._max_dn(),

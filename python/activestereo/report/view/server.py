@@ -79,7 +79,7 @@ class ViewServer(ThreadingHTTPServer):
             self._free.release()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Nothing is said of a connection that broke: the client has gone."""
+        """Stays silent on a broken connection: the client has gone."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -98,7 +98,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer(self._call)
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Nothing is printed: requests carry the token."""
+        """Prints nothing, because requests carry the token."""
 
     def version_string(self) -> str:
         return "activestereo"

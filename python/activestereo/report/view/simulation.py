@@ -67,7 +67,7 @@ class Pictures:
 
 
 class Superseded(Exception):
-    """A picture that nobody waits for any more."""
+    """The page no longer waits for this picture."""
 
 
 class Simulation:
@@ -83,7 +83,7 @@ class Simulation:
     def picture(
         self, exposure: Exposure, settings: Settings, is_draft: bool, is_wanted: Callable[[], bool] = lambda: True
     ) -> Pictures:
-        """The exposure under these settings. Superseded where is_wanted() ceases to be true before it is rendered."""
+        """The exposure under these settings. Raises Superseded if is_wanted() turns false before the render."""
         begin = perf_counter()
         with self._one_at_a_time:
             if not is_wanted():

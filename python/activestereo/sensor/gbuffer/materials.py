@@ -48,7 +48,7 @@ class MaterialNumbers:
         return np.where(ids == _NONE, np.uint32(unknown), ids)
 
     def ids_of_tensor(self, numbers: Any) -> Any:
-        """The same of a torch tensor, on its device."""
+        """ids() of a torch tensor, on its device."""
         if self._ids_on_cuda is None:
             import torch
 

@@ -97,7 +97,7 @@ class GBufferStereo:
 
     @property
     def k(self) -> NDArray[np.float64]:
-        """The 3x3 matrix of the left infrared camera, which depth, normals and albedo have to be of."""
+        """The 3x3 matrix of the left infrared camera, which the depth, normals and albedo must have."""
         return self._k.copy()
 
     def get_config(self) -> StereoDepthSensorConfig:
@@ -105,8 +105,8 @@ class GBufferStereo:
         return deepcopy(self._config)
 
     def restart(self, seed: int | Sequence[int]) -> None:
-        """The next call is frame 0 under this seed: from here on all noise is as it was after the same restart. seed: a
-        number, or one for each environment, which then has that noise at any place among the others."""
+        """Makes the next call frame 0 under this seed; noise repeats after the same restart. seed: a number, or one for
+        each environment. With one for each, an environment's noise does not depend on its place."""
         given = np.asarray(seed, dtype=object)
         if given.ndim == 0:
             self._engine.set_parameters(noise_seed=int(_SEED.check("the seed", given.item())))
@@ -269,7 +269,7 @@ class GBufferStereo:
         )
 
     def _brighten(self, factors: NDArray[np.float32], is_laser_apart: bool) -> None:
-        """Brings each environment's images to its exposure."""
+        """Scales each environment's images to its exposure."""
         for link in [self._link, self._link.laser()] if is_laser_apart else [self._link]:
             images = link.images()
             images *= np.tile(factors, 2)[:, None, None]

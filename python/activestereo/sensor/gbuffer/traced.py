@@ -21,7 +21,7 @@ _NOTHING = 0xFFFFFFFF
 
 
 class TracedSensor(Protocol):
-    """The part of a StereoDepthSensor that causes need."""
+    """The members of a StereoDepthSensor that traced_causes() uses."""
 
     @property
     def scene(self) -> kuafu.Scene: ...
