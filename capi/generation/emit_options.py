@@ -126,7 +126,7 @@ def _option_table(what: str, structs: dict[str, Struct], owner: str, records: di
     records, which are given whole."""
     sources = ", ".join(s.source for s in (*structs.values(), *records.values()))
     text = [*textwrap.wrap("# " + GENERATED.format(sources), WIDTH, subsequent_indent="# "),
-            f'"""{what}: what a sensor\'s configuration and the command line have of them."""', "",
+            f'"""{what}, for a sensor\'s configuration and the command line."""', "",
             "from typing import Literal", "", "from activestereo.common.parameter import Parameter"]  # fmt: skip
     shown = {key: [f for f in named(s).fields if f.config] for key, s in structs.items()}
     for key, fields in (shown | {key: named(s).fields for key, s in records.items()}).items():

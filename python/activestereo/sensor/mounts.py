@@ -49,7 +49,7 @@ class RigPlace:
         return Pose(as_matrix(self._mount.pose) @ as_matrix(self.local))
 
     def matrix(self) -> NDArray[np.float64]:
-        """4x4 of pose(), read-only; kept until one of the two moves, for the checks take longer than the rest."""
+        """4x4 of pose(), read-only. Cached until the mount or the local pose moves, because its checks take longest."""
         mount, local = as_matrix(self._mount.pose), as_matrix(self.local)
         parts = mount.tobytes() + local.tobytes()
         if parts != self._parts:

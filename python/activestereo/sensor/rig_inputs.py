@@ -59,8 +59,7 @@ class RigInputs:
         self._inputs: EngineInputs | None = self._found()
 
     def inputs(self) -> EngineInputs:
-        """The engines' inputs, with the RGB camera at the origin; found again where sensor or conditions have
-        changed."""
+        """The engines' inputs, with the RGB camera at the origin. Recomputed after a change of sensor or conditions."""
         if self._inputs is None:
             inputs = self._found()
             if not self._is_closed:

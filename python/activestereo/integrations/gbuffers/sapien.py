@@ -9,8 +9,8 @@ _PICTURES = ("Position", "Normal", "Albedo")  # RGBA, floats; x right, y up, z b
 
 
 def sapien_gbuffers(camera: Any) -> dict[str, Any]:
-    """camera: sapien.render.RenderCameraComponent, one environment, or ManiSkill's RenderCamera (`camera.camera` of its
-    Camera), which has all. Pictures have been taken; its shader pack is 'default' or 'rt', with the sensor's matrix."""
+    """camera: sapien.render.RenderCameraComponent for one environment, or ManiSkill's RenderCamera (`camera.camera` of
+    its Camera) for all. It has taken its pictures, with shader pack 'default' or 'rt' and the sensor's matrix."""
     pictures = []
     for name in _PICTURES:
         picture = camera.get_picture(name)

@@ -57,7 +57,7 @@ class extrinsics:
 
 
 def deprojected(camera: intrinsics, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
-    """x and y at depth 1 of pixels, [2, ...]."""
+    """Points (x, y) at depth 1 through pixels [2, ...]."""
     x, y = (u - camera.ppx) / camera.fx, (v - camera.ppy) / camera.fy
     if any(camera.coeffs):
         x, y = undistort(x, y, camera.coeffs)

@@ -99,8 +99,7 @@ class StereoDepthSensor(Parameters):
         return self.native().get_depth().copy()
 
     def get_depth_cuda(self) -> DeviceArray:
-        """get_depth() on a CUDA device, through torch. Of a sensor made with on_cuda the next compute_depth() writes
-        into the same memory."""
+        """get_depth() on a CUDA device, through torch. With on_cuda the next compute_depth() overwrites it."""
         return DeviceArray(self._cuda_results().depth())
 
     def get_pointcloud(self, with_rgb: bool = False) -> NDArray[np.float32]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The reason in the world why a pixel was not measured; simsense's 'reason' says which of its checks refused it."""
+"""The physical cause of each unmeasured pixel. simsense's 'reason' names only the check that refused it."""
 
 from __future__ import annotations
 
