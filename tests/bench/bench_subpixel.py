@@ -62,7 +62,7 @@ def recorded_curve(views: list[View], found: list[Map]) -> NDArray[np.float64]:
 
 
 def wall(distance_m: float, turned_rad: float, curved: float) -> kuafu.Scene:
-    """Of albedo 0.5, in SAPIEN's axes; curved: height of its waves over the distance."""
+    """A surface of albedo 0.5, in SAPIEN's axes; curved: height of its waves over the distance."""
     scene = kuafu.Scene(kuafu.Device())
     side = 96 if curved else 2
     y, z = np.meshgrid(*2 * [np.linspace(-1.6, 1.6, side) * distance_m], indexing="ij")
