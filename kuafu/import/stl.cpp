@@ -102,9 +102,11 @@ class AsciiReader {
 
 Polygons read_stl(Import& import, View file) {
   // A binary header may begin with "solid" too, but the count behind it has a zero byte.
-  const bool is_ascii = lower_case(trimmed(file.substr(0, stl_header_bytes))).starts_with("solid") &&
-                        file.substr(0, stl_header_bytes).find('\0') == View::npos;
-  return is_ascii ? AsciiReader(file).read(import) : read_binary(import, file);
+  const View head = file.substr(0, stl_header_bytes);
+  View words = head.substr(head.starts_with("\xef\xbb\xbf") ? 3 : 0);
+  while (trimmed(words).starts_with('\n')) take_line(words);
+  const bool is_ascii = lower_case(trimmed(words)).starts_with("solid") && head.find('\0') == View::npos;
+  return is_ascii ? AsciiReader(without_mark(file)).read(import) : read_binary(import, file);
 }
 
 }  // namespace kuafu

@@ -393,10 +393,12 @@ TEST(MeshDialects, StlIsReadInCapitalsWithCommasInSeveralSolidsAndWithBytesBehin
   std::ranges::replace(commas, '.', ',');
   for (size_t at = pairs.find("0 0\n"); at != std::string::npos; at = pairs.find("0 0\n")) pairs.replace(at, 3, "0.0, 0");
   const std::string binary = binary_stl({"", {{0, 0, 0}, {0.5, 0, 0}, {0, 0.5, 0}}, {{0, 1, 2}}, 1, 0, 0});
-  for (const auto& [text, triangles] : {std::pair{capitals, 1u}, std::pair{commas, 1u}, std::pair{pairs, 1u},
-                                        std::pair{"solid a\n" + facet + "endsolid a\nsolid b\n" + facet + facet + "endsolid b\n", 3u},
-                                        std::pair{"solid empty\nendsolid empty\nsolid b\n" + facet + "endsolid b\n", 1u},
-                                        std::pair{binary, 1u}, std::pair{binary + "left behind", 1u}}) {
+  for (const auto& [text, triangles] :
+       {std::pair{capitals, 1u}, std::pair{commas, 1u}, std::pair{pairs, 1u},
+        std::pair{"solid a\n" + facet + "endsolid a\nsolid b\n" + facet + facet + "endsolid b\n", 3u},
+        std::pair{"solid empty\nendsolid empty\nsolid b\n" + facet + "endsolid b\n", 1u},
+        std::pair{"\n\r\n  solid x\n" + facet + "endsolid x\n", 1u}, std::pair{"\xef\xbb\xbfsolid x\n" + facet + "endsolid x\n", 1u},
+        std::pair{binary, 1u}, std::pair{binary + "left behind", 1u}}) {
     SCOPED_TRACE(text);
     const Measure found = measure(load_files({{"a.stl", text}}).scene);
     EXPECT_EQ(found.triangles, triangles);

@@ -265,6 +265,19 @@ def test_a_lamp_of_no_kind_is_one_line(tmp_path: Path) -> None:
         convert(path, tmp_path / "a.glb")
 
 
+@pytest.mark.parametrize("kind", ["SphereLight", "DistantLight", "DomeLight"])
+@pytest.mark.parametrize(
+    "line", ["float inputs:intensity = -5", "float inputs:intensity = inf", "float inputs:exposure = 2000",
+             "float inputs:intensity = nan", "color3f inputs:color = (1, -1, 1)"]
+)  # fmt: skip
+def test_a_lamp_without_a_light_is_one_line(tmp_path: Path, kind: str, line: str) -> None:
+    path = tmp_path / "a.usda"
+    path.write_text(f'{_HEAD}{_WALL}def {kind} "L"\n{{\n {line}\n}}\n')
+    with pytest.raises(UsdError, match=r"a.usda: /L: intensity \S+, exposure \S+, colour .* give no light") as error:
+        convert(path, tmp_path / "a.glb")
+    assert "\n" not in str(error.value)
+
+
 # A white wall 1 m below a lamp of 2 x 1 m: seen light falls on it from the front alone.
 def test_a_rectangle_shines_to_its_front(tmp_path: Path) -> None:
     seen = []

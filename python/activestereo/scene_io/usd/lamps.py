@@ -33,8 +33,13 @@ def radiance(stage: Stage, api: Any) -> np.ndarray:
     for name, attribute in (("diffuse", api.GetDiffuseAttr()), ("specular", api.GetSpecularAttr())):
         if float(stage.value(attribute, 1.0)) != 1.0:
             stage.tell(f"{api.GetPath()}: inputs:{name}, which no lamp has, is not read")
-    level = float(stage.value(api.GetIntensityAttr(), 1.0)) * 2.0 ** float(stage.value(api.GetExposureAttr(), 0.0))
-    return color * level / LUMENS_PER_WATT
+    intensity, exposure = stage.value(api.GetIntensityAttr(), 1.0), stage.value(api.GetExposureAttr(), 0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        light = color * float(intensity) * np.exp2(float(exposure)) / LUMENS_PER_WATT
+    if not (np.isfinite(light).all() and np.all(light >= 0.0)):
+        values = f"intensity {intensity:g}, exposure {exposure:g}, colour {', '.join(f'{c:g}' for c in color)}"
+        raise UsdError(f"{stage.path}: {api.GetPath()}: {values} give no light: it must be finite and at least 0")
+    return light
 
 
 def add_lamp(stage: Stage, writer: GltfWriter, prim: Any, to_stage: np.ndarray, to_world: np.ndarray) -> None:
