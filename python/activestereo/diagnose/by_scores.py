@@ -211,9 +211,8 @@ def _open_ranking(outcome: Outcome, context: DiagnosisContext) -> Ranking:
     pixels = sum(o.pixels for o in outcome.fitter.observations)
     tiles = np.bincount(np.concatenate([p.tile for p in outcome.fitter.pixels()]), minlength=evidence.tiles)
     findings = []
-    if outcome.names:
-        first, seen = outcome.names[0], outcome.rounds[0]
-        for id in first.members:
+    if outcome.names and (seen := outcome.names[0].seen) is not None:
+        for id in outcome.names[0].members:
             if id in seen.fits:
                 s = seen.fits[id].solution
                 nats = nats_of(seen.chi2, s.sums.total, pixels, 1.0)

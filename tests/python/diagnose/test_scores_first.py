@@ -11,8 +11,12 @@ import pytest
 
 import activestereo.report
 from activestereo.diagnose import diagnose
+from activestereo.diagnose.answer.by_scores import ranking_of
 from activestereo.diagnose.numbers import NUMBERS
+from activestereo.diagnose.score.intervals import Interval
 from activestereo.diagnose.search.dictionary import carried
+from activestereo.diagnose.search.loop import Name, Round
+from activestereo.diagnose.search.refit import Refit
 from activestereo.diagnose.search.selection import credible
 from activestereo.diagnose.search.verdict import EFFECT, NONE, UNDETERMINED, UNKNOWN, Remainder, verdict_of
 from activestereo.effects import Parameter, Stage, builtin, effect
@@ -136,6 +140,40 @@ def fitter_of(index, root_weight):
         index=np.array(index), root_weight=np.array(root_weight), observation=SimpleNamespace(measured=measured)
     )
     return SimpleNamespace(pixels=lambda: [pixels])
+
+
+def test_what_a_name_cannot_be_told_from_has_the_figures_of_its_own_round():
+    """A name of an earlier round may have gone as needless."""
+    vignetting = EFFECTS["vignetting"]
+    rounds = round_of(200.0, radial_distortion=150.0, projector_vignetting=190.0), round_of(150.0, vignetting=100.0,
+        projector_vignetting=110.0)  # fmt: skip
+    found = {p.name: Interval(p.typical, p.low, p.high, p.unit) for p in vignetting.parameters}
+    outcome = SimpleNamespace(
+        names=(Name(vignetting, {"vignetting": 0.8, "projector_vignetting": 0.2}, 0.5, seen=rounds[1]),),
+        rounds=rounds,
+        noise={"vignetting": SimpleNamespace(effect=vignetting, own=None, parameters=found)},
+        first=fitted("vignetting", 200.0),
+        solution=fitted("vignetting", 100.0),
+        fitter=SimpleNamespace(
+            observations=[SimpleNamespace(pixels=100)], pixels=lambda: [SimpleNamespace(tile=np.arange(100) % 4)]
+        ),
+        evidence=SimpleNamespace(tiles=4),
+        rest=Remainder(1.0, 0.0, 0.0, 1.0),
+    )
+    twin = ranking_of(outcome, NUMBERS, True, str)[1]
+    assert (twin["effect"], twin["equivalent"]) == ("projector_vignetting", ["vignetting"])
+    assert twin["gain_reduced_chi2"] == pytest.approx((150.0 - 110.0) / 100)
+
+
+def round_of(chi2, **fits):
+    return Round({}, {}, chi2, 0.0, 0.0, {name: Refit(fitted(name, total)) for name, total in fits.items()})
+
+
+def fitted(name, chi2):
+    """As much of a Solution as a ranking looks at."""
+    sums = SimpleNamespace(total=chi2, tile_chi2=np.full(4, chi2 / 4))
+    neutral = np.array([p.neutral for p in EFFECTS[name].parameters])
+    return SimpleNamespace(sums=sums, effects=[EFFECTS[name]], theta=neutral)
 
 
 @pytest.mark.parametrize(

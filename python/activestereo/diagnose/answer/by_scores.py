@@ -66,10 +66,10 @@ def ranking_of(
         same = [other for other in name.members if other != name.id]
         sure = known if verdict_is_effect else 1.0 - known
         add(name.effect, name.gain, nats, sure * name.members[name.id], parameters_of(outcome, name), same)
-    for name, seen in zip(outcome.names, outcome.rounds, strict=False):
+    for name in outcome.names:
         for member, p in name.members.items():
-            if member in seen.fits:
-                _add_fit(outcome, seen, member, known * p, [m for m in name.members if m != member], add)
+            if name.seen is not None and member in name.seen.fits:
+                _add_fit(outcome, name.seen, member, known * p, [m for m in name.members if m != member], add)
     for seen in (outcome.rounds[-1], *outcome.rounds[:1]):
         for member in sorted(seen.fits, key=lambda m: seen.fits[m].chi2):
             _add_fit(outcome, seen, member, 0.0, [], add)

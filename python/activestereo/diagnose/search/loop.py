@@ -51,23 +51,6 @@ Fields = dict[str, tuple[float, FieldFit]]
 
 
 @dataclass(frozen=True)
-class Name:
-    """An effect that was named. members: {effect: probability} of the set that this recording cannot tell apart, itself
-    first. gain: the fall of the mean square, noise variances. missed: the share of it that the effect's formula may
-    have missed. field: its draws."""
-
-    effect: Effect
-    members: dict[str, float]
-    gain: float
-    missed: float = 0.0
-    field: FieldFit | None = None
-
-    @property
-    def id(self) -> str:
-        return self.effect.id
-
-
-@dataclass(frozen=True)
 class Round:
     """The findings of one round of a search. floor, chance: what a name needs, as gain is: a fall of chi2 over chi2."""
 
@@ -80,6 +63,24 @@ class Round:
     members: dict[str, float] = field(default_factory=dict)
     gain: float = 0.0
     chance: float = 0.0
+
+
+@dataclass(frozen=True)
+class Name:
+    """An effect that was named. members: {effect: probability} of the set that this recording cannot tell apart, itself
+    first. gain: the fall of the mean square, noise variances. missed: the share of it that the effect's formula may
+    have missed. field: its draws. seen: the round that named it, None where repeats show it."""
+
+    effect: Effect
+    members: dict[str, float]
+    gain: float
+    missed: float = 0.0
+    field: FieldFit | None = None
+    seen: Round | None = None
+
+    @property
+    def id(self) -> str:
+        return self.effect.id
 
 
 @dataclass(frozen=True)
@@ -124,6 +125,7 @@ class Search:
         self._numbers, self._rendering, self._located = numbers, rendering, located
         self._memory, self._workers, self._looks_like = memory, workers, looks_like
         self._names: list[Name] = []
+        self._needless: set[str] = set()
         self._rounds: list[Round] = []
         self._measured = evidence
         self._look_at(evidence)
@@ -187,7 +189,7 @@ class Search:
         return self._fitter.prior_sigmas(self._solution, self._first)
 
     def _unnamed(self, atoms: Sequence[Atom]) -> list[Atom]:
-        return [a for a in atoms if a.effect.id not in {n.id for n in self._names}]
+        return [a for a in atoms if self._is_open(a.effect)]
 
     def _look_at(self, evidence: Evidence) -> None:
         """Takes evidence in place of the last one."""
@@ -223,7 +225,7 @@ class Search:
         name = next(iter(members))
         gain = self._chi2 - left[name]
         chance = by_chance(atoms, seen, numbers.alpha) if gain < _CLEAR * floor else 0.0
-        self._rounds[-1] = replace(
+        now = self._rounds[-1] = replace(
             now, fits=fits, members=members, gain=gain / self._chi2, chance=chance / self._chi2
         )
         if gain < max(floor, chance):
@@ -232,7 +234,7 @@ class Search:
         is_rendered = name not in fits or fits[name].rendered
         missed = 0.0 if is_rendered else formula_error(effect, numbers.formula_error)
         drawn = fields[name][1] if name not in fits else None
-        named = Name(effect, members, gain / self._pixels, missed, drawn)
+        named = Name(effect, members, gain / self._pixels, missed, drawn, now)
         self._names.append(named)
         if named.field is None:
             self._take(fits[name].solution)
@@ -250,7 +252,11 @@ class Search:
         return fields_of(self._unnamed_effects(), self._rows, float(self._solution.phi[SCALES - 1]))
 
     def _unnamed_effects(self) -> list[Effect]:
-        return [e for e in self._effects if e.id not in {n.id for n in self._names}]
+        return [e for e in self._effects if self._is_open(e)]
+
+    def _is_open(self, effect: Effect) -> bool:
+        """Whether an effect may be named yet. A needless name stays out, so that a search ends."""
+        return effect.id not in self._needless | {n.id for n in self._names}
 
     def _may_be_draws(self, name: str) -> bool:
         """Draws leave no structure, unless pixels that lie together share them."""
@@ -319,6 +325,7 @@ class Search:
             without = self._fitter.refine(space, space.start, self._solution.phi, _SETTLING)
             if without.sums.total - self._chi2 < self._numbers.least_excess * self._pixels:
                 self._names.remove(name)
+                self._needless.add(name.id)
                 self._solution = without
                 self._rows = self._rows_of(without)
 
