@@ -97,7 +97,7 @@ def add_parser(commands: Commands) -> None:
         help="refine what surfaces, air and lights do by kuafu's own images (default; --no-refine saves a minute or "
              "two on two cores)",
     )
-    text = "score all effects first and fit the few that matter: a first word in seconds, a name more until none passes"
+    text = "score all effects first and fit the few that matter, a name more until none passes (on trial)"
     parser.add_argument("--scores-first", action="store_true", help=text)
     parser.add_argument("--alpha", type=positive_share, metavar="P", help="probability of a name by chance")
     text = "least share of the squared error (of depth: of the disparity's) that a name removes, at the lower end"
