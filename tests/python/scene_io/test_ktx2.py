@@ -145,7 +145,7 @@ def test_scene_files_are_loaded_in_one_place() -> None:
     package = Path(activestereo.__file__).resolve().parent
     calls = re.compile(r"\b(?:scene|_scene|alone)\.load\(")
     found = {str(path.relative_to(package)) for path in package.rglob("*.py") if calls.search(path.read_text("utf-8"))}
-    assert found == {"scene_io/ktx2.py", "scene_io/scene_files.py", "scene_io/usd/convert.py"}
+    assert found == {f"scene_io/{name}.py" for name in ("ktx2", "parts", "scene_files", "usd/convert")}
 
 
 def test_log_lines_name_the_callers_file(
