@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 # Changes whenever the filter does.
-SMOOTH_VERSION = 5
+SMOOTH_VERSION = 6
 
 # Cubic B-spline, 5 taps.
 _TAPS = np.array([1, 4, 6, 4, 1]) / 16.0
 # A level doubles the reach; so many make about this angle, whatever the resolution.
-_REACH_RAD = 0.04
+_REACH_RAD = 0.02
 # Neighbours count less by their distance from the tangent plane, in shares of depth, and by their normals' angle:
 # cosine^24.
 _PLANE_SHARE = 0.006
