@@ -107,13 +107,13 @@ class KuafuRenderer:
         )
         few, fewer = (
             _with_share_of_samples(request, matt_world.FINER**2 * share)
-            for share in (matt_world.BOUNCED_SHARE, matt_world.SKY_SHARE)
+            for share in (matt_world.BOUNCED_SHARE, matt_world.FIRST_SHARE)
         )
         _place_projector(world, request, world.texture)
         bounced = self._render(
             world, few, list(map(_camera, wide)), matt_world.SURFACE + _BOUNCED, request.max_bounces, progress
         )
-        sky = self._render(world, fewer, list(map(_camera, wide)), _BOUNCED[1:], 0, None)
+        sky = self._render(world, few, list(map(_camera, wide)), _BOUNCED[1:], 0, None)
         first = self._render(world, fewer, list(map(_camera, finer)), matt_world.FIRST, 0, None)
         seen = self._render(world, fewer, list(map(_camera, request.cameras)), matt_world.SURFACE, 0, None)
         light = np.stack([bounced["projector_indirect"], bounced["ambient"], sky["ambient"]])[..., 0]

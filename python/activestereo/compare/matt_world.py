@@ -22,12 +22,12 @@ from activestereo.effects.engines.smooth import Surfaces, alike, smooth_bounced
 FINER = 2
 FIRST = ("albedo", "projector_geometry", "projector_visibility", "projector_uv")
 SURFACE = ("depth", "normal", "material_id")
-# Part of a view's samples that its bounced light takes, and the sky that a surface sees by itself.
-BOUNCED_SHARE, SKY_SHARE = 0.25, 1.0 / 16.0
+# Part of a view's samples that light by way of surfaces and from the sky takes, and the first surface's geometry.
+BOUNCED_SHARE, FIRST_SHARE = 0.25, 1.0 / 16.0
 # Light that would come to a pixel from no neighbour of its surface comes from all of them.
 _LEAST_ALIKE = 1e-4
 # Changes whenever the light does.
-VERSION = 1
+VERSION = 2
 
 
 def surfaces_of(images: Mapping[str, NDArray], i: int, camera: ViewCamera) -> Surfaces:
