@@ -126,7 +126,7 @@ def test_the_answer_is_an_object_to_work_with(hidden_shading):
 
 
 def test_columns_follow_their_pixels_to_another_fitter():
-    """Where a capture stands elsewhere, other surfaces are seen, and the same pixels are kept in another order."""
+    """A capture that stands elsewhere sees other surfaces, and keeps the same pixels in another order."""
     first = fitter_of([0, 1, 2, 3], [1.0, 1.0, 2.0, 2.0])
     other = fitter_of([2, 0, 3, 5], [4.0, 1.0, 2.0, 1.0])
     columns = np.array([[10.0, 11.0, 12.0, 13.0]], np.float32)

@@ -37,7 +37,7 @@ class DotView:
         self.box_u, self.box_v = self._footprint()
 
     def _at(self, view: PickedView) -> DotView:
-        """That of some pixels: their boxes are those of the whole image."""
+        """The view at some pixels, whose boxes are those of the whole image."""
         some = copy(self)
         some.__dict__ = {"_view": view, "_pattern": self._pattern}
         for name in ("z", "lit", "u", "v", "box_u", "box_v"):
