@@ -17,7 +17,6 @@ OPENERS_OF = {"np": _ARRAYS, "numpy": _ARRAYS, "json": {"load", "dump"}, "pickle
 # What is no user's file, or cannot be a pipe.
 OTHERS = {
     ("cli/__init__.py", "os.open(os.devnull, os.O_WRONLY)"): "the null device",
-    ("benchmarks/sim_to_real/files.py", "np.savez_compressed(file, **arrays)"): "replace_file()'s",
     ("cli/depth.py", "np.save(file, depth.astype(np.float32))"): "replace_file()'s",
     ("cli/depth.py", "np.save(file, np.maximum(disparity, 0.0).astype(np.float32))"): "replace_file()'s",
     ("compare/cache.py", "np.savez(file, **arrays)"): "replace_file()'s",

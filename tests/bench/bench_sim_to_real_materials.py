@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compares what `calibrate materials` finds of the objects of `activestereo benchmark sim-to-real` as the foreign world
-of Mitsuba 3 has them.
+"""Compares what `calibrate materials` finds of the objects of bench_sim_to_real.py as the foreign world of Mitsuba 3
+has them.
 
     pip install mitsuba     # 3.9 was tried
     PYTHONPATH=build/python:tests/python/shared python3 tests/bench/bench_sim_to_real_materials.py --out out/materials
-    activestereo benchmark sim-to-real ablate out/gap --only materials --measured out/materials/model.json
+    python3 tests/bench/bench_sim_to_real.py ablate out/gap --measured out/materials/model.json
 
 Mitsuba records two poses of each object with its own materials; the scene says what the simulation has. An object's
 result is a file of its own, so that processes, each with --only, share a machine; each then writes model.json of what
@@ -23,8 +23,8 @@ from material_worlds import record
 from material_worlds_mitsuba import MitsubaWorld
 
 from activestereo.calibrate.materials import calibrate_materials
-from activestereo.benchmarks.sim_to_real.foreign_mitsuba import foreign_bsdf
-from activestereo.benchmarks.sim_to_real.objects import objects
+from sim_to_real.foreign_mitsuba import foreign_bsdf
+from sim_to_real.objects import objects
 from activestereo.model import SensorModel, read_model
 from activestereo.model.write import write_model
 

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compares what `calibrate noise` finds of the camera of `activestereo benchmark sim-to-real`'s foreign world of
-Mitsuba 3: the model of its noise and its parameters, from repeats of views in which nothing moves. None of them is a
+"""Compares what `calibrate noise` finds of the camera of bench_sim_to_real.py's foreign world of Mitsuba 3: the
+model of its noise and its parameters, from repeats of views in which nothing moves. None of them is a
 test view.
 
     pip install mitsuba     # 3.9 was tried
     PYTHONPATH=build/python python3 tests/bench/bench_sim_to_real_noise.py --out out/noise
-    activestereo benchmark sim-to-real run --foreign mitsuba --imager out/noise/model.json --out out/gap
+    python3 tests/bench/bench_sim_to_real.py run out/gap --foreign mitsuba --imager out/noise/model.json
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ import numpy as np
 
 from activestereo.calibrate.frames import Repeats
 from activestereo.calibrate.noise import calibrate_noise
-from activestereo.benchmarks.sim_to_real.foreign_mitsuba import MitsubaStage
-from activestereo.benchmarks.sim_to_real.objects import objects
-from activestereo.benchmarks.sim_to_real.stage import CameraSettings
-from activestereo.benchmarks.sim_to_real.views import round_of_views
+from sim_to_real.foreign_mitsuba import MitsubaStage
+from sim_to_real.objects import objects
+from sim_to_real.stage import CameraSettings
+from sim_to_real.views import round_of_views
 from activestereo.model.write import write_model
 
 

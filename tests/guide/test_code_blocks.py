@@ -40,10 +40,10 @@ SPECIAL: dict[str, tuple[str, str]] = {
     r"build/bin/kuafu_\w+_tests": ("test -n {0}", "it is a test of its own"),
     r"/usr/bin/python3 -m pytest": ("test -f {4}", "it is a test of its own; its file is there"),
     r"bench_\w+": ("test -x build/bin/{0}", "benchmarks are run by hand; the program is there"),
-    r"/usr/bin/python3 \S+/(bench_\w+|run_\w+|noisy_planes).py": ("test -f {1}", "it is run by hand; it is there"),
+    r"/usr/bin/python3 \S+/((bench|run|train)_\w+|noisy_planes).py": ("test -f {1}", "it is run by hand; it is there"),
     r"pip install|pre-commit|sudo|apt-get": ("true", "it installs packages; tests/wheel.sh tries the wheel"),
     r"python3 -m venv|out/clean/bin/": ("true", "it needs a wheel; python/wheels.sh runs the same lines"),
-    r"python3 examples/(gbuffers|mani_skill_depth|mujoco_wrist|sapien_sensor|train_depth_policy)/":
+    r"python3 examples/(gbuffers|mani_skill_depth|mujoco_wrist|sapien_sensor)/":
         ("test -f {1}", "it needs a package that Debian lacks; tests/guide/test_examples.py runs it where it is"),
     r"/usr/bin/python3 examples/notebooks/run.py": ("test -f {1}", "it runs the pages of the notebooks, as tests do"),
     r"rs-enumerate-devices": ("true", "it needs a RealSense camera"),

@@ -67,8 +67,8 @@ def test_train_depth_policy(tmp_path, monkeypatch):
     results."""
     pytest.importorskip("torch", reason="the package torch is not installed (pip install torch)")
     pytest.importorskip("cv2", reason="OpenCV is not installed (pip install opencv-python-headless)")
-    monkeypatch.syspath_prepend(EXAMPLES / "train_depth_policy")
-    example = load(EXAMPLES / "train_depth_policy/train_depth_policy.py")
+    monkeypatch.syspath_prepend(EXAMPLES.parent / "tests/bench/depth_policy")
+    example = load(EXAMPLES.parent / "tests/bench/depth_policy/train_depth_policy.py")
     world = example.GraspWorld(8, "clean", size_px=32)
     depth = world.reset()
 
@@ -86,13 +86,13 @@ def test_train_depth_policy(tmp_path, monkeypatch):
 def test_mitsubas_wrist_camera_sees_what_ours_does(tmp_path, monkeypatch):
     pytest.importorskip("mitsuba", reason="the package mitsuba is not installed (pip install mitsuba)")
     pytest.importorskip("cv2", reason="OpenCV is not installed (pip install opencv-python-headless)")
-    monkeypatch.syspath_prepend(EXAMPLES / "train_depth_policy")
-    foreign = load(EXAMPLES / "train_depth_policy/foreign_worlds.py")
+    monkeypatch.syspath_prepend(EXAMPLES.parent / "tests/bench/depth_policy")
+    foreign = load(EXAMPLES.parent / "tests/bench/depth_policy/foreign_worlds.py")
     mitsuba, clean = foreign.foreign_world(2, 4, "mixed", "mitsuba"), foreign.GraspWorld(2, "clean", seed=4)
     depth, truth = mitsuba.reset(seed=7), clean.reset(seed=7)
     assert (np.abs(depth - truth) < 0.01).mean() > 0.6
     np.testing.assert_array_equal(mitsuba.reset(seed=7), depth)
-    load(EXAMPLES / "train_depth_policy/episodes.py").film(
+    load(EXAMPLES.parent / "tests/bench/depth_policy/episodes.py").film(
         tmp_path / "episodes.gif", {"still": lambda seen: np.zeros((len(seen), 4))}, 1, 3, "hard"
     )
     with Image.open(tmp_path / "episodes.gif") as film:

@@ -1,4 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Benchmarks and data sets that use the sensor: sim_to_real, grasp, generate. Nothing but the command line imports
-them.
-"""
+"""Comparisons of simulated with real depth, and data sets. Nothing but the command line imports them."""

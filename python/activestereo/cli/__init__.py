@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: activestereo demo | simulate | view | presets | depth | pair | depth-quality | compare | diagnose |
 add | model | calibrate | import | capture | overlay | effect | generate | resense | benchmark | cache | devices |
-doctor | completion, one file each. This one parses, runs and makes failures one line."""
+doctor, one file each. This one parses, runs and makes failures one line."""
 
 import argparse
 import io
@@ -22,7 +22,6 @@ from activestereo.cli import (
     calibrate,
     capture,
     compare,
-    completion,
     demo,
     depth,
     depth_quality,
@@ -69,7 +68,6 @@ _COMMANDS = (
     cache,
     devices,
     doctor,
-    completion,
 )
 
 # What is said where no command is given; README.md has the same table.
@@ -104,7 +102,6 @@ def make_parser() -> argparse.ArgumentParser:
     text = "files that captures, models and lists of recordings name may lie outside of their folders"
     parser.add_argument("--allow-outside", action="store_true", help=text)
     parser.add_argument("--version", action="version", version=f"activestereo {activestereo.__version__}")
-    parser.set_defaults(parser=parser)  # for completion, which tells all of it
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for command in _COMMANDS:
         command.add_parser(commands)
@@ -113,6 +110,10 @@ def make_parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command. Returns one of exit_codes."""
+    if "_ARGCOMPLETE" in os.environ:  # a shell asks for completions, and the process ends here
+        import argcomplete
+
+        argcomplete.autocomplete(make_parser())
     if sys.stdout is None or sys.stderr is None:
         closed = "standard output is closed: send it to a file or to /dev/null"
         return USAGE if sys.stderr is None else _fail(closed, USAGE)

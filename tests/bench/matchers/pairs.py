@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import zoom
 
 import kuafu
-from activestereo.benchmarks.left_view import with_rgb_at_left
-from activestereo.benchmarks.sim_to_real.objects import objects
-from activestereo.benchmarks.sim_to_real.stage import CameraSettings, any_material, crop
+from activestereo.benchmarks.realism.methods import with_rgb_at_left
+from sim_to_real.objects import objects
+from sim_to_real.stage import CameraSettings, any_material, crop
 from activestereo.common.pose import CAMERA_TO_BODY, look_at
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh

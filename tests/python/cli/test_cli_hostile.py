@@ -87,7 +87,7 @@ def test_what_nobody_foresaw_is_one_line(monkeypatch, capsys, raised, said):
     assert text.count("\n") == 1 and said in text
 
 
-@pytest.mark.parametrize("arguments", [["effect", "check", "a\nb"], ["completion", "a\nb"], ["a\nb"]])
+@pytest.mark.parametrize("arguments", [["effect", "check", "a\nb"], ["devices", "a\nb"], ["a\nb"]])
 def test_a_name_of_two_lines_is_told_in_one(run, arguments):
     assert r"a\nb" in one_line(run(*arguments))
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo.benchmarks.left_view import with_rgb_at_left
 from activestereo.benchmarks.realism.views import Map, RealView
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import CAMERA_TO_BODY, Pose
@@ -129,3 +128,11 @@ def _robust(terms: NDArray[np.float64], counts: NDArray[np.float64]) -> NDArray[
         error = np.abs(counts - terms @ levels)
         weights = np.minimum(1.0, 1.5 * np.median(error) / np.maximum(error, 1e-9))
     return levels
+
+
+def with_rgb_at_left(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
+    """The configuration, changed: its RGB camera takes the left infrared one's place; the rest stays."""
+    to_left = np.linalg.inv(config.trans_pose_l.to_transformation_matrix())
+    for name in ("pose_rgb_irproj", "trans_pose_r", "trans_pose_l"):
+        setattr(config, name, Pose(to_left @ getattr(config, name).to_transformation_matrix()))
+    return config

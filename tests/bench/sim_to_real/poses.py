@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.benchmarks.sim_to_real.files import Candidate, RunFolder
-from activestereo.benchmarks.sim_to_real.methods import errors_of_round
-from activestereo.benchmarks.sim_to_real.objects import objects
-from activestereo.benchmarks.sim_to_real.views import round_of_views
-from activestereo.benchmarks.sim_to_real.workers import each_done
+from sim_to_real.files import Candidate, RunFolder
+from sim_to_real.methods import errors_of_round
+from sim_to_real.objects import objects
+from sim_to_real.views import round_of_views
+from sim_to_real.workers import each_done
 from activestereo.common.progress_bar import Progress
 
 
@@ -49,8 +49,7 @@ def errors_of(
     if len(there) < len(found) or not there:
         name = folder.errors_path(world, split, len(there))
         raise ValueError(
-            f"{folder.path} is not finished: {name} is missing; 'activestereo benchmark sim-to-real run' goes on "
-            "with it"
+            f"{folder.path} is not finished: {name} is missing; 'bench_sim_to_real.py run' goes on with it"
         )
     return np.concatenate(there, axis=1)
 

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.benchmarks.sim_to_real.mitsuba_scene import mitsuba, pose, projector
-from activestereo.benchmarks.sim_to_real.views import rotation
+from sim_to_real.mitsuba_scene import mitsuba, pose, projector
+from sim_to_real.views import rotation
 from activestereo.camera.plan import pattern_k
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pattern import PatternDesign, make_pattern

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.benchmarks.sim_to_real.clouds import LEAST, Cloud
-from activestereo.benchmarks.sim_to_real.icp import Icp, IcpSetting
-from activestereo.benchmarks.sim_to_real.objects import Surface
+from sim_to_real.clouds import LEAST, Cloud
+from sim_to_real.icp import Icp, IcpSetting
+from sim_to_real.objects import Surface
 
 _TRIED = 8  # the poses with the most votes
 # For the model: sampling and the features' steps, relative to its size. For the scene: number of voting points, and

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from activestereo.benchmarks.sim_to_real.objects import BenchmarkObject
-from activestereo.benchmarks.sim_to_real.stage import NoiseModel
+from sim_to_real.objects import BenchmarkObject
+from sim_to_real.stage import NoiseModel
 from activestereo.effects.engines.world import copy_record
 from activestereo.model import read_model
 

@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 
 from activestereo.sensor.depth_modes import DepthCamera
-from activestereo.benchmarks.sim_to_real.foreign_mitsuba import foreign_room, foreign_things
-from activestereo.benchmarks.sim_to_real.mitsuba_camera import MitsubaCamera
-from activestereo.benchmarks.sim_to_real.sgbm import Sgbm
+from sim_to_real.foreign_mitsuba import foreign_room, foreign_things
+from sim_to_real.mitsuba_camera import MitsubaCamera
+from sim_to_real.sgbm import Sgbm
 from stereo_grasp import GraspWorld
 from stereo_grasp.world import CAMERA_ON_GRIPPER
 from activestereo.common.pose import Pose
@@ -50,7 +50,7 @@ class ForeignCamera:
 
 class MitsubaWrist:
     """Images of Mitsuba 3 with its materials, light, optics and noise (the table in
-    activestereo/benchmarks/sim_to_real/foreign_mitsuba.py says what differs), and OpenCV's StereoSGBM."""
+    tests/bench/sim_to_real/foreign_mitsuba.py says what differs), and OpenCV's StereoSGBM."""
 
     def __init__(self, world: GraspWorld) -> None:
         self._world, config = world, world.camera.sensors.get_config()

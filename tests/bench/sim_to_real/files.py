@@ -97,7 +97,7 @@ class RunFolder:
         try:
             found = read_json(path)
         except FileNotFoundError:
-            advice = "make one with 'activestereo benchmark sim-to-real run --out DIR'"
+            advice = "make one with 'bench_sim_to_real.py run DIR'"
             raise ValueError(f"{self.path} has no run: {advice}") from None
         if not isinstance(found, dict):
             raise ValueError(f"{path}: is not an object of settings")

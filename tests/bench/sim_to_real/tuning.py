@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.benchmarks.sim_to_real.files import Candidate, RunFolder
-from activestereo.benchmarks.sim_to_real.methods import METHODS
-from activestereo.benchmarks.sim_to_real.pose_error import CRITERIA, successes
-from activestereo.benchmarks.sim_to_real.poses import errors_of
-from activestereo.benchmarks.sim_to_real.settings import BenchmarkSettings
-from activestereo.benchmarks.sim_to_real.worlds import SIMULATED
+from sim_to_real.files import Candidate, RunFolder
+from sim_to_real.methods import METHODS
+from sim_to_real.pose_error import CRITERIA, successes
+from sim_to_real.poses import errors_of
+from sim_to_real.settings import BenchmarkSettings
+from sim_to_real.worlds import SIMULATED
 
 
 @dataclass(frozen=True)

@@ -27,12 +27,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo.benchmarks.sim_to_real.mitsuba_camera import MitsubaCamera
-from activestereo.benchmarks.sim_to_real.mitsuba_scene import grey, mesh, mitsuba, use_one_thread
-from activestereo.benchmarks.sim_to_real.objects import BenchmarkObject
-from activestereo.benchmarks.sim_to_real.sgbm import Sgbm
-from activestereo.benchmarks.sim_to_real.stage import CameraSettings, crop
-from activestereo.benchmarks.sim_to_real.views import View
+from sim_to_real.mitsuba_camera import MitsubaCamera
+from sim_to_real.mitsuba_scene import grey, mesh, mitsuba, use_one_thread
+from sim_to_real.objects import BenchmarkObject
+from sim_to_real.sgbm import Sgbm
+from sim_to_real.stage import CameraSettings, crop
+from sim_to_real.views import View
 from activestereo.common.pose import body_pose
 from activestereo.scene_io.meshes import Mesh, box
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from activestereo.benchmarks.sim_to_real.files import RunFolder
-from activestereo.benchmarks.sim_to_real.mitsuba_scene import mitsuba
-from activestereo.benchmarks.sim_to_real.pictures import take_pictures
-from activestereo.benchmarks.sim_to_real.poses import find_poses
-from activestereo.benchmarks.sim_to_real.settings import BenchmarkSettings
-from activestereo.benchmarks.sim_to_real.tuning import Model, candidates_of, every_candidate, tuned
-from activestereo.benchmarks.sim_to_real.worlds import SIMULATED, WORLDS
+from sim_to_real.files import RunFolder
+from sim_to_real.mitsuba_scene import mitsuba
+from sim_to_real.pictures import take_pictures
+from sim_to_real.poses import find_poses
+from sim_to_real.settings import BenchmarkSettings
+from sim_to_real.tuning import Model, candidates_of, every_candidate, tuned
+from sim_to_real.worlds import SIMULATED, WORLDS
 from activestereo.common.progress_bar import Progress, part_of
 
 # When each part ends, as a share of the time, about: pictures for tuning and for the test, poses likewise.

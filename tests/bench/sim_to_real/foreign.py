@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo.benchmarks.sim_to_real.objects import BenchmarkObject
-from activestereo.benchmarks.sim_to_real.sgbm import Sgbm
-from activestereo.benchmarks.sim_to_real.stage import CameraSettings, Room, Stage
-from activestereo.benchmarks.sim_to_real.views import rotation
-from activestereo.benchmarks.sim_to_real.worlds import World
+from sim_to_real.objects import BenchmarkObject
+from sim_to_real.sgbm import Sgbm
+from sim_to_real.stage import CameraSettings, Room, Stage
+from sim_to_real.views import rotation
+from sim_to_real.worlds import World
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.sensor.depth_modes import DepthCamera
 

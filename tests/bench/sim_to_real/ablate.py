@@ -13,17 +13,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from activestereo.benchmarks.sim_to_real.files import RunFolder
-from activestereo.benchmarks.sim_to_real.measured_materials import Measured, with_measured
-from activestereo.benchmarks.sim_to_real.objects import objects
-from activestereo.benchmarks.sim_to_real.pictures import take_pictures
-from activestereo.benchmarks.sim_to_real.pose_error import CRITERIA, successes
-from activestereo.benchmarks.sim_to_real.poses import errors_of, find_poses
-from activestereo.benchmarks.sim_to_real.report import agreement_json, shown
-from activestereo.benchmarks.sim_to_real.score import Agreement, agreement
-from activestereo.benchmarks.sim_to_real.settings import BenchmarkSettings
-from activestereo.benchmarks.sim_to_real.tuning import candidates_of, models_of
-from activestereo.benchmarks.sim_to_real.worlds import World
+from sim_to_real.files import RunFolder
+from sim_to_real.measured_materials import Measured, with_measured
+from sim_to_real.objects import objects
+from sim_to_real.pictures import take_pictures
+from sim_to_real.pose_error import CRITERIA, successes
+from sim_to_real.poses import errors_of, find_poses
+from activestereo.benchmarks.sim_to_real import Agreement, agreement
+from sim_to_real.settings import BenchmarkSettings
+from sim_to_real.tuning import candidates_of, models_of
+from sim_to_real.worlds import World
 from activestereo.common.output_files import replace_file, write_text
 from activestereo.common.progress_bar import Progress, part_of
 
@@ -95,7 +94,7 @@ def ablate(
 
 def write_ablation(found: Ablation, out: Path) -> None:
     """ablation.json, ablation.md and ablation.png."""
-    rows = [asdict(world) | {"agreement": [agreement_json(own) for own in both]} for world, both in found]
+    rows = [asdict(world) | {"agreement": [own.as_json() for own in both]} for world, both in found]
     write_text(out / "ablation.json", json.dumps(rows, indent=2) + "\n")
     write_text(out / "ablation.md", "\n".join(table(found)) + "\n")
     picture = chart(found)
@@ -107,7 +106,7 @@ def table(found: Ablation) -> list[str]:
     names = [f"{figure}, {mm:.0f} mm {deg:.0f}°" for mm, deg in CRITERIA for figure in ("Pearson", "mean gap")]
     lines = ["| `full` with | " + " | ".join(names) + " |", "|---|" + "---|" * len(names)]
     for world, both in found:
-        figures = " | ".join(f"{shown(own.pearson)} | {shown(own.gap)}" for own in both)
+        figures = " | ".join(f"{own.pearson} | {own.gap}" for own in both)
         lines.append(f"| {_words(world)} | {figures} |")
     return lines
 

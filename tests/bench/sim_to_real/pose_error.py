@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.benchmarks.sim_to_real.objects import BenchmarkObject
+from sim_to_real.objects import BenchmarkObject
 
 # Criteria of success: (mm, degrees), as in the tables of BOP and the paper.
 CRITERIA = ((10.0, 10.0), (20.0, 20.0))

@@ -9,13 +9,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.benchmarks.sim_to_real.clouds import Cloud, cloud
-from activestereo.benchmarks.sim_to_real.icp import Icp
-from activestereo.benchmarks.sim_to_real.objects import BenchmarkObject, objects, surface
-from activestereo.benchmarks.sim_to_real.pose_error import pose_error
-from activestereo.benchmarks.sim_to_real.ppf import Ppf
-from activestereo.benchmarks.sim_to_real.template import Template
-from activestereo.benchmarks.sim_to_real.views import View
+from sim_to_real.clouds import Cloud, cloud
+from sim_to_real.icp import Icp
+from sim_to_real.objects import BenchmarkObject, objects, surface
+from sim_to_real.pose_error import pose_error
+from sim_to_real.ppf import Ppf
+from sim_to_real.template import Template
+from sim_to_real.views import View
 
 _MODEL_POINTS = 3000
 METHODS: dict[str, Any] = {"ICP": Icp, "PPF": Ppf, "template": Template}

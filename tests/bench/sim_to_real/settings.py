@@ -6,9 +6,9 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from activestereo.benchmarks.sim_to_real.files import RunFolder
-from activestereo.benchmarks.sim_to_real.objects import objects
-from activestereo.benchmarks.sim_to_real.stage import CameraSettings, NoiseModel
+from sim_to_real.files import RunFolder
+from sim_to_real.objects import objects
+from sim_to_real.stage import CameraSettings, NoiseModel
 
 
 @dataclass(frozen=True)

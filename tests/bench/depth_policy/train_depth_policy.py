@@ -1,27 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Behaviour cloning of a grasp from depth: one policy for each mode of depth, all tried in worlds that none has seen.
 
-    PYTHONPATH=build/python python3 examples/train_depth_policy/train_depth_policy.py --out out/train_depth_policy
+    PYTHONPATH=build/python:tests/bench:examples/grasp_task python3 tests/bench/depth_policy/train_depth_policy.py
 
 Needs the packages torch and OpenCV (pip install torch opencv-python-headless); the world of Mitsuba needs mitsuba, too.
 """
 
 import argparse
 import json
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 
-try:
-    import cv2  # noqa: F401 (of foreign_worlds)
-    import torch
-    from torch import nn
-except ImportError as error:
-    sys.exit(f"this example needs the package {error.name}: pip install torch opencv-python-headless")
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "grasp_task"))
+import torch
+from torch import nn
 
 from episodes import film
 from foreign_worlds import foreign_renderers, foreign_world

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo.benchmarks.sim_to_real.objects import BenchmarkObject
-from activestereo.benchmarks.sim_to_real.views import View
-from activestereo.benchmarks.sim_to_real.worlds import World
+from sim_to_real.objects import BenchmarkObject
+from sim_to_real.views import View
+from sim_to_real.worlds import World
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import CAMERA_TO_BODY
 from activestereo.common.rounding import ROUNDING_VARIANCE

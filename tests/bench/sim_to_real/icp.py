@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from activestereo.benchmarks.sim_to_real.clouds import LEAST, Cloud
-from activestereo.benchmarks.sim_to_real.objects import Surface
-from activestereo.benchmarks.sim_to_real.views import rotation
+from sim_to_real.clouds import LEAST, Cloud
+from sim_to_real.objects import Surface
+from sim_to_real.views import rotation
 
 _STEPS, _WIDE_STEPS = 20, 8
 _CAUCHY_M = 0.003

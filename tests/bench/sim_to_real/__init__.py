@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compares a simulated depth camera's ranking of methods with a foreign one's: `activestereo benchmark sim-to-real run
-| score | ablate`.
+"""Compares a simulated depth camera's ranking of methods with a foreign one's: bench_sim_to_real.py.
 
 | file | job |
 |--|--|
@@ -15,8 +14,6 @@
 | icp.py, ppf.py, features.py, template.py | three methods that find an object's pose |
 | methods.py | the methods with the settings that tuning chooses from |
 | pose_error.py | the error of a pose, up to symmetry |
-| score.py | agreement of two worlds' scores, with intervals |
-| added.py | scores of models of others |
 | workers.py | processes that share the work |
 | files.py | the folder of a run |
 | run.py | pictures, tuning, poses, in this order; resumable |

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from activestereo.benchmarks.sim_to_real.clouds import LEAST, Cloud
-from activestereo.benchmarks.sim_to_real.features import histograms
-from activestereo.benchmarks.sim_to_real.icp import Icp, IcpSetting, best_motion
-from activestereo.benchmarks.sim_to_real.objects import Surface
+from sim_to_real.clouds import LEAST, Cloud
+from sim_to_real.features import histograms
+from sim_to_real.icp import Icp, IcpSetting, best_motion
+from sim_to_real.objects import Surface
 
 _DIRECTIONS, _TEMPLATE_POINTS, _CELL_M, _BEHIND_M = 26, 250, 0.004, 0.004
 _DRAWS, _TRIED, _CANDIDATES, _CHECKED = 6000, 200, 4, 120

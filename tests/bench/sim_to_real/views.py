@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.benchmarks.sim_to_real.objects import BenchmarkObject
+from sim_to_real.objects import BenchmarkObject
 from activestereo.common.pose import look_at
 
 # Methods are tuned on the views of one split and scored on the other's.

@@ -9,15 +9,15 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.benchmarks.sim_to_real.files import RunFolder
-from activestereo.benchmarks.sim_to_real.foreign import ForeignStage
-from activestereo.benchmarks.sim_to_real.foreign_mitsuba import MitsubaStage
-from activestereo.benchmarks.sim_to_real.objects import BenchmarkObject, objects
-from activestereo.benchmarks.sim_to_real.settings import BenchmarkSettings
-from activestereo.benchmarks.sim_to_real.stage import Stage
-from activestereo.benchmarks.sim_to_real.views import SPLITS, View, round_of_views
-from activestereo.benchmarks.sim_to_real.workers import each_done
-from activestereo.benchmarks.sim_to_real.worlds import World
+from sim_to_real.files import RunFolder
+from sim_to_real.foreign import ForeignStage
+from sim_to_real.foreign_mitsuba import MitsubaStage
+from sim_to_real.objects import BenchmarkObject, objects
+from sim_to_real.settings import BenchmarkSettings
+from sim_to_real.stage import Stage
+from sim_to_real.views import SPLITS, View, round_of_views
+from sim_to_real.workers import each_done
+from sim_to_real.worlds import World
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.progress_bar import Progress
 
