@@ -16,7 +16,6 @@ from activestereo.common.nearest import unknown
 from activestereo.common.output_files import check_target
 from activestereo.common.pose import rigid_fault
 from activestereo.common.render_table import RENDER
-from activestereo.common.shown import printable
 
 # What a command's add_parser gets, and adds its own parser to.
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -197,6 +196,7 @@ _SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
     }),
     "csv": (("--csv",), {"type": Path, "metavar": "FILE", "help": "also a table: %s"}),
     "json": (("--json",), {"action": "store_true", "help": "print JSON in place of words and tables"}),
+    "verbose": (("--verbose",), {"action": "store_true", "help": "print all figures: %s"}),
 }  # fmt: skip
 
 
@@ -219,12 +219,17 @@ def check_paper(args: argparse.Namespace) -> None:
             check_out_file(path)
 
 
-def print_section(args: argparse.Namespace, section: str, text: str) -> None:
-    """Prints what a calibration wrote into args.out: under --json that section, else the text and where it is."""
+def print_section(args: argparse.Namespace, section: str, text: str, *after: Sequence[str]) -> None:
+    """Prints what a calibration wrote into args.out: under --json that section, else the text, whose first line is the
+    sentence, and the commands `after` it."""
+    from activestereo.report.screen import command, screen
+
     if args.json:
         print_json(read_json_object(args.out)[section])
-    else:
-        print(f"{text}\nwritten: {section} in {printable(args.out)}")
+        return
+    sentence, *notes = text.splitlines()
+    steps = after or [command("model", "show", args.out)]
+    print(screen(f"{section} in {args.out}: {sentence.strip()}", (), notes, steps, verbose=args.verbose))
 
 
 def print_json(value: Any) -> None:

@@ -134,7 +134,7 @@ def _part(parts: argparse._SubParsersAction, name: str, summary: str, text: str)
         metavar="FILE",
         help="model.json; made if it is not there, else one section is replaced",
     )
-    add_shared(parser, seed="same seed, same result", json=True)
+    add_shared(parser, seed="same seed, same result", json=True, verbose="all that was measured")
     return parser
 
 
@@ -203,4 +203,4 @@ def _run_rig(args: argparse.Namespace) -> None:
         content = (json.dumps(hand.as_json(), indent=1) + "\n").encode()
         replace_file(written[1], lambda file: file.write(content))
         text += f"\n{hand.text()}"
-    print_section(args, "rig", f"{text}\nwritten: {', '.join(map(str, written))}")
+    print_section(args, "rig", f"{text}\nalso written: {', '.join(map(str, written))}")

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from activestereo.cli.arguments import CommandError, add_shared, check_out_file, numbers, positive, print_json
-from activestereo.common.shown import printable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -45,18 +44,18 @@ def add_part(parts: argparse._SubParsersAction) -> None:
     add("--start", action="append", default=[], metavar="NAME=x,y,z,qx,qy,qz,qw", help="its pose to begin with, world")
     add("--unit", type=positive, default=1.0, metavar="M", help="metres per unit of the CAD files (default: 1)")
     add("-o", "--out", required=True, type=Path, metavar="FILE", help="the scene with the parts, .gltf")
-    add_shared(parser, seed="same seed, same result", json=True)
+    add_shared(parser, seed="same seed, same result", json=True, verbose="each part's place")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> None:
-
     from activestereo.calibrate.gltf_place import node_pose, write_placed
     from activestereo.calibrate.object_pose import refine_pose
     from activestereo.calibrate.object_views import object_views
     from activestereo.capture.capture import read_capture
     from activestereo.common.output_files import replace_file
     from activestereo.common.progress_bar import ProgressBar
+    from activestereo.report.screen import command, screen
     from activestereo.scene_io.parts import read_mesh
 
     if args.out.suffix != ".gltf":
@@ -93,9 +92,10 @@ def run(args: argparse.Namespace) -> None:
     if args.json:
         print_json(entries)
         return
-    for name, pose in found.items():
-        print(_words(name, pose))
-    print(f"written: {printable(args.out)}, {printable(beside.name)}")
+    views = max(pose.views for pose in found.values())
+    sentence = f"{', '.join(found)} placed from {views} views, in {args.out} and {beside.name}."
+    next_step = command("overlay", args.capture, "--scene", args.out, "--out", args.out.with_suffix(""))
+    print(screen(sentence, (), [_words(name, pose) for name, pose in found.items()], [next_step], verbose=args.verbose))
 
 
 def _named(texts: list[str], form: str) -> dict[str, str]:

@@ -7,7 +7,6 @@ import argparse
 from pathlib import Path
 
 from activestereo.cli.arguments import CommandError, add_shared, check_out_file, integer_from, print_section
-from activestereo.common.shown import printable
 
 _SCENE = """\
 A scene where no geometry exists: the surface that one pose of the camera measured, as
@@ -59,13 +58,14 @@ def add_parts(parts: argparse._SubParsersAction) -> None:
         metavar="FILE",
         help="ONNX, such as AlexNet: its early layers compare the pictures, in place of the filter bank",
     )
-    add_shared(materials, device=True, seed="same seed, same result", json=True)
+    add_shared(materials, device=True, seed="same seed, same result", json=True, verbose="each material's fields")
     materials.set_defaults(run=_run_materials)
 
 
 def _run_scene(args: argparse.Namespace) -> None:
     from activestereo.calibrate.height_field import NOTE, height_field, write_height_field
     from activestereo.capture.capture import read_capture
+    from activestereo.report.screen import command, screen
 
     if args.out.suffix not in (".gltf", ".glb"):
         raise CommandError(f"{args.out}: -o is the name of a .gltf or .glb file")
@@ -75,9 +75,9 @@ def _run_scene(args: argparse.Namespace) -> None:
     frame = next(f for f in capture.frames if f.depth_path is not None and args.frame in (None, f.id))
     write_height_field(args.out, field, capture, frame.camera_to_world)
     triangles = len(field.mesh.indices.reshape(-1, 3))
-    print(f"{triangles} triangles from {field.frames} frames; {100 * field.share:.0f} % of the image is a surface")
-    print(NOTE)
-    print(f"written: {printable(args.out)}")
+    found = f"{triangles} triangles from {field.frames} frames: {100 * field.share:.0f} % of the image is a surface"
+    folder = args.out.with_suffix("")
+    print(screen(f"{args.out}: {found}.", (), [NOTE], [command("simulate", args.out, "-o", folder)]))
 
 
 def _run_materials(args: argparse.Namespace) -> None:
@@ -85,6 +85,7 @@ def _run_materials(args: argparse.Namespace) -> None:
     from activestereo.calibrate.model_section import replace_sections
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.model import read_model
+    from activestereo.report.screen import command
 
     check_out_file(args.out)
     with ProgressBar(f"materials of {args.object}") as bar:
@@ -93,4 +94,6 @@ def _run_materials(args: argparse.Namespace) -> None:
             args.capture, args.object, args.seed, args.full_grid, args.device, model, args.network, bar
         )
     replace_sections(args.out, found.model())
-    print_section(args, "materials", found.text())
+    folder = args.out.with_suffix("")
+    next_step = command("compare", args.capture, "--model", args.out, "-o", folder)
+    print_section(args, "materials", found.text(), next_step)

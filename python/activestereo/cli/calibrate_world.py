@@ -8,7 +8,6 @@ from pathlib import Path
 
 from activestereo.cli.arguments import CommandError, add_shared, integer_from, print_json
 from activestereo.common.input_files import read_json_object
-from activestereo.common.shown import printable
 
 _WORLD = """\
 A camera and a room from views with depth, without wall, rig or repeats: camera, poses,
@@ -57,12 +56,13 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add("recording", type=Path, metavar="RECORDING", help="capture of views with depth")
     add("-o", "--out", required=True, type=Path, metavar="DIR", help="the new capture, which must not exist")
     add("--test", type=integer_from(0), action="append", default=[], metavar="ID", help="frame to hold out; repeatable")
-    add_shared(parser, seed="same seed, same result", json=True)
+    add_shared(parser, seed="same seed, same result", json=True, verbose="all steps")
 
 
 def _run(args: argparse.Namespace) -> None:
     from activestereo.calibrate.world.world import STEPS, calibrate_world
     from activestereo.common.progress_bar import ProgressBar
+    from activestereo.report.screen import command, screen
 
     if args.out.exists():
         raise CommandError(f"{args.out} exists already: a calibration writes a new folder")
@@ -73,5 +73,6 @@ def _run(args: argparse.Namespace) -> None:
     if args.json:
         print_json(read_json_object(args.out / "capture.json")["measured"])
         return
-    print("\n".join(lines))
-    print(f"written: {printable(args.out)}, with pictures in {printable(args.out / 'measured')}")
+    sentence = f"{args.out}: {', '.join(steps)} measured from {args.recording}, each with a picture."
+    next_step = command("compare", args.out, "-o", f"{args.out}_compare")
+    print(screen(sentence, (), lines, [next_step], args.out / "measured", verbose=args.verbose))

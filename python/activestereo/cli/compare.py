@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from activestereo.cli.arguments import add_shared, check_paper, make_folder, print_json
-from activestereo.common.shown import printable
 
 if TYPE_CHECKING:
     from activestereo.effects import Effect
@@ -52,6 +51,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         pdf=True,
         csv="the errors of each frame and camera",
         json=True,
+        verbose="errors of both splits and the fit",
     )
     parser.set_defaults(run=run)
 
@@ -71,7 +71,8 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.compare.model_file import library
     from activestereo.compare.phase_times import PhaseTimes
     from activestereo.report.paper import write_comparison_csv, write_comparison_pdf
-    from activestereo.report.summary import summary_table
+    from activestereo.report.screen import command
+    from activestereo.report.summary import comparison_screen
     from activestereo.report.write import WRITING, WRITING_TIME, write_report
 
     effects = library(*args.effects)
@@ -99,12 +100,10 @@ def run(args: argparse.Namespace) -> None:
     if args.json:
         print_json(comparison.scores)
         return
-    print(summary_table(comparison.scores))
-    print(f"{LayerCache().usage_text()} (activestereo cache list)")
-    print(f"written: compare.json, compare.png, report.html in {printable(args.out)}")
-    for extra in (args.pdf, args.csv):
-        if extra:
-            print(f"written: {extra}")
+    own = [word for file in args.effects for word in ("--effects", file)]
+    next_step = command("diagnose", args.capture, "--model", args.model, *own, "-o", args.out / "diagnosis")
+    kept = f"{LayerCache().usage_text()} (activestereo cache list)"
+    print(comparison_screen(comparison.scores, next_step, args.out / "report.html", kept, args.verbose))
 
 
 def _under_model(args: argparse.Namespace, effects: "dict[str, Effect]") -> dict[str, Any]:

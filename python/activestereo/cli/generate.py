@@ -7,7 +7,6 @@ import argparse
 from pathlib import Path
 
 from activestereo.cli.arguments import CommandError, Commands, add_shared, integer_from, make_folder, names_of, size
-from activestereo.common.shown import printable
 
 FORMATS = ("lerobot", "mcap", "rerun")
 
@@ -43,7 +42,7 @@ def add_parser(commands: Commands) -> None:
     )
     parser.add_argument("things", type=Path, nargs="+", metavar="THING", help="file of one thing")
     add_shared(parser, unit="the file of a THING", keep_transparent=True)
-    add_shared(parser, out=True, device=True)
+    add_shared(parser, out=True, device=True, verbose="all things that no frame shows")
     parser.add_argument("--format", choices=("bop",), default="bop", help="the files' format (default: bop)")
     parser.add_argument("--count", type=integer_from(1), default=100, metavar="N", help="frames (default: 100)")
     text = "processes, each with a device of its own (default: 1; a device that is a processor is busy with one or two)"
@@ -60,8 +59,8 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--rgb-size", type=size, default=(640, 480), metavar="WxH", help=text)
     text = "of the infrared images, with the same horizontal field of view (default: the sensor's own)"
     parser.add_argument("--ir-size", type=size, metavar="WxH", help=text)
-    text = "rays per pixel (default: 16)"
-    parser.add_argument("--samples-per-pixel", type=integer_from(1), default=16, metavar="N", help=text)
+    text = "samples per pixel (default: 16)"
+    parser.add_argument("--spp", "--samples-per-pixel", type=integer_from(1), default=16, metavar="N", help=text)
     text = "also write WebDataset tar files of N frames each, once all frames are there"
     parser.add_argument("--shards", type=integer_from(1), metavar="N", help=text)
     text = f"also in these formats, once all frames are there: comma-separated, of {', '.join(FORMATS)}"
@@ -88,6 +87,7 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.benchmarks.generate.studio import Settings
     from activestereo.common.declared_ranges import read_ranges
     from activestereo.common.progress_bar import ProgressBar, duration
+    from activestereo.report.screen import command, screen
 
     if args.ray is None and args.ray_cpus is not None:
         raise CommandError("--ray-cpus goes with --ray, which is not given")
@@ -105,7 +105,7 @@ def run(args: argparse.Namespace) -> None:
         sensor=args.sensor,
         rgb_size=args.rgb_size,
         ir_size=args.ir_size,
-        samples=args.samples_per_pixel,
+        samples=args.spp,
         seed=args.seed,
         layout=args.layout,
         ranges=read_ranges(args.ranges, Ranges),
@@ -122,11 +122,12 @@ def run(args: argparse.Namespace) -> None:
     rate = f"{done.made} frames in {duration(done.seconds)}, {done.made / max(done.seconds, 1e-9):.2f} a second"
     notes = [rate if done.made else "nothing was left to do"]
     notes += [f"{done.there} were there already"] if done.there else []
-    notes += [f"no frame shows {path}: it is transparent, hidden, or smaller than a pixel" for path in done.unseen]
+    unseen = [f"no frame shows {path}: it is transparent, hidden, or smaller than a pixel" for path in done.unseen]
     notes += [f"{done.missing} of other parts are not there yet"] if done.missing else []
     if args.shards is not None and not done.missing:
         notes += [f"{write_shards(args.out, args.count, args.shards)} shards"]
     if args.also and not done.missing:
         write_formats(args.out, args.count, args.also)
         notes += [f"also {', '.join(args.also)}"]
-    print(f"{'; '.join(notes)}; written: {printable(args.out)}")
+    steps = [command("view", args.out)]
+    print(screen(f"{'; '.join(notes)}, in {args.out}.", (), unseen, steps, verbose=args.verbose))

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -19,7 +20,6 @@ from activestereo.cli.import_calibration import (
     sides_text,
     unused_text,
 )
-from activestereo.common.shown import printable
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Capture
@@ -101,6 +101,7 @@ def add_parser(commands: Commands) -> None:
         metavar="NAME",
         help="whose nominal pattern it is, of 'activestereo presets' (default: d435)",
     )
+    add_shared(parser, verbose="all that was assumed and left out")
     parser.set_defaults(run=_run)
 
 
@@ -113,23 +114,36 @@ def _run(args: argparse.Namespace) -> None:
         raise CommandError("--depth-scale is 0, expected metres per unit above 0")
     with TemporaryDirectory(prefix=".import.", dir=args.out.absolute().parent) as temporary:
         recording = _color_depth(args, Path(temporary))
-        capture = _infrared(args, Path(temporary)) if recording is None else _write_color_depth(args, recording)
-    rig, with_depth = capture.rig, sum(frame.depth_path is not None for frame in capture.frames)
-    with_color = sum(frame.color_path is not None for frame in capture.frames) if rig.color is not None else 0
-    print(
-        f"{len(capture.frames)} frames of {rig.left.width}x{rig.left.height}, {with_depth} with depth, {with_color} "
-        f"with colour; baseline {1e3 * rig.baseline_m:.2f} mm, f {rig.left.K[0, 0]:.2f} px"
-    )
+        if recording is None:
+            capture, told = _infrared(args, Path(temporary))
+        else:
+            capture = _write_color_depth(args, recording)
     if recording is not None:
-        for line in recording.assumed:
-            print(f"assumed: {line}")
-        print("colour and depth alone: it tells nothing of noise and dots; the baseline is nominal")
-    has_scene = args.scene is not None or (recording is not None and recording.scene is not None)
-    print(
-        "the pattern and the projector's place are nominal"
-        + ("" if has_scene else "; the scene is empty: compare and diagnose need one")
+        told = [f"assumed: {line}" for line in recording.assumed]
+        told.append("colour and depth alone: it tells nothing of noise and dots; the baseline is nominal")
+    _report(args, capture, told, args.scene is not None or (recording is not None and recording.scene is not None))
+
+
+def _report(args: argparse.Namespace, capture: Capture, told: Sequence[str], has_scene: bool) -> None:
+    from activestereo.report.screen import command, screen
+
+    rig, frames = capture.rig, capture.frames
+    with_depth = sum(frame.depth_path is not None for frame in frames)
+    with_color = sum(frame.color_path is not None for frame in frames) if rig.color is not None else 0
+    sentence = (
+        f"{args.out}: {len(frames)} frames of {rig.left.width}x{rig.left.height}, {with_depth} with depth, "
+        f"{with_color} with colour; baseline {1e3 * rig.baseline_m:.2f} mm, f {rig.left.K[0, 0]:.2f} px."
     )
-    print(f"written: {printable(args.out)}")
+    empty = "" if has_scene else "; the scene is empty: compare and diagnose need one"
+    notes = [*told, f"the pattern and the projector's place are nominal{empty}"]
+    steps = [command("view", args.out)]
+    if has_scene and any(frame.has_infrared for frame in frames):
+        steps.insert(0, command("compare", args.out, "-o", f"{args.out}_compare"))
+    elif any(frame.has_infrared and frame.depth_path is not None for frame in frames):
+        steps.insert(0, command("calibrate", "world", args.out, "-o", f"{args.out}_world"))
+    elif with_depth:
+        steps.insert(0, command("calibrate", "scene", args.out, "-o", f"{args.out}_scene.gltf"))
+    print(screen(sentence, (), notes, steps, verbose=args.verbose))
 
 
 def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecording | None:
@@ -166,7 +180,8 @@ def _write_color_depth(args: argparse.Namespace, recording: ColorDepthRecording)
         )
 
 
-def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
+def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[str]]:
+    """The capture, and lines on what was found, assumed and missing."""
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.capture.images import image_size
     from activestereo.capture.importers.bag import extract_bag, has_color, is_bag
@@ -208,9 +223,8 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
         told = ["cameras: not rectified, by this calibration: their order and rows are not looked at"]
     if bag and has_color(args.recording):
         told.append("left out: the bag's colour images, which are read only where it has no infrared ones")
-    told += [*(f"assumed: {line}" for line in assumed)]
-    told += unused_text(folder, files)
     told += [f"missing: {line}" for line in missing_text(files, bool(args.poses or args.robot))]
+    told += [*unused_text(folder, files), *(f"assumed: {line}" for line in assumed)]
     with ProgressBar(f"importing {args.recording.name}") as bar:
         capture = import_realsense(
             files,
@@ -225,8 +239,7 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> Capture:
             robot=robot,
             progress=bar,
         )
-    print("\n".join(told))
-    return capture
+    return capture, told
 
 
 def _frame_files(folder: Path, depth_word: str | None) -> list[FrameFiles]:

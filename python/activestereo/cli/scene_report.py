@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lines about a simulated scene: its infrared light, and the bodies that the picture does not show."""
+"""Lines about a simulated scene: its depth, its infrared light, and the bodies that the picture does not show."""
 
 from __future__ import annotations
 
@@ -10,28 +10,54 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from activestereo.common.shown import printable
+from activestereo.report.screen import Figure
 from activestereo.scene_io.staging import ROOM_LUX
 from activestereo.scene_io.units import size_hint
 
 if TYPE_CHECKING:
     import kuafu
+    from activestereo.compare.accuracy import Accuracy
     from activestereo.sensor.light_share import LightShare
 
 # Of the infrared light at the dots, the projector's: below it depth is coarser. (In the example scene, whose table has
 # 300 lux, it is a sixth, and a twenty-fifth of the light of all pixels.)
 LEAST_SHARE = 0.05
 _MOST_NAMED = 3
+_MOST_MATERIALS = 3
 
 
-def light_line(share: LightShare | None, added: float | None) -> str:
+def depth_sentence(name: str, rows: Sequence[Accuracy]) -> str:
+    """How much of a picture has depth, and how wrong it is."""
+    whole = rows[-1]
+    if not whole.pixels:
+        return f"{name}: nothing is in the sensor's range."
+    error = "" if not np.isfinite(whole.median_error_m) else f", median error {_millimetres(whole.median_error_m)}"
+    return f"{name}: {_percent(whole.fill)} of the pixels have depth{error}; {_percent(whole.invented)} are invented."
+
+
+def failing(rows: Sequence[Accuracy]) -> list[Figure]:
+    """The materials with the most pixels that are empty or invented, the bars: their share of each."""
+    fault = {
+        row.name: 1.0 - row.fill + row.invented for row in rows[:-1] if row.pixels and np.isfinite(row.median_error_m)
+    }
+    worst = sorted((row for row in rows if row.name in fault), key=lambda row: -row.pixels * fault[row.name])[
+        :_MOST_MATERIALS
+    ]
+    return [
+        Figure(row.name[:18], f"{_percent(1.0 - row.fill)} empty, {_percent(row.invented)} invented, "
+               f"{_millimetres(row.median_error_m)}", fault[row.name])
+        for row in worst
+    ]  # fmt: skip
+
+
+def light_lines(share: LightShare | None, added: float | None) -> list[str]:
     """The projector's share, how far the things are, and the room that was added where the scene has no light."""
-    room = "" if added is None else f"a room of {ROOM_LUX:g} lux was added, for the scene has no light (--ambient); "
+    room = [f"light added: a room of {ROOM_LUX:g} lux, for the scene has no light (--ambient)"] if added else []
     if share is None:
-        return f"light: {room}no infrared light comes from the picture's middle"
+        return [*room, "light: no infrared light comes from the picture's middle"]
     other = f"; the brightest other is {share.brightest}, {_percent(share.brightest_share)}" if share.brightest else ""
-    place = f"of the infrared light at the dots in the picture's middle, {share.distance_m:.2f} m away"
-    projector = f"{_percent(share.dots)} {place}, is the projector's ({_percent(share.projector)} of all light there)"
-    return f"light: {room}{projector}{other}"
+    place = f"of the infrared light at the dots, {share.distance_m:.2f} m away in the middle"
+    return [*room, f"light: {_percent(share.dots)} {place}, is the projector's{other}"]
 
 
 def warn_of_light(share: LightShare | None) -> None:
@@ -52,6 +78,10 @@ def warn_of_unseen(unseen: Sequence[tuple[str, str]], summary: kuafu.SceneSummar
     what = "nothing can" if len(unseen) == count else f"{len(unseen)} of {count} bodies cannot"
     hint = size_hint(float(np.max(np.subtract(summary.bounds_max_m, summary.bounds_min_m))))
     _say(f"{what} be measured in this view: {named}{more}{f'. The scene is {hint}' if hint else ''}")
+
+
+def _millimetres(metres: float) -> str:
+    return f"{1e3 * metres:.1f} mm"
 
 
 def _percent(share: float) -> str:

@@ -27,7 +27,6 @@ from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
 from activestereo.cli.engine_options import add_matching, add_options, given, given_matching, given_rig
 from activestereo.cli.record_options import add_records, set_records
 from activestereo.common.render_table import RENDER, RENDERER
-from activestereo.common.shown import printable
 from activestereo.scene_io.lamp_kinds import INFRARED_SHARES, infrared_share
 
 if TYPE_CHECKING:
@@ -83,6 +82,7 @@ def add_parser(commands: Commands) -> None:
     )
     parser.add_argument("--model", type=Path, metavar="FILE", help=text)
     add_shared(parser, effects=", where the model has some", out=True, json=True, device=True)
+    add_shared(parser, verbose="times of the stages, matching, and the error of each material")
     _add_view(parser.add_argument_group("view"))
     add_camera_options(parser.add_argument_group("lenses, shutters and motion"))
     _add_rendering(parser.add_argument_group("rendering and noise"))
@@ -331,8 +331,9 @@ def _write(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any])
 
 def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any], added: float | None) -> None:
     from activestereo.cli.report import matching_line, stage_table
-    from activestereo.cli.scene_report import light_line, warn_of_light, warn_of_unseen
+    from activestereo.cli.scene_report import depth_sentence, failing, light_lines, warn_of_light, warn_of_unseen
     from activestereo.compare.accuracy import accuracy_table
+    from activestereo.report.screen import command, screen
     from activestereo.sensor.light_share import light_share
     from activestereo.sensor.unseen import unseen_bodies
 
@@ -351,11 +352,9 @@ def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]
         seen = {"light": light, "added_radiance": added, "unseen": dict(unseen)}
         print_json({"device": info.name, "matching": matching, "stages_ms": groups, "accuracy": accuracy} | seen)
         return
-    print(f"device: {info.name} ({info.kind}, {info.driver}); infrared pair shared by {sensor.ir_memory}")
-    print(matching_line(sensor.engine))
-    print(stage_table(groups))
-    print(accuracy_table(rows))
-    print(light_line(share, added))
-    more = "".join(f"{name}, " for name in wanted_maps(args))
-    files = f"rgb, ir_left, ir_right, depth, depth_true, {more}overview (.png) and cloud.ply"
-    print(f"written: {files} in {printable(args.out)}")
+    size_m = float(np.max(np.subtract(sensor.scene.summary.bounds_max_m, sensor.scene.summary.bounds_min_m)))
+    device = f"device: {info.name} ({info.kind}, {info.driver}); infrared pair shared by {sensor.ir_memory}"
+    details = "\n".join([device, matching_line(sensor.engine), stage_table(groups), accuracy_table(rows)])
+    sentence = depth_sentence(f"{sensor.get_config().model} in {args.scene.name} ({size_m:.2g} m large)", rows)
+    notes, page = light_lines(share, added), args.out / "overview.png"
+    print(screen(sentence, failing(rows), notes, [command("view", args.out)], page, details, args.verbose))

@@ -22,6 +22,10 @@ def outside_allowed() -> Iterator[None]:
         _MAY_LEAVE.reset(token)
 
 
+def is_outside_allowed() -> bool:
+    return _MAY_LEAVE.get()
+
+
 def own_file(folder: Path, name: str) -> Path:
     """The path of the file `name` of the folder. Raises ValueError if it does not exist, or lies outside and
     outside_allowed() is not set; it touches nothing outside then."""
@@ -30,7 +34,7 @@ def own_file(folder: Path, name: str) -> Path:
         inside = path.resolve().is_relative_to(folder.resolve())
     except (OSError, RuntimeError, ValueError) as error:  # a loop of links, or a name that no file has
         raise ValueError(f"{str(path)!r} does not exist: {error}") from error
-    if not inside and not _MAY_LEAVE.get():
+    if not inside and not is_outside_allowed():
         raise ValueError(
             f"{path} lies outside of {folder}: move it into the folder, or allow it where you trust who wrote this "
             "(activestereo --allow-outside COMMAND ..., in Python activestereo.common.own_files.outside_allowed())"

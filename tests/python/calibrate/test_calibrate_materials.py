@@ -14,6 +14,7 @@ from activestereo.calibrate.material_views import MaterialScene
 from activestereo.capture.capture import read_capture
 from activestereo.cli import main
 from activestereo.effects.core.scene_surfaces import surface_names, surfaces_of_object
+from command_line import led_on
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +77,8 @@ def test_the_command_finds_the_paint(plastic, tmp_path, monkeypatch, capsys):
     assert abs(measured["paint"]["roughness"]["value"] - 0.35) < 0.15
     assert "calibrate materials" in measured["paint"]["roughness"]["source"]
     said = capsys.readouterr().out
-    assert "mean square of the residuals" in said and "written: materials" in said
+    assert f"materials in {out}: ball, from" in " ".join(said.split()), said
+    assert [words[:2] for words in led_on(said)] == [["compare", str(plastic)]]
 
 
 def test_a_part_without_a_colour_gets_the_one_that_is_seen(plastic, tmp_path):

@@ -157,7 +157,7 @@ def test_the_command_replaces_one_section_only(folder, tmp_path, capsys):
             {"format": "active-stereo-model", "version": 2, "kept": {"as": 1}, "nuisances": {"focal_left": 0.001}}
         )
     )
-    assert main(["calibrate", "noise", str(folder), "--paper", "-o", str(out)]) == 0
+    assert main(["calibrate", "noise", str(folder), "--paper", "-o", str(out), "--verbose"]) == 0
     text = capsys.readouterr().out
     assert (
         "noise model: gamma" in text

@@ -134,6 +134,7 @@ def test_the_command_writes_rig_coverage_and_hand_eye(frames, tmp_path, capsys):
                 str(folder / "poses.csv"),
                 "-o",
                 str(out),
+                "--verbose",
             ]
         )
         == 0

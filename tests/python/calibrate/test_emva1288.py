@@ -95,7 +95,7 @@ def test_the_command_reads_a_descriptor_into_a_model(tmp_path, capsys):
             }
         )
     )
-    result = run_here(capsys, "calibrate", "noise", path, "-o", out)
+    result = run_here(capsys, "calibrate", "noise", path, "-o", out, "--verbose")
     assert result.returncode == 0, result.stderr
     for words in ("12 steps of light", "system gain K", "linearity error LE", "DSNU columns", "wave in the dark"):
         assert words in result.stdout
@@ -113,7 +113,8 @@ def test_folders_of_pairs_are_steps_of_light(tmp_path, capsys):
         for number in range(2):
             write_gray(folder / f"{number}.png", camera.frame(photons))
     out = tmp_path / "model.json"
-    result = run_here(capsys, "calibrate", "noise", tmp_path / "lit", "--dark", tmp_path / "dark", "-o", out)
+    words = ("--dark", tmp_path / "dark", "-o", out, "--verbose")
+    result = run_here(capsys, "calibrate", "noise", tmp_path / "lit", *words)
     assert result.returncode == 0, result.stderr
     assert inside(GAIN, read_model(out).imager.shot) and "record 3 or more frames" in result.stdout
     assert "cover the lens" in refused(["calibrate", "noise", tmp_path / "lit", "-o", out], capsys)

@@ -9,6 +9,7 @@ from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig
 from activestereo.capture.write import write_capture
 from activestereo.cli import main
 from activestereo.common.pose import look_at
+from command_line import led_on
 
 _K = np.array([[80.0, 0, 47.5], [0, 80.0, 35.5], [0, 0, 1.0]])
 _POSE = look_at(eye=(0.2, 0.3, 0.9), target=(0.0, 0.0, 0.0), up=(0, 1, 0))
@@ -43,6 +44,7 @@ def test_the_scene_has_the_depth_that_was_measured(step, capsys):
     folder, true = step
     assert main(["calibrate", "scene", str(folder / "capture"), "--step", "1", "-o", str(folder / "scene.gltf")]) == 0
     said = capsys.readouterr().out
+    assert [words[0] for words in led_on(said)] == ["simulate"]
     assert "3 frames" in said and "warning: this scene is what the camera measured" in said
     scene = kuafu.Scene(kuafu.Device())
     scene.load(folder / "scene.gltf")

@@ -12,6 +12,7 @@ from activestereo.capture.images import write_gray
 from activestereo.capture.importers.realsense_folder import frame_files
 from activestereo.cli import main
 from activestereo.compare.camera_order import camera_order
+from command_line import led_on
 
 DISPARITY_PX, LOWER_PX = 9.0, 0.4
 
@@ -44,7 +45,9 @@ def _import(recording, *more):
 @pytest.mark.parametrize("word", ["depth_laser", "laser"])
 def test_k_and_baseline_do_without_a_file_of_calibration(recording, capsys, word):
     assert _import(recording, "--k", "300,301,211,119", "--baseline", "0.07", "--depth", word) == 0
-    told = capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert [words[0] for words in led_on(text)] == ["calibrate", "view"]
+    told = " ".join(text.split())
     capture = read_capture(recording.parent / "rec")
     assert capture.rig.baseline_m == pytest.approx(0.07) and capture.rig.bit_depth == 8
     assert np.array_equal(capture.rig.right.K, [[300, 0, 211], [0, 301, 119], [0, 0, 1]])
@@ -60,7 +63,7 @@ def test_a_word_that_no_depth_has_is_told(recording, capsys):
 
 
 def test_what_nothing_tells_is_the_presets_and_said(recording, capsys):
-    assert _import(recording, "--sensor", "d435") == 0
+    assert _import(recording, "--sensor", "d435", "--verbose") == 0
     told = capsys.readouterr().out
     capture = read_capture(recording.parent / "rec")
     assert capture.rig.left.K[0, 0] == pytest.approx(0.5 * 430.0, rel=0.05)

@@ -118,6 +118,7 @@ def test_simulate_writes_all_files(process, table_top, tmp_path):
         "1",
         "--max-bounces",
         "1",
+        "--verbose",
         "--out",
         out,
     )

@@ -90,8 +90,8 @@ def test_a_body_of_opacity_0(run, monkeypatch, tmp_path: Path, options: tuple[st
 @pytest.mark.parametrize(("lamp_w_sr", "drowns"), [(0.1, False), (5000.0, True)])
 def test_the_lamp_that_drowns_the_dots_is_named(run, tmp_path: Path, lamp_w_sr: float, drowns: bool) -> None:
     result = run("simulate", _room(tmp_path / "a.glb", lamp_w_sr), *_QUICK, "--out", tmp_path / "out")
-    line = next(line for line in result.stdout.splitlines() if line.startswith("light: "))
-    assert "1.00 m away, is the projector's" in line and "room" not in line
+    told = " ".join(result.stdout.split())
+    assert "1.00 m away in the middle, is the projector's" in told and "room" not in told
     said = [line for line in result.stderr.splitlines() if "dots hardly stand out" in line]
     assert bool(said) == drowns
     assert all("'floodlight' gives 100 %" in line for line in said)
@@ -100,7 +100,7 @@ def test_the_lamp_that_drowns_the_dots_is_named(run, tmp_path: Path, lamp_w_sr: 
 def test_a_scene_without_light_is_a_room(run, tmp_path: Path) -> None:
     room = _room(tmp_path / "a.glb", None)
     lit = run("simulate", room, *_QUICK, "--out", tmp_path / "lit").stdout
-    assert "a room of 400 lux was added" in lit
+    assert "light added: a room of 400 lux" in lit
     dark = json.loads(run("simulate", room, *_QUICK, "--ambient", "0", "--json", "--out", tmp_path / "dark").stdout)
     assert dark["added_radiance"] is None
     assert dark["light"]["projector"] == pytest.approx(1.0) and dark["light"]["brightest"] is None

@@ -2,10 +2,13 @@
 """The commands of the command line, as the parser has them, and run in this process."""
 
 import argparse
+import shlex
 import signal
+from contextlib import ExitStack
 from subprocess import CompletedProcess
 
 from activestereo.cli import main, make_parser
+from activestereo.cli.view import make_server, shown_path
 
 _PATIENCE_S = 60
 
@@ -35,6 +38,22 @@ def refused(words, capsys):
     assert result.returncode == 2, result.stderr
     (line,) = [line for line in result.stderr.splitlines() if line.startswith("activestereo: ")]
     return line
+
+
+def led_on(text):
+    """The words of each command that a command's end gives to paste. The end fits eleven lines of 80 columns, long
+    paths aside; those that view what is there do so, the others' options are known."""
+    whole = text.replace(" \\\n   ", "").splitlines()
+    assert len(whole) <= 11, text
+    assert all(len(line) <= 80 or max(map(len, line.split())) > 40 for line in text.splitlines()), text
+    commands = [shlex.split(line.removeprefix("next: "))[1:] for line in whole if line.startswith("next: ")]
+    assert commands, text
+    for words in commands:
+        args = make_parser().parse_args(words + (["--no-browser", "--device", "cpu"] if words[0] == "view" else []))
+        if words[0] == "view":
+            with ExitStack() as stack:
+                stack.enter_context(make_server(args, shown_path(args, stack)))
+    return commands
 
 
 def leaves(parser=None):

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The end of a command on a terminal of 80 columns: a sentence, at most six lines on what it rests on, and commands to
+paste."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from textwrap import wrap
+
+from activestereo.common.own_files import is_outside_allowed
+from activestereo.common.shown import printable
+
+COLUMNS = 80
+_MOST_LINES = 6  # between the sentence and the commands
+_LONGEST_BAR = 24
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A line with a bar. said: the value for reading, with its unit. size: the bar's length, in one unit for all
+    figures of a screen; None for no bar."""
+
+    name: str
+    said: str
+    size: float | None = None
+
+
+def screen(
+    sentence: str, figures: Sequence[Figure] = (), notes: Sequence[str] = (), steps: Sequence[Sequence[str]] = (),
+    see: str | Path | None = None, details: str = "", verbose: bool = False,
+) -> str:  # fmt: skip
+    """The text, without a last line feed.
+
+    notes: sentences below the figures, most important first; those beyond six lines are told under `verbose` alone.
+    steps: by command(). see: a file that shows more. details: tables that `verbose` adds at the end.
+    """
+    lines = _wrapped(sentence)
+    drawn = _drawn(figures[:_MOST_LINES])
+    said = [[f"  {note}"] if verbose else _wrapped(note, "  ") for note in notes]
+    room, told = _MOST_LINES - len(drawn), 0
+    while told < len(said) and (verbose or len(said[told]) <= room):
+        room -= len(said[told])
+        told += 1
+    lines += [*drawn, *(line for note in said[:told] for line in note)]
+    lines += [line for step in steps for line in _pasted(step)]
+    more = [] if verbose or (told == len(said) and not details) else ["more: --verbose"]
+    lines += [*([f"see: {printable(see)}"] if see else []), *more]
+    return "\n".join([*lines, *(["", details] if verbose and details else [])])
+
+
+def command(*words: object) -> list[str]:
+    """A command of ours in words, as a shell takes them; None and the option before it are left out."""
+    given: list[str] = ["activestereo", *(["--allow-outside"] if is_outside_allowed() else [])]
+    for word in words:
+        if word is None:
+            given.pop()
+        else:
+            given.append(_quoted(str(word)))
+    return given
+
+
+def _drawn(figures: Sequence[Figure]) -> list[str]:
+    name, said = (
+        max((len(text) for text in own), default=0) for own in ([f.name for f in figures], [f.said for f in figures])
+    )
+    longest = max((figure.size or 0.0 for figure in figures), default=0.0)
+    room = min(_LONGEST_BAR, COLUMNS - name - said - 6)
+    bars = ["█" * max(1, round(room * f.size / longest)) if f.size else "" for f in figures]
+    return [
+        f"  {printable(f.name):{name}}  {f.said:>{said}}  {bar}".rstrip() for f, bar in zip(figures, bars, strict=True)
+    ]
+
+
+def _wrapped(text: str, indent: str = "") -> list[str]:
+    return wrap(
+        printable(text), COLUMNS, initial_indent=indent, subsequent_indent=2 * indent, break_long_words=False,
+        break_on_hyphens=False,
+    )  # fmt: skip
+
+
+def _pasted(words: Sequence[str]) -> list[str]:
+    """Lines that a shell takes as one command."""
+    parts: list[str] = []
+    for word in words:  # an option and its value stay together
+        if parts and parts[-1].startswith("-") and " " not in parts[-1]:
+            parts[-1] += f" {word}"
+        else:
+            parts.append(word)
+    lines = ["next:"]
+    for part in parts:
+        if len(lines[-1]) + len(part) > COLUMNS - 3 and lines != ["next:"]:
+            lines[-1] += " \\"
+            lines.append("   ")
+        lines[-1] += f" {part}"
+    return lines
+
+
+def _quoted(word: str) -> str:
+    """The word for a shell; control characters, which would end the line, as escapes of bash."""
+    if word.isprintable():
+        return shlex.quote(word)
+    return "$'" + printable(word.replace("\\", "\\\\")).replace("'", "\\'") + "'"
