@@ -5,12 +5,14 @@ line have."""
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 import textwrap
+from typing import Any
 
 from emit_cpp import banner, cpp_file
 from table import Field, Struct, Tables
-from words import GENERATED, WIDTH, number, python_words, range_text
+from words import GENERATED, WIDTH, python_words, range_text
 
 
 def named(struct: Struct) -> Struct:
@@ -63,16 +65,22 @@ def kuafu_options_h(tables: Tables) -> str:
 
 def literal(field: Field) -> str:
     """The default as Python has it."""
+    value = _default(field)
+    if isinstance(value, str):
+        return f'float("{value}")' if field.type in ("float", "double") else f'"{value}"'
+    return "()" if value == [] else repr(value)
+
+
+def _default(field: Field) -> Any:
+    """The default as JSON has it: null for none and NaN, "inf" for infinity."""
     value = field.default
     if field.type == "flag":
-        return str(bool(value))
+        return bool(value)
     if field.type in ("bits", "text", "id", "index"):
-        return "()" if field.type == "bits" else "None"
+        return [] if field.type == "bits" else None
     if isinstance(value, float) and not math.isfinite(value):
-        return "None" if math.isnan(value) else f'float("{value}")'
-    if field.type in ("float", "double"):
-        return repr(float(value))
-    return f'"{value}"' if isinstance(value, str) else repr(value)
+        return None if math.isnan(value) else str(value)
+    return float(value) if field.type in ("float", "double") else value
 
 
 def _kind(field: Field) -> str:
@@ -93,59 +101,42 @@ def _range(f: Field) -> tuple[float, float] | None:
     return f.range
 
 
-def _bound(value: float) -> str:
-    return f'float("{value}")' if math.isinf(value) else number(value)
+def _row(f: Field) -> str:
+    """A Parameter as JSON; an end that is null is infinite."""
+    row = {"name": f.name, "kind": _kind(f), "default": _default(f), "unit": f.unit, "possible": range_text(f)}
+    row |= {"range": [None if math.isinf(v) else v for v in _range(f) or ()], "allowed": f.allowed}
+    row |= {"or_zero": f.zero_means is not None, "choices": list(f.values), "pair": f.pair, "short": f.short}
+    row |= {"one": f.one, "on_command_line": None if f.option else False, "doc": python_words(f.doc)}
+    return json.dumps({key: value for key, value in row.items() if key == "default" or value not in ("", (), [], None)
+                       and (key != "or_zero" or value)}, ensure_ascii=False)  # fmt: skip
 
 
-def _row(f: Field) -> list[str]:
-    more = [f'unit="{f.unit}"'] if f.unit else []
-    more += [f'possible="{range_text(f)}"'] if range_text(f) else []
-    more += [f"range=({', '.join(_bound(v) for v in _range(f))})"] if _range(f) else []
-    more += [f"allowed={f.allowed!r}"] if f.allowed else []
-    more += ["or_zero=True"] if f.zero_means is not None else []
-    more += _choices(f) if f.values else []
-    more += [f'{key}="{value}"' for key, value in (("pair", f.pair), ("short", f.short), ("one", f.one)) if value]
-    more += ["on_command_line=False"] if not f.option else []
-    doc = python_words(f.doc)
-    lines = [f'"{f.name}",', f"{_kind(f)},", f"{literal(f)},", *(f"{m}," for m in more)]
-    lines += [f'doc="{doc}",  # noqa: E501' if len(doc) > 104 else f'doc="{doc}",']
-    return ["    Parameter(", *(f"        {line}" for line in lines), "    ),"]
+_TABLES = {
+    "MATCHER": "simsense_parameters", "RIG": "simsense_rig_desc", "SIGNAL": "simsense_signal",
+    "RENDERER": "kuafu_renderer_desc", "RENDER": "kuafu_render_desc", "OPTICS": "kuafu_optics_desc",
+}  # fmt: skip
+_RECORDS = ("SIGNAL", "OPTICS")  # given whole, not field by field
 
 
-def _choices(f: Field) -> list[str]:
-    """One line, or several of at most 120 columns."""
-    names = ", ".join(f'"{v}"' for v in f.values)
-    if len(names) <= 98:
-        return [f"choices=({names})"]
-    lines = textwrap.wrap(names + ",", WIDTH - 12)
-    return ["choices=(\n" + "\n".join(f"            {line}" for line in lines) + "\n        )"]
+def _config(tables: Tables, key: str) -> list[Field]:
+    return [f for f in named(tables.structs[_TABLES[key]]).fields if f.config or key in _RECORDS]
 
 
-def _option_table(what: str, structs: dict[str, Struct], owner: str, records: dict[str, Struct]) -> str:
-    """A Python module: a tuple of Parameters for each struct, and a class with the types of all; tuples alone for
-    records, which are given whole."""
-    sources = ", ".join(s.source for s in (*structs.values(), *records.values()))
+def parameters_json(tables: Tables) -> str:
+    """python/activestereo/common/parameters.json"""
+    sources = ", ".join(tables.structs[name].source for name in _TABLES.values())
+    parts = [f'"source": {json.dumps(GENERATED.format(sources))}']
+    parts += [f'"{key}": [\n' + ",\n".join(_row(f) for f in _config(tables, key)) + "\n]" for key in _TABLES]
+    return "{\n" + ",\n".join(parts) + "\n}\n"
+
+
+def parameter_types(tables: Tables) -> str:
+    """python/activestereo/common/parameter_types.py"""
+    sources = ", ".join(tables.structs[name].source for key, name in _TABLES.items() if key not in _RECORDS)
     text = [*textwrap.wrap("# " + GENERATED.format(sources), WIDTH, subsequent_indent="# "),
-            f'"""{what}, for a sensor\'s configuration and the command line."""', "",
-            "from typing import Literal", "", "from activestereo.common.parameter import Parameter"]  # fmt: skip
-    shown = {key: [f for f in named(s).fields if f.config] for key, s in structs.items()}
-    for key, fields in (shown | {key: named(s).fields for key, s in records.items()}).items():
-        text += ["", f"{key} = (", *(line for f in fields for line in _row(f)), ")"]
-    text += ["", "", f"class {owner}:", '    """Their types. A class that has them as attributes inherits this."""', ""]
-    text += [f"    {f.name}: {_annotation(f)}" for fields in shown.values() for f in fields]
+            '"""The types of the engines\' options; classes that have them as attributes inherit these."""', "",
+            "from typing import Literal"]  # fmt: skip
+    for owner, keys in (("MatcherFields", ("MATCHER", "RIG")), ("RenderFields", ("RENDERER", "RENDER"))):
+        text += ["", "", f"class {owner}:"]
+        text += [f"    {f.name}: {_annotation(f)}" for key in keys for f in _config(tables, key)]
     return "\n".join([*text, ""])
-
-
-def matcher_table(tables: Tables) -> str:
-    """python/activestereo/common/matcher_table.py"""
-    structs = {"MATCHER": tables.structs["simsense_parameters"], "RIG": tables.structs["simsense_rig_desc"]}
-    return _option_table(
-        "The stereo engine's options", structs, "MatcherFields", {"SIGNAL": tables.structs["simsense_signal"]}
-    )
-
-
-def render_table(tables: Tables) -> str:
-    """python/activestereo/common/render_table.py"""
-    structs = {"RENDERER": tables.structs["kuafu_renderer_desc"], "RENDER": tables.structs["kuafu_render_desc"]}
-    optics = {"OPTICS": tables.structs["kuafu_optics_desc"]}
-    return _option_table("The renderer's options", structs, "RenderFields", optics)

@@ -45,8 +45,8 @@ def outputs(tables: Tables) -> dict[str, str]:
     return files | {
         "examples/clients/interface.py": emit_ffi.python_structs(tables, headers),
         "examples/clients/interface.rs": emit_ffi.rust_structs(tables, headers),
-        "python/activestereo/common/matcher_table.py": emit_options.matcher_table(tables),
-        "python/activestereo/common/render_table.py": emit_options.render_table(tables),
+        "python/activestereo/common/parameters.json": emit_options.parameters_json(tables),
+        "python/activestereo/common/parameter_types.py": emit_options.parameter_types(tables),
         "python/activestereo/effects/core/plugin_records.py": emit_plugin.records(tables),
         "capi/generation/reference.md": emit_page.page(tables),
     }

@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -194,12 +195,9 @@ class Practice:
             write_gray(_made(self.out / "covered") / f"{k:03d}.png", self.counts(np.zeros((HEIGHT, WIDTH))))
 
     def write_desk(self, poses: int) -> None:
-        _write_room(self.out / "table.gltf", False)
-        _write_room(self.out / "truth.gltf", True)
-        box = meshes.box(*BOX_M)
-        lines = [f"v {x} {y} {z}" for x, y, z in 1000.0 * box.positions]
-        lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in box.indices.reshape(-1, 3)]
-        (self.out / "box.obj").write_text("\n".join(lines) + "\n")
+        _write_room(self.out / "desk.gltf", {"baseColorFactor": [1.0] * 4, **_MATT})
+        card = {"baseColorFactor": [0.8, 0.55, 0.3, 1.0], "metallicFactor": 0.0, "roughnessFactor": BOX_ROUGHNESS}
+        _write_room(self.out / "truth.gltf", card, BOX_ALBEDO)
         scene = kuafu.Scene(self.device)
         scene.load(self.out / "truth.gltf")
         scene.set_environment((0.3, 0.3, 0.3), ir_radiance=0.06)
@@ -231,21 +229,22 @@ class Practice:
         (self.out / "truth.json").write_text(json.dumps(truth, indent=1) + "\n")
 
 
-def _write_room(path: Path, with_box: bool) -> None:
+_MATT = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
+
+
+def _write_room(path: Path, card: dict[str, Any], albedo: float | None = None) -> None:
+    """The desk with the box of this material, whose infrared albedo is its base colour's unless it is given."""
     writer = GltfWriter()
     matt = {"KHR_materials_specular": {"specularFactor": 0.0}}
-    gray = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
     table = writer.add_material(
         "table",
-        pbrMetallicRoughness={"baseColorFactor": [0.3, 0.35, 0.42, 1.0], **gray},
+        pbrMetallicRoughness={"baseColorFactor": [0.3, 0.35, 0.42, 1.0], **_MATT},
         extensions=matt,
         extras={"ir_albedo": 0.4},
     )
     writer.add_mesh("table", meshes.box(1.6, 0.02, 1.6), table, (0.0, -0.02, 0.0))
-    if with_box:
-        card = {"baseColorFactor": [0.8, 0.55, 0.3, 1.0], "metallicFactor": 0.0, "roughnessFactor": BOX_ROUGHNESS}
-        own = writer.add_material("card", pbrMetallicRoughness=card, extras={"ir_albedo": BOX_ALBEDO})
-        writer.add_placed_mesh("box", meshes.box(*BOX_M), own, BOX_TO_BASE)
+    own = writer.add_material("card", pbrMetallicRoughness=card, extras={} if albedo is None else {"ir_albedo": albedo})
+    writer.add_placed_mesh("box", meshes.box(*BOX_M), own, BOX_TO_BASE)
     writer.add_point_light("lamp", (-0.6, 1.1, 0.5), (1.0, 0.95, 0.9), 1.2)
     writer.write(path)
 
@@ -275,7 +274,7 @@ def main() -> None:
     practice.write_walls()
     practice.write_desk(args.poses)
     practice.write_truth()
-    print(f"written: d435.txt, boards, walls, covered, desk, table.gltf, box.obj and truth.json in {args.out}")
+    print(f"written: d435.txt, boards, walls, covered, desk, desk.gltf and truth.json in {args.out}")
 
 
 if __name__ == "__main__":

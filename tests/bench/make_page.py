@@ -21,7 +21,7 @@ CHAPTERS = {
     "Rendering": ("first_image", "render", "cpu", "mitsuba", "denoise", "noise", "scenes", "cancel", "load"),
     "Matching": ("matcher", "matcher_vulkan", "memory", "depth", "accuracy", "pairs", "subpixel"),
     "Sensor": ("sensor", "split", "model_sensor", "gbuffer", "camera", "realism", "noise_profiles"),
-    "Calibration": ("calibrate", "pose", "materials"),
+    "Calibration": ("calibrate", "materials"),
 }
 HEAD = """# Benchmarks
 

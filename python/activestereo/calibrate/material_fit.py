@@ -2,10 +2,9 @@
 """How well rendered pictures under a candidate's materials explain the recorded ones.
 
 loss = colour + lambda infrared, each the square of the residual in deviations plus that of an oriented filter bank
-(derivatives of Gaussians of two sizes, four directions), or of a network's early layers where one is given. Squares are
-products of the residuals of two halves of the samples: the renderer's own noise has no part in their mean, where the
-plain square prefers rough surfaces, which render with less of it. Of a network that holds to first order only, for its
-layers are not linear.
+(derivatives of Gaussians of two sizes, four directions). Squares are products of the residuals of two halves of the
+samples: the renderer's own noise has no part in their mean, where the plain square prefers rough surfaces, which render
+with less of it.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ from scipy.ndimage import gaussian_filter
 
 import kuafu
 from activestereo.calibrate.material_views import MaterialScene, Picture
-from activestereo.calibrate.network_features import Network, PictureFeatures
 from activestereo.effects.engines.scene_measurement import set_surface
 
 PARAMETERS = ("roughness", "metallic", "specular", "transmission", "ir_albedo")
@@ -29,7 +27,7 @@ _RANGES = {
     "ir_albedo": (0.01, 0.98), "red": (0.02, 0.98), "green": (0.02, 0.98), "blue": (0.02, 0.98),
 }  # fmt: skip
 _GRAY = 0.2  # base colour beside white, to tell what in a picture goes with it
-_PERCEPTUAL = 0.5  # weight of the filter bank, or of the network, beside the plain residual
+_PERCEPTUAL = 0.5  # weight of the filter bank beside the plain residual
 _INFRARED = 1.0  # lambda
 _SIZES_PX = (1.0, 2.0)
 _DIRECTIONS = 4
@@ -65,9 +63,7 @@ class MaterialFit:
         pictures: Sequence[Picture],
         surfaces: Sequence[int],
         seed: int = 0,
-        network: Network | None = None,
     ) -> None:
-        """network: takes the filter bank's place."""
         self._scene, self._pictures, self._surfaces, self._seed = scene, pictures, surfaces, seed
         self._materials = {n: scene.scene.get_material(n) for n in surfaces}
         colored = any(p.band == "visible" for p in pictures)
@@ -77,7 +73,6 @@ class MaterialFit:
             for name in PARAMETERS + (COLORS if colored and _is_blank(self._materials[n]) else ())
         )
         self.low, self.high = np.array([_RANGES[name] for _, name in self.parameters]).reshape(-1, 2).T
-        self._features = None if network is None else {p.name: PictureFeatures(network, p) for p in pictures}
         self.renders = 0
         self._nominal = self._as_the_scene_has_it()
 
@@ -158,10 +153,9 @@ class MaterialFit:
         return [np.einsum("yxcl,cl->yxc", lights, intensities) for lights in rendered]
 
     def _compare(self, picture: Picture, image: NDArray) -> NDArray[np.float64]:
-        """Differences in deviations, and those of the filter bank or network."""
+        """Differences in deviations, and those of the filter bank."""
         rest = np.where(picture.usable[..., None], (image - picture.seen) / picture.sigma, 0.0)
-        seen = _filtered(rest) if self._features is None else self._features[picture.name].differences(image)
-        return np.concatenate([rest.ravel(), *(np.sqrt(_PERCEPTUAL) * part.ravel() for part in seen)])
+        return np.concatenate([rest.ravel(), *(np.sqrt(_PERCEPTUAL) * part.ravel() for part in _filtered(rest))])
 
     def set(self, theta: NDArray[np.float64]) -> None:
         for number, material in self._materials.items():

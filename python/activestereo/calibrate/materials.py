@@ -16,7 +16,6 @@ from scipy.stats import qmc
 from activestereo.calibrate.material_fit import COLORS, PARAMETERS, MaterialFit
 from activestereo.calibrate.material_refine import Refined, refine
 from activestereo.calibrate.material_views import MaterialScene, pictures
-from activestereo.calibrate.network_features import Network
 from activestereo.capture.capture import read_capture
 from activestereo.common.progress_bar import part_of
 from activestereo.effects.core.scene_surfaces import surface_names, surfaces_of_object
@@ -81,14 +80,11 @@ def calibrate_materials(
     full_grid: bool = False,
     device: str = "auto",
     model: SensorModel | None = None,
-    network_path: Path | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Materials:
     """full_grid: all candidates of the wide search are rendered with the most samples. model: what is known of rig and
-    pattern already, in place of the capture's. network_path: an ONNX file whose early layers compare pictures in place
-    of the filter bank. ValueError names what is wrong: no such object, a part without material, two of one name, out of
-    view, no infrared image, no network."""
-    network = None if network_path is None else Network(network_path)
+    pattern already, in place of the capture's. ValueError names what is wrong: no such object, a part without
+    material, two of one name, out of view, no infrared image."""
     capture = read_capture(path)
     if model is not None:
         capture = calibrated(capture, model)
@@ -97,7 +93,7 @@ def calibrate_materials(
     _refuse_twins(capture.scene_path, [names[number] for number in surfaces])
     scene = MaterialScene(capture, device)
     seen = pictures(scene, capture, surfaces)
-    fit = MaterialFit(scene, seen, surfaces, seed, network)
+    fit = MaterialFit(scene, seen, surfaces, seed)
     tell = progress or (lambda fraction: None)
     nominal = fit.start()
     ranked = _wide(fit, nominal, seed, full_grid, part_of(tell, 0.0, 0.5))

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from activestereo.capture.capture import SIDES, Camera, Capture, Frame
 
@@ -87,17 +86,3 @@ def _pinhole(image: NDArray[np.floating], camera: Camera) -> NDArray[np.float32]
             plain = cv2.undistort(image, camera.K, camera.distortion)
         image = plain.reshape(image.shape)
     return image
-
-
-def gradient(view: View, sigma_px: float = 1.0) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """(along columns, along rows) of the channel whose gradient is the strongest, of square roots: what is dark counts
-    as much as what is bright."""
-    root = np.sqrt(np.maximum(view.image, 0.0))
-    parts = []
-    for channel in range(root.shape[2]):
-        image = root[..., channel]
-        parts.append([gaussian_filter(image, sigma_px, order=order) for order in ((0, 1), (1, 0))])
-    stack = np.array(parts)
-    best = np.argmax((stack**2).sum(axis=1), axis=0)
-    across, down = (np.take_along_axis(stack[:, axis], best[None], axis=0)[0] for axis in (0, 1))
-    return across.astype(np.float32), down.astype(np.float32)

@@ -19,10 +19,8 @@ from typing import Any
 
 from activestereo.common.input_files import read_toml
 from activestereo.common.limits import Limits
-from activestereo.common.matcher_table import MATCHER, SIGNAL
 from activestereo.common.nearest import did_you_mean
-from activestereo.common.parameter import Parameter
-from activestereo.common.render_table import OPTICS, RENDER
+from activestereo.common.parameter import MATCHER, OPTICS, RENDER, SIGNAL, Parameter
 
 FOLDER = Path(__file__).parent / "data"
 BASES = ("data sheet", "measured", "published", "derived", "estimated")

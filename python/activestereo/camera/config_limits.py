@@ -31,12 +31,10 @@ from activestereo.common.limits import (
     TURN_RATE,
     Limits,
 )
-from activestereo.common.matcher_table import MATCHER, RIG, SIGNAL
 from activestereo.common.nearest import did_you_mean
-from activestereo.common.parameter import Parameter
+from activestereo.common.parameter import MATCHER, OPTICS, RENDER, RENDERER, RIG, SIGNAL, Parameter
 from activestereo.common.pattern import PatternDesign
 from activestereo.common.pose import Pose
-from activestereo.common.render_table import OPTICS, RENDER, RENDERER
 
 # {camera: (resolution, its matrix, a copy of the matrix)}, set together.
 Calibrated: TypeAlias = "Mapping[str, tuple[tuple[int, int], NDArray[np.float64], NDArray[np.float64]]]"

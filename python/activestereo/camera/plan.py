@@ -16,11 +16,9 @@ from activestereo.camera.config_limits import check_together
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.images import read_gray
 from activestereo.common.lens import is_distorting, lens_fields
-from activestereo.common.matcher_table import MATCHER, RIG
-from activestereo.common.parameter import Parameter
+from activestereo.common.parameter import MATCHER, RENDER, RENDERER, RIG, Parameter
 from activestereo.common.pattern import make_pattern
 from activestereo.common.pose import Pose, camera_to_camera, camera_to_world
-from activestereo.common.render_table import RENDER, RENDERER
 
 # SAPIEN's noise at scale 1: a gamma factor of shape 1333.33 and mean 1, and Gaussian noise of 0.25 counts.
 SPECKLE_SHAPE = 1333.33

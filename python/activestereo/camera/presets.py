@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from activestereo.camera.camera_file import FIELDS, CameraData, camera_titles, read_camera
 from activestereo.camera.config_limits import Calibrated, check_field, check_matrix, check_together
 from activestereo.common.limits import SIDE, Limits
-from activestereo.common.matcher_table import MATCHER, RIG, MatcherFields
 from activestereo.common.nearest import did_you_mean
+from activestereo.common.parameter import MATCHER, RENDER, RENDERER, RIG
+from activestereo.common.parameter_types import MatcherFields, RenderFields
 from activestereo.common.pattern import PatternDesign
 from activestereo.common.pose import Pose, as_matrix
-from activestereo.common.render_table import RENDER, RENDERER, RenderFields
 
 if TYPE_CHECKING:
     from activestereo.model import SensorModel

@@ -14,8 +14,8 @@ from activestereo.common.baseline import unit_question
 from activestereo.common.input_files import read_json_object
 from activestereo.common.nearest import unknown
 from activestereo.common.output_files import check_target
+from activestereo.common.parameter import RENDER
 from activestereo.common.pose import rigid_fault
-from activestereo.common.render_table import RENDER
 
 # What a command's add_parser gets, and adds its own parser to.
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"

@@ -5,7 +5,7 @@ import argparse
 import json
 from pathlib import Path
 
-from activestereo.cli import calibrate_pose, calibrate_scene, calibrate_world
+from activestereo.cli import calibrate_scene, calibrate_world
 from activestereo.cli.arguments import CommandError, add_shared, camera_matrix, check_out_file, print_section
 
 _TEXT = """\
@@ -16,7 +16,6 @@ leaves the others as they are; the file is written at the end, whole.
   pattern    frames of a flat wall    -> pattern
   rig        frames of a board        -> rig
   materials  views of an object       -> materials
-  pose       views of parts with CAD  -> the capture's scene with the parts in it
   scene      depth of one pose        -> a scene where there is no CAD
   world      views with depth         -> a capture: camera, poses, pattern, light
   camera, poses, dots                 -> one step of it
@@ -119,7 +118,6 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         "--k", type=camera_matrix, metavar="FX,FY,CX,CY", help="the device's own K of both rectified cameras, held"
     )
     rig.set_defaults(run=_run_rig)
-    calibrate_pose.add_part(parts)
     calibrate_scene.add_parts(parts)
     calibrate_world.add_parts(parts)
 

@@ -11,7 +11,7 @@ from activestereo.cli.arguments import CommandError, add_shared, check_out_file,
 _SCENE = """\
 A scene where no geometry exists: the surface that one pose of the camera measured, as
 a mesh with one albedo, and the camera. Its repeats give the median. The command warns
-of what such a scene cannot tell: where you have CAD files, calibrate pose places them.
+of what such a scene cannot tell: place the parts that you have CAD files of.
 
 example:
   activestereo calibrate scene captures/desk -o desk.gltf
@@ -20,7 +20,7 @@ example:
 _MATERIALS = """\
 What an object of the capture's scene is made of: roughness, metallic, specular,
 transmission and infrared albedo of each of its parts, into the section materials of
-model.json under the materials' names. The object's pose must be known (calibrate pose);
+model.json under the materials' names. The object's pose must be known (see overlay);
 what lies around it, such as the table, keeps the scene's materials, which tell how
 bright the lights are. Rig and pattern are those of model.json, where it has them
 already. Put lamps whose place you measured into the capture's "lights".
@@ -52,12 +52,6 @@ def add_parts(parts: argparse._SubParsersAction) -> None:
     add("--object", required=True, metavar="NAME", help="the object's name in the scene")
     add("-o", "--out", required=True, type=Path, metavar="FILE", help="model.json; other sections stay as they are")
     add("--full-grid", action="store_true", help="render every candidate of the wide search in full, to check it")
-    add(
-        "--network",
-        type=Path,
-        metavar="FILE",
-        help="ONNX, such as AlexNet: its early layers compare the pictures, in place of the filter bank",
-    )
     add_shared(materials, device=True, seed="same seed, same result", json=True, verbose="each material's fields")
     materials.set_defaults(run=_run_materials)
 
@@ -90,9 +84,7 @@ def _run_materials(args: argparse.Namespace) -> None:
     check_out_file(args.out)
     with ProgressBar(f"materials of {args.object}") as bar:
         model = read_model(args.out) if args.out.is_file() else None
-        found = calibrate_materials(
-            args.capture, args.object, args.seed, args.full_grid, args.device, model, args.network, bar
-        )
+        found = calibrate_materials(args.capture, args.object, args.seed, args.full_grid, args.device, model, bar)
     replace_sections(args.out, found.model())
     folder = args.out.with_suffix("")
     next_step = command("compare", args.capture, "--model", args.out, "-o", folder)

@@ -8,8 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from activestereo.cli.arguments import real, size, whole
-from activestereo.common.matcher_table import MATCHER, RIG
-from activestereo.common.parameter import Parameter
+from activestereo.common.parameter import MATCHER, RIG, Parameter
 
 
 def add_options(

@@ -26,7 +26,7 @@ from activestereo.cli.camera_options import add_camera_options, set_cameras
 from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
 from activestereo.cli.engine_options import add_matching, add_options, given, given_matching, given_rig
 from activestereo.cli.record_options import add_records, set_records
-from activestereo.common.render_table import RENDER, RENDERER
+from activestereo.common.parameter import RENDER, RENDERER
 from activestereo.scene_io.lamp_kinds import INFRARED_SHARES, infrared_share
 
 if TYPE_CHECKING:

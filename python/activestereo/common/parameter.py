@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One parameter of an engine, as the sensor's configuration and the command line show it."""
+"""The engines' parameters, as the sensor's configuration and the command line show them: rows of parameters.json, which
+capi/generation writes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
+from pathlib import Path
 from typing import Any
+
+from activestereo.common.input_files import read_json
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A row of a generated table (capi/generation)."""
-
     name: str  # the same in C, C++ and Python
     kind: type[Any]  # int, float, bool, str (perhaps one of `choices`), or tuple for several of `choices`
     default: Any
@@ -37,3 +40,19 @@ class Parameter:
     def option(self) -> str:
         """Its name on the command line; for a tuple, the option that adds one entry."""
         return "--" + (self.one or self.name).replace("_", "-")
+
+
+def _parameter(row: dict[str, Any]) -> Parameter:
+    kind = {"int": int, "float": float, "bool": bool, "str": str, "tuple": tuple}[row["kind"]]
+    default = row["default"] if row["default"] is None else kind(row["default"])
+    low, high = row.get("range", (None, None))
+    ends = (-inf if low is None else low, inf if high is None else high)
+    tuples = {name: tuple(row.get(name, ())) for name in ("choices", "allowed")}
+    return Parameter(**{**row, **tuples, "kind": kind, "default": default, "range": ends if "range" in row else None})
+
+
+_TABLES = read_json(Path(__file__).with_name("parameters.json"))
+MATCHER, RIG, SIGNAL, RENDERER, RENDER, OPTICS = (
+    tuple(_parameter(row) for row in _TABLES[name])
+    for name in ("MATCHER", "RIG", "SIGNAL", "RENDERER", "RENDER", "OPTICS")
+)

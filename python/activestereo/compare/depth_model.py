@@ -13,7 +13,7 @@ import numpy as np
 from activestereo.capture.capture import Capture, CaptureWarning, Rig
 from activestereo.capture.capture_json import CaptureError
 from activestereo.common.lens import lens_fields
-from activestereo.common.matcher_table import MATCHER
+from activestereo.common.parameter import MATCHER
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.noise import NoiseModel
 

@@ -14,11 +14,11 @@ from activestereo.cli import make_parser
 from activestereo.cli.arguments import CommandError
 from activestereo.cli.engine_options import given_matching, given_rig
 from activestereo.cli.simulate import make_config
-from activestereo.common.matcher_table import MATCHER, RIG
+from activestereo.common.parameter import MATCHER, RIG
 from activestereo.camera.plan import matcher_parameters, parameters
 from activestereo.common.parameter import Parameter
 from activestereo.camera.presets import OF_THE_CAMERA, SAPIEN_DEFAULTS, SAPIEN_NAMES
-from activestereo.common.render_table import RENDER, RENDERER
+from activestereo.common.parameter import RENDER, RENDERER
 
 OF_THE_SENSOR = {"noise_seed", "frame_index"}  # what a sensor counts itself
 COMMANDS = {"depth": "l.png r.png --k 1,2,3,4 --baseline 0.05 --out x", "simulate": "scene.gltf --out x"}

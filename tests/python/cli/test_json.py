@@ -14,7 +14,7 @@ TABLES = {
     "simulate", "presets", "depth", "pair", "depth-quality", "compare", "diagnose", "capture check", "effect list",
     "effect check", "effect show", "effect measure", "benchmark sim-to-real", "benchmark realism",
     "cache list", "devices", "doctor", "model show", "model diff", "model export", "calibrate noise",
-    "calibrate pattern", "calibrate rig", "calibrate materials", "calibrate pose", "calibrate world",
+    "calibrate pattern", "calibrate rig", "calibrate materials", "calibrate world",
     "calibrate camera", "calibrate poses", "calibrate dots", "calibrate exposure", "calibrate albedo",
 }  # fmt: skip
 K = ("--k", "120,120,79.5,47.5", "--baseline", "0.05")
