@@ -15,6 +15,7 @@ real = pytest.importorskip("pyrealsense2", reason=reason)
 
 import activestereo.realsense as rs
 from activestereo.integrations.realsense.profiles import StreamRequest
+from real_software_device import SoftwareDevice
 
 SUFFIX = ".db3" if tuple(map(int, version("pyrealsense2").split(".")[:2])) >= (2, 58) else ".bag"
 
@@ -41,7 +42,7 @@ def frameset(number):
 def pairs():
     """(ours, the real one's) framesets; the real syncer's first one lacks a stream."""
     ours = [frameset(number) for number in range(1, 6)]
-    device = rs.to_software_device([one.profile for one in ours[0]])
+    device = SoftwareDevice([one.profile for one in ours[0]])
     found = []
     for frames in ours:
         device.send(frames)
@@ -120,7 +121,7 @@ def test_what_the_real_recorder_writes_is_played_and_imported(tmp_path):
         pair = [rs.video_frame(p, s, number, 33.0 * number) for p, s in zip(pixels, streams)]
         return rs.composite_frame([*frameset(number), *pair])
 
-    device = rs.to_software_device([one.profile for one in whole(1)])
+    device = SoftwareDevice([one.profile for one in whole(1)])
     path = tmp_path / f"recorded{SUFFIX}"
     recorder = real.recorder(str(path), device.device)
     for number in range(1, 4):
@@ -155,7 +156,7 @@ def test_what_the_real_recorder_writes_of_depth_and_colour_is_imported_with_its_
         pixels = np.random.default_rng(number).integers(0, 255, (48, 64, 3), np.uint8)
         return rs.composite_frame([frameset(number)[0], rs.video_frame(pixels, color, number, 33.0 * number)])
 
-    device = rs.to_software_device([one.profile for one in whole(1)])
+    device = SoftwareDevice([one.profile for one in whole(1)])
     path = tmp_path / f"recorded{SUFFIX}"
     recorder = real.recorder(str(path), device.device)
     for number in range(1, 4):

@@ -18,11 +18,8 @@ from activestereo.integrations.realsense.device import (
 from activestereo.integrations.realsense.enums import (
     camera_info,
     distortion,
-    embedded_filter_type,
     format,
     frame_metadata_value,
-    log_severity,
-    matchers,
     option,
     rs400_visual_preset,
     stream,
@@ -36,18 +33,15 @@ from activestereo.integrations.realsense.filters import (
     spatial_filter,
     temporal_filter,
     threshold_filter,
-    units_transform,
 )
 from activestereo.integrations.realsense.frames import composite_frame, depth_frame, disparity_frame, frame, video_frame
 from activestereo.integrations.realsense.geometry import (
     extrinsics,
     intrinsics,
     rs2_deproject_pixel_to_point,
-    rs2_fov,
     rs2_project_point_to_pixel,
     rs2_transform_point_to_point,
 )
-from activestereo.integrations.realsense.missing import NOT_SIMULATED, reason
 from activestereo.integrations.realsense.options import option_range
 from activestereo.integrations.realsense.pipeline import (
     config,
@@ -58,7 +52,6 @@ from activestereo.integrations.realsense.pipeline import (
 )
 from activestereo.integrations.realsense.profiles import stream_profile, video_stream_profile
 from activestereo.integrations.realsense.ros_topics import TopicPublisher, write_topics
-from activestereo.integrations.realsense.software import to_software_device
 from activestereo.integrations.realsense.software_device import (
     software_device,
     software_sensor,
@@ -68,10 +61,5 @@ from activestereo.integrations.realsense.software_device import (
 )
 
 
-def log_to_console(severity: log_severity) -> None:
-    """Ignored: there is nothing to log."""
-
-
 def __getattr__(name: str) -> NoReturn:
-    """Raises AttributeError with the reason why a pyrealsense2 name is missing."""
-    raise AttributeError(reason(name) if name in NOT_SIMULATED else f"pyrealsense2 has no {name!r}, nor has {__name__}")
+    raise AttributeError(f"a simulated camera has no pyrealsense2.{name} (what it has: {__package__}/README.md)")

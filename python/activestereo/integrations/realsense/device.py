@@ -12,13 +12,11 @@ from activestereo.integrations.realsense.camera import SimulatedCamera, World, s
 from activestereo.integrations.realsense.control_groups import GROUPS, ControlGroup, group_of, with_group
 from activestereo.integrations.realsense.enums import (
     camera_info,
-    embedded_filter_type,
     format,
     option,
     rs400_visual_preset,
     stream,
 )
-from activestereo.integrations.realsense.missing import Castable, reason
 from activestereo.integrations.realsense.options import Options
 from activestereo.integrations.realsense.profiles import StreamRequest, video_stream_profile
 
@@ -36,7 +34,7 @@ def present_world() -> World:
     return _worlds[0] if _worlds else World.of_environment()
 
 
-class sensor(Castable, Options):
+class sensor(Options):
     """One of a device's sensors. modes: of each stream and index, its formats."""
 
     modes: dict[tuple[stream, int], tuple[format, ...]] = {(stream.color, 0): (format.rgb8, format.bgr8)}
@@ -63,13 +61,6 @@ class sensor(Castable, Options):
         if which != camera_info.name:
             raise RuntimeError(f"info {which} not supported by the device")
         return self.name
-
-    def query_embedded_filters(self) -> list[Any]:
-        """None, as on every camera without filters of depth inside."""
-        return []
-
-    def get_embedded_filter(self, which: embedded_filter_type) -> Any:
-        raise RuntimeError(reason("embedded_filter"))
 
     def is_depth_sensor(self) -> bool:
         return isinstance(self, depth_sensor)
@@ -111,7 +102,7 @@ class depth_sensor(sensor):
         return self._camera.unit_m
 
 
-class device(Castable):
+class device:
     def __init__(self, camera: SimulatedCamera | None = None) -> None:
         self.camera = SimulatedCamera(present_world()) if camera is None else camera
         self._depth, self._color = depth_sensor(self.camera), sensor("RGB Camera", self.camera, {})
@@ -158,12 +149,6 @@ class device_list(list[device]):
     def size(self) -> int:
         return len(self)
 
-    def front(self) -> device:
-        return self[0]
-
-    def back(self) -> device:
-        return self[-1]
-
 
 class context:
     """A host with one simulated camera."""
@@ -173,9 +158,6 @@ class context:
 
     def query_devices(self) -> device_list:
         return self.devices
-
-    def query_all_sensors(self) -> list[sensor]:
-        return self.devices[0].query_sensors()
 
     def __iter__(self) -> Iterator[device]:
         return iter(self.query_devices())

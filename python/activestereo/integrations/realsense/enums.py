@@ -109,21 +109,3 @@ class frame_metadata_value(_Enum):
         sequence_name, sequence_id, sequence_size, trigger, preset, input_width, input_height,
         sub_preset_info, calib_info, crc,
     ) = range(43)  # fmt: skip
-    embedded_filters = 130  # numbers in between belong to safety cameras
-
-
-class log_severity(_Enum):
-    debug = 0
-    info = 1
-    warn = 2
-    error = 3
-    fatal = 4
-    none = 5
-
-
-class embedded_filter_type(_Enum):
-    decimation, temporal, improved_close_range_depth = range(3)
-
-
-class matchers(_Enum):
-    di, di_c, dlr_c, dlr, dic, dic_c, default = range(7)

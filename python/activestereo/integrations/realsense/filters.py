@@ -250,10 +250,3 @@ class hole_filling_filter(filter):
             else:  # nothing above leaves the hole, as in librealsense
                 values[y, x] = min((one for one in around if one > 0), default=0.0) if around[0] else 0.0
         return depth.changed(values.astype(pixels.dtype))
-
-
-class units_transform(filter):
-    """Depth in metres, float32."""
-
-    def _filtered(self, depth: frame) -> frame:
-        return depth.changed((np.asarray(depth.get_data()) * depth.unit_m).astype(np.float32))

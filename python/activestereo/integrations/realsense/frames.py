@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from numpy.typing import NDArray
@@ -37,9 +37,6 @@ class frame:
     def data(self) -> NDArray[Any]:
         return self._pixels
 
-    def get_data_size(self) -> int:
-        return self._pixels.nbytes
-
     def get_frame_number(self) -> int:
         return self.frame_number
 
@@ -63,9 +60,6 @@ class frame:
     def keep(self) -> None:
         """Ignored: a frame lives as long as its references."""
 
-    def is_frame(self) -> bool:
-        return True
-
     def is_video_frame(self) -> bool:
         return isinstance(self, video_frame)
 
@@ -76,9 +70,6 @@ class frame:
         return False
 
     def is_points(self) -> bool:
-        return False
-
-    def is_motion_frame(self) -> bool:
         return False
 
     def as_frame(self) -> frame:
@@ -101,20 +92,8 @@ class video_frame(frame):
     def get_height(self) -> int:
         return int(self._pixels.shape[0])
 
-    def get_bytes_per_pixel(self) -> int:
-        return int(self._pixels[0, 0].nbytes)
-
-    def get_bits_per_pixel(self) -> int:
-        return 8 * self.get_bytes_per_pixel()
-
-    def get_stride_in_bytes(self) -> int:
-        return self.get_width() * self.get_bytes_per_pixel()
-
     width = property(get_width)
     height = property(get_height)
-    bytes_per_pixel = property(get_bytes_per_pixel)
-    bits_per_pixel = property(get_bits_per_pixel)
-    stride_in_bytes = property(get_stride_in_bytes)
 
 
 class depth_frame(video_frame):
@@ -171,10 +150,6 @@ class composite_frame(frame):
         """The infrared frame of an index; index 0 gives the first one."""
         infrared = (one for one in self._frames if one.profile.stream_type() == stream.infrared)
         return next((one for one in infrared if index in (0, one.profile.stream_index())), None)
-
-    def foreach(self, callback: Callable[[frame], object]) -> None:
-        for one in self._frames:
-            callback(one)
 
     def size(self) -> int:
         return len(self._frames)

@@ -57,10 +57,6 @@ class config:
         for stream_type, index in ((stream.depth, 0), (stream.color, 0), (stream.infrared, 1), (stream.infrared, 2)):
             self.requests[stream_type, index] = StreamRequest(stream_type, index)
 
-    def disable_stream(self, stream_type: stream, index: int = -1) -> None:
-        for key in [key for key in self.requests if key[0] == stream_type and index in (-1, key[1])]:
-            del self.requests[key]
-
     def disable_all_streams(self) -> None:
         self.requests.clear()
 
@@ -71,10 +67,7 @@ class config:
         raise RuntimeError(f"{file_name}: a simulated camera plays no recordings: 'activestereo import' reads them")
 
     def enable_record_to_file(self, file_name: str) -> None:
-        raise RuntimeError(f"{file_name}: record with to_software_device() and pyrealsense2's recorder")
-
-    def can_resolve(self, p: pipeline_wrapper) -> bool:
-        return True
+        raise RuntimeError(f"{file_name}: record with write_topics()")
 
     def resolve(self, p: pipeline_wrapper) -> pipeline_profile:
         return pipeline_profile(p.pipeline.device(), self)
@@ -250,13 +243,7 @@ class frame_queue:
     def connect(self, source: Any) -> None:
         self._source = source
 
-    def capacity(self) -> int:
-        return self._capacity
-
     def wait_for_frame(self, timeout_ms: int = 5000) -> composite_frame:
         if self._source is None:
             raise RuntimeError(f"Frame did not arrive in time! (queue without a pipeline, {timeout_ms} ms)")
         return self._source.wait_for_frames(timeout_ms)
-
-    def poll_for_frame(self) -> composite_frame | None:
-        return None if self._source is None else self._source.poll_for_frames()

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.integrations.realsense.enums import format, matchers, option, stream, timestamp_domain
+from activestereo.integrations.realsense.enums import format, option, stream, timestamp_domain
 from activestereo.integrations.realsense.frames import composite_frame, depth_frame, frame, video_frame
 from activestereo.integrations.realsense.geometry import intrinsics as Intrinsics
-from activestereo.integrations.realsense.options import Options, option_range
+from activestereo.integrations.realsense.options import Options
 from activestereo.integrations.realsense.profiles import StreamRequest, video_stream_profile
 
 _KINDS: dict[format, tuple[type, int]] = {
@@ -118,16 +118,6 @@ class software_sensor(Options):
             for profile in self._profiles:
                 profile.baseline_m = 1e-3 * float(value)
 
-    def set_read_only_option(self, which: option, value: float) -> None:
-        self._require(which)
-        self.add_read_only_option(which, value)
-
-    def add_option(self, which: option, allowed: option_range, is_writable: bool = True) -> None:
-        if not is_writable:
-            self.add_read_only_option(which, allowed.default)
-        else:
-            self._ranges[which], self._values[which] = allowed, allowed.default
-
     def get_stream_profiles(self) -> list[video_stream_profile]:
         return list(self._profiles)
 
@@ -183,7 +173,6 @@ class software_device:
     """A device with sensors from its user."""
 
     sensors: list[software_sensor] = field(default_factory=list)
-    _info: dict[int, str] = field(default_factory=dict)
 
     def add_sensor(self, name: str) -> software_sensor:
         self.sensors.append(software_sensor(name))
@@ -191,19 +180,3 @@ class software_device:
 
     def query_sensors(self) -> list[software_sensor]:
         return list(self.sensors)
-
-    def register_info(self, which: int, value: str) -> None:
-        self._info[which] = value
-
-    update_info = register_info
-
-    def supports(self, which: int) -> bool:
-        return which in self._info
-
-    def get_info(self, which: int) -> str:
-        if which not in self._info:
-            raise RuntimeError(f"info {which} not supported by the device")
-        return self._info[which]
-
-    def create_matcher(self, matcher: matchers) -> None:
-        """Ignored: a syncer joins frames of one number with any matcher."""

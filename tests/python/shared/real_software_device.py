@@ -16,13 +16,11 @@ from activestereo.integrations.realsense.profiles import video_stream_profile
 
 class SoftwareDevice:
     """A pyrealsense2.software_device with the streams of these profiles, open and started. device: the real one, for a
-    recorder; syncer: gives framesets, as wait_for_frames(). Raises ImportError if pyrealsense2 is missing."""
+    recorder; syncer: gives framesets, as wait_for_frames()."""
 
     def __init__(self, profiles: Sequence[video_stream_profile], unit_m: float = 0.001) -> None:
-        try:
-            import pyrealsense2 as rs
-        except ImportError as error:
-            raise ImportError("pyrealsense2 is missing: pip install pyrealsense2") from error
+        import pyrealsense2 as rs
+
         self._rs, self._unit_m = rs, unit_m
         self.device = rs.software_device()
         self.device.register_info(rs.camera_info.name, "Intel RealSense (simulated)")
@@ -109,8 +107,3 @@ class SoftwareDevice:
 
 def _bytes(form: format) -> int:
     return {format.z16: 2, format.y8: 1, format.rgb8: 3, format.bgr8: 3, format.rgba8: 4, format.bgra8: 4}[form]
-
-
-def to_software_device(profiles: Sequence[video_stream_profile], unit_m: float = 0.001) -> SoftwareDevice:
-    """A real software device for the streams of a pipeline_profile; its send() takes framesets."""
-    return SoftwareDevice(profiles, unit_m)
