@@ -76,6 +76,8 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.report.write import WRITING, WRITING_TIME, write_report
 
     effects = library(*args.effects)
+    own = [word for file in args.effects for word in ("--effects", file)]
+    next_step = command("diagnose", args.capture, "--model", args.model, *own, "-o", args.out / "diagnosis")
     under_model = {} if args.model is None else _under_model(args, effects)
     times = PhaseTimes("compare" if args.model is None else "compare --model")
     with ProgressBar(f"comparing {args.capture.name}") as bar:
@@ -90,7 +92,7 @@ def run(args: argparse.Namespace) -> None:
             **under_model,
         )
         phases.begin(WRITING)
-        write_report(comparison, args.out, effects=effects, progress=phases)
+        write_report(comparison, args.out, effects=effects, progress=phases, next_step=next_step)
         if args.csv:
             write_comparison_csv(args.csv, comparison.scores)
         if args.pdf:
@@ -100,8 +102,6 @@ def run(args: argparse.Namespace) -> None:
     if args.json:
         print_json(comparison.scores)
         return
-    own = [word for file in args.effects for word in ("--effects", file)]
-    next_step = command("diagnose", args.capture, "--model", args.model, *own, "-o", args.out / "diagnosis")
     kept = f"{LayerCache().usage_text()} (activestereo cache list)"
     print(comparison_screen(comparison.scores, next_step, args.out / "report.html", kept, args.verbose))
 

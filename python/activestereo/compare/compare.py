@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from activestereo.capture.binning import usual_samples
-from activestereo.capture.capture import Capture, read_capture
+from activestereo.capture.capture import SIDES, Capture, read_capture
 from activestereo.common.html_table import table, text
 from activestereo.common.phases import Phases
 from activestereo.common.usual_time import UsualTime
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthFrame, depth_scores, model_depths
+from activestereo.compare.error_shape import error_shape
 from activestereo.compare.image_errors import ImageErrors, image_errors, residuals_of
 from activestereo.compare.mismatch import match_of, warnings_of
 from activestereo.compare.noise import transfer_points
@@ -111,17 +112,19 @@ def compare(
     halves = render_halves(capture, renderer, samples_per_pixel, max_bounces, seed, cache, phases, WARP_SCALE)
     phases.begin(PREDICTING)
     errors = image_errors(capture, model, halves, seed, engines, scene_measurement, phases, cache or LayerCache())
+    without = image_errors(capture, Model(), halves, seed, mean=errors.layers) if model.effects else None
     phases.begin(LOOKING)
-    return comparison_of(errors, RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed))
+    return comparison_of(errors, RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed), without)
 
 
-def comparison_of(errors: ImageErrors, made: RenderedWith) -> Comparison:
-    """The Comparison of a model whose images are there. It renders nothing."""
+def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors | None = None) -> Comparison:
+    """The Comparison of a model whose images are there. It renders nothing. without: the errors without the model's
+    effects, None where they are not told beside."""
     capture, model, seed = errors.capture, errors.model, made.seed
     layers, views, measured, predictions = errors.layers, errors.views, errors.measured, errors.predictions
     noise_model = errors.noise_model
     match = match_of(capture, views, {key: layers[key[0]][key[1]].projector for key in views}, measured, noise_model)
-    depths = model_depths(capture, measured, predictions, views, noise_model, model, seed)
+    depths = _depths(errors, seed)
     scores = {
         "capture": capture.name,
         **vars(made),
@@ -132,6 +135,8 @@ def comparison_of(errors: ImageErrors, made: RenderedWith) -> Comparison:
         "noise_model": None if noise_model is None else vars(noise_model),
         "photon_transfer": transfer_points(capture),
         "ir": errors.by_split(),
+        "shape": _shape(errors),
+        "without_effects": None if without is None else _without_effects(without, seed),
         "depth": depth_scores(depths),
         "frames": errors.by_frame(),
     }
@@ -139,3 +144,27 @@ def comparison_of(errors: ImageErrors, made: RenderedWith) -> Comparison:
         capture, layers, views, measured, predictions, errors.noise_variances, noise_model, depths, seed
     )
     return Comparison(capture, scores, measured, predictions, depths, layers, model)
+
+
+def _depths(errors: ImageErrors, seed: int) -> list[DepthFrame]:
+    noise_model = errors.noise_model
+    return model_depths(
+        errors.capture, errors.measured, errors.predictions, errors.views, noise_model, errors.model, seed
+    )
+
+
+def _shape(errors: ImageErrors) -> dict[str, Any] | None:
+    """The shape of the train frames' error, as ErrorShape has it."""
+    keys = [(frame.id, side) for frame in errors.capture.split("train") for side in SIDES]
+    floor = {key: errors.noise_variances.get(key, (0.0, ""))[0] for key in keys}
+    shape = error_shape((errors.measured[k], errors.predictions[k], floor[k], errors.views[k].known) for k in keys)
+    return None if shape is None else vars(shape)
+
+
+def _without_effects(errors: ImageErrors, seed: int) -> dict[str, dict[str, float | None]]:
+    """{"ir": {split: RMSE in DN}, "depth": {split: RMSE of disparity in px}}."""
+    depth = depth_scores(_depths(errors, seed))
+    return {
+        "ir": {split: own["rmse_dn"] for split, own in errors.by_split().items()},
+        "depth": {split: own["rmse_px"] for split, own in depth.items()},
+    }

@@ -98,14 +98,15 @@ def photon_transfer_chart(points: Sequence[Mapping[str, float]], noise: Mapping[
 
 def covariates_chart(tables: Sequence[Mapping[str, Any]], unit: str) -> Figure:
     """Small multiples: RMSE and mean residual per bin with 95 % intervals, and the noise floor."""
-    rows = -(-len(tables) // _COLUMNS)
+    columns = min(len(tables), _COLUMNS)
+    rows = -(-len(tables) // columns)
     height_in = 2.35 * rows + _LEGEND_IN
-    figure = Figure(figsize=(11.2, height_in))
+    figure = Figure(figsize=(11.2 if columns > 1 else 4.4, height_in))
     figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0, 1.0 - _LEGEND_IN / height_in))
     for index, entry in enumerate(tables):
         name = _WORDS[entry["covariate"]]
         x_label = f"{name}{', ' + entry['covariate_unit'] if entry['covariate_unit'] else ''}"
-        axes = _axes(figure, rows, _COLUMNS, index + 1, x=x_label, y=unit if index % _COLUMNS == 0 else None)
+        axes = _axes(figure, rows, columns, index + 1, x=x_label, y=unit if index % columns == 0 else None)
         _draw_bins(axes, entry["bins"])
     lines, labels = figure.axes[0].get_legend_handles_labels()
     figure.legend(lines, labels, loc="upper left", ncol=3, frameon=False, fontsize=9, labelcolor=INK)

@@ -27,29 +27,6 @@ _MEANING = {
 _CHARTS = 8
 
 
-def summary_line(scores: dict[str, Any]) -> str:
-    """The comparison in one sentence, after its preconditions."""
-    return " ".join([*(f"Warning: {text}." for text in scores["warnings"]), _error_line(scores)])
-
-
-def _error_line(scores: dict[str, Any]) -> str:
-    split = "test" if "test" in scores["ir"] else "train"
-    values = scores["ir"][split]
-    if values["noise_floor_dn"] is None:
-        return (
-            f"Infrared error {values['rmse_dn']:.2f} DN on {split} frames; without repeated frames the noise floor is "
-            "unknown."
-        )
-    share = (values["explainable_rmse_dn"] / values["rmse_dn"]) ** 2
-    near = (
-        "" if scores["regions"].get("infrared", {}).get("is_explainable", True) else ": the model is at the noise floor"
-    )
-    return (
-        f"Infrared error {values['rmse_dn']:.2f} DN on {split} frames where noise alone gives "
-        f"{values['noise_floor_dn']:.2f} DN; {100 * share:.0f} % of the squared error is explainable{near}."
-    )
-
-
 def cards(scores: dict[str, Any]) -> str:
     parts = []
     for split, values in scores["ir"].items():

@@ -15,7 +15,7 @@ from activestereo.common.html_table import text
 from activestereo.report.encode import encoded_image
 from activestereo.report.models import BASE, FOUND, ModelImages
 from activestereo.report.page import web_file
-from activestereo.report.worst import RESIDUAL_FLOORS, worst_frame
+from activestereo.report.worst import known_residual, residual_limit, rmse, worst_frame
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Frame
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 # Step of stored model images, as a share of a frame's noise floor, or of its error if the floor is unknown.
 _STEP_SHARE = 0.125
 _DISPARITY_STEP_PX = 1.0 / 64.0
-_LEAST_DISPARITY_LIMIT_PX = 0.5
+_LEAST_DISPARITY_LIMIT_PX, _DISPARITY_FLOORS = 0.5, 4.0
 _ROW_STEP_SHARE = 0.25  # ranked effects, for comparison with one another
 # Pixels of infrared images that a page holds, both cameras of all its frames, about 3 bytes each; and of those frames
 # that show a dozen ranked effects, another 4.
@@ -98,7 +98,12 @@ def _infrared_view(
     measured = comparison.capture.ir(frame, side)
     floor = scores["noise_floor_dn"]
     typical = floor or scores["rmse_dn"] or 1.0
-    layers = {"measured": encoded_image(measured, 1.0)}
+    known = comparison.capture.known(frame, side)
+    rest = {
+        name: known_residual(comparison.capture, (frame.id, side), comparison.measured, own)
+        for name, own in images.items()
+    }
+    layers = {"measured": encoded_image(measured, 1.0, known)}
     base = images[BASE][frame.id, side].astype(np.float64)
     layers[BASE] = encoded_image(base, _STEP_SHARE * typical)
     for name in held:
@@ -110,11 +115,8 @@ def _infrared_view(
         "frame": frame.id, "split": frame.split, "camera": side, "unit": "DN", "digits": 1, "map": "gray", "power": 0.5,
         "width": measured.shape[1], "height": measured.shape[0],
         "range": [0.0, max(float(np.quantile(measured, 0.998)), 1.0)],
-        "limit": RESIDUAL_FLOORS * typical, "floor": floor, "layers": layers,
-        "rmse": {
-            name: float(np.sqrt(np.mean((measured - own[frame.id, side].astype(np.float64)) ** 2)))
-            for name, own in images.items()
-        },
+        "limit": residual_limit(rest[BASE], floor), "floor": floor, "layers": layers,
+        "rmse": {name: rmse(own) for name, own in rest.items()},
     }  # fmt: skip
 
 
@@ -135,7 +137,7 @@ def _depth_view(depth: DepthFrame, comparison: Comparison) -> dict[str, Any]:
         "frame": depth.frame.id, "split": depth.frame.split, "camera": _DEPTH, "unit": "px", "digits": 2,
         "map": "viridis", "power": 1.0,
         "width": disparity[0].shape[1], "height": disparity[0].shape[0], "range": [low, max(high, low + 1e-3)],
-        "limit": max(_LEAST_DISPARITY_LIMIT_PX, RESIDUAL_FLOORS * (scores["noise_floor_median_abs_px"] or 0.0)),
+        "limit": max(_LEAST_DISPARITY_LIMIT_PX, _DISPARITY_FLOORS * (scores["noise_floor_median_abs_px"] or 0.0)),
         "floor": scores["noise_floor_px"], "layers": layers,
         "rmse": {name: float(np.sqrt(np.mean(error[valid] ** 2))) if valid.any() else None},
     }  # fmt: skip

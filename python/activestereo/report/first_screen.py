@@ -4,7 +4,7 @@ falling error, and the next step. It fits a window of 1280 x 720 pixels."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -22,17 +22,19 @@ from activestereo.diagnose.answer.verdict_words import (
     next_steps,
     rivals,
 )
-from activestereo.report.charts import effects_chart
+from activestereo.report.charts import covariates_chart, effects_chart
 from activestereo.report.encode import data_address
+from activestereo.report.error_words import largest_place
 from activestereo.report.models import BASE, FOUND, ModelImages
 from activestereo.report.page import chart
-from activestereo.report.worst import RESIDUAL_FLOORS
+from activestereo.report.worst import known_residual, residual_limit, rmse
 
 if TYPE_CHECKING:
     from activestereo.compare.compare import Comparison
 
 # The details show so much of the image's width and height, of small images more: a detail has so many pixels across.
 _DETAIL, _LEAST_PX = 1.0 / 3.0, 140
+_NOT_COMPARED = "#8a94a0"
 
 
 def first_screen(
@@ -51,6 +53,21 @@ def first_screen(
     advice = "".join(f"<li>{text(step)}</li>" for step in next_steps(diagnosis))
     parts.append(f"<h2>What to do next</h2><ul>{advice}</ul>" if advice else "")
     return f'<section id="verdict" aria-label="Verdict">{"".join(parts)}</section>'
+
+
+def comparison_first_screen(
+    comparison: Comparison, images: ModelImages, sentences: Sequence[str], next_step: Sequence[str] = ()
+) -> str:
+    """HTML of a comparison without a diagnosis. sentences: the first is the head; next_step: a command in words."""
+    said = "".join(f"<p>{text(sentence)}</p>" for sentence in sentences[1:])
+    advice = f"<h2>What to do next</h2><p><code>{text(' '.join(next_step))}</code></p>" if next_step else ""
+    cells, place = _pictures(comparison, images), largest_place(comparison.scores["where"])
+    if place is not None:
+        drawn = chart(covariates_chart([place["table"]], "DN"), f"the error against {place['covariate']}")
+        cells.append(f'<div class="curve">{drawn}</div>')
+    pictures = f'<div class="evidence">{"".join(cells)}</div>'
+    head = f"<h1>{text(sentences[0])}</h1>"
+    return f'<section id="verdict" aria-label="Verdict">{head}{said}{pictures}{advice}</section>'
 
 
 def _errors(diagnosis: Mapping[str, Any]) -> str:
@@ -91,13 +108,15 @@ def _pictures(comparison: Comparison, images: ModelImages) -> list[str]:
     floor = _floor(comparison, key)
     cells = [_cell(_gray(measured[part], high), "measured", place)]
     cells += [_cell(_gray(images[name][key][part], high), words, "") for name, words in models]
-    residuals = {words: measured.astype(np.float64) - images[name][key] for name, words in models}
+    capture, measured_images = comparison.capture, comparison.measured
+    residuals = {words: known_residual(capture, key, measured_images, images[name]) for name, words in models}
+    limit = residual_limit(residuals["model"], floor)
     if FOUND not in images:
-        rest = residuals["model"]
-        cells.append(_cell(_signed(rest[part], floor), "measured − model, there", ""))
+        cells.append(_cell(_signed(residuals["model"][part], limit), "measured − model, there", ""))
     for words, rest in residuals.items():
-        note = f"RMSE {np.sqrt(np.mean(rest**2)):.2f} DN, colours ±{RESIDUAL_FLOORS * floor:.2g} DN"
-        cells.append(_cell(_signed(rest, floor), titles[words], note))
+        grey = ", grey: not compared" if np.isnan(rest).any() else ""
+        note = f"RMSE {rmse(rest):.2f} DN, colours ±{limit:.2g} DN{grey}"
+        cells.append(_cell(_signed(rest, limit), titles[words], note))
     return cells
 
 
@@ -108,10 +127,11 @@ def where_most_goes(comparison: Comparison, images: ModelImages) -> Detail:
     best, found = -np.inf, None
     for frame in frames:
         for side in SIDES:
-            measured = comparison.measured[frame.id, side].astype(np.float64)
-            fall = (measured - images[BASE][frame.id, side]) ** 2
+            key = frame.id, side
+            fall = known_residual(comparison.capture, key, comparison.measured, images[BASE]) ** 2
             if FOUND in images:
-                fall -= (measured - images[FOUND][frame.id, side]) ** 2
+                fall -= known_residual(comparison.capture, key, comparison.measured, images[FOUND]) ** 2
+            fall = np.nan_to_num(fall)
             amount, rows, columns = _largest_window(fall)
             if amount > best:
                 best, found = amount, Detail(frame, side, rows, columns)
@@ -142,8 +162,9 @@ def _gray(image: NDArray, high: float) -> NDArray[np.uint8]:
     return np.repeat(level[..., None], 3, axis=2)
 
 
-def _signed(residual: NDArray[np.float64], floor_dn: float) -> NDArray[np.uint8]:
-    shade = colormaps["RdBu_r"](np.clip(0.5 + 0.5 * residual / (RESIDUAL_FLOORS * floor_dn), 0.0, 1.0))
+def _signed(residual: NDArray[np.float64], limit_dn: float) -> NDArray[np.uint8]:
+    colours = colormaps["RdBu_r"].with_extremes(bad=_NOT_COMPARED)
+    shade = colours(np.ma.masked_invalid(np.clip(0.5 + 0.5 * residual / limit_dn, 0.0, 1.0)))
     return np.rint(255.0 * np.asarray(shade)[..., :3]).astype(np.uint8)
 
 

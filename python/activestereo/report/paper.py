@@ -18,7 +18,7 @@ from activestereo.common.palette import INK, MUTED
 from activestereo.diagnose.answer.verdict_words import alike, headline
 from activestereo.report.charts import covariates_chart, effects_chart, frames_chart, photon_transfer_chart
 from activestereo.report.lettering import as_written, save_figure
-from activestereo.report.worst import RESIDUAL_FLOORS, worst_frame
+from activestereo.report.worst import known_residual, residual_limit, worst_frame
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -118,7 +118,8 @@ def _images_figure(comparison: Comparison, images: Mapping[str, Mapping[ImageKey
     key = entry["id"], _SIDE
     measured = comparison.measured[key].astype(np.float64)
     high = max(float(np.quantile(measured, 0.998)), 1.0)
-    limit = RESIDUAL_FLOORS * (entry["noise_floor_dn"] or entry["rmse_dn"] or 1.0)
+    rest = {name: known_residual(comparison.capture, key, comparison.measured, own) for name, own in images.items()}
+    limit = max(residual_limit(residual, entry["noise_floor_dn"]) for residual in rest.values())
     gray = {"cmap": "gray", "vmin": 0.0, "vmax": high}
     signed = {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit}
     columns = 1 + len(images)
@@ -127,7 +128,7 @@ def _images_figure(comparison: Comparison, images: Mapping[str, Mapping[ImageKey
     panels = [(1, "measured", measured, gray)]
     for column, (name, own) in enumerate(images.items(), 2):
         panels.append((column, name, own[key], gray))
-        panels.append((columns + column, f"measured − {name}", measured - own[key], signed))
+        panels.append((columns + column, f"measured − {name}", rest[name], signed))
     for place, name, image, style in panels:
         axes = figure.add_subplot(2, columns, place)
         shown = axes.imshow(image, interpolation="nearest", **style)

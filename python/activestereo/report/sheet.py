@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from activestereo.capture.capture import SIDES, SPLITS
 from activestereo.common.palette import BLUE, GRID, INK, MUTED, ORANGE
 from activestereo.report.lettering import as_written
-from activestereo.report.worst import RESIDUAL_FLOORS, worst_frame
+from activestereo.report.worst import known_residual, residual_limit, worst_frame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,23 +53,25 @@ def _title(figure: Figure, scores: dict[str, Any]) -> None:
 def _image_row(figure: Figure, grid: Any, row: int, comparison: Comparison, frame_id: int) -> None:
     entry = next(e for e in comparison.scores["frames"] if e["id"] == frame_id)
     frame = next(f for f in comparison.capture.frames if f.id == frame_id)
-    measured = comparison.capture.ir(frame, "left")
+    measured = comparison.measured[frame_id, "left"]
     predicted = comparison.predictions[frame_id, "left"]
     high = float(np.quantile(measured, 0.998))
-    residual_limit = RESIDUAL_FLOORS * (entry["noise_floor_dn"] or entry["rmse_dn"])
+    residual = known_residual(comparison.capture, (frame_id, "left"), comparison.measured, comparison.predictions)
+    limit = residual_limit(residual, entry["noise_floor_dn"])
     panels = (
         (0, "measured", measured, {"cmap": "gray", "norm": PowerNorm(0.5, 0, high)}),
         (1, "simulated (square-root scale)", predicted, {"cmap": "gray", "norm": PowerNorm(0.5, 0, high)}),
         (
             4,
             "measured - simulated",
-            measured - predicted,
-            {"cmap": "RdBu_r", "vmin": -residual_limit, "vmax": residual_limit},
+            residual,
+            {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit},
         ),
     )
     for column, title, image, style in panels:
         axes = figure.add_subplot(grid[row, column])
         shown = axes.imshow(image, interpolation="nearest", aspect="equal", **style)
+        axes.set_facecolor(MUTED)  # pixels whose scene is not known
         axes.set_xticks([])
         axes.set_yticks([])
         axes.spines[:].set_color(GRID)

@@ -7,20 +7,21 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from activestereo.report.comparison import summary_line
+from activestereo.report.error_words import what_is_missed
 from activestereo.report.screen import Figure, screen
 
 
 def comparison_screen(scores: dict[str, Any], next_step: Sequence[str], page: Path, kept: str, verbose: bool) -> str:
     """The end of the command. next_step: by screen.command(); kept: what the cache holds, for `verbose`."""
+    sentence, *notes = what_is_missed(scores)
     figures = []
     for split, values in scores["ir"].items():
-        figures.append(Figure(f"infrared, {split}", f"{values['rmse_dn']:.2f} DN", values["rmse_dn"]))
+        figures.append(Figure(f"infrared error, {split}", f"{values['rmse_dn']:.2f} DN", values["rmse_dn"]))
     floor = next(reversed(scores["ir"].values()))["noise_floor_dn"]
     if floor is not None:
         figures.append(Figure("noise alone", f"{floor:.2f} DN", floor))
     details = f"{summary_table(scores)}\n{kept}"
-    return screen(summary_line(scores), figures, (), [next_step], page, details, verbose)
+    return screen(sentence, figures, notes, [next_step], page, details, verbose)
 
 
 def summary_table(scores: dict[str, Any]) -> str:

@@ -8,7 +8,7 @@ Files appear whole or not at all: written aside, then renamed.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,10 +17,11 @@ from activestereo.common.input_files import read_json
 from activestereo.common.output_files import replace_file, write_text
 from activestereo.common.usual_time import UsualTime
 from activestereo.compare.model_file import library
-from activestereo.report.comparison import cards, comparison_sections, settings_section, summary_line
+from activestereo.report.comparison import cards, comparison_sections, settings_section
 from activestereo.report.diagnosis import diagnosis_sections
+from activestereo.report.error_words import what_is_missed
 from activestereo.report.explorer import explorer_section
-from activestereo.report.first_screen import first_screen
+from activestereo.report.first_screen import comparison_first_screen, first_screen
 from activestereo.report.found_strips import found_strips
 from activestereo.report.lettering import write_figure
 from activestereo.report.models import model_images
@@ -46,19 +47,21 @@ def write_report(
     diagnosis: dict[str, Any] | None = None,
     effects: Mapping[str, Effect] | None = None,
     progress: Callable[[float], object] | None = None,
+    next_step: Sequence[str] = (),
 ) -> tuple[Path, Path]:
     """Writes compare.json, compare.png and report.html into `folder` (made where absent); returns the paths of the
 first and the last.
 
     diagnosis: contents of diagnose.json, a dict; None for the folder's own diagnose.json, if it is of this capture.
     effects: {id: Effect} that it may name, None for the built-in ones. progress: called as progress(fraction done).
+    next_step: a command in words, by screen.command().
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     if diagnosis is None:
         diagnosis = _stored_diagnosis(folder, comparison.capture.name)
     json_text = json.dumps(comparison.scores, indent=1, allow_nan=False) + "\n"
-    html_text = report_page(comparison, diagnosis, effects, progress)
+    html_text = report_page(comparison, diagnosis, effects, progress, next_step=next_step)
     replace_file(folder / "compare.json", lambda file: file.write(json_text.encode()))
     figure = comparison_figure(comparison)
     write_figure(folder / "compare.png", figure)
@@ -72,21 +75,20 @@ def report_page(
     effects: Mapping[str, Effect] | None = None,
     progress: Callable[[float], object] | None = None,
     found_images: Mapping[ImageKey, NDArray] | None = None,
+    next_step: Sequence[str] = (),
 ) -> str:
-    """The page's text. found_images: as in model_images()."""
+    """The page's text. found_images: as in model_images(); next_step: as in write_report()."""
     scores = comparison.scores
     images = model_images(comparison, diagnosis, effects, progress, found_images)
-    head = (
-        f'<h1>{text(scores["capture"])}: the model against the measurement</h1>'
-        f'<p class="muted">{text(summary_line(scores))}</p>'
-    )
-    explorer = explorer_section(comparison, images)
-    body = [head, cards(scores), explorer]
+    missed, explorer = what_is_missed(scores), explorer_section(comparison, images)
+    body = [comparison_first_screen(comparison, images, missed, next_step), cards(scores), explorer]
     if diagnosis:
         verdict = first_screen(diagnosis, comparison, images)
         strips = found_strips(comparison, diagnosis, images, library() if effects is None else effects)
         sections = diagnosis_sections(diagnosis, images)
-        body = [verdict, explorer, *strips, *sections, head.replace("h1>", "h2>"), cards(scores)]
+        told = "".join(f"<p>{text(sentence)}</p>" for sentence in missed)
+        head = f"<h2>{text(scores['capture'])}: the model against the measurement</h2>{told}"
+        body = [verdict, explorer, *strips, *sections, head, cards(scores)]
     body += [*comparison_sections(comparison), settings_section(scores)]
     return page(f"{scores['capture']}: comparison", body, _SCRIPTS)
 

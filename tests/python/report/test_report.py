@@ -20,6 +20,7 @@ from activestereo.report.explorer import explorer_data
 from activestereo.report.models import model_images
 from activestereo.common.html_table import table
 from activestereo.report.write import report_page, write_report
+from activestereo.report.error_words import largest_place
 from activestereo.report.summary import summary_table
 from report_worlds import DIAGNOSIS, WITH_MODEL, decoded
 
@@ -82,10 +83,12 @@ def test_the_page_is_whole_and_loads_nothing(comparison, files):
         "infrared",
         "disparity",
     }  # the missing ball moves both; a channel at its noise floor has no chart
-    assert len(page.addresses) == 2 + len(
-        explained
-    )  # charts: frames, photon transfer, one of covariates per such channel
-    assert all(re.match(r"data:image/svg\+xml;base64,", address) for address in page.addresses)
+    charts = [address for address in page.addresses if re.match(r"data:image/svg\+xml;base64,", address)]
+    pictures = [address for address in page.addresses if re.match(r"data:image/webp;base64,", address)]
+    # charts: frames, photon transfer, one of covariates per such channel, and the first screen's
+    has_place = largest_place(comparison.scores["where"]) is not None
+    assert (len(charts), len(pictures)) == (2 + len(explained) + has_place, 4)
+    assert len(page.addresses) == len(charts) + len(pictures)
     assert "default-src 'none'" in files[1].read_text()  # the browser itself is set to load nothing
 
 
@@ -186,7 +189,7 @@ def test_a_diagnosis_in_the_folder_is_shown(comparison, tmp_path):
 
 def test_a_damaged_or_foreign_diagnosis_is_left_out(comparison, tmp_path, monkeypatch):
     shown = []
-    monkeypatch.setattr(write, "report_page", lambda comparison, diagnosis, *more: shown.append(diagnosis) or "")
+    monkeypatch.setattr(write, "report_page", lambda comparison, diagnosis, *_, **__: shown.append(diagnosis) or "")
     for content in ("{", "[]", json.dumps(DIAGNOSIS | {"capture": "another"}), json.dumps(DIAGNOSIS)):
         (tmp_path / "diagnose.json").write_text(content)
         write_report(comparison, tmp_path)

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The shape of a model's error in the infrared images: brightness that differs smoothly, dots that are weaker, softer
+or elsewhere, or none of these; and the pixels that hold most of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, laplace
+
+_SMOOTH_PX = 6.0  # wider than dots, narrower than what lights and lenses change
+_BLOCK_PX = 32
+# A kind is told if it explains this share of the squared error beyond noise, else the error has no known shape.
+_LEAST_SHARE = 0.25
+
+
+@dataclass(frozen=True)
+class ErrorShape:
+    """kind: "brightness", "dots", "sharpness", "place" or "other". share: of the squared error beyond noise that it
+    explains. amount: measured less modelled; DN of brightness, a share of the dots' contrast, px² of blur, px."""
+
+    kind: str
+    share: float
+    amount: float
+
+
+def error_shape(
+    images: Iterable[tuple[NDArray, NDArray, float, NDArray[np.bool_] | None]],
+) -> ErrorShape | None:
+    """images: (measured DN, expected DN, noise variance in DN², where the scene is known or None) [height][width].
+    None where nothing lies beyond noise."""
+    sums = {kind: [0.0, 0.0, 0.0] for kind in ("brightness", "dots", "sharpness", "place")}
+    beyond = 0.0
+    for measured, expected, floor, known in images:
+        mask = np.ones(measured.shape, bool) if known is None else known
+        residual = np.where(mask, measured - expected, 0.0)
+        smooth = _smoothed(residual, mask)
+        detail = expected - _smoothed(np.where(mask, expected, 0.0), mask)
+        rest = np.where(mask, residual - smooth, 0.0)
+        beyond += float((residual**2).sum() - floor * mask.sum())
+        sums["brightness"][0] += float((smooth[mask] ** 2).sum())
+        sums["brightness"][1] += float(smooth[mask].sum())
+        sums["brightness"][2] += float(mask.sum())
+        gradients = [np.gradient(expected, axis=axis) for axis in (0, 1)]
+        for kind, templates in (("dots", [detail]), ("sharpness", [laplace(expected)]), ("place", gradients)):
+            for template in templates:
+                _add(sums[kind], rest, np.where(mask, template, 0.0), floor)
+    if beyond <= 0.0:
+        return None
+    shares = {kind: own[0] / beyond for kind, own in sums.items()}
+    kind = max(shares, key=lambda name: shares[name])
+    share = shares[kind]
+    _, weighted, weight = sums[kind]
+    amount = weighted / max(weight, 1e-12)
+    if kind == "place":  # both ways are displaced: the size alone
+        amount = float(np.sqrt(sums[kind][0] / max(weight, 1e-12)))
+    return ErrorShape(kind if share >= _LEAST_SHARE else "other", min(float(share), 1.0), float(amount))
+
+
+def _smoothed(image: NDArray, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    weight = gaussian_filter(mask.astype(np.float64), _SMOOTH_PX)
+    return gaussian_filter(image.astype(np.float64), _SMOOTH_PX) / np.maximum(weight, 1e-6)
+
+
+def _add(own: list[float], rest: NDArray, template: NDArray, floor: float) -> None:
+    """Adds what the template explains in each block: squares beyond noise, and its factor weighted by its square."""
+    cross, square = _blocks(rest * template), _blocks(template**2)
+    used = square > 0.0
+    own[0] += float((cross[used] ** 2 / square[used] - floor).sum())
+    own[1] += float(cross[used].sum())
+    own[2] += float(square[used].sum())
+
+
+def _blocks(image: NDArray) -> NDArray[np.float64]:
+    rows, columns = (np.arange(0, size, _BLOCK_PX) for size in image.shape)
+    return np.add.reduceat(np.add.reduceat(image, rows, axis=0), columns, axis=1)

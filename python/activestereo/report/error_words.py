@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A comparison in sentences: what the model misses, where, which families of effects do that, and what infrared and
+depth say of one another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+_KINDS = {
+    "brightness": ("The measured images are smoothly {} than the model's", ("darker", "brighter")),
+    "dots": ("The measured dots stand out {} than the model's", ("less", "more")),
+    "sharpness": ("The measured dots are {} than the model's", ("sharper", "softer")),
+    "place": ("The measured dots lie elsewhere than the model's, by some {:.2g} px", ()),
+    "other": ("The measured images differ from the model's dot by dot", ()),
+}
+# Families of effects by the error's shape and what it goes with; "" for all else.
+_FAMILIES: dict[str, dict[str, tuple[str, ...]]] = {
+    "brightness": {
+        "radius": ("lens shading", "projector shading"), "time": ("projector power",),
+        "temperature": ("projector power",), "depth": ("medium", "ambient light"),
+        "": ("surface", "ambient light", "tone"),
+    },
+    "dots": {
+        "radius": ("projector shading", "lens shading"), "time": ("projector power",),
+        "temperature": ("projector power",), "depth": ("tone", "medium", "projector blur"),
+        "material": ("surface", "tone"), "": ("pattern strength", "surface", "tone"),
+    },
+    "sharpness": {
+        "velocity": ("motion",), "radius": ("camera blur",), "depth": ("projector blur", "camera blur"),
+        "material": ("surface", "projector blur"), "": ("projector blur", "camera blur", "surface"),
+    },
+    "place": {
+        "velocity": ("motion",), "time": ("pattern geometry", "camera geometry"),
+        "temperature": ("pattern geometry", "camera geometry"), "": ("camera geometry", "pattern geometry", "motion"),
+    },
+    "other": {
+        "velocity": ("motion",), "material": ("surface",),
+        "": ("camera geometry", "surface", "speckle", "fixed pattern"),
+    },
+}  # fmt: skip
+# Where an error lies, by a covariate below or above a value; others only follow the image's brightness.
+_PLACES = {
+    "radius": ("within {:.2g} of the way to the corners", "beyond {:.2g} of the way to the corners"),
+    "depth": ("nearer than {:.2g} m", "further than {:.2g} m"),
+    "column": ("left of column {:.0f}", "right of column {:.0f}"),
+    "row": ("above row {:.0f}", "below row {:.0f}"),
+    "incidence": ("on surfaces less than {:.0f}° aslant", "on surfaces more than {:.0f}° aslant"),
+    "edge_distance": ("within {:.0f} px of edges in depth", "more than {:.0f} px away from edges in depth"),
+    "velocity": ("where the image moves slower than {:.2g} px/s", "where the image moves faster than {:.2g} px/s"),
+    "time": ("before {:.3g} s", "after {:.3g} s"),
+    "temperature": ("below {:.3g} °C", "above {:.3g} °C"),
+}  # fmt: skip
+_LEAST_CONCENTRATION = 0.1
+_MOST_MATERIALS = 3
+# A brightness that differs by less in the mean differs both ways.
+_BOTH_WAYS_DN = 0.2
+# An error that falls by less than this share did not fall.
+_SAME = 0.02
+
+
+def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
+    """Sentences, most important first: the warnings, what the model misses and where, the families that do that, and
+    what depth makes of it."""
+    said = [f"Warning: {text}." for text in scores["warnings"]]
+    shape = scores["shape"]
+    if shape is None or not scores["regions"].get("infrared", {}).get("is_explainable", True):
+        return [
+            *said,
+            "The model's infrared images are at the noise floor: nothing is missing there.",
+            *depth_sentences(scores),
+        ]
+    place = largest_place(scores["where"])
+    words, ways = _KINDS[shape["kind"]]
+    kind = words.format(ways[shape["amount"] > 0] if ways else abs(shape["amount"]))
+    if shape["kind"] == "brightness" and abs(shape["amount"]) < _BOTH_WAYS_DN:
+        kind = "The measured images are here darker, there brighter than the model's"
+    where = "" if place is None else f": {_percent(place['share'])} of the error lies {place['words']}"
+    area = "" if place is None else f", in {_percent(place['pixel_share'])} of the pixels"
+    said.append(f"{kind}{where}{area}.")
+    suspects = _FAMILIES[shape["kind"]]
+    names = suspects.get("" if place is None else place["covariate"], suspects[""])
+    return [*said, f"Effects that do this: {', '.join(names)}. diagnose tells which.", *depth_sentences(scores)]
+
+
+def largest_place(tables: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
+    """{words, covariate, its table, share of the infrared error beyond noise, pixel_share} of the pixels, told by one
+    covariate, that hold most of it beside their number; None where it lies everywhere alike."""
+    known = [t for t in tables if t["channel"] == "infrared" and t["is_finding"]]
+    told = [t for t in known if t["covariate"] in (*_PLACES, "material") and t["concentration"] >= _LEAST_CONCENTRATION]
+    places = [_materials(t) if t["covariate"] == "material" else _tail(t) for t in told]
+    return max(places, key=lambda place: place["share"] - place["pixel_share"], default=None)
+
+
+def _tail(table: Mapping[str, Any]) -> dict[str, Any]:
+    """The pixels beyond the value that parts most of the error from most of the pixels."""
+    bins, low, high = table["bins"], *_PLACES[table["covariate"]]
+    ends = [(bins[: i + 1], low.format(bins[i]["high"])) for i in range(len(bins) - 1)]
+    ends += [(bins[i:], high.format(bins[i]["low"])) for i in range(1, len(bins))]
+    return max((_place(table, own, words) for own, words in ends), key=lambda p: p["share"] - p["pixel_share"])
+
+
+def _materials(table: Mapping[str, Any]) -> dict[str, Any]:
+    worst = sorted(table["bins"], key=lambda b: -b["pixels"] * (b["excess"] - _mean(table["bins"])))[:_MOST_MATERIALS]
+    worst = [b for b in worst if b["excess"] > _mean(table["bins"])]
+    return _place(table, worst, f"on {' and '.join(b['label'] for b in worst)}")
+
+
+def _mean(bins: Sequence[Mapping[str, Any]]) -> float:
+    return float(sum(b["pixels"] * b["excess"] for b in bins) / sum(b["pixels"] for b in bins))
+
+
+def _place(table: Mapping[str, Any], own: Sequence[Mapping[str, Any]], words: str) -> dict[str, Any]:
+    all_bins = table["bins"]
+    held, whole = (sum(b["pixels"] * max(b["excess"], 0.0) for b in bins) for bins in (own, all_bins))
+    share, pixels = held / max(whole, 1e-12), sum(b["pixels"] for b in own) / sum(b["pixels"] for b in all_bins)
+    return {"words": words, "covariate": table["covariate"], "table": table, "share": share, "pixel_share": pixels}
+
+
+def depth_sentences(scores: Mapping[str, Any]) -> list[str]:
+    """What a model's effects do to the infrared images and to depth, where the two do not go together."""
+    before = scores["without_effects"]
+    if before is None:
+        return []
+    split = "test" if "test" in before["ir"] else "train"
+    infrared = before["ir"][split], scores["ir"][split]["rmse_dn"]
+    said = [f"With the model's effects the infrared error goes from {infrared[0]:.2f} to {infrared[1]:.2f} DN"]
+    depth = before["depth"].get(split), scores["depth"].get(split, {}).get("rmse_px")
+    if depth[0] is None or depth[1] is None:
+        return [f"{said[0]}."]
+    said.append(f"that of disparity from {depth[0]:.3f} to {depth[1]:.3f} px")
+    if infrared[1] < (1.0 - _SAME) * infrared[0] and depth[1] > (1.0 - _SAME) * depth[0]:
+        return [
+            f"{', '.join(said)}: infrared improves and depth does not.",
+            "What is left in depth is no matter of these images: look at the matcher, the calibration and the scene.",
+        ]
+    return [f"{', '.join(said)}."]
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"

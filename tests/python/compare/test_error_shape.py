@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The shape of an error is the one that was made, and sentences on it say where it lies."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, shift
+
+from activestereo.compare.error_shape import error_shape
+from activestereo.report.error_words import what_is_missed
+
+HEIGHT, WIDTH, NOISE_DN = 160, 240, 1.0
+
+
+def _dots():
+    rng = np.random.default_rng(5)
+    image = np.zeros((HEIGHT, WIDTH))
+    image[rng.integers(0, HEIGHT, 900), rng.integers(0, WIDTH, 900)] = 900.0
+    return 20.0 + gaussian_filter(image, 1.2)
+
+
+def _vignetted(image):
+    v, u = np.mgrid[:HEIGHT, :WIDTH]
+    radius = np.hypot(u / WIDTH - 0.5, v / HEIGHT - 0.5)
+    return image * (1.0 - 0.6 * radius**2)
+
+
+def _weaker(image):
+    smooth = gaussian_filter(image, 6.0)
+    return smooth + 0.8 * (image - smooth)
+
+
+@pytest.mark.parametrize(
+    "kind, sign, change",
+    [
+        ("brightness", -1, _vignetted),
+        ("dots", -1, _weaker),
+        ("sharpness", 1, lambda image: gaussian_filter(image, 0.6)),
+        ("place", 1, lambda image: shift(image, (0.1, 0.25), mode="nearest")),
+    ],
+)
+def test_each_error_has_the_shape_that_was_made(kind, sign, change):
+    expected, rng = _dots(), np.random.default_rng(1)
+    measured = change(expected) + rng.normal(0.0, NOISE_DN, expected.shape)
+    shape = error_shape([(measured, expected, NOISE_DN**2, None)])
+    assert shape.kind == kind and np.sign(shape.amount) == sign and shape.share > 0.5
+    if kind == "place":
+        assert shape.amount == pytest.approx(np.hypot(0.1, 0.25), rel=0.3)  # dots of 1.2 px: differences are too flat
+    if kind == "dots":
+        assert shape.amount == pytest.approx(-0.2, abs=0.02)
+    if kind == "sharpness":  # a blur of sigma adds sigma² / 2 of the Laplacian (heat equation)
+        assert shape.amount == pytest.approx(0.18, rel=0.25)
+
+
+def test_noise_alone_has_no_shape_and_unknown_pixels_count_nowhere():
+    expected, rng = _dots(), np.random.default_rng(1)
+    measured = expected + rng.normal(0.0, NOISE_DN, expected.shape)
+    wrong = np.where(np.arange(WIDTH) < 100, measured + 50.0, measured)
+    known = np.broadcast_to(np.arange(WIDTH) >= 100, expected.shape)
+    for image, mask in ((measured, None), (wrong, known)):
+        shape = error_shape([(image, expected, NOISE_DN**2, mask)])
+        assert shape is None or shape.kind == "other"
+
+
+def _table(covariate, bins):
+    rows = [{"low": a, "high": b, "pixels": n, "excess": e} for a, b, n, e in bins]
+    return {"channel": "infrared", "covariate": covariate, "is_finding": True, "concentration": 0.5, "bins": rows}
+
+
+def _scores(**changed):
+    table = _table("radius", [(0.0, 0.5, 600, 0.0), (0.5, 0.75, 300, 1.0), (0.75, 1.0, 100, 27.0)])
+    return {
+        "warnings": [], "shape": {"kind": "brightness", "share": 0.9, "amount": -2.0}, "where": [table],
+        "regions": {"infrared": {"is_explainable": True}}, "without_effects": None,
+        "ir": {"test": {"rmse_dn": 2.08}}, "depth": {"test": {"rmse_px": 3.047}},
+    } | changed  # fmt: skip
+
+
+def test_the_sentence_says_what_where_and_which_families():
+    first, second = what_is_missed(_scores())
+    assert first == (
+        "The measured images are smoothly darker than the model's: 90 % of the error lies beyond 0.75 of the way to "
+        "the corners, in 10 % of the pixels."
+    )
+    assert second.startswith("Effects that do this: lens shading, projector shading.")
+    assert what_is_missed(_scores(warnings=["swapped"]))[0] == "Warning: swapped."
+    at_the_floor = {"infrared": {"is_explainable": False}}
+    assert "noise floor" in what_is_missed(_scores(regions=at_the_floor))[0]
+
+
+@pytest.mark.parametrize("before_px, differ", [(2.919, True), (4.0, False), (None, False)])
+def test_infrared_that_improves_without_depth_is_told(before_px, differ):
+    said = what_is_missed(_scores(without_effects={"ir": {"test": 5.01}, "depth": {"test": before_px}}))
+    assert "goes from 5.01 to 2.08 DN" in " ".join(said)
+    assert ("infrared improves and depth does not" in " ".join(said)) == differ
