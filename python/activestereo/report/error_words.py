@@ -118,7 +118,7 @@ def _place(table: Mapping[str, Any], own: Sequence[Mapping[str, Any]], words: st
 
 
 def depth_sentences(scores: Mapping[str, Any]) -> list[str]:
-    """What a model's effects do to the infrared images and to depth, where the two do not go together."""
+    """The change of both errors by a model's effects, and its meaning where infrared alone improves."""
     before = scores["without_effects"]
     if before is None:
         return []

@@ -35,7 +35,7 @@ def known_residual(
 
 
 def rmse(residual: NDArray[np.float64]) -> float:
-    """Of the pixels that are not NaN."""
+    """Root mean square of the pixels that are not NaN."""
     return float(np.sqrt(np.nanmean(residual**2)))
 
 
