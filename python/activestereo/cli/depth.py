@@ -179,9 +179,11 @@ def _write(args: argparse.Namespace, left: np.ndarray, right: np.ndarray, result
 
 
 def _as_json(engine: simsense.Engine, depth: np.ndarray) -> dict[str, Any]:
+    from activestereo.cli.report import matching_words
+
     valid = depth[depth > 0]
     return {
-        "matching": dict(engine.parameters),
+        "matching": matching_words(engine),
         "stages_ms": {"depth": dict(engine.stage_times)},
         "measured_share": valid.size / depth.size,
         "median_depth_m": float(np.median(valid)) if valid.size else None,

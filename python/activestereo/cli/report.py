@@ -2,8 +2,10 @@
 """Lines that the commands print at their end."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import simsense
+from activestereo.common.parameter import MATCHER
 
 
 def stage_table(groups: Mapping[str, Mapping[str, float]]) -> str:
@@ -15,6 +17,12 @@ def stage_table(groups: Mapping[str, Mapping[str, float]]) -> str:
         lines.append(f"{group:32}{sum(stages.values()):>9.1f} ms")
         lines += [f"  {name:30}{time:>9.1f} ms" for name, time in stages.items() if time >= 0.001 * total]
     return "\n".join(lines)
+
+
+def matching_words(engine: simsense.Engine) -> dict[str, Any]:
+    """How a simsense.Engine matches, by parameter; a choice by its word."""
+    choices = {p.name: p.choices for p in MATCHER if p.choices}
+    return {name: choices[name][value] if name in choices else value for name, value in engine.parameters.items()}
 
 
 def matching_line(engine: simsense.Engine) -> str:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -52,6 +53,7 @@ Writes into DIR:
   ir_left.png ir_right.png  infrared pair, as the sensor gives it
   depth.png                 measured depth, uint16 millimetres in the RGB camera, 0 = no measurement
   depth_true.png            true depth, likewise
+  camera.json               K, lenses, baseline and poses of the cameras, frames, units
   cloud.ply                 coloured points, metres (x right, y down, z forward)
   overview.png              all on one page, with the error of each material
 
@@ -311,7 +313,7 @@ def _accuracy(sensor: StereoDepthSensor) -> list[Any]:
 
 
 def _write(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]) -> None:
-    from activestereo.common.output_files import write_depth_png, write_ply, write_png, written_together
+    from activestereo.common.output_files import write_depth_png, write_ply, write_png, write_text, written_together
     from activestereo.report.lettering import write_figure
     from activestereo.report.overview import simulation_figure
 
@@ -324,13 +326,21 @@ def _write(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any])
         write_depth_png(out / "depth_true.png", true_depth)
         cloud = sensor.get_pointcloud(with_rgb=True)
         write_ply(out / "cloud.ply", cloud[:, :3], cloud[:, 3:])
+        write_text(out / "camera.json", json.dumps(_camera(sensor), indent=1) + "\n")
         write_maps(out, {name: sensor.get_depth_map(name) for name in wanted_maps(args)})
         title = f"{sensor.get_config().model} in {args.scene.name}"
         write_figure(out / "overview.png", simulation_figure(title, rgb, ir, depth, true_depth, rows))
 
 
+def _camera(sensor: StereoDepthSensor) -> dict[str, Any]:
+    from activestereo.common.pose import camera_to_world
+    from activestereo.sensor.camera_info import cameras_json
+
+    return cameras_json(sensor.get_config(), camera_to_world(sensor.get_pose()))
+
+
 def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any], added: float | None) -> None:
-    from activestereo.cli.report import matching_line, stage_table
+    from activestereo.cli.report import matching_line, matching_words, stage_table
     from activestereo.cli.scene_report import depth_sentence, failing, light_lines, warn_of_light, warn_of_unseen
     from activestereo.compare.accuracy import accuracy_table
     from activestereo.report.screen import command, screen
@@ -347,10 +357,11 @@ def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]
         groups.setdefault(group, {})[stage] = time
     info = sensor.device.info
     if args.json:
-        accuracy, matching = [asdict(row) for row in rows], dict(sensor.engine.parameters)
+        accuracy, matching = [asdict(row) for row in rows], matching_words(sensor.engine)
         light = None if share is None else asdict(share)
         seen = {"light": light, "added_radiance": added, "unseen": dict(unseen)}
-        print_json({"device": info.name, "matching": matching, "stages_ms": groups, "accuracy": accuracy} | seen)
+        made = {"device": info.name, "camera": _camera(sensor), "matching": matching, "stages_ms": groups}
+        print_json(made | {"accuracy": accuracy} | seen)
         return
     size_m = float(np.max(np.subtract(sensor.scene.summary.bounds_max_m, sensor.scene.summary.bounds_min_m)))
     device = f"device: {info.name} ({info.kind}, {info.driver}); infrared pair shared by {sensor.ir_memory}"

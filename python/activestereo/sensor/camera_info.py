@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,3 +41,32 @@ def camera_info(config: StereoDepthSensorConfig, camera: str) -> CameraInfo:
     width, height = config.ir_resolution
     pose = config.trans_pose_r if camera == "right" else config.trans_pose_l
     return CameraInfo(width, height, k.copy(), tuple(distortion), camera_to_camera(pose, Pose()))
+
+
+_LENSES = {4: "kannala_brandt", 5: "brown_conrady", 8: "rational"}
+
+
+def cameras_json(config: StereoDepthSensorConfig, rgb_to_world: NDArray[np.float64]) -> dict[str, Any]:
+    """The contents of simulate's camera.json. rgb_to_world: 4x4, the RGB camera's axes to the scene's, metres."""
+    cameras = {}
+    for name in CAMERAS:
+        camera = camera_info(config, name)
+        cameras["rgb" if name == "rgb" else f"ir_{name}"] = {
+            "image": "rgb.png" if name == "rgb" else f"ir_{name}.png",
+            "width": camera.width,
+            "height": camera.height,
+            "K": camera.k.tolist(),
+            "distortion_model": _LENSES[len(camera.distortion)],
+            "distortion": list(camera.distortion),
+            "camera_to_rgb": camera.camera_to_rgb.tolist(),
+            "camera_to_world": (rgb_to_world @ camera.camera_to_rgb).tolist(),
+        }
+    depth = {"image": "depth.png", "frame": "rgb", "metres_per_unit": 0.001, "no_measurement": 0}
+    return {
+        "sensor": config.model,
+        "units": "metres; K and distortion for pixels whose centres are whole numbers",
+        "frame_axes": "x right, y down, z forward; world: the scene file's",
+        "baseline_m": config.focal_baseline_px_m / float(config.ir_intrinsic[0, 0]),
+        "cameras": cameras,
+        "depth": depth,
+    }

@@ -8,6 +8,7 @@ import pytest
 
 from activestereo.capture.images import write_gray
 from activestereo.cli import arguments, main
+from activestereo.scene_io.example_scene import CAMERA_TO_WORLD
 from command_line import leaves
 
 TABLES = {
@@ -100,6 +101,14 @@ def test_simulate(said, table_top, tmp_path):
     options = ("--resolution", "106x60", "--spp", 1, "--max-bounces", 0, "--out", tmp_path)
     found = said("simulate", table_top, *options)
     assert "all" in [row["name"] for row in found["accuracy"]] and len(found["stages_ms"]) >= 2
+    assert found["matching"]["subpixel"] == "lucas_kanade"
+    camera = json.loads((tmp_path / "camera.json").read_text())
+    assert camera == found["camera"] and camera["baseline_m"] == pytest.approx(0.05, abs=2e-3)
+    left, right = (camera["cameras"][f"ir_{side}"] for side in ("left", "right"))
+    offset = np.linalg.inv(left["camera_to_world"]) @ np.array(right["camera_to_world"])
+    assert offset[:3, 3] == pytest.approx([camera["baseline_m"], 0.0, 0.0], abs=1e-6)
+    assert (left["width"], left["distortion_model"]) == (106, "brown_conrady")
+    assert np.allclose(camera["cameras"]["rgb"]["camera_to_world"], CAMERA_TO_WORLD, atol=1e-6)
 
 
 def test_diagnose(said, tmp_path, monkeypatch):
