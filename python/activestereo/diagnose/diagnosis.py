@@ -55,6 +55,7 @@ from activestereo.diagnose.refine.by_rendering import Rendering
 from activestereo.diagnose.refine.fit_cache import FitCache
 from activestereo.diagnose.refine.geometry_fit import gather_where_it_stands, standing
 from activestereo.diagnose.refine.parameter_space import Solution
+from activestereo.diagnose.room.diagnosed import diagnosed_room, is_measured_room
 from activestereo.diagnose.settings import ADDING, BOTH, DEPTH, FITTING, PHASES, RENDERING, Place, Settings
 from activestereo.diagnose.thresholds import THRESHOLDS, Thresholds
 from activestereo.diagnose.verdict.acceptance import passes
@@ -174,6 +175,9 @@ def diagnose(
     if reason:
         return _undetermined(reason, _effects_of(model, scene_of(capture_path)))
     whole = read_capture(capture_path)
+    if is_measured_room(whole):
+        room, found, complete = diagnosed_room(whole, _effects_of(model, whole.scene_path), list(effects.values()))
+        return Diagnosis(room, found, sensor_model=complete)
     capture = binned(whole, usual_binning(whole) if binning is None else binning)
     if renderer is None:
         from activestereo.compare.kuafu_renderer import KuafuRenderer

@@ -101,8 +101,8 @@ def _table(result: Mapping[str, Any]) -> list[str]:
         else []
     )
     for place, entry in told:
-        values = _values(entry)
-        share, confidence = f"{100 * entry['explained_share']:.0f} %", f"{entry['confidence']:.2f}"
+        values, part = _values(entry), entry["explained_share"]
+        share, confidence = "-" if part is None else f"{100 * part:.0f} %", f"{entry['confidence']:.2f}"
         lines.append(
             f"{place:>2}  {entry['effect']:26}{entry['family']:20}{entry['score_nats']:>12.1f}{share:>10}"
             f"{confidence:>12}  {values}"

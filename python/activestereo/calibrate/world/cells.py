@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Surface cells of a measured room, and where every image sees them: what is known of a place is what all images of it
+say together, none of them first.
+
+Images are halved: dots and rows stay whole elsewhere, and a quarter of the pixels tells the light. A cell is a pixel
+of a view's left image with a surface behind it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.calibrate.world.views import Image, Mask, blurred, near_edges, normals_of, pixel_grid, points_of
+from activestereo.capture.binning import binned
+from activestereo.capture.capture import SIDES, Camera, Capture, Frame
+from activestereo.common.computed_once import computed_once
+
+# Depths that differ by less than this share are of one place; a surface is seen at no flatter angle than this cosine.
+_SAME_SURFACE, _LEAST_COSINE = 0.012, 0.25
+_BORDER_PX, _CLEAR_PX = 3, 5
+_SATURATED, _AROUND_SATURATED_PX = 0.92, 9
+_PATTERN_BLUR, _DARK = 1.0, 0.02
+_MOST_VIEWS = 4
+_HALF = 2
+
+
+@dataclass(frozen=True)
+class RoomImage:
+    """One camera's image of one frame, [height][width] at half size: dn; depth_m, 0 = none; usable; dots: the
+    projector's light at power 1 on a surface of albedo 1, up to geometry, 1/m^2; x, y: slopes of the rays. exposure:
+    relative to the first frame's. whole: the image as recorded. view: number of the frame, two images each."""
+
+    frame: Frame
+    side: str
+    view: int
+    K: NDArray[np.float64]
+    whole: Image
+    dn: Image
+    depth_m: Image
+    usable: Mask
+    dots: Image
+    geometry: Image
+    exposure: float
+
+    @computed_once
+    def rays(self) -> tuple[Image, Image]:
+        """(x, y) with z = 1 through every pixel."""
+        column, row = pixel_grid(self.dn.shape)
+        return (
+            ((column - self.K[0, 2]) / self.K[0, 0]).astype(np.float32),
+            ((row - self.K[1, 2]) / self.K[1, 1]).astype(np.float32),
+        )
+
+    def r2(self) -> Image:
+        """The squared tangent of every ray's angle to the axis."""
+        x, y = self.rays()
+        return np.asarray(x * x + y * y)
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where the pixels of one image lie in another one: column, row, and whether it sees the same surface."""
+
+    column: Image
+    row: Image
+    seen: Mask
+
+    def read(self, image: Image, order: int = cv2.INTER_LINEAR) -> Image:
+        """The other image at those places."""
+        return np.asarray(cv2.remap(image, self.column, self.row, order, borderMode=cv2.BORDER_REPLICATE))
+
+
+class Room:
+    """The images of one scene's views with depth, and the cells that they share.
+
+    capture: as `calibrate world` writes it. frames: ids of the views, the first four of its scene by default.
+    """
+
+    def __init__(self, capture: Capture, frames: list[int] | None = None) -> None:
+        told = capture.measured.get("poses", {}).get("frames")
+        chosen = [f for f in capture.frames if f.has_infrared and f.depth_path is not None]
+        if frames is not None:
+            chosen = [f for f in chosen if f.id in frames]
+        elif told is not None:
+            chosen = [f for f in chosen if f.id in told and f.split == "train"][:_MOST_VIEWS]
+        self.capture, self.frames = capture, chosen
+        self.rig = binned(capture, _HALF).rig
+        pattern = blurred(capture.rig.projector.pattern().astype(np.float32), _PATTERN_BLUR)
+        self.images = [image for n, frame in enumerate(chosen) for image in self._pair(n, frame, pattern)]
+        self._places: dict[tuple[int, int], Places] = {}
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        height, width = self.images[0].dn.shape
+        return height, width
+
+    @property
+    def views(self) -> int:
+        return len(self.frames)
+
+    def _camera(self, side: str) -> Camera:
+        return self.rig.camera(side)
+
+    def _pair(self, number: int, frame: Frame, pattern: Image) -> list[RoomImage]:
+        depth = self.capture.depth(frame)
+        assert depth is not None
+        left = np.where(near_edges(depth), 0.0, depth).astype(np.float32)[::_HALF, ::_HALF]
+        left = np.ascontiguousarray(left[: self._camera("left").height, : self._camera("left").width])
+        depths = {"left": left, "right": self._seen_right(left)}
+        return [self._image(number, frame, side, depths[side], pattern) for side in SIDES]
+
+    def _image(self, number: int, frame: Frame, side: str, depth_m: Image, pattern: Image) -> RoomImage:
+        K, whole = self._camera(side).K, self.capture.ir(frame, side).astype(np.float32)
+        height, width = depth_m.shape
+        dn = cv2.resize(whole[: _HALF * height, : _HALF * width], (width, height), interpolation=cv2.INTER_AREA)
+        projector = self.rig.projector
+        to_left = np.eye(4) if side == "left" else np.linalg.inv(self.rig.left_to_right)
+        points = points_of(depth_m, K)
+        there = _moved(points, projector.left_to_projector @ to_left)
+        z = np.maximum(there[..., 2], 0.05)
+        u = projector.K[0, 0] * there[..., 0] / z + projector.K[0, 2]
+        v = projector.K[1, 1] * there[..., 1] / z + projector.K[1, 2]
+        dots = cv2.remap(pattern, u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR, borderValue=0.0)
+        normal = _moved(normals_of(points), _turn_of(projector.left_to_projector @ to_left))
+        distance = np.maximum(np.linalg.norm(there, axis=-1), 0.05)
+        geometry = np.abs((normal * there).sum(axis=-1)) / distance**3
+        bright = (dn > _SATURATED * self.capture.rig.max_dn).astype(np.uint8)
+        saturated = cv2.dilate(bright, np.ones((_AROUND_SATURATED_PX,) * 2, np.uint8)) > 0
+        first = self.frames[0].exposure_gain
+        return RoomImage(
+            frame, side, number, K, whole, dn.astype(np.float32), depth_m, (depth_m > 0) & ~saturated,
+            dots - np.float32(_DARK), geometry.astype(np.float32), frame.exposure_gain / first,
+        )  # fmt: skip
+
+    def _seen_right(self, left_depth: Image) -> Image:
+        """Depth of the right camera: the nearest surface wins, single gaps close."""
+        points = _moved(points_of(left_depth, self._camera("left").K), self.rig.left_to_right)
+        z, K = points[..., 2], self._camera("right").K
+        column = np.rint(K[0, 0] * points[..., 0] / np.maximum(z, 0.05) + K[0, 2]).astype(int)
+        row = np.rint(K[1, 1] * points[..., 1] / np.maximum(z, 0.05) + K[1, 2]).astype(int)
+        height, width = left_depth.shape
+        inside = (left_depth > 0) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        order = np.argsort(-z[inside], kind="stable")
+        out = np.zeros(left_depth.shape, np.float32)
+        out[row[inside][order], column[inside][order]] = z[inside][order]
+        filled = cv2.blur((out > 0).astype(np.float32), (3, 3)) > 0.5
+        return np.where((out == 0) & filled, cv2.dilate(out, np.ones((3, 3), np.uint8)), out)
+
+    def pose(self, image: RoomImage) -> NDArray[np.float64]:
+        """camera_to_world of an image's own camera."""
+        world = image.frame.camera_to_world
+        return world if image.side == "left" else world @ np.linalg.inv(self.rig.left_to_right)
+
+    def places(self, a: int, b: int) -> Places:
+        """The Places of image a's pixels in image b."""
+        if (a, b) not in self._places:
+            self._places[a, b] = self._find(self.images[a], self.images[b])
+        return self._places[a, b]
+
+    def _find(self, a: RoomImage, b: RoomImage) -> Places:
+        a_to_b = np.linalg.inv(self.pose(b)) @ self.pose(a)
+        points = points_of(a.depth_m, a.K)
+        there = _moved(points, a_to_b)
+        z = np.maximum(there[..., 2], 0.05)
+        column = (b.K[0, 0] * there[..., 0] / z + b.K[0, 2]).astype(np.float32)
+        row = (b.K[1, 1] * there[..., 1] / z + b.K[1, 2]).astype(np.float32)
+        height, width = b.dn.shape
+        seen = a.usable & (column > _BORDER_PX) & (column < width - _BORDER_PX - 1)
+        seen &= (row > _BORDER_PX) & (row < height - _BORDER_PX - 1)
+        depth = cv2.remap(b.depth_m, column, row, cv2.INTER_LINEAR)
+        seen &= np.abs(depth - z) < _SAME_SURFACE * z
+        clear = cv2.erode(b.usable.astype(np.uint8), np.ones((_CLEAR_PX,) * 2, np.uint8)).astype(np.float32)
+        seen &= cv2.remap(clear, column, row, cv2.INTER_LINEAR) > 0.99
+        normal = _moved(normals_of(points), _turn_of(a_to_b))
+        distance = np.maximum(np.linalg.norm(there, axis=-1), 0.05)
+        seen &= np.abs((normal * there).sum(axis=-1)) / distance > _LEAST_COSINE
+        return Places(column, row, seen)
+
+
+def _moved(points: Image, pose: NDArray[np.float64]) -> Image:
+    return points @ pose[:3, :3].T.astype(np.float32) + pose[:3, 3].astype(np.float32)
+
+
+def _turn_of(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    out = np.eye(4)
+    out[:3, :3] = pose[:3, :3]
+    return out

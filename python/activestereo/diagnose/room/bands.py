@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Four linear looks at an image of a room, each with errors of its own.
+
+slow    the room's light, smooth: exposure, falloff, glare, tone
+fine    the room's light, what edges and textures show: registration, blur
+dots    the dots' amplitude, a second light on the same surfaces
+pair    everything fine, for the two cameras of one view: they see the same dots
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from activestereo.calibrate.world.cells import RoomImage
+from activestereo.calibrate.world.views import Image
+
+BANDS = ("slow", "fine", "dots", "pair")
+_FAST_PX, _AMPLITUDE_PX, _SLOW_PX = 2.0, 4.5, 3.0
+_FINE_PX, _PAIR_PX = 0.8, 0.6
+_LEAST_DOTS, _LEAST_USABLE = 2e-4, 0.05
+
+
+def blur(image: Image, sigma_px: float) -> Image:
+    """Gaussian blur that mirrors the border."""
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px, borderType=cv2.BORDER_REFLECT), np.float32)
+
+
+@dataclass(frozen=True)
+class Looks:
+    """The looks at images of one RoomImage's pixels."""
+
+    dots: Image
+    fast_dots: Image
+    dots_square: Image
+    usable: Image
+    share: Image
+
+    @classmethod
+    def of(cls, image: RoomImage) -> Looks:
+        fast, usable = image.dots - blur(image.dots, _FAST_PX), image.usable.astype(np.float32)
+        square = np.maximum(blur(fast * fast * usable, _AMPLITUDE_PX), _LEAST_DOTS)
+        return cls(image.dots, fast, square, usable, np.maximum(blur(usable, _SLOW_PX), _LEAST_USABLE))
+
+    def amplitude(self, image: Image) -> Image:
+        """The local amplitude of the dots, DN per unit of the pattern."""
+        fast = image - blur(image, _FAST_PX)
+        return blur(fast * self.fast_dots * self.usable, _AMPLITUDE_PX) / self.dots_square
+
+    def split(self, image: Image) -> tuple[Image, Image]:
+        """(room light, the dots' amplitude) of an image."""
+        amplitude = self.amplitude(image)
+        return image - amplitude * self.dots, amplitude
+
+    def of_room(self, room: Image) -> dict[str, Image]:
+        """slow and fine of light without dots."""
+        slow = blur(room * self.usable, _SLOW_PX) / self.share
+        return {"slow": slow, "fine": blur(room, _FINE_PX) - slow}
+
+    def pair(self, image: Image) -> Image:
+        return blur(image, _PAIR_PX) - blur(image, _SLOW_PX)
+
+    def even(self, amplitude: Image) -> Image:
+        """The amplitude over the same neighbourhood as slow light."""
+        return blur(amplitude * self.usable, _SLOW_PX) / self.share
+
+    def all(self, image: Image) -> dict[str, Image]:
+        """Every band of an image."""
+        room, amplitude = self.split(image)
+        return self.of_room(room) | {"dots": self.even(amplitude), "pair": self.pair(image)}

@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Residuals and columns at the cells of a room, and what is left of them once every cell's own radiance is projected
+out: no texture is measured, none is held fixed.
+
+In a band an image k sees z_k = g_k t + sum of columns c, with the cell's unknown t and the image's gain g. Weighted
+least squares of t takes the cells' means out (Schur's complement, block by block); the rest is linear in the columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.calibrate.world.cells import Room
+from activestereo.calibrate.world.views import Image
+from activestereo.diagnose.room.bands import BANDS
+from activestereo.diagnose.room.columns import Column
+from activestereo.diagnose.room.light import RoomLight
+
+# Every n-th pixel is a cell; neighbours in a band err alike.
+_STEP = {"slow": 4, "fine": 3, "dots": 4, "pair": 3}
+# Deviation of one look: floor in DN, share of the light (of half the slow light in fine bands).
+_ERROR = {"slow": (0.25, 0.02), "fine": (0.5, 0.015), "dots": (0.3, 0.05), "pair": (0.5, 0.025)}
+_TILES = (5, 8)  # of a view's image, down and across
+_LEAST_GEOMETRY = 0.02
+_STUDENT, _ROUNDS, _RIDGE = 3.0, 3, 1e-9
+
+
+@dataclass
+class Block:
+    """The cells of one view in one band: residual [image][cell], columns [column][image][cell], gain and error
+    variance [image][cell], infinite where an image does not see a cell; tile [cell]."""
+
+    residual: NDArray[np.float32]
+    columns: NDArray[np.float32]
+    gain: NDArray[np.float32]
+    variance: NDArray[np.float32]
+    tile: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Sums over tiles and bands: information [tile][c][c] and score [tile][c] of the columns, textures out; spread:
+    of residuals, in what was expected, by band."""
+
+    names: tuple[str, ...]
+    information: NDArray[np.float64]
+    score: NDArray[np.float64]
+    spread: Mapping[str, float]
+
+
+def blocks_of(room: Room, light: RoomLight, columns: Sequence[Column], bands: Sequence[str] = BANDS) -> list[Block]:
+    """The Blocks of every view in every band."""
+    frames = {(band, m): _Frame.of(room, light, band, m) for m in range(room.views) for band in bands}
+    frames = {key: frame for key, frame in frames.items() if frame.cells}
+    blocks = {key: frame.block(light, len(columns)) for key, frame in frames.items()}
+    for number, column in enumerate(columns):
+        for k in range(len(room.images)):
+            changed = _changed(light, column, k, bands)
+            for (band, m), frame in frames.items():
+                if band in changed and k in frame.images:
+                    frame.fill(blocks[band, m].columns[number], k, changed[band])
+    return list(blocks.values())
+
+
+def _changed(light: RoomLight, column: Column, k: int, bands: Sequence[str]) -> dict[str, Image]:
+    """A column of one image in every band where it shows."""
+    looks = light.looks[k]
+    out: dict[str, Image] = {}
+    room = column.change(k, light.room[k])
+    if room is not None:
+        out |= looks.of_room(room)
+    if room is not None and not column.moves:
+        lit = column.change(k, light.room[k] + light.dots[k])
+        out["dots"] = looks.even(looks.amplitude(room if lit is None else lit - room))
+    if "pair" in bands and (both := column.change(k, light.both[k])) is not None:
+        out["pair"] = looks.pair(both)
+    return out
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """Where the cells of one view and band lie in the images that see them."""
+
+    room: Room
+    view: int
+    band: str
+    images: tuple[int, ...]
+    at: dict[int, tuple[Image, Image]]
+    seen: NDArray[np.bool_]
+    tile: NDArray[np.int64]
+
+    @property
+    def cells(self) -> int:
+        return self.seen.shape[1]
+
+    @classmethod
+    def of(cls, room: Room, light: RoomLight, band: str, view: int) -> _Frame:
+        step, own = np.s_[1 :: _STEP[band], 1 :: _STEP[band]], 2 * view
+        chosen = [
+            k
+            for k, image in enumerate(room.images)
+            if (band != "dots" or image.side == "left") and (band != "pair" or image.view == view)
+        ]
+        places = {k: room.places(own, k) for k in chosen}
+        new = room.images[own].usable.copy()
+        for earlier in range(view if band != "pair" else 0):
+            new &= ~room.places(own, 2 * earlier).seen
+        seen = np.stack([places[k].seen[step] & new[step] for k in chosen])
+        if band == "dots":
+            bright = [(room.images[k].geometry > _LEAST_GEOMETRY).astype(np.float32) for k in chosen]
+            lit = [places[k].read(image)[step] > 0.99 for k, image in zip(chosen, bright, strict=True)]
+            seen &= np.stack(lit)
+        live = seen.sum(axis=0) > 1
+        row, column = np.indices(live.shape)
+        tile = (view * _TILES[0] + row * _TILES[0] // live.shape[0]) * _TILES[1] + column * _TILES[1] // live.shape[1]
+        at = {k: (places[k].column[step][live][None], places[k].row[step][live][None]) for k in chosen}
+        return cls(room, view, band, tuple(chosen), at, seen[:, live], tile[live])
+
+    def read(self, k: int, image: Image, order: int = cv2.INTER_CUBIC) -> NDArray[np.float32]:
+        column, row = self.at[k]
+        out = np.empty(column.shape[1], np.float32)
+        for first in range(0, len(out), 30000):  # OpenCV's remap takes at most 32767 columns
+            part = np.s_[:, first : first + 30000]
+            out[first : first + 30000] = cv2.remap(
+                image, column[part], row[part], order, borderMode=cv2.BORDER_REPLICATE
+            )
+        return out
+
+    def fill(self, columns: NDArray[np.float32], k: int, image: Image) -> None:
+        """Writes the column of image k."""
+        columns[self.images.index(k)] = self.read(k, image, cv2.INTER_LINEAR)
+
+    def block(self, light: RoomLight, columns: int) -> Block:
+        """The Block with empty columns."""
+        floor, share = _ERROR[self.band]
+        residual, gain, level = (np.empty(self.seen.shape, np.float32) for _ in range(3))
+        for n, k in enumerate(self.images):
+            looks, image = light.looks[k], light.seen[k]
+            each = looks.all(image)
+            residual[n] = self.read(k, each[self.band])
+            lit = light.gain[k] * self.room.images[k].geometry if self.band == "dots" else light.gain[k]
+            gain[n] = self.read(k, lit, cv2.INTER_LINEAR)
+            level[n] = np.abs(self.read(k, each["dots" if self.band == "dots" else "slow"], cv2.INTER_LINEAR))
+        variance = np.where(self.seen, floor**2 + (share * level) ** 2, np.inf).astype(np.float32)
+        shape = (columns, *self.seen.shape)
+        return Block(residual, np.zeros(shape, np.float32), gain, variance, self.tile + _offset(self))
+
+
+def _offset(frame: _Frame) -> int:
+    """Tiles of bands are apart."""
+    return BANDS.index(frame.band) * frame.room.views * _TILES[0] * _TILES[1]
+
+
+def normal(room: Room, columns: Sequence[Column], blocks: Sequence[Block], held: Sequence[int]) -> Normal:
+    """The Normal of blocks. held: the numbers of the columns beside which cells are weighed: all others would find
+    themselves in the weights.
+
+    Cells weigh by their own residual (Student's), and a band by its cells' spread; information is divided by how much
+    more the tiles' scores vary than those of independent cells would (a tempered likelihood).
+    """
+    count, tiles = len(columns), room.views * _TILES[0] * _TILES[1]
+    information, score = np.zeros((len(BANDS) * tiles, count, count)), np.zeros((len(BANDS) * tiles, count))
+    prior, spread = np.array([c.sd**-2.0 for c in columns]), {}
+    for number, band in enumerate(BANDS):
+        own = [b for b in blocks if len(b.tile) and b.tile[0] // tiles == number]
+        if not own:
+            continue
+        weights = [1.0 / b.variance for b in own]
+        weights, scale = _student(own, weights, held, prior)
+        for b, w in zip(own, weights, strict=True):
+            z = _projected(np.concatenate([b.residual[None], b.columns]), w, b.gain)
+            order = np.argsort(b.tile, kind="stable")
+            for part in np.split(order, np.flatnonzero(np.diff(b.tile[order])) + 1):
+                here = z[:, :, part].reshape(count + 1, -1)
+                product = ((here * w[:, part].ravel()) @ here.T).astype(np.float64)
+                information[b.tile[part[0]]], score[b.tile[part[0]]] = product[1:, 1:], product[1:, 0]
+        of_band = slice(number * tiles, (number + 1) * tiles)
+        temper = _temper(information[of_band], score[of_band], held, prior)
+        information[of_band] /= temper
+        score[of_band] /= temper
+        spread[band] = scale
+    return Normal(tuple(c.name for c in columns), information, score, spread)
+
+
+def _projected(z: NDArray[np.float32], weight: NDArray[np.float32], gain: NDArray[np.float32]) -> NDArray[np.float32]:
+    """z [c][image][cell] less the cell's weighted best radiance times the gain."""
+    square = np.maximum((weight * gain * gain).sum(axis=0), 1e-9)
+    mean = np.einsum("ij,cij->cj", weight * gain, z) / square
+    return z - gain * mean[:, None]
+
+
+def _student(
+    blocks: Sequence[Block], weights: list[NDArray[np.float32]], held: Sequence[int], prior: NDArray[np.float64]
+) -> tuple[list[NDArray[np.float32]], float]:
+    """(weights of whole cells from residuals beside the held columns, the spread)."""
+    first, scale, of = [w.copy() for w in weights], 1.0, np.asarray(held)
+    for _ in range(_ROUNDS):
+        z = [_projected(np.concatenate([b.residual[None], b.columns[of]]), w, b.gain)
+             for b, w in zip(blocks, weights, strict=True)]  # fmt: skip
+        flat = [x.reshape(len(x), -1) for x in z]
+        H = sum(((x * w.ravel()) @ x.T).astype(np.float64) for x, w in zip(flat, weights, strict=True))
+        eta = np.linalg.solve(H[1:, 1:] + np.diag(prior[of] + _RIDGE * np.diag(H)[1:]), H[1:, 0])
+        rest = [x[0] - np.einsum("c,cij->ij", eta.astype(np.float32), x[1:]) for x in z]
+        each = [
+            (r * r * w).sum(axis=0) / np.maximum((w > 0).sum(axis=0) - 1, 1) for r, w in zip(rest, first, strict=True)
+        ]
+        scale = float(np.sqrt(np.median(np.concatenate(each)) / 0.6))
+        weights = [
+            (w / (1.0 + x / scale**2 / _STUDENT) / scale**2).astype(np.float32)
+            for w, x in zip(first, each, strict=True)
+        ]
+    return weights, scale
+
+
+def _temper(
+    information: NDArray[np.float64], score: NDArray[np.float64], held: Sequence[int], prior: NDArray[np.float64]
+) -> float:
+    H, s, of = information.sum(axis=0), score.sum(axis=0), np.asarray(held)
+    block = H[np.ix_(of, of)]
+    rest = score - information[:, :, of] @ np.linalg.solve(block + np.diag(prior[of] + _RIDGE * np.diag(block)), s[of])
+    told = np.diag(H) > 1e-9
+    ratio = (rest**2).sum(axis=0)[told] / np.diag(H)[told]
+    return float(np.clip(np.median(ratio), 1.0, 1e4))

@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How every image of a room changes by each effect of the library, and by what the calibration may have wrong.
+
+An effect's columns are differences of its own image functions on the expected light. The dots were measured by the
+same camera: what an effect does to them is in them already, and shows in the pair alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from activestereo.calibrate.world.cells import Room
+from activestereo.calibrate.world.views import Image, normals_of, points_of
+from activestereo.diagnose.room.light import RoomLight
+from activestereo.effects import Effect, Light, Stage, View
+from activestereo.effects.core.descriptor import Parameter, Randomness
+from activestereo.effects.core.judging import Channel
+from activestereo.effects.core.model import acted
+
+# Warps are linear in small steps alone, a part of what is typical.
+_STEP_OF_A_WARP = 0.1
+_REACH = 2.0
+_TURN_RAD, _FOCAL, _BASELINE = 5e-4, 0.003, 0.1
+_SLOW_LAW, _DOTS_LIGHT = 0.03, 1.0
+# Periods of bands, in heights of the image.
+_PERIODS = tuple(0.12 * 1.09**k for k in range(21))
+_PERIODIC = "flicker_banding"
+
+Change = Callable[[int, Image], Image | None]
+
+
+@dataclass(frozen=True)
+class Column:
+    """change(image's number, light above black) is what one unit changes in an image, DN, None for nothing. sd: of its
+    prior, in units. effect, parameter, step: of the library, and the parameter's change by a unit; None of a nuisance.
+    moves: whether it moves light about, which says nothing on the dots' amplitude."""
+
+    name: str
+    change: Change
+    sd: float
+    effect: Effect | None = None
+    parameter: Parameter | None = None
+    step: float = 1.0
+    moves: bool = False
+
+
+def nuisances(room: Room, light: RoomLight, black_sd: float, vignetting_sd: float) -> list[Column]:
+    """Columns of what `calibrate world` measured, with its deviations, and of light that follows no law."""
+    out = [*_of_exposure(room), *_of_falloff(room, vignetting_sd), *_of_geometry(room)]
+    even = [np.ones(room.shape, np.float32)] * len(room.images)
+    out.append(Column("black", lambda k, image: even[k], black_sd))
+    out.append(Column("light between dots", lambda k, image: _between_dots(light, k, image), _DOTS_LIGHT))
+    return out
+
+
+def _between_dots(light: RoomLight, k: int, image: Image) -> Image | None:
+    """The dots' light is even by as much as the pattern's darkness is wrong: of the room's light, not of the dots'."""
+    amplitude = light.looks[k].even(light.looks[k].amplitude(light.seen[k]))
+    return amplitude if image is light.room[k] else None
+
+
+def _of_exposure(room: Room) -> Iterator[Column]:
+    for view in range(1, room.views):
+        yield Column(f"exposure {view}", _factor(room, lambda k: np.float32(1.0), view), 0.1)
+    laws: dict[str, Callable[[Image, Image], Image]] = {
+        "x": lambda x, y: x, "y": lambda x, y: y, "xx": lambda x, y: x * x, "xy": lambda x, y: x * y,
+        "yy": lambda x, y: y * y,
+    }  # fmt: skip
+    for view in range(room.views):
+        for name, law in laws.items():  # bounces, gloss and the room's own changes
+            law_of = lambda k, law=law: law(*room.images[k].rays())  # noqa: E731
+            yield Column(f"slow {name} {view}", _factor(room, law_of, view), _SLOW_LAW)
+
+
+def _of_falloff(room: Room, vignetting_sd: float) -> Iterator[Column]:
+    yield Column("falloff", _factor(room, lambda k: -0.5 * np.log1p(room.images[k].r2())), vignetting_sd)
+    yield Column("falloff r^4", _factor(room, lambda k: room.images[k].r2() ** 2), 0.1)
+    for side in ("left", "right"):
+        for axis in (0, 1):
+            tilt = lambda k, axis=axis: room.images[k].rays()[axis]  # noqa: E731
+            yield Column(f"falloff tilt {'xy'[axis]} {side}", _factor(room, tilt, side=side), 0.05)
+
+
+def _of_geometry(room: Room) -> Iterator[Column]:
+    f = float(room.images[0].K[0, 0])
+    for view in range(1, room.views):
+        for axis in range(3):
+
+            def turned(k: int, axis: int = axis) -> tuple[Image, Image]:
+                x, y = room.images[k].rays()
+                return ((x * y, 1 + y * y), (1 + x * x, x * y), (-y, x))[axis]
+
+            yield _flow(room, f"turn {'xyz'[axis]} {view}", turned, f, _TURN_RAD, view)
+    ones, zeros = np.ones(room.shape, np.float32), np.zeros(room.shape, np.float32)
+    yield _flow(room, "right column", lambda k: (ones, zeros), 0.5, 1.0, side="right")
+    yield _flow(room, "right row", lambda k: (zeros, ones), 0.5, 1.0, side="right")
+    near = lambda k: (1.0 / np.maximum(room.images[k].depth_m, 0.3), zeros)  # noqa: E731
+    yield _flow(room, "baseline", near, 5.0, _BASELINE, side="right")
+    yield _flow(room, "focal length", lambda k: room.images[k].rays(), f, _FOCAL)
+
+
+def _factor(
+    room: Room, of: Callable[[int], Image | np.float32], view: int | None = None, side: str | None = None
+) -> Change:
+    def change(k: int, image: Image) -> Image | None:
+        seen = room.images[k]
+        return None if view not in (None, seen.view) or side not in (None, seen.side) else of(k) * image
+
+    return change
+
+
+def _same(image: Image) -> Callable[[int], Image]:
+    return lambda k: image
+
+
+def _flow(
+    room: Room, name: str, of: Callable[[int], tuple[Image, Image]], scale: float, sd: float, view: int | None = None,
+    side: str | None = None,
+) -> Column:  # fmt: skip
+    """A Column of light that moves by scale * of(k) pixels, x and y."""
+
+    def change(k: int, image: Image) -> Image | None:
+        seen = room.images[k]
+        if view not in (None, seen.view) or side not in (None, seen.side):
+            return None
+        down, across = np.gradient(image)
+        dx, dy = of(k)
+        return np.asarray(-np.float32(scale) * (dx * across + dy * down), np.float32)
+
+    return Column(name, change, sd, moves=True)
+
+
+def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[Column]:
+    """Columns of the effects that act in the camera, one for each parameter that shows; those that are nuisances of
+    every room, such as its falloff, are left out."""
+    views = [_view(room, k) for k in range(len(room.images))]
+    out: list[Column] = []
+    for effect in effects:
+        if effect.id in ("vignetting", _PERIODIC, "black_level") or not _in_camera(effect):
+            continue
+        lead = effect.parameters[0]
+        for p in (p for p in effect.parameters if lead.neutral == p.neutral == 0.0):
+            moves = effect.stage is Stage.CAMERA
+            share = _STEP_OF_A_WARP if moves and not effect.id.endswith(("psf", "mismatch")) else 1.0
+            value = min(p.typical_value * share, p.high)
+            if p is not lead and not _stands_alone(effect, p, views[0], light.room[0]):
+                continue
+            change = _difference(effect, {p.name: value}, views, light.black_dn, 1.0 / share)
+            out.append(Column(f"{effect.id}.{p.name}", change, _REACH, effect, p, value / share, moves))
+    return out
+
+
+def _in_camera(effect: Effect) -> bool:
+    own = Stage.CAMERA <= effect.stage <= Stage.DIGITAL and effect.randomness is Randomness.NONE
+    return own and effect.channel is Channel.EXPECTED_IMAGE
+
+
+def _stands_alone(effect: Effect, p: Parameter, view: View, image: Image) -> bool:
+    """Whether a parameter shows while the effect's first one is neutral."""
+    return bool(np.any(acting(effect, {p.name: p.typical_value}, image, view, 0.0) != image))
+
+
+def _difference(effect: Effect, values: dict[str, float], views: list[View], black_dn: float, scale: float) -> Change:
+    def change(k: int, image: Image) -> Image | None:
+        moved = acting(effect, values, image, views[k], black_dn)
+        return np.asarray(scale * (moved - image), np.float32) if np.any(moved != image) else None
+
+    return change
+
+
+def acting(effect: Effect, values: dict[str, float], image: Image, view: View, black_dn: float) -> Image:
+    """Light above black after an effect."""
+    given = effect.values(values)
+    if effect.stage <= Stage.OPTICS:
+        nothing = np.zeros_like(image, np.float64)
+        light = Light.of_images([nothing, nothing, image.astype(np.float64), nothing])
+        return np.asarray(acted(effect, given, light, view).ambient)
+    own = effect.on_pixels(given, view.binning)
+    offset = black_dn if effect.stage is Stage.DIGITAL else 0.0
+    return np.asarray(effect.apply(image.astype(np.float64) + offset, view, **own) - offset)
+
+
+def _view(room: Room, k: int) -> View:
+    image, rig = room.images[k], room.rig
+    to_camera = np.eye(4) if image.side == "left" else rig.left_to_right
+    normal = normals_of(points_of(image.depth_m, image.K)).astype(np.float64)
+    return View(
+        image.side, image.K, image.depth_m.astype(np.float64), normal, rig.projector.pattern(), rig.projector.K,
+        rig.projector.left_to_projector @ np.linalg.inv(to_camera), to_camera, image.frame, rig.max_dn,
+        rig.line_time_s, baseline_m=rig.baseline_m, binning=2,
+    )  # fmt: skip
+
+
+def pedestals(room: Room, effects: Iterable[Effect]) -> list[Column]:
+    """Columns of a black level that is another one in each view."""
+    effect = next((e for e in effects if e.id == "black_level"), None)
+    if effect is None:
+        return []
+    p = effect.parameters[0]
+    one = np.full(room.shape, p.typical, np.float32)
+    of = lambda view: lambda k, image: one if room.images[k].view == view else None  # noqa: E731
+    return [Column(f"black_level.{v}", of(v), 1.0, effect, p, p.typical) for v in range(1, room.views)]
+
+
+def waves(room: Room, effects: Iterable[Effect]) -> dict[int, list[Column]]:
+    """{rows of a period in whole images: columns of light that flickers row by row}, the phase of each view free."""
+    effect = next((e for e in effects if e.id == _PERIODIC), None)
+    if effect is None:
+        return {}
+    p, out = effect.parameters[0], {}
+    rows = np.arange(room.shape[0], dtype=np.float32)[:, None] * 2 + 0.5
+    for period in (round(2 * room.shape[0] * share) for share in _PERIODS):
+        angle = 2.0 * np.pi * rows / period
+        out[period] = [
+            Column(f"{_PERIODIC}.{view} {name}", _factor(room, _same(wave), view), 0.5, effect, p, p.typical)
+            for view in range(room.views)
+            for name, wave in (("sine", p.typical * np.sin(angle)), ("cosine", p.typical * np.cos(angle)))
+        ]
+    return out

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The diagnosis of a room that `calibrate world` measured: nothing is rendered, for the scene is an unknown, too."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from activestereo.calibrate.world.cells import Room
+from activestereo.capture.capture import Capture
+from activestereo.compare.model_file import model_json
+from activestereo.diagnose.room.evidence import Found
+from activestereo.diagnose.room.names import NEEDED, Named, Names, names_of
+from activestereo.diagnose.room.plan import recordings_for
+from activestereo.diagnose.room.sessions import OF_A_UNIT
+from activestereo.diagnose.room.unseen import unseen
+from activestereo.diagnose.score.intervals import Z90
+from activestereo.diagnose.search.verdict import EFFECT, NONE
+from activestereo.effects import Effect, Model
+from activestereo.effects.core.room_light import has_room_light
+from activestereo.model import SensorModel, diagnosed_model
+
+_FALLOFF = "vignetting"
+_MAINS_HZ = 100.0
+
+Parameters = dict[str, tuple[float, float]]
+
+
+def is_measured_room(capture: Capture) -> bool:
+    """Whether `calibrate world` made a capture, of two views or more that others than the held-out ones see."""
+    posed = capture.measured.get("poses", {}).get("frames", [])
+    train = [f for f in capture.frames if f.id in posed and f.split == "train" and f.depth_path is not None]
+    return len(train) > 1 and has_room_light(capture.scene_path)
+
+
+def diagnosed_room(
+    capture: Capture, given: Model, effects: Sequence[Effect]
+) -> tuple[dict[str, Any], Model, SensorModel]:
+    """(diagnose.json's contents, the model with what was found, model.json's) of a measured room."""
+    room = Room(capture)
+    names = names_of(room, given, effects, OF_A_UNIT)
+    falloff = _falloff(capture, given, effects)
+    found = ([falloff] if falloff is not None else []) + [_told(n, names) for n in names.named]
+    accepted, intervals = given, {}
+    for effect, parameters in found:
+        values = {p.name: float(np.clip(parameters[p.name][0], p.low, p.high)) for p in effect.parameters
+                  if p.name in parameters}  # fmt: skip
+        accepted = accepted.with_effect(effect, **values)
+        for name, (value, deviation) in parameters.items():
+            intervals[effect.id, name] = (value - Z90 * deviation, value + Z90 * deviation)
+    added = [effect.id for effect, _ in found]
+    by_view = _unseen(room, capture, given, accepted)
+    result: dict[str, Any] = {
+        "verdict": EFFECT if added else NONE,
+        "capture": capture.name,
+        "binning": 1,
+        "probabilities": _probabilities(names, added),
+        "ranking": [*([_entry(*falloff, _falloff_nats(falloff[1]), 1.0, [])] if falloff is not None else []),
+                    *_ranking(names)],
+        "sets": [{"effects": list(n.members), "probabilities": list(n.members.values())} for n in names.named],
+        "own": {},
+        "not_ranked": _not_ranked(effects, given, names),
+        "added": added,
+        "depth": {"verdict": "undetermined", "reason": "a measured room is judged by its images", "ranking": [],
+                  "added": []},
+        "heldout_ir_rmse_before": _mean(by_view, "before"),
+        "heldout_ir_rmse_geometry": _mean(by_view, "before"),
+        "heldout_ir_rmse_after": _mean(by_view, "after"),
+        "heldout_noise_floor": None,
+        "curve": [],
+        "depth_split": None,
+        "next_measurement": _next(names),
+        "geometry": [],
+        "albedos": [],
+        "objects": [],
+        "residual_model": None,
+        "model": model_json(accepted),
+    }  # fmt: skip
+    return result, accepted, diagnosed_model(capture, accepted, intervals=intervals)
+
+
+def _falloff(capture: Capture, given: Model, effects: Sequence[Effect]) -> tuple[Effect, Parameters] | None:
+    """The lens's falloff as overlapping views show it, where the given model has none."""
+    effect = next((e for e in effects if e.id == _FALLOFF), None)
+    told = capture.measured.get("exposure", {}).get("vignetting_exponent")
+    if effect is None or told is None or _FALLOFF in {e.id for e, _ in given.effects}:
+        return None
+    parameters = {"exponent": (float(told[0]), float(told[1]))}
+    return (effect, parameters) if _falloff_nats(parameters) > NEEDED else None
+
+
+def _falloff_nats(parameters: Parameters) -> float:
+    value, deviation = parameters["exponent"]
+    return 0.5 * max(value / deviation, 0.0) ** 2
+
+
+def _told(named: Named, names: Names) -> tuple[Effect, Parameters]:
+    return named.found.effect, parameters_of(named.found, names.period_rows)
+
+
+def parameters_of(found: Found, period_rows: int | None) -> Parameters:
+    """{parameter: (value, deviation)} of what was found; of waves their size and the rows of a period, at the mains."""
+    if found.effect.id == "flicker_banding" and period_rows is not None:
+        values = np.array([value for value, _ in found.parameters.values()])
+        deviation = float(np.mean([sd for _, sd in found.parameters.values()]))
+        depth = float(np.mean(np.hypot(values[::2], values[1::2])))
+        return {"depth": (depth, deviation), "line_time_s": (1.0 / (_MAINS_HZ * period_rows), 0.0)}
+    if found.effect.id == "black_level":
+        return {"offset_dn": max(found.parameters.values(), key=lambda told: abs(told[0]))}
+    return {name.split(".")[1]: told for name, told in found.parameters.items()}
+
+
+def _ranking(names: Names) -> list[dict[str, Any]]:
+    sure = {n.found.effect.id: n for n in names.named}
+    out = [_entry(n.found.effect, parameters_of(n.found, names.period_rows), n.found.nats, n.members[n.found.effect.id],
+                  [m for m in n.members if m != n.found.effect.id]) for n in names.named]  # fmt: skip
+    out += [
+        _entry(f.effect, parameters_of(f, names.period_rows), max(f.nats, 0.0), 0.0, [])
+        for f in names.ranking
+        if f.effect.id not in sure
+    ]
+    return out
+
+
+def _entry(effect: Effect, parameters: Parameters, nats: float, sure: float, same: list[str]) -> dict[str, Any]:
+    shown = {
+        p.name: {"value": value, "low": value - Z90 * sd, "high": value + Z90 * sd, "unit": p.unit}
+        for p in effect.parameters
+        for value, sd in [parameters.get(p.name, (p.neutral, 0.0))]
+    }
+    return {
+        "effect": effect.id, "family": effect.family, "finding": effect.finding,
+        "channel": "noise" if effect.id == "row_noise" else "infrared", "score_nats": nats, "confidence": sure,
+        "explained_share": None, "gain_reduced_chi2": None, "closed_share": None, "closed_share_low": None,
+        "parameters": shown, "equivalent": same,
+    }  # fmt: skip
+
+
+def _probabilities(names: Names, added: Sequence[str]) -> dict[str, Any]:
+    """Probabilities by the evidence beyond what a name needs."""
+    odds = np.exp([min(f.nats, 500.0) - NEEDED for f in names.ranking])
+    first = names.named[0].members if names.named else {}
+    one = float(odds.max() / (1.0 + odds.max())) if len(odds) else 0.0
+    named = {name: one * p for name, p in first.items()} if first else {}
+    if not named and added:
+        named = {added[0]: 1.0}
+    return {"named": named, "none": max(1.0 - sum(named.values()), 0.0), "something_else": 0.0}
+
+
+def _not_ranked(effects: Sequence[Effect], given: Model, names: Names) -> list[dict[str, str]]:
+    ranked = {f.effect.id for f in names.ranking} | {e.id for e, _ in given.effects} | {_FALLOFF}
+    reason = "a room measured by the same camera has it in its dots or surfaces, or does not show it"
+    return [{"effect": e.id, "family": e.family, "reason": reason} for e in effects if e.id not in ranked]
+
+
+def _next(names: Names) -> list[dict[str, Any]]:
+    """The recordings that would tell what this one cannot."""
+    named = {n.found.effect.id for n in names.named}
+    unseen_ones = [f.effect.id for f in names.ranking if f.tells < NEEDED and f.effect.id not in named]
+    return [
+        {"text": recording.text, "separates": list(own), "change": None}
+        for recording, own in recordings_for(unseen_ones)
+    ]
+
+
+def _unseen(room: Room, capture: Capture, given: Model, accepted: Model) -> list[dict[str, float]]:
+    """Each held-out view, else each view, as the others predict it under both models."""
+    test = [f.id for f in capture.split("test") if f.depth_path is not None]
+    whole = room if not test else Room(capture, [*(f.id for f in room.frames), *test])
+    chosen = [n for n, f in enumerate(whole.frames) if not test or f.id in test]
+    black = capture.rig.black_dn[0] if capture.rig.black_dn else 0.0
+    before, after = _exponent(given), _exponent(accepted)
+    out = []
+    for view in chosen:
+        left = {n: unseen(whole, view, black, n).by_other_views for n in {before, after}}
+        out.append({"before": left[before], "after": left[after]})
+    return out
+
+
+def _exponent(model: Model) -> float:
+    return next((values["exponent"] for e, values in model.effects if e.id == _FALLOFF), 0.0)
+
+
+def _mean(rows: Sequence[dict[str, float]], name: str) -> float | None:
+    return float(np.sqrt(np.mean([row[name] ** 2 for row in rows]))) if rows else None
