@@ -8,7 +8,7 @@ from pathlib import Path
 
 from activestereo.cli.arguments import CommandError, Commands, add_shared, integer_from, make_folder, names_of, size
 
-FORMATS = ("lerobot", "mcap", "rerun")
+FORMATS = ("lerobot", "mcap")
 
 _TEXT = """\
 Puts things on a table again and again, each time with other poses, lamps and another
@@ -61,8 +61,6 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--ir-size", type=size, metavar="WxH", help=text)
     text = "samples per pixel (default: 16)"
     parser.add_argument("--spp", "--samples-per-pixel", type=integer_from(1), default=16, metavar="N", help=text)
-    text = "also write WebDataset tar files of N frames each, once all frames are there"
-    parser.add_argument("--shards", type=integer_from(1), metavar="N", help=text)
     text = f"also in these formats, once all frames are there: comma-separated, of {', '.join(FORMATS)}"
     parser.add_argument("--also", type=names_of("format", FORMATS), default=[], metavar="NAMES", help=text)
     text = "things upright side by side, or dropped with MuJoCo's physics (default: scatter)"
@@ -83,7 +81,6 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.benchmarks.generate.formats import require, write_formats
     from activestereo.benchmarks.generate.ranges import Ranges
     from activestereo.benchmarks.generate.run import generate
-    from activestereo.benchmarks.generate.shards import write_shards
     from activestereo.benchmarks.generate.studio import Settings
     from activestereo.common.declared_ranges import read_ranges
     from activestereo.common.progress_bar import ProgressBar, duration
@@ -124,8 +121,6 @@ def run(args: argparse.Namespace) -> None:
     notes += [f"{done.there} were there already"] if done.there else []
     unseen = [f"no frame shows {path}: it is transparent, hidden, or smaller than a pixel" for path in done.unseen]
     notes += [f"{done.missing} of other parts are not there yet"] if done.missing else []
-    if args.shards is not None and not done.missing:
-        notes += [f"{write_shards(args.out, args.count, args.shards)} shards"]
     if args.also and not done.missing:
         write_formats(args.out, args.count, args.also)
         notes += [f"also {', '.join(args.also)}"]

@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import tarfile
 import time
 from pathlib import Path
 
@@ -123,28 +122,6 @@ def test_a_usd_stage_is_written_as_gltf_first(tmp_path: Path, monkeypatch: pytes
     assert main(["generate", str(stage), *options(tmp_path / "set", 1)]) == 0
     assert (tmp_path / "set/things/ball.glb").exists()
     assert (tmp_path / "set/train_pbr/000000/rgb/000000.png").exists()
-
-
-def test_shards_hold_the_same_files(things: tuple[Path, ...], tmp_path: Path) -> None:
-    names = [str(path) for path in things]
-    assert main(["generate", *names, *options(tmp_path, 3), "--shards", "2"]) == 0
-    shards = sorted((tmp_path / "shards").iterdir())
-    assert [path.name for path in shards] == ["000000.tar", "000001.tar"]
-    found: dict[str, bytes] = {}
-    for path in shards:
-        with tarfile.open(path) as tar:
-            members = [member.name for member in tar]
-            # Files of one frame stand together.
-            keys = [name.partition(".")[0] for name in members]
-            assert keys == sorted(keys)
-            found |= {name: tar.extractfile(name).read() for name in members}  # type: ignore[union-attr]
-    scene = tmp_path / "train_pbr/000000"
-    assert found["000002.depth.png"] == (scene / "depth/000002.png").read_bytes()
-    assert found["000001.mask_visib_1.png"] == (scene / "mask_visib/000001_000001.png").read_bytes()
-    assert json.loads(found["000000.json"])["camera"]["depth_scale"] == 1.0
-    before = [path.read_bytes() for path in shards]
-    assert main(["generate", *names, *options(tmp_path, 3), "--shards", "2"]) == 0
-    assert [path.read_bytes() for path in shards] == before
 
 
 def test_a_killed_run_goes_on(things: tuple[Path, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

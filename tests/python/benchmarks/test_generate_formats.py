@@ -86,19 +86,13 @@ def test_mcap_has_a_cameras_topics_with_their_geometry(data_set, tmp_path):
     assert found["/camera/pose"].pose.position.y == pytest.approx(-0.5)
 
 
-def test_rerun_writes_a_recording(data_set):
-    pytest.importorskip("rerun", reason="the package rerun-sdk is not installed")
-    formats.write_formats(data_set, 2, ["rerun"])
-    assert (data_set / "rerun/frames.rrd").stat().st_size > 2 * 48 * 64
-
-
 def test_what_is_missing_is_said_before_anything_is_made(tmp_path, monkeypatch, capsys):
     def package():
-        raise ImportError("rerun is missing: pip install rerun-sdk")
+        raise ImportError("rosbags is missing: pip install rosbags")
 
-    monkeypatch.setitem(formats._WRITERS, "rerun", SimpleNamespace(package=package))
+    monkeypatch.setitem(formats._WRITERS, "mcap", SimpleNamespace(package=package))
     assert tuple(formats._WRITERS) == command.FORMATS
-    options = ["generate", "no.glb", "--count", "1", "--out", str(tmp_path / "set"), "--also", "rerun"]
+    options = ["generate", "no.glb", "--count", "1", "--out", str(tmp_path / "set"), "--also", "mcap"]
     assert main(options) == 2
-    assert "pip install rerun-sdk" in capsys.readouterr().err
+    assert "pip install rosbags" in capsys.readouterr().err
     assert not (tmp_path / "set").exists()

@@ -8,7 +8,6 @@
 | layout.py | layouts: side by side, or dropped with physics |
 | studio.py | one frame: layout, camera, light, pictures |
 | bop.py | folders and files of the BOP format |
-| shards.py | the same as tar files for training |
 | ray_actors.py | frames from the machines of a Ray cluster |
 | run.py | workers, resuming, progress |
 

@@ -6,9 +6,9 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from activestereo.benchmarks.generate import lerobot, mcap, rerun
+from activestereo.benchmarks.generate import lerobot, mcap
 
-_WRITERS = {"lerobot": lerobot, "mcap": mcap, "rerun": rerun}
+_WRITERS = {"lerobot": lerobot, "mcap": mcap}
 
 
 def require(names: list[str]) -> None:
