@@ -25,7 +25,6 @@ _HOMES = {
     "Mounts": "sensor.mounts",
     "Pose": "common.pose",
     "SensorModel": "model.model",
-    "SpotCheck": "sensor.spot_check",
     "StereoDepthSensor": "sensor.sensor",
     "StereoDepthSensorBatch": "sensor.batch",
     "StereoDepthSensorConfig": "camera.presets",

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from activestereo.sensor.spot_check import MEASURES, BoundExceededError, SpotCheck
+from spot_check import MEASURES, BoundExceededError, SpotCheck
 
 SHAPE, FOCAL_BASELINE, DEPTH_M = (4, 12), 40.0, 2.0
 TRUTH = FOCAL_BASELINE / DEPTH_M
