@@ -16,6 +16,7 @@ from activestereo.sensor.gbuffer.materials import MaterialNumbers
 from activestereo.sensor.ir_link import has_own_memory
 
 _TYPES = {"depth": np.float32, "normal": np.float32, "albedo": np.float32, "material": np.uint32}
+_FURTHEST_NEAR_M = 50.0  # no sensor of this kind measures there
 
 
 def host_image(name: str, values: Any, shape: tuple[int, ...]) -> NDArray[Any]:
@@ -29,6 +30,16 @@ def host_image(name: str, values: Any, shape: tuple[int, ...]) -> NDArray[Any]:
     if image.dtype.kind not in "fiub":
         raise TypeError(f"{name} is of {image.dtype}, expected numbers")
     return _of_shape(name, image, shape)
+
+
+def require_metres(name: str, depth: NDArray[Any]) -> None:
+    """Raises ValueError for depth that can only be in millimetres: nothing is nearer than 50 m, and not all is one
+    far plane."""
+    there = depth[np.isfinite(depth) & (depth > 0)]
+    if there.size and there.min() > _FURTHEST_NEAR_M and there.max() > 1.01 * there.min():
+        raise ValueError(
+            f"{name} begins at {there.min():g} m: is it in millimetres? Then give {name} / 1000; 0 and inf are nothing"
+        )
 
 
 def _of_shape(name: str, image: Any, shape: tuple[int, ...]) -> Any:

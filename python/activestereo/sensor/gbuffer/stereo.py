@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from os import PathLike
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,7 +30,7 @@ from activestereo.model import SensorModel
 from activestereo.sensor.cuda_maps import CudaMaps
 from activestereo.sensor.cuda_tensor import require_no_capture
 from activestereo.sensor.gbuffer.cause import causes, hidden_from_right
-from activestereo.sensor.gbuffer.inputs import InputImages, host_image
+from activestereo.sensor.gbuffer.inputs import InputImages, host_image, require_metres
 from activestereo.sensor.gbuffer.materials import MaterialNumbers
 from activestereo.sensor.gbuffer.rig import inverse_depth, require_row
 from activestereo.sensor.ir_link import IrLink
@@ -41,9 +41,22 @@ _ENVIRONMENTS = Limits(1, 1_000_000, whole=True)
 _SEED = Limits(0, 2**64 - 1, whole=True)
 _RADIANCE = Limits(0.0, float(np.finfo(np.float32).max), "W/(sr m^2)")
 KINDS = ("planar", "ray")
-OUTPUTS = ("depth", "disparity", "ir_left", "ir_right", "valid", "cause")
-_OF_ENGINE = ("depth", "disparity", "ir_left", "ir_right")
+Output = Literal["depth", "disparity", "ir_left", "ir_right", "valid", "cause"]
+OUTPUTS: tuple[Output, ...] = get_args(Output)
+_OF_ENGINE: tuple[Output, ...] = ("depth", "disparity", "ir_left", "ir_right")
 _IMAGES = ("depth", "normal", "albedo", "material")
+
+
+class StereoImages(TypedDict):
+    """One frame of all environments, [E, height, width]; it has only the outputs that were asked for. On CUDA the first
+    four are arrays that torch and CuPy take."""
+
+    depth: NDArray[np.float32]  # metres in the left infrared camera, 0 = no measurement
+    disparity: NDArray[np.float32]  # pixels, -1 = none
+    ir_left: NDArray[Any]  # the imager's counts
+    ir_right: NDArray[Any]
+    valid: NDArray[np.bool_]
+    cause: NDArray[np.uint8]  # indices into cause.CAUSES
 
 
 class GBufferStereo:
@@ -122,8 +135,8 @@ class GBufferStereo:
         self, *, depth: Any, normal: Any = None, albedo: Any = None, material: Any = None,
         depth_kind: Literal["planar", "ray"] = "planar",
         right: Mapping[str, Any] | None = None, projector: Any = None, ambient: ArrayLike | None = None,
-        laser_power: ArrayLike = 1.0, exposure: ArrayLike = 1.0, outputs: Sequence[str] | None = None,
-    ) -> dict[str, Any]:  # fmt: skip
+        laser_power: ArrayLike = 1.0, exposure: ArrayLike = 1.0, outputs: Sequence[Output] | None = None,
+    ) -> StereoImages:  # fmt: skip
         """One frame. All images are [E, height, width], of NumPy, torch or DLPack, of the left infrared camera.
 
         depth: metres, 0 or inf = nothing there; depth_kind: 'planar' (z) or 'ray' (along the ray). normal [..., 3]:
@@ -136,10 +149,8 @@ class GBufferStereo:
         configuration's, a number or [E]. outputs: which of OUTPUTS to return, None = all; 'cause' takes time on the
         host; 'cause' and 'valid' never stay on CUDA.
 
-        Returns depth float32 metres in the left infrared camera, 0 = no measurement; disparity float32 pixels, -1;
-        ir_left, ir_right as the imager counts; valid bool; cause uint8, an index into cause.CAUSES. Raises ValueError
-        with the environment and the invalid value; no frame is taken then. Raises RuntimeError while torch captures a
-        CUDA graph.
+        Raises ValueError with the environment and the invalid value, also for depth on the host that can only be in
+        millimetres; no frame is taken then. Raises RuntimeError while torch captures a CUDA graph.
         """
         known = OUTPUTS if self._on_cuda is None else _OF_ENGINE
         outputs = known if outputs is None else outputs
@@ -196,7 +207,7 @@ class GBufferStereo:
             found["cause"] = self._causes(given, seen, found, inputs)
         if "valid" in outputs:
             found["valid"] = found["depth"] > 0.0
-        return {name: found[name] for name in outputs}
+        return cast(StereoImages, {name: found[name] for name in outputs})
 
     def compute_depth_from(
         self, left: ArrayLike, right: ArrayLike, left_laser: ArrayLike | None = None,
@@ -221,6 +232,8 @@ class GBufferStereo:
         """Raises ValueError unless the images give each surface an albedo or a material."""
         if given.get("depth") is None:
             raise ValueError(f"{whose}depth is missing")
+        if not getattr(given["depth"], "is_cuda", False):
+            require_metres(f"{whose}depth", host_image(f"{whose}depth", given["depth"], self.shape))
         material = given.get("material")
         if not self._materials.is_given:
             if material is not None:

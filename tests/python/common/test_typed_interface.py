@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A type checker sees misspelt fields, keys and methods of the interface before a program runs."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import activestereo
+
+# Each line with a mistake ends in "# wrong".
+SCRIPT = """\
+from pathlib import Path
+
+import numpy as np
+
+from activestereo import GBufferStereo, StereoDepthSensor, StereoDepthSensorConfig
+from activestereo.common.pose import Pose
+
+SCENE = Path("table_top.gltf")
+
+
+def picture() -> float:
+    config = StereoDepthSensorConfig("D435").scaled(0.5)
+    config.samples_per_pixel = 2
+    config.samples_per_pixle = 4  # wrong
+    config.subpixel = "parabola"
+    sensor = StereoDepthSensor(config, SCENE, pose=Pose())
+    sensor.take_picture()
+    sensor.compute_depth()
+    depth_m = sensor.get_depth()
+    left, right = sensor.get_ir_measured()
+    points_m = sensor.get_pontcloud()  # wrong
+    print(left.shape, right.shape, points_m)
+    return float(depth_m.mean())
+
+
+def batch() -> float:
+    sensor = GBufferStereo("D435", environments=4)
+    depth_m = np.full(sensor.shape, 0.8)
+    albedo = np.full(sensor.shape, 0.5)
+    frame = sensor(depth=depth_m, albedo=albedo, outputs=["depth", "valid"])
+    share = frame["valid"].mean()
+    nearest = frame["dpeth"].min()  # wrong
+    print(nearest)
+    return float(share)
+
+
+if __name__ == "__main__":
+    print(picture(), batch())
+"""
+
+
+@pytest.mark.parametrize(
+    "checker",
+    [["mypy", "--ignore-missing-imports"], ["pyright", "--pythonpath", sys.executable]],
+    ids=("mypy", "pyright"),
+)
+def test_three_planted_mistakes_are_the_only_ones(tmp_path, checker):
+    if shutil.which(checker[0]) is None:
+        pytest.skip(f"{checker[0]} is not installed: pip install {checker[0]}")
+    script, folder = tmp_path / "script.py", str(Path(activestereo.__file__).resolve().parents[1])
+    script.write_text(SCRIPT)
+    paths = {"MYPYPATH": folder, "PYTHONPATH": folder}
+    run = subprocess.run([*checker, script.name], capture_output=True, text=True, cwd=tmp_path, env=os.environ | paths)
+    told = [line for line in run.stdout.splitlines() if "script.py:" in line and "error" in line]
+    wrong = [number for number, line in enumerate(SCRIPT.splitlines(), 1) if line.endswith("# wrong")]
+    assert sorted({int(line.split(":")[1]) for line in told}) == wrong and len(wrong) == 3, run.stdout + run.stderr
