@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from activestereo.cli.arguments import real, size, whole
+from activestereo.cli.parser import rare_group
 from activestereo.common.parameter import MATCHER, RIG, Parameter
 
 
@@ -25,11 +26,15 @@ def add_options(
                 f"--{p.pair}",
                 type=size,
                 metavar="WxH",
-                help=f"{p.pair}-width and -height at once (default: {default}x{default})",
+                help=f"{p.pair}-width and -height at once (default: {_size(default)})",
             )
         names = [p.option] + ([f"--{p.short}"] if p.short else [])
         text = f"{p.doc} ({_facts(p, default)})".replace("%", "%%")
         group.add_argument(*names, dest=p.name, default=None, help=text, **_kind(p))
+
+
+def _size(default: Any) -> str:
+    return default if isinstance(default, str) else f"{default}x{default}"
 
 
 def _facts(p: Parameter, default: Any) -> str:
@@ -73,9 +78,8 @@ def given(args: argparse.Namespace, table: Sequence[Parameter]) -> dict[str, Any
 
 def add_matching(parser: argparse.ArgumentParser, defaults: Mapping[str, Any]) -> argparse._ArgumentGroup:
     """The depth engine's options: what it computes, and where."""
-    group = parser.add_argument_group(
-        "matching", "Semi-global matching of census descriptors, and what becomes of its depth."
-    )
+    text = "Semi-global matching of census descriptors, and what becomes of its depth."
+    group = rare_group(parser, "matching", text)
     add_options(group, MATCHER, defaults)
     add_options(group, RIG)
     return group

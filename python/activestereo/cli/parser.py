@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from itertools import takewhile
 from typing import Any, NoReturn
@@ -19,6 +20,36 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, *, formatter_class: Any = argparse.RawDescriptionHelpFormatter, **own: Any) -> None:
         super().__init__(formatter_class=formatter_class, **own)
+        self._rare: list[Any] = []  # groups that --help-all alone shows
+
+    def rare_group(self, title: str, description: str | None = None) -> argparse._ArgumentGroup:
+        """A group of options that few need: --help names it, --help-all shows it."""
+        if not self._rare:
+            self.add_argument("--help-all", action=_HelpAll, nargs=0, help="show all options, also the rare ones")
+        self._rare.append(self.add_argument_group(title, description))
+        return self._rare[-1]
+
+    def format_help(self) -> str:
+        if not self._rare:
+            return super().format_help()
+        titles = ", ".join(group.title for group in self._rare)
+        return f"{self._shown([g for g in self._action_groups if g not in self._rare])}\nmore (--help-all): {titles}\n"
+
+    def format_all_help(self) -> str:
+        """Help with the rare options."""
+        return super().format_help()
+
+    def _shown(self, groups: Sequence[Any]) -> str:
+        formatter = self._get_formatter()
+        own = [action for group in groups for action in group._group_actions]
+        formatter.add_usage(self.usage, [a for a in self._actions if a in own], self._mutually_exclusive_groups)
+        formatter.add_text(self.description)
+        for group in groups:
+            formatter.start_section(group.title)
+            formatter.add_text(group.description)
+            formatter.add_arguments(group._group_actions)
+            formatter.end_section()
+        return formatter.format_help()
 
     def error(self, message: str) -> NoReturn:
         self.exit(USAGE, f"{self.prog}: {printable(message)} (see {self.prog} --help)\n")
@@ -46,3 +77,16 @@ class Parser(argparse.ArgumentParser):
         if action.choices is not None and value not in action.choices:
             what = "command" if action.dest == "command" else "choice"
             raise argparse.ArgumentError(action, unknown(what, value, map(str, action.choices)))
+
+
+class _HelpAll(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        assert isinstance(parser, Parser)
+        parser._print_message(parser.format_all_help(), sys.stdout)
+        parser.exit()
+
+
+def rare_group(parser: argparse.ArgumentParser, title: str, description: str | None = None) -> argparse._ArgumentGroup:
+    """Parser.rare_group() of a parser that a command made."""
+    assert isinstance(parser, Parser)
+    return parser.rare_group(title, description)

@@ -26,6 +26,7 @@ from activestereo.cli.arguments import (
 from activestereo.cli.camera_options import add_camera_options, set_cameras
 from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
 from activestereo.cli.engine_options import add_matching, add_options, given, given_matching, given_rig
+from activestereo.cli.parser import rare_group
 from activestereo.cli.record_options import add_records, set_records
 from activestereo.common.parameter import RENDER, RENDERER
 from activestereo.scene_io.lamp_kinds import INFRARED_SHARES, infrared_share
@@ -63,6 +64,7 @@ examples:
   activestereo simulate table_top.gltf --velocity 0.5,0,0 --ir-distortion -0.06,0.01,0,0 --out out/moving
 """
 
+_USUAL = [p for p in RENDER if p.name in ("samples_per_pixel", "max_bounces")]
 _OF_THE_CAMERA = dict.fromkeys(OF_THE_CAMERA, "the camera's")
 
 
@@ -86,8 +88,9 @@ def add_parser(commands: Commands) -> None:
     add_shared(parser, effects=", where the model has some", out=True, json=True, device=True)
     add_shared(parser, verbose="times of the stages, matching, and the error of each material")
     _add_view(parser.add_argument_group("view"))
-    add_camera_options(parser.add_argument_group("lenses, shutters and motion"))
-    _add_rendering(parser.add_argument_group("rendering and noise"))
+    _add_light(parser.add_argument_group("light and noise"))
+    add_camera_options(rare_group(parser, "lenses, shutters and motion"))
+    _add_rendering(rare_group(parser, "rendering and records"))
     add_depth_maps(add_matching(parser, SAPIEN_DEFAULTS | _OF_THE_CAMERA))
     parser.set_defaults(run=run)
 
@@ -107,7 +110,12 @@ def _add_view(group: argparse._ArgumentGroup) -> None:
 
 def _add_rendering(group: argparse._ArgumentGroup) -> None:
     add_options(group, RENDERER, _OF_THE_CAMERA)
-    add_options(group, RENDER, _OF_THE_CAMERA)
+    add_options(group, [p for p in RENDER if p not in _USUAL], _OF_THE_CAMERA)
+    add_records(group)
+
+
+def _add_light(group: argparse._ArgumentGroup) -> None:
+    add_options(group, _USUAL, _OF_THE_CAMERA)
     add_shared(group, seed="of rendering and noise; same seed, same files")
     text = (
         "uniform visible radiance from all sides, W/(sr m^2); 0 is dark in infrared, too (default: 0.1; 0.19, a room "
@@ -130,7 +138,6 @@ def _add_rendering(group: argparse._ArgumentGroup) -> None:
     text = "exposure of the infrared cameras, seconds: fixed, at gain 1 (default: the sensor's own, often automatic)"
     group.add_argument("--ir-camera-exposure", "--ir-exposure", type=positive, metavar="S", help=text)
     group.add_argument("--no-noise", action="store_true", help="infrared images without imager noise")
-    add_records(group)
 
 
 def _lamp(text: str) -> float:

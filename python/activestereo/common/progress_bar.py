@@ -15,8 +15,8 @@ from activestereo.common.shown import printable
 _REDRAW_S = 0.1
 _LINE_S = 15.0
 _WIDTH = 28
-# Times that differ by less than this factor are told as one.
-_SURE = 1.3
+# Times that differ by less than the first factor are told as one, by less than the second as about one.
+_SURE, _NEARLY_SURE = 1.3, 4.0
 
 # Called with the fraction done, 0..1; work that can be cancelled ends when it returns True.
 Progress = Callable[[float], object]
@@ -94,10 +94,13 @@ class ProgressBar:
 
 
 def _span(least_s: float, most_s: float) -> str:
-    """'40 s', or '40 s to 2 min 10 s' if the two are far apart."""
+    """'40 s'; 'about 2 min' if the two are apart, 'perhaps 2 min' if they are far apart."""
     if most_s <= _SURE * least_s or most_s < 1.0:
         return duration(0.5 * (least_s + most_s))
-    return f"{duration(least_s)} to {duration(most_s)}"
+    middle_s = (max(least_s, 1.0) * most_s) ** 0.5
+    unit_s, unit = next(((s, u) for s, u in ((3600, "h"), (60, "min")) if middle_s >= s), (1, "s"))
+    number = round(middle_s / unit_s) if unit_s > 1 else max(1, 5 * round(middle_s / 5))
+    return f"{'about' if most_s <= _NEARLY_SURE * least_s else 'perhaps'} {number} {unit}"
 
 
 def duration(seconds: float) -> str:

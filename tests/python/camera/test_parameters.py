@@ -176,7 +176,7 @@ def test_a_field_that_no_record_has_is_refused(options: tuple[str, ...], words: 
 @pytest.mark.parametrize("name", OF_THE_CAMERA)
 def test_help_of_simulate_leaves_to_the_camera_what_is_its_own(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        parse("simulate", "--help")
+        parse("simulate", "--help-all")
     option = next(p.option for p in (*MATCHER, *RENDERER, *RENDER) if p.name == name)
     text = " ".join(capsys.readouterr().out.split(f"{option} ")[-1].split("--")[0].split())
     assert "default: the camera's" in text

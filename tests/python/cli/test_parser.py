@@ -70,3 +70,13 @@ def test_an_option_may_be_cut_short_and_values_after_two_dashes_are_no_options()
 def test_the_page_has_every_exit_status_and_no_other():
     told = {int(number) for number in re.findall(r"^\| (\d+) \|", PAGE.read_text(encoding="utf-8"), re.M)}
     assert told == {value for name, value in vars(exit_codes).items() if name.isupper()}
+
+
+def test_no_help_has_a_broken_default_and_rare_options_are_found():
+    for name, parser in leaves().items():
+        every = " ".join(parser.format_all_help().split())
+        assert not re.search(r"sx[a-z]|%\(|default: None|<class|default: \)|'[sx]x", every), name
+        assert all(option in every for option in parser._option_string_actions if option.startswith("--")), name
+        short = parser.format_help()
+        assert short == parser.format_all_help() or "more (--help-all): " in short, name
+        assert len(short.splitlines()) < 130, name
