@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from activestereo.cli.arguments import CommandError, add_shared, integer_from, print_json
@@ -41,6 +42,7 @@ def add_parts(parts: argparse._SubParsersAction) -> None:
     """The parsers of calibrate's parts that take recordings with depth."""
     world = parts.add_parser("world", help="a camera and a room from views with depth", description=_WORLD)
     _add_arguments(world)
+    world.add_argument("--plan", action=_Plan, help="print what to record for which effect, ten minutes in all")
     text = "a step whose part of the capture stays as it is; repeatable"
     world.add_argument("--keep", choices=tuple(_STEPS)[:-1], action="append", default=[], help=text)
     world.set_defaults(run=_run, steps=None)
@@ -49,6 +51,19 @@ def add_parts(parts: argparse._SubParsersAction) -> None:
         step = parts.add_parser(name, help=summary, description=text)
         _add_arguments(step)
         step.set_defaults(run=_run, steps=(_STEP_OF.get(name, name),), keep=[])
+
+
+class _Plan(argparse.Action):
+    """Prints the plan of recordings and ends."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, help: str | None = None) -> None:
+        super().__init__(option_strings, dest, nargs=0, help=help)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object, **__: object) -> None:
+        from activestereo.diagnose.room.plan import plan_text
+
+        print(plan_text())
+        parser.exit()
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -86,6 +86,8 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("capture", type=Path, metavar="CAPTURE", help="the capture's folder")
     add_shared(parser, out=True)
     parser.add_argument("--model", type=Path, metavar="FILE", help="model.json to start from (default: no effects)")
+    text = "a room of calibrate world of the same unit when it was good; repeatable"
+    parser.add_argument("--reference", type=Path, metavar="CAPTURE", action="append", default=[], help=text)
     add_shared(parser, effects=", ranked beside the built-in ones")
     parser.add_argument(
         "--greedy", action="store_true", help="add, refit, swap and remove effects until nothing passes"
@@ -163,6 +165,7 @@ def run(args: argparse.Namespace) -> None:
             engines=lambda capture: CaptureRenderer(capture, *sampled(capture)),
             binning=args.bin,
             scores_first=args.scores_first,
+            reference=args.reference,
             looks_like=lambda names: bar.tell(f"looks like {', '.join(names)}") if names else None,
         )
         phases.begin(WRITING)

@@ -158,6 +158,7 @@ def diagnose(
     binning: int | None = None,
     scores_first: bool = False,
     looks_like: Callable[[Sequence[str]], object] = lambda names: None,
+    reference: Sequence[str | Path] = (),
 ) -> Diagnosis:
     """A Diagnosis of the capture folder. CaptureError where the capture cannot be used.
 
@@ -168,7 +169,8 @@ def diagnose(
     makes a capture's engine, by whose images effects of light transport are refined (diagnose/refine/by_rendering.py).
     engines: as of compare(), for the same held-out figures. binning: the search looks at images averaged over so many
     pixels along rows and columns, None for usual_binning(); what is told of the model's images is of whole ones.
-    scores_first, looks_like: as of Settings; such a search always goes on until nothing may be named.
+    scores_first, looks_like: as of Settings; such a search always goes on until nothing may be named. reference:
+    captures of the same unit when it was good, of rooms that `calibrate world` measured.
     """
     effects = library() if effects is None else effects
     reason = no_infrared(capture_path)
@@ -176,8 +178,12 @@ def diagnose(
         return _undetermined(reason, _effects_of(model, scene_of(capture_path)))
     whole = read_capture(capture_path)
     if is_measured_room(whole):
-        room, found, complete = diagnosed_room(whole, _effects_of(model, whole.scene_path), list(effects.values()))
+        known = _effects_of(model, whole.scene_path)
+        sessions = [read_capture(path) for path in reference]
+        room, found, complete = diagnosed_room(whole, known, list(effects.values()), sessions)
         return Diagnosis(room, found, sensor_model=complete)
+    if reference:
+        raise ValueError(f"{capture_path}: a reference serves rooms of calibrate world alone: leave it out")
     capture = binned(whole, usual_binning(whole) if binning is None else binning)
     if renderer is None:
         from activestereo.compare.kuafu_renderer import KuafuRenderer

@@ -14,6 +14,7 @@ from activestereo.calibrate.world.world import calibrate_world
 from activestereo.capture.capture import read_capture
 from activestereo.cli import main
 from activestereo.diagnose import diagnose
+from activestereo.diagnose.room.plan import PLAN, recordings_for
 from activestereo.diagnose.room.rows import row_variance
 from activestereo.effects import Model, builtin
 from room_worlds import BASELINE_M, BLACK_DN, CX, CY, EXPONENT, F, Room
@@ -86,6 +87,30 @@ def test_a_camera_that_lacks_nothing_is_told_so_and_what_would_tell_more(capture
     told = {name for advice in result["next_measurement"] for name in advice["separates"]}
     assert "response_gamma" in told
     assert sum(result["probabilities"]["named"].values()) + result["probabilities"]["none"] == pytest.approx(1.0)
+
+
+def test_a_good_session_of_the_unit_tells_what_one_alone_leaves_open(capture_with):
+    good, alone = capture_with(nothing), diagnose(capture_with(gain)).result
+    beside = diagnose(capture_with(gain), reference=[good]).result
+    gained = [{e["effect"]: e["score_nats"] for e in r["ranking"]}["gain_mismatch"] for r in (alone, beside)]
+    assert beside["added"] == ["vignetting", "gain_mismatch"] and gained[1] > 1.3 * gained[0]
+    assert diagnose(good, reference=[good]).result["added"] == ["vignetting"]
+
+
+def test_what_is_no_reference_is_refused_in_a_line(capture_with):
+    capture = capture_with(nothing)
+    with pytest.raises(ValueError, match="is no reference: make it with calibrate world from two or more views"):
+        diagnose(capture, reference=[capture.parent / "rec"])
+
+
+def test_the_plan_fits_ten_minutes_and_names_effects_of_the_library(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["calibrate", "world", "--plan"])
+    said = capsys.readouterr().out
+    assert ended.value.code == 0 and said.count("\n") == len(PLAN) + 1
+    assert sum(recording.minutes for recording in PLAN) <= 10.0
+    assert {name for recording in PLAN for name in recording.tells} <= set(builtin())
+    assert [own for _, own in recordings_for(["response_gamma", "lens_psf"])] == [("response_gamma",), ("lens_psf",)]
 
 
 def test_cells_lie_on_the_same_surface_in_every_image(capture_with):

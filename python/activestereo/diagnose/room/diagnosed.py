@@ -14,7 +14,6 @@ from activestereo.compare.model_file import model_json
 from activestereo.diagnose.room.evidence import Found
 from activestereo.diagnose.room.names import NEEDED, Named, Names, names_of
 from activestereo.diagnose.room.plan import recordings_for
-from activestereo.diagnose.room.sessions import OF_A_UNIT
 from activestereo.diagnose.room.unseen import unseen
 from activestereo.diagnose.score.intervals import Z90
 from activestereo.diagnose.search.verdict import EFFECT, NONE
@@ -36,11 +35,12 @@ def is_measured_room(capture: Capture) -> bool:
 
 
 def diagnosed_room(
-    capture: Capture, given: Model, effects: Sequence[Effect]
+    capture: Capture, given: Model, effects: Sequence[Effect], reference: Sequence[Capture] = ()
 ) -> tuple[dict[str, Any], Model, SensorModel]:
-    """(diagnose.json's contents, the model with what was found, model.json's) of a measured room."""
+    """(diagnose.json's contents, the model with what was found, model.json's) of a measured room. reference: sessions
+    of the same unit when it was good. ValueError where one is no measured room, or of another image size."""
     room = Room(capture)
-    names = names_of(room, given, effects, OF_A_UNIT)
+    names = names_of(room, given, effects, [_room_of(other, capture) for other in reference])
     falloff = _falloff(capture, given, effects)
     found = ([falloff] if falloff is not None else []) + [_told(n, names) for n in names.named]
     accepted, intervals = given, {}
@@ -79,6 +79,16 @@ def diagnosed_room(
         "model": model_json(accepted),
     }  # fmt: skip
     return result, accepted, diagnosed_model(capture, accepted, intervals=intervals)
+
+
+def _room_of(reference: Capture, capture: Capture) -> Room:
+    """A reference's room."""
+    if not is_measured_room(reference):
+        raise ValueError(f"{reference.path}: is no reference: make it with calibrate world from two or more views")
+    sizes = [f"{c.rig.left.width}x{c.rig.left.height}" for c in (reference, capture)]
+    if sizes[0] != sizes[1]:
+        raise ValueError(f"{reference.path}: is {sizes[0]}, the capture {sizes[1]}: give a session of the same unit")
+    return Room(reference)
 
 
 def _falloff(capture: Capture, given: Model, effects: Sequence[Effect]) -> tuple[Effect, Parameters] | None:

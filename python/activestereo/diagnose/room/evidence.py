@@ -99,11 +99,11 @@ def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, floa
         parameters = {
             names[j]: (float(value[j] * room.columns[j].step), float(deviation[j] * room.columns[j].step)) for j in own
         }
-        out.append(Found(effect, _student(float(nats), few), parameters, _student(float(tells) - cost, few)))
+        out.append(Found(effect, student(float(nats), few), parameters, student(float(tells) - cost, few)))
     return sorted(out, key=lambda found: -found.nats)
 
 
-def _student(nats: float, few: float) -> float:
+def student(nats: float, few: float) -> float:
     """Gaussian nats as Student's."""
     return 0.5 * (few + 1.0) * float(np.log1p(2.0 * nats / few)) if nats > 0 else nats
 

@@ -5,16 +5,17 @@ by, then the next one beside it."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from activestereo.calibrate.world.cells import Room
 from activestereo.diagnose.room.cells_out import blocks_of, normal
 from activestereo.diagnose.room.columns import Column, effects_of, nuisances, pedestals, waves
-from activestereo.diagnose.room.evidence import Found, judged, reduced
+from activestereo.diagnose.room.evidence import Found, Reduced, judged, reduced, student
 from activestereo.diagnose.room.light import RoomLight, room_light
 from activestereo.diagnose.room.rows import row_variance
+from activestereo.diagnose.room.sessions import BETWEEN, OF_A_UNIT
 from activestereo.diagnose.search.selection import credible
 from activestereo.effects import Effect, Model
 
@@ -25,6 +26,8 @@ _ROW_FLOOR_DN2, _LEAST_ROWS_DN2, _MOST_NATS = 0.002, 0.01, 30.0
 _BLACK_SD_DN, _EXPONENT_SD = 1.5, 0.5
 # Asked about along with the effects: what `calibrate world` measured of the camera itself.
 _CAMERA = ("black", "falloff", "right row")
+# Of single views, and no property of a unit; deviation of a pair's rows between sessions.
+_OF_ONE_VIEW, _ROWS_PX = ("flicker_banding", "black_level"), 0.035
 
 
 @dataclass(frozen=True)
@@ -45,25 +48,15 @@ class Names:
     period_rows: int | None
 
 
-def names_of(
-    room: Room, given: Model, effects: Sequence[Effect], spread: Mapping[str, float]
-) -> Names:
-    """The Names of a room beside a given model. spread: {effect.parameter: deviation of good units, in the parameter's
-    unit}; others cannot be named."""
-    measured = room.capture.measured.get("exposure", {})
-    black = room.capture.rig.black_dn[0] if room.capture.rig.black_dn else 0.0
-    exponent = (measured.get("vignetting_exponent") or (0.0,))[0]
-    light = room_light(room, black, exponent)
+def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Sequence[Room] = ()) -> Names:
+    """The Names of a room beside a given model. reference: rooms of the same unit when it was good."""
     asked = [e for e in effects if e.id not in {g.id for g, _ in given.effects}]
-    still = nuisances(room, light, _BLACK_SD_DN, _EXPONENT_SD)
-    period, wave = _wave(room, light, still, asked)
-    columns = [*still, *effects_of(room, light, asked), *pedestals(room, asked), *wave]
-    columns = [c for c in columns if c.effect is None or key(c) in spread]
-    blocks = blocks_of(room, light, columns)
-    sums = normal(room, columns, blocks, range(len(still)))
-    of = [j for j, c in enumerate(columns) if c.effect is not None or c.name.startswith(_CAMERA)]
-    seen = reduced(sums, columns, of)
+    spread = BETWEEN if reference else OF_A_UNIT
+    seen, period = _seen(room, asked, spread)
     rows = _rows(room, asked)
+    if reference:
+        seen = _beside(seen, [_seen(other, asked, spread)[0] for other in reference])
+        rows += _pitch(room, reference, asked)
     named: list[Named] = []
     ranking: tuple[Found, ...] = ()
     known = {c.name: spread[key(c)] / c.step for c in seen.columns if c.effect is not None}
@@ -80,6 +73,61 @@ def names_of(
         rows = [f for f in rows if f is not best]
         known = {c.name: c.sd if c.effect is best.effect else known.get(c.name, c.sd) for c in seen.columns}
     return Names(tuple(named), ranking, period)
+
+
+def _seen(room: Room, asked: Sequence[Effect], spread: Mapping[str, float]) -> tuple[Reduced, int | None]:
+    """(scores of the columns with a known spread and of the camera's own, rows of a period of the waves in them)."""
+    measured = room.capture.measured.get("exposure", {})
+    black = room.capture.rig.black_dn[0] if room.capture.rig.black_dn else 0.0
+    light = room_light(room, black, (measured.get("vignetting_exponent") or (0.0,))[0])
+    still = nuisances(room, light, _BLACK_SD_DN, _EXPONENT_SD)
+    period, wave = _wave(room, light, still, asked)
+    columns = [*still, *effects_of(room, light, asked), *pedestals(room, asked), *wave]
+    columns = [c for c in columns if c.effect is None or key(c) in spread]
+    sums = normal(room, columns, blocks_of(room, light, columns), range(len(still)))
+    of = [j for j, c in enumerate(columns) if c.effect is not None or c.name.startswith(_CAMERA)]
+    return reduced(sums, columns, of), period
+
+
+def _beside(seen: Reduced, others: Sequence[Reduced]) -> Reduced:
+    """The scores, less what good sessions have of effects that stay with a unit: their joint fit."""
+    lasting = [c.name for c in seen.columns if c.effect is not None and c.effect.id not in _OF_ONE_VIEW]
+    H, s = np.zeros((len(lasting),) * 2), np.zeros(len(lasting))
+    for other in others:
+        names = [c.name for c in other.columns]
+        at = np.array([names.index(name) for name in lasting])
+        rest = np.setdiff1d(np.arange(len(names)), at)
+        inner = other.information[np.ix_(rest, rest)] + np.diag([other.columns[j].sd ** -2.0 for j in rest])
+        A = np.linalg.solve(inner, other.information[np.ix_(rest, at)]).T
+        H += other.information[np.ix_(at, at)] - A @ other.information[np.ix_(rest, at)]
+        s += other.score[at] - A @ other.score[rest]
+    prior = np.diag([next(c.sd for c in seen.columns if c.name == name) ** -2.0 for name in lasting])
+    value = dict(zip(lasting, np.linalg.solve(H + prior, s), strict=True))
+    return replace(seen, score=seen.score - seen.information @ np.array([value.get(c.name, 0.0) for c in seen.columns]))
+
+
+def _pitch(room: Room, reference: Sequence[Room], effects: Sequence[Effect]) -> list[Found]:
+    """The evidence that one camera's rows have moved since the unit was good: `calibrate world` measures them."""
+    effect = next((e for e in effects if e.id == "stereo_pitch"), None)
+    if effect is None:
+        return []
+    off = [_row_offset(other) for other in reference]
+    moved = (_row_offset(room) - float(np.mean(off))) / room.capture.rig.left.K[0, 0]
+    deviation = _ROWS_PX / room.capture.rig.left.K[0, 0]
+    reach = 2.0 * effect.parameters[0].typical
+    nats, tells = (_with_prior(value, deviation, reach) for value in (moved, reach))
+    return [Found(effect, nats, {"stereo_pitch.angle_rad": (moved, deviation)}, tells)]
+
+
+def _row_offset(room: Room) -> float:
+    return float(room.capture.rig.right.K[1, 2] - room.capture.rig.left.K[1, 2])
+
+
+def _with_prior(value: float, deviation: float, reach: float) -> float:
+    """Nats of a value with a prior deviation, over none, as Student's."""
+    whole = deviation**2 + reach**2
+    nats = 0.5 * value**2 * (deviation**-2 - 1.0 / whole) - 0.5 * np.log(whole / deviation**2)
+    return student(float(nats), FEW)
 
 
 def key(column: Column) -> str:

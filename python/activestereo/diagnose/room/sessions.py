@@ -20,3 +20,10 @@ OF_A_UNIT = {
     "black_level.offset_dn": 0.42,
     "flicker_banding.depth": 0.014,
 }
+# Between sessions of one unit.
+BETWEEN = OF_A_UNIT | {
+    "focus_mismatch.sigma_px": 0.1,
+    "gain_mismatch.gain": 0.009,
+    "veiling_glare.fraction": 0.09,
+    "response_gamma.log_exponent": 0.08,
+}
