@@ -96,3 +96,4 @@ for entry in "${pythons[@]}"; do
   [ "$(stat -c %s "$wheel")" -le $most_bytes ] || fail "$wheel has more than $((most_bytes / 1000000)) MB"
   try_out "$wheel" "${entry%%=*}" "${entry#*=}"
 done
+echo "install it: ${pythons[-1]#*=} -m venv venv && venv/bin/pip install $wheel"

@@ -90,4 +90,5 @@ def _run(args: argparse.Namespace) -> None:
         return
     sentence = f"{args.out}: {', '.join(steps)} measured from {args.recording}, each with a picture."
     next_step = command("compare", args.out, "-o", f"{args.out}_compare")
-    print(screen(sentence, (), lines, [next_step], args.out / "measured", verbose=args.verbose))
+    notes = [note for line in lines for note in line.splitlines()]
+    print(screen(sentence, (), notes, [next_step], args.out / "measured", verbose=args.verbose))

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Other simulators: SAPIEN, ManiSkill, MuJoCo and URDF files. Nothing else imports them."""
+"""Other simulators: SAPIEN, ManiSkill, MuJoCo, URDF files and Gymnasium. Nothing else imports them."""

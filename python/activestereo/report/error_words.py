@@ -53,8 +53,6 @@ _PLACES = {
 }  # fmt: skip
 _LEAST_CONCENTRATION = 0.1
 _MOST_MATERIALS = 3
-# A brightness that differs by less in the mean differs both ways.
-_BOTH_WAYS_DN = 0.2
 # An error that falls by less than this share did not fall.
 _SAME = 0.02
 
@@ -72,9 +70,8 @@ def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
         ]
     place = largest_place(scores["where"])
     words, ways = _KINDS[shape["kind"]]
-    kind = words.format(ways[shape["amount"] > 0] if ways else abs(shape["amount"]))
-    if shape["kind"] == "brightness" and abs(shape["amount"]) < _BOTH_WAYS_DN:
-        kind = "The measured images are here darker, there brighter than the model's"
+    amount = place["mean"] if place is not None and shape["kind"] == "brightness" else shape["amount"]
+    kind = words.format(ways[amount > 0] if ways else abs(amount))
     where = "" if place is None else f": {_percent(place['share'])} of the error lies {place['words']}"
     area = "" if place is None else f", in {_percent(place['pixel_share'])} of the pixels"
     said.append(f"{kind}{where}{area}.")
@@ -84,8 +81,8 @@ def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
 
 
 def largest_place(tables: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
-    """{words, covariate, its table, share of the infrared error beyond noise, pixel_share} of the pixels, told by one
-    covariate, that hold most of it beside their number; None where it lies everywhere alike."""
+    """{words, covariate, its table, mean DN, share of the infrared error beyond noise, pixel_share} of the pixels, told
+    by one covariate, that hold most of it beside their number; None where it lies everywhere alike."""
     known = [t for t in tables if t["channel"] == "infrared" and t["is_finding"]]
     told = [t for t in known if t["covariate"] in (*_PLACES, "material") and t["concentration"] >= _LEAST_CONCENTRATION]
     places = [_materials(t) if t["covariate"] == "material" else _tail(t) for t in told]
@@ -114,7 +111,9 @@ def _place(table: Mapping[str, Any], own: Sequence[Mapping[str, Any]], words: st
     all_bins = table["bins"]
     held, whole = (sum(b["pixels"] * max(b["excess"], 0.0) for b in bins) for bins in (own, all_bins))
     share, pixels = held / max(whole, 1e-12), sum(b["pixels"] for b in own) / sum(b["pixels"] for b in all_bins)
-    return {"words": words, "covariate": table["covariate"], "table": table, "share": share, "pixel_share": pixels}
+    mean = sum(b["pixels"] * b["mean"] for b in own) / max(sum(b["pixels"] for b in own), 1)
+    told = {"words": words, "covariate": table["covariate"], "table": table, "mean": mean}
+    return told | {"share": share, "pixel_share": pixels}
 
 
 def depth_sentences(scores: Mapping[str, Any]) -> list[str]:

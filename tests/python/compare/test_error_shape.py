@@ -62,7 +62,7 @@ def test_noise_alone_has_no_shape_and_unknown_pixels_count_nowhere():
 
 
 def _table(covariate, bins):
-    rows = [{"low": a, "high": b, "pixels": n, "excess": e} for a, b, n, e in bins]
+    rows = [{"low": a, "high": b, "pixels": n, "excess": e, "mean": -e} for a, b, n, e in bins]
     return {"channel": "infrared", "covariate": covariate, "is_finding": True, "concentration": 0.5, "bins": rows}
 
 

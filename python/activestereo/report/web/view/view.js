@@ -9,6 +9,7 @@ let maps = null;  // colour maps by name
 let facts = null;  // of the opened entry
 let kind = "left";
 let pictures = {};  // measured, simulated: answers with their images
+let before = {};  // of a scene without a measurement: its first pictures, draft and refined
 const cloud = new Cloud(part("cloud"));
 let clouds = "both";  // whose points are shown
 const panel = new Panel(() => told(simulate));
@@ -43,7 +44,10 @@ async function openFrame() {
   const serial = ++asked;
   part("view").dataset.shown = "";
   pictures = {};
+  before = {};
+  wait();
   part("measured-name").textContent = facts.has_measured ? "measured" : "before any slider is moved";
+  part("clouds").children[0].textContent = facts.has_measured ? "measured" : "before";
   for (const side of ["left", "right"]) part(`dots-measured-${side}`).parentElement.hidden = !facts.has_measured;
   if (facts.has_measured) {
     const measured = await called("measured", wanted());
@@ -72,7 +76,10 @@ async function simulate() {
     const answer = await called("simulate", { ...wanted(), settings: panel.settings(), is_draft, page: PAGE, serial });
     if (serial !== asked || answer.superseded) return;
     pictures.simulated = answer;
-    if (!facts.has_measured && !panel.isMoved()) pictures.measured = answer;
+    if (!facts.has_measured) {  // a draft is compared with a draft alone: their noise is no effect
+      if (!panel.isMoved()) before[is_draft] = answer;
+      pictures.measured = before[is_draft];
+    }
     panel.taken(answer);
     const seconds = ((performance.now() - begin) / 1000).toFixed(2);
     part("quality").textContent = `(${is_draft ? "draft" : "refined"}, ${seconds} s)`;
@@ -97,13 +104,14 @@ function draw() {
   const [stops, low, high, power, limit, unit] = colours();
   for (const name of ["measured", "simulated"]) {
     const values = pictures[name] && pictures[name].images[kind];
-    part(name).parentElement.classList.toggle("waiting", !values);
+    wait(name, !values);
     if (!values) continue;
     zoom.show(part(name), colouredCanvas(values, facts.width, facts.height, stops, low, high, power));
     showScale(part(`${name}-scale`), stops, low, high, unit, power);
   }
   const residual = difference();
   part("difference").parentElement.hidden = part("simulated").parentElement.hidden = !facts.is_simulated;
+  wait("difference", !residual);
   if (residual) {
     zoom.show(part("difference"), colouredCanvas(residual, facts.width, facts.height, maps.RdBu_r, -limit, limit, 1));
     showScale(part("difference-scale"), maps.RdBu_r, -limit, limit, unit, 1);
@@ -111,10 +119,17 @@ function draw() {
     const mean = squares.reduce((sum, value) => sum + value, 0) / Math.max(squares.length, 1);
     part("rmse").textContent = `RMS ${Math.sqrt(mean).toFixed(2)} ${unit}`;
   }
-  for (const button of part("clouds").children) button.onclick = () => { clouds = button.dataset.cloud; drawCloud(); };
-for (const button of part("kinds").children) button.setAttribute("aria-checked", String(button.dataset.kind === kind));
+  for (const button of part("kinds").children) button.setAttribute("aria-checked", String(button.dataset.kind === kind));
   drawCloud();
   showReadout();
+}
+
+// A picture that is on its way turns a wheel; an earlier one stays behind it.
+function wait(name = "", is_waiting = true) {
+  for (const one of name ? [name] : ["measured", "simulated", "difference"]) {
+    part(one).parentElement.classList.toggle("waiting", is_waiting);
+    if (!name || !is_waiting) part(one).parentElement.classList.toggle("empty", is_waiting);
+  }
 }
 
 // The points of the pictures that are there. The first ones of a frame decide where one looks.
@@ -166,6 +181,7 @@ function showReadout() {
   part("readout").textContent = `u ${u}, v ${v}:  ${texts.join("  ·  ")}`;
   const high = Math.max(...names.map((name) => sortedHigh(pictures[name])), 1);
   markPoint(u, v);
+  document.querySelector(".dots").classList.remove("idle");
   showDots(pictures, facts.width, facts.height, [u, v], maps.gray, high);
 }
 

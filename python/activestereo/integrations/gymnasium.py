@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Any Gymnasium environment with a depth camera: its depth as an active stereo camera measures it, so that a policy is
+evaluated on the depth that it was trained on.
+
+    env = StereoDepth(env, depth=("pixels", "wrist_depth"), color=("pixels", "wrist"), fovy_deg=75.0)
+
+robosuite and LIBERO give MuJoCo's depth buffer, upside down: take it with
+
+    metres=lambda z: get_real_depth_map(env.sim, z)[::-1], and put back with back=lambda z: z[::-1]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from activestereo.camera.presets import StereoDepthSensorConfig, own_config
+from activestereo.integrations.gbuffers.pinhole import centred
+from activestereo.sensor.gbuffer.stereo import GBufferStereo
+
+Keys = str | Sequence[str]
+Images = Callable[[NDArray[Any]], NDArray[Any]]
+
+
+class StereoDepth(gymnasium.ObservationWrapper):
+    """Replaces the depth of a Dict observation by the measured one, float32 metres, 0 = no measurement.
+
+    depth, color: the keys of planar depth [H, W] or [H, W, 1] and of the colour image, whose red stands for the
+    infrared albedo; without color all surfaces have albedo_of_all. fovy_deg: the camera's vertical field of view, as
+    MuJoCo has it. camera: a preset or a configuration. metres: makes metres of the environment's depth, seen upright;
+    back: turns the result as the environment has it. Noise follows the seed of reset(). Raises ValueError without the
+    keys.
+    """
+
+    def __init__(
+        self, env: gymnasium.Env, depth: Keys, color: Keys | None = None, fovy_deg: float = 45.0,
+        camera: StereoDepthSensorConfig | str = "D435", metres: Images | None = None, back: Images | None = None,
+        albedo_of_all: float = 0.5,
+    ) -> None:  # fmt: skip
+        super().__init__(env)
+        self._depth, self._color = _path(depth), None if color is None else _path(color)
+        self._metres, self._back, self._albedo = metres or _same, back or _same, albedo_of_all
+        space = _at(env.observation_space, self._depth)
+        height, width = space.shape[:2]
+        fovx_deg = float(np.rad2deg(2.0 * np.arctan(np.tan(np.deg2rad(fovy_deg) / 2.0) * width / height)))
+        config = centred(own_config(camera).resized(width, height, fovx_deg))
+        self._sensor = GBufferStereo(config)
+        box = gymnasium.spaces.Box(0.0, float(config.max_depth_m), space.shape, np.float32)
+        self.observation_space = _with(env.observation_space, self._depth, box, gymnasium.spaces.Dict)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        if seed is not None:
+            self._sensor.restart(seed)
+        return super().reset(seed=seed, options=options)
+
+    def observation(self, observation: Mapping[str, Any]) -> dict[str, Any]:
+        given = np.asarray(_at(observation, self._depth))
+        depth_m = self._metres(given).reshape(self._sensor.shape)
+        albedo = np.full(self._sensor.shape, self._albedo)
+        if self._color is not None:  # upright as the depth is: the same turn takes either there and back
+            albedo = self._back(np.asarray(_at(observation, self._color)))[None]
+        found = self._sensor(depth=depth_m, albedo=albedo, outputs=("depth",))["depth"]
+        return _with(observation, self._depth, self._back(found.reshape(given.shape)), dict)
+
+
+def _same(image: NDArray[Any]) -> NDArray[Any]:
+    return image
+
+
+def _path(keys: Keys) -> tuple[str, ...]:
+    return (keys,) if isinstance(keys, str) else tuple(keys)
+
+
+def _at(values: Any, keys: Sequence[str]) -> Any:
+    for key in keys:
+        try:
+            values = values[key]
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"the observation has no {'/'.join(keys)}") from error
+    return values
+
+
+def _with(values: Any, keys: Sequence[str], new: Any, kind: Callable[[dict[str, Any]], Any]) -> Any:
+    """A copy of nested mappings with another value in one place."""
+    own = new if len(keys) == 1 else _with(values[keys[0]], keys[1:], new, kind)
+    return kind({**dict(values.items()), keys[0]: own})

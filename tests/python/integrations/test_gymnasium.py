@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gymnasium environments get the depth of an active stereo camera: with the package where it is installed, else with
+what its published interface says."""
+
+import sys
+import types
+
+import numpy as np
+import pytest
+
+HEIGHT, WIDTH, DISTANCE_M = 96, 128, 0.8
+
+
+def _published():
+    """Names of gymnasium 1.x that the wrapper uses (gymnasium.farama.org/api/wrappers, api/spaces)."""
+    module = types.ModuleType("gymnasium")
+
+    class Env:
+        def step(self, action):
+            return self.seen(), 0.0, False, False, {}
+
+        def reset(self, *, seed=None, options=None):
+            return self.seen(), {}
+
+    class ObservationWrapper(Env):
+        def __init__(self, env):
+            self.env, self.observation_space = env, env.observation_space
+
+        def reset(self, *, seed=None, options=None):
+            seen, info = self.env.reset(seed=seed, options=options)
+            return self.observation(seen), info
+
+        def step(self, action):
+            seen, *rest = self.env.step(action)
+            return self.observation(seen), *rest
+
+    class Box:
+        def __init__(self, low, high, shape, dtype):
+            self.low, self.high, self.shape, self.dtype = low, high, shape, dtype
+
+        def contains(self, x):
+            return x.shape == self.shape and x.dtype == self.dtype and (x >= self.low).all() and (x <= self.high).all()
+
+    class Dict(dict):
+        def contains(self, x):
+            return x.keys() == self.keys() and all(space.contains(x[name]) for name, space in self.items())
+
+    module.Env, module.ObservationWrapper = Env, ObservationWrapper
+    module.spaces = types.SimpleNamespace(Box=Box, Dict=Dict)
+    return module
+
+
+try:
+    import gymnasium
+except ImportError:
+    gymnasium = sys.modules["gymnasium"] = _published()
+
+from activestereo.integrations.gymnasium import StereoDepth  # noqa: E402
+
+
+class Wall(gymnasium.Env):
+    """A wall whose lower half is nearer; upside down and in centimetres, as buffers are."""
+
+    observation_space = gymnasium.spaces.Dict({
+        "pixels": gymnasium.spaces.Dict({
+            "depth": gymnasium.spaces.Box(0.0, 1000.0, (HEIGHT, WIDTH, 1), np.float32),
+            "color": gymnasium.spaces.Box(0, 255, (HEIGHT, WIDTH, 3), np.uint8),
+        })
+    })  # fmt: skip
+    action_space = None
+
+    def seen(self):
+        depth = np.full((HEIGHT, WIDTH, 1), 100.0 * DISTANCE_M, np.float32)
+        depth[: HEIGHT // 2] *= 0.75
+        return {"pixels": {"depth": depth, "color": np.full((HEIGHT, WIDTH, 3), 160, np.uint8)}}
+
+    def reset(self, *, seed=None, options=None):
+        return self.seen(), {}
+
+    def step(self, action):
+        return self.seen(), 0.0, False, False, {}
+
+
+@pytest.fixture(scope="module")
+def env():
+    turn = {"metres": lambda z: 0.01 * z[::-1], "back": lambda z: z[::-1]}
+    return StereoDepth(Wall(), ("pixels", "depth"), ("pixels", "color"), 58.0, **turn)
+
+
+def test_depth_is_measured_where_it_stood(env):
+    seen, _ = env.reset(seed=3)
+    depth, color = seen["pixels"]["depth"], seen["pixels"]["color"]
+    assert env.observation_space.contains(seen) and (color == 160).all()
+    for half, distance_m in ((depth[: HEIGHT // 2 - 12], 0.75 * DISTANCE_M), (depth[HEIGHT // 2 + 12 :], DISTANCE_M)):
+        assert (half > 0).mean() > 0.6
+        assert np.median(half[half > 0]) == pytest.approx(distance_m, rel=0.02)
+    assert len(np.unique(depth)) > 100  # not the truth
+
+
+def test_a_seed_repeats_the_noise_and_a_step_does_not(env):
+    first, _ = env.reset(seed=7)
+    moved, *_ = env.step(None)
+    again, _ = env.reset(seed=7)
+    same = [np.array_equal(first["pixels"]["depth"], other["pixels"]["depth"]) for other in (again, moved)]
+    assert same == [True, False]
+
+
+def test_a_missing_key_is_named():
+    with pytest.raises(ValueError, match="has no pixels/deep"):
+        StereoDepth(Wall(), ("pixels", "deep"))
