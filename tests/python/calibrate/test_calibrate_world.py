@@ -201,6 +201,9 @@ def test_counts_that_end_abruptly_are_the_black_level():
     thins_out = np.rint(rng.normal(30.0, 4.0, (200, 300))).astype(np.float32)
     view = SceneView(None, ends, ends, ends, ends > 0, 1.0)
     assert black_level([view]) == (4.0, pytest.approx(0.4))
+    blurred = cv2.GaussianBlur(ends + rng.normal(0.0, 0.4, ends.shape).astype(np.float32), (0, 0), 0.6)
+    level, deviation = black_level([replace(view, left=blurred, right=blurred)])
+    assert level == pytest.approx(4.0, abs=0.7) and deviation < 1.0
     level, deviation = black_level([replace(view, left=thins_out, right=thins_out)])
     assert deviation > 4.0 and level < 12.0
 

@@ -40,6 +40,9 @@ _PAIR_EXPONENT, _PAIR_BLACK_DN = 0.25, 1.0
 # those beside it. Light and noise alone thin out towards dark.
 _LEAST_AT_FLOOR, _LEAST_STEP_AT_FLOOR = 1e-3, 0.2
 _FLOOR_DN = 0.4
+# A floor that a lens, a resampling or noise has blurred: the darkest of these quantiles lie within so many DN, and so
+# many times as far from the next one. Noise alone thins out by less than a quarter more.
+_TAIL, _BLURRED_DN, _STEEP, _BLURRED_FLOOR_DN = (1e-4, 1e-3, 1e-2), 2.0, 1.5, 0.7
 # What the pattern is taken to be between dots: this quantile of it is darkness, and the rest goes to the room.
 _BETWEEN_DOTS = 0.02
 
@@ -78,11 +81,16 @@ class LightEstimate:
 
 def black_level(views: Sequence[SceneView]) -> tuple[float, float]:
     """(black level, its deviation), DN, by the darkest places: the count at which images end, the median of those that
-    do; else anything up to the darkest thousandth of the views is alike."""
+    do; else where their tail ends as steeply as a blurred floor does; else anything up to the darkest thousandth of the
+    views is alike."""
     counts = [np.bincount(np.rint(image).astype(int).ravel()) for view in views for image in (view.left, view.right)]
     floors = [floor for count in counts if (floor := _floor(count)) is not None]
     if floors:
         return float(np.median(floors)), float(np.hypot(_FLOOR_DN, np.std(floors) / np.sqrt(len(floors))))
+    tails = [np.quantile(image, _TAIL) for view in views for image in (view.left, view.right)]
+    steep = [b for a, b, c in tails if b - a <= _BLURRED_DN and c - b >= _STEEP * (b - a)]
+    if steep:
+        return float(np.median(steep)), _BLURRED_FLOOR_DN
     darkest = float(min(np.quantile(view.left, _DARKEST) for view in views))
     return 0.5 * darkest, max(darkest / np.sqrt(12.0), _FLOOR_DN)
 

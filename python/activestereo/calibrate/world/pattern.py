@@ -32,8 +32,9 @@ _STEPS_M = np.array([1.0e-3, 1.0e-3, 3.0e-3])
 _SOUGHT_VIEWS = 8
 _WALK = 35
 _MOST_PIXELS = 250_000
-# Below this share of explained dots the views show no common pattern.
-_LEAST_R = 0.25
+# Below this share of explained dots the views show no common pattern. Dots are everywhere, textures are not: where fine
+# contrast covers this share of the surfaces, it is of dots.
+_LEAST_R, _COVERED = 0.25, 0.5
 
 
 @dataclass(frozen=True)
@@ -49,13 +50,15 @@ class DotView:
 @dataclass(frozen=True)
 class PatternEstimate:
     """image: mean normalised high-pass image over the pattern's K, NaN = no view lit it; place: projector in the left
-    camera's frame, m; covariance [3][3]; r: {frame id: correlation of its dots with those that the others predict}."""
+    camera's frame, m; covariance [3][3]; r: {frame id: correlation of its dots with those that the others predict}.
+    is_common: whether the views share dots; else the image has each view's own, as well as several fit into one."""
 
     image: Image
     K: NDArray[np.float64]
     place: Vector
     covariance: NDArray[np.float64]
     r: dict[int, float]
+    is_common: bool = True
 
     def r_median(self) -> float:
         """The median of r over the views."""
@@ -108,7 +111,8 @@ def recover_pattern(
     """The PatternEstimate of views under a K. start: the projector's nominal place in the left frame, m. scenes: a
     number of each view's scene, for views of one scene err alike; None, or fewer than three: views count one by one.
 
-    ValueError where the views have no dots in common.
+    Views whose dots differ keep the projector's stated place. ValueError where they have no dots in common and show
+    none of their own.
     """
     rng = np.random.default_rng(seed)
     dots = [dot_view(view, K, max_dn) for view in views]
@@ -129,11 +133,21 @@ def recover_pattern(
         r[view.frame.id] = _explained(canvas, f, others, place)
     estimate = PatternEstimate(_mean(total, count, 0.15), canvas.K, place, covariance, r)
     if not estimate.r_median() > _LEAST_R:
+        covered = [f.used.sum() / max(view.surface.sum(), 1) for view, f in zip(views, dots, strict=True)]
+        if np.median(covered) > _COVERED:
+            return _own_dots(canvas, dots, np.asarray(start, float), r)
         raise ValueError(
             f"the views have no dots in common (each view's dots correlate {estimate.r_median():.2f} in the median "
             "with what the others predict, 0.5 and more where they do): switch the projector on, and record one device"
         )
     return estimate
+
+
+def _own_dots(canvas: _Canvas, dots: Sequence[DotView], place: Vector, r: dict[int, float]) -> PatternEstimate:
+    """The PatternEstimate of views without common dots, at a stated place."""
+    sums = [canvas.sums(f, place) for f in dots]
+    total, count = (np.sum([s[k] for s in sums], axis=0, dtype=np.float32) for k in (0, 1))
+    return PatternEstimate(_mean(total, count, 0.15), canvas.K, place, np.diag(_STEPS_M**2), r, is_common=False)
 
 
 def _some(view: DotView, rng: np.random.Generator) -> DotView:

@@ -183,7 +183,12 @@ def _pattern(world: World, seed: int, folder: Path, progress: Progress) -> None:
         "place_m": dots.place.tolist(),
         "covariance_m2": dots.covariance.tolist(),
         "left_out_r": {str(k): round(v, 4) for k, v in dots.r.items()},
+        "is_common": dots.is_common,
     }
+    if not dots.is_common:
+        world.note("pattern", values, f"pattern: the views share no dots (they correlate {dots.r_median():.2f} in the "
+                   "median with what the others predict): each view's own stand in, and the projector's stated place")  # fmt: skip
+        return
     line = (
         f"pattern: projector at ({place}) mm in the left camera's frame (90 %); each view's dots correlate "
         f"{dots.r_median():.2f} in the median ({min(dots.r.values()):.2f} to {max(dots.r.values()):.2f}) with what the "
