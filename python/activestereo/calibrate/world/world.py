@@ -186,8 +186,11 @@ def _pattern(world: World, seed: int, folder: Path, progress: Progress) -> None:
         "is_common": dots.is_common,
     }
     if not dots.is_common:
-        world.note("pattern", values, f"pattern: the views share no dots (they correlate {dots.r_median():.2f} in the "
-                   "median with what the others predict): each view's own stand in, and the projector's stated place")  # fmt: skip
+        line = (
+            f"pattern: the views share no dots (r {dots.r_median():.2f} in the median): each view's own stand in, at "
+            "the projector's stated place"
+        )
+        world.note("pattern", values, line)
         return
     line = (
         f"pattern: projector at ({place}) mm in the left camera's frame (90 %); each view's dots correlate "
