@@ -14,7 +14,7 @@ from activestereo.compare.model_file import model_json
 from activestereo.diagnose.room.evidence import Found
 from activestereo.diagnose.room.names import NEEDED, Named, Names, names_of
 from activestereo.diagnose.room.plan import recordings_for
-from activestereo.diagnose.room.unseen import unseen
+from activestereo.diagnose.room.unseen import unseen_rmse
 from activestereo.diagnose.score.intervals import Z90
 from activestereo.diagnose.search.verdict import EFFECT, NONE
 from activestereo.effects import Effect, Model
@@ -184,7 +184,7 @@ def _unseen(room: Room, capture: Capture, given: Model, accepted: Model) -> list
     before, after = _exponent(given), _exponent(accepted)
     out = []
     for view in chosen:
-        left = {n: unseen(whole, view, black, n).by_other_views for n in {before, after}}
+        left = {n: unseen_rmse(whole, view, black, n) for n in {before, after}}
         out.append({"before": left[before], "after": left[after]})
     return out
 
@@ -194,4 +194,5 @@ def _exponent(model: Model) -> float:
 
 
 def _mean(rows: Sequence[dict[str, float]], name: str) -> float | None:
-    return float(np.sqrt(np.mean([row[name] ** 2 for row in rows]))) if rows else None
+    seen = [row[name] for row in rows if np.isfinite(row[name])]
+    return float(np.sqrt(np.mean(np.square(seen)))) if seen else None

@@ -1,52 +1,40 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A view that was held out, as the others say it looks: the proof of what was measured on them."""
+"""A view that was held out, as the others say it looks: the proof of what was measured on them.
+
+Its light is by the other views, its dots by its own other camera: no other view's dots are as near.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+import cv2
 import numpy as np
 
 from activestereo.calibrate.world.cells import Room
 from activestereo.calibrate.world.views import Image
 from activestereo.diagnose.room.bands import Looks, blur
 
-_SMOOTH_PX = 0.6
+_SMOOTH_PX, _SLOW_PX, _CLEAR_PX = 0.6, 3.0, 9
+_MOST_GEOMETRY, _LEAST_GEOMETRY = 5.0, 0.02
 
 
-@dataclass(frozen=True)
-class Unseen:
-    """Root mean squares in DN of a held-out view's left image, at half size: what other views leave of it under a
-    falloff, dots by the pattern; what the same view's right image leaves; and the share of its pixels that others
-    see."""
-
-    frame: int
-    by_other_views: float
-    by_other_eye: float
-    seen: float
-
-
-def unseen(room: Room, view: int, black_dn: float, exponent: float) -> Unseen:
-    """The Unseen of one view of a room, predicted by all others."""
-    left = room.images[2 * view]
+def unseen_rmse(room: Room, view: int, black_dn: float, exponent: float) -> float:
+    """Root mean square in DN that the other views leave of one view's left image, at half size, under a falloff
+    cos^exponent and one free scale; NaN where they see none of it."""
+    left, beside = room.images[2 * view], room.places(2 * view, 2 * view + 1)
+    expected, known = _by_others(room, view, black_dn, exponent)
+    known &= beside.seen
+    clear = cv2.erode(known.astype(np.uint8), np.ones((_CLEAR_PX,) * 2, np.uint8)) > 0
+    if not clear.any():
+        return float("nan")
     measured = blur(left.dn - np.float32(black_dn), _SMOOTH_PX)
-    expected, known = _expected(room, view, black_dn, exponent)
-    scale = float((measured * expected)[known].sum() / (expected**2)[known].sum())
-    error = _rms(measured - scale * expected, known)
-    there = room.places(2 * view, 2 * view + 1)
-    beside = blur(there.read(room.images[2 * view + 1].dn - np.float32(black_dn)), _SMOOTH_PX)
-    both = there.seen & known
-    scale = float((measured * beside)[both].sum() / (beside**2)[both].sum())
-    other = _rms(measured - scale * beside, both)
-    return Unseen(left.frame.id, error, other, float(known.mean()))
+    other = blur(beside.read(room.images[2 * view + 1].dn), _SMOOTH_PX)
+    scale = np.float32((measured * expected)[clear].sum() / (expected**2)[clear].sum())
+    rest = measured - blur(scale * expected, _SLOW_PX) - (other - blur(other, _SLOW_PX))
+    return float(np.sqrt(np.mean(rest[clear] ** 2)))
 
 
-def _rms(rest: Image, known: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(rest[known] ** 2)))
-
-
-def _expected(room: Room, view: int, black_dn: float, exponent: float) -> tuple[Image, np.ndarray]:
-    """(the left image by other views' left ones, where it is known)."""
+def _by_others(room: Room, view: int, black_dn: float, exponent: float) -> tuple[Image, np.ndarray]:
+    """(the left image by other views' left ones, where they see it)."""
     own = room.images[2 * view]
     gain = (1.0 + own.r2()) ** np.float32(-0.5 * exponent)
     sums = np.zeros((4, *room.shape), np.float32)
@@ -57,10 +45,10 @@ def _expected(room: Room, view: int, black_dn: float, exponent: float) -> tuple[
         there, lens = room.places(2 * view, k), (1.0 + image.r2()) ** np.float32(-0.5 * exponent)
         light, amplitude = Looks.of(image).split(image.dn - np.float32(black_dn))
         lens *= np.float32(image.exposure / own.exposure)
-        lit = lens * np.minimum(image.geometry, 5.0)
+        lit = lens * np.minimum(image.geometry, _MOST_GEOMETRY)
         for j, (value, weight) in enumerate(((light, lens), (np.maximum(amplitude, 0.0), lit))):
             sums[2 * j] += there.read(weight * value) * there.seen
             sums[2 * j + 1] += there.read(weight * weight) * there.seen
     light, amplitude = (sums[j] / np.maximum(sums[j + 1], 1e-6) for j in (0, 2))
-    expected = gain * (light + amplitude * np.minimum(own.geometry, 5.0) * own.dots)
-    return blur(expected, _SMOOTH_PX), (sums[1] > 0) & own.usable & (own.geometry > 0.02)
+    expected = gain * (light + amplitude * np.minimum(own.geometry, _MOST_GEOMETRY) * own.dots)
+    return np.asarray(expected, np.float32), (sums[1] > 0) & own.usable & (own.geometry > _LEAST_GEOMETRY)
