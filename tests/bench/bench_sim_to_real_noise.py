@@ -39,7 +39,7 @@ def main() -> None:
     found = calibrate_noise(views)
     args.out.mkdir(parents=True, exist_ok=True)
     write_model(args.out / "model.json", found.model())
-    print(found.text())
+    print(found.summary())
 
 
 if __name__ == "__main__":

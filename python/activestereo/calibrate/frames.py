@@ -33,10 +33,10 @@ def read_repeats(path: Path, least: int = LEAST_REPEATS) -> list[Repeats]:
     if path.suffix == ".npy":
         views = [Repeats(path.name, _stack(path), None, path.name)]
     elif path.name == "capture.json" or (path / "capture.json").is_file():
-        views = _of_capture(path)
+        views = _read_capture(path)
     elif path.is_dir():
         folders = [path, *sorted(child for child in path.iterdir() if child.is_dir())]
-        views = [_of_folder(folder) for folder in folders if any(folder.glob("*.png"))]
+        views = [_read_folder(folder) for folder in folders if any(folder.glob("*.png"))]
     else:
         raise ValueError(f"{path}: is no folder, no .npy stack and no capture")
     if not views:
@@ -63,7 +63,7 @@ def _stack(path: Path) -> np.ndarray:
     return np.array(counts)
 
 
-def _of_folder(folder: Path) -> Repeats:
+def _read_folder(folder: Path) -> Repeats:
     files = sorted(folder.glob("*.png"))
     images = [read_gray(file, key="image") for file in files]
     for file, image in zip(files, images, strict=True):
@@ -75,7 +75,7 @@ def _of_folder(folder: Path) -> Repeats:
     return Repeats(str(folder), np.stack(images), None, str(folder))
 
 
-def _of_capture(path: Path) -> list[Repeats]:
+def _read_capture(path: Path) -> list[Repeats]:
     capture = read_capture(path)
     views = []
     for group, frames in capture.repeats().items():

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.calibrate.wall import wall_points
+
 # Every so many pixels; so many pixels beside the image's and the pattern's borders have less background than their
 # place says, because it was found by a filter.
 _STRIDE_PX, _BORDER_PX = 4, 24
@@ -80,11 +82,11 @@ def light_between_dots(
 ) -> tuple[float, float]:
     """(the pattern's value between its dots, in the unit of their powers per square pixel; half of what the cameras
     differ by)."""
-    found = [_of_one_side(walls, projector) for walls in walls_by_side]
+    found = [_fit_side(walls, projector) for walls in walls_by_side]
     return max(float(np.mean(found)), 0.0), float(0.5 * np.ptp(found))
 
 
-def _of_one_side(walls: Sequence[SeenWall], projector: ProjectorView) -> float:
+def _fit_side(walls: Sequence[SeenWall], projector: ProjectorView) -> float:
     parts = [_samples(wall, projector) for wall in walls]
     counts, shares = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
     columns = np.column_stack([np.ones(len(shares)), shares])
@@ -101,19 +103,12 @@ def _samples(wall: SeenWall, projector: ProjectorView) -> tuple[NDArray[np.float
     height, width = wall.background.shape
     rows, columns = (np.arange(_BORDER_PX, size - _BORDER_PX, _STRIDE_PX) for size in (height, width))
     v, u = (part.ravel() for part in np.meshgrid(rows, columns, indexing="ij"))
-    points = _on_wall(wall, u, v)
+    points = wall_points(wall.plane, wall.K, wall.camera_m, u, v)
     place, beam = projector.pixels(points)
-    along_u, along_v = (projector.pixels(_on_wall(wall, *shifted))[0] - place for shifted in ((u + 1, v), (u, v + 1)))
+    nexts = (wall_points(wall.plane, wall.K, wall.camera_m, *shifted) for shifted in ((u + 1, v), (u, v + 1)))
+    along_u, along_v = (projector.pixels(shifted)[0] - place for shifted in nexts)
     pattern_pixels = np.abs(along_u[:, 0] * along_v[:, 1] - along_u[:, 1] * along_v[:, 0])
     margin = _BORDER_PX * np.sqrt(pattern_pixels)[:, None]
     inside = np.all((place > margin) & (place < np.array(projector.size) - margin), axis=1)
     shares = pattern_pixels / (power_factor(points - wall.camera_m, wall.plane[:3], beam) * wall.to_common)
     return wall.background[v, u][inside], shares[inside]
-
-
-def _on_wall(wall: SeenWall, u: NDArray[np.int_], v: NDArray[np.int_]) -> NDArray[np.float64]:
-    """[n][3]: where the rays through these pixels meet the wall, in the left camera's frame."""
-    ray = np.column_stack([(u - wall.K[0, 2]) / wall.K[0, 0], (v - wall.K[1, 2]) / wall.K[1, 1], np.ones(len(u))])
-    normal, offset = wall.plane[:3], wall.plane[3]
-    reach = (offset - normal @ wall.camera_m) / (ray @ normal)
-    return np.asarray(wall.camera_m + reach[:, None] * ray)

@@ -59,7 +59,7 @@ class HandEye:
             "residual_m": self.residual_m, "residual_deg": self.residual_deg,
         }  # fmt: skip
 
-    def text(self) -> str:
+    def summary(self) -> str:
         """The summary that the command prints."""
         t, e = 1e3 * self.camera_to_gripper[:3, 3], 1e3 * _INTERVAL_90 * self.error[3:]
         turn = np.rad2deg(_INTERVAL_90 * np.linalg.norm(self.error[:3]))
@@ -160,13 +160,13 @@ def read_poses(path: Path) -> dict[str, NDArray[np.float64]]:
                 f"{path}: line {number}: {len(values)} numbers, expected finite x,y,z,qx,qy,qz,qw or a row-major "
                 "4x4"
             )
-        poses[cells[0]] = _of_numbers(values, path, number)
+        poses[cells[0]] = _parse_pose(values, path, number)
     if not poses:
         raise ValueError(f"{path}: holds no poses: each line is name,x,y,z,qx,qy,qz,qw")
     return poses
 
 
-def _of_numbers(values: NDArray[np.float64], path: Path, number: int) -> NDArray[np.float64]:
+def _parse_pose(values: NDArray[np.float64], path: Path, number: int) -> NDArray[np.float64]:
     if len(values) == 7:
         norm = float(np.linalg.norm(values[3:]))
         if abs(norm - 1.0) > 0.01:

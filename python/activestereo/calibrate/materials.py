@@ -54,7 +54,7 @@ class Materials:
         """model.json's section."""
         return SensorModel(materials={name: fields for name, fields in self.found.items() if fields})
 
-    def text(self) -> str:
+    def summary(self) -> str:
         """The summary that the command prints."""
         lines = [f"{self.object_name}, from {', '.join(self.pictures)}"]
         for surface, fields in self.found.items():

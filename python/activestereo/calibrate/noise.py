@@ -85,7 +85,7 @@ class Noise:
         )
         return SensorModel(imager=imager, nuisances={"black_dn": black})
 
-    def text(self) -> str:
+    def summary(self) -> str:
         """The summary that the command prints."""
         noise_model, fit = self.fit.noise_model, self.fit
         margin, error = self.margin_nats

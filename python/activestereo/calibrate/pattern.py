@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from activestereo.calibrate.frames import LEAST_REPEATS, Repeats, check_still
 from activestereo.calibrate.glow import ProjectorView, SeenWall, light_between_dots, power_factor, projected
 from activestereo.calibrate.spots import Spots, find_spots
-from activestereo.calibrate.wall import Wall, find_wall
+from activestereo.calibrate.wall import Wall, find_wall, wall_points
 from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
 from activestereo.capture.capture import Rig as CaptureRig
 from activestereo.capture.images import read_gray
@@ -104,7 +104,7 @@ class Pattern:
         )
         return SensorModel(pattern=pattern, rig=nominal)
 
-    def text(self) -> str:
+    def summary(self) -> str:
         """The summary that the command prints."""
         lines = [
             f"{len(self.dots)} dots; {self.seen_twice} of them are seen at two distances; sigma "
@@ -335,7 +335,7 @@ def _dots_of(
     """[dot][3]: u, v in the pattern and power, in units that the views share but for exposure. First the left camera's
     spots in their order, then those of the right camera that lie out of the left one's sight."""
     right, side = view.spots["right"], _right_side(rig)
-    points = _on_wall(right, view.wall, rig.right.K, side)
+    points = wall_points(view.wall.plane, rig.right.K, side, right.u, right.v)
     border = view.spots["left"].border_px
     outside = np.zeros(len(points), dtype=bool)
     for axis, size in enumerate((rig.left.width, rig.left.height)):
@@ -351,15 +351,10 @@ def _cut_dots(
     """[dot][3], as _dots_of() has them, of spots that an image's border cuts: less sure, for where nothing else is."""
     out = []
     for side, camera, origin in (("left", rig.left, np.zeros(3)), ("right", rig.right, _right_side(rig))):
-        points = _on_wall(view.cut[side], view.wall, camera.K, origin)
+        cut = view.cut[side]
+        points = wall_points(view.wall.plane, camera.K, origin, cut.u, cut.v)
         out.append(_as_dots(points, origin, view.cut[side].flux, view.wall, projector_K, place, rotation))
     return np.vstack(out)
-
-
-def _on_wall(spots: Spots, wall: Wall, K: np.ndarray, side: np.ndarray) -> np.ndarray:
-    """[spot][3], in the left camera's frame, where a camera at `side` sees them."""
-    ray = np.column_stack([(spots.u - K[0, 2]) / K[0, 0], (spots.v - K[1, 2]) / K[1, 1], np.ones(len(spots))])
-    return np.asarray(side + ray * ((wall.plane[3] - wall.plane[:3] @ side) / (ray @ wall.plane[:3]))[:, None])
 
 
 def _as_dots(

@@ -72,7 +72,7 @@ class Calibration:
         value = (K[0, 0], K[1, 1], K[0, 2], K[1, 2])[number]
         return float(value - half), float(value + half)
 
-    def text(self) -> str:
+    def summary(self) -> str:
         """The summary that the command prints."""
         lines = [f"{len(self.views)} boards, {self.rms_px:.3f} px RMS (values with 90 % intervals)"]
         for side in SIDES:

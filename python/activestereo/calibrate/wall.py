@@ -91,6 +91,12 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
     return Wall(plane, points_on(coefficients), if_off, both, flatness)
 
 
+def wall_points(plane: np.ndarray, K: np.ndarray, camera_m: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """[n][3], in the left camera's frame: where rays of a camera at camera_m meet the plane [n, offset]."""
+    ray = np.column_stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones(len(u))])
+    return np.asarray(camera_m + ((plane[3] - plane[:3] @ camera_m) / (ray @ plane[:3]))[:, None] * ray)
+
+
 def _normal(coefficients: np.ndarray, K: np.ndarray, right_K: np.ndarray, baseline_m: float) -> np.ndarray:
     """n of n . X = 1: disparity = fx B / Z + cx - cx', so that a plane in it is a plane in space."""
     level = coefficients[0] - K[0, 2] + right_K[0, 2]

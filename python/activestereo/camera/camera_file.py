@@ -48,10 +48,10 @@ def _numbers(doc: str, unit: str, count: int = 0, low: float = -inf, high: float
 def _engine(table: Sequence[Parameter], *names: str, least: float = -inf, most: float = inf) -> dict[str, Field]:
     """Figures of an engine's parameters, from its table. least, most: narrower bounds for a camera."""
     rows = {p.name: p for p in table}
-    return {name: _of_table(rows[name], least, most) for name in names}
+    return {name: _engine_field(rows[name], least, most) for name in names}
 
 
-def _of_table(p: Parameter, least: float, most: float) -> Field:
+def _engine_field(p: Parameter, least: float, most: float) -> Field:
     low, high = p.range or (-inf, inf)
     low, high = max(low, least), min(high, most)
     whole = p.kind is int

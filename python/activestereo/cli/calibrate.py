@@ -153,7 +153,7 @@ def _run_noise(args: argparse.Namespace) -> None:
         with ProgressBar("fitting noise") as bar:
             measured = calibrate_noise(args.frames, args.dark, args.paper, args.seed, bar)
     replace_sections(args.out, measured.model())
-    print_section(args, "imager", measured.text())
+    print_section(args, "imager", measured.summary())
 
 
 def _run_pattern(args: argparse.Namespace) -> None:
@@ -167,7 +167,7 @@ def _run_pattern(args: argparse.Namespace) -> None:
     with ProgressBar("finding dots") as bar:
         pattern = calibrate_pattern(args.frames, bar, model)
     replace_sections(args.out, pattern.model(), keep_rig=True)
-    print_section(args, "pattern", pattern.text())
+    print_section(args, "pattern", pattern.summary())
 
 
 def _run_rig(args: argparse.Namespace) -> None:
@@ -195,10 +195,10 @@ def _run_rig(args: argparse.Namespace) -> None:
     replace_sections(args.out, result.model())
     written = [args.out.with_suffix(".coverage.png")]
     write_coverage(written[0], result)
-    text = result.text()
+    text = result.summary()
     if hand is not None:
         written.append(args.out.with_suffix(".hand_eye.json"))
         content = (json.dumps(hand.as_json(), indent=1) + "\n").encode()
         replace_file(written[1], lambda file: file.write(content))
-        text += f"\n{hand.text()}"
+        text += f"\n{hand.summary()}"
     print_section(args, "rig", f"{text}\nalso written: {', '.join(map(str, written))}")

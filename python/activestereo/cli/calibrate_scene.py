@@ -88,4 +88,4 @@ def _run_materials(args: argparse.Namespace) -> None:
     replace_sections(args.out, found.model())
     folder = args.out.with_suffix("")
     next_step = command("compare", args.capture, "--model", args.out, "-o", folder)
-    print_section(args, "materials", found.text(), next_step)
+    print_section(args, "materials", found.summary(), next_step)

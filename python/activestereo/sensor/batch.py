@@ -298,7 +298,7 @@ class StereoDepthSensorBatch(SensorResults):
         """Runs call(engine, device) on all devices."""
         return self._devices.each(lambda k: call(self._engines[k], k))
 
-    def _of(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
+    def _joined(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
         return self._devices.join(self._each(lambda engine, _: get(engine)))
 
     def _poses(self) -> NDArray[np.float64]:

@@ -51,14 +51,14 @@ def light_share(sensor: StereoDepthSensor) -> LightShare | None:
     name, part = _brightest(sensor.scene, group, np.median(seen["position"][middle], axis=0))
     return LightShare(
         distance_m=float(np.median(seen["depth"][..., 0][middle])),
-        dots=_at_dots(seen, middle) if has_projector else 0.0,
+        dots=_share_at_dots(seen, middle) if has_projector else 0.0,
         projector=light.get("projector", 0.0) / total,
         brightest=name if share > 0.0 else None,
         brightest_share=share * part,
     )
 
 
-def _at_dots(seen: dict[str, NDArray[Any]], middle: NDArray[np.bool_]) -> float:
+def _share_at_dots(seen: dict[str, NDArray[Any]], middle: NDArray[np.bool_]) -> float:
     projector, rest = seen["projector"][middle], np.sum([seen[name][middle] for name in _GROUPS.values()], axis=0)
     dots = projector >= np.quantile(projector, 0.9)
     return float(projector[dots].sum() / max(float((projector + rest)[dots].sum()), 1e-30))

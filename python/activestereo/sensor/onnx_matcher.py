@@ -56,7 +56,7 @@ class OnnxMatcher:
         except Exception as error:  # each failure has its own class in onnxruntime
             reason = " ".join(str(error).split())
             raise ValueError(f"{path}: onnxruntime cannot run it (custom operators?): {reason}") from error
-        self.interface = self._of_metadata() if interface is None else interface
+        self.interface = self._read_interface() if interface is None else interface
         self._check()
 
     def __call__(
@@ -89,7 +89,7 @@ class OnnxMatcher:
         padded = np.pad(values, [(0, -side % i.multiple) for side in image.shape], mode="edge")
         return np.repeat(padded[None, None], i.channels, axis=1)
 
-    def _of_metadata(self) -> OnnxInterface:
+    def _read_interface(self) -> OnnxInterface:
         text = self._session.get_modelmeta().custom_metadata_map.get(METADATA)
         if text is None:
             return OnnxInterface()

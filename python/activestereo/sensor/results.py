@@ -34,7 +34,7 @@ class SensorResults(ABC):
     _config: StereoDepthSensorConfig
 
     @abstractmethod
-    def _of(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
+    def _joined(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
         """Joins all sensors' results; get() reads one device's."""
 
     @abstractmethod
@@ -68,7 +68,7 @@ class SensorResults(ABC):
 
     def get_depth(self) -> NDArray[np.float32]:
         """float32 metres in the RGB camera, through its lens; 0 = no measurement."""
-        return self._of(lambda engine: engine.maps.read("depth_rgb"))
+        return self._joined(lambda engine: engine.maps.read("depth_rgb"))
 
     def get_depth_mm(self) -> NDArray[np.int16]:
         """int16 [..., height, width, 1] millimetres up to 32767 in the RGB camera; 0 = no measurement."""
@@ -76,40 +76,40 @@ class SensorResults(ABC):
 
     def get_disparity(self) -> NDArray[np.float32]:
         """float32 pixels in the (rectified) left infrared camera; -1 = no measurement."""
-        return self._of(lambda engine: engine.maps.read("disparity"))
+        return self._joined(lambda engine: engine.maps.read("disparity"))
 
     def get_ir_measured(self) -> list[NDArray[Any]]:
         """Returns [left, right], the sensor's noisy images, uint8 (uint16 if ir_signal has more bits)."""
-        left = self._of(lambda engine: engine.maps.read("ir_left"))
-        return [left, self._of(lambda engine: engine.maps.read("ir_right"))]
+        left = self._joined(lambda engine: engine.maps.read("ir_left"))
+        return [left, self._joined(lambda engine: engine.maps.read("ir_right"))]
 
     def get_depth_map(self, name: str) -> NDArray[Any]:
         """A map of the (rectified) left infrared camera: 'confidence' float32 0..1, 'reason' uint8 an index into
         simsense.REASONS, 'points' float32 [..., height, width, 3] metres, 'rectified_left', 'rectified_right'."""
         self._check_depth_map(name)
-        return self._of(lambda engine: engine.maps.read(name))
+        return self._joined(lambda engine: engine.maps.read(name))
 
     def get_rgba8(self) -> NDArray[np.uint8]:
         """Returns uint8 [..., height, width, 4]: red, green, blue, 255, sRGB-encoded on the rendering device. Unless
         the configuration fixes an exposure, each device chooses one for all its sensors."""
-        return self._of(lambda engine: engine.rgb_output("srgb"))
+        return self._joined(lambda engine: engine.rgb_output("srgb"))
 
     def get_rgb(self) -> NDArray[np.float32]:
         """float32 [..., height, width, 3] in 0..1, as get_rgba8() without rounding. It encodes on the host and copies
         three times as much."""
-        return self._of(lambda engine: encoded_rgb(engine.rgb_output("radiance"), engine.plan.rgb_exposure))
+        return self._joined(lambda engine: encoded_rgb(engine.rgb_output("radiance"), engine.plan.rgb_exposure))
 
     def get_true_depth(self) -> NDArray[np.float32]:
         """Returns float32 metres in the RGB camera to the first surface at each pixel's centre; 0 = none."""
-        return self._of(lambda engine: engine.rgb_output("depth")[..., 0])
+        return self._joined(lambda engine: engine.rgb_output("depth")[..., 0])
 
     def get_material_ids(self) -> NDArray[np.uint32]:
         """uint32 in the RGB camera; scene.material_name() names them, 0xffffffff = nothing there."""
-        return self._of(lambda engine: engine.rgb_output("material_id")[..., 0])
+        return self._joined(lambda engine: engine.rgb_output("material_id")[..., 0])
 
     def get_instance_ids(self) -> NDArray[np.uint32]:
         """uint32 in the RGB camera; scene.instance_name() names them, 0xffffffff = nothing there."""
-        return self._of(lambda engine: engine.rgb_output("instance_id")[..., 0])
+        return self._joined(lambda engine: engine.rgb_output("instance_id")[..., 0])
 
     def _check_depth_map(self, name: str) -> None:
         if name not in self._depth_maps:

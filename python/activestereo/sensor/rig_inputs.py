@@ -45,7 +45,7 @@ class RigInputs:
         # environments that each sensor's cameras see
         self.environments = [environment or 0 for environment in environments]
         self._takes_image_effects = takes_image_effects
-        self._effects, self._scene_measurement, ambient_dn = _fitted_to(scene, source, model)
+        self._effects, self._scene_measurement, ambient_dn = _fit_model(scene, source, model)
         self._ambient_radiance = plan.ambient_radiance if ambient_dn is None else ambient_dn / plan.responsivity_dn
         self.in_scene = Rig(scene, environments)
         # The effects that act outside of the engines.
@@ -268,7 +268,7 @@ def _bounds(summary: kuafu.SceneSummary) -> tuple[tuple[float, ...], tuple[float
     return tuple(points.min(axis=0) - _MARGIN_M), tuple(points.max(axis=0) + _MARGIN_M)
 
 
-def _fitted_to(
+def _fit_model(
     scene: kuafu.Scene, source: object, model: SensorModel | str | PathLike[str] | None
 ) -> tuple[Model, SceneMeasurement, float | None]:
     """Fits a model to this scene. Returns (effects, scene measurement, infrared light of the model's room in counts or

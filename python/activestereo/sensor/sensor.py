@@ -303,7 +303,7 @@ class StereoDepthSensor(SensorResults):
         self._engine.set(matcher_parameters(config), signal_parameters(config))
         self._config = config
 
-    def _of(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
+    def _joined(self, get: Callable[[SensorEngine], NDArray[Any]]) -> NDArray[Any]:
         return get(self._engine)
 
     def _poses(self) -> NDArray[np.float64]:

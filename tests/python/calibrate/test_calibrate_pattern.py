@@ -104,7 +104,7 @@ def test_the_light_between_dots_is_measured(pattern):
     peak = np.max(pattern.dots[:, 2]) / (2 * np.pi * pattern.dot_sigma_px**2)
     assert true == pytest.approx(5 / 255, rel=0.01)
     assert value / image.max() == pytest.approx(true, rel=0.1) and error < 0.1 * value
-    assert f"{100 * value / peak:.2f} % of the brightest" in pattern.text()
+    assert f"{100 * value / peak:.2f} % of the brightest" in pattern.summary()
 
 
 def test_two_distances_tell_the_projectors_place(pattern):
@@ -145,8 +145,8 @@ def test_one_distance_leaves_it_nominal_and_says_so(capture_path, tmp_path):
 
     pattern = calibrate_pattern(_copied(capture.path, tmp_path / "one", first_pose))
     assert pattern.position_m == pytest.approx(NOMINAL_POSITION_M) and pattern.position_error_m is None
-    assert pattern.background is None and "NOT MEASURED" in pattern.text()
-    assert "NOMINAL" in pattern.text() and "is nominal" in pattern.model().pattern.source
+    assert pattern.background is None and "NOT MEASURED" in pattern.summary()
+    assert "NOMINAL" in pattern.summary() and "is nominal" in pattern.model().pattern.source
 
 
 def test_a_turned_right_camera_is_set_straight(pattern):

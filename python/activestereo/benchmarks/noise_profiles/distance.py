@@ -32,13 +32,13 @@ class Distance:
 def distance(views: Views, depth_m: NDArray[np.float32]) -> Distance:
     """The distance of depth [rooms, height, width], metres, 0 = none, from the measured one; mean of the rooms."""
     rooms = [
-        _of_room(truth, found, depth, views)
+        _room_distance(truth, found, depth, views)
         for truth, found, depth in zip(views.truth_m, views.found_m, depth_m, strict=True)
     ]
     return Distance(float(np.mean([r.error_px for r in rooms])), float(np.mean([r.holes for r in rooms])))
 
 
-def _of_room(
+def _room_distance(
     truth: NDArray[np.float32], found: NDArray[np.float32], depth: NDArray[np.float32], views: Views
 ) -> Distance:
     is_there = (truth >= views.near_m) & (truth <= views.far_m)

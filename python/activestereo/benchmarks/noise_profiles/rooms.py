@@ -91,7 +91,7 @@ def _furnish(scene: kuafu.Scene, random: np.random.Generator) -> NDArray[np.floa
     far_m = random.uniform(1.5, 3.5)
     meshes = [add_mesh(scene, mesh) for mesh in (solids.box(), solids.sphere(), solids.cylinder())]
 
-    def put(mesh: int, half: NDArray[np.float64], at: NDArray[np.float64], turn: float, is_plain: bool) -> None:
+    def add_thing(mesh: int, half: NDArray[np.float64], at: NDArray[np.float64], turn: float, is_plain: bool) -> None:
         local_to_world = np.eye(4)
         local_to_world[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
         local_to_world[:3, :3] *= half
@@ -101,13 +101,13 @@ def _furnish(scene: kuafu.Scene, random: np.random.Generator) -> NDArray[np.floa
         )
 
     wall_m = random.uniform(1.0, 2.0)
-    put(0, np.array([4.0, 4.0, 0.02]), np.array([0.0, 0.0, -0.02]), 0.0, True)
-    put(0, np.array([0.02, 4.0, 3.0]), np.array([far_m, 0.0, 1.0]), random.uniform(-0.2, 0.2), True)
-    put(0, np.array([4.0, 0.02, 3.0]), np.array([0.0, wall_m, 1.0]), 0.0, True)
+    add_thing(0, np.array([4.0, 4.0, 0.02]), np.array([0.0, 0.0, -0.02]), 0.0, True)
+    add_thing(0, np.array([0.02, 4.0, 3.0]), np.array([far_m, 0.0, 1.0]), random.uniform(-0.2, 0.2), True)
+    add_thing(0, np.array([4.0, 0.02, 3.0]), np.array([0.0, wall_m, 1.0]), 0.0, True)
     for _ in range(int(random.integers(5, 11))):
         half = random.uniform(0.05, 0.25, 3)
         at = np.array([random.uniform(0.5, far_m - 0.3), random.uniform(-0.7, 0.8) * wall_m, half[2]])
-        put(int(random.integers(3)), half, at, random.uniform(0.0, np.pi), False)
+        add_thing(int(random.integers(3)), half, at, random.uniform(0.0, np.pi), False)
     ambient = random.uniform(0.01, 0.3)
     scene.set_environment((ambient,) * 3)
     lamp_to_world = np.eye(4)

@@ -35,7 +35,7 @@ class Simulated:
 def simulated(view: RealView, method: str, sensor: str, samples: int, seed: int) -> Simulated:
     """A view as a method makes it. 'raster' makes the scene's materials Lambertian, for good: take it last."""
     if method in OF_TRUTH:
-        return Simulated((_of_truth(view, method, seed), _of_truth(view, method, seed + 1)))
+        return Simulated((_noisy_truth(view, method, seed), _noisy_truth(view, method, seed + 1)))
     config = rig_config(view, sensor, method == "calibrated")
     config.samples_per_pixel, config.noise_seed = samples, seed
     if method == "raster":
@@ -51,7 +51,7 @@ def simulated(view: RealView, method: str, sensor: str, samples: int, seed: int)
     return Simulated((depths[0], depths[1]), *pair)
 
 
-def _of_truth(view: RealView, method: str, seed: int) -> Map:
+def _noisy_truth(view: RealView, method: str, seed: int) -> Map:
     random, truth = np.random.default_rng(seed), view.truth_m[None]
     focal_baseline = view.focal_baseline_px_m
     if method == "clean":

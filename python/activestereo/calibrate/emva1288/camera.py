@@ -51,7 +51,7 @@ class Emva1288:
                 model = model.with_effect(builtin()[name], parameters)
         return model
 
-    def text(self) -> str:
+    def summary(self) -> str:
         """The summary that the command prints."""
         return "\n".join([*_transfer_lines(self), *_spatial_lines(self), *self._left_out()])
 

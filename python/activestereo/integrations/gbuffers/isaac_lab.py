@@ -25,7 +25,7 @@ _NEEDS = ("depth", "distance_to_image_plane", "normals", "albedo")
 _OWN = ("update_camera", "read_output")
 
 
-def _passed_on(name: str) -> Any:
+def _forwarded(name: str) -> Any:
     if isinstance(getattr(BaseRenderer, name), property):
         return property(lambda self: getattr(self.source, name))
     return lambda self, *given, **named: getattr(self.source, name)(*given, **named)
@@ -33,7 +33,7 @@ def _passed_on(name: str) -> Any:
 
 _names = [name for name in dir(BaseRenderer) if not name.startswith("_") and name not in _OWN]
 # All else that an Isaac Lab's version has its renderers do, the other renderer does.
-_Forwarding: Any = type("_Forwarding", (BaseRenderer,), {name: _passed_on(name) for name in _names})
+_Forwarding: Any = type("_Forwarding", (BaseRenderer,), {name: _forwarded(name) for name in _names})
 
 
 class ActiveStereoRenderer(_Forwarding):

@@ -56,12 +56,12 @@ class StereoDepthCameraConfig(ManiSkillConfig):
     def native(self, intrinsic: NDArray[np.float64]) -> StereoDepthSensorConfig:
         """The sensor's configuration. intrinsic: 3x3 in SAPIEN's convention, the middle of the first pixel at (0.5,
         0.5)."""
-        config = deepcopy(self.sensor) or self._of_preset(intrinsic)
+        config = deepcopy(self.sensor) or self._preset_config(intrinsic)
         config.rgb_resolution = (self.width, self.height)
         config.rgb_intrinsic = _centred(intrinsic)
         return config
 
-    def _of_preset(self, intrinsic: NDArray[np.float64]) -> StereoDepthSensorConfig:
+    def _preset_config(self, intrinsic: NDArray[np.float64]) -> StereoDepthSensorConfig:
         config = StereoDepthSensorConfig(self.model)
         scale = 2 if self.width < _SMALL_PX else 1
         focal_px, lit = config.ir_intrinsic[0, 0], _tangents(config)

@@ -75,7 +75,7 @@ class Looks:
 
 def is_visible(entity: Any) -> bool:
     """Whether it has a body, and SAPIEN shows it."""
-    bodies = _of_kind(entity, "RenderBodyComponent")
+    bodies = _components(entity, "RenderBodyComponent")
     if bodies:
         return any(body.visibility > 0 for body in bodies)
     return any(isinstance(c, VisualRecords) or hasattr(c, "collision_shapes") for c in entity.components)
@@ -84,7 +84,7 @@ def is_visible(entity: Any) -> bool:
 def parts(entity: Any) -> Iterator[tuple[Part, Any]]:
     """The parts of an entity's looks, each with the shape's pose in the entity."""
     shapes: list[tuple[Any, Any, Callable[[Any], Iterator[Part]]]]
-    bodies = _of_kind(entity, "RenderBodyComponent")
+    bodies = _components(entity, "RenderBodyComponent")
     records = [r for c in entity.components if isinstance(c, VisualRecords) for r in c.records]
     if bodies:
         shapes = [(shape, shape.local_pose, render_parts) for body in bodies for shape in body.render_shapes]
@@ -125,5 +125,5 @@ def render_system(scene: Any) -> Any:
         return None
 
 
-def _of_kind(entity: Any, kind: str) -> list[Any]:
+def _components(entity: Any, kind: str) -> list[Any]:
     return [c for c in entity.components if type(c).__name__ == kind]

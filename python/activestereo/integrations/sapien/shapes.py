@@ -66,7 +66,7 @@ def record_parts(record: Any) -> Iterator[Part]:
         yield from _file_parts(record.filename, record.scale, record.material)
         return
     mesh, scale = _solid(record.type, record.scale, record.radius, record.length)
-    yield _of_mesh(mesh, scale, record.material or kuafu.Material(base_color=_GREY))
+    yield _make_part(mesh, scale, record.material or kuafu.Material(base_color=_GREY))
 
 
 def collision_parts(shape: Any) -> Iterator[Part]:
@@ -79,7 +79,7 @@ def collision_parts(shape: Any) -> Iterator[Part]:
         return
     size = getattr(shape, "half_size", [_ENDLESS_M] * 3)
     mesh, scale = _solid(kind.lower(), size, getattr(shape, "radius", 1.0), getattr(shape, "half_length", 1.0))
-    yield _of_mesh(mesh, scale, grey)
+    yield _make_part(mesh, scale, grey)
 
 
 def _solid(kind: str, size: ArrayLike, radius: float, half_length: float) -> tuple[Mesh, ArrayLike]:
@@ -115,7 +115,7 @@ def _file_parts(path: str, scale: ArrayLike, material: Any) -> Iterator[Part]:
     )
 
 
-def _of_mesh(mesh: Mesh, scale: ArrayLike, material: Any) -> Part:
+def _make_part(mesh: Mesh, scale: ArrayLike, material: Any) -> Part:
     return Part(mesh.positions, mesh.indices, mesh.normals, mesh.uvs, scale, material)
 
 

@@ -48,7 +48,7 @@ def polygons(stage: Stage, mesh: Any, point_count: int) -> Polygons | None:
     return Polygons(corners, faces, vertices, face_of_corner, len(counts), point_count)
 
 
-def _with_ears(cut: Polygons, points: np.ndarray) -> Polygons:
+def _cut_concave(cut: Polygons, points: np.ndarray) -> Polygons:
     """Concave faces as they are: the others stay fans."""
     count = np.bincount(cut.corner_face, minlength=cut.face_count)
     first, corners = np.cumsum(count) - count, cut.corners.copy()
@@ -120,7 +120,7 @@ def triangles_of(stage: Stage, mesh: Any) -> tuple[Polygons, Mesh] | None:
         return None
     if stage.value(mesh.GetSubdivisionSchemeAttr()) != "none":
         stage.tell("meshes are shown as their control cages, with smooth normals: subdivision surfaces are not read")
-    cut = _with_ears(cut, points)
+    cut = _cut_concave(cut, points)
     uvs = np.zeros((len(cut.vertices), 2))
     return cut, Mesh.of(points[cut.vertices], _normals(stage, mesh, cut, points), uvs, cut.corners)
 

@@ -89,10 +89,10 @@ class Surfaces:
             "roughnessFactor": 1.0 if roughness_map else float(roughness),
         }
         fields: dict[str, Any] = {"pbrMetallicRoughness": pbr, "emissiveFactor": _rgb(emission, emission_map)}
-        self._put(pbr, "baseColorTexture", _with_alpha(color_map, opacity_map))
-        self._put(pbr, "metallicRoughnessTexture", _packed(roughness_map, metallic_map))
-        self._put(fields, "emissiveTexture", emission_map)
-        self._put(fields, "normalTexture", read("normal", None)[1])
+        self._set_texture(pbr, "baseColorTexture", _with_alpha(color_map, opacity_map))
+        self._set_texture(pbr, "metallicRoughnessTexture", _packed(roughness_map, metallic_map))
+        self._set_texture(fields, "emissiveTexture", emission_map)
+        self._set_texture(fields, "normalTexture", read("normal", None)[1])
         self._opacity(shader, fields, opacity, opacity_map)
         self._extensions(shader, name, fields)
         others = sorted(set(uv_names) - set(uv_names[:1]))
@@ -127,7 +127,7 @@ class Surfaces:
             if shader.GetInput(key) and shader.GetInput(key).HasConnectedSource():
                 self._stage.tell(f"{name}: {key} is not read")
 
-    def _put(self, to: dict[str, Any], key: str, picture: Picture | None) -> None:
+    def _set_texture(self, to: dict[str, Any], key: str, picture: Picture | None) -> None:
         if picture is None:
             return
         identity = (picture.source, picture.wrap)

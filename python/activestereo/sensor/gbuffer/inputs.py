@@ -29,7 +29,7 @@ def host_image(name: str, values: Any, shape: tuple[int, ...]) -> NDArray[Any]:
     image = np.asarray(values)
     if image.dtype.kind not in "fiub":
         raise TypeError(f"{name} is of {image.dtype}, expected numbers")
-    return _of_shape(name, image, shape)
+    return _checked_shape(name, image, shape)
 
 
 def require_metres(name: str, depth: NDArray[Any]) -> None:
@@ -42,7 +42,7 @@ def require_metres(name: str, depth: NDArray[Any]) -> None:
         )
 
 
-def _of_shape(name: str, image: Any, shape: tuple[int, ...]) -> Any:
+def _checked_shape(name: str, image: Any, shape: tuple[int, ...]) -> Any:
     if shape[0] == 1 and tuple(image.shape) == shape[1:]:
         image = image[None]
     if tuple(image.shape) != shape:
@@ -53,7 +53,7 @@ def _of_shape(name: str, image: Any, shape: tuple[int, ...]) -> Any:
 def red_of(name: str, image: Any, shape: tuple[int, ...]) -> Any:
     """The first channel of an image with three or four, a guess of the infrared."""
     is_rgb = image.ndim > 2 and image.shape[-1] in (3, 4) and tuple(image.shape[-3:-1]) == shape[1:]
-    image = _of_shape(name, image[..., 0] if is_rgb else image, shape)
+    image = _checked_shape(name, image[..., 0] if is_rgb else image, shape)
     return image / 255.0 if str(image.dtype).endswith("uint8") else image
 
 
@@ -98,7 +98,7 @@ class InputImages:
         if name not in self._seen_by_cuda:
             dtype = "int32" if name == "material" else "float32"  # torch has no arithmetic of uint32
             self._seen_by_cuda[name] = cuda_tensor(CudaMemory(buffer).array(dtype, shape))
-        image = red_of(name, values, self._shape) if name == "albedo" else _of_shape(name, values, shape)
+        image = red_of(name, values, self._shape) if name == "albedo" else _checked_shape(name, values, shape)
         target = self._seen_by_cuda[name]
         target.copy_(self._materials.ids_of_tensor(image) if name == "material" else image)
         wait_for(target)
