@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """From views of a room with depth to the effect that a camera's model lacks: import, calibrate world, compare and
-diagnose.
+diagnose; and the camera's own depth beside the simulated one.
 
     PYTHONPATH=build/python python3 examples/real_camera/room.py OUT
 
@@ -10,7 +10,8 @@ projector stands 1.5 mm off its nominal place. With recordings of a real camera,
     ... room.py OUT --views VIEWS --test 2 -- --sensor d415 --k 899.5,899.5,639.5,359.5 --baseline 0.055 \\
         --depth laser --depth-scale 0.001
 
-What follows -- goes to `activestereo import`, whose help says what VIEWS may be.
+--own 'VIEWS/*/img_depth_rs.png' names the camera's own depth beside a laser's. What follows -- goes to `activestereo
+import`, whose help says what VIEWS may be.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from activestereo.camera.plan import pattern_of
 from activestereo.capture.images import write_gray
 from activestereo.cli import main as activestereo
 from activestereo.scene_io import meshes
+from three_depths import three_depths
 
 WIDTH, HEIGHT = 480, 270
 K = np.array([[340.0, 0, 236.0], [0, 340.0, 137.0], [0, 0, 1.0]])
@@ -104,12 +106,29 @@ def _made(folder: Path) -> Path:
     return folder
 
 
+def own_depth(views: Path, out: Path) -> str:
+    """The pairs as a D415 matches them, by the depth command, one image a view; their pattern."""
+    for left in sorted((views / "left").glob("*.png")):
+        pair = [str(left), str(views / "right" / left.name)]
+        _run(["depth", *pair, "--k", NOMINAL, "--baseline", str(BASELINE_M), "--max-disparity", "64",
+              "--out", str(out / left.stem)])  # fmt: skip
+    return str(out / "*" / "depth.png")
+
+
+def _run(*commands: list[str]) -> None:
+    for command in commands:
+        print("$ activestereo", " ".join(command), flush=True)
+        if activestereo(command):
+            raise SystemExit(1)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path, help="folder that does not exist yet")
     parser.add_argument("--views", type=Path, help="recordings of a real camera, in place of the rendered ones")
     parser.add_argument("--test", default="3", help="frame that is held out (default: 3)")
     parser.add_argument("--spp", default="16", help="samples per pixel of compare and diagnose (default: 16)")
+    parser.add_argument("--own", help="pattern of the camera's own depth, an image for each view, millimetres")
     parser.add_argument("how", nargs="*", help="of activestereo import, after --")
     args = parser.parse_args()
     args.out.mkdir(parents=True)
@@ -117,17 +136,17 @@ def main() -> None:
     if views is None:
         views = args.out / "views"
         record(views, 64)
+        args.own = own_depth(views, args.out / "own")
         how = ["--sensor", "d415", "--k", NOMINAL, "--baseline", str(BASELINE_M), "--depth-scale", "0.0001"]
     recording, capture = str(args.out / "recording"), str(args.out / "capture")
-    for command in (
+    _run(
         ["import", str(views), *how, "-o", recording],
         ["calibrate", "world", recording, "--test", args.test, "-o", capture],
         ["compare", capture, "--spp", args.spp, "--out", str(args.out / "compare")],
-        ["diagnose", capture, "--greedy", "--spp", args.spp, "--out", str(args.out / "diagnosis")],
-    ):
-        print("$ activestereo", " ".join(command), flush=True)
-        if activestereo(command):
-            raise SystemExit(1)
+    )
+    if args.own:
+        print(three_depths(Path(capture), args.own, args.out / "three_depths", int(args.spp), 0.001), flush=True)
+    _run(["diagnose", capture, "--greedy", "--spp", args.spp, "--out", str(args.out / "diagnosis")])
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import activestereo.lab
+from command_line import led_on
 from schema_check import violations
 from activestereo.report import explorer, write
 from activestereo.report.charts import effects_chart
@@ -21,7 +22,8 @@ from activestereo.report.models import model_images
 from activestereo.common.html_table import table
 from activestereo.report.write import report_page, write_report
 from activestereo.report.error_words import largest_place
-from activestereo.report.summary import summary_table
+from activestereo.report.screen import command
+from activestereo.report.summary import comparison_screen, summary_table
 from report_worlds import DIAGNOSIS, WITH_MODEL, decoded
 
 _SCHEMAS = Path(activestereo.report.__file__).resolve().parent / "schema"
@@ -219,6 +221,14 @@ def test_an_unknown_effect_shows_the_model_of_its_residual(comparison):
 def test_summary_names_depth_and_where(comparison):
     summary = summary_table(comparison.scores)
     assert "fill device" in summary and "% of the explainable error:" in summary
+
+
+def test_the_terminal_leads_on_to_a_diagnosis(comparison):
+    step = command("diagnose", "captures/table", "--model", None, "-o", "out/diagnosis")
+    text = comparison_screen(comparison.scores, step, Path("out/report.html"), "cache: empty", False)
+    assert led_on(text) == [["diagnose", "captures/table", "-o", "out/diagnosis"]]
+    verbose = comparison_screen(comparison.scores, step, Path("out/report.html"), "cache: empty", True)
+    assert summary_table(comparison.scores) in verbose and "cache: empty" in verbose
 
 
 def test_text_is_escaped():
