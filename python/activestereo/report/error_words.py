@@ -52,7 +52,11 @@ _PLACES = {
     "temperature": ("below {:.3g} °C", "above {:.3g} °C"),
 }  # fmt: skip
 _LEAST_CONCENTRATION = 0.1
-_MOST_MATERIALS = 3
+# Of few frames nobody can tell a time from what the frame looks at.
+_OF_FRAMES, _LEAST_FRAMES = ("time", "temperature"), 5
+_MOST_MATERIALS, _MOST_FAMILIES = 3, 4
+# A place that holds so much of what the first one does may be the one that matters.
+_ALIKE = 0.7
 # An error that falls by less than this share did not fall.
 _SAME = 0.02
 
@@ -68,7 +72,8 @@ def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
             "The model's infrared images are at the noise floor: nothing is missing there.",
             *depth_sentences(scores),
         ]
-    place = largest_place(scores["where"])
+    places = error_places(scores["where"])
+    place = places[0] if places else None
     words, ways = _KINDS[shape["kind"]]
     amount = place["mean"] if place is not None and shape["kind"] == "brightness" else shape["amount"]
     kind = words.format(ways[amount > 0] if ways else abs(amount))
@@ -76,17 +81,24 @@ def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
     area = "" if place is None else f", in {_percent(place['pixel_share'])} of the pixels"
     said.append(f"{kind}{where}{area}.")
     suspects = _FAMILIES[shape["kind"]]
-    names = suspects.get("" if place is None else place["covariate"], suspects[""])
+    alike = [one["covariate"] for one in places if _gain(one) > _ALIKE * _gain(places[0])] or [""]
+    names = [*dict.fromkeys(name for one in alike for name in suspects.get(one, suspects[""]))][:_MOST_FAMILIES]
     return [*said, f"Effects that do this: {', '.join(names)}. diagnose tells which.", *depth_sentences(scores)]
 
 
-def largest_place(tables: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
-    """{words, covariate, its table, mean DN, share of the infrared error beyond noise, pixel_share} of the pixels, told
-    by one covariate, that hold most of it beside their number; None where it lies everywhere alike."""
+def error_places(tables: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """{words, covariate, its table, mean DN, share of the infrared error beyond noise, pixel_share} of pixels that one
+    covariate tells, those that hold most of the error beside their number first; none where it lies everywhere alike.
+    """
     known = [t for t in tables if t["channel"] == "infrared" and t["is_finding"]]
     told = [t for t in known if t["covariate"] in (*_PLACES, "material") and t["concentration"] >= _LEAST_CONCENTRATION]
+    told = [t for t in told if t["covariate"] not in _OF_FRAMES or len(t["bins"]) >= _LEAST_FRAMES]
     places = [_materials(t) if t["covariate"] == "material" else _tail(t) for t in told]
-    return max(places, key=lambda place: place["share"] - place["pixel_share"], default=None)
+    return sorted(places, key=_gain, reverse=True)
+
+
+def _gain(place: Mapping[str, Any]) -> float:
+    return float(place["share"] - place["pixel_share"])
 
 
 def _tail(table: Mapping[str, Any]) -> dict[str, Any]:
@@ -94,7 +106,7 @@ def _tail(table: Mapping[str, Any]) -> dict[str, Any]:
     bins, low, high = table["bins"], *_PLACES[table["covariate"]]
     ends = [(bins[: i + 1], low.format(bins[i]["high"])) for i in range(len(bins) - 1)]
     ends += [(bins[i:], high.format(bins[i]["low"])) for i in range(1, len(bins))]
-    return max((_place(table, own, words) for own, words in ends), key=lambda p: p["share"] - p["pixel_share"])
+    return max((_place(table, own, words) for own, words in ends), key=_gain)
 
 
 def _materials(table: Mapping[str, Any]) -> dict[str, Any]:

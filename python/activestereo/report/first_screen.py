@@ -24,7 +24,7 @@ from activestereo.diagnose.answer.verdict_words import (
 )
 from activestereo.report.charts import covariates_chart, effects_chart
 from activestereo.report.encode import data_address
-from activestereo.report.error_words import largest_place
+from activestereo.report.error_words import error_places
 from activestereo.report.models import BASE, FOUND, ModelImages
 from activestereo.report.page import chart
 from activestereo.report.worst import known_residual, residual_limit, rmse
@@ -61,8 +61,8 @@ def comparison_first_screen(
     """HTML of a comparison without a diagnosis. sentences: the first is the head; next_step: a command in words."""
     said = "".join(f"<p>{text(sentence)}</p>" for sentence in sentences[1:])
     advice = f"<h2>What to do next</h2><p><code>{text(' '.join(next_step))}</code></p>" if next_step else ""
-    cells, place = _pictures(comparison, images), largest_place(comparison.scores["where"])
-    if place is not None:
+    cells = _pictures(comparison, images)
+    for place in error_places(comparison.scores["where"])[:2]:
         drawn = chart(covariates_chart([place["table"]], "DN"), f"the error against {place['covariate']}")
         cells.append(f'<div class="curve">{drawn}</div>')
     pictures = f'<div class="evidence">{"".join(cells)}</div>'

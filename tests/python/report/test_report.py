@@ -21,7 +21,7 @@ from activestereo.report.explorer import explorer_data
 from activestereo.report.models import model_images
 from activestereo.common.html_table import table
 from activestereo.report.write import report_page, write_report
-from activestereo.report.error_words import largest_place
+from activestereo.report.error_words import error_places
 from activestereo.report.screen import command
 from activestereo.report.summary import comparison_screen, summary_table
 from report_worlds import DIAGNOSIS, WITH_MODEL, decoded
@@ -88,8 +88,8 @@ def test_the_page_is_whole_and_loads_nothing(comparison, files):
     charts = [address for address in page.addresses if re.match(r"data:image/svg\+xml;base64,", address)]
     pictures = [address for address in page.addresses if re.match(r"data:image/webp;base64,", address)]
     # charts: frames, photon transfer, one of covariates per such channel, and the first screen's
-    has_place = largest_place(comparison.scores["where"]) is not None
-    assert (len(charts), len(pictures)) == (2 + len(explained) + has_place, 4)
+    places = min(2, len(error_places(comparison.scores["where"])))
+    assert (len(charts), len(pictures)) == (2 + len(explained) + places, 4)
     assert len(page.addresses) == len(charts) + len(pictures)
     assert "default-src 'none'" in files[1].read_text()  # the browser itself is set to load nothing
 
