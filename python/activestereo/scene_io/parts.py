@@ -77,19 +77,6 @@ def read_parts(path: str | Path) -> list[Part]:
     return parts
 
 
-def read_mesh(path: str | Path, unit_m: float = 1.0) -> Mesh:
-    """All of a file as one mesh in metres, with normals by creases; unit_m: metres per unit of the file, CAD often has
-    0.001. ValueError names the file and what is wrong."""
-    parts = read_parts(path)
-    first = np.cumsum([0] + [len(part.mesh.positions) for part in parts])
-    points = unit_m * np.vstack([part.mesh.positions for part in parts]).astype(np.float64)
-    faces = np.vstack([part.mesh.indices + start for part, start in zip(parts, first, strict=False)])
-    size_m = float(np.ptp(points[faces.ravel()], axis=0).max())
-    if not 0.0 < size_m <= LARGEST_M:
-        raise ValueError(f"{path}: the part is {size_m:g} m long: say the file's unit, such as 0.001 for millimetres")
-    return shaded(points, faces)
-
-
 def shaded(
     points: NDArray[np.float64], faces: NDArray[np.integer[Any]], uvs: NDArray[np.float32] | None = None
 ) -> Mesh:

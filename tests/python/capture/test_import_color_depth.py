@@ -15,7 +15,7 @@ from activestereo.scene_io import meshes
 from activestereo.capture.capture import CaptureError, read_capture
 from activestereo.cli import main
 from activestereo.capture.images import write_gray
-from activestereo.scene_io.parts import read_mesh
+from activestereo.scene_io.parts import read_parts
 from camera_dumps import ENUMERATED
 from command_line import refused
 
@@ -224,20 +224,19 @@ def test_meshes_of_cad_programs(tmp_path):
     ]
     (tmp_path / "box.obj").write_text("\n".join(lines))
     for name, unit in (("box.ply", 1.0), ("box.stl", 0.001), ("box.obj", 1.0)):
-        mesh = read_mesh(tmp_path / name, unit)
-        assert np.allclose(np.ptp(mesh.positions, axis=0), (0.08, 0.06, 0.04), atol=1e-6)
+        (part,) = read_parts(tmp_path / name)
+        mesh = part.mesh
+        assert np.allclose(unit * np.ptp(mesh.positions, axis=0), (0.08, 0.06, 0.04), atol=1e-6)
         assert np.allclose(np.abs(mesh.normals).max(axis=1), 1.0, atol=1e-6)  # a box has no round edges
-    with pytest.raises(ValueError, match="80 m long: say the file's unit"):
-        read_mesh(tmp_path / "box.stl")
     (tmp_path / "cut.stl").write_bytes(b"\0" * 80 + b"\x05\0\0\0" + b"\0" * 60)
     with pytest.raises(ValueError, match=r"cut\.stl: the file is cut off"):
-        read_mesh(tmp_path / "cut.stl")
+        read_parts(tmp_path / "cut.stl")
 
 
 def test_a_round_camera_has_round_normals(tmp_path):
     wheel = meshes.lathe([[(0.03, 0.0), (0.03, 0.1)]])
     write_ply(tmp_path / "side.ply", wheel)
-    mesh = read_mesh(tmp_path / "side.ply")
+    mesh = read_parts(tmp_path / "side.ply")[0].mesh
     radial = mesh.positions[:, [0, 2]] / np.linalg.norm(mesh.positions[:, [0, 2]], axis=1, keepdims=True)
     assert np.einsum("ij,ij->i", mesh.normals[:, [0, 2]], radial).min() > 0.999
 
