@@ -192,3 +192,38 @@ def test_the_point_cloud_is_coloured_where_the_colour_camera_sees_it(tmp_path):
     points.export_to_ply(tmp_path / "cloud.ply", frames.get_color_frame())
     header = (tmp_path / "cloud.ply").read_bytes()[:300]
     assert f"element vertex {(z > 0).sum()}".encode() in header and b"uchar red" in header
+
+
+def test_casts_and_questions_of_scripts_have_answers():
+    frames = frameset()
+    depth, color = frames.get_depth_frame(), frames.get_color_frame()
+    assert depth.is_depth_frame() and color.is_video_frame() and not color.is_depth_frame() and frames.is_frameset()
+    assert depth.as_frame() is depth.as_video_frame() is depth.as_depth_frame() is depth
+    assert frames.as_frameset() is frames and frames.size() == 2
+    assert (color.get_width(), color.get_height()) == (64, 48) and color.get_profile().is_video_stream_profile()
+    assert frames.first(rs.stream.color) is color and frames.first_or_default(rs.stream.infrared) is None
+    assert depth.get_frame_number() == 1 and depth.get_frame_timestamp_domain() == rs.timestamp_domain.hardware_clock
+    points = rs.pointcloud().calculate(depth)
+    assert points.is_points() and points.as_points() is points and not depth.is_points()
+    picture = np.asanyarray(rs.colorizer().colorize(depth).get_data())
+    assert picture.shape == (48, 64, 3) and (picture[depth.get_data() == 0] == 0).all()
+
+
+def test_sensors_and_configs_answer_scripts():
+    (device,) = rs.context().query_devices()
+    stereo, rgb = device.query_sensors()
+    assert stereo.is_depth_sensor() and rgb.is_color_sensor() and stereo.as_depth_sensor() is stereo
+    assert rs.option.stereo_baseline in stereo.get_supported_options()
+    assert stereo.is_option_read_only(rs.option.stereo_baseline)
+    stereo.set_option(rs.option.laser_power, 30)
+    device.hardware_reset()
+    assert device.first_depth_sensor().get_option(rs.option.laser_power) != 30
+    advanced = rs.rs400_advanced_mode(device)
+    advanced.toggle_advanced_mode(True)
+    assert advanced.is_enabled()
+    config = rs.config()
+    config.enable_device(device.get_info(rs.camera_info.serial_number))
+    config.enable_all_streams()
+    config.disable_all_streams()
+    with pytest.raises(RuntimeError, match="record with write_topics"):
+        config.enable_record_to_file("a.bag")

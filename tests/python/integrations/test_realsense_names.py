@@ -119,6 +119,15 @@ def test_frames_go_to_a_queue_or_a_function_one_by_one():
         np.testing.assert_array_equal(found.get_data(), images()["depth"])
 
 
+def test_frames_need_no_lens():
+    sensor, queue = rs.software_device().add_sensor("Depth"), rs.frame_queue(100)
+    profile = sensor.add_video_stream(rs.video_stream(rs.stream.depth, width=WIDTH, height=HEIGHT, fmt=rs.format.z16))
+    sensor.open(profile)
+    sensor.start(queue)
+    sent(rs, sensor, profile, images()["depth"])
+    np.testing.assert_array_equal(queue.wait_for_frame().as_depth_frame().get_data(), images()["depth"])
+
+
 def test_streams_of_a_software_device_are_related():
     _, profiles, _ = software(rs)
     motion = rs.extrinsics(translation=[-0.015, 0.0, 0.0])

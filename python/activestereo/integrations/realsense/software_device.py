@@ -5,7 +5,7 @@ clouds work."""
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -36,7 +36,7 @@ class video_stream:
     fps: int = 0
     bpp: int = 0
     fmt: format = format.any
-    intrinsics: Intrinsics | None = None
+    intrinsics: Intrinsics = field(default_factory=Intrinsics)
 
 
 @dataclass
@@ -101,15 +101,16 @@ class software_sensor(Options):
         self._target: Any = None
 
     def add_video_stream(self, stream_of: video_stream, is_default: bool = False) -> video_stream_profile:
-        """Raises RuntimeError for a stream without intrinsics, or in a format that is not simulated."""
-        if stream_of.intrinsics is None or stream_of.fmt not in _KINDS:
+        """Raises RuntimeError for a stream in a format that is not simulated."""
+        if stream_of.fmt not in _KINDS:
             known = ", ".join(form.name for form in _KINDS)
-            raise RuntimeError(f"a video stream has intrinsics and one of the formats {known}: {stream_of}")
+            raise RuntimeError(f"a video stream has one of the formats {known}: {stream_of}")
         v = stream_of
         request = StreamRequest(v.type, v.index, v.width, v.height, v.fmt, v.fps)
         baseline_mm = self._values.get(option.stereo_baseline)
         baseline_m = None if baseline_mm is None else 1e-3 * baseline_mm
-        self._profiles.append(video_stream_profile(request, v.intrinsics, baseline_m=baseline_m))
+        lens = v.intrinsics if v.intrinsics.width else replace(v.intrinsics, width=v.width, height=v.height)
+        self._profiles.append(video_stream_profile(request, lens, baseline_m=baseline_m))
         return self._profiles[-1]
 
     def add_read_only_option(self, which: option, value: float) -> None:
