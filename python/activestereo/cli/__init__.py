@@ -102,6 +102,7 @@ def make_parser() -> argparse.ArgumentParser:
     text = "files that captures, models and lists of recordings name may lie outside of their folders"
     parser.add_argument("--allow-outside", action="store_true", help=text)
     parser.add_argument("--version", action="version", version=f"activestereo {activestereo.__version__}")
+    parser.set_defaults(parser=parser)  # for the demo, whose steps are commands
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for command in _COMMANDS:
         command.add_parser(commands)

@@ -56,9 +56,9 @@ def run(args: argparse.Namespace) -> None:
     write_table_top(scene)
     device = ["--device", str(args.device)]
     simulated = str(args.out / "simulated")
-    _step(1, ["simulate", str(scene), "--sensor", "d435", "--spp", "4", "--out", simulated, *device])
+    _step(args, 1, ["simulate", str(scene), "--sensor", "d435", "--spp", "4", "--out", simulated, *device])
     answer = _hide(args, capture)
-    _step(3, ["diagnose", str(capture), "--no-refine", "--spp", "32", "--out", str(report), *device])
+    _step(args, 3, ["diagnose", str(capture), "--no-refine", "--spp", "32", "--out", str(report), *device])
     print(f"\n{_told(answer, read_json_object(report / 'diagnose.json'))}")
     page = (report / "report.html").resolve()
     print(f"open {page}")
@@ -66,12 +66,10 @@ def run(args: argparse.Namespace) -> None:
         webbrowser.open_new_tab(page.as_uri())
 
 
-def _step(number: int, words: list[str]) -> None:
+def _step(args: argparse.Namespace, number: int, words: list[str]) -> None:
     """Runs another command as if it had been typed."""
-    from activestereo.cli import make_parser
-
     print(f"\n== {number} of 3: activestereo {' '.join(words)}", flush=True)
-    step = make_parser().parse_args(words)
+    step = args.parser.parse_args(words)
     step.run(step)
 
 
