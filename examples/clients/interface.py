@@ -273,6 +273,8 @@ class simsense_parameters(c.Structure):
         ("max_depth_m", c.c_float),
         ("depth_dilation", c.c_uint32),
         ("splat_size", c.c_uint32),
+        ("min_correlation", c.c_float),
+        ("correlation_window", c.c_uint32),
     ]
 
 

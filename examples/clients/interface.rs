@@ -77,6 +77,8 @@ pub struct simsense_parameters {
     pub max_depth_m: f32,
     pub depth_dilation: u32,
     pub splat_size: u32,
+    pub min_correlation: f32,
+    pub correlation_window: u32,
 }
 
 #[repr(C)]

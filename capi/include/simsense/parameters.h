@@ -150,6 +150,16 @@ typedef struct simsense_parameters {
   uint32_t depth_dilation;
   /* Number of pixels that each registered point covers in x and in y. [1..15 px; 1 by default] */
   uint32_t splat_size;
+
+  /* -- check that both images show the same -- */
+  /* No measurement where both images have less in common than this correlation: that of the counts in a window about
+   * the pixel, in each image less the mean around them, at the pixels' own matches. Noise has none: what the paths
+   * carry into an empty background or a black surface goes, and the reason is SIMSENSE_REASON_LOW_TEXTURE. 0 switches
+   * this check off. [0..1] */
+  float min_correlation;
+  /* Side of that window. The mean is that of a square of half its side. [5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27,
+   * 29 or 31 px; 21 by default] */
+  uint32_t correlation_window;
 } simsense_parameters;
 static inline simsense_parameters simsense_parameters_init(void) {
   simsense_parameters s;
@@ -172,6 +182,7 @@ static inline simsense_parameters simsense_parameters_init(void) {
   s.low_texture_dn = 4u;
   s.max_depth_m = 10.0f;
   s.splat_size = 1u;
+  s.correlation_window = 21u;
   return s;
 }
 

@@ -114,8 +114,8 @@ FIELDS: dict[str, dict[str, Field]] = {
     },
     "matcher": _engine(
         MATCHER, "block_width", "block_height", "census_contrast", "p1", "p2", "p2_full_gradient_dn",
-        "uniqueness_ratio", "subpixel", "median_size", "min_texture_dn", "speckle_max_size", "edge_step_px",
-        "right_border_px",
+        "uniqueness_ratio", "subpixel", "median_size", "min_texture_dn", "min_correlation", "speckle_max_size",
+        "edge_step_px", "right_border_px",
     ),  # fmt: skip
 }
 

@@ -39,6 +39,8 @@ class MatcherFields:
     max_depth_m: float
     depth_dilation: bool
     splat_size: int
+    min_correlation: float
+    correlation_window: int
     faults: tuple[str, ...]
     back_end: Literal["auto", "cpu", "vulkan"]
     low_memory: bool

@@ -2,13 +2,12 @@
 // What a pixel adds to the windows of the refinement (match/refine.h).
 #ifndef SIMSENSE_EVIDENCE_GLSL
 #define SIMSENSE_EVIDENCE_GLSL
+#include "lib/counts.glsl"
 #include "lib/exact_ratio.glsl"
 #include "shared/refine_push.h"
 
-layout(constant_id = 0) const uint element_bytes = 1u;  // of the images
 layout(push_constant, scalar) uniform Push { RefinePush push; };
 
-const uint extra_bits = element_bytes == 1u ? 0u : 4u;
 const uint cell_side = uint(REFINE_CELL);
 
 uint cell_columns() { return (push.width + cell_side - 1u) / cell_side; }
@@ -18,11 +17,7 @@ uint first_cell() { return gl_WorkGroupID.z * cell_columns() * cell_rows(); }
 
 int count_of(UintArray image, uint first_byte, uint bits, int x, int y) {
   uint column = uint(clamp(x, 0, int(push.width) - 1));
-  uint byte = first_byte + (gl_WorkGroupID.z * push.image_stride + uint(y) * push.image_pitch + column) * element_bytes;
-  uint word = image.at[byte >> 2] >> (8u * (byte & 3u));
-  if (element_bytes == 1u) return int(word & 0xffu);
-  uint count = word & 0xffffu;
-  return int(min(bits < 12u ? count << (12u - bits) : count >> (bits - 12u), 4095u));
+  return count_at(image, first_byte, bits, gl_WorkGroupID.z * push.image_stride + uint(y) * push.image_pitch + column);
 }
 
 int left_count(int x, int y) { return count_of(push.left_image, push.left_byte, push.left_bits, x, y); }

@@ -66,11 +66,20 @@ void CpuMatcher::checks() {
   });
 }
 
-void CpuMatcher::refine() {
+void CpuMatcher::keep_disparities() {
   for_rows([&](size_t begin, size_t end) {
     std::copy_n(maps_.disparity + begin * width_, (end - begin) * width_, unfiltered_.data() + begin * width_);
   });
+}
+
+void CpuMatcher::refine() {
+  keep_disparities();
   refinement_.apply(parameters_, images_[0], images_[1], width_, height_, unfiltered_.data(), maps_.disparity, workers_);
+}
+
+void CpuMatcher::correlation() {
+  keep_disparities();
+  correlation_.apply(parameters_, images_[0], images_[1], width_, height_, unfiltered_.data(), maps_, workers_);
 }
 
 /// The other maps tell of the disparity after the median.

@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "cpu/census/census.h"
+#include "cpu/correlation/correlation.h"
 #include "cpu/refine/refine.h"
 #include "cpu/sgm/penalty_maps.h"
 #include "cpu/sgm/sgm.h"
@@ -34,12 +35,15 @@ class CpuMatcher final : public Matcher, public MatchStages {
   /// The median, and what follows from it for the other maps.
   void checks() override;
   void refine() override;
+  void correlation() override;
   [[nodiscard]] bool stores_costs() const override { return false; }
   [[nodiscard]] bool refines() const override { return parameters_.refines(); }
+  [[nodiscard]] bool correlates() const override { return parameters_.correlates(); }
 
  private:
   void transform(size_t side);
   void follow_median(size_t begin, size_t end) const;
+  void keep_disparities();
   void for_rows(const std::function<void(size_t begin, size_t end)>& run);
 
   size_t width_, height_;
@@ -49,8 +53,9 @@ class CpuMatcher final : public Matcher, public MatchStages {
   cpu::CensusPlanes census_[2];
   cpu::PenaltyMaps penalties_;
   std::unique_ptr<cpu::Aggregation> aggregation_;
-  cpu::Buffer<float> unfiltered_;  // then what is refined
+  cpu::Buffer<float> unfiltered_;  // then what is refined or checked by correlation
   cpu::Refinement refinement_;
+  cpu::CorrelationCheck correlation_;
   HostClock clock_;
   ConstImage images_[2];
   MatchMaps maps_ = nullptr;

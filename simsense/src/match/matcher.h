@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The matcher: a rectified pair in, a disparity map out (census, Hamming cost, block sum, semi-global aggregation, winner,
-// uniqueness, subpixel, left-right check, median, refinement). One interface, several back ends that give the same bits: the scalar
-// reference, the CPU (SIMD), Vulkan compute. Thread rule: externally synchronised.
+// uniqueness, subpixel, left-right check, median, refinement, correlation). One interface, several back ends that give the same bits: the
+// scalar reference, the CPU (SIMD), Vulkan compute. Thread rule: externally synchronised.
 #pragma once
 
 #include <cstddef>
@@ -38,6 +38,7 @@ struct MatchParameters : MatchFields {
   }
   [[nodiscard]] uint32_t block_area() const { return block_width * block_height; }
   [[nodiscard]] bool refines() const { return subpixel == Subpixel::lucas_kanade; }
+  [[nodiscard]] bool correlates() const { return min_correlation > 0; }
   /// What an invalid pixel's disparity is: below every valid one.
   [[nodiscard]] float invalid_disparity() const { return static_cast<float>(min_disparity < 0 ? min_disparity - 1 : -1); }
 };
@@ -74,8 +75,11 @@ class MatchStages {
   virtual void checks() = 0;
   /// Only where refines().
   virtual void refine() = 0;
+  /// Only where correlates().
+  virtual void correlation() = 0;
   [[nodiscard]] virtual bool stores_costs() const = 0;
   [[nodiscard]] virtual bool refines() const = 0;
+  [[nodiscard]] virtual bool correlates() const = 0;
 };
 
 struct MatchStep {
@@ -83,16 +87,18 @@ struct MatchStep {
   void (MatchStages::*run)();
 };
 inline constexpr MatchStep match_order[] = {
-    {"census", &MatchStages::census}, {"cost", &MatchStages::cost},     {"sgm", &MatchStages::sgm},
-    {"winner", &MatchStages::winner}, {"checks", &MatchStages::checks}, {"refine", &MatchStages::refine},
+    {"census", &MatchStages::census},           {"cost", &MatchStages::cost},     {"sgm", &MatchStages::sgm},
+    {"winner", &MatchStages::winner},           {"checks", &MatchStages::checks}, {"refine", &MatchStages::refine},
+    {"correlation", &MatchStages::correlation},
 };
 
 /// measure(name, run) runs a stage and takes its time.
 template <class Measure>
 void run_match(MatchStages& stages, const Measure& measure) {
   for (const MatchStep& step : match_order) {
-    const bool skipped =
-        (step.run == &MatchStages::cost && !stages.stores_costs()) || (step.run == &MatchStages::refine && !stages.refines());
+    const bool skipped = (step.run == &MatchStages::cost && !stages.stores_costs()) ||
+                         (step.run == &MatchStages::refine && !stages.refines()) ||
+                         (step.run == &MatchStages::correlation && !stages.correlates());
     if (!skipped) measure(step.name, [&] { (stages.*step.run)(); });
   }
 }

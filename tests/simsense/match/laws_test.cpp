@@ -99,6 +99,37 @@ TEST_P(matcher_law, refined_disparities_are_not_pulled_to_whole_pixels) {
   }
 }
 
+TEST_P(matcher_law, noise_around_a_thing_gets_no_disparity_by_correlation) {
+  StereoPair pair = random_dots(200, 120, 11, 1, 3);
+  std::mt19937 random(9);
+  const auto is_thing = [](uint32_t x, uint32_t y) { return x >= 60 && x < 120 && y >= 40 && y < 80; };
+  for (uint32_t y = 0; y < pair.height; ++y)
+    for (uint32_t x = 0; x < pair.width; ++x)
+      for (auto* image : {&pair.left, &pair.right})
+        if (!is_thing(image == &pair.left ? x : x + 11, y)) (*image)[y * pair.width + x] = static_cast<uint8_t>(40 + random() % 3);
+  const auto shares = [&](float least) {
+    MatchParameters p;
+    p.max_disparity = 32;
+    p.block_width = p.block_height = 5;
+    p.min_correlation = least;
+    p.uniqueness_ratio = 5;
+    const auto found = match_with(GetParam(), pair, p);
+    double thing = 0, nothing = 0, pixels = 0;
+    for (uint32_t y = 0; y < pair.height; ++y)
+      for (uint32_t x = 0; x < pair.width; ++x) {
+        const bool is_far = x < 45 || x >= 135 || y < 25 || y >= 95, is_found = found[y * pair.width + x] >= 0;
+        thing += is_thing(x, y) && is_found;
+        nothing += is_far && is_found;
+        pixels += is_far;
+      }
+    return std::pair{thing / (60 * 40), nothing / pixels};
+  };
+  EXPECT_GT(shares(0).second, 0.2);
+  const auto [thing, nothing] = shares(0.4f);
+  EXPECT_GT(thing, 0.95);
+  EXPECT_LT(nothing, 0.01);
+}
+
 TEST_P(matcher_law, featureless_pair_gives_disparity_zero) {
   const StereoPair pair{64, 40, std::vector<uint8_t>(64 * 40, 128), std::vector<uint8_t>(64 * 40, 128)};
   MatchParameters p;

@@ -20,7 +20,8 @@ inline std::string describe(size_t width, size_t height, const MatchParameters& 
        << p.block_width << "x" << p.block_height << " p1 " << p.p1 << " p2 " << p.p2 << " uniqueness " << p.uniqueness_ratio << " lr "
        << p.lr_max_diff << " median " << p.median_size << " subpixel " << static_cast<int>(p.subpixel) << " plain "
        << (p.census_kind == simsense::CensusKind::plain) << " min " << p.min_disparity << " paths " << p.path_count << " gradient "
-       << p.p2_full_gradient_dn << " contrast " << p.census_contrast_256ths << " noise " << p.census_noise_dn;
+       << p.p2_full_gradient_dn << " contrast " << p.census_contrast_256ths << " noise " << p.census_noise_dn << " correlation "
+       << p.min_correlation << " in " << p.correlation_window;
   return text.str();
 }
 
@@ -82,6 +83,8 @@ class Fuzz {
     if (in(0, 1)) p.p2_full_gradient_dn = in(1, 60);
     if (in(0, 3) == 0) p.subpixel = simsense::Subpixel::equiangular_summed;
     if (in(0, 2) == 0) p.subpixel = simsense::Subpixel::lucas_kanade;
+    if (in(0, 2) == 0) p.min_correlation = 0.01f * static_cast<float>(in(1, 100));
+    p.correlation_window = 2 * in(2, 15) + 1;
     return p;
   }
   StereoPair pair() { return random_dots(in(32, 150), in(32, 100), in(0, 20), in(0, 25), in(0, 1u << 30)); }

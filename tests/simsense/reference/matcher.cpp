@@ -6,6 +6,7 @@
 
 #include "simsense/reference/census.h"
 #include "simsense/reference/checks.h"
+#include "simsense/reference/correlation.h"
 #include "simsense/reference/cost.h"
 #include "simsense/reference/refine.h"
 #include "simsense/reference/sgm.h"
@@ -42,8 +43,13 @@ class ReferenceMatcher final : public Matcher {
       if (!valid && reason.data[i] == MatchReason::valid) reason.data[i] = MatchReason::isolated;
       result.data[i] = valid ? result.data[i] + static_cast<float>(p.min_disparity) : p.invalid_disparity();
     }
-    const auto found = p.refines() ? refine(left, right, result, p) : result;
-    std::copy(found.data.begin(), found.data.end(), maps.disparity);
+    if (p.refines()) result = refine(left, right, result, p);
+    if (p.correlates()) {
+      const auto stays = correlates(left, right, result, p);
+      for (size_t i = 0; i < result.data.size(); ++i)
+        if (!stays.data[i]) result.data[i] = p.invalid_disparity(), reason.data[i] = MatchReason::low_texture;
+    }
+    std::copy(result.data.begin(), result.data.end(), maps.disparity);
     if (maps.reason) std::copy(reason.data.begin(), reason.data.end(), maps.reason);
     if (maps.confidence) {
       const auto sure = confidence(aggregated);

@@ -14,7 +14,7 @@ void VulkanMedian::record(ks::Commands& commands, const MatchBuffers& buffers, c
   MedianPush push{};
   push.right_winner = buffers.right_winner->address();
   push.unchecked = buffers.unchecked->address();
-  push.disparity = buffers.filtered ? buffers.filtered->address() : arrays.disparity;
+  push.disparity = buffers.after_median(arrays);
   push.confidence = arrays.confidence;
   push.reason = arrays.reason;
   push.width = plan_.width;

@@ -26,7 +26,7 @@ void VulkanRefinement::record(ks::Commands& commands, const MatchBuffers& buffer
   push.image_stride = arrays.image_stride ? arrays.image_stride : plan_.width * plan_.height;
   push.filtered = buffers.filtered->address();
   push.cells = buffers.cells->address();
-  push.disparity = arrays.disparity;
+  push.disparity = buffers.refined(arrays);
   push.width = plan_.width;
   push.height = plan_.height;
   push.left_bits = parameters_.left_bits;

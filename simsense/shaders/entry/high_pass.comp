@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// First pass of the check by correlation (match/correlation.h): each count less the mean of the square about it.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/counts.glsl"
+#include "shared/correlation_push.h"
+
+layout(local_size_x = CORRELATION_GROUP, local_size_y = CORRELATION_GROUP) in;
+layout(push_constant, scalar) uniform Push { HighPassPush push; };
+
+const uint group = uint(CORRELATION_GROUP), widest = group + 2u * uint(CORRELATION_REACH / 2);
+shared int counts[widest * widest];
+shared int row_sums[widest * group];
+
+int count_of(ivec2 pixel) {
+  uvec2 inside = uvec2(clamp(pixel, ivec2(0), ivec2(push.width, push.height) - 1));
+  return count_at(push.image, push.first_byte, push.bits,
+                  gl_WorkGroupID.z * push.image_stride + inside.y * push.image_pitch + inside.x);
+}
+
+void main() {
+  uint side = push.mean_side, reach = side / 2u, tile = group + 2u * reach;
+  ivec2 origin = ivec2(gl_WorkGroupID.xy * group) - int(reach);
+  for (uint i = gl_LocalInvocationIndex; i < tile * tile; i += group * group) counts[i] = count_of(origin + ivec2(i % tile, i / tile));
+  barrier();
+  for (uint i = gl_LocalInvocationIndex; i < tile * group; i += group * group) {
+    uint first = i / group * tile + i % group;
+    int sum = 0;
+    for (uint k = first; k < first + side; ++k) sum += counts[k];
+    row_sums[i] = sum;
+  }
+  barrier();
+  uvec2 pixel = gl_GlobalInvocationID.xy, local = gl_LocalInvocationID.xy;
+  if (pixel.x >= push.width || pixel.y >= push.height) return;
+  int sum = 0;
+  for (uint row = local.y; row < local.y + side; ++row) sum += row_sums[row * group + local.x];
+  int count = counts[(local.y + reach) * tile + local.x + reach];
+  int difference = (int(side * side) * count - sum) * 8 >> extra_bits;
+  int h = clamp((difference * push.part + 32768) >> 16, -CORRELATION_LARGEST, CORRELATION_LARGEST);
+  push.high.at[(gl_WorkGroupID.z * push.height + pixel.y) * push.width + pixel.x] = uint8_t(h & 0xff);
+}

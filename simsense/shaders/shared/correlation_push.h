@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+// The numbers of the check by correlation (match/correlation.h) and what its passes on a GPU share, read by GLSL and C++ (scalar layout).
+#ifndef SIMSENSE_CORRELATION_PUSH_H
+#define SIMSENSE_CORRELATION_PUSH_H
+#include "shared/match_push.h"
+
+#define CORRELATION_LARGEST 127  // 8ths of a count
+#define CORRELATION_REACH 15     // of the largest window
+#define CORRELATION_GROUP 16     // pixels of a workgroup's side
+
+#ifdef __cplusplus
+namespace simsense {
+#endif
+
+/// Of one image of each pair.
+struct HighPassPush {
+  UintArray image;  // as CensusPush has it
+  ByteArray high;   // [P][height][width], signed
+  uint first_byte, image_pitch, image_stride;
+  uint width, height;
+  uint bits;       // of a count
+  uint mean_side;  // px
+  int part;        // correlation_part()
+};
+
+struct CorrelationPush {
+  ByteArray left, right;  // [P][height][width] what the first pass found
+  FloatArray found;       // [P][height][width] disparities
+  FloatArray disparity;   // the same, of which some go
+  FloatArray confidence;  // if MAPS_CONFIDENCE
+  ByteArray reason;       // if MAPS_REASON
+  uint width, height;
+  int reach;  // of a window
+  float least;
+  float invalid;
+  uint maps;  // MAPS_*
+};
+
+#ifdef __cplusplus
+static_assert(sizeof(HighPassPush) <= 128 && sizeof(CorrelationPush) <= 128, "the least that Vulkan grants");
+}  // namespace simsense
+#endif
+#endif

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cpu/correlation/correlation.h"
+
+#include <algorithm>
+
+#include "cpu/refine/images.h"
+#include "device/thread_pool.h"
+#include "match/correlation.h"
+
+namespace simsense::cpu {
+namespace {
+
+/// Of consecutive values, beginning at each of the first ones.
+void sum_neighbours(const std::vector<int32_t>& values, size_t count, std::vector<int32_t>& sums) {
+  int32_t sum = 0;
+  for (size_t i = 0; i + 1 < count; ++i) sum += values[i];
+  for (size_t x = 0; x < sums.size(); ++x) {
+    sum += values[x + count - 1];
+    sums[x] = sum;
+    sum -= values[x];
+  }
+}
+
+/// Rows of one image less the means around their pixels.
+class HighPass {
+ public:
+  HighPass(ConstImage image, uint32_t bits, size_t width, size_t height, uint32_t mean_side)
+      : image_(image),
+        bits_(bits),
+        width_(width),
+        height_(height),
+        side_(mean_side),
+        row_(width),
+        columns_(width + 2 * reach()),
+        sums_(width) {}
+
+  void rows(size_t begin, size_t end, int8_t* high) {
+    std::fill(columns_.begin(), columns_.end(), 0);
+    const auto first = static_cast<ptrdiff_t>(begin), far = static_cast<ptrdiff_t>(reach());
+    for (ptrdiff_t v = first - far; v < first + far; ++v) add(v, 1);
+    for (ptrdiff_t y = first; y < static_cast<ptrdiff_t>(end); ++y) {
+      add(y + far, 1);
+      sum_neighbours(columns_, side_, sums_);
+      read(y);
+      const int32_t part = correlation_part(side_);
+      const uint32_t extra = refine_extra_bits(image_.element_bytes);
+      int8_t* out = high + static_cast<size_t>(y) * width_;
+      for (size_t x = 0; x < width_; ++x) out[x] = static_cast<int8_t>(high_pass(row_[x], sums_[x], side_, part, extra));
+      add(y - far, -1);
+    }
+  }
+
+ private:
+  [[nodiscard]] size_t reach() const { return side_ / 2; }
+  /// The nearest row of the image.
+  void read(ptrdiff_t y) {
+    const ptrdiff_t inside = std::clamp<ptrdiff_t>(y, 0, static_cast<ptrdiff_t>(height_) - 1);
+    read_counts(image_, static_cast<size_t>(inside), width_, bits_, row_.data());
+  }
+  void add(ptrdiff_t y, int32_t sign) {
+    read(y);
+    int32_t* inside = columns_.data() + reach();
+    for (size_t x = 0; x < width_; ++x) inside[x] += sign * row_[x];
+    std::fill(columns_.data(), inside, inside[0]);
+    std::fill(inside + width_, inside + width_ + reach(), inside[width_ - 1]);
+  }
+
+  ConstImage image_;
+  uint32_t bits_;
+  size_t width_, height_;
+  uint32_t side_;
+  std::vector<uint16_t> row_;
+  std::vector<int32_t> columns_, sums_;  // columns: sums over the rows of a square, with its reach beyond both ends
+};
+
+struct Pair {
+  const int8_t *left, *right;
+  const float* found;
+  size_t width, height;
+  float invalid;
+};
+
+/// The sums of a window that moves down the image.
+class Window {
+ public:
+  Window(const Pair& pair, uint32_t side) : pair_(pair), side_(side) {
+    for (auto& side_rows : rows_) side_rows.resize(side * pair.width);
+    for (size_t k = 0; k < 3; ++k) columns_[k].resize(pair.width + side - 1), sums_[k].resize(pair.width);
+  }
+
+  void add(size_t y) {
+    look(y);
+    accumulate(y, 1);
+  }
+  void drop(size_t y) { accumulate(y, -1); }
+  void sum() {
+    for (size_t k = 0; k < 3; ++k) sum_neighbours(columns_[k], side_, sums_[k]);
+  }
+  [[nodiscard]] CorrelationSums at(size_t x) const { return {sums_[0][x], sums_[1][x], sums_[2][x]}; }
+
+ private:
+  /// h of both images at the pixels of a row; 0 where there is no match.
+  void look(size_t y) {
+    const size_t width = pair_.width, first = y * width;
+    int16_t *left = row(0, y), *right = row(1, y);
+    for (size_t x = 0; x < width; ++x) {
+      const float disparity = pair_.found[first + x];
+      const int32_t column = matched_column(static_cast<int32_t>(x), disparity);
+      const bool counts = disparity != pair_.invalid && column >= 0 && column < static_cast<int32_t>(width);
+      left[x] = counts ? pair_.left[first + x] : int16_t{0};
+      right[x] = counts ? pair_.right[first + static_cast<size_t>(column)] : int16_t{0};
+    }
+  }
+  void accumulate(size_t y, int32_t sign) {
+    const int16_t *left = row(0, y), *right = row(1, y);
+    int32_t *both = columns_[0].data() + side_ / 2, *a = columns_[1].data() + side_ / 2, *b = columns_[2].data() + side_ / 2;
+    for (size_t x = 0; x < pair_.width; ++x) {
+      both[x] += sign * left[x] * right[x];
+      a[x] += sign * left[x] * left[x];
+      b[x] += sign * right[x] * right[x];
+    }
+  }
+  int16_t* row(size_t which, size_t y) { return rows_[which].data() + y % side_ * pair_.width; }
+
+  const Pair& pair_;
+  size_t side_;
+  std::vector<int16_t> rows_[2];               // the window's
+  std::vector<int32_t> columns_[3], sums_[3];  // over the rows of a window, with its reach beyond both ends; over all of it
+};
+
+void check_band(const Pair& pair, const MatchParameters& p, size_t begin, size_t end, const MatchMaps& maps) {
+  Window window(pair, p.correlation_window);
+  const size_t reach = p.correlation_window / 2, first = begin - std::min(begin, reach);
+  size_t next = first;
+  for (size_t y = begin; y < end; ++y) {
+    if (y > first + reach) window.drop(y - reach - 1);
+    for (; next < std::min(pair.height, y + reach + 1); ++next) window.add(next);
+    window.sum();
+    for (size_t x = 0; x < pair.width; ++x) {
+      const size_t at = y * pair.width + x;
+      if (pair.found[at] == pair.invalid || correlates(window.at(x), p.min_correlation)) continue;
+      maps.disparity[at] = pair.invalid;
+      if (maps.confidence) maps.confidence[at] = 0;
+      if (maps.reason) maps.reason[at] = MatchReason::low_texture;
+    }
+  }
+}
+
+}  // namespace
+
+void CorrelationCheck::apply(const MatchParameters& p, ConstImage left, ConstImage right, size_t width, size_t height, const float* found,
+                             const MatchMaps& maps, ks::ThreadPool& workers) {
+  constexpr size_t band = 64;
+  const size_t bands = (height + band - 1) / band;
+  const uint32_t mean_side = correlation_mean_side(p.correlation_window);
+  for (auto& high : high_) high.resize(width * height);
+  workers.parallel_for(2 * bands, [&](size_t i) {
+    const size_t side = i % 2, begin = i / 2 * band;
+    HighPass(side == 0 ? left : right, side == 0 ? p.left_bits : p.right_bits, width, height, mean_side)
+        .rows(begin, std::min(height, begin + band), high_[side].data());
+  });
+  const Pair pair{high_[0].data(), high_[1].data(), found, width, height, p.invalid_disparity()};
+  workers.parallel_for(bands, [&](size_t i) { check_band(pair, p, i * band, std::min(height, (i + 1) * band), maps); });
+}
+
+}  // namespace simsense::cpu

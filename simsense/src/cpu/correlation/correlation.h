@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// The check that both images show the same (match/correlation.h). Thread rule: externally synchronised.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "match/matcher.h"
+
+namespace ks {
+class ThreadPool;
+}
+
+namespace simsense::cpu {
+
+class CorrelationCheck {
+ public:
+  /// found: disparities [height][width], which maps.disparity has, too, and loses (with reason low_texture, confidence 0) where they are
+  /// refused. The result does not depend on the number of workers.
+  void apply(const MatchParameters& parameters, ConstImage left, ConstImage right, size_t width, size_t height, const float* found,
+             const MatchMaps& maps, ks::ThreadPool& workers);
+
+ private:
+  std::vector<int8_t> high_[2];  // [height][width]
+};
+
+}  // namespace simsense::cpu

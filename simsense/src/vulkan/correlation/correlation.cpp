@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vulkan/correlation/correlation.h"
+
+#include "match/correlation.h"
+#include "spirv/correlation.h"
+#include "spirv/high_pass.h"
+#include "vulkan/dispatch.h"
+#include "vulkan/lane_constants.h"
+
+namespace simsense {
+
+VulkanCorrelation::VulkanCorrelation(const std::shared_ptr<ks::Device>& device, const MatchPlan& plan, const MatchParameters& p)
+    : plan_(plan),
+      parameters_(p),
+      of_bytes_(device, high_pass_spirv, sizeof(HighPassPush), Constants{1u}),
+      of_words_(device, high_pass_spirv, sizeof(HighPassPush), Constants{2u}),
+      correlation_(device, correlation_spirv, sizeof(CorrelationPush)) {}
+
+void VulkanCorrelation::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
+  const uint32_t columns = groups_of(plan_.width, CORRELATION_GROUP), rows = groups_of(plan_.height, CORRELATION_GROUP);
+  HighPassPush high{};
+  high.image_pitch = arrays.image_pitch ? arrays.image_pitch : plan_.width;
+  high.image_stride = arrays.image_stride ? arrays.image_stride : plan_.width * plan_.height;
+  high.width = plan_.width;
+  high.height = plan_.height;
+  high.mean_side = correlation_mean_side(parameters_.correlation_window);
+  high.part = correlation_part(high.mean_side);
+  for (const uint32_t side : {0u, 1u}) {
+    const uint64_t image = side == 0 ? arrays.left : arrays.right;
+    high.image = image & ~uint64_t{3};
+    high.first_byte = image & 3;
+    high.bits = side == 0 ? parameters_.left_bits : parameters_.right_bits;
+    high.high = buffers.high[side]->address();
+    commands.dispatch(arrays.element_bytes == 1 ? of_bytes_ : of_words_, high, columns, rows, pairs);
+  }
+  CorrelationPush push{};
+  push.left = buffers.high[0]->address();
+  push.right = buffers.high[1]->address();
+  push.found = buffers.refined(arrays);
+  push.disparity = arrays.disparity;
+  push.confidence = arrays.confidence;
+  push.reason = arrays.reason;
+  push.width = plan_.width;
+  push.height = plan_.height;
+  push.reach = static_cast<int>(parameters_.correlation_window / 2);
+  push.least = parameters_.min_correlation;
+  push.invalid = parameters_.invalid_disparity();
+  push.maps = arrays.maps();
+  commands.dispatch(correlation_, push, columns, rows, pairs);
+}
+
+}  // namespace simsense
