@@ -19,7 +19,7 @@ POSES = np.array([[[0, 0, 0, 1, 0, 0, 0], [0.1, 0, 0, 1, 0, 0, 0]]] * 3, float) 
 @pytest.fixture(scope="module")
 def config():
     config = StereoDepthSensorConfig("D435").scaled(0.125)  # settles its exposure; speckle stays where nothing moves
-    config.samples_per_pixel, config.max_bounces = 2, 1
+    config.samples_per_pixel, config.max_bounces = 16, 1
     config.rgb_exposure = 0.5  # chosen by each device for itself where it is not said
     return config
 
