@@ -119,6 +119,8 @@ def run(args: argparse.Namespace) -> None:
     rate = f"{done.made} frames in {duration(done.seconds)}, {done.made / max(done.seconds, 1e-9):.2f} a second"
     notes = [rate if done.made else "nothing was left to do"]
     notes += [f"{done.there} were there already"] if done.there else []
+    if not done.missing:
+        notes += [f"measured {done.measured:.1%} of what is there; {done.invented:.1%} of the depths are invented"]
     unseen = [f"no frame shows {path}: it is transparent, hidden, or smaller than a pixel" for path in done.unseen]
     notes += [f"{done.missing} of other parts are not there yet"] if done.missing else []
     if args.also and not done.missing:

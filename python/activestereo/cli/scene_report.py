@@ -16,7 +16,7 @@ from activestereo.scene_io.units import size_hint
 
 if TYPE_CHECKING:
     import kuafu
-    from activestereo.compare.accuracy import Accuracy
+    from activestereo.common.accuracy import Accuracy
     from activestereo.sensor.light_share import LightShare
 
 # Of the infrared light at the dots, the projector's: below it depth is coarser. (In the example scene, whose table has

@@ -311,7 +311,7 @@ def _sensor_pose(args: argparse.Namespace, scene: kuafu.Scene, least_m: float) -
 
 
 def _accuracy(sensor: StereoDepthSensor) -> list[Any]:
-    from activestereo.compare.accuracy import accuracy_by_material
+    from activestereo.common.accuracy import accuracy_by_material
 
     name_of, max_depth = sensor.scene.material_name, sensor.get_config().max_depth_m
     return accuracy_by_material(
@@ -349,7 +349,7 @@ def _camera(sensor: StereoDepthSensor) -> dict[str, Any]:
 def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any], added: float | None) -> None:
     from activestereo.cli.report import matching_line, matching_words, stage_table
     from activestereo.cli.scene_report import depth_sentence, failing, light_lines, warn_of_light, warn_of_unseen
-    from activestereo.compare.accuracy import accuracy_table
+    from activestereo.common.accuracy import accuracy_table
     from activestereo.report.screen import command, screen
     from activestereo.sensor.light_share import light_share
     from activestereo.sensor.unseen import unseen_bodies

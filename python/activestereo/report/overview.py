@@ -10,8 +10,8 @@ from matplotlib.colors import Normalize, PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
+from activestereo.common.accuracy import Accuracy
 from activestereo.common.palette import BLUE, GRID, INK, MUTED, ORANGE
-from activestereo.compare.accuracy import Accuracy
 from activestereo.report.lettering import as_written
 
 _NO_DATA = "#15181c"

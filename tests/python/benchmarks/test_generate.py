@@ -177,6 +177,18 @@ def test_infrared_cameras_are_written_beside_bop_s_files(things: tuple[Path, ...
     assert sensor_config(own).rgb_intrinsic == pytest.approx(sensor_config(settings(things)).rgb_intrinsic)
 
 
+def test_the_end_says_how_much_is_measured_and_how_much_invented(things: tuple[Path, ...], tmp_path: Path) -> None:
+    done = generate(settings(things), tmp_path, 2, workers=1)
+    scene = tmp_path / "train_pbr/000000"
+    found, true = (
+        np.stack([np.asarray(Image.open(scene / kind / f"{n:06d}.png"), float) for n in range(2)])
+        for kind in ("depth", "depth_true")
+    )
+    is_wrong = (true == 0) | (abs(found - true) > 0.05 * true)
+    assert done.measured == pytest.approx((found > 0)[true > 0].mean(), abs=1e-3) and 0.1 < done.measured < 1.0
+    assert done.invented == pytest.approx(is_wrong[found > 0].mean(), abs=5e-3)
+
+
 def test_the_files_keep_bop_s_rules(things: tuple[Path, ...], tmp_path: Path) -> None:
     assert main(["generate", *(str(path) for path in things), *options(tmp_path, 1)]) == 0
     scene = tmp_path / "train_pbr/000000"

@@ -55,6 +55,7 @@ def test_holes_edges_and_flying_pixels_are_counted():
     found[:, 220] = 50.0  # one flying on the right
     own = _measures(found, truth, device)
     assert own["hole IoU"] == pytest.approx(0.5)
+    assert own["invented, %"] == pytest.approx(400.0 / (_SIZE[1] - 10))
     assert own["dead band, px"] == 10
     assert own["edge width, px"] == pytest.approx(1.5, abs=0.6)
     assert own["flying pixels, %"] == pytest.approx(100.0 / 22, rel=0.1)

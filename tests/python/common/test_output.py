@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from activestereo.compare.accuracy import accuracy_by_material, accuracy_table
+from activestereo.common.accuracy import accuracy_by_material, accuracy_table
 from activestereo.common.output_files import replace_file, write_depth_png, write_ply, write_png, write_text
 from activestereo.report.overview import simulation_figure
 from activestereo.common.progress_bar import ProgressBar, duration

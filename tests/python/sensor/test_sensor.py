@@ -9,7 +9,7 @@ import pytest
 
 import kuafu
 from activestereo import Mount, Mounts, Pose, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
-from activestereo.compare.accuracy import accuracy_by_material
+from activestereo.common.accuracy import accuracy_by_material
 from activestereo.common.pose import body_pose
 from sensor_scenes import light_of, wall_scene
 

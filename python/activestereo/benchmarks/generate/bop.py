@@ -29,6 +29,7 @@ from activestereo.benchmarks.generate.studio import Found, Frame
 from activestereo.benchmarks.generate.things import Thing
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import SIDES
+from activestereo.common.accuracy import is_invented
 from activestereo.common.input_files import checked_file, read_bytes, read_json
 from activestereo.common.output_files import (
     left_over,
@@ -89,6 +90,7 @@ def write_frame(out: Path, frame: Frame) -> None:
             },
             "gt": [_pose(found) for found in frame.found],
             "gt_info": [_info(found, frame.depth) for found in frame.found],
+            "depth": _counts(frame),
         }
         _write_json(aside / record_file, record)
 
@@ -106,21 +108,23 @@ def write_files(out: Path, files: Mapping[str, bytes]) -> None:
             write_bytes(aside / name, content)
 
 
-def write_scenes(out: Path, count: int) -> Counter[int]:
+def write_scenes(out: Path, count: int) -> tuple[Counter[int], Counter[str]]:
     """Writes each scene's tables from the records of its frames. Returns {obj_id: its pixels in all frames} of placed
-    objects."""
+    objects, and the counts of depths in all frames (_counts)."""
     pixels: Counter[int] = Counter()
+    depths: Counter[str] = Counter()
     for first in range(0, count, FRAMES_PER_SCENE):
         records = {n % FRAMES_PER_SCENE: read_json(record_path(out, n))
                    for n in range(first, min(first + FRAMES_PER_SCENE, count))}  # fmt: skip
         for record in records.values():
+            depths.update(record.get("depth", {}))  # frames of older versions have none
             for pose, info in zip(record["gt"], record["gt_info"], strict=True):
                 pixels[pose["obj_id"]] += info["px_count_visib"]
         folder = scene_folder(out, first)
         for file, key in (("scene_camera", "camera"), ("scene_gt", "gt"), ("scene_gt_info", "gt_info")):
             _write_json(folder / f"{file}.json", {str(n): record[key] for n, record in records.items()})
         _write_json(folder / "scene_gt_coco.json", _coco(folder, records))
-    return pixels
+    return pixels, depths
 
 
 def write_head(out: Path, things: list[Thing], config: StereoDepthSensorConfig, about: dict[str, Any]) -> None:
@@ -176,6 +180,14 @@ def _box(mask: NDArray[np.bool_]) -> list[int]:
         return [-1, -1, -1, -1]
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return [int(columns[0]), int(rows[0]), int(columns[-1] - columns[0] + 1), int(rows[-1] - rows[0] + 1)]
+
+
+def _counts(frame: Frame) -> dict[str, int]:
+    """Pixels: with something there; measured ones of these; all measured ones; invented ones of these."""
+    is_there, is_found = frame.true_depth > 0, frame.depth > 0
+    counts = {"px_there": is_there, "px_measured": is_there & is_found, "px_found": is_found}
+    counts["px_invented"] = is_invented(frame.depth, frame.true_depth)
+    return {name: int(pixels.sum()) for name, pixels in counts.items()}
 
 
 def _coco(folder: Path, records: dict[int, Any]) -> dict[str, Any]:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
@@ -28,14 +29,17 @@ _studio: Studio | None = None  # a worker's
 
 @dataclass(frozen=True)
 class Done:
-    """Frames made now, of this part there before, and of other parts not there yet. unseen: things that no frame shows,
-    once all are there."""
+    """Frames made now, of this part there before, and of other parts not there yet. Once all are there: unseen, things
+    that no frame shows; measured, the share of what is there that has a depth; invented, the share of the depths that
+    tell of nothing or are off by more than 5 %."""
 
     made: int
     there: int
     missing: int
     seconds: float
     unseen: tuple[Path, ...] = ()
+    measured: float = math.nan
+    invented: float = math.nan
 
 
 def generate(
@@ -75,11 +79,13 @@ def generate(
             progress(done / len(missing))
     seconds = time.monotonic() - start
     others = sum(not bop.is_done(out, frame) for frame in range(count))
-    unseen: tuple[Path, ...] = ()
-    if not others:
-        seen = bop.write_scenes(out, count)
-        unseen = tuple(thing.path for thing in things if seen.get(thing.id) == 0)
-    return Done(len(missing), len(own) - len(missing), others, seconds, unseen)
+    done = Done(len(missing), len(own) - len(missing), others, seconds)
+    if others:
+        return done
+    seen, depths = bop.write_scenes(out, count)
+    unseen = tuple(thing.path for thing in things if seen.get(thing.id) == 0)
+    measured = depths["px_measured"] / max(1, depths["px_there"])
+    return replace(done, unseen=unseen, measured=measured, invented=depths["px_invented"] / max(1, depths["px_found"]))
 
 
 def _as_gltf(path: Path, folder: Path) -> Path:

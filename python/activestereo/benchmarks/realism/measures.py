@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from activestereo.benchmarks.realism.infrared import STATISTICS, statistics
 from activestereo.benchmarks.realism.patches import Patch, fitted_plane
 from activestereo.benchmarks.realism.views import RealView
+from activestereo.common.accuracy import is_invented
 
 Map = NDArray[np.float32]
 DISTANCES_M = (0.5, 0.8, 1.2, 1.7, 2.3, 3.2)
@@ -16,7 +17,8 @@ _STEP_PX, _NEAR_EDGE_PX, _RUN_PX = 3.0, 5, 12
 _BETWEEN_PX = 1.0  # a flying pixel is so far from both surfaces
 _LEAST_MEASURED = 0.5  # of a patch
 _MOST_LAG_PX = 12
-_PLAIN = ("fill, %", "hole IoU", "edge width, px", "flying pixels, %", "dead band, px", "noise's correlation, px")
+_PLAIN = ("fill, %", "invented, %", "hole IoU", "edge width, px", "flying pixels, %", "dead band, px")
+_PLAIN += ("noise's correlation, px",)
 _BINNED = ("bias, px", "spatial noise, px", "temporal noise, px")
 BLACK = "black level, DN"
 
@@ -28,17 +30,19 @@ def distance_names() -> list[str]:
 def depth_measures(view: RealView, depth_m: Map, again_m: Map | None, patches: list[Patch]) -> dict[str, float]:
     """{measure: value}, NaN if a view does not determine it. again_m: another exposure of the same view.
 
-    hole IoU: of the holes with the device's, at pixels of known scene. edge width: mean run of foreground beyond an
-    edge of the truth. flying pixels: share of measured pixels within 5 px of an edge that lie between both surfaces.
-    dead band: unmeasured columns at the left, the median row. Spatial noise: RMS from its own plane on patches that are
-    planes; its correlation: the lag at which it falls to 1/e. Temporal noise: between two exposures, over sqrt 2. Bias:
-    the median error. All in pixels of disparity, by distance."""
+    invented: share of measured pixels off by more than 5 %. hole IoU: of the holes with the device's, at pixels
+    of known scene. edge width: mean run of foreground beyond an edge of the truth. flying pixels: share of measured
+    pixels within 5 px of an edge that lie between both surfaces. dead band: unmeasured columns at the left, the median
+    row. Spatial noise: RMS from its own plane on patches that are planes; its correlation: the lag at which it falls to
+    1/e. Temporal noise: between two exposures, over sqrt 2. Bias: the median error. All in pixels of disparity, by
+    distance."""
     found, truth = view.disparity(depth_m), view.disparity(view.truth_m)
     is_known, is_measured = np.isfinite(truth), np.isfinite(found)
     holes, device_holes = ~is_measured & is_known, ~(view.device_m > 0) & is_known
     width, flying = _edges(truth, found)
     out = {
         "fill, %": 100.0 * float(is_measured[is_known].mean()),
+        "invented, %": 100.0 * float(is_invented(depth_m, view.truth_m)[is_known & is_measured].mean()),
         "hole IoU": float((holes & device_holes).sum() / max(1, (holes | device_holes).sum())),
         "edge width, px": width,
         "flying pixels, %": flying,

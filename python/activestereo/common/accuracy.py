@@ -17,7 +17,12 @@ class Accuracy:
     fill: float  # share of them that got a measurement
     median_error_m: float  # median |measured - true| of the measured ones; NaN where there is none
     p90_error_m: float  # their 90th percentile
-    invented: float  # share of the pixels that got a depth where nothing is, or one that is off by more than 5 %
+    invented: float  # share of the pixels
+
+
+def is_invented(measured: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """Where a depth was measured of nothing, or one that is off by more than 5 %. measured, true: metres, 0 = none."""
+    return (measured > 0) & ((true <= 0) | (np.abs(measured - true) > INVENTED_SHARE * true))
 
 
 def accuracy(name: str, measured: np.ndarray, true: np.ndarray, where: np.ndarray) -> Accuracy:
@@ -26,7 +31,7 @@ def accuracy(name: str, measured: np.ndarray, true: np.ndarray, where: np.ndarra
     hit = where & (measured > 0)
     error = np.abs(measured[hit] - true[hit])
     median, p90 = np.percentile(error, (50.0, 90.0)) if error.size else (np.nan, np.nan)
-    pixels, invented = int(where.sum()), int((error > INVENTED_SHARE * true[hit]).sum())
+    pixels, invented = int(where.sum()), int(is_invented(measured, true)[where].sum())
     fill, invented_share = (float(count / pixels) if pixels else np.nan for count in (hit.sum(), invented))
     return Accuracy(name, pixels, fill, float(median), float(p90), invented_share)
 
