@@ -13,7 +13,7 @@ import numpy as np
 from activestereo.common.baseline import unit_question
 from activestereo.common.input_files import read_json_object
 from activestereo.common.nearest import unknown
-from activestereo.common.output_files import check_target
+from activestereo.common.output_files import check_target, finite
 from activestereo.common.parameter import RENDER
 from activestereo.common.pose import rigid_fault
 
@@ -234,15 +234,7 @@ def print_section(args: argparse.Namespace, section: str, text: str, *after: Seq
 
 def print_json(value: Any) -> None:
     """The value on standard output; NaN and infinities, which JSON has no words for, as null."""
-    print(json.dumps(_finite(value), indent=1, allow_nan=False))
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _finite(one) for name, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(one) for one in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    print(json.dumps(finite(value), indent=1, allow_nan=False))
 
 
 def whole(text: str) -> int:

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from activestereo.common.shown import shown
 
 
@@ -36,6 +39,16 @@ class Limits:
         if fault is not None:
             raise ValueError(f"{name} {fault}")
         return value
+
+    def check_each(self, name: str, values: ArrayLike, count: int) -> NDArray[np.float64]:
+        """[count] numbers, of so many environments or one for all. Raises ValueError with the name and the
+        environment."""
+        numbers = np.asarray(values, np.float64)
+        if numbers.shape not in ((), (count,)):
+            raise ValueError(f"{name} is {list(numbers.shape)}, expected a number or [{count}]")
+        for n, value in enumerate(np.atleast_1d(numbers).tolist()):
+            self.check(f"{name} of environment {n}" if numbers.shape else name, value)
+        return np.broadcast_to(numbers, (count,))
 
     def __str__(self) -> str:
         low, high = (str(int(end)) if self.whole else f"{end:g}" for end in (self.low, self.high))

@@ -2,6 +2,7 @@
 """Files appear whole or not at all: each is written under a temporary name beside its place and then renamed."""
 
 import errno
+import math
 import os
 import platform
 import secrets
@@ -11,7 +12,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 from PIL import Image
@@ -28,6 +29,15 @@ def write_text(path: str | Path, text: str) -> None:
 def write_bytes(path: str | Path, content: bytes) -> None:
     """Replaces a file by these bytes, as replace_file()."""
     replace_file(path, lambda file: file.write(content))
+
+
+def finite(value: Any) -> Any:
+    """The same with None for NaN and infinities, which JSON cannot express."""
+    if isinstance(value, dict):
+        return {name: finite(one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:

@@ -32,9 +32,9 @@ class Delivery:
         seed: int = 0,
     ) -> None:  # fmt: skip
         self._count = int(_ENVIRONMENTS.check("environments", environments))
-        self._latency_s = 1e-3 * self._checked("latency_ms", latency_ms, _LATENCY)
-        self._jitter_s = 1e-3 * self._checked("jitter_ms", jitter_ms, _LATENCY)
-        self._drop_share = self._checked("drop_share", drop_share, _SHARE)
+        self._latency_s = 1e-3 * _LATENCY.check_each("latency_ms", latency_ms, self._count)
+        self._jitter_s = 1e-3 * _LATENCY.check_each("jitter_ms", jitter_ms, self._count)
+        self._drop_share = _SHARE.check_each("drop_share", drop_share, self._count)
         self.restart(seed)
 
     def restart(self, seed: int) -> None:
@@ -71,11 +71,3 @@ class Delivery:
         while self._under_way and np.isinf(self._under_way[0][2]).all():
             self._under_way.popleft()
         return self._arrived, self._taken_s.copy()
-
-    def _checked(self, name: str, values: ArrayLike, limits: Limits) -> NDArray[np.float64]:
-        numbers = np.asarray(values, np.float64)
-        if numbers.shape not in ((), (self._count,)):
-            raise ValueError(f"{name} is {list(numbers.shape)}, expected a number or [{self._count}]")
-        for n, value in enumerate(np.atleast_1d(numbers).tolist()):
-            limits.check(f"{name} of environment {n}" if numbers.shape else name, value)
-        return np.broadcast_to(numbers, (self._count,))

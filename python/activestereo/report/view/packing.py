@@ -7,13 +7,14 @@ The text's "arrays" are {name: [type, height, width, first byte behind the text]
 from __future__ import annotations
 
 import json
-import math
 import struct
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from activestereo.common.output_files import finite
 
 _ALIGNMENT = 8
 
@@ -26,7 +27,7 @@ def packed(content: Mapping[str, Any], images: Mapping[str, NDArray[Any]] | None
         arrays[name] = [image.dtype.name, *image.shape, size]
         parts.append(data + b"\0" * (-len(data) % _ALIGNMENT))
         size += len(parts[-1])
-    text = json.dumps(_finite({**content, "arrays": arrays}), allow_nan=False, separators=(",", ":")).encode()
+    text = json.dumps(finite({**content, "arrays": arrays}), allow_nan=False, separators=(",", ":")).encode()
     text += b" " * (-(4 + len(text)) % _ALIGNMENT)
     return b"".join([struct.pack("<I", len(text)), text, *parts])
 
@@ -40,12 +41,3 @@ def unpacked(answer: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         flat = np.frombuffer(answer, np.dtype(kind).newbyteorder("<"), height * width, 4 + length + first)
         images[name] = flat.reshape(height, width)
     return content, images
-
-
-def _finite(value: Any) -> Any:
-    """The same with None for infinities, which JSON cannot express."""
-    if isinstance(value, dict):
-        return {name: _finite(one) for name, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(one) for one in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -171,12 +171,12 @@ class GBufferStereo:
             other = self._views[1].put({name: right.get(name) for name in _IMAGES})
         hiding = None if projector is None else self._shadows.put({"depth": projector})["depth"]
         numbers = {
-            "laser_power": self._per_environment("laser_power", laser_power, POWER),
-            "ambient_radiance": self._per_environment(
-                "ambient", self._rig.inputs().ambient_radiance if ambient is None else ambient, _RADIANCE
+            "laser_power": POWER.check_each("laser_power", laser_power, self._count),
+            "ambient_radiance": _RADIANCE.check_each(
+                "ambient", self._rig.inputs().ambient_radiance if ambient is None else ambient, self._count
             ),
         }
-        share = self._per_environment("exposure", exposure, POWER)
+        share = POWER.check_each("exposure", exposure, self._count)
         frame = int(FRAME.check("the frame", self._frame + 1))
         inputs = self._rig.begin(frame)
         self._rig.shine(np.eye(4)[None])
@@ -287,14 +287,6 @@ class GBufferStereo:
             images = link.images()
             images *= np.tile(factors, 2)[:, None, None]
             link.put(images)
-
-    def _per_environment(self, name: str, values: ArrayLike, limits: Limits) -> NDArray[np.float64]:
-        numbers = np.asarray(values, np.float64)
-        if numbers.shape not in ((), (self._count,)):
-            raise ValueError(f"{name} is {list(numbers.shape)}, expected a number or [{self._count}]")
-        for n, value in enumerate(np.atleast_1d(numbers).tolist()):
-            limits.check(f"{name} of environment {n}" if numbers.shape else name, value)
-        return np.broadcast_to(numbers, (self._count,))
 
 
 def _read(image: Any) -> NDArray[Any]:
