@@ -17,12 +17,13 @@ from activestereo.diagnose.room.plan import recordings_for
 from activestereo.diagnose.room.unseen import unseen_rmse
 from activestereo.diagnose.score.intervals import Z90
 from activestereo.diagnose.search.verdict import EFFECT, NONE
-from activestereo.effects import Effect, Model
+from activestereo.effects import Effect, Model, builtin
 from activestereo.effects.core.room_light import has_room_light
 from activestereo.model import SensorModel, diagnosed_model
 
 _FALLOFF = "vignetting"
 _MAINS_HZ = 100.0
+_NOT_RANKED = "a room measured by the same camera has it in its dots or surfaces, or good sessions tell no spread of it"
 
 Parameters = dict[str, tuple[float, float]]
 
@@ -60,7 +61,7 @@ def diagnosed_room(
         "ranking": [*([_entry(*falloff, _falloff_nats(falloff[1]), 1.0, [])] if falloff is not None else []),
                     *_ranking(names)],
         "sets": [{"effects": list(n.members), "probabilities": list(n.members.values())} for n in names.named],
-        "own": {},
+        "own": {e.id: _NOT_RANKED for e in effects if builtin().get(e.id) is not e},
         "not_ranked": _not_ranked(effects, given, names),
         "added": added,
         "depth": {"verdict": "undetermined", "reason": "a measured room is judged by its images", "ranking": [],
@@ -161,8 +162,7 @@ def _probabilities(names: Names, added: Sequence[str]) -> dict[str, Any]:
 
 def _not_ranked(effects: Sequence[Effect], given: Model, names: Names) -> list[dict[str, str]]:
     ranked = {f.effect.id for f in names.ranking} | {e.id for e, _ in given.effects} | {_FALLOFF}
-    reason = "a room measured by the same camera has it in its dots or surfaces, or does not show it"
-    return [{"effect": e.id, "family": e.family, "reason": reason} for e in effects if e.id not in ranked]
+    return [{"effect": e.id, "family": e.family, "reason": _NOT_RANKED} for e in effects if e.id not in ranked]
 
 
 def _next(names: Names) -> list[dict[str, Any]]:
