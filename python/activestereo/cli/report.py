@@ -22,7 +22,7 @@ def stage_table(groups: Mapping[str, Mapping[str, float]]) -> str:
 def matching_words(engine: simsense.Engine) -> dict[str, Any]:
     """How a simsense.Engine matches, by parameter; a choice by its word."""
     choices = {p.name: p.choices for p in MATCHER if p.choices}
-    return {name: choices[name][value] if name in choices else value for name, value in engine.parameters.items()}
+    return {name: choices[name][int(value)] if name in choices else value for name, value in engine.parameters.items()}
 
 
 def matching_line(engine: simsense.Engine) -> str:
