@@ -91,7 +91,7 @@ def main():
         before = lab.compare()
     with ProgressBar("which effect is missing?") as bar:
         lab = Lab(capture, progress=bar)
-        result = lab.diagnose(greedy=True).result
+        result = lab.diagnose().result
     lab.model = lab.diagnosis.model
     with ProgressBar("comparing again") as bar:
         after = Lab(capture, lab.model, progress=bar).compare()

@@ -146,7 +146,7 @@ def main() -> None:
     )
     if args.own:
         print(three_depths(Path(capture), args.own, args.out / "three_depths", int(args.spp), 0.001), flush=True)
-    _run(["diagnose", capture, "--greedy", "--spp", args.spp, "--out", str(args.out / "diagnosis")])
+    _run(["diagnose", capture, "--spp", args.spp, "--out", str(args.out / "diagnosis")])
 
 
 if __name__ == "__main__":

@@ -43,11 +43,11 @@ class Lab:
         self.comparison = compare(self.capture, model=self.model, **self._settings)
         return self.comparison
 
-    def diagnose(self, greedy: bool = False, workers: int | None = None) -> Diagnosis:
+    def diagnose(self, workers: int | None = None) -> Diagnosis:
         """Finds the model's missing effects. Returns a Diagnosis; the model stays as it is until you add() an
         effect."""
-        steps, workers = "greedy" if greedy else "one", workers or os.cpu_count() or 1
-        self.diagnosis = diagnose(self.capture, self.model, self.effects, steps, workers=workers, **self._settings)
+        workers = workers or os.cpu_count() or 1
+        self.diagnosis = diagnose(self.capture, self.model, self.effects, workers=workers, **self._settings)
         return self.diagnosis
 
     def add(self, effect_id: str, **parameters: float) -> Model:

@@ -19,6 +19,10 @@ from suite_bars import BARS
 
 FOLDER = Path(__file__).resolve().parent
 RESULTS = FOLDER / "results"
+BEFORE = (
+    "All answers on this page are of the search by rules and thresholds, with its option `--greedy`. The search that\n"
+    "scores all effects first has taken its place."
+)
 HEAD = """# The benchmark suite
 
 Does `activestereo diagnose` find an effect that it does not know? An independent virtual sensor
@@ -31,8 +35,7 @@ the answer key elsewhere, runs the tool on the capture alone, and scores what it
 `--generation N` makes other test cases of the same kinds by another seed. The lab learns from generation 1; generation
 0 is the suite's own. `--only NAME...` takes test cases by id or by an effect that they hide. A run goes on where it was
 stopped. `DIR/README.md` is its score page, `score.json` holds the numbers, and `keys/` the truth. `hide.py` makes one
-more test case for [examples/hidden_effect](../../examples/hidden_effect/README.md), and `threshold_study.py` halves and
-doubles each [threshold](../../python/activestereo/diagnose/README.md#thresholds).
+more test case for [examples/hidden_effect](../../examples/hidden_effect/README.md).
 
 | set | test cases | hidden |
 |---|---|---|
@@ -80,12 +83,12 @@ def make_page():
     runs = [json.loads(path.read_text()) for path in RESULTS.glob("generation-*.json")]
     runs.sort(key=lambda run: (run["date"], run["generation"]), reverse=True)
     own = runs[-1]
-    lines = [HEAD, "## How often it is right", "", *_measures(runs), ""]
+    lines = [HEAD, "## How often it is right", "", BEFORE, "", *_measures(runs), ""]
     lines += [f"By strength, of generation {own['generation']}:", "", *_strengths(own["by_strength"]), ""]
     lines += ["![Answers by strength](answers.png)", "", "![Truth against the first name](confusion.png)", ""]
     lines += ["![Stated confidence against how often it was right](calibration.png)", "", "## What goes wrong", ""]
     lines += [*_rows(_read("causes"), ("hidden", "answer", "cause")), "", *BOUND]
-    lines += ["", *_another_renderer(_read("mitsuba")), "", *_decision(_read("decision"))]
+    lines += ["", *_another_renderer(_read("mitsuba"))]
     return "\n".join([*lines, "", *_next(_read("next")), "", *_practice(_read("practice"))]) + "\n"
 
 
@@ -139,10 +142,6 @@ def _another_renderer(run):
         "",
         *(f"- {name}: {_value(measure, True)}" for name, measure in run["measures"].items()),
     ]
-
-
-def _decision(run):
-    return ["## Rules and law", "", run["result"]]
 
 
 def _next(run):

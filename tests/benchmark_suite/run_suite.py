@@ -20,7 +20,7 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-COMMAND = f"{ROOT / 'build/bin/activestereo'} diagnose {{capture}} --out {{out}} --greedy --workers 1"
+COMMAND = f"{ROOT / 'build/bin/activestereo'} diagnose {{capture}} --out {{out}} --workers 1"
 
 
 def main():

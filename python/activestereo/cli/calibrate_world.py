@@ -26,7 +26,7 @@ example:
       --baseline 0.055 --depth laser --depth-scale 0.001 -o rec
   activestereo calibrate world rec --test 2 -o capture
   activestereo compare capture
-  activestereo diagnose capture --greedy
+  activestereo diagnose capture
 """
 _STEPS = {
     "camera": "focal length, centre, baseline and rows from overlapping views, or a board that stands in them",

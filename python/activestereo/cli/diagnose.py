@@ -29,16 +29,15 @@ if TYPE_CHECKING:
     from activestereo.diagnose import Diagnosis
 
 _TEXT = """\
-Ranks which physical effect the model of a capture lacks. Every effect of the
-library is fitted on the train frames together with projector scale, ambient
-scale, black level, focal lengths and albedos, and judged on image tiles that its
-fit did not see; temporal noise is judged on repeats, faults of the depth engine
-on the device's disparity. An effect is accepted only if it is significant among
-all that were tried (--alpha {alpha}), explains {share} of the error above the noise
-floor or more, of the squared error in DN {least_share} or more (--least-share), and
-helps wherever it acts. Test frames serve once, for the held-out figures,
-which are those of compare: before, without a model or with the given one; after,
-with model.json.
+Finds out which physical effects the model of a capture lacks. Every effect of the
+library is scored on the train frames beside projector scale, ambient scale, black
+level, albedos and the rig's geometry; the likeliest few are fitted, and the best is
+named. Then noise, weights and geometry are measured again beside it, and the search
+goes on until nothing passes: a name is no chance among all effects (--alpha {alpha})
+and removes {least_share} of the squared error above the noise or more (--least-share).
+Temporal noise is judged on repeats, the depth engine on the device's disparity. Test
+frames serve once, for the held-out figures, which are those of compare; without test
+frames they are of frames left out in turn.
 
 The verdict is one of
   effect        what was added explains most of the error above the noise floor
@@ -51,29 +50,28 @@ Writes into DIR:
   report.html    the verdict on its first screen, then pictures to explore, a slider of the
                  strength of what was found, the ranking and where the model fails, on one
                  page that needs no other file
-  diagnose.json  verdict, ranking, held-out figures, next measurements
+  diagnose.json  verdict, ranking, sets of what cannot be told apart, held-out figures
   model.json     the model with what was added: compare --model, diagnose --model
 Ctrl-C leaves stopped.txt in place of these; the same command then goes on where it was.
 
 examples:
   activestereo diagnose captures/table --out out/diagnosis
-  activestereo diagnose captures/table --greedy --effects mine.py --out out/2
+  activestereo diagnose captures/table --effects mine.py --out out/2
 
-Every threshold, with its unit and where it comes from: python/activestereo/diagnose/README.md.
+Every number that decides: python/activestereo/diagnose/README.md.
 """
 
 
 _STOPPED = "stopped.txt"
 
 
-class _HelpWithGates(argparse.RawDescriptionHelpFormatter):
-    """Fills thresholds into the help from the table that decides, which takes its time to load."""
+class _HelpWithNumbers(argparse.RawDescriptionHelpFormatter):
+    """Fills in numbers from the table that decides, which takes its time to load."""
 
     def _format_text(self, text: str) -> str:
-        from activestereo.diagnose.thresholds import THRESHOLDS, share_words
+        from activestereo.diagnose.numbers import NUMBERS
 
-        shares = {"share": share_words(THRESHOLDS.smallest_share), "least_share": f"{THRESHOLDS.least_share:g}"}
-        return super()._format_text(text.format(alpha=f"{THRESHOLDS.alpha:g}", **shares))
+        return super()._format_text(text.format(alpha=f"{NUMBERS.alpha:g}", least_share=f"{NUMBERS.least_share:g}"))
 
 
 def add_parser(commands: Commands) -> None:
@@ -81,7 +79,7 @@ def add_parser(commands: Commands) -> None:
         "diagnose",
         help="rank which physical effect is missing from a capture's model",
         description=_TEXT,
-        formatter_class=_HelpWithGates,
+        formatter_class=_HelpWithNumbers,
     )
     parser.add_argument("capture", type=Path, metavar="CAPTURE", help="the capture's folder")
     add_shared(parser, out=True)
@@ -90,19 +88,13 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--reference", type=Path, metavar="CAPTURE", action="append", default=[], help=text)
     add_shared(parser, effects=", ranked beside the built-in ones")
     parser.add_argument(
-        "--greedy", action="store_true", help="add, refit, swap and remove effects until nothing passes"
-    )
-    parser.add_argument(
         "--refine",
         action=argparse.BooleanOptionalAction,
         default=True,
-        help="refine what surfaces, air and lights do by kuafu's own images (default; --no-refine saves a minute or "
-             "two on two cores)",
+        help="fit what surfaces, air and lights do to kuafu's own images (default; --no-refine saves their renders)",
     )
-    text = "score all effects first and fit the few that matter, a name more until none passes (on trial)"
-    parser.add_argument("--scores-first", action="store_true", help=text)
     parser.add_argument("--alpha", type=positive_share, metavar="P", help="probability of a name by chance")
-    text = "least share of the squared error (of depth: of the disparity's) that a name removes, at the lower end"
+    text = "least share of the squared error above the noise (of depth: of the disparity's error) that a name removes"
     parser.add_argument("--least-share", type=share, metavar="SHARE", help=text)
     text = "search in images averaged over NxN pixels (default: 1 up to 848x480, more for larger images)"
     parser.add_argument("--bin", type=integer_from(1), metavar="N", help=text)
@@ -128,8 +120,8 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.compare.model_file import library
     from activestereo.compare.phase_times import PhaseTimes
     from activestereo.diagnose import diagnose
-    from activestereo.diagnose.diagnosis import PHASES
-    from activestereo.diagnose.thresholds import THRESHOLDS
+    from activestereo.diagnose.numbers import NUMBERS
+    from activestereo.diagnose.settings import PHASES
     from activestereo.effects.engines import CaptureRenderer
     from activestereo.model import read_model
     from activestereo.report.diagnosis_text import diagnosis_text
@@ -144,8 +136,7 @@ def run(args: argparse.Namespace) -> None:
     effects = library(*args.effects)
     given = {name: getattr(args, name) for name in ("alpha", "least_share") if getattr(args, name) is not None}
     model = None if args.model is None else read_model(args.model, effects)
-    asked = "diagnose" + " --greedy" * args.greedy + " --no-refine" * (not args.refine)
-    asked += " --scores-first" * args.scores_first
+    asked = "diagnose" + " --no-refine" * (not args.refine)
     times = PhaseTimes(asked if args.spp is None else f"{asked} --spp {args.spp}")
     with ProgressBar(f"diagnosing {args.capture.name}") as bar, _told_where_stopped(args.out, bar):
         phases = Phases(bar, times.usual(PHASES | {WRITING: WRITING_TIME}))
@@ -153,18 +144,16 @@ def run(args: argparse.Namespace) -> None:
             args.capture,
             model=model,
             effects=effects,
-            steps="greedy" if args.greedy else "one",
             renderer=KuafuRenderer(args.device),
             samples_per_pixel=args.spp,
             max_bounces=args.max_bounces,
             seed=args.seed,
             workers=args.workers,
             progress=phases,
-            thresholds=replace(THRESHOLDS, **given),
+            numbers=replace(NUMBERS, **given),
             rendering=(lambda capture: EngineImages(capture, *sampled(capture))) if args.refine else None,
             engines=lambda capture: CaptureRenderer(capture, *sampled(capture)),
             binning=args.bin,
-            scores_first=args.scores_first,
             reference=args.reference,
             looks_like=lambda names: bar.tell(f"looks like {', '.join(names)}") if names else None,
         )

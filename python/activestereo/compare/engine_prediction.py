@@ -71,25 +71,21 @@ class EngineModel:
 
 
 class EngineImages:
-    """A capture's light under a model by the engine (a Rendering of diagnose/refine/by_rendering.py). Images are kept
-    in the user's cache of renders.
+    """The light of a capture's train frames under a model by the engine (a Rendering of diagnose/search/rendered.py).
+    Images are kept in the user's cache of renders.
 
-    Arguments as of CaptureRenderer. What a search ends with has all samples, as many as `compare` has; a draft has an
-    eighth of them.
+    Arguments as of CaptureRenderer. A search looks at differences of images with the same random numbers: an eighth of
+    the samples are enough.
     """
 
     def __init__(
         self, capture: Capture, device: str | int, samples_per_pixel: int, max_bounces: int, seed: int
     ) -> None:
-        draft, whole = max(1, samples_per_pixel // 8), samples_per_pixel
-        self._draft, self._whole = (
-            CaptureRenderer(capture, device, spp, max_bounces, seed) for spp in (draft, whole)
-        )
+        self._renderer = CaptureRenderer(capture, device, max(1, samples_per_pixel // 8), max_bounces, seed)
         self._cache = LayerCache()
 
-    def __call__(self, model: Model, split: str, half: int | None = None) -> Mapping[ImageKey, LightOnly]:
-        renderer = self._draft if half is None else self._whole
-        return kept_lights(renderer, self._cache, model, renderer.capture.split(split), half=half)
+    def __call__(self, model: Model) -> Mapping[ImageKey, LightOnly]:
+        return kept_lights(self._renderer, self._cache, model, self._renderer.capture.split("train"))
 
 
 class LightOnly(NamedTuple):

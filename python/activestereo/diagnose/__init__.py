@@ -2,13 +2,12 @@
 """Which physical effect does the model of a capture lack?
 
 evidence   what is looked at: images beside their rendered light, noise, tiles
-propose    where fits start
+search     scores of all effects, fits of the few that matter, the verdict
+channels   what effects are judged on beside expected images
 refine     fits of parameters and nuisances
-channels   what effects are judged on, one class each
-score      what explanations are worth
-verdict    what findings allow to say, as pure functions
+score      what fits are worth, and what they leave
 answer     what a diagnosis says, as data
-rank.py    the way through them; findings.py: the records that they hand on; thresholds.py: every threshold
+diagnosis.py: the way through them; numbers.py: every number that decides
 """
 
 from activestereo.diagnose.diagnosis import Diagnosis, Settings, diagnose, examine

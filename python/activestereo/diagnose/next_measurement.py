@@ -7,7 +7,7 @@ nuisances (T-optimal design: Atkinson and Fedorov 1975), divided by the residual
 judged by its worst pair.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import Any
@@ -17,15 +17,16 @@ import numpy as np
 from activestereo.capture.capture import Frame
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.diagnose.evidence import Evidence, Observation
-from activestereo.diagnose.findings import Finding, Ranking
-from activestereo.diagnose.propose.scan import scan_observations
+from activestereo.diagnose.evidence.observation import one_of_each_situation
 from activestereo.diagnose.refine import Fitter, Solution
 from activestereo.diagnose.refine.fitter import signal
-from activestereo.diagnose.verdict.confidence import equivalents
 from activestereo.effects.core.view import REFERENCE_TEMPERATURE_C
 
 _MEMBERS = 3
 _SUGGESTIONS = 3
+# A proposed measurement makes a difference of so many nats at least, and of so many times what the same frames make
+# again: twice the light doubles the nats of what the views tell already.
+_WORTH_NATS, _LEVER = 2.0, 2.0
 
 Change = dict[str, Any]
 Advice = dict[str, object]
@@ -72,84 +73,52 @@ def _changed(
     )
 
 
-def next_measurements(ranking: Ranking, evidence: Evidence) -> list[Advice]:
+def next_measurements(evidence: Evidence, members: Mapping[str, Solution | None], design: float) -> list[Advice]:
     """[{text, nats, separates, change}] best first; empty where nothing is open.
 
-    change: of the menu's frames, views: so many more poses; None for other advice.
+    members: {effect: its fit} of what the recording cannot tell apart, likeliest first; None: of draws, which cannot be
+    predicted. design: the residuals' design effect. change: of the menu's frames, views: so many more poses; None for
+    other advice.
     """
     if not evidence.has_floor:
         text = "repeat every static view at least twice: without repeats the noise floor is unknown"
         return [{"text": text, "nats": None, "separates": [], "change": None}]
-    members = _open_set(ranking)
-    if len(members) < 2:
+    names = list(members)[:_MEMBERS]
+    if len(names) < 2:
         return []
-    observations = scan_observations(evidence.train, evidence.seed)
-    # Images of random fields cannot be predicted, but they differ from other poses: gains stay on the pixels, grains do
-    # not.
-    predicted = [f for f in members if f.solution is not None]
-    scored = []
-    for text, change in _MENU.items() if len(predicted) > 1 else ():
-        nats, pair = _worst_pair(ranking, evidence, predicted, observations, change)
-        scored.append((nats, text, pair))
-    scored.sort(key=lambda entry: -entry[0])
-    useful = [entry for entry in scored if entry[0] > ranking.thresholds.worth_nats]
+    observations = one_of_each_situation(evidence.train, evidence.seed)
+    predicted = {name: fit for name in names if (fit := members[name]) is not None}
+
+    def told(change: Change) -> tuple[float, tuple[str, ...]]:
+        nats, pair = _worst_pair(evidence, predicted, observations, change)
+        return nats / design, pair
+
+    scored = [(*told(change), text) for text, change in _MENU.items() if len(predicted) > 1]
+    useful = [entry for entry in sorted(scored, key=lambda entry: -entry[0]) if entry[0] > _WORTH_NATS]
     advice: list[Advice] = [
         {"text": f"{text} (expected {nats:.0f} nats)", "nats": nats, "separates": list(pair), "change": _MENU[text]}
-        for nats, text, pair in useful
+        for nats, pair, text in useful
     ]
     # A measurement that brings little more than the same frames again is not worth it: errors of the scene measurement,
-    # which more light does not reduce, hide the difference in these views.
-    again = _worst_pair(ranking, evidence, predicted, observations, {})[0] if useful else np.inf
-    if not useful or useful[0][0] < ranking.thresholds.lever_ratio * again:
+    # which more light does not reduce, hide the difference in these views. Of draws, gains stay on the pixels from pose
+    # to pose, grains do not.
+    if not useful or useful[0][0] < _LEVER * told({})[0]:
         text, change = _OTHER_VIEWS
-        advice = [{"text": text, "nats": None, "separates": [f.id for f in members], "change": change}, *advice]
+        advice = [{"text": text, "nats": None, "separates": names, "change": change}, *advice]
     return advice[:_SUGGESTIONS]
 
 
-def separating_view(ranking: Ranking, evidence: Evidence) -> Advice | None:
-    """{text, frame, nats}: the known view of which another frame tells most between a ranking's findings, all of which
-    explain the images alike. None where no view tells enough, or the noise is not known."""
-    members = [f for f in ranking.findings if f.solution is not None][:_MEMBERS]
-    if len(members) < 2 or not evidence.has_floor:
-        return None
-    views: dict[bytes, Observation] = {}
-    for o in scan_observations(evidence.train, evidence.seed):
-        views.setdefault(o.frame.camera_to_world.tobytes(), o)
-    told = {}
-    for o in views.values():
-        one = replace(ranking, pixels=2 * o.view.depth_m.size)  # both cameras of one frame
-        told[o.frame.id] = _worst_pair(one, evidence, members, [o], {})[0]
-    frame = max(told, key=lambda key: told[key])
-    if told[frame] <= ranking.thresholds.worth_nats:
-        return None
-    text = f"the view of frame {frame} separates them best (expected {told[frame]:.0f} nats by each further frame)"
-    return {"text": text, "frame": frame, "nats": told[frame]}
-
-
-def _open_set(ranking: Ranking) -> list[Finding]:
-    """The first finding and those that cannot be told from it."""
-    best = ranking.best
-    if best is None or best.score.nats <= 0 or not best.on_images:
-        return []
-    names = {best.id, *equivalents(ranking, best)}
-    return [f for f in ranking.findings if f.id in names][:_MEMBERS]
-
-
 def _worst_pair(
-    ranking: Ranking,
-    evidence: Evidence,
-    members: Sequence[Finding],
-    observations: Sequence[Observation],
-    change: Change,
+    evidence: Evidence, members: Mapping[str, Solution], observations: Sequence[Observation], change: Change
 ) -> tuple[float, tuple[str, ...]]:
+    """(the least nats that frames under a change tell between two of the members, these two)."""
     frames = [_changed(o.frame, **change) for o in observations]
     changed = [replace(o, frame=f, view=replace(o.view, frame=f)) for o, f in zip(observations, frames, strict=True)]
     # As many pixels as the train frames have: each view is recorded again.
-    copies = ranking.pixels / sum(o.pixels for o in observations)
+    copies = evidence.pixels / sum(o.pixels for o in observations)
     worst: tuple[float, tuple[str, ...]] = (np.inf, ())
-    for first, second in combinations(members, 2):
-        nats = left_between(evidence, changed, first.fitted, second.fitted, copies) / ranking.design_effect
-        worst = min(worst, (float(nats), (first.id, second.id)))
+    for (first, truth), (second, rival) in combinations(members.items(), 2):
+        worst = min(worst, (float(left_between(evidence, changed, truth, rival, copies)), (first, second)))
     return worst
 
 
@@ -167,8 +136,8 @@ def left_between(
     fitter = Fitter(predicted, evidence.nuisance_prior(), evidence.tiles, supersampled=False)
     space, theta, phi = rival.space, rival.theta, rival.phi
     new = fitter.linearise(space, theta, phi, fitter.lights(space, theta))
-    known = rival.sums.gram.sum(0) + np.diag(fitter.prior(len(theta), space))
-    gram, moment = copies * new.gram.sum(0) + known, copies * new.moment.sum(0)
+    known = rival.sums.gram + np.diag(fitter.prior(len(theta), space))
+    gram, moment = copies * new.gram + known, copies * new.moment
     norm = np.sqrt(np.maximum(np.diag(gram), 1e-30))
     step = np.linalg.lstsq(gram / np.outer(norm, norm), moment / norm, rcond=1e-10)[0]
     return 0.5 * max(copies * new.total - step @ (moment / norm), 0.0)

@@ -34,7 +34,6 @@ def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> 
     parts = [_verdict(diagnosis)]
     if diagnosis.get("geometry"):
         parts.append(section("What stands elsewhere than the capture says", _geometry(diagnosis["geometry"])))
-    parts += [_object(entry) for entry in diagnosis.get("objects", [])]
     if diagnosis["ranking"]:
         parts.append(_ranking(diagnosis, shown))
     if diagnosis.get("depth", {}).get("ranking"):
@@ -64,19 +63,6 @@ def _verdict(diagnosis: dict[str, Any]) -> str:
 
 def _geometry(entries: Sequence[dict[str, Any]]) -> str:
     return "<ul>" + "".join(f"<li>{text(entry['text'])}</li>" for entry in entries) + "</ul>"
-
-
-def _object(entry: dict[str, Any]) -> str:
-    """Possible properties of the surfaces that the first effect acts on."""
-    rows = []
-    for name in entry["names"]:
-        values = "<br>".join(text(parameter_text(n, p)) for n, p in name["parameters"].items() if "materials" not in p)
-        alike = "as good as the first" if name["effect"] in entry["equivalent"] else ""
-        effect, finding = f"<b>{text(name['effect'])}</b>", text(name["finding"])
-        rows.append([effect, finding, f"{name['score_nats']:.1f}", values, alike])
-    head = ["effect", "", "gain, nats", "fitted value (90 %)", ""]
-    said = f"<p>{text(entry['text'][0].upper() + entry['text'][1:])}.</p>"
-    return section("What it may be on these surfaces", said, table(head, rows, numbers=(2,), wide=True))
 
 
 def _added(diagnosis: dict[str, Any]) -> str:

@@ -36,7 +36,6 @@ def diagnosis_text(result: Mapping[str, Any]) -> str:
     """The command's text: verdict_text(), then the full table."""
     lines = [verdict_text(result), "", *_probabilities(result)]
     lines += _table(result)
-    lines += [entry["text"] for entry in result.get("objects", [])]
     if (size := result.get("binning", 1)) > 1:
         lines.append(f"searched in images averaged over {size}x{size} pixels (--bin); figures are of whole images")
     lines += _depth_lines(result.get("depth")) + depth_parts_lines(result.get("depth_split"))

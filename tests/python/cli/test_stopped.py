@@ -6,7 +6,7 @@ import pytest
 from activestereo.cli import main
 from activestereo.compare import kuafu_renderer, model_file
 from activestereo.common.phases import Phases
-from activestereo.diagnose.diagnosis import ADDING, FITTING
+from activestereo.diagnose.settings import DEPTH, FITTING
 from activestereo.diagnose.refine.fitter import Fitter
 from activestereo.effects import builtin
 from lab_worlds import WorldRenderer
@@ -54,7 +54,7 @@ def test_going_on_after_ctrl_c_repeats_nothing(tmp_path, monkeypatch, capsys, wo
         work.clear()
         return made
 
-    assert [stopped_in(phase) for phase in (FITTING, ADDING, ADDING)] == [{"render", "fit"}, {"fit"}, set()]
+    assert [stopped_in(phase) for phase in (FITTING, DEPTH, DEPTH)] == [{"render", "fit"}, {"fit"}, set()]
     assert main(command) == 0 and "fit" not in work
     assert {"report.html", "diagnose.json"} <= {p.name for p in (tmp_path / "out").iterdir()} - {"stopped.txt"}
     assert not (tmp_path / "out/stopped.txt").exists()

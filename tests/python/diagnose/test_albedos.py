@@ -87,6 +87,6 @@ def test_no_material_of_a_found_model_reflects_less_than_nothing(evidence):
     phi = solution.phi.copy()
     phi[DENSE] = -1.02
     solution = replace(solution, phi=phi)
-    materials = found_model(evidence, Model(), solution, ()).materials
+    materials = found_model(evidence, Model(), solution, {}).materials
     assert min(fields["ir_albedo_factor"].value for fields in materials.values()) == 0.0
     assert min(entry["factor"] for entry in albedo_json(evidence, fitter, solution)) == 0.0

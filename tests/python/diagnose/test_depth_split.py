@@ -2,7 +2,6 @@
 """A depth error's parts add up, and each is found where it alone was made."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ from activestereo.capture.capture import read_capture
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.image_errors import image_errors
 from activestereo.compare.render import render_halves
+from activestereo.diagnose.channels.depth_engine import Depth
 from activestereo.diagnose.answer.depth_split import OWN, PARTS, DepthErrors, depth_split, split_of
 from activestereo.effects import Model, builtin
 from activestereo.report.depth_parts import depth_parts_lines, depth_parts_section
@@ -112,7 +112,7 @@ def test_a_device_that_stretches_depth_is_told_as_out_of_calibration(tmp_path, s
     halves = render_halves(capture, WorldRenderer(world, grid=1), 2, 1, 0, LayerCache(tmp_path / "cache"))
     faded = Model().with_effect(builtin()["vignetting"], exponent=1.0)
     plain, found = (image_errors(capture, model, halves) for model in (Model(), faded))
-    told = depth_split(capture, plain, plain, found, SimpleNamespace(findings=(), at_floor=True), str, 0)
+    told = depth_split(capture, plain, plain, found, Depth((), True), str, 0)
     share = {name: part["share_px"] for name, part in told["after"]["parts"].items()}
     assert told["images_agree"] and not told["filters"] and told["pixels"] > 10000
     assert abs(share["image effects"]) < 0.1 and abs(share["other matcher"]) < 0.02

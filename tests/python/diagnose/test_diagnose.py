@@ -43,29 +43,42 @@ def shaded(dn, side):
     return BLACK_DN + (dn - BLACK_DN) * (1.0 + r2) ** (-EXPONENT / 2)
 
 
+def diagnosed(folder, world, cache, effects=EFFECTS, **more):
+    return diagnose(folder, effects=effects, renderer=WorldRenderer(world, grid=3), cache=cache, **more)
+
+
 @pytest.fixture(scope="module")
 def hidden_shading(lab_world, lab_cache, tmp_path_factory):
-    folder = altered(lab_world, tmp_path_factory.mktemp("shading") / "capture", shaded)
-    return folder, diagnose(folder, effects=EFFECTS, renderer=WorldRenderer(lab_world, grid=3), cache=lab_cache)
+    folder, words = altered(lab_world, tmp_path_factory.mktemp("shading") / "capture", shaded), []
+    diagnosis = diagnosed(folder, lab_world, lab_cache, looks_like=words.extend)
+    return folder, diagnosis, words
 
 
 def test_a_hidden_lens_shading_is_named_and_its_exponent_found(hidden_shading):
-    _, diagnosis = hidden_shading
+    _, diagnosis, words = hidden_shading
     first = diagnosis.result["ranking"][0]
-    assert (diagnosis.result["verdict"], first["effect"]) == ("effect", "vignetting")
-    assert first["parameters"]["exponent"]["value"] == pytest.approx(EXPONENT, rel=0.1)
-    assert diagnosis.result["added"] == ["vignetting"]
+    assert (diagnosis.result["verdict"], diagnosis.result["added"]) == ("effect", ["vignetting"])
+    assert words[0] == first["effect"] == "vignetting"
+    found = first["parameters"]["exponent"]
+    assert found["value"] == pytest.approx(EXPONENT, rel=0.1) and found["low"] < EXPONENT < found["high"]
+
+
+def test_its_set_holds_it_alone_and_probabilities_add_up(hidden_shading):
+    result = hidden_shading[1].result
+    assert [s["effects"] for s in result["sets"]] == [["vignetting"]]
+    given = result["probabilities"]
+    assert sum(given["named"].values()) + given["none"] + given["something_else"] == pytest.approx(1.0)
 
 
 def test_adding_it_closes_most_of_the_gap_on_frames_that_no_fit_saw(hidden_shading):
-    _, diagnosis = hidden_shading
+    _, diagnosis, _ = hidden_shading
     before, after = (diagnosis.result[f"heldout_ir_rmse_{when}"] for when in ("before", "after"))
     floor = diagnosis.result["heldout_noise_floor"]
     assert (before - after) / (before - floor) > 0.6  # the rest is the analytic renderer's own noise
 
 
 def test_the_complete_model_has_the_scales_that_were_fitted_with_what_was_found(lab_world, lab_cache, hidden_shading):
-    folder, diagnosis = hidden_shading
+    folder, diagnosis, _ = hidden_shading
     scale = diagnosis.sensor_model.nuisances["projector_scale"].value
     without, under_it = (
         lab.compare().scores["fit"]["nuisances"]
@@ -79,9 +92,8 @@ def test_the_complete_model_has_the_scales_that_were_fitted_with_what_was_found(
 
 
 def test_nothing_is_named_where_nothing_is_hidden(lab_world, lab_cache):
-    renderer = WorldRenderer(lab_world, grid=3)
-    result = diagnose(lab_world.capture_path, effects=EFFECTS, renderer=renderer, cache=lab_cache).result
-    assert (result["verdict"], result["added"]) == ("none", [])
+    result = diagnosed(lab_world.capture_path, lab_world, lab_cache).result
+    assert (result["verdict"], result["added"], result["sets"]) == ("none", [], [])
     assert result["heldout_ir_rmse_after"] == result["heldout_ir_rmse_before"]
 
 
@@ -95,14 +107,13 @@ def test_pixel_gains_are_told_from_offsets_and_smooth_shading(lab_world, lab_cac
 
     folder = altered(lab_world, tmp_path / "capture", change)
     effects = {name: e for name, e in builtin().items() if name in (*FEW, "fixed_pattern_noise", "hot_pixels")}
-    renderer = WorldRenderer(lab_world, grid=3)
-    first = diagnose(folder, effects=effects, renderer=renderer, cache=lab_cache).result["ranking"][0]
+    first = diagnosed(folder, lab_world, lab_cache, effects).result["ranking"][0]
     assert first["effect"] == "prnu"
     assert first["parameters"]["sigma"]["value"] == pytest.approx(0.15, rel=0.15)
 
 
 def test_files_keep_the_schema_and_the_model_reads_back(hidden_shading, tmp_path):
-    _, diagnosis = hidden_shading
+    _, diagnosis, _ = hidden_shading
     paths = write_diagnosis(diagnosis, tmp_path)
     written = json.loads(paths[0].read_text())
     schema = json.loads((Path(activestereo.report.__file__).parent / "schema" / "diagnose.schema.json").read_text())
@@ -113,7 +124,7 @@ def test_files_keep_the_schema_and_the_model_reads_back(hidden_shading, tmp_path
 
 
 def test_add_command_takes_the_parameters_of_a_diagnosis(hidden_shading, tmp_path, capsys):
-    _, diagnosis = hidden_shading
+    _, diagnosis, _ = hidden_shading
     write_diagnosis(diagnosis, tmp_path)
     out = tmp_path / "model2.json"
     assert main(["add", "vignetting", "--from", str(tmp_path / "diagnose.json"), "-o", str(out)]) == 0
@@ -136,8 +147,32 @@ def test_depth_alone_ends_in_undetermined(lab_world, tmp_path):
     assert result["next_measurement"]
 
 
+def test_without_test_frames_the_figures_are_of_frames_left_out(hidden_shading, lab_world, lab_cache, tmp_path):
+    folder = shutil.copytree(hidden_shading[0], tmp_path / "capture")
+    root = json.loads((folder / "capture.json").read_text())
+    root["frames"] = [frame for frame in root["frames"] if frame.get("split", "train") == "train"]
+    (folder / "capture.json").write_text(json.dumps(root))
+    result = diagnosed(folder, lab_world, lab_cache).result
+    before, after, floor = (
+        result[key] for key in ("heldout_ir_rmse_before", "heldout_ir_rmse_after", "heldout_noise_floor")
+    )
+    assert before > after > 0.8 * floor
+
+
+def test_the_answer_is_an_object_to_work_with(hidden_shading):
+    _, diagnosis, _ = hidden_shading
+    frame = diagnosis.before.capture.frames[0].id
+    assert np.abs(diagnosis.residual(frame)).mean() < np.abs(diagnosis.before.residuals()[frame, "left"]).mean()
+    assert diagnosis.predict(frame).shape == diagnosis.residual(frame).shape
+    assert diagnosis.sets() == [["vignetting"]]
+    assert "and was named" in diagnosis.explain("vignetting")
+    assert "vignetting explains" in diagnosis.explain("projector_vignetting")
+    assert diagnosis.explain("haze") == "haze explains next to nothing of the images"
+    assert len(diagnosis.plot().axes[0].patches) > 0
+
+
 def test_a_lab_adds_what_it_found_and_its_error_falls(hidden_shading, lab_world, lab_cache):
-    folder, _ = hidden_shading
+    folder, *_ = hidden_shading
     lab = Lab(folder, renderer=WorldRenderer(lab_world, grid=3), cache=lab_cache)
     lab.effects = EFFECTS
     before = lab.compare().scores["ir"]["test"]["rmse_dn"]

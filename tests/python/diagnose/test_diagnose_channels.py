@@ -14,7 +14,7 @@ from activestereo.cli import main
 from activestereo.effects import Randomness, builtin
 from activestereo.effects.core.judging import Channel, Lever, RandomTerm, Unjudged
 from activestereo.diagnose import diagnose
-from activestereo.diagnose.thresholds import THRESHOLDS, thresholds_table
+from activestereo.diagnose.numbers import NUMBERS, numbers_table
 from lab_worlds import BLACK_DN, WorldRenderer, altered
 
 EFFECTS = builtin()
@@ -77,8 +77,9 @@ def test_what_cannot_be_ranked_is_listed_with_the_reason(result):
     assert skipped["effect"] == "no_word" and "does not say how it is judged" in skipped["reason"]
 
 
-def test_page_and_help_print_the_gates(capsys):
-    assert thresholds_table() in (LAB / "README.md").read_text()
+def test_page_and_help_print_the_numbers_that_decide(capsys):
+    assert len(vars(NUMBERS)) <= 15 and numbers_table() in (LAB / "README.md").read_text()
     with pytest.raises(SystemExit):
         main(["diagnose", "--help"])
-    assert THRESHOLDS.smallest_share == 0.2 and "explains a fifth of the error" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert f"--alpha {NUMBERS.alpha:g}" in said and f"removes {NUMBERS.least_share:g} of the squared error" in said

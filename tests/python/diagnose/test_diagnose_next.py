@@ -10,12 +10,11 @@ from lab_worlds import WorldRenderer
 from activestereo.capture.capture import read_capture
 from activestereo.effects import Model, builtin
 from activestereo.compare.cache import LayerCache
-from activestereo.diagnose.base_fit import fit_base
 from activestereo.diagnose.evidence import gather
-from activestereo.diagnose.thresholds import THRESHOLDS
+from activestereo.diagnose.evidence.observation import one_of_each_situation
 from activestereo.diagnose.next_measurement import _MENU, _changed, left_between
-from activestereo.diagnose.propose.scan import scan_observations
-from activestereo.diagnose.refine import Fitters, ParameterSpace
+from activestereo.diagnose.refine import Fitter, ParameterSpace
+from activestereo.diagnose.search.linear import fitted_model
 from activestereo.compare.render import WARP_SCALE, render_frames
 from virtual_sensor.world import make_world
 
@@ -29,14 +28,14 @@ def fitted(tmp_path_factory):
     evidence = gather(
         capture, render_frames(capture, WorldRenderer(world), 32, 8, 0, LayerCache(folder / "cache"), None, WARP_SCALE)
     )
-    fitters = Fitters.of(evidence, scan_observations(evidence.train))
-    phi = fit_base(evidence, fitters, Model(), THRESHOLDS).solution.phi
-    return evidence, fitters.train.refine(ParameterSpace.of(Model(), builtin()["vignetting"]), np.array([0.5]), phi, 0)
+    fitter = Fitter(evidence.train, evidence.nuisance_prior(), evidence.tiles)
+    phi = fitted_model(fitter, Model(), fitter.phi0(evidence.nuisances)).phi
+    return evidence, fitter.refine(ParameterSpace.of(Model(), builtin()["vignetting"]), np.array([0.5]), phi, 0)
 
 
 def test_a_rival_that_can_be_refitted_is_no_rival(fitted):
     evidence, rival = fitted
-    frames = scan_observations(evidence.train)
+    frames = one_of_each_situation(evidence.train)
     truth = replace(rival, theta=rival.theta + 0.2)
     nothing = replace(rival.sums, gram=np.zeros_like(rival.sums.gram))
     far = replace(rival.sums, gram=1e9 * rival.sums.gram)

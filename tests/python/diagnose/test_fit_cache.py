@@ -11,8 +11,7 @@ from activestereo.capture.capture import read_capture
 from activestereo.effects import Effect, Model, builtin
 from activestereo.compare.cache import LayerCache
 from activestereo.diagnose.evidence import Evidence, gather
-from activestereo.diagnose.propose.scan import scan_observations, starts
-from activestereo.diagnose.refine import Fitters, ParameterSpace, Solution
+from activestereo.diagnose.refine import ParameterSpace, Solution
 from activestereo.diagnose.refine.fit_cache import FitCache, content_key, effect_content
 from activestereo.diagnose.refine.fitter import Fitter
 from activestereo.compare.render import render_frames
@@ -31,33 +30,31 @@ def evidence(tmp_path_factory: pytest.TempPathFactory) -> Evidence:
     return gather(capture, render_frames(capture, WorldRenderer(world), cache=LayerCache(folder / "cache")))
 
 
-def fitted(evidence: Evidence, renders: Path, effect: Effect = FADING) -> tuple[Solution, list[np.ndarray]]:
-    """(a fit, where a scan starts), by what is kept in a folder."""
+def fitted(evidence: Evidence, renders: Path, effect: Effect = FADING) -> Solution:
+    """A fit, by what is kept in a folder."""
     memory = FitCache(LayerCache(renders), evidence.train)
-    fitters = Fitters.of(evidence, scan_observations(evidence.train), memory)
-    space, phi = ParameterSpace.of(Model(), effect), fitters.train.phi0(evidence.nuisances)
-    solution = fitters.train.refine(space, np.array([0.1]), phi, 2)
-    found = [np.append(s.theta, s.chi2) for s in starts(fitters.scan, space, effect, phi, np.inf)]
+    fitter = Fitter(evidence.train, evidence.nuisance_prior(), evidence.tiles, memory=memory)
+    space, phi = ParameterSpace.of(Model(), effect), fitter.phi0(evidence.nuisances)
+    solution = fitter.refine(space, np.array([0.1]), phi, 2)
     memory.save()
-    return solution, found
+    return solution
 
 
 @pytest.fixture
 def work(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The fits that are made again."""
     done: list[str] = []
-    for name in ("_refined", "nuisance_fit"):
-        own = getattr(Fitter, name)
-        monkeypatch.setattr(Fitter, name, lambda *given, own=own, name=name: (done.append(name), own(*given))[1])
+    own = Fitter._refined
+    monkeypatch.setattr(Fitter, "_refined", lambda *given: (done.append("_refined"), own(*given))[1])
     return done
 
 
 def test_a_second_diagnosis_repeats_no_fit(evidence: Evidence, tmp_path: Path, work: list[str]) -> None:
-    first, scanned = fitted(evidence, tmp_path)
-    assert set(work) == {"_refined", "nuisance_fit"}
+    first = fitted(evidence, tmp_path)
+    assert work == ["_refined"]
     work.clear()
-    again, scanned_again = fitted(evidence, tmp_path)
-    assert not work and np.array_equal(scanned, scanned_again)
+    again = fitted(evidence, tmp_path)
+    assert not work
     one, other = first.sums.as_arrays(), again.sums.as_arrays()
     assert one.keys() == other.keys() and all(np.array_equal(one[name], other[name]) for name in one)
     assert np.array_equal(first.theta, again.theta) and np.array_equal(first.phi, again.phi)

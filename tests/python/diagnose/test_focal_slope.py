@@ -8,7 +8,7 @@ import pytest
 
 from activestereo.effects.core.supersampled import SupersampledImages
 from activestereo.effects.core.laws import example_view
-from activestereo.diagnose.evidence.focal_slope import focal_slopes
+from activestereo.diagnose.evidence.geometry import focal_slopes
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.layers import Layers, PixelLayers

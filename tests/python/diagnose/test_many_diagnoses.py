@@ -45,9 +45,9 @@ def test_many_diagnoses_with_many_threads_give_one_result(hazy):
     def result(workers):
         renderer = CaptureRenderer(hazy.capture, "auto", 1, 2, 0)
 
-        def rendering(model, split, half=None):
-            renders.append(split)
-            return renderer.lights(model, hazy.capture.split(split), half=half)
+        def rendering(model):
+            renders.append(model)
+            return renderer.lights(model, hazy.capture.split("train"))
 
         return examine(hazy, Model(), EFFECTS, Settings(workers=workers, rendering=rendering)).result
 

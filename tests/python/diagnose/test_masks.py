@@ -14,11 +14,10 @@ from activestereo.compare.cache import LayerCache
 from activestereo.compare.render import render_frames
 from activestereo.diagnose.evidence import gather
 from activestereo.diagnose.evidence.model_discrepancy import edge_slopes
-from activestereo.diagnose.rank import _of_surfaces
-from activestereo.diagnose.refine import Fitters, ParameterSpace
-from activestereo.diagnose.propose.scan import scan_observations
+from activestereo.diagnose.diagnosis import _within_reach
+from activestereo.diagnose.evidence.observation import one_of_each_situation
+from activestereo.diagnose.refine import Fitter, ParameterSpace
 from activestereo.effects import Model, builtin
-from activestereo.effects.core.judging import Channel
 from activestereo.scene_io.gltf_writer import GltfWriter
 from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world
@@ -53,20 +52,20 @@ def fitted(world, path, tmp_path):
     capture = read_capture(path)
     renderer = WorldRenderer(world, grid=2, bounces=1)
     evidence = gather(capture, render_frames(capture, renderer, cache=LayerCache(tmp_path / "cache"), scale=2))
-    fitters = Fitters.of(evidence, scan_observations(evidence.train))
+    fitter = Fitter(evidence.train, evidence.nuisance_prior(), evidence.tiles)
     space = ParameterSpace.of(Model(), builtin()["vignetting"])
-    return evidence, fitters, fitters.train.refine(space, space.start, fitters.train.phi0(evidence.nuisances), 4)
+    return evidence, fitter, fitter.refine(space, space.start, fitter.phi0(evidence.nuisances), 4)
 
 
 def test_what_a_mask_hides_counts_nowhere(world, tmp_path):
     clean = fitted(world, masked(world, tmp_path / "clean", spoiled=False), tmp_path)
     spoiled = fitted(world, masked(world, tmp_path / "spoiled", spoiled=True), tmp_path)
     count = 160 * 90 - 50 * 60
-    for evidence, fitters, solution in (clean, spoiled):
-        assert evidence.pixels == evidence.tile_pixels.sum() == count * len(evidence.train)
-        for row in fitters.train.residuals(solution):
+    for evidence, fitter, solution in (clean, spoiled):
+        assert evidence.pixels == fitter.tile_pixels().sum() == count * len(evidence.train)
+        for row in fitter.residuals(solution):
             assert not row.residual[HIDDEN].any() and not row.observation.weight[HIDDEN].any()
-        assert all(o.view.known.ravel()[o.pick].all() for o in fitters.scan.observations)
+        assert all(o.view.known.ravel()[o.pick].all() for o in one_of_each_situation(evidence.train))
     np.testing.assert_allclose(spoiled[2].phi[:3], clean[2].phi[:3], rtol=0.01)
     assert spoiled[2].sums.total == pytest.approx(clean[2].sums.total, rel=0.03)
 
@@ -78,8 +77,8 @@ def test_a_measured_black_level_is_held_and_its_deviation_told(world, tmp_path):
     for black in (None, [3.0, 0.2], [3.0, 0.8]):
         content["rig"] |= {} if black is None else {"black_dn": black}
         (path / "capture.json").write_text(json.dumps(content))
-        evidence, fitters, solution = fitted(world, path, tmp_path)
-        found.append((evidence.nuisances.black_dn, solution.phi[2], fitters.train.covariance(solution)[0, 0]))
+        evidence, fitter, solution = fitted(world, path, tmp_path)
+        found.append((evidence.nuisances.black_dn, solution.phi[2], fitter.covariance(solution)[0, 0]))
     assert abs(found[0][1] - 3.0) > 0.2
     for first, last, _ in found[1:]:
         assert first == 3.0 and last == pytest.approx(3.0, abs=0.01)
@@ -107,8 +106,8 @@ def test_effects_of_single_surfaces_are_not_ranked_in_a_room_that_was_measured(t
     room.set_extras(room_light="emission")
     GltfWriter().write(tmp_path / "modelled.gltf"), room.write(tmp_path / "measured.gltf")
     for name, told in (("modelled", []), ("measured", ["specular"])):
-        images = [builtin()["specular"], builtin()["vignetting"]]
-        capture = SimpleNamespace(scene_path=tmp_path / f"{name}.gltf")
-        context = SimpleNamespace(evidence=SimpleNamespace(capture=capture))
-        assert [n.effect.id for n in _of_surfaces(context, {Channel.EXPECTED_IMAGE: images})] == told
-        assert [e.id for e in images] == [e for e in ("specular", "vignetting") if e not in told]
+        effects = [builtin()["specular"], builtin()["vignetting"]]
+        capture = SimpleNamespace(scene_path=tmp_path / f"{name}.gltf", binning=1)
+        chosen, others = _within_reach(SimpleNamespace(capture=capture), effects)
+        assert [e.id for e, _ in others] == told
+        assert [e.id for e in chosen] == [e for e in ("specular", "vignetting") if e not in told]

@@ -54,8 +54,8 @@ def test_own_effects_say_why_they_rank_where_they_do(diagnosis):
     assert own["mine_shading"] == "it explains the data best"
     ranked = {entry["effect"]: entry for entry in result["ranking"]}
     if "mine_idle" in ranked:
-        assert own["mine_idle"].startswith("it may not be named: it gains")
-        assert f"it gains {ranked['mine_idle']['score_nats']:.1f} nats" in own["mine_idle"]
+        share = 100 * ranked["mine_idle"]["explained_share"]
+        assert own["mine_idle"].startswith(f"it may not be named: it explains {share:.1f} % of the error")
     else:
         assert own["mine_idle"] == "it explains next to nothing of the images"
     text = diagnosis_text(result)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Random fields, and what only looks like one: hot pixels over a fixed pattern, and the error of a tone curve."""
+"""Random fields, and what only looks like one: the error of a tone curve."""
 
 from types import SimpleNamespace
 
@@ -7,16 +7,12 @@ import numpy as np
 import pytest
 
 from activestereo.effects import builtin
-from activestereo.effects.core.judging import Channel
-from activestereo.diagnose.channels.field_fit import fit_fields
-from activestereo.diagnose.channels.fields_together import shown_together
-from activestereo.diagnose.channels.static_field import field_parameters, has_extended_draws
-from activestereo.diagnose.findings import Explanation, Finding, Score
-from activestereo.diagnose.thresholds import THRESHOLDS
+from activestereo.diagnose.channels.field_fit import field_parameters, fit_fields, has_extended_draws
+from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.refine import ImageResidual
 
 SHAPE = (60, 80)
-NOISE_DN, PATTERN_DN, HOT_DN, HOT_SHARE = 2.0, 2.2, 20.0, 0.01
+NOISE_DN, HOT_DN, HOT_SHARE = 2.0, 20.0, 0.01
 EXPOSURES_S = 4e-3, 4e-3, 2e-3, 4e-3
 
 
@@ -40,29 +36,13 @@ def rows_with(pattern_dn, hot_dn):
     return tuple(rows)
 
 
-@pytest.mark.parametrize(
-    ("pattern_dn", "hot_dn", "shown"),
-    [
-        (PATTERN_DN, HOT_DN, {"hot_pixels", "fixed_pattern_noise"}),
-        (PATTERN_DN, 0.0, set()),
-        (0.0, HOT_DN, set()),
-    ],
-)
-def test_hot_pixels_are_told_beside_a_fixed_pattern_and_not_in_it(pattern_dn, hot_dn, shown):
-    rows, findings = rows_with(pattern_dn, hot_dn), []
-    for name in ("fixed_pattern_noise", "hot_pixels"):
-        effect = builtin()[name]
-        fit = fit_fields(effect, rows, 0.0, THRESHOLDS)
-        if fit is not None:
-            parameters = field_parameters(effect, fit)
-            explanation = Explanation(effect, Channel.STATIC_FIELD, parameters, 1.0, np.zeros(1), fields=fit)
-            findings.append(Finding(explanation, Score(0.0, 0.0, 0.0, 1.0)))
-    base = SimpleNamespace(train=rows, test=rows[:1], solution=SimpleNamespace(nuisances=SimpleNamespace(black_dn=0.0)))
-    found = {f.id: f.explanation for f in shown_together(findings, base, THRESHOLDS)}
-    assert set(found) == shown
-    if shown:
-        assert found["fixed_pattern_noise"].parameters["pixel_dn"].value == pytest.approx(pattern_dn, rel=0.1)
-        assert 0.3 * HOT_SHARE < found["hot_pixels"].parameters["share"].value < 1.1 * HOT_SHARE
+def test_hot_pixels_are_found_with_their_share():
+    effect, rows = builtin()["hot_pixels"], rows_with(0.0, HOT_DN)
+    fit = fit_fields(effect, rows, 0.0, NUMBERS)
+    assert 0.3 * HOT_SHARE < field_parameters(effect, fit)["share"].value < 1.1 * HOT_SHARE
+    before, after = (sum((r**2).sum() for r in images) for images in ([row.residual for row in rows], fit.residuals))
+    assert after < 0.9 * before
+    assert fit_fields(effect, rows_with(0.0, 0.0), 0.0, NUMBERS) is None
 
 
 def test_an_error_of_the_tone_curve_is_no_grain():
@@ -76,7 +56,7 @@ def test_an_error_of_the_tone_curve_is_no_grain():
             for r in rows
         ]
         for name in ("prnu", "fixed_pattern_noise"):
-            fit = fit_fields(builtin()[name], bent, 0.0, THRESHOLDS)
+            fit = fit_fields(builtin()[name], bent, 0.0, NUMBERS)
             left = bent if fit is None else [r._replace(residual=x) for r, x in zip(bent, fit.residuals, strict=True)]
             before, after = (np.mean([r.residual**2 for r in some]) for some in (bent, left))
             share[name, error] = 1.0 - after / before

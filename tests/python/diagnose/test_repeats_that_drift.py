@@ -10,8 +10,8 @@ import pytest
 from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
 from activestereo.effects import Model, View, builtin
 from activestereo.diagnose.evidence import Evidence, gather
-from activestereo.diagnose.evidence.repeats import without_drift
-from activestereo.diagnose.thresholds import THRESHOLDS
+from activestereo.diagnose.refine import ImageResidual
+from activestereo.diagnose.search.weights import weighed_again
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import render_frames
 from lab_worlds import WorldRenderer
@@ -65,15 +65,20 @@ def warming(tmp_path_factory: pytest.TempPathFactory) -> tuple[Evidence, Images,
     return gather(Exposed(**vars(capture), images=images), layers), true, steady
 
 
+def weighed(evidence: Evidence, model: Model, expected: Images) -> Evidence:
+    rows = [ImageResidual(o, expected[o.key], o.measured, o.measured - expected[o.key]) for o in evidence.train]
+    return weighed_again(evidence, model, SCALES.black_dn, rows)
+
+
 def test_the_floor_is_that_of_the_noise_alone(warming: tuple[Evidence, Images, Images]) -> None:
     evidence, true, _ = warming
-    found = without_drift(evidence, WARMING, SCALES.black_dn, true, THRESHOLDS.drift_share)
+    found = weighed(evidence, WARMING, true)
     assert evidence.noise_variances[0, "left"] > 4.0 * READ_DN**2
     assert found.noise_variances[0, "left"] == pytest.approx(READ_DN**2 + 1 / 12, rel=0.1)
     for before, after in zip(evidence.train, found.train, strict=True):
         assert after.weight.mean() > 2.0 * before.weight.mean()
 
 
-def test_what_explains_no_difference_of_repeats_leaves_the_evidence(warming: tuple[Evidence, Images, Images]) -> None:
+def test_what_explains_no_difference_of_repeats_leaves_the_floor(warming: tuple[Evidence, Images, Images]) -> None:
     evidence, _, steady = warming
-    assert without_drift(evidence, Model(), SCALES.black_dn, steady, THRESHOLDS.drift_share) is evidence
+    assert weighed(evidence, Model(), steady).noise_variances == pytest.approx(evidence.noise_variances, rel=1e-4)

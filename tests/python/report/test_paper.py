@@ -6,11 +6,9 @@ import csv
 import re
 
 import numpy as np
-import pytest
 
 from activestereo.cli import main
 from activestereo.diagnose import Diagnosis
-from activestereo.diagnose.answer.posterior import posterior_of
 from activestereo.effects import Model
 from activestereo.report.models import model_images
 from activestereo.report.paper import (
@@ -81,17 +79,3 @@ def test_a_diagnosis_in_a_notebook_says_its_verdict():
     shown = diagnosis._repr_html_()
     assert "The model lacks radial_distortion: " in shown and "principal_point_offset" in shown
     assert diagnosis.predictions() == {} and diagnosis.residuals() == {} and diagnosis.comparison() is None
-
-
-def test_the_posterior_has_the_intervals_of_the_ranking():
-    posterior = posterior_of(RESULT)
-    assert posterior["radial_distortion"].probability == 0.97
-    draws = posterior["radial_distortion"].draws(20_000, seed=3)["k1"]
-    assert np.quantile(draws, [0.05, 0.5, 0.95]) == pytest.approx([-0.0088, -0.0085, -0.0082], abs=1e-5)
-    assert posterior["vignetting"].parameters == {}  # its interval is unknown
-
-
-def test_draws_stay_where_an_interval_ends_at_its_range():
-    row = DIAGNOSIS["ranking"][0] | {"parameters": {"k": {"value": 0.1, "low": 0.0, "high": 0.5, "unit": "1"}}}
-    draws = posterior_of({"ranking": [row]})["radial_distortion"].draws(1000)["k"]
-    assert draws.min() == 0.0 and draws.max() > 0.5

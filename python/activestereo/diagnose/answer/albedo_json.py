@@ -47,7 +47,7 @@ def albedo_json(evidence: Evidence, fitter: Fitter, solution: Solution) -> list[
     if any(effect.stage is Stage.SURFACE for effect in solution.effects):
         return []
     first, materials = len(solution.theta) + DENSE, evidence.materials
-    design = design_effect(solution.sums.tile_chi2, evidence.tile_pixels)
+    design = design_effect(solution.sums.tile_chi2, fitter.tile_pixels())
     design *= max(1.0, solution.sums.total / evidence.pixels)
     errors = np.sqrt(design * np.diag(fitter.inverse(solution))[first : first + materials])
     factors = {-1: 1.0} | dict(enumerate(albedo_factors(evidence, solution)))

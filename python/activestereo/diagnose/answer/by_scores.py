@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.diagnose.answer.ranking_json import Json, parameter_json
-from activestereo.diagnose.channels.static_field import field_parameters
+from activestereo.diagnose.channels.field_fit import field_parameters
 from activestereo.diagnose.numbers import Numbers
 from activestereo.diagnose.score.intervals import Interval, intervals
 from activestereo.diagnose.score.likelihood import design_effect, nats_of
 from activestereo.diagnose.search.loop import Name, Outcome, Round
 from activestereo.diagnose.search.verdict import missing
-from activestereo.effects import Effect
+from activestereo.effects import Effect, Parameter
+from activestereo.effects.core.surfaces import material_numbers
 
 # Something else is as likely as not where the verdict turns; its odds go with this power of what is missing.
 _ODDS = 4.0
@@ -21,6 +21,13 @@ _MOST_RATIO = 100.0
 _SHOWN = 12
 
 Parameters = Mapping[str, Interval]
+Json = dict[str, object]
+
+
+def parameter_json(parameter: Parameter, found: Interval, name_of: Callable[[int], str]) -> Json:
+    """A parameter as found; a choice of surfaces with their materials' names, none for all surfaces."""
+    names = {"materials": [name_of(k) for k in material_numbers(found.value)]} if parameter.choice else {}
+    return found.as_json() | names
 
 
 def parameters_of(outcome: Outcome, name: Name) -> Parameters:
@@ -54,15 +61,13 @@ def ranking_of(
             "confidence": p,
             "explained_share": gain / before,
             "gain_reduced_chi2": gain,
-            "closed_share": None,
-            "closed_share_low": None,
             "parameters": {q.name: parameter_json(q, found[q.name], name_of) for q in effect.parameters},
             "equivalent": same,
         }
 
     for name in outcome.names:
         own = outcome.noise.get(name.id)
-        nats = own.own.nats if own is not None and own.own is not None else _nats(outcome, name.gain)
+        nats = _nats(outcome, name.gain) if own is None else own.nats
         same = [other for other in name.members if other != name.id]
         sure = known if verdict_is_effect else 1.0 - known
         add(name.effect, name.gain, nats, sure * name.members[name.id], parameters_of(outcome, name), same)
@@ -78,7 +83,7 @@ def ranking_of(
         found = {q.name: Interval(line[q.name], q.low, q.high, q.unit) for q in effect.parameters}
         add(effect, candidate.gain / pixels, max(candidate.evidence, 0.0) / _unit(outcome), 0.0, found, [])
     for term in outcome.noise.values():
-        add(term.effect, 0.0, 0.0 if term.own is None else term.own.nats, 0.0, term.parameters, [])
+        add(term.effect, 0.0, term.nats, 0.0, term.parameters, [])
     return list(entries.values())
 
 

@@ -30,9 +30,7 @@ from activestereo.capture.capture import SIDES, Capture
 from activestereo.compare.depth_compare import DepthFrame, model_depths
 from activestereo.compare.depth_model import DepthModel
 from activestereo.compare.image_errors import ImageErrors
-from activestereo.diagnose.findings import Ranking
-from activestereo.diagnose.verdict.acceptance import passes
-from activestereo.diagnose.verdict.depth import engine_faults
+from activestereo.diagnose.channels.depth_engine import Depth
 from activestereo.effects import Model, Stage, View
 
 OWN = ("filters", "calibration", "temperature", "other matcher")
@@ -67,19 +65,18 @@ class DepthErrors:
 
 
 def depth_split(
-    capture: Capture, plain: ImageErrors, given: ImageErrors, found: ImageErrors, depth: Ranking,
+    capture: Capture, plain: ImageErrors, given: ImageErrors, found: ImageErrors, depth: Depth,
     name_of: Callable[[int], str], seed: int,
 ) -> dict[str, Any] | None:  # fmt: skip
     """diagnose.json's `depth_split`; None where no pixel has a depth of both engines.
 
     capture: as stated, which the device matches by. plain, given, found: errors of the base model, of the given model
-    and of model.json, where the rig stands. depth: the ranking of the depth engine's faults. name_of: a material's
+    and of model.json, where the rig stands. depth: the judgement of the depth engine. name_of: a material's
     name.
     """
-    choices = [f for f in depth.findings if f.effect.engine_fault.is_matcher_choice and passes(depth, f)]
     filters = _on_depth(found.model)
-    for f in (*choices, *engine_faults(depth)[:1]):
-        filters = filters.with_effect(f.effect, **{n: v.value for n, v in f.explanation.parameters.items()})
+    for f in (*depth.choices(), *depth.faults()[:1]):
+        filters = filters.with_effect(f.effect, **{n: v.value for n, v in f.parameters.items()})
     base, own = _depths(capture, plain, found, seed), _own_depths(capture)
     models = (given, _on_depth(given.model)), (found, filters)
     expected = [(base if e is plain else _depths(capture, e, found, seed), on_depth) for e, on_depth in models]
@@ -92,7 +89,7 @@ def depth_split(
         after.append(both[1].errors(here))
     if not any(frame.device.size for frame in after):
         return None
-    named = {"images_agree": depth.at_floor, "filters": [effect.id for effect, _ in filters.effects]}
+    named = {"images_agree": depth.images_agree, "filters": [effect.id for effect, _ in filters.effects]}
     return named | split_of(before, after, name_of)
 
 

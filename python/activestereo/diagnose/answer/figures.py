@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Held-out figures of a diagnosis: those that `compare` tells of the given model, and of the model that is written."""
+"""Held-out figures of a diagnosis: those that `compare` tells of the given model, and of the model that is written; of
+frames left out in turn where a capture keeps no test frames."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ from activestereo.compare.cache import LayerCache
 from activestereo.compare.image_errors import ImageErrors, image_errors
 from activestereo.compare.render import Halves, LayersOfFrames
 from activestereo.compare.render_noise import mean_of_halves
+from activestereo.diagnose.refine import Fitter, Solution
+from activestereo.diagnose.search.linear import linearised
 from activestereo.effects import Model
 from activestereo.effects.core.scene_surfaces import surface_names
 from activestereo.model import SensorModel
@@ -24,8 +27,6 @@ from activestereo.model.calibrated import calibrated
 
 if TYPE_CHECKING:
     from activestereo.effects.engines import CaptureRenderer
-
-Step: TypeAlias = tuple[Sequence[str], SensorModel]  # effects added, and the model with them
 
 
 @dataclass(frozen=True)
@@ -110,16 +111,14 @@ def _stand_alike(a: Capture, b: Capture) -> bool:
 
 
 def held_out_figures(
-    errors: ErrorsOfModels, given: Model | SensorModel | None, between: Sequence[Step], written: Step
+    errors: ErrorsOfModels, given: Model | SensorModel | None, added: list[str], written: SensorModel
 ) -> tuple[dict[str, Any], ImageErrors, ImageErrors, ImageErrors]:
     """(figures pooled over images, DN, without the renderer's own noise (render_noise.py), None without test frames;
     the errors of the given model; where the capture stands; those of the written one).
 
-    errors: standing by the written model, which model.json holds. between: models on the way to it from the given one.
+    errors: standing by the written model, which model.json holds. added: the effects that it has more.
     """
-    added, model = written
-    before, after = errors.given(given), errors.found(model)
-    way = [((), before), *((names, errors.found(m)) for names, m in between), *([(added, after)] if added else [])]
+    before, after = errors.given(given), errors.found(written)
     standing = before if errors.stands is None else errors.standing(given)
     floors = {split: e["noise_floor_dn"] for split, e in after.by_split().items()}
     figures = {
@@ -129,8 +128,8 @@ def held_out_figures(
         "heldout_noise_floor": floors.get("test"),
         "train_noise_floor": floors.get("train"),
         "curve": [
-            {"effects": list(names), "train_ir_rmse": _rmse(e, "train"), "heldout_ir_rmse": _rmse(e, "test")}
-            for names, e in way
+            {"effects": names, "train_ir_rmse": _rmse(e, "train"), "heldout_ir_rmse": _rmse(e, "test")}
+            for names, e in (([], before), (added, after))[: 1 + bool(added)]
         ],
     }
     return figures, before, standing, after
@@ -138,3 +137,21 @@ def held_out_figures(
 
 def _rmse(errors: ImageErrors, split: str) -> float | None:
     return errors.by_split().get(split, {}).get("rmse_dn")
+
+
+def left_out_rmse(fitter: Fitter, solution: Solution) -> float:
+    """Root mean square, DN, of each frame's residual under the parameters and nuisances of all other frames, by the
+    linear model at a solution. Pixels that the scene does not show count nowhere."""
+    linear, weight = linearised(fitter, solution), np.concatenate([p.root_weight for p in fitter.pixels()])
+    frame = np.concatenate([np.full(len(p.index), p.observation.frame.id) for p in fitter.pixels()])
+    A, r = linear.nuisances, linear.residual
+    gram, moment = (A @ A.T).astype(np.float64) + np.diag(linear.precision), (A @ r).astype(np.float64) - linear.pull
+    squares = count = 0.0
+    for number in np.unique(frame):
+        here = np.flatnonzero((frame == number) & (weight > 0.0))
+        own, rest = A[:, here], r[here]
+        kept, norm = gram - own @ own.T, np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        step = np.linalg.lstsq(kept / np.outer(norm, norm), (moment - own @ rest) / norm, rcond=1e-9)[0] / norm
+        squares += float((((rest - step @ own) / weight[here]) ** 2).sum())
+        count += here.size
+    return float(np.sqrt(squares / max(count, 1.0)))

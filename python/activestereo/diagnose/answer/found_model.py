@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The complete sensor model that a diagnosis ends with."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 from activestereo.capture.binning import unbinned
 from activestereo.diagnose.answer.albedo_json import albedo_factors, albedo_surfaces
 from activestereo.diagnose.evidence import Evidence, Geometry
-from activestereo.diagnose.findings import Finding
 from activestereo.diagnose.refine.geometry_fit import standing
 from activestereo.diagnose.refine.light import SCALES
 from activestereo.diagnose.refine.parameter_space import Solution
+from activestereo.diagnose.score.intervals import Interval
 from activestereo.effects import Model
 from activestereo.effects.core.scene_surfaces import material_of, scene_surfaces
 from activestereo.model import SensorModel, diagnosed_model
@@ -18,9 +18,11 @@ from activestereo.model.model import MeasuredPose
 _NAMES = ("projector_scale", "ambient_scale", "black_dn")
 
 
-def found_model(evidence: Evidence, model: Model, solution: Solution, findings: Sequence[Finding]) -> SensorModel:
+def found_model(
+    evidence: Evidence, model: Model, solution: Solution, found: Mapping[str, Mapping[str, Interval]]
+) -> SensorModel:
     """The capture's calibration and pattern with the effects of `model`, the nuisances and albedos of a fit under
-    them, and the noise model where repeats gave it. findings: give the effects' intervals.
+    them, and the noise model where repeats gave it. found: {effect: its parameters} of what has intervals.
     """
     geometry, surfaces = standing(evidence, solution), scene_surfaces(evidence.capture.scene_path)
     factors = albedo_factors(evidence, solution)
@@ -30,9 +32,9 @@ def found_model(evidence: Evidence, model: Model, solution: Solution, findings: 
         if index >= 0 and number < len(surfaces)
     }
     intervals = {
-        (f.id, name): (parameter.low, parameter.high)
-        for f in findings
-        for name, parameter in f.explanation.parameters.items()
+        (id, name): (parameter.low, parameter.high)
+        for id, parameters in found.items()
+        for name, parameter in parameters.items()
     }
     return diagnosed_model(
         unbinned(geometry.capture()),

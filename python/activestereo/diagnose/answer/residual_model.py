@@ -13,7 +13,6 @@ from typing import Any, TypedDict
 import numpy as np
 
 from activestereo.diagnose.evidence import TILE_PX
-from activestereo.diagnose.findings import BaseFit
 from activestereo.diagnose.refine import ImageResidual
 
 _TERMS = 4
@@ -110,11 +109,12 @@ _LIBRARY = (
 )
 
 
-def residual_model(base: BaseFit, capture: str, seed: int = 0) -> ResidualModel:
-    """The model of what a base model leaves. capture: its name."""
-    rows = base.train
+def residual_model(
+    rows: Sequence[ImageResidual], black_dn: float, capture: str, seed: int = 0
+) -> ResidualModel:
+    """The model of what a fit leaves of the train images. capture: its name."""
     stage = _stage(rows)
-    tiles = [_tiles(row, stage, base.solution.nuisances.black_dn) for row in rows]
+    tiles = [_tiles(row, stage, black_dn) for row in rows]
     target, weight = (np.concatenate([t[name] for t in tiles]) for name in ("target", "weight"))
     columns = [np.concatenate([function(t) for t in tiles]) for _, _, function in _LIBRARY]
     chosen = _forward(columns, target, weight)

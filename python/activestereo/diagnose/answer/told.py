@@ -1,23 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A diagnosis in sentences and a figure, for whoever works with it in Python."""
+"""A diagnosis in sentences, a table and a figure, for whoever works with it in Python."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from activestereo.common.html_table import table, text
+from activestereo.diagnose.answer.verdict_words import alike, headline, next_steps
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_BARS = 10
+_BARS, _ROWS = 10, 5
 
 
 def sets_told(result: Mapping[str, Any]) -> list[list[str]]:
     """For each name, the effects that this recording cannot tell apart. result: diagnose.json's contents."""
-    if "sets" in result:
-        return [list(s["effects"]) for s in result["sets"]]
-    entries = {entry["effect"]: entry for entry in result["ranking"]}
-    return [[name, *entries[name]["equivalent"]] for name in result["added"] if name in entries]
+    return [list(s["effects"]) for s in result["sets"]]
 
 
 def explained(result: Mapping[str, Any], effect_id: str) -> str:
@@ -52,3 +52,20 @@ def ranking_figure(result: Mapping[str, Any]) -> Figure:
     axes.barh([entry["effect"] for entry in entries], [entry["gain_reduced_chi2"] for entry in entries], color=colours)
     axes.set_xlabel("explained, noise variances")
     return figure
+
+
+def html_of(result: Mapping[str, Any]) -> str:
+    """The verdict, the first rows of the ranking and what to do next. result: diagnose.json's contents."""
+    rows = [
+        [
+            text(entry["effect"]),
+            f"{entry['score_nats']:.1f}",
+            f"{100 * entry['confidence']:.0f} %",
+            text(", ".join(alike(result, entry))) or "—",
+        ]
+        for entry in result["ranking"][:_ROWS]
+    ]
+    head = ["effect", "gain, nats", "confidence", "cannot be told from"]
+    ranking = table(head, rows, numbers=(1, 2)) if rows else ""
+    advice = "".join(f"<li>{text(step)}</li>" for step in next_steps(result))
+    return f"<p><b>{text(headline(result))}</b></p>{ranking}<ul>{advice}</ul>"

@@ -10,8 +10,6 @@ from typing import Any
 _LEAST_EXCESS = 0.02
 # A stated uncertainty that a correction exceeds by so much was stated wrong.
 IMPOSSIBLE_SIGMAS = 10.0
-# With less of the error beyond noise gone, another effect is worth a search.
-_MOST = 0.8
 # What to do where an effect of a family was found; where it is none of these, the sensor is what differs.
 _REMEDIES = {
     "surface": "Give the scene file's materials the values found",
@@ -132,9 +130,6 @@ def next_steps(result: Mapping[str, Any]) -> list[str]:
         if any(entry.get("stated_sigmas", 0.0) > IMPOSSIBLE_SIGMAS for entry in result.get(kind, [])):
             steps.append(f'{again} again, or state a larger "uncertainty" in capture.json.')
     if result["verdict"] == "effect":
-        gone = share_gone(result)
-        if gone is not None and gone < _MOST:
-            steps.append("More is left: add --greedy to look for further effects.")
         steps.append(f"{_remedies(result)}, or simulate with it: activestereo simulate --model model.json.")
     elif result["verdict"] == "unknown":
         steps.insert(0, "Edit effect_stub.py, which holds a formula of what is left, and add --effects effect_stub.py.")

@@ -11,25 +11,20 @@ most of the error; faults are judged on the rest.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 from scipy.optimize import minimize
 
 from activestereo.common.computed_once import computed_once
 from activestereo.compare.depth_compare import model_depths
-from activestereo.diagnose.channels.channel import JudgingChannel, Progress
 from activestereo.diagnose.evidence import TILE_PX, Evidence
-from activestereo.diagnose.findings import BaseFit, Explanation, NotRanked, OwnEvidence
+from activestereo.diagnose.numbers import Numbers
 from activestereo.diagnose.refine.fit_cache import FitCache, content_key, effect_content
-from activestereo.diagnose.refine.fitter import MOST_THREADS
-from activestereo.diagnose.refine.parallel_prefit import parallel_prefit
-from activestereo.diagnose.score.intervals import Z90, Limits, within_ranges
+from activestereo.diagnose.refine.fitter import ImageResidual
+from activestereo.diagnose.score.intervals import Z90, Interval, Limits, within_ranges
 from activestereo.diagnose.score.likelihood import design_effect
-from activestereo.diagnose.thresholds import Thresholds
-from activestereo.effects import Effect, Stage, View
+from activestereo.effects import Effect, Model, Stage, View
 from activestereo.effects.core.judging import Channel
 
 _LARGEST_ERROR_PX = 1.0
@@ -44,6 +39,101 @@ _ROUGH_SHARE = 0.7
 _NODES = ((-np.sqrt(3.0), 1 / 6), (0.0, 2 / 3), (np.sqrt(3.0), 1 / 6))
 
 
+# A fault improves more than this share of the frames.
+_MOST_FRAMES = 0.5
+
+
+@dataclass(frozen=True)
+class DepthEvidence:
+    """nats: gain of log-likelihood. share: of the squared error of disparity that the effect explains. consistency:
+    share of the frames that get better. pose_error_nats: what errors of the measured poses may explain of the gain.
+    """
+
+    nats: float
+    share: float
+    consistency: float = 1.0
+    pose_error_nats: float = 0.0
+
+    def is_clear(self, tried: int, numbers: Numbers) -> bool:
+        """Whether it is no chance among so many effects, and no error of the poses."""
+        chance = np.log(max(tried, 1) / numbers.alpha)
+        return bool(self.nats > chance + self.pose_error_nats and self.consistency > _MOST_FRAMES)
+
+
+@dataclass(frozen=True)
+class DepthFinding:
+    """An effect on disparity or depth as fitted. is_named: whether the device shows it."""
+
+    effect: Effect
+    parameters: dict[str, Interval]
+    own: DepthEvidence
+    is_named: bool
+
+
+@dataclass(frozen=True)
+class Depth:
+    """The judgement of a depth engine. findings: those that the device shows first, each part by its gain; none where
+    there is no depth. images_agree: whether the infrared images lack nothing: errors of the images are explained first,
+    for the engine matched those."""
+
+    findings: tuple[DepthFinding, ...]
+    images_agree: bool
+
+    def faults(self) -> list[DepthFinding]:
+        """Findings that do not depend on the choice of the matcher."""
+        return [f for f in self.findings if f.is_named and not f.effect.engine_fault.is_matcher_choice]
+
+    def choices(self) -> list[DepthFinding]:
+        """Findings that depend on the matcher alone."""
+        return [f for f in self.findings if f.is_named and f.effect.engine_fault.is_matcher_choice]
+
+
+def judged_depth(
+    evidence: Evidence,
+    model: Model,
+    rows: Sequence[ImageResidual],
+    effects: Sequence[Effect],
+    numbers: Numbers,
+    workers: int,
+    memory: FitCache | None = None,
+) -> Depth:
+    """Judges effects on disparity and depth on the train frames. rows: the train images under a model."""
+    pixels = sum(row.observation.pixels for row in rows)
+    left = sum(float((row.observation.weight * row.residual**2).sum()) for row in rows) / pixels - 1.0
+    known, agree = {e.id for e, _ in model.effects}, left < numbers.structure
+    faults = [e for e in effects if e.channel is Channel.DEPTH_ENGINE and e.id not in known]
+    frames = list(_frames(evidence, model, rows)) if faults else []
+    if not frames:
+        return Depth((), agree)
+    fits = _fits(_Judge(frames, numbers, memory), faults, numbers, workers, memory)
+    findings = [
+        DepthFinding(e, within_ranges(e, fit.limits), fit.own,
+                     agree and fit.own.share >= numbers.least_share and fit.own.is_clear(len(faults), numbers))
+        for e, fit in ((e, fits[e.id]) for e in faults)
+    ]  # fmt: skip
+    return Depth(tuple(sorted(findings, key=lambda f: (not f.is_named, -f.own.nats))), agree)
+
+
+def _fits(
+    judge: "_Judge", effects: Sequence[Effect], numbers: Numbers, workers: int, memory: FitCache | None
+) -> dict[str, "_DepthFit"]:
+    """Forward selection: as long as an effect that depends on the matcher alone gains most, it is removed."""
+    fits: dict[str, _DepthFit] = {}
+    waiting = list(effects)
+    while waiting:
+        if memory is not None:
+            memory.make_ahead(judge.fit, waiting, workers)
+        now = {e.id: judge.fit(e) for e in waiting}
+        best = max(waiting, key=lambda e: now[e.id].own.nats)
+        own = replace(now[best.id].own, pose_error_nats=0.0)
+        if not (best.engine_fault.is_matcher_choice and own.is_clear(len(effects), numbers)):
+            return fits | now
+        fits[best.id] = now[best.id]
+        judge = judge.without(best, now[best.id])
+        waiting.remove(best)
+    return fits
+
+
 @dataclass(frozen=True)
 class _DepthFit:
     """values: of the parameters, in order.
@@ -51,7 +141,7 @@ class _DepthFit:
     limits: {parameter: (value, low, high)}. is_filter: it was recognised by neighbours' differences.
     """
 
-    own: OwnEvidence
+    own: DepthEvidence
     values: np.ndarray
     limits: dict[str, Limits]
     is_filter: bool = False
@@ -67,7 +157,7 @@ class _DepthFit:
         """The fit of an effect that as_arrays() gave."""
         rows = zip(effect.parameters, arrays["limits"].tolist(), strict=True)
         limits: dict[str, Limits] = {p.name: (value, low, high) for p, (value, low, high) in rows}
-        return cls(OwnEvidence(*arrays["own"].tolist()), arrays["values"], limits, bool(arrays["is_filter"]))
+        return cls(DepthEvidence(*arrays["own"].tolist()), arrays["values"], limits, bool(arrays["is_filter"]))
 
 
 @dataclass(frozen=True)
@@ -113,63 +203,13 @@ class _DepthFrame:
         return np.where(known, moved - self.truth, 0.0)
 
 
-class DepthEngineChannel(JudgingChannel):
-    """Judges effects on disparity and depth, on the device's disparity in the train frames."""
-
-    kind: ClassVar[Channel] = Channel.DEPTH_ENGINE
-
-    def __init__(
-        self,
-        evidence: Evidence,
-        base: BaseFit,
-        thresholds: Thresholds,
-        workers: int,
-        memory: FitCache | None = None,
-    ) -> None:
-        self._evidence, self._base, self._thresholds, self._workers = evidence, base, thresholds, workers
-        self._memory = memory
-
-    def explain(self, effects: Sequence[Effect], progress: Progress | None = None) -> list[Explanation | NotRanked]:
-        frames = list(_frames(self._evidence, self._base)) if effects else []
-        if not frames:
-            return [NotRanked(effect, "the capture has no device depth in its train frames") for effect in effects]
-        fits = self._fits(_Judge(frames, self._thresholds, self._memory), effects)
-        return [self._explanation(e, fits[e.id]) for e in effects]
-
-    def _fits(self, judge: "_Judge", effects: Sequence[Effect]) -> dict[str, "_DepthFit"]:
-        """Forward selection: as long as an effect that depends on the matcher alone gains most, it is removed."""
-        fits: dict[str, _DepthFit] = {}
-        waiting = list(effects)
-        while waiting:
-            if self._memory is not None:
-                parallel_prefit(self._memory, judge.fit, waiting, self._workers, lambda done: None)
-            with ThreadPoolExecutor(min(self._workers, MOST_THREADS)) as pool:
-                now = dict(zip((e.id for e in waiting), pool.map(judge.fit, waiting), strict=True))
-            best = max(waiting, key=lambda e: now[e.id].own.nats)
-            is_choice = best.engine_fault.is_matcher_choice and self._is_significant(now[best.id], len(effects))
-            if not is_choice:
-                return fits | now
-            fits[best.id] = now[best.id]
-            judge = judge.without(best, now[best.id])
-            waiting.remove(best)
-        return fits
-
-    def _is_significant(self, fit: "_DepthFit", tried: int) -> bool:
-        own, thresholds = fit.own, self._thresholds
-        return own.nats > thresholds.chance_nats(tried) and own.consistency >= thresholds.consistent_share
-
-    def _explanation(self, effect: Effect, fit: "_DepthFit") -> Explanation:
-        parameters = within_ranges(effect, fit.limits)
-        return Explanation(effect, self.kind, parameters, self._base.chi2, self._base.tile_chi2, own=fit.own)
-
-
-def _frames(evidence: Evidence, base: BaseFit) -> Iterator[_DepthFrame]:
+def _frames(evidence: Evidence, model: Model, rows: Sequence[ImageResidual]) -> Iterator[_DepthFrame]:
     if not any(o.frame.depth_path is not None for o in evidence.train):
         return
     measured, views = {o.key: o.measured for o in evidence.train}, {o.key: o.view for o in evidence.train}
-    predictions = {row.observation.key: row.expected for row in base.train}
+    predictions = {row.observation.key: row.expected for row in rows}
     for d in model_depths(
-        evidence.capture, measured, predictions, views, evidence.noise_model, base.model, evidence.seed, "train"
+        evidence.capture, measured, predictions, views, evidence.noise_model, model, evidence.seed, "train"
     ):
         device, valid = d.disparity_error(d.measured, d.truth)
         engine = []
@@ -188,8 +228,8 @@ def _frames(evidence: Evidence, base: BaseFit) -> Iterator[_DepthFrame]:
 class _Judge:
     """Fits effects to the disparity errors of frames. memory: where fits are kept, or None."""
 
-    def __init__(self, frames: Sequence[_DepthFrame], thresholds: Thresholds, memory: FitCache | None = None) -> None:
-        self._frames, self._thresholds, self._memory = frames, thresholds, memory
+    def __init__(self, frames: Sequence[_DepthFrame], numbers: Numbers, memory: FitCache | None = None) -> None:
+        self._frames, self._numbers, self._memory = frames, numbers, memory
         # A fault acts on disparities that are as noisy before it as our engine's errors.
         squares = [np.square(frame.engine[0][frame.inside]) for frame in frames]
         count = sum(s.size for s in squares)
@@ -202,7 +242,7 @@ class _Judge:
         shifts = [self._shift(effect, fit.values, frame) for frame in self._frames]
         moved = zip(self._frames, shifts, strict=True)
         left = [replace(f, device=np.where(f.valid, f.device - s, 0.0)) for f, s in moved]
-        return _Judge(left, self._thresholds, self._memory)
+        return _Judge(left, self._numbers, self._memory)
 
     def fit(self, effect: Effect) -> _DepthFit:
         content = effect_content(effect)
@@ -213,7 +253,7 @@ class _Judge:
 
     @computed_once
     def _content(self) -> str:
-        return content_key(self._frames, self._thresholds)
+        return content_key(self._frames, self._numbers)
 
     def _fit(self, effect: Effect) -> _DepthFit:
         bias, smooth = self._fit_bias(effect), self._fit_smoothness(effect)
@@ -261,7 +301,7 @@ class _Judge:
         nats = 0.5 * pixels / design * np.log(before / after) if after > 0 else 0.0
         better = np.mean([n.sum() < b.sum() for n, b in zip(now, base, strict=True)])
         pose_error_px = (
-            self._thresholds.poses_known_to_rad * self._frames[0].view.K[0, 0] if effect.engine_fault.displaces else 0.0
+            self._numbers.poses_known_to_rad * self._frames[0].view.K[0, 0] if effect.engine_fault.displaces else 0.0
         )
         limits = {}
         for i, p in enumerate(effect.parameters):
@@ -276,14 +316,14 @@ class _Judge:
             limits[p.name] = value, low, high
         from_poses = pose_error_nats(nats, found - neutral, pose_error_px)
         return _DepthFit(
-            OwnEvidence(float(nats), float(1.0 - after / before), float(better), from_poses), found, limits
+            DepthEvidence(float(nats), float(1.0 - after / before), float(better), from_poses), found, limits
         )
 
     def _fit_smoothness(self, effect: Effect) -> _DepthFit | None:
         """For effects with one leading amplitude: the engine's errors under the effect, their differences against
         the device's.
         """
-        first, differ = effect.parameters[0], self._thresholds.engines_differ
+        first, differ = effect.parameters[0], self._numbers.engines_differ
         wanted = self._roughness([frame.device for frame in self._frames])
         ladder = [0.0, *_LADDER * first.typical]
         rough = [
@@ -298,7 +338,7 @@ class _Judge:
         nats = 0.25 * pixels / TILE_PX * (np.log(ratio / differ)) ** 2
         limits: dict[str, Limits] = {p.name: (p.neutral, p.neutral, p.neutral) for p in effect.parameters}
         limits[first.name] = at(wanted), min(engines), max(engines)
-        own = OwnEvidence(float(nats), float(1.0 - 1.0 / ratio))
+        own = DepthEvidence(float(nats), float(1.0 - 1.0 / ratio))
         return _DepthFit(own, _leading(effect, at(wanted)), limits, is_filter=True)
 
     def _roughness(self, errors: Sequence[np.ndarray]) -> float:

@@ -1,18 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """A random term's descriptor in images: the factor of each draw, and the pixels that share one."""
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable, Sequence
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt, maximum_filter
 
 from activestereo.diagnose.evidence import Observation
 from activestereo.diagnose.refine import ImageResidual
-from activestereo.diagnose.score.whiteness import pose_key
 from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.judging import Lever, RandomTerm, SharedBy
 
 # Cells of the pattern, in pattern pixels, that share a dot's gain: as large as a dot.
 DOT_CELL_PX = 3
+# Of the pattern: dots are this far apart at least, and no dimmer than this share of the brightest.
+_DOT_PX, _DIMMEST = 5, 0.1
+_SPREAD, _SEED = 0.1, 13
+# An estimate that sees less of it tells nothing, and is not blown up further.
+_LEAST = 0.1
+
+
+def pose_key(o: Observation) -> tuple[bytes, bool]:
+    """The key that images share which stand still together."""
+    return o.frame.camera_to_world.tobytes(), o.frame.is_moving
 
 
 def lever_image(lever: Lever, row: ImageResidual, black_dn: float) -> np.ndarray:
@@ -79,3 +89,31 @@ def draw_grid(shared_by: SharedBy, o: Observation) -> tuple[tuple[int, ...], int
     if shared_by is SharedBy.DOT:
         return tuple(-(-n // DOT_CELL_PX) for n in o.view.pattern.shape), 3
     return o.measured.shape, 3
+
+
+def dots_seen(train: Sequence[ImageResidual], variance_of: Callable[[list[np.ndarray]], float]) -> float:
+    """Estimated over true variance of gains that are drawn for every dot by itself: an estimate by cells of the
+    pattern recovers less than all, for neighbouring dots share pixels and cells.
+
+    variance_of: the estimate from residuals of the train images (the method of simulated moments: McFadden 1989).
+    """
+    drawn = None
+    residuals = []
+    for o, _, dots, _ in train:
+        if drawn is None:
+            drawn = o.view.pattern * _gains(o.view.pattern, o.view.seed)
+        view = DotView.of(o.view)
+        nominal = view.nominal()
+        residuals.append(
+            dots * np.where(nominal > 0, view.mean(drawn) / np.where(nominal > 0, nominal, 1.0) - 1.0, 0.0)
+        )
+    return max(variance_of(residuals) / _SPREAD**2, _LEAST)
+
+
+def _gains(pattern: np.ndarray, seed: int) -> np.ndarray:
+    """1 and a deviation of _SPREAD, one draw for the cell of every dot."""
+    peaks = (pattern == maximum_filter(pattern, _DOT_PX)) & (pattern > _DIMMEST * pattern.max())
+    draws = np.zeros(pattern.shape)
+    draws[peaks] = np.random.Generator(np.random.PCG64([_SEED, seed])).normal(1.0, _SPREAD, int(peaks.sum()))
+    nearest = distance_transform_edt(~peaks, return_distances=False, return_indices=True)
+    return draws[tuple(nearest)]

@@ -6,57 +6,80 @@ of frames from the other groups alone (best linear unbiased prediction, Robinson
 squared error is honest.
 """
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from activestereo.diagnose.channels.dots_seen import dots_seen
-from activestereo.diagnose.channels.draws import DrawIndex, draw_grid, frames_that_share, lever_image
+from activestereo.diagnose.channels.draws import DrawIndex, dots_seen, draw_grid, frames_that_share, lever_image
 from activestereo.diagnose.evidence.model_discrepancy import edges
-from activestereo.diagnose.findings import FieldFit
+from activestereo.diagnose.numbers import Numbers
 from activestereo.diagnose.refine import ImageResidual
-from activestereo.diagnose.thresholds import Thresholds
+from activestereo.diagnose.score.intervals import Interval, interval, within_ranges
 from activestereo.effects import Effect
 from activestereo.effects.core.judging import RandomTerm, SharedBy
 
 _JACKKNIFE = 16
 # Levels of the expected value by which a curve that all pixels share is told from their own draws.
 _LEVELS = 24
+# Deviations of a draw that a pixel's values keep from the ends of the range: clipped draws look smaller.
+_CLEAR_OF_ENDS = 2.0
 
-Beside = Sequence[tuple[RandomTerm, float]]
+
+@dataclass(frozen=True)
+class FieldFit:
+    """Fields of random draws, fitted.
+
+    residuals: of the train images after each was predicted from others. sigma, error: {parameter: deviation of a draw,
+    its standard error}; share: of the places that have a sparse draw.
+    """
+
+    residuals: tuple[np.ndarray, ...]
+    sigma: Mapping[str, float]
+    error: Mapping[str, float]
+    share: float = 0.0
+
+
+def has_extended_draws(effect: Effect) -> bool:
+    """Whether pixels that lie together share a draw, which is structure (score/structure.py) until it is predicted."""
+    return any(term.shared_by not in (SharedBy.PIXEL, SharedBy.VIEW) for term in effect.random_terms)
+
+
+def field_parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:
+    """The parameters of an effect's fields, as fitted."""
+    shares = {term.sparse_share for term in effect.random_terms}
+    found = {}
+    for p in effect.parameters:
+        value = fit.share if p.name in shares else fit.sigma.get(p.name, p.neutral)
+        found[p.name] = interval(p, float(np.clip(value, p.low, p.high)), fit.error.get(p.name, 0.0))
+    return within_ranges(effect, found)
 
 
 def fit_fields(
-    effect: Effect,
-    train: Sequence[ImageResidual],
-    black_dn: float,
-    thresholds: Thresholds,
-    beside: Beside = (),
+    effect: Effect, train: Sequence[ImageResidual], black_dn: float, numbers: Numbers
 ) -> FieldFit | None:
     """The fields of a random effect, each fitted to the residual of those before it; None where the residual does not
     repeat or is not random.
 
     A residual that depends on the expected value alone, such as an error of the tone curve, is no random field.
-    beside: (term, deviation of a draw) of other fields, which a sparse draw has to stand out of.
     """
     curves = [_level_means(row) for row in train]
     train = _less(train, curves)
     index, share, found = DrawIndex(), 0.0, False
     sigma, error = {}, {}
     for term in effect.random_terms:
-        rows = [_row_of(term, row, black_dn, index, beside) for row in train]
+        rows = [_row_of(term, row, black_dn, index) for row in train]
         if len({row.group for row in rows}) < 2:
             return None
         first = _variance(rows)[0]
-        variance, deviation = _variance(_unclipped(rows, train, first, thresholds))
+        variance, deviation = _variance(_unclipped(rows, train, first))
         sigma[term.parameter], error[term.parameter] = float(np.sqrt(max(variance, 0.0))), float(deviation)
         totals = _totals(rows)
         grid = draw_grid(term.shared_by, train[0].observation)
-        sparse = thresholds.hot_sigma if term.sparse_share else None
+        sparse = numbers.outlier if term.sparse_share else None
         if variance <= 0 or not (
-            term.sparse_share or _is_random(totals, variance, *grid, thresholds.neighbour_correlation)
+            term.sparse_share or _is_random(totals, variance, *grid, numbers.neighbours)
         ):
             sigma[term.parameter] = 0.0
             continue
@@ -66,7 +89,7 @@ def fit_fields(
         found = True
         train = _with_residuals(train, [_corrected(row, rows, totals, variance, sparse) for row in rows])
         if term.sparse_share:
-            share, mean = _sparse(totals, thresholds.hot_sigma)
+            share, mean = _sparse(totals, numbers.outlier)
             sigma[term.parameter] = sigma[term.parameter] if mean is None else mean
     residuals = tuple(row.residual + curve for row, curve in zip(train, curves, strict=True))
     return FieldFit(residuals, sigma, error, share) if found else None
@@ -90,45 +113,40 @@ def _with_residuals(rows: Sequence[ImageResidual], residuals: Sequence[np.ndarra
 
 def _sparse(totals: np.ndarray, hot_sigma: float) -> tuple[float, float | None]:
     """(share of the places with a draw, the draws' mean or None) of a sparse field."""
-    a, b, _ = totals
+    a, b = totals
     strong = _stands_out(totals, hot_sigma)
     share = float(strong.sum() / max((a > 0).sum(), 1))
     return share, float((b[strong] / a[strong]).mean()) if strong.any() else None
 
 
 def _stands_out(totals: np.ndarray, hot_sigma: float) -> np.ndarray:
-    """Where the draws of a sparse field are beyond hot_sigma deviations of the noise and of the fields beside."""
-    a, b, beside = totals
-    return b > hot_sigma * np.sqrt(np.maximum(a + beside**2, 1e-30))
+    """Where the draws of a sparse field are beyond hot_sigma deviations of the noise."""
+    a, b = totals
+    return b > hot_sigma * np.sqrt(np.maximum(a, 1e-30))
 
 
 @dataclass(frozen=True)
 class _Row:
-    """One image as normal equations of b: a = w z^2, b = w z r at each pixel's draw; and w z times the deviation of
-    the fields beside, DN, which frames share.
-    """
+    """One image as normal equations of b: a = w z^2, b = w z r at each pixel's draw."""
 
     group: Hashable
     index: np.ndarray
     z: np.ndarray
     residual: np.ndarray
     weight: np.ndarray
-    beside: np.ndarray
 
     def sums(self, size: int) -> np.ndarray:
         flat, lever = self.index.ravel(), self.weight * self.z
-        parts = lever * self.z, lever * self.residual, lever * self.beside
+        parts = lever * self.z, lever * self.residual
         return np.array([np.bincount(flat, part.ravel(), minlength=size) for part in parts])
 
 
-def _row_of(term: RandomTerm, row: ImageResidual, black_dn: float, index: DrawIndex, beside: Beside) -> _Row:
+def _row_of(term: RandomTerm, row: ImageResidual, black_dn: float, index: DrawIndex) -> _Row:
     """Draws that last only while the rig stands still share that with misplaced edges, which therefore do not count."""
     o = row.observation
     weight = np.where(edges(o), 0.0, o.weight) if term.shared_by is SharedBy.VIEW else o.weight
-    other = [(sigma * lever_image(t.lever, row, black_dn)) ** 2 for t, sigma in beside]
-    deviation = np.sqrt(np.sum(other, axis=0)) if other else np.zeros_like(row.residual)
     lever = lever_image(term.lever, row, black_dn)
-    return _Row(frames_that_share(term, o), index(term, o), lever, row.residual, weight, deviation)
+    return _Row(frames_that_share(term, o), index(term, o), lever, row.residual, weight)
 
 
 def _is_random(
@@ -142,7 +160,7 @@ def _is_random(
     variance.
     """
     count = len(totals[0]) // int(np.prod(shape)) * int(np.prod(shape))
-    a, b, _ = (total[:count].reshape(-1, *shape) for total in totals)
+    a, b = (total[:count].reshape(-1, *shape) for total in totals)
     for axis in range(1, a.ndim):
         near, far = np.arange(a.shape[axis] - steps), np.arange(steps, a.shape[axis])
         both = (a.take(near, axis) * a.take(far, axis)).sum()
@@ -151,15 +169,11 @@ def _is_random(
     return True
 
 
-def _unclipped(
-    rows: Sequence[_Row], train: Sequence[ImageResidual], variance: float, thresholds: Thresholds
-) -> list[_Row]:
-    """The rows without pixels that a draw of this variance may bring to an end of the range: clipped draws look
-    smaller.
-    """
+def _unclipped(rows: Sequence[_Row], train: Sequence[ImageResidual], variance: float) -> list[_Row]:
+    """The rows without pixels that a draw of this variance may bring to an end of the range."""
     out = []
     for row, (o, image, *_) in zip(rows, train, strict=True):
-        reach = thresholds.clear_of_ends * np.sqrt(max(variance, 0.0)) * np.abs(row.z)
+        reach = _CLEAR_OF_ENDS * np.sqrt(max(variance, 0.0)) * np.abs(row.z)
         out.append(replace(row, weight=np.where((image > reach) & (image < o.view.max_dn - reach), row.weight, 0.0)))
     return out
 
@@ -208,7 +222,7 @@ def _variance_of(residuals: Sequence[np.ndarray], rows: Sequence[_Row]) -> float
 
 def _shrunk(totals: np.ndarray, variance: float, hot_sigma: float | None) -> np.ndarray:
     """Best predictions of the draws; of a sparse field, of those that stand out alone."""
-    a, b, _ = totals
+    a, b = totals
     if hot_sigma is None:
         return b / (a + 1.0 / variance)
     return np.where(_stands_out(totals, hot_sigma), b / np.maximum(a, 1e-30), 0.0)

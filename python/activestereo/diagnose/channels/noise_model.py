@@ -7,18 +7,15 @@ where the model states its noise, that is where it has a term of that kind alrea
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from scipy.optimize import nnls
 
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.noise import by_repeats, repeat_statistics, transfer_rows
-from activestereo.diagnose.channels.channel import JudgingChannel, Progress
 from activestereo.diagnose.evidence import Evidence, Observation
-from activestereo.diagnose.findings import BaseFit, Explanation, NotRanked, OwnEvidence
-from activestereo.diagnose.score.intervals import Z90, Limits, within_ranges
-from activestereo.diagnose.thresholds import Thresholds
+from activestereo.diagnose.numbers import Numbers
+from activestereo.diagnose.score.intervals import Z90, Interval, Limits, within_ranges
 from activestereo.effects import Effect, Model
 from activestereo.effects.core.judging import Channel, CodeSteps, Lever, RandomTerm, SharedBy
 
@@ -29,6 +26,8 @@ _STEPS_DN = np.arange(1.5, 32.01, 0.02)
 _PHASES = np.arange(8) / 8
 # Steps within this share of the widest that fits are the same.
 _SAME_STEP = 0.97
+# Share of the pixels that lie on the steps of coarse digital numbers.
+_COMB_SHARE = 0.995
 # Fewer used levels than this, or more than this share of all, are no comb.
 _LEAST_LEVELS, _MOST_USED = 6, 0.7
 # Deviations of a row's offset that are tried, in DN.
@@ -44,6 +43,20 @@ _NO_REPEATS = "the capture has no repeated frames of a static view"
 
 
 @dataclass(frozen=True)
+class NoiseTerm:
+    """An effect's term of the noise. nats: gain of log-likelihood. share: of the noise floor that it explains.
+    repeats_reduced_chi2: what it leaves in every frame of a view alike (rounding to coarse steps), which is no other
+    effect's.
+    """
+
+    effect: Effect
+    parameters: dict[str, Interval]
+    nats: float
+    share: float
+    repeats_reduced_chi2: float
+
+
+@dataclass(frozen=True)
 class _NoiseFit:
     """nats: gain of log-likelihood; variance: what it explains per pixel, DN^2; values: {parameter: (value, low,
     high)}; repeats: frames of one view share it, so that their floor does not hold it.
@@ -55,51 +68,41 @@ class _NoiseFit:
     repeats: bool = False
 
 
-class NoiseModelChannel(JudgingChannel):
-    """Judges terms of the noise model on repeats, and coarse steps on the histogram of digital numbers."""
-
-    kind: ClassVar[Channel] = Channel.NOISE_MODEL
-
-    def __init__(self, evidence: Evidence, base: BaseFit, thresholds: Thresholds) -> None:
-        self._evidence, self._base, self._thresholds = evidence, base, thresholds
-
-    def explain(self, effects: Sequence[Effect], progress: Progress | None = None) -> list[Explanation | NotRanked]:
-        return [self._explained(effect) for effect in effects]
-
-    def _explained(self, effect: Effect) -> Explanation | NotRanked:
-        fit = self._fit(effect)
+def noise_terms(
+    evidence: Evidence, given: Model, effects: Sequence[Effect], numbers: Numbers
+) -> tuple[dict[str, NoiseTerm], dict[str, str]]:
+    """({effect: its term}, {effect: why there is none}). Terms of the noise are judged on repeats, coarse steps on the
+    histogram of digital numbers. given: the model, which may state its noise."""
+    floor, weight = evidence.floor_variance(evidence.train), float(np.mean([o.weight.mean() for o in evidence.train]))
+    terms, unjudged = {}, {}
+    for effect in effects:
+        fit = _fit(effect, evidence, given, numbers)
         if isinstance(fit, str):
-            return NotRanked(effect, fit)
-        share = fit.variance / max(self._evidence.floor_variance(self._evidence.train), fit.variance)
-        repeats = fit.variance * float(np.mean([o.weight.mean() for o in self._evidence.train])) if fit.repeats else 0.0
-        return Explanation(
-            effect,
-            self.kind,
-            within_ranges(effect, fit.values),
-            self._base.chi2,
-            self._base.tile_chi2,
-            own=OwnEvidence(fit.nats, share),
-            repeats_reduced_chi2=repeats,
-        )
-
-    def _fit(self, effect: Effect) -> _NoiseFit | str:
-        """The fit, or why there is none."""
-        steps = next((j for j in effect.judged if isinstance(j, CodeSteps)), None)
-        if steps is not None:
-            return _comb(self._evidence, steps.parameter, self._thresholds.comb_share)
-        term, *more = effect.random_terms
-        if more:
-            return "the noise model is judged one term at a time, and its descriptor names several"
-        if not self._evidence.capture.repeats("train"):
-            return _NO_REPEATS
-        if term.shared_by is SharedBy.ROW:
-            return _rows(self._evidence.train, term.parameter, self._thresholds.neighbour_correlation)
-        if term.shared_by is not SharedBy.PIXEL or term.lever not in _TRANSFER:
-            return f"the noise model has no term of draws per {term.shared_by.value} with the lever {term.lever.value}"
-        return _transfer(term, self._evidence, self._base.model)
+            unjudged[effect.id] = fit
+            continue
+        share, repeats = fit.variance / max(floor, fit.variance), fit.variance * weight if fit.repeats else 0.0
+        terms[effect.id] = NoiseTerm(effect, within_ranges(effect, fit.values), fit.nats, share, repeats)
+    return terms, unjudged
 
 
-def _comb(evidence: Evidence, parameter: str, comb_share: float) -> _NoiseFit:
+def _fit(effect: Effect, evidence: Evidence, given: Model, numbers: Numbers) -> _NoiseFit | str:
+    """The fit, or why there is none."""
+    steps = next((j for j in effect.judged if isinstance(j, CodeSteps)), None)
+    if steps is not None:
+        return _comb(evidence, steps.parameter)
+    term, *more = effect.random_terms
+    if more:
+        return "the noise model is judged one term at a time, and its descriptor names several"
+    if not evidence.capture.repeats("train"):
+        return _NO_REPEATS
+    if term.shared_by is SharedBy.ROW:
+        return _rows(evidence.train, term.parameter, numbers.neighbours)
+    if term.shared_by is not SharedBy.PIXEL or term.lever not in _TRANSFER:
+        return f"the noise model has no term of draws per {term.shared_by.value} with the lever {term.lever.value}"
+    return _transfer(term, evidence, given)
+
+
+def _comb(evidence: Evidence, parameter: str) -> _NoiseFit:
     """Digital numbers that come in steps: the widest comb that holds nearly all pixels."""
     none = _NoiseFit(0.0, 0.0, {parameter: (0.0, 0.0, 1.0)})
     levels = int(evidence.capture.rig.max_dn) + 1
@@ -115,7 +118,7 @@ def _comb(evidence: Evidence, parameter: str, comb_share: float) -> _NoiseFit:
         for phase in _PHASES:
             places = np.rint(step * (k + phase)).astype(int)
             places = places[places < len(counts)]
-            if counts[places].sum() > comb_share * total:
+            if counts[places].sum() > _COMB_SHARE * total:
                 fitting.append(step)
     if not fitting:
         return none

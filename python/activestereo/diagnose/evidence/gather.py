@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gathers the evidence of a capture: images, their expected variances, tiles and cross-validation folds."""
+"""Gathers the evidence of a capture: images, their expected variances and tiles."""
 
 from collections.abc import Hashable, Mapping, Sequence
 
@@ -13,13 +13,10 @@ from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
 from activestereo.compare.pair_noise import pair_noise_model
 from activestereo.compare.render import LayersOfFrames
 from activestereo.compare.unsteady_light import unsteady_light
-from activestereo.diagnose.evidence.focal_slope import focal_slopes
-from activestereo.diagnose.evidence.geometry import Geometry, geometry_slopes
+from activestereo.diagnose.evidence.geometry import Geometry, focal_slopes, geometry_slopes
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.diagnose.evidence.model_discrepancy import edge_discrepancy
 from activestereo.diagnose.evidence.observation import (
-    BLOCK_PX,
-    FOLDS,
     TILE_PX,
     Evidence,
     Observation,
@@ -28,7 +25,6 @@ from activestereo.diagnose.evidence.observation import (
 from activestereo.effects import View
 from activestereo.effects.core.scene_surfaces import scene_surfaces
 
-_BLOCK_TILES = BLOCK_PX // TILE_PX
 # Noise where neither repeats nor the two cameras tell it: the paper's gamma speckle (k = 60) and a read noise of 1 DN.
 # No effect is named on its basis.
 _ASSUMED_NOISE = (1.0, 0.0, 1.0 / 60.0)
@@ -72,8 +68,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Ge
 
     def observation(measured_image: MeasuredImage) -> Observation:
         weight = weight_of(noise_model, edge_discrepancy_m, measured_image, expected[measured_image.key])
-        outside = np.full(measured_image.measured.shape, -1)
-        tile, fold = tiles.get(measured_image.key, (outside, outside))
+        tile = tiles.get(measured_image.key)
         return Observation(
             measured_image.frame,
             measured_image.side,
@@ -81,8 +76,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Ge
             measured_image.layers,
             measured_image.measured,
             weight,
-            tile,
-            fold,
+            np.full(measured_image.measured.shape, -1) if tile is None else tile,
             _material_index(measured_image, materials, material_of),
             growing[measured_image.key],
             moving[measured_image.key],
@@ -168,23 +162,14 @@ def _expected(
     return expected
 
 
-def _tiles(train: Sequence[MeasuredImage]) -> tuple[dict[tuple[int, str], tuple[np.ndarray, np.ndarray]], int]:
-    """({key: (tile, fold)} of each image, number of tiles).
-
-    Folds are blocks of the image and are assigned differently in every pose, so that a highlight in one block is
-    judged with the parameters that other poses gave.
-    """
-    first = 0
-    poses: dict[bytes, int] = {}
-    out: dict[tuple[int, str], tuple[np.ndarray, np.ndarray]] = {}
+def _tiles(train: Sequence[MeasuredImage]) -> tuple[dict[tuple[int, str], np.ndarray], int]:
+    """({key: each pixel's tile} of each image, number of tiles)."""
+    first, out = 0, {}
     for s in train:
-        turn = poses.setdefault(s.frame.camera_to_world.tobytes(), len(poses))
         height, width = s.measured.shape
         rows, columns = np.arange(height) // TILE_PX, np.arange(width) // TILE_PX
         across = columns[-1] + 1
-        tile = first + rows[:, None] * across + columns[None]
-        block = (rows[:, None] // _BLOCK_TILES) % 2 * 2 + (columns[None] // _BLOCK_TILES) % 2
-        out[s.key] = tile, ((block + turn) % FOLDS).astype(np.int64)
+        out[s.key] = first + rows[:, None] * across + columns[None]
         first += (rows[-1] + 1) * across
     return out, int(first)
 

@@ -16,12 +16,14 @@ from scipy.linalg import expm, logm
 from activestereo.capture.capture import SIDES, Camera, Capture, ImageKey
 from activestereo.compare.nuisances import Nuisances
 from activestereo.diagnose.evidence.measured_image import MeasuredImage, derivatives_in_dn
+from activestereo.effects import Light
 from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.view import View
 
 TWIST = 6
-# Half of the step of the pattern's slope, in its pixels.
-_STEP_PX = 0.25
+# Half of the step of the pattern's slope, in its pixels; of the focal length's, relative: a fifth of a pixel at the
+# border of a small image.
+_STEP_PX, _FOCAL_STEP = 0.25, 2e-3
 # Rays that graze a surface by less than this cosine tell nothing of where it stands.
 _GRAZING = 0.05
 Twist = NDArray[np.float64]
@@ -218,3 +220,31 @@ def _not_grazing(normal: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Their product, infinite where they are nearly at right angles."""
     product = _dot(normal, direction)
     return np.where(np.abs(product) > _GRAZING * np.linalg.norm(direction, axis=-1), product, np.inf)
+
+
+def focal_slopes(images: Sequence[MeasuredImage], nuisances: Nuisances) -> dict[ImageKey, NDArray[np.float32]]:
+    """{(frame id, side): DN per relative change of the focal length [height][width]}, for calibrations err.
+
+    It is a central difference of the supersampled images where there are any: a dot is hardly wider than a pixel, and
+    differences of pixels are wrong by half there. With a wrong derivative the fit would leave an error of the focal
+    length to an effect that also stretches the image.
+    """
+    return derivatives_in_dn(images, nuisances, _focal_slope)
+
+
+def _focal_slope(image: MeasuredImage) -> NDArray[np.float32]:
+    """Derivatives of the projector's light and of the ambient light, [2][height][width]."""
+    (u, v), (cx, cy) = image.view.pixels(), image.view.K[:2, 2]
+    light = _on_its_own(Light.of(image.layers))
+
+    def seen(change: float) -> NDArray[np.float64]:
+        shorter = 1.0 / (1.0 + change)
+        moved = light.warped(cx + (u - cx) * shorter, cy + (v - cy) * shorter)
+        return np.stack([moved.projector, moved.ambient])
+
+    return ((seen(_FOCAL_STEP) - seen(-_FOCAL_STEP)) / (2.0 * _FOCAL_STEP)).astype(np.float32)
+
+
+def _on_its_own(light: Light) -> Light:
+    """A copy of the light that shares no spline coefficients with others, which are as large as the images."""
+    return light if light.supersampled is None else replace(light, supersampled=replace(light.supersampled))

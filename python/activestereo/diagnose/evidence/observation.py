@@ -8,7 +8,8 @@ difference of each frame's two cameras (activestereo.compare.pair_noise), an upp
 `reduced_chi2` is a mean square in units of that variance.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,17 +23,18 @@ from activestereo.diagnose.evidence.model_discrepancy import edge_slopes
 
 # Correlated errors are judged by tiles of this side.
 TILE_PX = 16
-# What lies closer than this may share an error: cross-validation folds and standard errors go by blocks.
+# What lies closer than this may share an error: standard errors go by blocks.
 BLOCK_PX = 32
-FOLDS = 4
+# Of the pixels, where a few images stand for all.
+_PICKED_SHARE, _SEED = 0.25, 11
 
 
 @dataclass(frozen=True)
 class Observation(MeasuredImage):
     """A measured image with what fits need of it. All images are [height][width].
 
-    weight: 1 / variance of the measurement, 1/DN^2. tile: each pixel's tile, numbered over all train
-    observations, and fold: the tile's cross-validation fold (both -1 for test frames). material: index into the
+    weight: 1 / variance of the measurement, 1/DN^2. tile: each pixel's tile, numbered over all train observations, -1
+    for test frames. material: index into the
     albedo nuisances, -1 = none. focal_slope: DN per relative change of the focal length. geometry_slopes: DN per
     metre and radian, [12][height][width], of the numbers at geometry_places in NuisancePrior. pick: flat indices
     of the pixels that count, None = all.
@@ -40,7 +42,6 @@ class Observation(MeasuredImage):
 
     weight: np.ndarray
     tile: np.ndarray
-    fold: np.ndarray
     material: np.ndarray
     focal_slope: np.ndarray
     geometry_slopes: np.ndarray
@@ -60,13 +61,12 @@ class Observation(MeasuredImage):
 @dataclass(frozen=True)
 class NuisancePrior:
     """A normal prior of the nuisances after scales and black level: both focal lengths, albedos, then
-    Geometry.twists(). value, sigma: [n]; materials: how many albedos; albedo_sigma: of any material. black_dn: the
-    measured black level and its deviation, or None: it is free. weighed_up: sigma^2 is what is stated over this."""
+    Geometry.twists(). value, sigma: [n]; materials: how many albedos. black_dn: the measured black level and its
+    deviation, or None: it is free. weighed_up: sigma^2 is what is stated over this."""
 
     value: np.ndarray
     sigma: np.ndarray
     materials: int
-    albedo_sigma: float
     black_dn: tuple[float, float] | None = None
     weighed_up: float = 1.0
 
@@ -110,27 +110,16 @@ class Evidence:
         seen = np.unique(np.concatenate([o.geometry_places for o in self.train]))
         value[np.setdiff1d(np.arange(len(SIDES) + self.materials, len(value)), seen)] = 0.0
         black_dn, misfit = self.capture.rig.black_dn, self.geometry.misfit
-        return NuisancePrior(value, sigma, self.materials, known.albedo, black_dn, misfit)
+        return NuisancePrior(value, sigma, self.materials, black_dn, misfit)
 
     @property
     def pixels(self) -> int:
         """The number of train pixels."""
         return sum(o.pixels for o in self.train)
 
-    @property
-    def tile_pixels(self) -> np.ndarray:
-        """Pixels of each tile."""
-        tiles = [o.tile.ravel() if o.pick is None else o.tile.ravel()[o.pick] for o in self.train]
-        return np.bincount(np.concatenate(tiles), minlength=self.tiles)
-
     def floor_variance(self, observations: tuple[Observation, ...]) -> float:
         """The observations' mean noise floor, DN^2."""
         return float(np.mean([self.noise_variances[o.key] for o in observations]))
-
-    def weight(self, observation: Observation, expected_dn: np.ndarray) -> np.ndarray:
-        """1 / variance of an observation's pixels, float32, from their expected values; 0 where the scene is not
-        known."""
-        return weight_of(self.noise_model, self.edge_discrepancy_m, observation, expected_dn)
 
 
 def weight_of(
@@ -143,3 +132,30 @@ def weight_of(
         variance = variance + (edge_discrepancy_m * edge_slopes(observation, expected_dn)) ** 2
     known = observation.view.known
     return (1.0 / variance).astype(np.float32) * (np.float32(1.0) if known is None else known)
+
+
+def one_of_each_situation(observations: Sequence[Observation], seed: int = 0) -> tuple[Observation, ...]:
+    """One image of each situation: the right camera (which every camera effect touches), one frame per pose and
+    setting, and one of the left camera, which the right one may differ from; a random part of the pixels counts.
+    """
+    seen: set[tuple] = set()
+    left = _left_image(observations)
+    chosen: list[Observation] = []
+    for o in observations:
+        f = o.frame
+        light = f.exposure_gain, f.projector_power, f.ambient
+        setting = f.camera_to_world.tobytes(), *light, f.temperature_c, f.is_moving
+        if o is left or (o.side == "right" and setting not in seen):
+            seen |= {setting} if o.side == "right" else set()
+            rng = np.random.Generator(np.random.PCG64([_SEED, len(chosen), seed]))
+            picked = np.sort(rng.permutation(o.pixels)[: int(_PICKED_SHARE * o.pixels)])
+            chosen.append(replace(o, pick=picked if o.pick is None else o.pick[picked]))
+    return tuple(chosen)
+
+
+def _left_image(observations: Sequence[Observation]) -> Observation | None:
+    """The first of the left camera, or its last repeat: light that flickers is seen at one more instant then."""
+    left = [o for o in observations if o.side == "left"]
+    group = left[0].frame.repeat_group if left else None
+    repeats = [o for o in left if o.frame.repeat_group == group] if group is not None else left[:1]
+    return repeats[-1] if repeats else None

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fits kept on disk beside the renders, by the content of all that decides them: a second diagnosis of a capture by the
-same library, with more effects or other thresholds perhaps, repeats none.
+same library, with more effects or other numbers perhaps, repeats none.
 
 A fit is decided by the observations (their images, weights and geometry), the code of this package, and the space, the
 start and the settings of the fit. Fits with an effect of a user's own are never kept, for its code is not known.
@@ -12,27 +12,22 @@ from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from itertools import islice
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy
 
 import activestereo
+from activestereo.common.processes import forked
 from activestereo.compare.cache import LayerCache
 from activestereo.diagnose.evidence.observation import Observation
 from activestereo.diagnose.refine.parameter_space import ParameterSpace
 from activestereo.effects import Effect, builtin
-from activestereo.effects.core.object_rivals import RIVALS
 
 # Raised when the meaning of what is kept changes.
 _FORMAT = 1
 
 Arrays: TypeAlias = Mapping[str, np.ndarray]
-_Out = TypeVar("_Out")
-
-
-class NotKnown(Exception):
-    """A fit is asked for that is not here."""
 
 
 class FitCache:
@@ -42,33 +37,24 @@ class FitCache:
         self._renders, self._key = renders, content_key(_FORMAT, code_digest(), observations)
         self._known: dict[str, Arrays] = dict(_apart(renders.get_arrays(self._key) or {}))
         self._kept_before = len(self._known)
-        self._makes = True
 
-    def __len__(self) -> int:
-        return len(self._known)
+    def make_ahead(self, work: Callable[[Any], object], items: Sequence[Any], workers: int) -> None:
+        """Makes the fits that work(item) asks for, of every item, in so many processes. Items that fail there are left
+        to the caller's own work(item), which then fails aloud."""
 
-    def since(self, length: int) -> dict[str, Arrays]:
-        """The fits that came after so many."""
-        return dict(islice(self._known.items(), length, None))
+        def made(item: Any) -> dict[str, Arrays]:
+            before = len(self._known)
+            work(item)
+            return dict(islice(self._known.items(), before, None))
 
-    def learn(self, fits: Mapping[str, Arrays]) -> None:
-        """Takes fits that were made elsewhere."""
-        self._known.update(fits)
-
-    def by_known(self, work: Callable[[], _Out]) -> _Out:
-        """work(), or NotKnown where it asks for a fit that is not here. No other thread may fit meanwhile."""
-        self._makes = False
-        try:
-            return work()
-        finally:
-            self._makes = True
+        for _, done in forked(made, items, workers):
+            if done.exception() is None:
+                self._known.update(done.result())
 
     def once(self, key: str | None, make: Callable[[], Arrays]) -> Arrays:
         """make(), or what it gave when it was asked for by this key before. None: not to be remembered."""
         if key in self._known:
             return self._known[key]
-        if not self._makes:
-            raise NotKnown
         made = make()
         if key is not None:
             self._known[key] = made
@@ -90,13 +76,13 @@ def fit_key(observations: str, space: ParameterSpace, *values: object) -> str | 
         return None
     base = [tuple(values.items()) for _, values in space.base.effects]
     names = [p.name for _, p in space.pairs]
-    return content_key(observations, effects, base, names, space.start, space.fixed, values)
+    return content_key(observations, effects, base, names, space.start, values)
 
 
 def effect_content(effect: Effect) -> str | None:
     """An effect's identity as text: a built-in one's name, with the rendered images' content where it uses them
-    (by_rendering.py); None for others, whose code is not known."""
-    own = _builtin().get(effect.id)
+    (search/rendered.py); None for others, whose code is not known."""
+    own = builtin().get(effect.id)
     if effect is own:
         return effect.id
     images = getattr(getattr(effect.apply, "__self__", None), "content", None)
@@ -145,11 +131,6 @@ def _opencv_version() -> str:
     except ImportError:
         return "none"
     return str(cv2.__version__)
-
-
-@cache
-def _builtin() -> dict[str, Effect]:
-    return builtin() | {e.id: e for e in RIVALS}
 
 
 def _apart(stored: Arrays) -> dict[str, dict[str, np.ndarray]]:

@@ -9,7 +9,6 @@ never extrapolated.
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from itertools import islice
 from multiprocessing import parent_process
 from typing import NamedTuple, TypeVar
@@ -19,23 +18,19 @@ import numpy as np
 from activestereo.common.computed_once import computed_once
 from activestereo.common.normal_matrix import inverse_normal_matrix
 from activestereo.compare.nuisances import Nuisances
-from activestereo.diagnose.evidence.observation import FOLDS, Evidence, NuisancePrior, Observation
+from activestereo.diagnose.evidence.observation import NuisancePrior, Observation
 from activestereo.diagnose.refine.fit_cache import FitCache, content_key, fit_key
 from activestereo.diagnose.refine.light import SCALES, AllPixels, LightMemory, exposed
 from activestereo.diagnose.refine.normal_equations import Pixels, Sums
 from activestereo.diagnose.refine.parameter_space import ParameterSpace, Solution
 from activestereo.effects import Light, Model
 
-# Parameters have a prior this many ranges wide, which only breaks ties; those that are fixed, one this many ranges
-# wide.
+# Parameters have a prior this many ranges wide, which only breaks ties.
 _PRIOR_RANGES = 3.0
-_FIXED_RANGES = 1e-7
 # A measured black level is held to this share of its deviation.
 _HELD = 1e-3
 # Levenberg's damping: its start, its growth and fall, and where a fit gives up.
 _DAMPING, _DAMPING_STEP, _LEAST_RAISED, _MOST_DAMPING = 1e-3, 10.0, 1e-2, 10.0
-# chi2 per pixel that no model is expected to go below: the noise is known to a few percent.
-_LEAST_CHI2 = 0.9
 # Solutions whose images are remembered.
 _REMEMBERED = 12
 # Threads that take turns in Python: more of them take longer.
@@ -58,9 +53,9 @@ class ImageResidual(NamedTuple):
 class Fitter:
     """Fits over given observations.
 
-    prior: what is known of the nuisances beforehand. supersampled=False, for scans: warps look up pixels alone, and
-    sums are of no folds. memory: where fits are kept, or None. threads: that work on images at a time; a process that
-    was made for fits (parallel_prefit.py) has one.
+    prior: what is known of the nuisances beforehand. supersampled=False, for scans: warps look up pixels alone.
+    memory: where fits are kept, or None. threads: that work on images at a time; a process that was made for fits has
+    one.
     """
 
     def __init__(
@@ -84,15 +79,14 @@ class Fitter:
         """How many materials have an albedo nuisance."""
         return self.nuisance_prior.materials
 
-    @property
-    def albedo_sigma(self) -> float:
-        """The relative deviation that a stated albedo is believed to."""
-        return self.nuisance_prior.albedo_sigma
-
     @computed_once
     def pixels(self) -> list[Pixels]:
         """The pixels that count, of each observation."""
-        return [Pixels(o, self.materials, FOLDS if self._supersampled else 1) for o in self.observations]
+        return [Pixels(o, self.materials) for o in self.observations]
+
+    def tile_pixels(self) -> np.ndarray:
+        """How many pixels count in each tile."""
+        return np.bincount(np.concatenate([p.tile for p in self.pixels()]), minlength=self._tiles)
 
     @computed_once
     def _content(self) -> str:
@@ -161,23 +155,16 @@ class Fitter:
         return self._side_by_side(residual, range(len(self.observations)))
 
     def chi2(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> float:
-        return self._chi2(self._rests(space, theta, phi, lights), phi)
-
-    def _rests(
-        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]
-    ) -> list[np.ndarray]:
-        """Residuals of each observation's pixels under (theta, phi), DN."""
+        """Squared residuals of the pixels under (theta, phi), and squared offsets of the nuisances, in deviations."""
         model = space.model(theta)
 
-        def rest(seen: tuple[Pixels, Light]) -> np.ndarray:
+        def squares(seen: tuple[Pixels, Light]) -> float:
             pixels, light = seen
-            return pixels.measured - _moved(exposed(model, pixels, light, phi)[0], pixels, phi)
+            rest = pixels.measured - _moved(exposed(model, pixels, light, phi)[0], pixels, phi)
+            return float(((rest * pixels.root_weight) ** 2).sum())
 
-        return self._side_by_side(rest, list(zip(self.pixels(), lights, strict=True)))
-
-    def _chi2(self, rests: Sequence[np.ndarray], phi: np.ndarray) -> float:
-        squares = sum(float(((r * p.root_weight) ** 2).sum()) for p, r in zip(self.pixels(), rests, strict=True))
-        return squares + float((self.sigmas(phi) ** 2).sum())
+        images = self._side_by_side(squares, list(zip(self.pixels(), lights, strict=True)))
+        return sum(images) + float((self.sigmas(phi) ** 2).sum())
 
     def sigmas(self, phi: np.ndarray) -> np.ndarray:
         """How far nuisances are from what is stated, in its deviations."""
@@ -275,7 +262,7 @@ class Fitter:
 
     def inverse(self, solution: Solution) -> np.ndarray:
         """The inverse of the normal matrix with its priors, at a solution: (theta, phi) in rows and columns."""
-        gram = solution.sums.gram.sum(0) + np.diag(self.prior(len(solution.theta), solution.space))
+        gram = solution.sums.gram + np.diag(self.prior(len(solution.theta), solution.space))
         return inverse_normal_matrix(gram)
 
     def solve(
@@ -283,7 +270,7 @@ class Fitter:
     ) -> np.ndarray:
         """The damped Gauss-Newton step in (theta, phi)."""
         pull = self.pull(phi, n_theta, space, theta)
-        gram, moment = sums.gram.sum(0) + np.diag(self.prior(n_theta, space)), sums.moment.sum(0) - pull
+        gram, moment = sums.gram + np.diag(self.prior(n_theta, space)), sums.moment - pull
         norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         scaled = gram / np.outer(norm, norm) + damping * np.eye(len(norm))
         return np.linalg.lstsq(scaled, moment / norm, rcond=1e-10)[0] / norm
@@ -299,62 +286,18 @@ class Fitter:
         held: what a model lacks bends it by more than its deviation."""
         known = self.nuisance_prior.black_dn
         scales = [*np.zeros(SCALES - 1), 0.0 if known is None else (_HELD * known[1]) ** -2]
-        width = np.where(space.fixed, _FIXED_RANGES, _PRIOR_RANGES)[:n_theta] * (space.high - space.low)[:n_theta]
+        width = _PRIOR_RANGES * (space.high - space.low)[:n_theta]
         return np.concatenate([1.0 / width**2, scales, 1.0 / self.nuisance_prior.sigma**2])
 
     def nuisance_fit(
-        self,
-        space: ParameterSpace,
-        theta: np.ndarray,
-        phi: np.ndarray,
-        lights: Iterable[Light],
-        rounds: int,
-        limit: float = np.inf,
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Iterable[Light]
     ) -> tuple[np.ndarray, float]:
-        """phi refitted at fixed theta, and chi2.
-
-        With rounds = 1 the model is taken to be linear in phi, and lights are asked for one by one until chi2 is sure
-        to exceed the limit; it is infinite then. With more rounds the slopes are those of the first one.
-        """
-        if rounds == 1:
-            return self._linear_fit(space, theta, phi, lights, limit)
-        lights, chi2 = list(lights), np.inf
-        slopes = list(self._slopes(self.pixels(), space, theta, phi, lights, 0))
-        columns, residuals = [c for _, c, _ in slopes], [r for *_, r in slopes]
-        for _ in range(rounds):
-            sums = Sums.of_size(len(phi), self._tiles)
-            for pixels, column, residual in zip(self.pixels(), columns, residuals, strict=True):
-                sums.add(pixels, column, residual, 0, phi)
-            trial = phi + self.solve(sums, phi, 0, space, theta, 0.0)
-            residuals = self._rests(space, theta, trial, lights)
-            value = self._chi2(residuals, trial)
-            if not value < chi2:
-                break
-            done = chi2 - value < 1e-5 * value
-            phi, chi2 = trial, value
-            if done:
-                break
-        return phi, chi2
-
-    def _linear_fit(
-        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Iterable[Light], limit: float
-    ) -> tuple[np.ndarray, float]:
-        """See nuisance_fit(). What images leave with nuisances of their own they leave with everyone's, too, and those
-        that are not looked at yet leave hardly less than their noise.
-        """
-        sums, ahead = Sums.of_size(len(phi), self._tiles), sum(len(pixels.index) for pixels in self.pixels())
-        step, chi2 = np.zeros(len(phi)), 0.0
+        """phi refitted at fixed theta, and chi2, both with the model linear in phi."""
+        sums = Sums.of_size(len(phi), self._tiles)
         for pixels, columns, residual in self._slopes(self.pixels(), space, theta, phi, lights, 0):
             sums.add(pixels, columns, residual, 0, phi)
-            ahead -= len(pixels.index)
-            least = _LEAST_CHI2 * ahead
-            if ahead and sums.total + least <= limit:
-                continue
-            step = self.solve(sums, phi, 0, space, theta, 1e-9)
-            chi2 = sums.total - 2.0 * step @ sums.moment.sum(0) + step @ sums.gram.sum(0) @ step
-            if chi2 + least > limit:
-                return phi, np.inf
-        return phi + step, chi2
+        step = self.solve(sums, phi, 0, space, theta, 1e-9)
+        return phi + step, sums.total - 2.0 * step @ sums.moment + step @ sums.gram @ step
 
     def refine(
         self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, iterations: int, tolerance: float = 2e-5
@@ -375,40 +318,21 @@ class Fitter:
         for _ in range(iterations):
             step = self.solve(sums, phi, n, space, theta, damping)
             moved = np.where(space.given, theta, np.clip(theta + step[:n], space.low, space.high))
-            trial = np.where(space.fixed, space.neutral, moved)
             trial_phi = phi + step[n:]
-            trial_lights = self.lights(space, trial) if space.in_light.any() else lights
-            value = self.chi2(space, trial, trial_phi, trial_lights)
+            trial_lights = self.lights(space, moved) if space.in_light.any() else lights
+            value = self.chi2(space, moved, trial_phi, trial_lights)
             if value >= chi2:
                 damping = max(damping * _DAMPING_STEP, _LEAST_RAISED)
                 if damping > _MOST_DAMPING:
                     break
                 continue
             done = chi2 - value < tolerance * chi2
-            theta, phi, lights, chi2 = trial, trial_phi, trial_lights, value
+            theta, phi, lights, chi2 = moved, trial_phi, trial_lights, value
             sums = self.linearise(space, theta, phi, lights)
             damping = max(damping / _DAMPING_STEP, 1e-6)
             if done:
                 break
         return {"theta": theta, "phi": phi} | sums.as_arrays()
-
-
-@dataclass(frozen=True)
-class Fitters:
-    """The Fitters of one capture: over its train frames, its test frames, and the few images that a scan looks at."""
-
-    train: Fitter
-    test: Fitter
-    scan: Fitter
-
-    @classmethod
-    def of(
-        cls, evidence: Evidence, scanned: Sequence[Observation], memory: FitCache | None = None, threads: int = 1
-    ) -> "Fitters":
-        """scanned: the observations of a scan, see propose/scan.py."""
-        sized = evidence.nuisance_prior(), evidence.tiles
-        train, test = (Fitter(o, *sized, memory=memory, threads=threads) for o in (evidence.train, evidence.test))
-        return cls(train, test, Fitter(scanned, *sized, supersampled=False, memory=memory))
 
 
 def signal(model: Model, observation: Observation, light: Light, phi: np.ndarray) -> np.ndarray:

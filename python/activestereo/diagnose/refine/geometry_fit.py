@@ -25,8 +25,7 @@ from activestereo.compare.render import LayersOfFrames
 from activestereo.diagnose.evidence import Evidence, Geometry, Observation, gather
 from activestereo.diagnose.evidence.coarse import coarse
 from activestereo.diagnose.evidence.geometry import TWIST
-from activestereo.diagnose.evidence.observation import NuisancePrior
-from activestereo.diagnose.propose.scan import scan_observations, starts
+from activestereo.diagnose.evidence.observation import NuisancePrior, one_of_each_situation
 from activestereo.diagnose.refine.fit_cache import code_digest, content_key, effect_content
 from activestereo.diagnose.refine.fitter import Fitter
 from activestereo.diagnose.refine.light import SCALES
@@ -43,6 +42,8 @@ _ITERATIONS = 4
 _PIXEL_SHARE, _SEED = 0.25, 13
 # What moves this is a lens that may be fitted along; the share of chi2 that it has to take away in a scan.
 _LENS, _WORTH = "camera.distortion", 0.2
+# Values of the lens that are tried, in typical ones.
+_SCANNED = (0.3, 1.0, 3.0, -0.3, -1.0, -3.0)
 # Images are rendered again where corrections change them by more than this share of the noise, in the quadratic mean.
 _LINEAR_SHARE = 0.1
 # A moving view is off by at most so many times what the views at rest are, and by so many stated deviations.
@@ -143,7 +144,7 @@ def _step(evidence: Evidence, model: Model, threads: int, blur_px: float = 0.0) 
     prior, fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, threads, blur_px)
     if np.abs(_without_albedos(fitter.sigmas(solution.phi), evidence)).max() > _BELIEVED_SIGMAS:
         start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)
-        misfit = _misfit(evidence, fitter.refine(start, start.start, phi0, 0), at_rest)
+        misfit = _misfit(fitter, fitter.refine(start, start.start, phi0, 0))
         prior, fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, threads, blur_px)
     phi, first = solution.phi.copy(), len(solution.theta) + SCALES
     variance = np.diag(fitter.inverse(solution))[first:].copy()
@@ -154,13 +155,13 @@ def _step(evidence: Evidence, model: Model, threads: int, blur_px: float = 0.0) 
         sums = other.linearise(space, solution.theta, phi, other.lights(space, solution.theta))
         precision = 1.0 / prior.sigma[own] ** 2
         stated = -evidence.geometry.twists()[own - len(SIDES) - evidence.materials]
-        gram = sums.gram.sum(0)[np.ix_(first + own, first + own)] + np.diag(precision)
-        moment = sums.moment.sum(0)[first + own] - precision * (phi[SCALES + own] - stated)
+        gram = sums.gram[np.ix_(first + own, first + own)] + np.diag(precision)
+        moment = sums.moment[first + own] - precision * (phi[SCALES + own] - stated)
         inverse = np.linalg.inv(gram)
         phi[SCALES + own] += inverse @ moment
         variance[own] = np.diag(inverse)
     focal, twists = np.split(_without_albedos(phi[SCALES:], evidence), [len(SIDES)])
-    deviations = np.sqrt(_misfit(evidence, solution, at_rest) * _without_albedos(variance, evidence))
+    deviations = np.sqrt(_misfit(fitter, solution) * _without_albedos(variance, evidence))
     return _Step(focal, twists, deviations, misfit)
 
 
@@ -183,12 +184,11 @@ def _fit_at_rest(
     return prior, fitter, fitter.refine(space, theta, phi0, _ITERATIONS)
 
 
-def _misfit(evidence: Evidence, solution: Solution, observations: Sequence[Observation]) -> float:
+def _misfit(fitter: Fitter, solution: Solution) -> float:
     """How many times as many pixels the likelihood counts as the scatter of the tiles bears out."""
-    tiles, pixels = solution.sums.tile_chi2 > 0, sum(o.pixels for o in observations)
-    tile_pixels = replace(evidence, train=tuple(observations)).tile_pixels
-    design = design_effect(solution.sums.tile_chi2[tiles], tile_pixels[tiles])
-    return design * max(1.0, solution.sums.total / pixels)
+    tiles, pixels = solution.sums.tile_chi2 > 0, fitter.tile_pixels()
+    design = design_effect(solution.sums.tile_chi2[tiles], pixels[tiles])
+    return design * max(1.0, solution.sums.total / pixels.sum())
 
 
 def _with_lens(evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarray) -> tuple[ParameterSpace, np.ndarray]:
@@ -196,14 +196,21 @@ def _with_lens(evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarray
     gave way to the lens' displacements would hold its parameters where they are."""
     space, known = ParameterSpace.of(model), {effect.id for effect, _ in model.effects}
     lenses = [e for e in builtin().values() if e.engine_fields == (_LENS,) and e.id not in known]
-    seen = scan_observations(evidence.train, evidence.seed)
+    seen = one_of_each_situation(evidence.train, evidence.seed)
     scan = Fitter(seen, fitter.nuisance_prior, evidence.tiles, supersampled=False)
-    _, chi2 = scan.nuisance_fit(space, space.start, phi, scan.lights(space, space.start), 1)
-    least, found = (1.0 - _WORTH) * chi2, (space, space.start)
+
+    def chi2(space: ParameterSpace, theta: np.ndarray) -> float:
+        return scan.nuisance_fit(space, theta, phi, scan.each_light(space, theta))[1]
+
+    found, least = (space, space.start), (1.0 - _WORTH) * chi2(space, space.start)
     for lens in lenses:
         with_lens = ParameterSpace.of(model, lens)
-        for start in starts(scan, with_lens, lens, phi, least)[:1]:
-            least, found = start.chi2, (with_lens, start.theta)
+        for i, p in enumerate(lens.parameters, len(space.start)):
+            for level in (m * p.typical for m in _SCANNED if p.low <= m * p.typical <= p.high):
+                theta = with_lens.start.copy()
+                theta[i] = level
+                if (value := chi2(with_lens, theta)) < least:
+                    found, least = (with_lens, theta), value
     return found
 
 
@@ -243,8 +250,8 @@ def _own_places(fitted: Sequence[Observation], others: Sequence[Observation]) ->
 
 
 def _tiled(observations: Sequence[Observation]) -> list[Observation]:
-    """Observations that are not fitted as a Fitter takes them: all in one tile and fold."""
-    return [replace(o, tile=np.zeros_like(o.tile), fold=np.zeros_like(o.fold)) for o in observations]
+    """Observations that are not fitted as a Fitter takes them: all in one tile."""
+    return [replace(o, tile=np.zeros_like(o.tile)) for o in observations]
 
 
 def _change(evidence: Evidence, focal: np.ndarray, twists: np.ndarray) -> float:

@@ -1,32 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Normal equations of a fit, by cross-validation fold: sums over the pixels of each observation, in an order that
-makes them slices.
-"""
+"""Normal equations of a fit: sums over the pixels of each observation."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
 
 from activestereo.capture.capture import SIDES
 from activestereo.common.computed_once import computed_once
-from activestereo.diagnose.evidence.observation import BLOCK_PX, FOLDS, Observation
+from activestereo.diagnose.evidence.observation import BLOCK_PX, Observation
 
-_PLAIN = ("gram", "moment", "chi2", "tile_chi2")
+_PLAIN = ("gram", "moment", "tile_chi2")
 
 
 class Pixels:
-    """The pixels of an Observation that count, ordered by fold, then by material. All arrays are [n].
-
-    folds: FOLDS, or 1: all pixels are the first one's.
+    """The pixels of an Observation that count, ordered by material. All arrays are [n].
 
     index: flat indices; measured: DN; root_weight: 1 / deviation; material: as the observation's, -1 = none; tile."""
 
-    def __init__(self, observation: Observation, materials: int, folds: int = FOLDS) -> None:
+    def __init__(self, observation: Observation, materials: int) -> None:
         o = observation
         index = np.arange(o.measured.size) if o.pick is None else o.pick
-        label = (o.fold % folds * (materials + 1) + np.where(o.material >= 0, o.material, materials)).ravel()[index]
+        label = np.where(o.material >= 0, o.material, materials).ravel()[index]
         order = np.argsort(label, kind="stable")
         self.observation, self.index, label = o, index[order], label[order]
         self.measured = self.of(o.measured).astype(np.float64)
@@ -35,12 +32,8 @@ class Pixels:
         self.focal_slope = self.of(o.focal_slope).astype(np.float64)
         self.geometry_slopes = o.geometry_slopes.reshape(-1, o.measured.size).take(self.index, axis=1)
         self.geometry = self.geometry_slopes * self.root_weight.astype(np.float32)
-        bounds = np.searchsorted(label, np.arange(FOLDS + 1) * (materials + 1))
-        self.folds = [slice(first, last) for first, last in zip(bounds, bounds[1:], strict=False)]
-        starts = np.flatnonzero(np.diff(label, prepend=-1))
-        ends, self.materials = np.append(starts[1:], len(label)), materials
-        runs = zip(label[starts], starts, ends, strict=True)
-        self._runs = [(*divmod(number, materials + 1), slice(first, last)) for number, first, last in runs]
+        ends = np.searchsorted(label, np.arange(materials + 1))
+        self.materials, self._runs = materials, [slice(first, last) for first, last in pairwise(ends)]
 
     def of(self, image: np.ndarray) -> np.ndarray:
         """An image's values."""
@@ -55,16 +48,12 @@ class Pixels:
 
     @computed_once
     def geometry_gram(self) -> np.ndarray:
-        """Products of the weighted slopes of the geometry, [folds][k][k]: no fit changes them."""
-        return np.stack([self.geometry[:, part] @ self.geometry[:, part].T for part in self.folds])
+        """Products of the weighted slopes of the geometry, [k][k]: no fit changes them."""
+        return self.geometry @ self.geometry.T
 
     def by_material(self, values: np.ndarray, factor: np.ndarray) -> np.ndarray:
-        """Sums of values [k][n] times a factor [n], [k][folds][materials]."""
-        out = np.zeros((len(values), FOLDS, self.materials))
-        for fold, material, run in self._runs:
-            if material < self.materials:
-                out[:, fold, material] = values[:, run] @ factor[run]
-        return out
+        """Sums of values [k][n] times a factor [n], [k][materials]."""
+        return np.stack([values[:, run] @ factor[run] for run in self._runs], axis=1)
 
 
 Cluster: TypeAlias = tuple[str, bytes, bool]
@@ -77,27 +66,25 @@ def cluster_of(o: Observation) -> Cluster:
 
 @dataclass
 class Sums:
-    """Normal equations of one linearisation, by fold: gram [folds][n][n], moment [folds][n], chi2 [folds]; chi2 by
-    tile; moments by block, {cluster: [n][blocks]}.
+    """Normal equations of one linearisation: gram [n][n], moment [n]; chi2 by tile; moments by block, {cluster:
+    [n][blocks]}.
     """
 
     gram: np.ndarray
     moment: np.ndarray
-    chi2: np.ndarray
     tile_chi2: np.ndarray
     block_moment: dict[Cluster, np.ndarray] = field(default_factory=dict)
 
     @classmethod
     def of_size(cls, size: int, tiles: int) -> "Sums":
-        return cls(np.zeros((FOLDS, size, size)), np.zeros((FOLDS, size)), np.zeros(FOLDS), np.zeros(tiles))
+        return cls(np.zeros((size, size)), np.zeros(size), np.zeros(tiles))
 
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, np.ndarray], observations: Sequence[Observation]) -> "Sums":
         """The Sums over observations that as_arrays() gave."""
         clusters = dict.fromkeys(map(cluster_of, observations))
         blocks = {cluster: arrays[f"block_{i}"] for i, cluster in enumerate(clusters) if f"block_{i}" in arrays}
-        gram, moment, chi2, tile_chi2 = (arrays[name] for name in _PLAIN)
-        return cls(gram, moment, chi2, tile_chi2, blocks)
+        return cls(*(arrays[name] for name in _PLAIN), blocks)
 
     def as_arrays(self) -> dict[str, np.ndarray]:
         """By name; those by block in the order of the observations."""
@@ -106,7 +93,7 @@ class Sums:
 
     @property
     def total(self) -> float:
-        return float(self.chi2.sum())
+        return float(self.tile_chi2.sum())
 
     def add(
         self, pixels: Pixels, columns: list[np.ndarray], residual: np.ndarray, n_theta: int, phi: np.ndarray
@@ -120,29 +107,25 @@ class Sums:
         dense, materials, own = len(columns), pixels.materials, self._own_rows(pixels, columns)
         A, r = np.stack(columns), residual * pixels.root_weight
         A *= pixels.root_weight
-        squares, single, geometry = r * r, np.vstack([A, r]).astype(np.float32), pixels.geometry
-        self.tile_chi2 += np.bincount(pixels.tile, squares, minlength=len(self.tile_chi2))
-        for f, part in enumerate(pixels.folds):
-            here = A[:, part]
-            self.gram[f, :dense, :dense] += here @ here.T
-            self.moment[f, :dense] += here @ r[part]
-            # Three times as fast as the matrix product of a BLAS without kernels for this machine.
-            cross = np.einsum("in,jn->ji", single[:, part], geometry[:, part])
-            self.gram[f, :dense, own] += cross[:, :-1]
-            self.gram[f, own, :dense] += cross[:, :-1]
-            self.gram[f][np.ix_(own, own)] += pixels.geometry_gram()[f]
-            self.moment[f, own] += cross[:, -1]
-            self.chi2[f] += squares[part].sum()
+        single, geometry = np.vstack([A, r]).astype(np.float32), pixels.geometry
+        self.tile_chi2 += np.bincount(pixels.tile, r * r, minlength=len(self.tile_chi2))
+        self.gram[:dense, :dense] += A @ A.T
+        self.moment[:dense] += A @ r
+        # Three times as fast as the matrix product of a BLAS without kernels for this machine.
+        cross = np.einsum("in,jn->ji", single, geometry)
+        self.gram[:dense, own] += cross[:, :-1].T
+        self.gram[own, :dense] += cross[:, :-1]
+        self.gram[np.ix_(own, own)] += pixels.geometry_gram()
+        self.moment[own] += cross[:, -1]
         if materials:
             glow = A[n_theta] * phi[0] + A[n_theta + 1] * phi[1]
             diagonal, rows = np.arange(dense, dense + materials), np.concatenate([np.arange(dense), own])
             *sums, square, force = pixels.by_material(np.vstack([A, glow, r]), glow)
-            self.gram[:, diagonal, diagonal] += square
-            self.moment[:, diagonal] += force
-            of_geometry = pixels.by_material(geometry, glow.astype(np.float32))
-            both = np.moveaxis(np.concatenate([np.array(sums), of_geometry]), 0, 1)
-            self.gram[:, rows[:, None], diagonal] += both
-            self.gram[:, diagonal[:, None], rows] += np.swapaxes(both, 1, 2)
+            self.gram[diagonal, diagonal] += square
+            self.moment[diagonal] += force
+            both = np.concatenate([np.array(sums), pixels.by_material(geometry, glow.astype(np.float32))])
+            self.gram[np.ix_(rows, diagonal)] += both
+            self.gram[np.ix_(diagonal, rows)] += both.T
 
     def _own_rows(self, pixels: Pixels, columns: list[np.ndarray]) -> np.ndarray:
         """Where the geometry of an observation stands; columns: as of add()."""
@@ -155,7 +138,7 @@ class Sums:
         dense, materials = len(columns), pixels.materials
         force, block = residual * pixels.root_weight**2, pixels.block()
         blocks = int(block.max()) + 1
-        moment = np.zeros((self.moment.shape[1], blocks))
+        moment = np.zeros((len(self.moment), blocks))
         rows = [*range(dense), *self._own_rows(pixels, columns)]
         for j, column in zip(rows, [*columns, *pixels.geometry_slopes], strict=True):
             moment[j] = np.bincount(block, column * force, minlength=blocks)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameters that a fit may move, and what a fit found."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,13 +19,12 @@ _DISTANCE_SHARE = 0.25
 class ParameterSpace:
     """The parameters of a model's deterministic effects and of one candidate after them, as one vector theta.
 
-    pairs: (Effect, Parameter) of each entry of theta. start: where fits begin. fixed: entries that stay neutral.
+    pairs: (Effect, Parameter) of each entry of theta. start: where fits begin.
     """
 
     base: Model
     pairs: tuple[tuple[Effect, Parameter], ...]
     start: np.ndarray
-    fixed: np.ndarray = field(repr=False)
 
     @classmethod
     def of(cls, model: Model, candidate: Effect | None = None) -> "ParameterSpace":
@@ -36,17 +35,7 @@ class ParameterSpace:
         if candidate is not None:
             pairs += [(candidate, p) for p in candidate.parameters]
             start += [p.neutral for p in candidate.parameters]
-        return cls(model, tuple(pairs), np.array(start, dtype=np.float64), np.zeros(len(pairs), dtype=bool))
-
-    def fixing(self, indices: list[int]) -> "ParameterSpace":
-        """The same space with some entries fixed at neutral."""
-        fixed = self.fixed.copy()
-        fixed[indices] = True
-        return replace(self, fixed=fixed)
-
-    def starting_at(self, theta: np.ndarray) -> "ParameterSpace":
-        """The same space with the first entries of its start replaced."""
-        return replace(self, start=np.concatenate([theta, self.start[len(theta) :]]))
+        return cls(model, tuple(pairs), np.array(start, dtype=np.float64))
 
     def of_parameters(self, name: str) -> np.ndarray:
         """One field of every parameter."""
@@ -119,10 +108,6 @@ class Solution:
     def effects(self) -> list[Effect]:
         """The effects whose parameters were fitted."""
         return list({e.id: e for e, _ in self.space.pairs}.values())
-
-    def values_of(self, effect: Effect) -> np.ndarray:
-        """An effect's fitted parameters, in the descriptor's order."""
-        return self.theta[[e.id == effect.id for e, _ in self.space.pairs]]
 
     @property
     def nuisances(self) -> Nuisances:

@@ -75,7 +75,6 @@ def diagnosed_room(
         "next_measurement": _next(names),
         "geometry": [],
         "albedos": [],
-        "objects": [],
         "residual_model": None,
         "model": model_json(accepted),
     }  # fmt: skip
@@ -144,7 +143,7 @@ def _entry(effect: Effect, parameters: Parameters, nats: float, sure: float, sam
     return {
         "effect": effect.id, "family": effect.family, "finding": effect.finding,
         "channel": "noise" if effect.id == "row_noise" else "infrared", "score_nats": nats, "confidence": sure,
-        "explained_share": None, "gain_reduced_chi2": None, "closed_share": None, "closed_share_low": None,
+        "explained_share": None, "gain_reduced_chi2": None,
         "parameters": shown, "equivalent": same,
     }  # fmt: skip
 

@@ -5,11 +5,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from scipy.stats import t as student
 
 from activestereo.diagnose.refine.fitter import Fitter
 from activestereo.diagnose.refine.parameter_space import Solution
-from activestereo.diagnose.score.occam import is_shape
 from activestereo.effects import Effect, Parameter
 
 # Normal quantile of a two-sided 90 % interval.
@@ -33,6 +31,11 @@ class Interval:
 
     def as_json(self) -> dict[str, float | str]:
         return asdict(self)
+
+
+def is_shape(parameter: Parameter) -> bool:
+    """Shape parameters (a focus, a frequency, a doubling temperature) have no neutral value of zero."""
+    return parameter.neutral != 0.0
 
 
 def interval(parameter: Parameter, value: float, deviation: float) -> Limits:
@@ -64,23 +67,3 @@ def within_ranges(effect: Effect, found: Mapping[str, Limits]) -> dict[str, Inte
         )  # an end that is no number is the range's
         out[p.name] = Interval(float(np.clip(value, p.low, p.high)), float(low), float(high), p.unit)
     return out
-
-
-def share_of_places(fall: np.ndarray, gap: np.ndarray, places: np.ndarray) -> tuple[float, float]:
-    """(the share of a gap that falls, the lower end of its one-sided 95 % interval); nothing of no gap.
-
-    fall, gap: of each tile of each image. places: what it shows, the same in repeats; they are the sample, for tiles of
-    one place share their errors: a ratio estimator's standard error (Cochran 1977, section 6.4) with Student's
-    quantile. Views are no sample: an effect of motion, say, is in those alone that move. One place has no interval.
-    """
-    _, index = np.unique(places, return_inverse=True)
-    fall_of, gap_of = (np.bincount(index, values) for values in (fall, gap))
-    total = gap_of.sum()
-    if total <= 0.0:
-        return 0.0, 0.0
-    share, count = float(fall_of.sum() / total), len(gap_of)
-    if count < 2:
-        return share, share
-    spread = fall_of - share * gap_of
-    error = np.sqrt(count / (count - 1) * float(spread @ spread)) / total
-    return share, share - float(student.ppf(0.95, count - 1)) * error

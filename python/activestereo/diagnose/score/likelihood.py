@@ -1,29 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From fits to evidence: cross-validated chi2, the pixels' effective number, log-likelihood gains."""
+"""From fits to evidence: the pixels' effective number, gains of log-likelihood, and the penalty for free parameters.
 
-from collections.abc import Sequence
+The penalty is Laplace's estimate of the evidence beside the best likelihood (MacKay 2003, chapter 28), accurate to a
+few nats: of two effects that explain the data equally well, the one that needs less fine tuning and less unusual
+parameters is preferred.
+"""
+
+from itertools import combinations
 
 import numpy as np
 
-from activestereo.diagnose.evidence.observation import FOLDS, Observation
+from activestereo.common.normal_matrix import inverse_normal_matrix
 from activestereo.diagnose.refine.fitter import Fitter
 from activestereo.diagnose.refine.parameter_space import Solution
-
-# An image that an effect changes by less than this share of its chi2 is not touched by it.
-_TOUCHED_SHARE = 0.002
-
-
-def cross_validated(fitter: Fitter, solution: Solution) -> float:
-    """chi2 where each fold of tiles is judged with the parameters of the others, by the linearisation at the
-    solution.
-    """
-    sums, n = solution.sums, len(solution.theta)
-    total = 0.0
-    for fold in range(FOLDS):
-        kept = type(sums)(np.delete(sums.gram, fold, 0), np.delete(sums.moment, fold, 0), sums.chi2, sums.tile_chi2)
-        step = fitter.solve(kept, solution.phi, n, solution.space, solution.theta, 1e-9)
-        total += sums.chi2[fold] - 2.0 * step @ sums.moment[fold] + step @ sums.gram[fold] @ step
-    return float(total)
+from activestereo.effects import Effect, Parameter
 
 
 def design_effect(tile_chi2: np.ndarray, tile_pixels: np.ndarray) -> float:
@@ -39,23 +29,52 @@ def nats_of(base_chi2: float, chi2: float, pixels: int, design: float) -> float:
     return 0.5 * pixels / design * float(np.log(base_chi2 / chi2))
 
 
-def gain_error(first_tiles: np.ndarray, second_tiles: np.ndarray, chi2: float, pixels: int, design: float) -> float:
-    """Standard error of the difference of two explanations' nats, paired by tile.
+def occam_nats(fitter: Fitter, solution: Solution, effect: Effect, design: float) -> float:
+    """The penalty for a fitted effect's free parameters: the logarithm of (prior density at the fitted values x
+    posterior volume).
 
-    tiles: chi2 by tile; chi2: the smaller total.
+    Parameters may also be neutral, at the cost of the likelihood that this loses; the best such choice counts. The
+    result is <= 0 but for chance. design: the residuals' design effect.
     """
-    difference = first_tiles - second_tiles
-    spread = np.sqrt(len(difference) * difference.var())
-    return 0.5 * pixels / design * spread / chi2
+    first = len(solution.theta) - len(effect.parameters)
+    free = first + np.flatnonzero(~solution.space.given[first:])
+    if not free.size:
+        return 0.0
+    parameters = [solution.space.pairs[i][1] for i in free]
+    typical = np.array([p.typical for p in parameters])
+    away = (solution.theta[free] - solution.space.neutral[free]) / typical
+    density = np.array([_log_density(p, x) for p, x in zip(parameters, away, strict=True)])
+    information = _information(fitter, solution, free) * np.outer(typical, typical) / design
+    sizes = range(1, len(free) + 1)
+    kept = (list(chosen) for size in sizes for chosen in combinations(range(len(free)), size))
+    return max(_cost(k, away, density, information) for k in kept)
 
 
-def frame_consistency(observations: Sequence[Observation], base_tiles: np.ndarray, tiles: np.ndarray) -> float:
-    """Share of the images that get better, of those that an effect touches noticeably (weighed alike)."""
-    better = touched = 0
-    for o in observations:
-        index = np.unique(o.tile)
-        before, after = base_tiles[index].sum(), tiles[index].sum()
-        if abs(before - after) > _TOUCHED_SHARE * before:
-            touched += 1
-            better += after < before
-    return better / touched if touched else 0.0
+def _cost(kept: list[int], away: np.ndarray, density: np.ndarray, information: np.ndarray) -> float:
+    """The cost where only the parameters `kept` are in use.
+
+    away: distances from neutral in typical deviations; information: in those units.
+    """
+    used, unused = np.array(kept, dtype=np.int64), np.setdiff1d(np.arange(len(away)), kept)
+    across, inner = information[np.ix_(unused, used)], information[np.ix_(used, used)]
+    alone = information[np.ix_(unused, unused)] - across @ np.linalg.pinv(inner, hermitian=True) @ across.T
+    loss = away[unused] @ alone @ away[unused]
+    # What the data hardly tell keeps the prior's width.
+    volume = np.log(2.0 * np.pi / (1.0 + np.maximum(np.linalg.eigvalsh(inner), 0.0)))
+    return float(density[kept].sum() + 0.5 * volume.sum() - 0.5 * max(loss, 0.0))
+
+
+def _information(fitter: Fitter, solution: Solution, chosen: np.ndarray) -> np.ndarray:
+    """The information on the chosen parameters, all others and the nuisances fitted beside them (Schur's
+    complement)."""
+    gram = solution.sums.gram + np.diag(fitter.prior(len(solution.theta), solution.space))
+    rest = np.setdiff1d(np.arange(len(gram)), chosen)
+    cross = gram[np.ix_(chosen, rest)]
+    return gram[np.ix_(chosen, chosen)] - cross @ inverse_normal_matrix(gram[np.ix_(rest, rest)]) @ cross.T
+
+
+def _log_density(parameter: Parameter, away: float) -> float:
+    """The log density of a parameter's prior per typical deviation: only the order of magnitude is known, so it is
+    Cauchy's (Gelman et al. 2008, A weakly informative default prior distribution)."""
+    one_sided = parameter.low >= parameter.neutral or parameter.high <= parameter.neutral
+    return np.log((2.0 if one_sided else 1.0) / np.pi) - np.log1p(away**2)

@@ -5,16 +5,15 @@ A column is the exact difference of two expected images, no derivative: dots tha
 Effects whose likelihood has narrow peaks propose their own points (Effect.starts).
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import product
-from multiprocessing import RawArray, current_process, get_all_start_methods
+from multiprocessing import RawArray
 from typing import Any
 
 import numpy as np
 
-from activestereo.common.processes import done_in_pools, process_pool
+from activestereo.common.processes import forked
 from activestereo.diagnose.refine import Fitter
 from activestereo.diagnose.refine.light import exposed
 from activestereo.diagnose.search.linear import Columns, Linear
@@ -83,7 +82,10 @@ def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int) -> Columns:
             moved = dict(atom.values) | {name: min(atom.values[name] + step, p.high)}
             column[:] = _change(linear, model.with_effect(atom.effect, **moved), images) - own[0]
 
-    _side_by_side(fill, atoms, workers)
+    made = {i for i, done in forked(fill, atoms, workers) if done.exception() is None}
+    for i, atom in enumerate(atoms):
+        if i not in made:
+            fill(atom)
     return columns
 
 
@@ -101,32 +103,6 @@ def carried(columns: Columns, before: Fitter, after: Fitter) -> Columns:
         out[:, start : start + len(there)] = columns[:, first + np.maximum(there, 0)] * ratio.astype(np.float32)
         first, start = first + len(old.index), start + len(there)
     return out
-
-
-_work: list[tuple[Callable[[Any], object], Sequence[Any]]] = []
-
-
-def _side_by_side(work: Callable[[Any], object], items: Sequence[Any], workers: int) -> None:
-    """work(item) of each, in forked processes where there are several; what it writes has to be shared memory."""
-    if min(workers, len(items)) < 2 or "fork" not in get_all_start_methods() or current_process().daemon:
-        for item in items:
-            work(item)
-        return
-    _work.append((work, items))
-    try:
-        pools = partial(process_pool, workers, _nothing, method="fork")
-        for _, done in done_in_pools(pools, _one, range(len(items))):
-            done.result()
-    finally:
-        _work.pop()
-
-
-def _nothing() -> None: ...
-
-
-def _one(i: int) -> None:
-    work, items = _work[-1]
-    work(items[i])
 
 
 def _images(linear: Linear, model: Model) -> Iterator[np.ndarray]:

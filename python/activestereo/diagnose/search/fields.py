@@ -3,26 +3,28 @@
 
 from collections.abc import Iterable, Sequence
 
-from activestereo.diagnose.channels.field_fit import fit_fields
-from activestereo.diagnose.findings import FieldFit
+import numpy as np
+
+from activestereo.diagnose.channels.draws import pose_key
+from activestereo.diagnose.channels.field_fit import FieldFit, fit_fields
+from activestereo.diagnose.evidence.model_discrepancy import edges
+from activestereo.diagnose.numbers import Numbers
 from activestereo.diagnose.refine import ImageResidual
-from activestereo.diagnose.score.whiteness import white_rest
-from activestereo.diagnose.thresholds import THRESHOLDS
 from activestereo.effects import Effect
 from activestereo.effects.core.judging import Channel, SharedBy
 
 
 def fields_of(
-    effects: Iterable[Effect], rows: Sequence[ImageResidual], black_dn: float
+    effects: Iterable[Effect], rows: Sequence[ImageResidual], black_dn: float, numbers: Numbers
 ) -> dict[str, tuple[float, FieldFit]]:
     """{effect: (share of chi2 that its draws explain, its fit)} of effects whose draws other frames predict. Draws that
     last while the rig stands are white over the image."""
-    whole, is_white, out = _chi2(rows), white_rest(rows, THRESHOLDS) > 0.0, {}
+    whole, is_white, out = _chi2(rows), _is_white(rows, numbers.neighbours), {}
     for effect in effects:
         lasts_a_view = any(term.shared_by is SharedBy.VIEW for term in effect.random_terms)
         if effect.channel is not Channel.STATIC_FIELD or (lasts_a_view and not is_white):
             continue
-        fit = fit_fields(effect, rows, black_dn, THRESHOLDS)
+        fit = fit_fields(effect, rows, black_dn, numbers)
         if fit is not None:
             left = [row._replace(residual=residual) for row, residual in zip(rows, fit.residuals, strict=True)]
             out[effect.id] = 1.0 - _chi2(left) / whole, fit
@@ -31,3 +33,17 @@ def fields_of(
 
 def _chi2(rows: Sequence[ImageResidual]) -> float:
     return float(sum((row.observation.weight * row.residual**2).sum() for row in rows))
+
+
+def _is_white(rows: Sequence[ImageResidual], neighbours: float) -> bool:
+    """Whether what stays between repeats of a view is white over the image, edges left out: grains are, shifted, dimmed
+    or blurred dots are not."""
+    by_view: dict[object, list[np.ndarray]] = {}
+    for o, _, _, r in rows:
+        view = pose_key(o), o.frame.exposure_gain, o.frame.projector_power, o.side
+        by_view.setdefault(view, []).append(np.where(edges(o), np.nan, r * np.sqrt(o.weight)))
+    same, beside = 0.0, np.zeros(2)
+    for first, second, *_ in (group for group in by_view.values() if len(group) > 1):
+        same += np.nanmean(first * second)
+        beside += [np.nanmean(first[:, 1:] * second[:, :-1]), np.nanmean(first[1:] * second[:-1])]
+    return bool(same > 0 and np.abs(beside).max() < neighbours * same)

@@ -10,16 +10,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from activestereo.diagnose.channels import NoiseModelChannel
-from activestereo.diagnose.channels.static_field import has_extended_draws
+from activestereo.diagnose.channels.field_fit import FieldFit, has_extended_draws
+from activestereo.diagnose.channels.noise_model import NoiseTerm, noise_terms
 from activestereo.diagnose.evidence import Evidence
-from activestereo.diagnose.findings import BaseFit, Explanation, FieldFit, NotRanked
 from activestereo.diagnose.numbers import NUMBERS, Numbers
 from activestereo.diagnose.refine import Fitter, ImageResidual, ParameterSpace, Solution
 from activestereo.diagnose.refine.fit_cache import FitCache
 from activestereo.diagnose.refine.light import SCALES
-from activestereo.diagnose.score.likelihood import design_effect
-from activestereo.diagnose.score.occam import occam_nats
+from activestereo.diagnose.score.likelihood import design_effect, occam_nats
 from activestereo.diagnose.score.structure import local_structure
 from activestereo.diagnose.search.dictionary import Atom, atoms_of, carried, columns_of
 from activestereo.diagnose.search.fields import fields_of
@@ -30,7 +28,6 @@ from activestereo.diagnose.search.scores import scores
 from activestereo.diagnose.search.selection import Candidate, by_chance, candidates, credible
 from activestereo.diagnose.search.verdict import Remainder
 from activestereo.diagnose.search.weights import weighed_again
-from activestereo.diagnose.thresholds import THRESHOLDS
 from activestereo.effects import Effect, Model, Stage
 from activestereo.effects.core.differences import known_differences
 from activestereo.effects.core.judging import Channel
@@ -95,7 +92,7 @@ class Outcome:
     solution: Solution
     rows: tuple[ImageResidual, ...]
     names: tuple[Name, ...]
-    noise: dict[str, Explanation]
+    noise: dict[str, NoiseTerm]
     unjudged: dict[str, str]
     rest: Remainder
     rounds: tuple[Round, ...]
@@ -167,18 +164,13 @@ class Search:
     def _excess(self) -> float:
         return self._chi2 / self._pixels - 1.0
 
-    def _name_noise(self) -> tuple[dict[str, Explanation], dict[str, str]]:
+    def _name_noise(self) -> tuple[dict[str, NoiseTerm], dict[str, str]]:
         """({effect: its term of the noise model}, {effect: why there is none}); names those that repeats show."""
         effects = [e for e in self._effects if e.channel is Channel.NOISE_MODEL]
-        base = base_fit_of(self._first, ())
-        terms, unjudged = {}, {}
-        for term in NoiseModelChannel(self._measured, base, THRESHOLDS).explain(effects):
-            if isinstance(term, NotRanked):
-                unjudged[term.effect.id] = term.reason
-                continue
-            terms[term.effect.id] = term
-            own, chance = term.own, np.log(len(self._effects) / self._numbers.alpha)
-            if own is not None and own.nats > chance and own.share > _NOISE_SHARE:
+        terms, unjudged = noise_terms(self._measured, self._given, effects, self._numbers)
+        chance = np.log(len(self._effects) / self._numbers.alpha)
+        for term in terms.values():
+            if term.nats > chance and term.share > _NOISE_SHARE:
                 self._names.append(Name(term.effect, {term.effect.id: 1.0}, 0.0))
         return terms, unjudged
 
@@ -249,7 +241,7 @@ class Search:
         return max(numbers.least_excess * self._pixels, numbers.least_share * self._excess * self._pixels, missed)
 
     def _fields(self) -> Fields:
-        return fields_of(self._unnamed_effects(), self._rows, float(self._solution.phi[SCALES - 1]))
+        return fields_of(self._unnamed_effects(), self._rows, float(self._solution.phi[SCALES - 1]), self._numbers)
 
     def _unnamed_effects(self) -> list[Effect]:
         return [e for e in self._effects if self._is_open(e)]
@@ -328,12 +320,6 @@ class Search:
                 self._needless.add(name.id)
                 self._solution = without
                 self._rows = self._rows_of(without)
-
-
-def base_fit_of(solution: Solution, rows: tuple[ImageResidual, ...]) -> BaseFit:
-    """A fit as channels beside the images' own take it."""
-    sums = solution.sums
-    return BaseFit(solution.model, solution, sums.total, sums.tile_chi2, rows, (), 0.0)
 
 
 def formula_error(effect: Effect, otherwise: float) -> float:

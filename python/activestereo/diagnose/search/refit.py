@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from activestereo.diagnose.refine import Fitter, ParameterSpace, Solution
-from activestereo.diagnose.refine.parallel_prefit import parallel_prefit
 from activestereo.diagnose.search.rendered import Rendering, fitted_to_renders, is_transport
 from activestereo.diagnose.search.selection import Candidate
 from activestereo.effects import Effect, Model
@@ -49,7 +48,7 @@ def refits(
         return _from_starts(fitter, ParameterSpace.of(model, effect), effect, starts[effect.id], phi)
 
     if fitter.memory is not None:
-        parallel_prefit(fitter.memory, fit, effects, workers, lambda done: None)
+        fitter.memory.make_ahead(fit, effects, workers)
     found = {effect.id: Refit(fit(effect)) for effect in effects}
     most = max((base_chi2 - f.chi2 for f in found.values()), default=0.0)
     for name, f in found.items():
@@ -71,7 +70,7 @@ def _from_starts(
     """The best fit from the starts, each looked at once."""
     own = len(space.start) - len(effect.parameters)
     thetas = [np.concatenate([space.start[:own], [start[p.name] for p in effect.parameters]]) for start in starts]
-    seen = [fitter.nuisance_fit(space, theta, phi, fitter.each_light(space, theta), 1)[1] for theta in thetas]
+    seen = [fitter.nuisance_fit(space, theta, phi, fitter.each_light(space, theta))[1] for theta in thetas]
     chosen = [thetas[k] for k in np.argsort(seen)[:_FITTED]]
     fits = [fitter.refine(space, theta, phi, _STEPS) for theta in chosen]
     return min(fits, key=lambda f: f.sums.total)

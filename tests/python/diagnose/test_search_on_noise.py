@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters that a diagnosis reports: no bias by weights that have seen the noise, no value where it costs nothing to
-leave it out."""
+"""Parameters and scales that a search reports: no bias by weights that have seen the noise, and no name where two fit
+alike."""
 
 from dataclasses import dataclass, field, replace
 
@@ -11,12 +11,9 @@ from lab_worlds import WorldRenderer
 from activestereo.capture.capture import SIDES, Capture, read_capture
 from activestereo.effects import Model, View, builtin
 from activestereo.compare.cache import LayerCache
-from activestereo.diagnose.base_fit import fit_base
+from activestereo.diagnose.answer.by_scores import parameters_of
 from activestereo.diagnose.evidence import gather
-from activestereo.diagnose.thresholds import THRESHOLDS
-from activestereo.diagnose.propose.scan import scan_observations, starts
-from activestereo.diagnose.rank import DiagnosisContext, rank, settled_first
-from activestereo.diagnose.refine import Fitter, Fitters, ParameterSpace
+from activestereo.diagnose.search.loop import Search
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import render_frames
 from virtual_sensor.world import make_world
@@ -70,16 +67,13 @@ def evidence_of(table, hidden):
     return gather(Exposed(**vars(capture), images=images), layers)
 
 
-def ranked(evidence, candidates):
-    """(DiagnosisContext, Ranking) of candidates on top of no effects."""
-    context = DiagnosisContext(evidence, Fitters.of(evidence, scan_observations(evidence.train)), THRESHOLDS, workers=1)
-    return context, rank(context, fit_base(evidence, context.fitters, Model(), THRESHOLDS), candidates)
+def searched(evidence, *names):
+    return Search(evidence, Model(), [builtin()[name] for name in names]).run()
 
 
 @pytest.fixture(scope="module")
 def found(table):
-    ranking = ranked(evidence_of(table, Model().with_effect(DRIFT, per_k=PER_K)), [DRIFT])
-    return settled_first(*ranking).best.explanation
+    return searched(evidence_of(table, Model().with_effect(DRIFT, per_k=PER_K)), DRIFT.id, "chromatic_drift")
 
 
 def assert_true_scales(nuisances):
@@ -88,34 +82,22 @@ def assert_true_scales(nuisances):
 
 
 def test_scales_are_not_pulled_down_by_bright_grains(table):
-    assert_true_scales(ranked(evidence_of(table, Model()), [])[1].base.solution.nuisances)
+    outcome = searched(evidence_of(table, Model()), DRIFT.id)
+    assert not outcome.names
+    assert_true_scales(outcome.first.nuisances)
 
 
 def test_nor_are_they_beside_an_effect(found):
     assert_true_scales(found.solution.nuisances)
 
 
-def test_a_parameter_that_is_not_at_work_is_told_as_zero(found):
-    rate, slope = found.parameters["per_k"], found.parameters["per_s"]
-    assert slope.value == 0.0 and slope.low < 0.0 < slope.high
+def test_a_parameter_has_its_truth_in_its_interval_and_one_that_is_not_at_work_its_neutral_value(found):
+    parameters = parameters_of(found, found.names[0])
+    rate, slope = parameters["per_k"], parameters["per_s"]
+    assert slope.low < 0.0 < slope.high
     assert rate.value == pytest.approx(PER_K, rel=0.03) and rate.low < PER_K < rate.high
-    assert found.solution.model.effects[0][1]["per_s"] == 0.0
 
 
-def test_what_the_data_cannot_tell_apart_goes_by_prior(table):
+def test_what_the_data_cannot_tell_apart_is_a_set_and_the_likelier_is_first(found):
     """A filter that drifts dims dots in a warm rig as a laser does; a laser's drift of this size is the likelier."""
-    evidence = evidence_of(table, Model().with_effect(DRIFT, per_k=PER_K))
-    first, second = ranked(evidence, [builtin()["chromatic_drift"], DRIFT])[1].findings
-    assert abs(first.score.nats - second.score.nats) < 3.0
-    assert (first.id, second.id) == ("laser_power_drift", "chromatic_drift")
-
-
-def test_a_second_effect_is_scanned_inside_its_range(table):
-    """From a neutral focus to its nearest and back, rounding leaves the range."""
-    evidence = evidence_of(table, Model())
-    focus = builtin()["projector_defocus"]
-    space = ParameterSpace.of(Model().with_effect(DRIFT, per_k=PER_K), focus)
-    scan = Fitter(scan_observations(evidence.train), evidence.nuisance_prior(), evidence.tiles, supersampled=False)
-    alone = np.array([1.0, focus.parameters[1].low])
-    for start in starts(scan, space, focus, scan.phi0(evidence.nuisances), np.inf, alone):
-        assert (space.low <= start.theta).all() and (start.theta <= space.high).all()
+    assert [list(name.members) for name in found.names] == [["laser_power_drift", "chromatic_drift"]]

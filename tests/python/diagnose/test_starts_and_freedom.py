@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where fits start, and what an explanation's freedom costs."""
+"""Where fits of narrow peaks start, and what an explanation's freedom costs."""
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -12,10 +12,10 @@ from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.flicker import flicker_starts
 from activestereo.effects.core.judging import StartImage
 from activestereo.effects.core.second_unit import unit_starts
-from activestereo.diagnose.channels.dots_seen import dots_seen
-from activestereo.diagnose.propose.scan import scan_observations
+from activestereo.diagnose.channels.draws import dots_seen
+from activestereo.diagnose.evidence.observation import one_of_each_situation
 from activestereo.diagnose.refine import ParameterSpace
-from activestereo.diagnose.score.occam import occam_nats
+from activestereo.diagnose.score.likelihood import occam_nats
 from effect_worlds import seen, view_of
 
 EFFECTS = builtin()
@@ -88,24 +88,22 @@ class Image:
         return self.measured.size
 
 
-def test_a_scan_sees_two_instants_of_repeats():
+def test_one_image_of_each_situation_sees_two_instants_of_repeats():
     pose = dict(camera_to_world=np.eye(4), exposure_gain=1.0, projector_power=1.0, ambient=None, temperature_c=None)
     frame = lambda k, group: SimpleNamespace(id=k, repeat_group=group, is_moving=False, **pose)  # noqa: E731
     images = [Image(frame(k, 0), side, np.zeros((8, 8))) for k in range(3) for side in ("left", "right")]
-    chosen = {(o.frame.id, o.side) for o in scan_observations(images)}
+    chosen = {(o.frame.id, o.side) for o in one_of_each_situation(images)}
     assert chosen == {(0, "right"), (2, "left")}
     single = [Image(frame(0, None), side, np.zeros((8, 8))) for side in ("left", "right")]
-    assert {(o.frame.id, o.side) for o in scan_observations(single)} == {(0, "right"), (0, "left")}
+    assert {(o.frame.id, o.side) for o in one_of_each_situation(single)} == {(0, "right"), (0, "left")}
 
 
 def explanation(name, values, information):
     """A fit with given values of an effect's parameters, and what the data say of each (1 / variance)."""
     parameters = EFFECTS[name].parameters
     neutral, nothing = np.array([p.neutral for p in parameters]), np.zeros(len(parameters), bool)
-    space = SimpleNamespace(
-        fixed=nothing, given=nothing, neutral=neutral, pairs=[(EFFECTS[name], p) for p in parameters]
-    )
-    sums = SimpleNamespace(gram=np.diag(information)[None])
+    space = SimpleNamespace(given=nothing, neutral=neutral, pairs=[(EFFECTS[name], p) for p in parameters])
+    sums = SimpleNamespace(gram=np.diag(information))
     fitter = SimpleNamespace(prior=lambda n, space: np.zeros(n))
     return fitter, SimpleNamespace(space=space, theta=np.array(values), sums=sums), EFFECTS[name]
 

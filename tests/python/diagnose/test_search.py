@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The parts of a search: columns, sets, what a ranking tells of a round, and the verdict."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from activestereo.diagnose.answer.by_scores import ranking_of
+from activestereo.diagnose.numbers import NUMBERS
+from activestereo.diagnose.score.intervals import Interval
+from activestereo.diagnose.search.dictionary import carried
+from activestereo.diagnose.search.loop import Name, Round
+from activestereo.diagnose.search.refit import Refit
+from activestereo.diagnose.search.selection import credible
+from activestereo.diagnose.search.verdict import EFFECT, NONE, UNDETERMINED, UNKNOWN, Remainder, verdict_of
+from activestereo.effects import builtin
+
+EFFECTS = builtin()
+
+
+def test_columns_follow_their_pixels_to_another_fitter():
+    """A capture that stands elsewhere sees other surfaces, and keeps the same pixels in another order."""
+    first = fitter_of([0, 1, 2, 3], [1.0, 1.0, 2.0, 2.0])
+    other = fitter_of([2, 0, 3, 5], [4.0, 1.0, 2.0, 1.0])
+    columns = np.array([[10.0, 11.0, 12.0, 13.0]], np.float32)
+    assert carried(columns, first, other).tolist() == [[24.0, 10.0, 13.0, 0.0]]
+
+
+def fitter_of(index, root_weight):
+    """As much of a Fitter as columns are carried by."""
+    measured = SimpleNamespace(size=6)
+    pixels = SimpleNamespace(
+        index=np.array(index), root_weight=np.array(root_weight), observation=SimpleNamespace(measured=measured)
+    )
+    return SimpleNamespace(pixels=lambda: [pixels])
+
+
+def test_what_a_name_cannot_be_told_from_has_the_figures_of_its_own_round():
+    """A name of an earlier round may have gone as needless."""
+    vignetting = EFFECTS["vignetting"]
+    rounds = round_of(200.0, radial_distortion=150.0, projector_vignetting=190.0), round_of(150.0, vignetting=100.0,
+        projector_vignetting=110.0)  # fmt: skip
+    found = {p.name: Interval(p.typical, p.low, p.high, p.unit) for p in vignetting.parameters}
+    outcome = SimpleNamespace(
+        names=(Name(vignetting, {"vignetting": 0.8, "projector_vignetting": 0.2}, 0.5, seen=rounds[1]),),
+        rounds=rounds,
+        noise={"vignetting": SimpleNamespace(effect=vignetting, nats=0.0, parameters=found)},
+        first=fitted("vignetting", 200.0),
+        solution=fitted("vignetting", 100.0),
+        fitter=SimpleNamespace(
+            observations=[SimpleNamespace(pixels=100)], pixels=lambda: [SimpleNamespace(tile=np.arange(100) % 4)]
+        ),
+        evidence=SimpleNamespace(tiles=4),
+        rest=Remainder(1.0, 0.0, 0.0, 1.0),
+    )
+    twin = ranking_of(outcome, NUMBERS, True, str)[1]
+    assert (twin["effect"], twin["equivalent"]) == ("projector_vignetting", ["vignetting"])
+    assert twin["gain_reduced_chi2"] == pytest.approx((150.0 - 110.0) / 100)
+
+
+def round_of(chi2, **fits):
+    return Round({}, {}, chi2, 0.0, 0.0, {name: Refit(fitted(name, total)) for name, total in fits.items()})
+
+
+def fitted(name, chi2):
+    """As much of a Solution as a ranking looks at."""
+    sums = SimpleNamespace(total=chi2, tile_chi2=np.full(4, chi2 / 4))
+    neutral = np.array([p.neutral for p in EFFECTS[name].parameters])
+    return SimpleNamespace(sums=sums, effects=[EFFECTS[name]], theta=neutral)
+
+
+@pytest.mark.parametrize(
+    "rest, named, floor, verdict",
+    [
+        (Remainder(0.0, 0.02, 0.01, 0.01), False, True, NONE),
+        (Remainder(0.0, 0.02, 0.01, 0.01), False, False, UNDETERMINED),
+        (Remainder(0.0, 0.7, 0.01, 0.01), False, True, UNKNOWN),
+        (Remainder(0.0, 0.3, 0.2, 0.2), False, True, UNKNOWN),
+        (Remainder(0.8, 0.02, 0.01, 0.6), True, False, EFFECT),
+        (Remainder(0.8, 0.4, 0.2, 0.6), True, True, UNKNOWN),
+        (Remainder(0.2, 0.4, 0.0, 0.1), True, True, UNKNOWN),
+        (Remainder(0.8, 0.02, 0.01, 0.6, strain=5.0), True, True, UNKNOWN),
+    ],
+)
+def test_the_verdict_follows_from_what_is_explained_and_left(rest, named, floor, verdict):
+    assert verdict_of(rest, named, floor, NUMBERS) == verdict
+
+
+def test_a_set_ends_where_it_holds_its_mass():
+    assert list(credible({"a": 0.0, "b": -0.1, "c": -9.0}, 0.95)) == ["a", "b"]
+    assert list(credible({"a": 0.0, "b": -9.0}, 0.95)) == ["a"]
