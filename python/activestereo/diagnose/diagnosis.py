@@ -29,18 +29,18 @@ from activestereo.compare.phase_times import megapixels
 from activestereo.compare.render import WARP_SCALE, Renderer, render_frames, render_halves
 from activestereo.compare.where_channels import surface_text
 from activestereo.diagnose.answer.albedo_json import albedo_json
-from activestereo.diagnose.answer.by_scores import (
+from activestereo.diagnose.answer.depth_json import depth_json
+from activestereo.diagnose.answer.depth_split import depth_split
+from activestereo.diagnose.answer.figures import ErrorsOfModels, held_out_figures, left_out_rmse
+from activestereo.diagnose.answer.found_model import found_model
+from activestereo.diagnose.answer.geometry_json import geometry_json
+from activestereo.diagnose.answer.ranking import (
     judging_of,
     parameters_of,
     probabilities_of,
     ranking_of,
     sets_of,
 )
-from activestereo.diagnose.answer.depth_json import depth_json
-from activestereo.diagnose.answer.depth_split import depth_split
-from activestereo.diagnose.answer.figures import ErrorsOfModels, held_out_figures, left_out_rmse
-from activestereo.diagnose.answer.found_model import found_model
-from activestereo.diagnose.answer.geometry_json import geometry_json
 from activestereo.diagnose.answer.residual_model import residual_model
 from activestereo.diagnose.answer.told import explained, html_of, ranking_figure, sets_told
 from activestereo.diagnose.channels.depth_engine import judged_depth

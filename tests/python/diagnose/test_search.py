@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from activestereo.diagnose.answer.by_scores import ranking_of
+from activestereo.diagnose.answer.ranking import ranking_of
 from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.score.intervals import Interval
 from activestereo.diagnose.search.dictionary import carried

@@ -11,7 +11,7 @@ from lab_worlds import WorldRenderer
 from activestereo.capture.capture import SIDES, Capture, read_capture
 from activestereo.effects import Model, View, builtin
 from activestereo.compare.cache import LayerCache
-from activestereo.diagnose.answer.by_scores import parameters_of
+from activestereo.diagnose.answer.ranking import parameters_of
 from activestereo.diagnose.evidence import gather
 from activestereo.diagnose.search.loop import Search
 from activestereo.compare.nuisances import Nuisances

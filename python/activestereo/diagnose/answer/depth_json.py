@@ -4,7 +4,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from activestereo.diagnose.answer.by_scores import parameter_json
+from activestereo.diagnose.answer.ranking import parameter_json
 from activestereo.diagnose.channels.depth_engine import Depth
 from activestereo.diagnose.numbers import Numbers
 from activestereo.diagnose.search.verdict import EFFECT, NONE, UNDETERMINED
