@@ -27,7 +27,7 @@ def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
     Where nothing is named, errors of the scene measurement may leave some excess, but no structure. Beside a name the
     structure has to be a part of the first one, for formulas are not exact; and no more may be left than is explained.
     """
-    if not is_named:
+    if not is_named or rest.explained <= 0.0:  # what repeats show explains nothing of the expected images
         return max(rest.left / numbers.scene_error, min(rest.structure, max(rest.left, 0.0)) / numbers.structure)
     structure = max(rest.structure, 0.0) ** 2 / max(rest.structure_before, 1e-9) / numbers.structure_kept
     return max(structure, rest.left / max(rest.explained, numbers.structure), rest.strain / numbers.strain)
