@@ -37,7 +37,6 @@ _REMEMBERED = 12
 MOST_THREADS = 4
 _In = TypeVar("_In")
 _Out = TypeVar("_Out")
-_SomePixels = TypeVar("_SomePixels", Pixels, AllPixels)
 
 
 class ImageResidual(NamedTuple):
@@ -128,11 +127,6 @@ class Fitter:
         """The Light of observation i under a model."""
         return self._lights(model, i, self._supersampled)
 
-    def each_light(self, space: ParameterSpace, theta: np.ndarray) -> Iterator[Light]:
-        """The same, each made where it is asked for."""
-        model = self._prepared(space.model(theta))
-        return (self._lights(model, i, self._supersampled) for i in range(len(self.observations)))
-
     def residuals(self, solution: Solution) -> list[ImageResidual]:
         """Every observation under a solution; the last few solutions' are remembered."""
         if id(solution) not in self._residuals:
@@ -178,7 +172,7 @@ class Fitter:
         """Sums at (theta, phi). Columns: theta, then phi."""
         n_theta = len(theta)
         sums = Sums.of_size(n_theta + len(phi), self._tiles)
-        for pixels, columns, residual in self._slopes(self.pixels(), space, theta, phi, lights, n_theta):
+        for pixels, columns, residual in self._slopes(space, theta, phi, lights, n_theta):
             sums.add(pixels, columns, residual, n_theta, phi)
             if self._supersampled and n_theta:
                 sums.add_blocks(pixels, columns, residual, n_theta, phi)
@@ -188,32 +182,23 @@ class Fitter:
         """Yields (pixels, derivatives by theta, scales, black level and focal lengths, residual [n]) at a solution."""
         theta = solution.theta
         lights = self.lights(solution.space, theta)
-        return self._slopes(self.pixels(), solution.space, theta, solution.phi, lights, len(theta))
-
-    def slopes(
-        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light], n_theta: int
-    ) -> Iterator[tuple[Observation, list[np.ndarray], np.ndarray]]:
-        """Yields (observation, derivatives by the first n_theta of theta, scales and black level, residual), images."""
-        whole = [AllPixels(o) for o in self.observations]
-        for pixels, columns, residual in self._slopes(whole, space, theta, phi, lights, n_theta):
-            shape = pixels.observation.measured.shape
-            yield pixels.observation, [c.reshape(shape) for c in columns], residual.reshape(shape)
+        return self._slopes(solution.space, theta, solution.phi, lights, len(theta))
 
     def _slopes(
         self,
-        pixels_of: Sequence[_SomePixels],
         space: ParameterSpace,
         theta: np.ndarray,
         phi: np.ndarray,
         lights: Iterable[Light],
         n_theta: int,
-    ) -> Iterator[tuple[_SomePixels, list[np.ndarray], np.ndarray]]:
-        """slopes() over Pixels: (Pixels, derivatives [n] each, residual [n])."""
+    ) -> Iterator[tuple[Pixels, list[np.ndarray], np.ndarray]]:
+        """Yields (Pixels, derivatives [n] by the first n_theta of theta, scales, black level and focal lengths,
+        residual [n])."""
         steps = space.steps(theta)
         models = [self._moved(space, theta, steps, j) for j in range(n_theta)]
         here = space.model(theta)
 
-        def one(seen: tuple[int, _SomePixels, Light]) -> tuple[_SomePixels, list[np.ndarray], np.ndarray]:
+        def one(seen: tuple[int, Pixels, Light]) -> tuple[Pixels, list[np.ndarray], np.ndarray]:
             i, pixels, light = seen
             image, scale_columns = exposed(here, pixels, light, phi, True)
             columns = []
@@ -228,8 +213,8 @@ class Fitter:
             columns += [none, pixels.focal_slope] if is_right else [pixels.focal_slope, none]
             return pixels, columns, pixels.measured - image - _displacement(pixels, phi)
 
-        seen = ((i, pixels, light) for i, (pixels, light) in enumerate(zip(pixels_of, lights, strict=True)))
-        if not isinstance(lights, Sequence):  # whoever asks may stop after any of them
+        seen = ((i, pixels, light) for i, (pixels, light) in enumerate(zip(self.pixels(), lights, strict=True)))
+        if not isinstance(lights, Sequence):  # no more than one is in memory at a time
             yield from map(one, seen)
             return
         while several := list(islice(seen, self.threads)):  # no more are in memory at a time
@@ -290,11 +275,12 @@ class Fitter:
         return np.concatenate([1.0 / width**2, scales, 1.0 / self.nuisance_prior.sigma**2])
 
     def nuisance_fit(
-        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Iterable[Light]
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray
     ) -> tuple[np.ndarray, float]:
         """phi refitted at fixed theta, and chi2, both with the model linear in phi."""
-        sums = Sums.of_size(len(phi), self._tiles)
-        for pixels, columns, residual in self._slopes(self.pixels(), space, theta, phi, lights, 0):
+        sums, model = Sums.of_size(len(phi), self._tiles), self._prepared(space.model(theta))
+        lights = (self.light(model, i) for i in range(len(self.observations)))
+        for pixels, columns, residual in self._slopes(space, theta, phi, lights, 0):
             sums.add(pixels, columns, residual, 0, phi)
         step = self.solve(sums, phi, 0, space, theta, 1e-9)
         return phi + step, sums.total - 2.0 * step @ sums.moment + step @ sums.gram @ step

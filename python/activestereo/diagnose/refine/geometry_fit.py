@@ -200,7 +200,7 @@ def _with_lens(evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarray
     scan = Fitter(seen, fitter.nuisance_prior, evidence.tiles, supersampled=False)
 
     def chi2(space: ParameterSpace, theta: np.ndarray) -> float:
-        return scan.nuisance_fit(space, theta, phi, scan.each_light(space, theta))[1]
+        return scan.nuisance_fit(space, theta, phi)[1]
 
     found, least = (space, space.start), (1.0 - _WORTH) * chi2(space, space.start)
     for lens in lenses:

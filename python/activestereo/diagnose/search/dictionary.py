@@ -15,7 +15,7 @@ import numpy as np
 
 from activestereo.common.processes import forked
 from activestereo.diagnose.refine import Fitter
-from activestereo.diagnose.refine.light import exposed
+from activestereo.diagnose.refine.light import AllPixels, exposed
 from activestereo.diagnose.search.linear import Columns, Linear
 from activestereo.effects import Effect, Model, Parameter, Stage
 from activestereo.effects.core.judging import StartImage
@@ -119,11 +119,12 @@ def _change(linear: Linear, model: Model, images: Sequence[np.ndarray]) -> Colum
 def start_images(linear: Linear) -> list[StartImage]:
     """The images at which an effect's own proposals look."""
     fitter, solution, images = linear.fitter, linear.solution, []
-    space, theta, phi = solution.space, solution.theta, solution.phi
-    lights = fitter.lights(space, theta)
-    for (o, slopes, residual), light in zip(fitter.slopes(space, theta, phi, lights, 0), lights, strict=True):
-        seen = residual if o.view.known is None else np.where(o.view.known, residual, 0.0)
-        images.append(StartImage(o.view, light, o.weight, seen, slopes[1] * phi[1], phi[1] * scales(o.frame)[1]))
+    phi, lights = solution.phi, fitter.lights(solution.space, solution.theta)
+    for (o, _, _, residual), light in zip(fitter.residuals(solution), lights, strict=True):
+        slopes = exposed(solution.model, AllPixels(o), light, phi, True)[1]
+        assert slopes is not None
+        ambient = phi[1] * slopes[1].reshape(o.measured.shape)
+        images.append(StartImage(o.view, light, o.weight, residual, ambient, phi[1] * scales(o.frame)[1]))
     return images
 
 

@@ -70,7 +70,7 @@ def _from_starts(
     """The best fit from the starts, each looked at once."""
     own = len(space.start) - len(effect.parameters)
     thetas = [np.concatenate([space.start[:own], [start[p.name] for p in effect.parameters]]) for start in starts]
-    seen = [fitter.nuisance_fit(space, theta, phi, fitter.each_light(space, theta))[1] for theta in thetas]
+    seen = [fitter.nuisance_fit(space, theta, phi)[1] for theta in thetas]
     chosen = [thetas[k] for k in np.argsort(seen)[:_FITTED]]
     fits = [fitter.refine(space, theta, phi, _STEPS) for theta in chosen]
     return min(fits, key=lambda f: f.sums.total)
