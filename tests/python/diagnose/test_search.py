@@ -81,6 +81,7 @@ def fitted(name, chi2):
         (Remainder(0.0, 0.3, 0.01, 0.01), True, True, EFFECT),
         (Remainder(0.0, 0.7, 0.01, 0.01), True, True, UNKNOWN),
         (Remainder(0.8, 0.4, 0.2, 0.6), True, True, UNKNOWN),
+        (Remainder(2.7, -0.4, 0.001, -0.013), True, True, EFFECT),
         (Remainder(0.2, 0.4, 0.0, 0.1), True, True, UNKNOWN),
         (Remainder(0.8, 0.02, 0.01, 0.6, strain=5.0), True, True, UNKNOWN),
     ],

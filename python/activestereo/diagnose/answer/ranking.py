@@ -46,7 +46,8 @@ def ranking_of(
     their scores. name_of: a material's name."""
     entries: dict[str, Json] = {}
     pixels = sum(o.pixels for o in outcome.fitter.observations)
-    before = max(outcome.first.sums.total / pixels - 1.0, 1e-9)
+    drawn = sum(name.gain for name in outcome.names if name.field is not None)  # the fits are of images without these
+    before = max(outcome.first.sums.total / pixels - 1.0 + drawn, 1e-9)
     known = 1.0 / (1.0 + _odds(outcome, numbers))
 
     def add(effect: Effect, gain: float, nats: float, p: float, found: Parameters, same: list[str]) -> None:
@@ -59,7 +60,7 @@ def ranking_of(
             "channel": "noise" if effect.id in outcome.noise else "infrared",
             "score_nats": nats,
             "confidence": p,
-            "explained_share": gain / before,
+            "explained_share": min(gain / before, 1.0),
             "gain_reduced_chi2": gain,
             "parameters": {q.name: parameter_json(q, found[q.name], name_of) for q in effect.parameters},
             "equivalent": same,

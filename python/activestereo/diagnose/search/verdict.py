@@ -29,7 +29,8 @@ def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
     """
     if not is_named or rest.explained <= 0.0:  # what repeats show explains nothing of the expected images
         return max(rest.left / numbers.scene_error, min(rest.structure, max(rest.left, 0.0)) / numbers.structure)
-    structure = max(rest.structure, 0.0) ** 2 / max(rest.structure_before, 1e-9) / numbers.structure_kept
+    structure = max(rest.structure, 0.0)
+    structure *= min(1.0, structure / max(rest.structure_before, 1e-9)) / numbers.structure_kept
     return max(structure, rest.left / max(rest.explained, numbers.structure), rest.strain / numbers.strain)
 
 
