@@ -107,7 +107,7 @@ class KuafuRenderer:
         )
         few, fewer = (
             _with_share_of_samples(request, matt_world.FINER**2 * share)
-            for share in (matt_world.BOUNCED_SHARE, matt_world.FIRST_SHARE)
+            for share in (matt_world.bounced_share(request.cameras[0]), matt_world.FIRST_SHARE)
         )
         _place_projector(world, request, world.texture)
         bounced = self._render(
@@ -119,14 +119,14 @@ class KuafuRenderer:
         light = np.stack([bounced["projector_indirect"], bounced["ambient"], sky["ambient"]])[..., 0]
 
         def layers(i: int) -> Layers:
-            own, camera = matt_world.surfaces_of(seen, i, request.cameras[i]), wide[i]
+            albedo = first["albedo"][i, ..., 0]
+            own = matt_world.surfaces_of(seen, i, request.cameras[i], albedo)
             indirect, ambient, direct_sky = matt_world.bounced_light(
-                light[:, i], matt_world.surfaces_of(bounced, i, camera), own, camera.K[0, 0]
+                light[:, i], matt_world.surfaces_of(bounced, i, wide[i], albedo), own, wide[i].K[0, 0]
             )
             direct, flat = matt_world.first_light(first, i, request.pattern)
-            return Layers(
-                direct, indirect, ambient, flat, own.depth_m, seen["normal"][i].copy(), own.material, direct_sky
-            )
+            depth_m, normal, material = (seen[name][i].copy() for name in matt_world.SURFACE)
+            return Layers(direct, indirect, ambient, flat, depth_m[..., 0], normal, material[..., 0], direct_sky)
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             return tuple(pool.map(layers, range(len(request.cameras))))

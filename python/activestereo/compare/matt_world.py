@@ -3,12 +3,14 @@
 
 Light off the first surface follows from geometry (Lambert): albedo / pi x cos / distance^2 x visibility x pattern,
 at the centres of FINER x FINER squares of each pixel. It has no noise. Bounced light has no dots: it is rendered with
-few samples in wider pixels, smoothed along surfaces, and brought to the finer pixels of the same surface.
+few samples in wider pixels. Divided by the albedo it is smoothed along surfaces, whatever is painted on them, and
+brought to the finer pixels of the same surface.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,24 +23,43 @@ from activestereo.effects.engines.smooth import Surfaces, alike, smooth_bounced
 # Squares along each side of a pixel; bounced light's pixels are as many pixels wide.
 FINER = 2
 FIRST = ("albedo", "projector_geometry", "projector_visibility", "projector_uv")
-SURFACE = ("depth", "normal", "material_id")
+SURFACE = "depth", "normal", "material_id"
 # Part of a view's samples that light by way of surfaces and from the sky takes, and the first surface's geometry.
-BOUNCED_SHARE, FIRST_SHARE = 0.25, 1.0 / 16.0
+_BOUNCED_SHARE, FIRST_SHARE = 0.25, 1.0 / 16.0
+# Images smaller than so many pixels share that many pixels' samples, up to so many times their own.
+_SHARED_PIXELS, _MOST_TIMES = 424 * 240, 4.0
 # Light that would come to a pixel from no neighbour of its surface comes from all of them.
 _LEAST_ALIKE = 1e-4
+# Pixels that see the sky beside a surface; 1 are those of surfaces, 0 of the sky.
+_MIXED = 2
 # Changes whenever the light does.
-VERSION = 2
+VERSION = 3
 
 
-def surfaces_of(images: Mapping[str, NDArray], i: int, camera: ViewCamera) -> Surfaces:
-    """The Surfaces of camera i, whose images hold SURFACE."""
+class MattSurfaces(NamedTuple):
+    """Surfaces that a camera sees, alike across what is painted on them, and their albedo [height][width]."""
+
+    surfaces: Surfaces
+    albedo: NDArray[np.float32]
+
+
+def bounced_share(camera: ViewCamera) -> float:
+    """The part of a view's samples that light by way of surfaces and from the sky takes."""
+    return _BOUNCED_SHARE * float(np.clip(_SHARED_PIXELS / (camera.width * camera.height), 1.0, _MOST_TIMES))
+
+
+def surfaces_of(images: Mapping[str, NDArray], i: int, camera: ViewCamera, albedo: NDArray[np.float32]) -> MattSurfaces:
+    """The surfaces of camera i, whose images hold SURFACE. albedo: at finer squares than the camera's pixels."""
     depth_m, K = images["depth"][i, ..., 0], camera.K
     row, column = np.indices(depth_m.shape, dtype=np.float32)
     y = (row - K[1, 2]) / K[1, 1]
     x = (column - K[0, 2] - K[0, 1] * y) / K[0, 0]
     normal = images["normal"][i] @ camera.camera_to_world[:3, :3]
     points = np.stack([x * depth_m, y * depth_m, depth_m], axis=-1)
-    return Surfaces.of(depth_m, normal, points, images["material_id"][i, ..., 0])
+    squares = -(-albedo.shape[1] // depth_m.shape[1])
+    mean, covered = _means(albedo, squares), _means((albedo > 0).astype(np.float32), squares)
+    whole = np.where((covered == 0.0) | (covered == 1.0), depth_m > 0, _MIXED)
+    return MattSurfaces(Surfaces.of(depth_m, normal, points, whole), mean)
 
 
 def is_matt_world(scene: kuafu.Scene) -> bool:
@@ -67,28 +88,36 @@ def first_light(images: Mapping[str, NDArray], i: int, pattern: NDArray) -> tupl
     direct[lit] = flat[lit] * map_coordinates(
         np.asarray(pattern, np.float32), [v, u], np.float32, order=1, mode="grid-constant"
     )
-    return _means(direct), _means(flat)
+    return _means(direct, FINER), _means(flat, FINER)
 
 
-def _means(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    rows = np.add.reduce([image[k::FINER] for k in range(FINER)])
-    return np.add.reduce([rows[:, k::FINER] for k in range(FINER)]) / np.float32(FINER**2)
+def _means(image: NDArray[np.float32], squares: int) -> NDArray[np.float32]:
+    """The mean of so many squares along each side of a pixel."""
+    rows, columns = (-n % squares for n in image.shape)
+    image = np.pad(image, ((0, rows), (0, columns)), mode="edge")
+    down = np.add.reduce([image[k::squares] for k in range(squares)])
+    return np.add.reduce([down[:, k::squares] for k in range(squares)]) / np.float32(squares**2)
 
 
-def bounced_light(light: NDArray[np.float32], wide: Surfaces, fine: Surfaces, focal_px: float) -> NDArray[np.float32]:
+def bounced_light(
+    light: NDArray[np.float32], wide: MattSurfaces, fine: MattSurfaces, focal_px: float
+) -> NDArray[np.float32]:
     """Images [n][height][width] in wide pixels as the fine ones have them. focal_px: of the wide ones."""
-    smooth = smooth_bounced(light, wide, focal_px)
-    total, weights = np.zeros((len(light), *fine.depth_m.shape), np.float32), np.zeros(fine.depth_m.shape, np.float32)
-    (above, below), (left, right) = (
-        _neighbours(n, m) for n, m in zip(fine.depth_m.shape, wide.depth_m.shape, strict=True)
-    )
+    hit, shape = wide.albedo > 0, fine.albedo.shape
+    per_albedo = np.where(hit, light / np.where(hit, wide.albedo, 1.0), light)
+    smooth = smooth_bounced(per_albedo, wide.surfaces, focal_px)
+    total, weights = np.zeros((len(light), *shape), np.float32), np.zeros(shape, np.float32)
+    (above, below), (left, right) = (_neighbours(n, m) for n, m in zip(shape, wide.albedo.shape, strict=True))
     for rows, of_rows in (above, below):
         for columns, of_columns in (left, right):
             at = np.ix_(rows, columns)
-            weight = np.outer(of_rows, of_columns).astype(np.float32) * (_LEAST_ALIKE + alike(fine, wide.at(at)))
+            weight = np.outer(of_rows, of_columns).astype(np.float32)
+            there = wide.surfaces.at(at)
+            weight *= _LEAST_ALIKE + alike(fine.surfaces, there)
+            weight *= np.where(there.material == _MIXED, _LEAST_ALIKE**2, 1.0)
             total += weight * smooth[:, at[0], at[1]]
             weights += weight
-    return total / weights
+    return total / weights * np.where(fine.albedo > 0, fine.albedo, 1.0)
 
 
 def _neighbours(count: int, wide: int) -> tuple[tuple[NDArray, NDArray], tuple[NDArray, NDArray]]:

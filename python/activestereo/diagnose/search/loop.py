@@ -5,11 +5,12 @@ One dictionary serves all rounds. After a name the weights are estimated again, 
 and for misplaced edges, and the rig is measured again beside it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from activestereo.capture.capture import SIDES, ImageKey
 from activestereo.diagnose.channels.field_fit import FieldFit, has_extended_draws
 from activestereo.diagnose.channels.noise_model import NoiseTerm, noise_terms
 from activestereo.diagnose.evidence import Evidence
@@ -22,14 +23,13 @@ from activestereo.diagnose.score.structure import local_structure
 from activestereo.diagnose.search.dictionary import Atom, atoms_of, carried, columns_of
 from activestereo.diagnose.search.fields import fields_of
 from activestereo.diagnose.search.linear import Columns, Linear, fitted_model, linearised, some_pixels
-from activestereo.diagnose.search.refit import Refit, refits
+from activestereo.diagnose.search.refit import Refit, formula_error, refits
 from activestereo.diagnose.search.rendered import Rendering
 from activestereo.diagnose.search.scores import scores
 from activestereo.diagnose.search.selection import Candidate, by_chance, candidates, credible
 from activestereo.diagnose.search.verdict import Remainder
 from activestereo.diagnose.search.weights import weighed_again
 from activestereo.effects import Effect, Model, Stage
-from activestereo.effects.core.differences import known_differences
 from activestereo.effects.core.judging import Channel
 
 # Effects that are fitted are the best few, and gain this part of the best by their lines; a fit gains at most so many
@@ -40,8 +40,6 @@ _SETTLING = 3
 _OF_A_FIELD = -3.0
 # A term of the noise has to be this share of it.
 _NOISE_SHARE = 0.1
-# No formula is more exact than this share of its squared signature.
-_LEAST_ERROR = 1e-3
 
 Located = Callable[[Model, Evidence], tuple[Evidence, Rendering | None]]
 Fields = dict[str, tuple[float, FieldFit]]
@@ -122,6 +120,7 @@ class Search:
         self._numbers, self._rendering, self._located = numbers, rendering, located
         self._memory, self._workers, self._looks_like = memory, workers, looks_like
         self._names: list[Name] = []
+        self._drawn: dict[ImageKey, np.ndarray] = {}
         self._needless: set[str] = set()
         self._rounds: list[Round] = []
         self._measured = evidence
@@ -201,6 +200,7 @@ class Search:
         floor = self._floor()
         by_line = _LINE_SHORT * max((c.gain for c in found.values()), default=0.0)
         fields = self._fields() if by_line < _CLEAR * floor or self._names else {}
+        fields = {name: f for name, f in fields.items() if f[0] * self._chi2 > self._floor_of_draws()}
         by_draws = self._chi2 * max((share for share, _ in fields.values()), default=0.0)
         now = Round(found, fields, self._chi2, floor / self._chi2, self._structure)
         self._rounds.append(now)
@@ -223,7 +223,7 @@ class Search:
         if gain < max(floor, chance):
             return False
         effect = next(e for e in self._effects if e.id == name)
-        is_rendered = name not in fits or fits[name].rendered
+        is_rendered = name in fits and fits[name].rendered
         missed = 0.0 if is_rendered else formula_error(effect, numbers.formula_error)
         drawn = fields[name][1] if name not in fits else None
         named = Name(effect, members, gain / self._pixels, missed, drawn, now)
@@ -239,6 +239,12 @@ class Search:
         numbers = self._numbers
         missed = self._pixels * sum(n.gain * n.missed for n in self._names)
         return max(numbers.least_excess * self._pixels, numbers.least_share * self._excess * self._pixels, missed)
+
+    def _floor_of_draws(self) -> float:
+        """The fall of chi2 that a field needs beside other fields: every image adds its noise to what is known of their
+        draws, and the images of a camera share it."""
+        images = len(self._evidence.train) / len(SIDES)
+        return self._pixels * sum(n.gain for n in self._names if n.field is not None) / images
 
     def _fields(self) -> Fields:
         return fields_of(self._unnamed_effects(), self._rows, float(self._solution.phi[SCALES - 1]), self._numbers)
@@ -288,6 +294,7 @@ class Search:
         evidence = self._evidence
         if self._located is not None and not evidence.geometry.is_as_stated():
             evidence, self._rendering = self._located(fit.model, evidence)
+            evidence = self._less_draws(evidence, self._drawn)
         self._look_at(evidence)
         rows = self._rows_of(fit)
         self._look_at(weighed_again(evidence, fit.model, float(fit.phi[SCALES - 1]), rows))
@@ -295,10 +302,16 @@ class Search:
 
     def _take_draws(self, fit: FieldFit) -> None:
         """Goes on with images less the draws of a field."""
-        drawn = [row.residual - left for row, left in zip(self._rows, fit.residuals, strict=True)]
-        train = tuple(replace(o, measured=o.measured - d) for o, d in zip(self._evidence.train, drawn, strict=True))
-        self._look_at(replace(self._evidence, train=train))
+        pairs = zip(self._rows, fit.residuals, strict=True)
+        drawn = {row.observation.key: row.residual - left for row, left in pairs}
+        self._drawn = {key: image + self._drawn.get(key, 0.0) for key, image in drawn.items()}
+        self._look_at(self._less_draws(self._evidence, drawn))
         self._fit_again(self._solution)
+
+    @staticmethod
+    def _less_draws(evidence: Evidence, drawn: Mapping[ImageKey, np.ndarray]) -> Evidence:
+        train = tuple(replace(o, measured=o.measured - drawn.get(o.key, 0.0)) for o in evidence.train)
+        return replace(evidence, train=train)
 
     def _fit_again(self, fit: Solution) -> None:
         self._solution = self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING)
@@ -320,10 +333,3 @@ class Search:
                 self._needless.add(name.id)
                 self._solution = without
                 self._rows = self._rows_of(without)
-
-
-def formula_error(effect: Effect, otherwise: float) -> float:
-    """The share of an effect's squared signature that its formula misses: as measured against the engines, where it
-    was."""
-    measured = known_differences().get(effect.id)
-    return otherwise if measured is None else float(np.clip(measured**2, _LEAST_ERROR, 1.0 / 3.0))

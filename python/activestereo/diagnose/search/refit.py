@@ -10,12 +10,15 @@ from activestereo.diagnose.refine import Fitter, ParameterSpace, Solution
 from activestereo.diagnose.search.rendered import Rendering, fitted_to_renders, is_transport
 from activestereo.diagnose.search.selection import Candidate
 from activestereo.effects import Effect, Model
+from activestereo.effects.core.differences import known_differences
 
 # Fits have so many steps; those that come within this part of the best have more; the start is the best of all, the
 # fit the best of two.
 _STEPS, _MORE, _CLOSE, _FITTED = 4, 8, 0.85, 2
-# A formula that comes within this part of the best fit is worth the engine's images.
-_WORTH_RENDERS = 0.7
+# An effect whose formula was never measured may miss this share of its squared signature.
+_UNMEASURED = 1.0 / 3.0
+# No formula is more exact than this share of its squared signature.
+_LEAST_ERROR = 1e-3
 
 
 @dataclass(frozen=True)
@@ -58,10 +61,17 @@ def refits(
     most = max((base_chi2 - f.chi2 for f in found.values()), default=0.0)
     for name, f in found.items():
         if rendering is not None and is_transport(f.solution.effects[-1]):
-            if base_chi2 - f.chi2 > _WORTH_RENDERS * most:
+            if base_chi2 - f.chi2 > (1.0 - formula_error(f.solution.effects[-1], _UNMEASURED)) * most:
                 rendered = fitted_to_renders(fitter, f.solution, rendering)
                 found[name] = Refit(rendered, rendered is not f.solution)
     return found
+
+
+def formula_error(effect: Effect, otherwise: float) -> float:
+    """The share of an effect's squared signature that its formula misses: as measured against the engines, where it
+    was."""
+    measured = known_differences().get(effect.id)
+    return otherwise if measured is None else float(np.clip(measured**2, _LEAST_ERROR, _UNMEASURED))
 
 
 def _from_starts(
