@@ -12,9 +12,11 @@ from multiprocessing import RawArray
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from activestereo.common.processes import forked
 from activestereo.diagnose.refine import Fitter
+from activestereo.diagnose.refine.fit_cache import FitCache, content_key, effect_content
 from activestereo.diagnose.refine.light import AllPixels, exposed
 from activestereo.diagnose.search.linear import Columns, Linear
 from activestereo.effects import Effect, Model, Parameter, Stage
@@ -62,18 +64,50 @@ def atoms_of(linear: Linear, effects: Iterable[Effect], reach: float) -> list[At
     return atoms
 
 
-def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int) -> Columns:
-    """The columns [columns][n] of atoms in noise units, made by so many processes."""
+def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitCache | None = None) -> Columns:
+    """The columns [columns][n] of atoms in noise units, made by so many processes; memory keeps those of built-in
+    effects."""
+    known = [(a, content) for a in atoms if (content := effect_content(a.effect)) is not None]
+    kept = [a for a, _ in known]
+    columns = np.zeros((sum(len(a.steps) for a in atoms), len(linear.residual)), np.float32)
+
+    def made(some: Sequence[Atom]) -> Columns:
+        return _half(_made(linear, some, workers))
+
+    if memory is None:
+        stored = made(kept)
+    else:
+        key = content_key("columns", linear.residual, [(c, list(a.values.items()), a.steps) for a, c in known])
+        stored = memory.once(key, lambda: {"columns": made(kept)})["columns"]
+    others = [a for a in atoms if effect_content(a.effect) is None]
+    for some, of_some in ((kept, stored), (others, made(others))):
+        first = 0
+        for atom in some:
+            columns[atom.columns()] = of_some[first : first + len(atom.steps)]
+            first += len(atom.steps)
+    return columns
+
+
+def _half(columns: Columns) -> NDArray[np.float16]:
+    """Numbers of half the size: their rounding is far below the noise."""
+    most = np.finfo(np.float16).max
+    return np.clip(columns, -most, most).astype(np.float16)
+
+
+def _made(linear: Linear, atoms: Sequence[Atom], workers: int) -> Columns:
+    """The columns of atoms, one after the other."""
+    if not atoms:
+        return np.zeros((0, len(linear.residual)), np.float32)
     model, images = linear.solution.model, list(_images(linear, linear.solution.model))
     for effect in {atom.effect.id: atom.effect for atom in atoms}.values():
         if effect.prepare is not None:
             effect.prepare(o.view for o in linear.fitter.observations)
-    count, pixels = sum(len(atom.steps) for atom in atoms), len(linear.residual)
-    shared: Any = RawArray("f", max(1, count * pixels))
-    columns = np.frombuffer(shared, np.float32)[: count * pixels].reshape(count, pixels)
+    ends, pixels = np.cumsum([0, *(len(atom.steps) for atom in atoms)]), len(linear.residual)
+    shared: Any = RawArray("f", max(1, int(ends[-1]) * pixels))
+    columns = np.frombuffer(shared, np.float32)[: ends[-1] * pixels].reshape(ends[-1], pixels)
 
-    def fill(atom: Atom) -> None:
-        own = columns[atom.columns()]
+    def fill(i: int) -> None:
+        atom, own = atoms[i], columns[ends[i] : ends[i + 1]]
         own[0] = _change(linear, model.with_effect(atom.effect, **atom.values), images)
         if not own[0].any() and len(own) > 1 and atom.effect.parameters[0].name != atom.steps[0][0]:
             return  # a drift alone shows nothing here: the atoms of the first amplitude have it
@@ -82,10 +116,10 @@ def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int) -> Columns:
             moved = dict(atom.values) | {name: min(atom.values[name] + step, p.high)}
             column[:] = _change(linear, model.with_effect(atom.effect, **moved), images) - own[0]
 
-    made = {i for i, done in forked(fill, atoms, workers) if done.exception() is None}
-    for i, atom in enumerate(atoms):
-        if i not in made:
-            fill(atom)
+    done = {i for i, work in forked(fill, range(len(atoms)), workers) if work.exception() is None}
+    for i in range(len(atoms)):
+        if i not in done:
+            fill(i)
     return columns
 
 

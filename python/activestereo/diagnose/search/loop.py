@@ -134,7 +134,7 @@ class Search:
         linear = linearised(self._fitter, self._solution)
         images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
         atoms = atoms_of(linear, images, self._numbers.prior_reach)
-        columns = columns_of(linear, atoms, self._workers)
+        columns = columns_of(linear, atoms, self._workers, self._memory)
         while self._name_one(linear, self._unnamed(atoms), columns):
             before = linear.fitter
             self._drop_needless()
@@ -142,10 +142,10 @@ class Search:
             columns = carried(columns, before, self._fitter)
             self._structure = local_structure(self._rows)
         explained = (self._first.sums.total - self._solution.sums.total) / self._pixels
-        explained += sum(n.gain for n in self._names if n.field is not None)
+        drawn = sum(n.gain for n in self._names if n.field is not None)
         noise, unjudged = self._name_noise()
         left = self._excess - max((noise[n.id].repeats_reduced_chi2 for n in self._names if n.id in noise), default=0.0)
-        rest = Remainder(explained, left, self._structure, self._structure_before, self._strain())
+        rest = Remainder(explained + drawn, left, self._structure, self._structure_before, self._strain(), drawn)
         return Outcome(
             self._evidence, self._fitter, self._first, self._solution, tuple(self._rows), tuple(self._names), noise,
             unjudged, rest, tuple(self._rounds),

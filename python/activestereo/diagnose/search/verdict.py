@@ -10,7 +10,8 @@ EFFECT, NONE, UNKNOWN, UNDETERMINED = "effect", "none", "unknown", "undetermined
 
 @dataclass(frozen=True)
 class Remainder:
-    """Noise variances. explained: the fall of the mean square by all names. left: the mean square above the noise.
+    """Noise variances. explained: the fall of the mean square by all names; drawn: the part that is draws. left: the
+    mean square above the noise.
     structure: of what is left (score/structure.py); structure_before: without names. strain: how far a name takes the
     rig or an albedo beyond what is stated, in stated deviations."""
 
@@ -19,6 +20,7 @@ class Remainder:
     structure: float
     structure_before: float
     strain: float = 0.0
+    drawn: float = 0.0
 
 
 def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
@@ -26,12 +28,14 @@ def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
 
     Where nothing is named, errors of the scene measurement may leave some excess, but no structure. Beside a name the
     structure has to be a part of the first one, for formulas are not exact; and no more may be left than is explained.
+    As much again may be draws that no other image predicts.
     """
     if not is_named or rest.explained <= 0.0:  # what repeats show explains nothing of the expected images
         return max(rest.left / numbers.scene_error, min(rest.structure, max(rest.left, 0.0)) / numbers.structure)
     structure = max(rest.structure, 0.0)
     structure *= min(1.0, structure / max(rest.structure_before, 1e-9)) / numbers.structure_kept
-    return max(structure, rest.left / max(rest.explained, numbers.structure), rest.strain / numbers.strain)
+    left = rest.left / max(rest.explained + rest.drawn, numbers.structure)
+    return max(structure, left, rest.strain / numbers.strain)
 
 
 def verdict_of(rest: Remainder, is_named: bool, has_floor: bool, numbers: Numbers) -> str:
