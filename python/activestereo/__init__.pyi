@@ -16,6 +16,5 @@ from activestereo.sensor.gbuffer.stereo import GBufferStereo as GBufferStereo
 from activestereo.sensor.mounts import Mount as Mount
 from activestereo.sensor.mounts import Mounts as Mounts
 from activestereo.sensor.sensor import StereoDepthSensor as StereoDepthSensor
-from activestereo.sensor.spot_check import SpotCheck as SpotCheck
 
 __version__: str
