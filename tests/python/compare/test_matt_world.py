@@ -6,7 +6,7 @@ import pytest
 
 from activestereo.compare import matt_world
 from activestereo.compare.kuafu_renderer import KuafuRenderer
-from activestereo.compare.layers import rig_request, sampling_of
+from activestereo.compare.layers import ViewCamera, rig_request, sampling_of
 from activestereo.compare.surrogate import trial_capture
 
 LIGHTS = ("direct", "flat", "indirect", "ambient", "ambient_direct")
@@ -53,3 +53,29 @@ def test_depth_normals_and_materials_are_those_of_pixel_centres(views):
     np.testing.assert_allclose(views["geometry"].depth_m, views["few"].depth_m, rtol=1e-5)
     np.testing.assert_array_equal(views["geometry"].material, views["few"].material)
     np.testing.assert_allclose(views["geometry"].normal, views["few"].normal, atol=1e-5)
+
+
+def test_light_on_a_painted_wall_is_that_on_a_plain_one_times_its_paint():
+    """Lambert's law: what leaves a matt surface is its albedo times what arrives. The sky beside it is not spread."""
+    wide, fine = (of_wall(size) for size in (1, matt_world.FINER))
+    arriving = 0.7
+    sky = 30.0 * (wide.surfaces.material != 1)  # in its pixels alone, whole or beside the wall
+    light = (arriving * wide.albedo + sky).astype(np.float32)
+    seen = matt_world.bounced_light(light[None], wide, fine, 300.0)[0]
+    on_wall = fine.surfaces.material == 1
+    assert 0.4 < on_wall.mean() < 0.9
+    np.testing.assert_allclose(seen[on_wall], (arriving * fine.albedo)[on_wall], rtol=0.01)
+
+
+def of_wall(size):
+    """A wall of tiles, 2 m before a camera of 16 x 12 pixels times size; the sky beside it from an odd column on."""
+    height, width = 12 * size, 16 * size
+    squares = 2 * matt_world.FINER  # of the wide camera's pixels
+    row, column = np.indices((12 * squares, 16 * squares)) / squares
+    paint = np.where((np.floor(row / 1.7) + np.floor(column / 1.3)) % 2 == 0, 0.2, 0.8).astype(np.float32)
+    albedo = np.where(column < 12.6, paint, 0.0).astype(np.float32)
+    K = np.array([[300.0 * size, 0.0, 8.0 * size], [0.0, 300.0 * size, 6.0 * size], [0.0, 0.0, 1.0]])
+    depth_m = np.where(np.arange(width) + 0.5 < 12.6 * size, 2.0, 0.0) * np.ones((height, 1))
+    images = {"depth": depth_m[None, ..., None].astype(np.float32), "normal": np.zeros((1, height, width, 3))}
+    images["normal"][..., 2] = -1.0
+    return matt_world.surfaces_of(images, 0, ViewCamera(width, height, K, np.eye(4)), albedo)

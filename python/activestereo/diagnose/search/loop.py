@@ -293,8 +293,9 @@ class Search:
         """Goes on from a fit with a name more: weights and rig are estimated again beside it."""
         evidence = self._evidence
         if self._located is not None and not evidence.geometry.is_as_stated():
-            evidence, self._rendering = self._located(fit.model, evidence)
-            evidence = self._less_draws(evidence, self._drawn)
+            there, self._rendering = self._located(fit.model, evidence)
+            if there is not evidence:  # of the capture's own images
+                evidence = self._less_draws(there, self._drawn)
         self._look_at(evidence)
         rows = self._rows_of(fit)
         self._look_at(weighed_again(evidence, fit.model, float(fit.phi[SCALES - 1]), rows))
