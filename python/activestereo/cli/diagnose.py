@@ -155,7 +155,7 @@ def run(args: argparse.Namespace) -> None:
             engines=lambda capture: CaptureRenderer(capture, *sampled(capture)),
             binning=args.bin,
             reference=args.reference,
-            looks_like=lambda names: bar.tell(f"looks like {', '.join(names)}") if names else None,
+            says=bar.tell,
         )
         phases.begin(WRITING)
         paths = [write_diagnosis_report(diagnosis, args.out, effects, phases), *write_diagnosis(diagnosis, args.out)]

@@ -144,7 +144,7 @@ def diagnose(
     rendering: Callable[[Capture], Rendering] | None = None,
     engines: Callable[[Capture], CaptureRenderer] | None = None,
     binning: int | None = None,
-    looks_like: Callable[[Sequence[str]], object] = lambda names: None,
+    says: Callable[[str], object] = lambda text: None,
     reference: Sequence[str | Path] = (),
 ) -> Diagnosis:
     """A Diagnosis of the capture folder. CaptureError where the capture cannot be used.
@@ -155,8 +155,8 @@ def diagnose(
     each. rendering: makes a capture's engine, to whose images effects of light transport are fitted
     (diagnose/search/rendered.py). engines: as of compare(), for the same held-out figures. binning: the search looks at
     images averaged over so many pixels along rows and columns, None for usual_binning(); what is told of the model's
-    images is of whole ones. looks_like: called with the likeliest effects once all are scored. reference: captures of
-    the same unit when it was good, of rooms that `calibrate world` measured.
+    images is of whole ones. says: as of Settings. reference: captures of the same unit when it was good, of
+    rooms that `calibrate world` measured.
     """
     effects = library() if effects is None else effects
     reason = no_infrared(capture_path)
@@ -197,7 +197,7 @@ def diagnose(
     told |= {"progress": part_of(phases, 0.0, _BASE_SHARE), "scale": WARP_SCALE}
     base = partial(render_halves, renderer=renderer, cache=kept, **told)
     errors = ErrorsOfModels(whole, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0), kept)
-    settings = Settings(workers, phases, numbers, engine, memory, errors, located, looks_like)
+    settings = Settings(workers, phases, numbers, engine, memory, errors, located, says)
     try:
         diagnosis = examine(evidence, model, list(effects.values()), settings)
         return replace(diagnosis, made=RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed))
@@ -265,6 +265,8 @@ def examine(
     evidence, names, name_of = outcome.evidence, outcome.names, surface_text(evidence.capture.scene_path)
     verdict = verdict_of(outcome.rest, bool(names), evidence.has_floor, numbers)
     is_found = verdict == EFFECT
+    named = f" ({', '.join(name.id for name in names)})" if is_found else ""
+    settings.says(f"verdict: {verdict}{named}; test frames have to confirm it")
     solution = outcome.solution if is_found else outcome.first
     rows = outcome.rows if is_found or not names else _rows(evidence, solution)
     found = {name.id: parameters_of(outcome, name) for name in names}
@@ -339,13 +341,11 @@ def _searched(evidence: Evidence, given: Model, chosen: Sequence[Effect], settin
         None if located is None else there,
         settings.memory,
         settings.workers,
-        settings.looks_like,
+        settings.says,
     ).run()
 
 
-def _within_reach(
-    evidence: Evidence, candidates: Sequence[Effect]
-) -> tuple[list[Effect], list[tuple[Effect, str]]]:
+def _within_reach(evidence: Evidence, candidates: Sequence[Effect]) -> tuple[list[Effect], list[tuple[Effect, str]]]:
     """(effects that this evidence can judge, the others and why not)."""
     size = evidence.capture.binning
     pixels = f"it acts on single pixels, and the images were averaged over {size}x{size}: judge it with --bin 1"

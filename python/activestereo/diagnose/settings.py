@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from activestereo.common.phases import Phases
@@ -34,8 +34,8 @@ PHASES = {
 class Settings:
     """How evidence is examined. phases: told of each of PHASES but the first. rendering: the engine of the evidence.
     memory: where fits are kept, or None. errors: None leaves out the held-out figures of test frames. located: the
-    evidence, and its engine, from where the capture stands under a model; None leaves it where it is. looks_like:
-    called with the likeliest effects once all are scored."""
+    evidence, and its engine, from where the capture stands under a model; None leaves it where it is. says:
+    called with words: the likeliest effects once all are scored, and the verdict before test frames confirm it."""
 
     workers: int = 2
     phases: Phases | None = None
@@ -44,4 +44,4 @@ class Settings:
     memory: FitCache | None = None
     errors: ErrorsOfModels | None = None
     located: Callable[[Model, Evidence], tuple[Evidence, Rendering | None]] | None = None
-    looks_like: Callable[[Sequence[str]], object] = lambda names: None
+    says: Callable[[str], object] = lambda text: None

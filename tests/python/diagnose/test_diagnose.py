@@ -50,7 +50,7 @@ def diagnosed(folder, world, cache, effects=EFFECTS, **more):
 @pytest.fixture(scope="module")
 def hidden_shading(lab_world, lab_cache, tmp_path_factory):
     folder, words = altered(lab_world, tmp_path_factory.mktemp("shading") / "capture", shaded), []
-    diagnosis = diagnosed(folder, lab_world, lab_cache, looks_like=words.extend)
+    diagnosis = diagnosed(folder, lab_world, lab_cache, says=words.append)
     return folder, diagnosis, words
 
 
@@ -58,7 +58,8 @@ def test_a_hidden_lens_shading_is_named_and_its_exponent_found(hidden_shading):
     _, diagnosis, words = hidden_shading
     first = diagnosis.result["ranking"][0]
     assert (diagnosis.result["verdict"], diagnosis.result["added"]) == ("effect", ["vignetting"])
-    assert words[0] == first["effect"] == "vignetting"
+    assert first["effect"] == "vignetting" and words[0].startswith("looks like vignetting")
+    assert words[1].startswith("verdict: effect (vignetting)")
     found = first["parameters"]["exponent"]
     assert found["value"] == pytest.approx(EXPONENT, rel=0.1) and found["low"] < EXPONENT < found["high"]
 

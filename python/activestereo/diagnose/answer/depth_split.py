@@ -221,7 +221,5 @@ def _own_depths(capture: Capture) -> dict[int, NDArray[np.float32]]:
 
 def _depths(capture: Capture, errors: ImageErrors, found: ImageErrors, seed: int) -> Depths:
     """{frame id: the matched depths of the pairs that a model expects}, under the found model's noise."""
-    frames = model_depths(
-        capture, errors.measured, errors.predictions, found.views, found.noise_model, Model(), seed
-    )
+    frames = model_depths(capture, errors.measured, errors.predictions, found.views, found.noise_model, Model(), seed)
     return {d.frame.id: d for d in frames}

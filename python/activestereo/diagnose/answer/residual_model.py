@@ -109,9 +109,7 @@ _LIBRARY = (
 )
 
 
-def residual_model(
-    rows: Sequence[ImageResidual], black_dn: float, capture: str, seed: int = 0
-) -> ResidualModel:
+def residual_model(rows: Sequence[ImageResidual], black_dn: float, capture: str, seed: int = 0) -> ResidualModel:
     """The model of what a fit leaves of the train images. capture: its name."""
     stage = _stage(rows)
     tiles = [_tiles(row, stage, black_dn) for row in rows]

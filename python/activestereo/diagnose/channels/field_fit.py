@@ -56,9 +56,7 @@ def field_parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:
     return within_ranges(effect, found)
 
 
-def fit_fields(
-    effect: Effect, train: Sequence[ImageResidual], black_dn: float, numbers: Numbers
-) -> FieldFit | None:
+def fit_fields(effect: Effect, train: Sequence[ImageResidual], black_dn: float, numbers: Numbers) -> FieldFit | None:
     """The fields of a random effect, each fitted to the residual of those before it; None where the residual does not
     repeat or is not random.
 
@@ -78,9 +76,7 @@ def fit_fields(
         totals = _totals(rows)
         grid = draw_grid(term.shared_by, train[0].observation)
         sparse = numbers.outlier if term.sparse_share else None
-        if variance <= 0 or not (
-            term.sparse_share or _is_random(totals, variance, *grid, numbers.neighbours)
-        ):
+        if variance <= 0 or not (term.sparse_share or _is_random(totals, variance, *grid, numbers.neighbours)):
             sigma[term.parameter] = 0.0
             continue
         if term.shared_by is SharedBy.DOT:

@@ -274,9 +274,7 @@ class Fitter:
         width = _PRIOR_RANGES * (space.high - space.low)[:n_theta]
         return np.concatenate([1.0 / width**2, scales, 1.0 / self.nuisance_prior.sigma**2])
 
-    def nuisance_fit(
-        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray
-    ) -> tuple[np.ndarray, float]:
+    def nuisance_fit(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, float]:
         """phi refitted at fixed theta, and chi2, both with the model linear in phi."""
         sums, model = Sums.of_size(len(phi), self._tiles), self._prepared(space.model(theta))
         lights = (self.light(model, i) for i in range(len(self.observations)))

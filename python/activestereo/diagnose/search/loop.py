@@ -100,7 +100,7 @@ class Search:
     """A search among effects beside a given model.
 
     rendering: the engine, for what surfaces, air and lamps do. located: evidence, and its engine, from where the
-    capture stands under a model. looks_like: called with the likeliest effects once the scores are there.
+    capture stands under a model. says: called with the likeliest effects once the scores are there.
     """
 
     def __init__(
@@ -113,12 +113,12 @@ class Search:
         located: Located | None = None,
         memory: FitCache | None = None,
         workers: int = 1,
-        looks_like: Callable[[Sequence[str]], object] = lambda names: None,
+        says: Callable[[str], object] = lambda text: None,
     ) -> None:
         known = {e.id for e, _ in given.effects}
         self._given, self._effects = given, [e for e in effects if e.id not in known]
         self._numbers, self._rendering, self._located = numbers, rendering, located
-        self._memory, self._workers, self._looks_like = memory, workers, looks_like
+        self._memory, self._workers, self._says = memory, workers, says
         self._names: list[Name] = []
         self._drawn: dict[ImageKey, np.ndarray] = {}
         self._needless: set[str] = set()
@@ -195,8 +195,8 @@ class Search:
         """Names the effect that is likeliest to be missing, where one may be named."""
         numbers, seen = self._numbers, scores(linear, columns)
         found = candidates(atoms, seen)
-        if not self._rounds:
-            self._looks_like(list(found)[:3])
+        if found and not self._rounds:
+            self._says(f"looks like {', '.join(list(found)[:3])}")
         floor = self._floor()
         by_line = _LINE_SHORT * max((c.gain for c in found.values()), default=0.0)
         fields = self._fields() if by_line < _CLEAR * floor or self._names else {}
