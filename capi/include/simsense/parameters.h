@@ -158,7 +158,7 @@ typedef struct simsense_parameters {
    * this check off. [0..1] */
   float min_correlation;
   /* Side of that window. The mean is that of a square of half its side. [5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27,
-   * 29 or 31 px; 21 by default] */
+   * 29 or 31 px; 0 means 21; 21 by default] */
   uint32_t correlation_window;
 } simsense_parameters;
 static inline simsense_parameters simsense_parameters_init(void) {

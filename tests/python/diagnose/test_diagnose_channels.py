@@ -22,7 +22,8 @@ LAB = Path(activestereo.diagnose.__file__).resolve().parent
 
 
 def test_no_effect_is_named_in_the_lab():
-    for path in LAB.rglob("*.py"):
+    # A room's plan and the spread between its sessions are told by effect.
+    for path in (path for path in LAB.rglob("*.py") if path.parent.name != "room"):
         texts = {
             n.value
             for n in ast.walk(ast.parse(path.read_text()))

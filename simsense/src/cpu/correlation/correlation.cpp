@@ -129,8 +129,8 @@ class Window {
 };
 
 void check_band(const Pair& pair, const MatchParameters& p, size_t begin, size_t end, const MatchMaps& maps) {
-  Window window(pair, p.correlation_window);
-  const size_t reach = p.correlation_window / 2, first = begin - std::min(begin, reach);
+  Window window(pair, p.correlation_side());
+  const size_t reach = p.correlation_side() / 2, first = begin - std::min(begin, reach);
   size_t next = first;
   for (size_t y = begin; y < end; ++y) {
     if (y > first + reach) window.drop(y - reach - 1);
@@ -152,7 +152,7 @@ void CorrelationCheck::apply(const MatchParameters& p, ConstImage left, ConstIma
                              const MatchMaps& maps, ks::ThreadPool& workers) {
   constexpr size_t band = 64;
   const size_t bands = (height + band - 1) / band;
-  const uint32_t mean_side = correlation_mean_side(p.correlation_window);
+  const uint32_t mean_side = correlation_mean_side(p.correlation_side());
   for (auto& high : high_) high.resize(width * height);
   workers.parallel_for(2 * bands, [&](size_t i) {
     const size_t side = i % 2, begin = i / 2 * band;

@@ -23,7 +23,7 @@ void VulkanCorrelation::record(ks::Commands& commands, const MatchBuffers& buffe
   high.image_stride = arrays.image_stride ? arrays.image_stride : plan_.width * plan_.height;
   high.width = plan_.width;
   high.height = plan_.height;
-  high.mean_side = correlation_mean_side(parameters_.correlation_window);
+  high.mean_side = correlation_mean_side(parameters_.correlation_side());
   high.part = correlation_part(high.mean_side);
   for (const uint32_t side : {0u, 1u}) {
     const uint64_t image = side == 0 ? arrays.left : arrays.right;
@@ -42,7 +42,7 @@ void VulkanCorrelation::record(ks::Commands& commands, const MatchBuffers& buffe
   push.reason = arrays.reason;
   push.width = plan_.width;
   push.height = plan_.height;
-  push.reach = static_cast<int>(parameters_.correlation_window / 2);
+  push.reach = static_cast<int>(parameters_.correlation_side() / 2);
   push.least = parameters_.min_correlation;
   push.invalid = parameters_.invalid_disparity();
   push.maps = arrays.maps();
