@@ -115,13 +115,13 @@ def read_scores(paths: Sequence[Path]) -> Scores:
     worlds = list(dict.fromkeys(world for own in values.values() for world in own))
     every = {view for own in values.values() for of_views in own.values() for view in of_views if view}
     out: Scores = {}
-    for (criterion, method), own in values.items():
-        views = sorted(every) if any(view for of_views in own.values() for view in of_views) else [""]
+    for (criterion, method), of_worlds in values.items():
+        views = sorted(every) if any(view for of_views in of_worlds.values() for view in of_views) else [""]
         for world in worlds:
-            if missing := [view for view in views if view not in own.get(world, {})]:
+            if missing := [view for view in views if view not in of_worlds.get(world, {})]:
                 place = f" view {missing[0]} in" if missing[0] else ""
                 raise ValueError(f"{paths[-1]}: {method} has no line of{place} {world}, criterion {criterion}")
-        out.setdefault(criterion, {})[method] = {w: np.array([own[w][view] for view in views]) for w in worlds}
+        out.setdefault(criterion, {})[method] = {w: np.array([of_worlds[w][view] for view in views]) for w in worlds}
     return out
 
 

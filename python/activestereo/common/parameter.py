@@ -47,8 +47,11 @@ def _parameter(row: dict[str, Any]) -> Parameter:
     default = row["default"] if row["default"] is None else kind(row["default"])
     low, high = row.get("range", (None, None))
     ends = (-inf if low is None else low, inf if high is None else high)
-    tuples = {name: tuple(row.get(name, ())) for name in ("choices", "allowed")}
-    return Parameter(**{**row, **tuples, "kind": kind, "default": default, "range": ends if "range" in row else None})
+    tuples: dict[str, Any] = {name: tuple(row.get(name, ())) for name in ("choices", "allowed")}
+    values: dict[str, Any] = (
+        row | tuples | {"kind": kind, "default": default, "range": ends if "range" in row else None}
+    )
+    return Parameter(**values)
 
 
 _TABLES = read_json(Path(__file__).with_name("parameters.json"))

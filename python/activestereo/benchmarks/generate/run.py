@@ -74,9 +74,9 @@ def generate(
     bop.remove_left_over(out, set(missing))
     start = time.monotonic()
     made = _made(settings, out, missing, workers) if ray is None else made_by_ray(settings, out, missing, *ray)
-    for done, _ in enumerate(made, 1):
+    for count_made, _ in enumerate(made, 1):
         if progress is not None:
-            progress(done / len(missing))
+            progress(count_made / len(missing))
     seconds = time.monotonic() - start
     others = sum(not bop.is_done(out, frame) for frame in range(count))
     done = Done(len(missing), len(own) - len(missing), others, seconds)

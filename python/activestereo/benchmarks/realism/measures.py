@@ -17,8 +17,10 @@ _STEP_PX, _NEAR_EDGE_PX, _RUN_PX = 3.0, 5, 12
 _BETWEEN_PX = 1.0  # a flying pixel is so far from both surfaces
 _LEAST_MEASURED = 0.5  # of a patch
 _MOST_LAG_PX = 12
-_PLAIN = ("fill, %", "invented, %", "hole IoU", "edge width, px", "flying pixels, %", "dead band, px")
-_PLAIN += ("noise's correlation, px",)
+_PLAIN = (
+    "fill, %", "invented, %", "hole IoU", "edge width, px", "flying pixels, %", "dead band, px",
+    "noise's correlation, px",
+)  # fmt: skip
 _BINNED = ("bias, px", "spatial noise, px", "temporal noise, px")
 BLACK = "black level, DN"
 

@@ -121,7 +121,7 @@ def held_out_figures(
     before, after = errors.given(given), errors.found(written)
     standing = before if errors.stands is None else errors.standing(given)
     floors = {split: e["noise_floor_dn"] for split, e in after.by_split().items()}
-    figures = {
+    figures: dict[str, Any] = {
         "heldout_ir_rmse_before": _rmse(before, "test"),
         "heldout_ir_rmse_geometry": _rmse(standing, "test"),
         "heldout_ir_rmse_after": _rmse(after, "test"),

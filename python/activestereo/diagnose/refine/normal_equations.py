@@ -84,7 +84,8 @@ class Sums:
         """The Sums over observations that as_arrays() gave."""
         clusters = dict.fromkeys(map(cluster_of, observations))
         blocks = {cluster: arrays[f"block_{i}"] for i, cluster in enumerate(clusters) if f"block_{i}" in arrays}
-        return cls(*(arrays[name] for name in _PLAIN), blocks)
+        gram, moment, tile_chi2 = (arrays[name] for name in _PLAIN)
+        return cls(gram, moment, tile_chi2, blocks)
 
     def as_arrays(self) -> dict[str, np.ndarray]:
         """By name; those by block in the order of the observations."""

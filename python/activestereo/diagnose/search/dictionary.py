@@ -71,7 +71,7 @@ def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitC
     kept = [a for a, _ in known]
     columns = np.zeros((sum(len(a.steps) for a in atoms), len(linear.residual)), np.float32)
 
-    def made(some: Sequence[Atom]) -> Columns:
+    def made(some: Sequence[Atom]) -> NDArray[np.float16]:
         return _half(_made(linear, some, workers))
 
     if memory is None:
