@@ -19,10 +19,21 @@ from suite_bars import BARS
 
 FOLDER = Path(__file__).resolve().parent
 RESULTS = FOLDER / "results"
-BEFORE = (
-    "All answers on this page are of the search by rules and thresholds, with its option `--greedy`. The search that\n"
-    "scores all effects first has taken its place."
-)
+BEFORE = """All further answers on this page are of the search by rules and thresholds, with its option `--greedy`. The
+search that scores all effects first has taken its place: {machine}.
+
+    {command}
+
+"""
+
+
+def of_scores():
+    """The first results of the search that scores all effects first."""
+    found = json.loads((RESULTS / "by_scores.json").read_text())
+    rows = [f"|{name}|{value}|" for name, value in found["rows"]]
+    return BEFORE.format(**found) + "\n".join(["|measure|answers|", "|--|--|", *rows])
+
+
 HEAD = """# The benchmark suite
 
 Does `activestereo diagnose` find an effect that it does not know? An independent virtual sensor
@@ -83,7 +94,7 @@ def make_page():
     runs = [json.loads(path.read_text()) for path in RESULTS.glob("generation-*.json")]
     runs.sort(key=lambda run: (run["date"], run["generation"]), reverse=True)
     own = runs[-1]
-    lines = [HEAD, "## How often it is right", "", BEFORE, "", *_measures(runs), ""]
+    lines = [HEAD, "## How often it is right", "", of_scores(), "", *_measures(runs), ""]
     lines += [f"By strength, of generation {own['generation']}:", "", *_strengths(own["by_strength"]), ""]
     lines += ["![Answers by strength](answers.png)", "", "![Truth against the first name](confusion.png)", ""]
     lines += ["![Stated confidence against how often it was right](calibration.png)", "", "## What goes wrong", ""]
