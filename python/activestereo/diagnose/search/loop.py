@@ -223,8 +223,9 @@ class Search:
         if gain < max(floor, chance):
             return False
         effect = next(e for e in self._effects if e.id == name)
-        is_rendered = name in fits and fits[name].rendered
-        missed = 0.0 if is_rendered else formula_error(effect, numbers.formula_error)
+        missed = numbers.formula_error
+        if name in fits and not fits[name].rendered:
+            missed = max(2.0 * missed, formula_error(effect, missed))
         drawn = fields[name][1] if name not in fits else None
         named = Name(effect, members, gain / self._pixels, missed, drawn, now)
         self._names.append(named)
