@@ -21,7 +21,7 @@ class Accuracy:
 
 
 def is_invented(measured: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """Where a depth was measured of nothing, or one that is off by more than 5 %. measured, true: metres, 0 = none."""
+    """Whether a depth was measured of nothing, or is off by more than 5 %. measured, true: metres, 0 = none."""
     return (measured > 0) & ((true <= 0) | (np.abs(measured - true) > INVENTED_SHARE * true))
 
 

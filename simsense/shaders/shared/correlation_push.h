@@ -12,7 +12,7 @@
 namespace simsense {
 #endif
 
-/// Of one image of each pair.
+/// One image of each pair.
 struct HighPassPush {
   UintArray image;  // as CensusPush has it
   ByteArray high;   // [P][height][width], signed

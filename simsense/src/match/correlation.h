@@ -21,7 +21,7 @@ namespace simsense {
 /// Side of the square whose mean is taken from a count, px, odd.
 constexpr uint32_t correlation_mean_side(uint32_t window) { return window / 2 | 1; }
 
-/// What a square's sum of counts is divided by, in 65536ths.
+/// A pixel's part in the mean of a square of so many px a side, in 65536ths.
 constexpr int32_t correlation_part(uint32_t mean_side) {
   const auto area = static_cast<int32_t>(mean_side * mean_side);
   return (65536 + area / 2) / area;

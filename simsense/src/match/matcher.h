@@ -39,7 +39,7 @@ struct MatchParameters : MatchFields {
   [[nodiscard]] uint32_t block_area() const { return block_width * block_height; }
   [[nodiscard]] bool refines() const { return subpixel == Subpixel::lucas_kanade; }
   [[nodiscard]] bool correlates() const { return min_correlation > 0; }
-  /// Of the window; a client of an earlier header states none.
+  /// The side of the window; a client of an earlier header states none.
   [[nodiscard]] uint32_t correlation_side() const { return correlation_window == 0 ? 21 : correlation_window; }
   /// What an invalid pixel's disparity is: below every valid one.
   [[nodiscard]] float invalid_disparity() const { return static_cast<float>(min_disparity < 0 ? min_disparity - 1 : -1); }

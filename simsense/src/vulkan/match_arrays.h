@@ -10,7 +10,7 @@
 
 namespace simsense {
 
-/// Of one pass through the stages, by device address: [pairs][height][width].
+/// The arrays of one pass through the stages, by device address: [pairs][height][width].
 struct MatchArrays {
   uint64_t left = 0, right = 0;                // at a multiple of element_bytes
   uint32_t element_bytes = 1;                  // 1 or 2 per pixel
@@ -18,6 +18,8 @@ struct MatchArrays {
   uint64_t disparity = 0;                      // 32-bit float, packed
   uint64_t confidence = 0, reason = 0;         // 32-bit float, MatchReason; 0 = not wanted
 
+  [[nodiscard]] uint32_t pitch(const MatchPlan& plan) const { return image_pitch ? image_pitch : plan.width; }
+  [[nodiscard]] uint32_t stride(const MatchPlan& plan) const { return image_stride ? image_stride : plan.width * plan.height; }
   /// MAPS_*
   [[nodiscard]] uint32_t maps() const { return (confidence ? MAPS_CONFIDENCE : 0u) | (reason ? MAPS_REASON : 0u); }
 };
@@ -31,7 +33,7 @@ struct MatchBuffers {
 
   /// Address of the disparities after the median.
   [[nodiscard]] uint64_t after_median(const MatchArrays& arrays) const { return filtered ? filtered->address() : arrays.disparity; }
-  /// Of those after the refinement. Nobody reads the unchecked ones any more.
+  /// Address of the disparities after the refinement. Nobody reads the unchecked ones any more.
   [[nodiscard]] uint64_t refined(const MatchArrays& arrays) const {
     if (!high[0]) return arrays.disparity;
     return cells ? unchecked->address() : filtered->address();

@@ -63,7 +63,7 @@ class RoomImage:
 
 @dataclass(frozen=True)
 class Places:
-    """Where the pixels of one image lie in another one: column, row, and whether it sees the same surface."""
+    """The places of one image's pixels in another one: column, row, and whether it sees the same surface."""
 
     column: Image
     row: Image

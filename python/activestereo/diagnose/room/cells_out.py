@@ -84,7 +84,7 @@ def _changed(light: RoomLight, column: Column, k: int, bands: Sequence[str]) -> 
 
 @dataclass(frozen=True)
 class _Frame:
-    """Where the cells of one view and band lie in the images that see them."""
+    """The places of one view's cells of a band in the images that see them."""
 
     room: Room
     view: int

@@ -67,20 +67,16 @@ def atoms_of(linear: Linear, effects: Iterable[Effect], reach: float) -> list[At
 def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitCache | None = None) -> Columns:
     """The columns [columns][n] of atoms in noise units, made by so many processes; memory keeps those of built-in
     effects."""
-    known = [(a, content) for a in atoms if (content := effect_content(a.effect)) is not None]
-    kept = [a for a, _ in known]
-    columns = np.zeros((sum(len(a.steps) for a in atoms), len(linear.residual)), np.float32)
-
-    def made(some: Sequence[Atom]) -> NDArray[np.float16]:
-        return _half(_made(linear, some, workers))
-
+    contents = {a.effect.id: effect_content(a.effect) for a in atoms}
+    known, own = ([a for a in atoms if (contents[a.effect.id] is None) == is_own] for is_own in (False, True))
     if memory is None:
-        stored = made(kept)
+        stored = _made(linear, known, workers)
     else:
-        key = content_key("columns", linear.residual, [(c, list(a.values.items()), a.steps) for a, c in known])
-        stored = memory.once(key, lambda: {"columns": made(kept)})["columns"]
-    others = [a for a in atoms if effect_content(a.effect) is None]
-    for some, of_some in ((kept, stored), (others, made(others))):
+        shapes = [(contents[a.effect.id], list(a.values.items()), a.steps) for a in known]
+        key = content_key("columns", linear.residual, shapes)
+        stored = memory.once(key, lambda: {"columns": _made(linear, known, workers)})["columns"]
+    columns = np.zeros((sum(len(a.steps) for a in atoms), len(linear.residual)), np.float32)
+    for some, of_some in ((known, stored), (own, _made(linear, own, workers))):
         first = 0
         for atom in some:
             columns[atom.columns()] = of_some[first : first + len(atom.steps)]
@@ -88,16 +84,10 @@ def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitC
     return columns
 
 
-def _half(columns: Columns) -> NDArray[np.float16]:
-    """Numbers of half the size: their rounding is far below the noise."""
-    most = np.finfo(np.float16).max
-    return np.clip(columns, -most, most).astype(np.float16)
-
-
-def _made(linear: Linear, atoms: Sequence[Atom], workers: int) -> Columns:
-    """The columns of atoms, one after the other."""
+def _made(linear: Linear, atoms: Sequence[Atom], workers: int) -> NDArray[np.float16]:
+    """The columns of atoms, one after the other, in numbers of half the size: their rounding is far below the noise."""
     if not atoms:
-        return np.zeros((0, len(linear.residual)), np.float32)
+        return np.zeros((0, len(linear.residual)), np.float16)
     model, images = linear.solution.model, list(_images(linear, linear.solution.model))
     for effect in {atom.effect.id: atom.effect for atom in atoms}.values():
         if effect.prepare is not None:
@@ -120,7 +110,8 @@ def _made(linear: Linear, atoms: Sequence[Atom], workers: int) -> Columns:
     for i in range(len(atoms)):
         if i not in done:
             fill(i)
-    return columns
+    most = np.finfo(np.float16).max
+    return np.clip(columns, -most, most).astype(np.float16)
 
 
 def carried(columns: Columns, before: Fitter, after: Fitter) -> Columns:

@@ -17,8 +17,6 @@ from activestereo.effects.core.differences import known_differences
 _STEPS, _MORE, _CLOSE, _FITTED = 4, 8, 0.85, 2
 # An effect whose formula was never measured may miss this share of its squared signature.
 _UNMEASURED = 1.0 / 3.0
-# No formula is more exact than this share of its squared signature.
-_LEAST_ERROR = 1e-3
 
 
 @dataclass(frozen=True)
@@ -71,7 +69,7 @@ def formula_error(effect: Effect, otherwise: float) -> float:
     """The share of an effect's squared signature that its formula misses: as measured against the engines, where it
     was."""
     measured = known_differences().get(effect.id)
-    return otherwise if measured is None else float(np.clip(measured**2, _LEAST_ERROR, _UNMEASURED))
+    return otherwise if measured is None else min(measured**2, _UNMEASURED)
 
 
 def _from_starts(

@@ -10,7 +10,7 @@
 namespace simsense::cpu {
 namespace {
 
-/// Of consecutive values, beginning at each of the first ones.
+/// Sums of count consecutive values, beginning at each of the first ones.
 void sum_neighbours(const std::vector<int32_t>& values, size_t count, std::vector<int32_t>& sums) {
   int32_t sum = 0;
   for (size_t i = 0; i + 1 < count; ++i) sum += values[i];

@@ -38,8 +38,8 @@ void VulkanCensus::record(ks::Commands& commands, const MatchBuffers& buffers, c
   push.right_image = arrays.right & ~uint64_t{3};
   push.left_byte = arrays.left & 3;
   push.right_byte = arrays.right & 3;
-  push.image_pitch = arrays.image_pitch ? arrays.image_pitch : plan_.width;
-  push.image_stride = arrays.image_stride ? arrays.image_stride : plan_.width * plan_.height;
+  push.image_pitch = arrays.pitch(plan_);
+  push.image_stride = arrays.stride(plan_);
   push.left_census = buffers.left_census->address();
   push.right_census = buffers.right_census->address();
   push.gray = buffers.gray ? buffers.gray->address() : 0;

@@ -19,8 +19,8 @@ VulkanCorrelation::VulkanCorrelation(const std::shared_ptr<ks::Device>& device, 
 void VulkanCorrelation::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
   const uint32_t columns = groups_of(plan_.width, CORRELATION_GROUP), rows = groups_of(plan_.height, CORRELATION_GROUP);
   HighPassPush high{};
-  high.image_pitch = arrays.image_pitch ? arrays.image_pitch : plan_.width;
-  high.image_stride = arrays.image_stride ? arrays.image_stride : plan_.width * plan_.height;
+  high.image_pitch = arrays.pitch(plan_);
+  high.image_stride = arrays.stride(plan_);
   high.width = plan_.width;
   high.height = plan_.height;
   high.mean_side = correlation_mean_side(parameters_.correlation_side());

@@ -22,8 +22,8 @@ void VulkanRefinement::record(ks::Commands& commands, const MatchBuffers& buffer
   push.right_image = arrays.right & ~uint64_t{3};
   push.left_byte = arrays.left & 3;
   push.right_byte = arrays.right & 3;
-  push.image_pitch = arrays.image_pitch ? arrays.image_pitch : plan_.width;
-  push.image_stride = arrays.image_stride ? arrays.image_stride : plan_.width * plan_.height;
+  push.image_pitch = arrays.pitch(plan_);
+  push.image_stride = arrays.stride(plan_);
   push.filtered = buffers.filtered->address();
   push.cells = buffers.cells->address();
   push.disparity = buffers.refined(arrays);
