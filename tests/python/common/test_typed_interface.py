@@ -62,9 +62,11 @@ if __name__ == "__main__":
 def test_three_planted_mistakes_are_the_only_ones(tmp_path, checker):
     if shutil.which(checker[0]) is None:
         pytest.skip(f"{checker[0]} is not installed: pip install {checker[0]}")
-    script, folder = tmp_path / "script.py", str(Path(activestereo.__file__).resolve().parents[1])
+    script, folder = tmp_path / "script.py", tmp_path / "path"
     script.write_text(SCRIPT)
-    paths = {"MYPYPATH": folder, "PYTHONPATH": folder}
+    folder.mkdir()  # holds the package alone: an installed one stands beside packages that this checker may not read
+    (folder / "activestereo").symlink_to(Path(activestereo.__file__).resolve().parent)
+    paths = {"MYPYPATH": str(folder), "PYTHONPATH": str(folder)}
     run = subprocess.run([*checker, script.name], capture_output=True, text=True, cwd=tmp_path, env=os.environ | paths)
     told = [line for line in run.stdout.splitlines() if "script.py:" in line and "error" in line]
     wrong = [number for number, line in enumerate(SCRIPT.splitlines(), 1) if line.endswith("# wrong")]
