@@ -5,7 +5,7 @@
     python3 tests/benchmark_suite/measured_rooms.py OUT RECORDING... [--kind gain] [--strength strong] [--reference DIR]
 
 Each RECORDING is a capture that 'activestereo import' made, of two views or more. All are measured as they are. Then
-the kinds of 'activestereo benchmark inject' go into their images, on one recording after the other, before calibrate
+the kinds of inject go into their images, on one recording after the other, before calibrate
 world and diagnose. OUT/results.json has a row for each: the names beside the lens's falloff, nats, seconds.
 """
 
@@ -14,8 +14,8 @@ import json
 import time
 from pathlib import Path
 
-from activestereo.benchmarks.inject.inject import plan, write_injected
-from activestereo.benchmarks.inject.kinds import KINDS
+from inject.inject import plan, write_injected
+from inject.kinds import KINDS
 from activestereo.calibrate.world.world import calibrate_world
 from activestereo.capture.capture import read_capture
 from activestereo.diagnose import diagnose

@@ -38,6 +38,7 @@ SPECIAL: dict[str, tuple[str, str]] = {
     r"cmake -S|pip wheel": ("true", "it builds the whole project; tests/static_embree.sh does the same from a build"),
     r"build/bin/fuzz_\w+": ("test -n {0}", "ctest runs the fuzzing programs"),
     r"build/bin/kuafu_\w+_tests": ("test -n {0}", "it is a test of its own"),
+    r"python3 tests/benchmark_suite/hide_in_images.py": ("test -f {1}", "it needs a capture; its own test runs it"),
     r"/usr/bin/python3 -m pytest": ("test -f {4}", "it is a test of its own; its file is there"),
     r"bench_\w+": ("test -x build/bin/{0}", "benchmarks are run by hand; the program is there"),
     r"/usr/bin/python3 \S+/((bench|run|train)_\w+|noisy_planes).py": ("test -f {1}", "it is run by hand; it is there"),
@@ -52,7 +53,7 @@ SPECIAL: dict[str, tuple[str, str]] = {
     r"activestereo (simulate|model show|pair) out/(desk|model|practice)":
         (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "tests/python/calibrate/test_afternoon.py runs the page"),
     r"activestereo simulate": ("{0} {1:} --spp 1", "as few samples as possible"),
-    r"activestereo (calibrate|import|overlay|compare|diagnose|view|benchmark inject)":
+    r"activestereo (calibrate|import|overlay|compare|diagnose|view)":
         (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "it needs a capture; its options are parsed"),
     r"activestereo generate":
         (f"/usr/bin/python3 -c '{PARSED}' {{1:}}", "it needs files of things; its options are parsed"),

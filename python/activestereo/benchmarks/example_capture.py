@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A small capture of the example scene in matt colours, rendered instead of recorded: a D435 of a quarter of its
-resolution, with shot and read noise by their noise model."""
+resolution, with shot and read noise, and on request an effect that the lab is asked to find."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 
-from activestereo.benchmarks.inject.light import Light
-from activestereo.benchmarks.inject.noise import NoiseModel, with_noise
 from activestereo.camera.plan import pattern_of
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig, read_capture
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.capture.write import write_capture
 from activestereo.common.pose import look_at
+from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.effects.core.model import Model
 from activestereo.effects.engines import CaptureRenderer
 from activestereo.scene_io.example_scene import write_table_top
@@ -26,12 +27,14 @@ _SCALE = 0.25
 _BASELINE_M, _PROJECTOR_M = 0.05, 0.029
 _EXPOSURE_S, _BLACK_DN = 0.004, 5.0
 _PROJECTOR_DN_PER_S, _ROOM_DN_PER_S = 120000.0, 9000.0  # counts of a projector of 1 W/sr, and of a radiance of 1
-_NOISE = NoiseModel(0.3, 0.02, "stated")
+_NOISE_FLOOR_DN2, _NOISE_SLOPE_DN = 0.3, 0.02  # variance = floor + slope x light, DN
 _BOUNCES = 8  # as diagnose and compare take them
 _REPEATS = 2  # of the first view, by which the noise is known
 _PLACES_M = ((-0.02, 0.46, 0.72), (0.25, 0.40, 0.62), (-0.30, 0.35, 0.60), (0.10, 0.55, 0.55))
 _TARGET_M, _UP = (0.0, 0.035, -0.02), (0.0, 1.0, 0.0)
 _HELD_OUT = 1  # of the views, the last one
+# Effects that can be hidden: the lab's names of one parameter of each, and their values.
+HIDDEN = {"radial_distortion": ("k1", 0.01), "vignetting": ("exponent", 3.0), "gain_mismatch": ("gain", 0.18)}
 
 
 def write_example_capture(
@@ -40,8 +43,10 @@ def write_example_capture(
     seed: int = 0,
     progress: Callable[[float], object] | None = None,
     samples_per_pixel: int = 64,
+    hidden: str | None = None,
 ) -> Capture:
-    """Writes the capture as the new folder and returns it. progress: called with the fraction done."""
+    """Writes the capture as the new folder and returns it. progress: called with the fraction done. hidden: one of
+    HIDDEN to put into its images, by a formula that the lab does not share."""
     with TemporaryDirectory() as place:
         capture = _without_images(Path(place))
         renderer = CaptureRenderer(capture, device, samples_per_pixel, _BOUNCES, seed, smooth=False)
@@ -49,10 +54,30 @@ def write_example_capture(
         images = {}
         for key, light in renderer.lights(Model(), progress=progress).items():
             dn = _EXPOSURE_S * (_PROJECTOR_DN_PER_S * light.projector + _ROOM_DN_PER_S * light.ambient)
-            noisy = with_noise(Light(dn.astype(np.float64), np.zeros(dn.shape)), _NOISE, random)
-            images[key] = np.clip(np.rint(noisy.value + _BLACK_DN), 0, 255).astype(np.uint8)
+            image = _through_lens(dn.astype(np.float64), capture.rig.left.K, hidden)
+            variance = _NOISE_FLOOR_DN2 + _NOISE_SLOPE_DN * np.maximum(image, 0.0) - ROUNDING_VARIANCE
+            image += np.sqrt(variance) * random.standard_normal(image.shape)
+            if hidden == "gain_mismatch":  # an amplifier's, behind the noise
+                image *= 1.0 + (0.5 if key[1] == "right" else -0.5) * HIDDEN[hidden][1]
+            images[key] = np.clip(np.rint(image + _BLACK_DN), 0, 255).astype(np.uint8)
         write_capture(Path(folder), capture, images, read_gray(capture.rig.projector.pattern_path))
     return read_capture(folder)
+
+
+def _through_lens(image: NDArray[np.float64], K: NDArray[np.float64], hidden: str | None) -> NDArray[np.float64]:
+    """The image of a lens with the hidden effect, if that is the lens's."""
+    v, u = np.indices(image.shape, dtype=np.float64)
+    x, y = (u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1]
+    r2 = x * x + y * y
+    if hidden == "vignetting":
+        return image * (1.0 + r2) ** (-0.5 * HIDDEN[hidden][1])  # a power of the angle's cosine
+    if hidden != "radial_distortion":
+        return image
+    scale = np.ones_like(r2)
+    for _ in range(12):  # the ray that r (1 + k1 r^2) draws in each pixel, by fixed-point iteration
+        scale = 1.0 / (1.0 + HIDDEN[hidden][1] * r2 * scale**2)
+    places = [K[1, 1] * y * scale + K[1, 2], K[0, 0] * x * scale + K[0, 2]]
+    return np.asarray(map_coordinates(image, places, order=5, mode="nearest"))
 
 
 def _without_images(place: Path) -> Capture:

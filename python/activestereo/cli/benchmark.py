@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo benchmark: compare simulation with reality. inject, realism: in files of their own."""
+"""activestereo benchmark: compare simulation with reality. realism: in a file of its own."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import argparse
 from pathlib import Path
 
 from activestereo.cli.arguments import Commands, add_shared, print_json
-from activestereo.cli.benchmark_inject import add_inject
 from activestereo.cli.benchmark_realism import add_realism
 
 _TEXT = """\
@@ -27,10 +26,9 @@ example:
 
 
 def add_parser(commands: Commands) -> None:
-    text = "measure how well simulated depth stands for real depth, and how well the lab finds a known effect"
+    text = "measure how well simulated depth stands for real depth"
     benchmarks = commands.add_parser("benchmark", help=text)
     kinds = benchmarks.add_subparsers(dest="benchmark", metavar="BENCHMARK", required=True)
-    add_inject(kinds)
     add_realism(kinds)
     text = "measure how well simulated depth ranks methods as real depth does"
     parser = kinds.add_parser("sim-to-real", help=text, description=_TEXT)

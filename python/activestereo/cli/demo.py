@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 import os
 import webbrowser
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +24,6 @@ command that does it alone:
   3  asks the lab what its model lacks, writes DIR/report/report.html and opens it where there
      is a desktop; only then it tells what was hidden
 """
-# Kinds of 'benchmark inject' with the lab's name, its parameter, and that one's value of the kind's where it differs.
-_HIDDEN: dict[str, tuple[str, str, Callable[[float, bool], float]]] = {
-    "radial_distortion": ("radial_distortion", "k1", lambda k1, is_right: k1),
-    "vignetting": ("vignetting", "exponent", lambda exponent, is_right: exponent),
-    "gain": ("gain_mismatch", "gain", lambda excess, is_right: (2.0 if is_right else -2.0) * excess / (2.0 + excess)),
-}
 
 
 def add_parser(commands: Commands) -> None:
@@ -57,9 +51,9 @@ def run(args: argparse.Namespace) -> None:
     device = ["--device", str(args.device)]
     simulated = str(args.out / "simulated")
     _step(args, 1, ["simulate", str(scene), "--sensor", "d435", "--spp", "4", "--out", simulated, *device])
-    answer = _hide(args, capture)
+    secret = _hide(args, capture)
     _step(args, 3, ["diagnose", str(capture), "--no-refine", "--spp", "32", "--out", str(report), *device])
-    print(f"\n{_told(answer, read_json_object(report / 'diagnose.json'))}")
+    print(f"\n{_told(secret, read_json_object(report / 'diagnose.json'))}")
     page = (report / "report.html").resolve()
     print(f"open {page}")
     if not args.no_browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
@@ -73,31 +67,30 @@ def _step(args: argparse.Namespace, number: int, words: list[str]) -> None:
     step.run(step)
 
 
-def _told(answer: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> str:
+def _told(secret: str, diagnosis: Mapping[str, Any]) -> str:
     """The hidden and the found effect, in the lab's names and units."""
+    from activestereo.benchmarks.example_capture import HIDDEN
     from activestereo.report.diagnosis_text import parameter_text
 
-    name, parameter, of_lab = _HIDDEN[answer["effect"]]
-    value = of_lab(next(iter(answer["parameters"].values())), answer["cameras"] == ["right"])
-    lines = [f"hidden: {name}, {parameter} {value:.3g} (in the {' and '.join(answer['cameras'])} images)"]
+    parameter, value = HIDDEN[secret]
     found = {entry["effect"]: entry["parameters"] for entry in diagnosis["ranking"]}
     names = [f"{one}, {parameter_text(*next(iter(found[one].items())))}" for one in diagnosis["added"] if one in found]
-    is_found = "yes" if name in diagnosis["added"] else "no"
-    lines.append(f"found: {is_found}, {'; '.join(names) or 'the verdict is ' + diagnosis['verdict']}")
-    return "\n".join(lines)
+    is_found = "yes" if secret in diagnosis["added"] else "no"
+    return (
+        f"hidden: {secret}, {parameter} {value:.3g}\n"
+        f"found: {is_found}, {'; '.join(names) or 'the verdict is ' + diagnosis['verdict']}"
+    )
 
 
-def _hide(args: argparse.Namespace, capture: Path) -> dict[str, Any]:
-    """Writes the capture with an effect that the seed draws; returns the answer."""
+def _hide(args: argparse.Namespace, capture: Path) -> str:
+    """Renders the capture with an effect that the seed draws; returns the effect's name."""
     import numpy as np
 
-    from activestereo.benchmarks.example_capture import write_example_capture
-    from activestereo.benchmarks.inject.inject import plan, write_injected
+    from activestereo.benchmarks.example_capture import HIDDEN, write_example_capture
     from activestereo.common.progress_bar import ProgressBar
 
-    print("\n== 2 of 3: an effect is hidden in a small capture (activestereo benchmark inject)", flush=True)
-    plain = args.out / "without_effect"
+    print("\n== 2 of 3: a small capture is rendered with an effect hidden in it", flush=True)
+    secret = str(np.random.Generator(np.random.PCG64([args.seed, 73])).choice(list(HIDDEN)))
     with ProgressBar("rendering the capture") as bar:
-        taken = write_example_capture(plain, args.device, args.seed, bar)
-    secret = str(np.random.Generator(np.random.PCG64([args.seed, 73])).choice(list(_HIDDEN)))
-    return write_injected(plan(taken, secret, "strong", args.seed), capture)
+        write_example_capture(capture, args.device, args.seed, bar, hidden=secret)
+    return secret

@@ -31,7 +31,6 @@ def test_results_go_where_out_or_o_says_in_every_command():
         (["simulate", "x.gltf", "--lazer-power=3", "--out", "x"], "did you mean '--laser-power'?"),
         (["--allow-outsde", "compare", "x"], "did you mean '--allow-outside'?"),
         (["depth", "l", "r", "--profile", "activ"], "did you mean 'active'?"),
-        (["benchmark", "inject", "x", "--effect", "blur"], "unknown option --effect; EFFECT is given as a word alone"),
         (["simulate", "--scene", "x.gltf"], "unknown option --scene; SCENE is given as a word alone"),
     ],
 )

@@ -10,7 +10,8 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.stats import chi2
 
-from activestereo.benchmarks.inject.light import Light
+from inject.effects import Light
+
 from activestereo.capture.capture import SIDES, Capture
 
 ROUNDING = 1.0 / 12.0  # variance of rounding to whole DN

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from activestereo.benchmarks.inject import dots, electronics, optics
-from activestereo.benchmarks.inject.light import Light
+from inject import effects
+from inject.effects import Light
 
 STRENGTHS = ("weak", "medium", "strong")
 
@@ -60,16 +60,16 @@ def _direction(generator: np.random.Generator) -> dict[str, float]:
 
 KINDS: dict[str, Kind] = {
     "blur": Kind(
-        optics.blur, "radius_px", "px", (0.8, 1.4, 2.2), 0.0, 10.0, ("focus_mismatch", "lens_psf"), one_camera=True
+        effects.blur, "radius_px", "px", (0.8, 1.4, 2.2), 0.0, 10.0, ("focus_mismatch", "lens_psf"), one_camera=True
     ),
-    "veiling_glare": Kind(optics.veiling_glare, "fraction", "1", (0.03, 0.08, 0.2), 0.0, 0.9, ("veiling_glare",)),
-    "ghost": Kind(optics.ghost, "fraction", "1", (0.02, 0.05, 0.12), 0.0, 0.9, ("lens_ghost",)),
-    "gain": Kind(electronics.gain, "excess", "1", (0.03, 0.08, 0.2), -0.9, 4.0, ("gain_mismatch",), True, True),
+    "veiling_glare": Kind(effects.veiling_glare, "fraction", "1", (0.03, 0.08, 0.2), 0.0, 0.9, ("veiling_glare",)),
+    "ghost": Kind(effects.ghost, "fraction", "1", (0.02, 0.05, 0.12), 0.0, 0.9, ("lens_ghost",)),
+    "gain": Kind(effects.gain, "excess", "1", (0.03, 0.08, 0.2), -0.9, 4.0, ("gain_mismatch",), True, True),
     "radial_distortion": Kind(
-        optics.radial_distortion, "k1", "1", (0.001, 0.003, 0.01), -0.1, 0.1, ("radial_distortion",)
+        effects.radial_distortion, "k1", "1", (0.001, 0.003, 0.01), -0.1, 0.1, ("radial_distortion",)
     ),
     "tangential_distortion": Kind(
-        optics.tangential_distortion,
+        effects.tangential_distortion,
         "size",
         "1",
         (0.0005, 0.0015, 0.005),
@@ -78,9 +78,9 @@ KINDS: dict[str, Kind] = {
         ("tangential_distortion",),
         drawn=_direction,
     ),
-    "bands": Kind(electronics.bands, "depth", "1", (0.03, 0.08, 0.2), 0.0, 1.0, ("flicker_banding",), drawn=_mains),
+    "bands": Kind(effects.bands, "depth", "1", (0.03, 0.08, 0.2), 0.0, 1.0, ("flicker_banding",), drawn=_mains),
     "black_level": Kind(
-        electronics.black_level,
+        effects.black_level,
         "offset_dn",
         "DN",
         (0.5, 1.5, 4.0),
@@ -92,7 +92,7 @@ KINDS: dict[str, Kind] = {
         in_dn=True,
     ),
     "row_noise": Kind(
-        electronics.row_noise,
+        effects.row_noise,
         "sigma_dn",
         "DN",
         (0.3, 0.8, 2.0),
@@ -102,10 +102,10 @@ KINDS: dict[str, Kind] = {
         behind_noise=True,
         in_dn=True,
     ),
-    "dead_dots": Kind(dots.dead_dots, "share", "1", (0.02, 0.06, 0.15), 0.0, 0.9, ("dot_gain_spread",)),
-    "vignetting": Kind(optics.vignetting, "exponent", "1", (0.4, 1.2, 3.0), -8.0, 8.0, ("vignetting",)),
+    "dead_dots": Kind(effects.dead_dots, "share", "1", (0.02, 0.06, 0.15), 0.0, 0.9, ("dot_gain_spread",)),
+    "vignetting": Kind(effects.vignetting, "exponent", "1", (0.4, 1.2, 3.0), -8.0, 8.0, ("vignetting",)),
     "response": Kind(
-        electronics.response, "compression", "1", (0.1, 0.3, 1.0), -0.5, 10.0, ("response_gamma",), behind_noise=True
+        effects.response, "compression", "1", (0.1, 0.3, 1.0), -0.5, 10.0, ("response_gamma",), behind_noise=True
     ),
 }
 

@@ -12,10 +12,10 @@ from zlib import crc32
 
 import numpy as np
 
-from activestereo.benchmarks.inject.dots import moved_depth
-from activestereo.benchmarks.inject.kinds import KINDS, Kind
-from activestereo.benchmarks.inject.light import Light, View
-from activestereo.benchmarks.inject.noise import NoiseModel, measured_noise_model, with_noise
+from inject.effects import Light, View, moved_depth
+from inject.kinds import KINDS, Kind
+from inject.noise import NoiseModel, measured_noise_model, with_noise
+
 from activestereo.capture.capture import SIDES, SPLITS, Capture, Frame
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.common.input_files import read_bytes, read_json
