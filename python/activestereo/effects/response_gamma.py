@@ -32,6 +32,7 @@ def _engine(inputs: EngineInputs, log_exponent: float) -> None:
         )
     ],
     engine=_engine,
+    is_pointwise=True,
 )
 def response_gamma(signal: np.ndarray, view: View, log_exponent: float) -> np.ndarray:
     """The output is proportional to light^exp(log_exponent); full scale is unchanged, and the black level is added

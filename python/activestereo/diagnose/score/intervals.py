@@ -49,11 +49,10 @@ def interval(parameter: Parameter, value: float, deviation: float) -> Limits:
 
 
 def intervals(fitter: Fitter, solution: Solution, effect: Effect) -> dict[str, Interval]:
-    """The 90 % intervals of an effect's parameters, the last ones of a Solution."""
-    first = len(solution.theta) - len(effect.parameters)
-    deviation = np.sqrt(np.maximum(np.diag(fitter.covariance(solution)), 0.0))[first:]
-    found = zip(effect.parameters, solution.theta[first:], deviation, strict=True)
-    return within_ranges(effect, {p.name: interval(p, v, d) for p, v, d in found})
+    """The 90 % intervals of an effect's parameters in a Solution."""
+    deviation = np.sqrt(np.maximum(np.diag(fitter.covariance(solution)), 0.0))[: len(solution.theta)]
+    found = zip(solution.space.pairs, solution.theta, deviation, strict=True)
+    return within_ranges(effect, {p.name: interval(p, v, d) for (e, p), v, d in found if e.id == effect.id})
 
 
 def within_ranges(effect: Effect, found: Mapping[str, Limits]) -> dict[str, Interval]:

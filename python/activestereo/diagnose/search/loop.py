@@ -27,6 +27,7 @@ from activestereo.diagnose.search.refit import Refit, formula_error, refits
 from activestereo.diagnose.search.rendered import Rendering
 from activestereo.diagnose.search.scores import scores
 from activestereo.diagnose.search.selection import Candidate, by_chance, candidates, credible
+from activestereo.diagnose.search.tone import with_any_curve
 from activestereo.diagnose.search.verdict import Remainder
 from activestereo.diagnose.search.weights import weighed_again
 from activestereo.effects import Effect, Model, Stage
@@ -316,7 +317,7 @@ class Search:
         return replace(evidence, train=train)
 
     def _fit_again(self, fit: Solution) -> None:
-        self._solution = self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING)
+        self._solution = with_any_curve(self._fitter, self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING))
         start = ParameterSpace.of(self._given)
         self._first = self._fitter.refine(start, start.start, self._first.phi, _SETTLING)
         self._rows = self._rows_of(self._solution)

@@ -96,7 +96,8 @@ class Effect:
     where a coarse scan of the parameters would miss. finding: what a verdict says where it is found, a sentence without
     its full stop. prepare: makes what apply needs for these views; whoever lets threads apply an effect calls it before
     they start, for it may render. remembers: it sees in view.before what it gave for the frame before. is_pointwise: a
-    pixel's light depends on that pixel alone, and fits compute the pixels that they look at.
+    pixel's light depends on that pixel alone, and fits compute the pixels that they look at; at READOUT: all pixels
+    follow one curve.
     """
 
     id: str
