@@ -1,52 +1,152 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page examples/guide/figures.md: the main figures, taken from the results of the benchmarks and the benchmark
-suite."""
+"""The page examples/guide/figures.md: the figures of all pages, taken from the results of the benchmarks, of the
+benchmark suite and of real recordings, each with the command that measures it again and its file of results."""
 
 import json
+import re
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "examples/guide/figures.md"
-TEMPLATE = """# How good it is
+HEAD = """# How good it is
 
-The values come from the data of the [benchmarks](../../tests/bench/README.md) and of [the benchmark suite](../../tests/benchmark_suite/README.md),
-where all others stand with their machine and date.
+Each value is taken from its file of results, where machine and date stand. Pages quote no other figures; a test fails where one does.
+[Benchmarks](../../tests/bench/README.md) and [the benchmark suite](../../tests/benchmark_suite/README.md) have further ones.
 
-|measured|value|measure again by|
-|--|--|--|
-|depth of a real D435 pair, against the depth that the device computed, after one affine fit|median difference {accuracy.1:simsense, default:0} mm, {accuracy.1:simsense, default:2} % filled (device 92.3 %; OpenCV HH4 {accuracy.1:OpenCV HH4:0} mm)|`bench_accuracy.py`|
-|pairs with truth, profile `active`: wrong or empty pixels|{pairs.0:profile active:1} % (OpenCV 3WAY {pairs.0:OpenCV 3WAY:1} %)|`bench_pairs.py`|
-|matching 960x540, 128 disparities, two cores with AVX-512|{matcher.0:D 128:0} ms (OpenCV HH4 {matcher.0:D 128:2} ms); with 7x7 blocks {matcher.0:D 128, block 7x7:0} ms|`bench_matcher`|
-|the same on an NVIDIA H200|{matcher_vulkan.0:D 128:0} ms, in batches of 32 {matcher_vulkan.0:D 128, 32 pairs:0} ms|`bench_matcher_vulkan`|
-|infrared image 960x540 of metal and glass, path depth 8, 8 samples, H200|{render.0:8 samples:0} ms|`bench_render`|
-|the whole sensor at 848x480, 2 samples, H200|{sensor.1:2 samples, infrared and depth:0} ms|`bench_sensor.py`|
-|walls rendered again through a measured pattern: error over the noise|{calibrate.0:848x480, wall at 1.0 m:2} at 1 m, {calibrate.0:1.7 m:2} at 1.7 m|`bench_calibrate.py wall`|
-|hidden effects named first, where detectable|{suite} of test cases that nobody had looked at|`run_suite.py`|
-
+|measured|value|measure again by|results|
+|--|--|--|--|
+"""  # noqa: E501
+# (measured, value). In braces: file.run:row:column of a benchmark; suite:measure or suite-NN:strength:measure of the
+# suite's newest or NNth generation, in percent, with its 95 % interval, or with :alone and :share without it;
+# mitsuba:measure; next:frames; rooms:named.
+FIGURES = (
+    (
+        "depth of a real D435 pair, against the depth that the device computed, after one affine fit",
+        "median difference {accuracy.1:simsense, default:0} mm, {accuracy.1:simsense, default:2} % filled (OpenCV HH4 "
+        "{accuracy.1:OpenCV HH4:0} mm)",
+    ),
+    (
+        "pairs with truth, profile `active`: wrong or empty pixels",
+        "{pairs.0:profile active:1} % (OpenCV 3WAY {pairs.0:OpenCV 3WAY:1} %)",
+    ),
+    (
+        "a wall of dots alone, 0.5 to 2 and 3 m, at full, half and a quarter of the size: worst systematic error",
+        "D415 {subpixel.1:D415:0} and {subpixel.1:D415:1} %, {subpixel.1:D415, half size:0} and "
+        "{subpixel.1:D415, half size:1} %, {subpixel.1:D415, quarter size:0} and {subpixel.1:D415, quarter size:1} %; "
+        "D435 {subpixel.1:D435:0} and {subpixel.1:D435:1} %, {subpixel.1:D435, half size:0} and "
+        "{subpixel.1:D435, half size:1} %, {subpixel.1:D435, quarter size:0} and {subpixel.1:D435, quarter size:1} %",
+    ),
+    (
+        "matching 960x540, 128 disparities, two cores with AVX-512",
+        "{matcher.0:D 128:0} ms (OpenCV HH4 {matcher.0:D 128:2} ms); with 7x7 blocks {matcher.0:D 128, block 7x7:0} ms",
+    ),
+    (
+        "the same on an NVIDIA H200",
+        "{matcher_vulkan.0:D 128:0} ms, in batches of 32 {matcher_vulkan.0:D 128, 32 pairs:0} ms",
+    ),
+    ("infrared image 960x540 of metal and glass, path depth 8, 8 samples, H200", "{render.0:8 samples:0} ms"),
+    ("the whole sensor at 848x480, 2 samples, H200", "{sensor.1:2 samples, infrared and depth:0} ms"),
+    (
+        "a frame of `generate` without a GPU: RGB of 640x480, a D435, 16 samples",
+        "{generate.0:one frame:0} processor seconds",
+    ),
+    (
+        "walls rendered again through a measured pattern: error over the noise",
+        "{calibrate.0:848x480, wall at 1.0 m:2} at 1 m, {calibrate.0:1.7 m:2} at 1.7 m",
+    ),
+    (
+        "a calibrated twin's holes beside a real camera's (IoU); a raster pair's",
+        "{realism.0:calibrated:0}; {realism.0:raster:0}",
+    ),
+    ("hidden effects named first, where detectable, in cases that nobody had looked at", "{suite:top-1}"),
+    ("the same with a verdict `effect`", "{suite:named and right}"),
+    (
+        "two effects at once: both found; one of them first",
+        "{suite:pairs: both found}; {suite:pairs: one of two first}",
+    ),
+    (
+        "an effect that no library has: `unknown`; a wrong name",
+        "{suite:outside the library: said so}; {suite:outside the library: wrong name}",
+    ),
+    ("nothing hidden: `none`", "{suite:no effect: said so}"),
+    ("a fault of the depth engine named first", "{suite:depth engine's fault first:share}"),
+    ("90 % intervals of parameters hold the truth", "{suite:90 % intervals hold the truth}"),
+    ("weak effects, 0.4 of the noise, named", "{suite-00:weak:named and right}"),
+    ("worlds of another renderer: first name right", "{mitsuba:another renderer: first name}"),
+    ("twins told apart by the frames that were asked for; by random ones", "{next:asked}; {next:random}"),
+    ("effects put into real recordings: named and right", "{rooms:named}"),
+)
+FOOT = """
 The tests compare the renderer with physical laws: the inverse square law, conservation of energy (a white furnace),
 reciprocity, Fresnel's and Snell's laws in glass, Beer's and Lambert's law in fog, closed forms of shutters and lenses,
 and an independent path tracer in a Cornell box. The imager's noise is compared with the photon transfer law.
-"""  # noqa: E501
+"""
+SUITE = "tests/benchmark_suite/results"
 
 
 def figures_page():
-    """The page as text; each {file.run:row:column} of the template is a value of a file of results."""
-    text, page = TEMPLATE, []
-    while "{" in text:
-        before, _, text = text.partition("{")
-        place, _, text = text.partition("}")
-        page += [before, _suite() if place == "suite" else _value(place)]
-    return "".join([*page, text])
+    """The page as text."""
+    return HEAD + "".join(map(_row, FIGURES)) + FOOT
+
+
+def _row(figure):
+    measured, template = figure
+    places = re.findall(r"\{([^}]+)\}", template)
+    value = re.sub(r"\{([^}]+)\}", lambda found: _value(found.group(1)), template)
+    command, file = _source(places[0])
+    name = Path(file).name.removesuffix(".json")
+    return f"|{measured}|{value}|`{_short(command)}`|[{name}](../../{file})|\n"
+
+
+def _short(command):
+    return command.removeprefix("PYTHONPATH=build/python ").removeprefix("/usr/bin/").removeprefix("python3 ")
+
+
+def _source(place):
+    """(command, file of results) of a place."""
+    kind = place.partition(":")[0]
+    if kind == "rooms":
+        file = "examples/real_camera/results.json"
+        return _read(file)["injected"]["command"], file
+    file = _file(kind)
+    results = _read(file)
+    return (results["runs"][int(kind.split(".")[1])] if "runs" in results else results)["command"], file
+
+
+def _file(kind):
+    if kind == "suite":
+        newest = max((ROOT / SUITE).glob("generation-*.json"), key=lambda path: json.loads(path.read_text())["date"])
+        return f"{SUITE}/{newest.name}"
+    if kind.startswith("suite-"):
+        return f"{SUITE}/generation-{kind.removeprefix('suite-')}.json"
+    return f"{SUITE}/{kind}.json" if kind in ("mitsuba", "next") else f"tests/bench/results/{kind.split('.')[0]}.json"
 
 
 def _value(place):
-    source, row, column = place.split(":")
-    name, run = source.split(".")
-    results = json.loads((ROOT / f"tests/bench/results/{name}.json").read_text())
-    return str(results["runs"][int(run)]["rows"][row][int(column)])
+    kind, _, rest = place.partition(":")
+    if kind == "rooms":
+        said = [text for row in _read("examples/real_camera/results.json")["injected"]["rows"] for text in row[1:]]
+        return f"{sum(text.startswith('named') for text in said)} of {len(said)}"
+    results = _read(_file(kind))
+    if kind == "next":
+        return f"{results[rest]['resolved']} of {results[rest]['n']}"
+    if "runs" in results:
+        row, _, column = rest.rpartition(":")
+        return str(results["runs"][int(kind.split(".")[1])]["rows"][row][int(column)])
+    name, _, how = rest.rpartition(":")
+    if how != "share":
+        name, how = rest, ""
+    if kind.startswith("suite-"):
+        strength, _, name = name.partition(":")
+        measure = results["by_strength"][strength][name]
+    else:
+        measure = results["measures"][name]
+    if how == "share" or kind == "mitsuba":
+        return f"{round(measure['value'] * measure['n'])} of {measure['n']}"
+    return "{value:.0f} % ({low:.0f} to {high:.0f})".format(
+        **{key: 100 * measure[key] for key in ("value", "low", "high")}
+    )
 
 
-def _suite():
-    newest = max((ROOT / "tests/benchmark_suite/results").glob("generation-*.json"))
-    first = json.loads(newest.read_text())["measures"]["top-1"]
-    return f"{100 * first['value']:.0f} % ({100 * first['low']:.0f} to {100 * first['high']:.0f} %)"
+def _read(file):
+    return json.loads((ROOT / file).read_text())

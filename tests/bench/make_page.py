@@ -20,7 +20,7 @@ RESULTS = FOLDER / "results"
 CHAPTERS = {
     "Rendering": ("first_image", "render", "cpu", "mitsuba", "denoise", "noise", "scenes", "cancel", "load"),
     "Matching": ("matcher", "matcher_vulkan", "memory", "depth", "accuracy", "pairs", "subpixel"),
-    "Sensor": ("sensor", "split", "model_sensor", "gbuffer", "camera", "realism", "noise_profiles"),
+    "Sensor": ("sensor", "split", "model_sensor", "gbuffer", "camera", "realism", "noise_profiles", "generate"),
     "Calibration": ("calibrate", "materials"),
 }
 HEAD = """# Benchmarks
