@@ -126,7 +126,8 @@ def report(result, answer, out):
     print(f"verdict: {result['verdict']}; added: {', '.join(result['added']) or 'nothing'}")
     for entry in result["ranking"][:3]:
         values = ", ".join(parameter_text(name, parameter) for name, parameter in entry["parameters"].items())
-        print(f"  {entry['effect']:24} {entry['score_nats']:9.0f} nats, confidence {entry['confidence']:.2f}: {values}")
+        share = f"explains {100 * entry['explained_share']:.0f} %"
+        print(f"  {entry['effect']:24} {entry['score_nats']:9.0f} nats, {share}: {values}")
     floor = result["heldout_noise_floor"]
     before, after = (error_text(result[f"heldout_ir_rmse_{when}"], floor, 2) for when in ("before", "after"))
     print(f"error on frames that no fit has seen: {before} before, {after} after; noise alone gives {floor:.2f} DN")

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from activestereo.common.nearest import unknown
 from activestereo.common.output_files import check_target, finite
 from activestereo.common.parameter import RENDER
 from activestereo.common.pose import rigid_fault
+
+if TYPE_CHECKING:
+    from activestereo.report.screen import Step
 
 # What a command's add_parser gets, and adds its own parser to.
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -219,7 +222,7 @@ def check_paper(args: argparse.Namespace) -> None:
             check_out_file(path)
 
 
-def print_section(args: argparse.Namespace, section: str, text: str, *after: Sequence[str]) -> None:
+def print_section(args: argparse.Namespace, section: str, text: str, *after: "Step") -> None:
     """Prints what a calibration wrote into args.out: under --json that section, else the text, whose first line is the
     sentence, and the commands `after` it."""
     from activestereo.report.screen import command, screen

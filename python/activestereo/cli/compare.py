@@ -92,7 +92,7 @@ def run(args: argparse.Namespace) -> None:
             **under_model,
         )
         phases.begin(WRITING)
-        write_report(comparison, args.out, effects=effects, progress=phases, next_step=next_step)
+        write_report(comparison, args.out, effects=effects, progress=phases, steps=[next_step])
         if args.csv:
             write_comparison_csv(args.csv, comparison.scores)
         if args.pdf:

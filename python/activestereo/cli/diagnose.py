@@ -21,12 +21,12 @@ from activestereo.cli.arguments import (
     print_json,
     share,
 )
-from activestereo.common.shown import printable
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Capture
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.diagnose import Diagnosis
+    from activestereo.report.screen import Step
 
 _TEXT = """\
 Finds out which physical effects the model of a capture lacks. Every effect of the
@@ -107,6 +107,7 @@ def add_parser(commands: Commands) -> None:
     text = "processes that fit (default: one per core)"
     parser.add_argument("--workers", type=integer_from(1), default=os.cpu_count() or 1, metavar="N", help=text)
     add_shared(parser, device=True, pdf=True, csv="the ranking, a row for each parameter", json=True)
+    add_shared(parser, verbose="the ranking, the depth's error, times")
     parser.set_defaults(run=run)
 
 
@@ -124,7 +125,7 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.diagnose.settings import PHASES
     from activestereo.effects.engines import CaptureRenderer
     from activestereo.model import read_model
-    from activestereo.report.diagnosis_text import diagnosis_text
+    from activestereo.report.diagnosis_text import diagnosis_screen
     from activestereo.report.write import WRITING, WRITING_TIME, write_diagnosis_report
     from activestereo.report.write_diagnosis import write_diagnosis
 
@@ -158,7 +159,9 @@ def run(args: argparse.Namespace) -> None:
             says=bar.tell,
         )
         phases.begin(WRITING)
-        paths = [write_diagnosis_report(diagnosis, args.out, effects, phases), *write_diagnosis(diagnosis, args.out)]
+        steps = _steps(args, diagnosis)
+        write_diagnosis_report(diagnosis, args.out, effects, phases, steps)
+        write_diagnosis(diagnosis, args.out)
         written = _paper(args, diagnosis)
         phases.end()
     if diagnosis.before is not None:
@@ -166,11 +169,26 @@ def run(args: argparse.Namespace) -> None:
     if args.json:
         print_json(diagnosis.result)
         return
-    print(diagnosis_text(diagnosis.result))
-    print(f"{LayerCache().usage_text()} (activestereo cache list)")
-    print(f"written: {', '.join(path.name for path in paths)} in {printable(args.out)}")
-    for line in written:
-        print(line)
+    taken = ", ".join(f"{phase} {seconds:.0f} s" for phase, seconds in phases.taken_s.items())
+    details = "\n".join([*written, taken, f"{LayerCache().usage_text()} (activestereo cache list)"])
+    print(diagnosis_screen(diagnosis.result, steps, args.out / "report.html", details, args.verbose))
+
+
+def _steps(args: argparse.Namespace, diagnosis: Diagnosis) -> list[Step]:
+    """The commands that follow from the verdict: with the model found, or with the effect to edit."""
+    from activestereo.compare.model_file import scene_of
+    from activestereo.report.screen import command
+
+    own = [word for file in args.effects for word in ("--effects", file)]
+    if diagnosis.stub:
+        stub = ("--effects", args.out / "effect_stub.py", "-o", args.out / "again")
+        return [command("diagnose", args.capture, "--model", args.model, *own, *stub)]
+    if diagnosis.sensor_model is None:
+        return [command("view", args.capture)]
+    model, scene = ("--model", args.out / "model.json", *own), scene_of(args.capture)
+    check = command("compare", args.capture, *model, "-o", args.out / "after", label="check")
+    use = [] if scene is None else [command("simulate", scene, *model, "-o", args.out / "simulated", label="use")]
+    return [check, *use]
 
 
 @contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 import reprlib
+from collections.abc import Sequence
 from typing import Any, TextIO
 
 _MOST_LETTERS = 40
@@ -37,6 +38,11 @@ def printable(name: object) -> str:
     """The text of a name with control characters and bytes that are no UTF-8 escaped: a file's name cannot end the
     line, nor give a terminal orders."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(name))
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words with commas between, and "and" before the last."""
+    return " and ".join([", ".join(words[:-1]), *words[-1:]] if len(words) > 1 else words)
 
 
 class PlainStream:

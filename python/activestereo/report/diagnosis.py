@@ -8,8 +8,8 @@ from typing import Any
 
 from activestereo.common.html_table import table, text
 from activestereo.diagnose.answer.verdict_words import alike, error_text
-from activestereo.report.depth_parts import depth_parts_section
-from activestereo.report.diagnosis_text import NATS_WORDS, parameter_text
+from activestereo.report.depth_parts import split_sentences
+from activestereo.report.diagnosis_text import EXPLAINS_WORDS, FLOOR_WORDS, NATS_WORDS, parameter_text
 from activestereo.report.models import ROWS
 from activestereo.report.page import section, share_bar
 
@@ -39,7 +39,8 @@ def diagnosis_sections(diagnosis: dict[str, Any], shown: Iterable[str] = ()) -> 
     if diagnosis.get("depth", {}).get("ranking"):
         parts.append(_depth_engine(diagnosis["depth"]))
     if diagnosis.get("depth_split"):
-        parts.append(depth_parts_section(diagnosis["depth_split"]))
+        said = (f"<p>{text(sentence)}</p>" for sentence in split_sentences(diagnosis["depth_split"]))
+        parts.append(section("What the depth's error is made of", *said))
     if diagnosis["next_measurement"]:
         parts.append(section("What to measure next", _list(diagnosis["next_measurement"])))
     return parts
@@ -81,14 +82,15 @@ def _ranking(diagnosis: dict[str, Any], shown: Iterable[str]) -> str:
         name = f"<b>{text(entry['effect'])}</b><br><span class='muted'>{text(entry['family'])}</span>"
         if entry["effect"] in own:
             name += f"<br><span class='small'>yours: {text(own[entry['effect']])}</span>"
-        sure = share_bar(entry["confidence"]) + f"{100 * entry['confidence']:.0f} %"
-        rows.append([f"{place}", name, f"{entry['score_nats']:.1f}", sure, values, twins,
+        share = entry.get("explained_share")
+        explains = "—" if share is None else share_bar(share) + f"{100 * share:.0f} %"
+        rows.append([f"{place}", name, f"{entry['score_nats']:.1f}", explains, values, twins,
                      _residual(entry["effect"], shown)])  # fmt: skip
     head = [
         "",
         "effect, family",
         "gain, nats",
-        "confidence",
+        "explains",
         "fitted value (90 %)",
         "cannot be told from",
         "what it leaves",
@@ -97,7 +99,7 @@ def _ranking(diagnosis: dict[str, Any], shown: Iterable[str]) -> str:
     left_out = "".join(f"<p>{text(n)}, yours: {text(why)}</p>" for n, why in own.items() if n not in placed)
     more = len(ranking) - len(rows)
     rest = left_out + (f'<p class="muted small">{more} more in diagnose.json.</p>' if more else "")
-    legend = f'<p class="muted small">Gain in {NATS_WORDS}; confidence: the probability that this name is right.</p>'
+    legend = f'<p class="muted small">Gain in {NATS_WORDS}; {EXPLAINS_WORDS}; {FLOOR_WORDS}.</p>'
     note = (
         '<p class="muted small">What it leaves: the residual of the frame and camera chosen above when this effect '
         "alone is added; projector, ambient and black level are fitted again, focal lengths and albedos are not. A "

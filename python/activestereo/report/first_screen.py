@@ -20,13 +20,14 @@ from activestereo.diagnose.answer.verdict_words import (
     geometry_words,
     headline,
     next_steps,
-    rivals,
+    rival_words,
 )
 from activestereo.report.charts import covariates_chart, effects_chart
 from activestereo.report.encode import data_address
 from activestereo.report.error_words import error_places
 from activestereo.report.models import BASE, FOUND, ModelImages
 from activestereo.report.page import chart
+from activestereo.report.screen import Step
 from activestereo.report.worst import known_residual, residual_limit, rmse
 
 if TYPE_CHECKING:
@@ -38,29 +39,32 @@ _NOT_COMPARED = "#8a94a0"
 
 
 def first_screen(
-    diagnosis: Mapping[str, Any], comparison: Comparison | None = None, images: ModelImages | None = None
+    diagnosis: Mapping[str, Any],
+    comparison: Comparison | None = None,
+    images: ModelImages | None = None,
+    steps: Sequence[Step] = (),
 ) -> str:
     """HTML. images: expected DN of the models BASE and, if an effect was found, FOUND. Without a comparison it has no
-    pictures."""
+    pictures. steps: commands to paste."""
     parts = [f"<h1>{text(headline(diagnosis))}</h1>", f'<p class="muted">{_errors(diagnosis)}</p>']
     cells = [] if comparison is None or images is None else _pictures(comparison, images)
     floor = diagnosis["heldout_noise_floor"]
-    steps = [step for step in diagnosis.get("curve", []) if step["heldout_ir_rmse"] is not None]
-    if steps:
-        curve = chart(effects_chart(steps, floor), "error against effects added")
+    fall = [step for step in diagnosis.get("curve", []) if step["heldout_ir_rmse"] is not None]
+    if fall:
+        curve = chart(effects_chart(fall, floor), "error against effects added")
         cells.insert(min(3, len(cells)), f'<div class="curve">{curve}</div>')
     parts.append(f'<div class="evidence">{"".join(cells)}</div>')
     advice = "".join(f"<li>{text(step)}</li>" for step in next_steps(diagnosis))
-    parts.append(f"<h2>What to do next</h2><ul>{advice}</ul>" if advice else "")
+    parts.append(f"<h2>What to do next</h2><ul>{advice}</ul>{_pasted(steps)}" if advice or steps else "")
     return f'<section id="verdict" aria-label="Verdict">{"".join(parts)}</section>'
 
 
 def comparison_first_screen(
-    comparison: Comparison, images: ModelImages, sentences: Sequence[str], next_step: Sequence[str] = ()
+    comparison: Comparison, images: ModelImages, sentences: Sequence[str], steps: Sequence[Step] = ()
 ) -> str:
-    """HTML of a comparison without a diagnosis. sentences: the first is the head; next_step: a command in words."""
+    """HTML of a comparison without a diagnosis. sentences: the first is the head; steps: commands to paste."""
     said = "".join(f"<p>{text(sentence)}</p>" for sentence in sentences[1:])
-    advice = f"<h2>What to do next</h2><p><code>{text(' '.join(next_step))}</code></p>" if next_step else ""
+    advice = f"<h2>What to do next</h2>{_pasted(steps)}" if steps else ""
     cells = _pictures(comparison, images)
     for place in error_places(comparison.scores["where"])[:2]:
         drawn = chart(covariates_chart([place["table"]], "DN"), f"the error against {place['covariate']}")
@@ -70,19 +74,19 @@ def comparison_first_screen(
     return f'<section id="verdict" aria-label="Verdict">{head}{said}{pictures}{advice}</section>'
 
 
+def _pasted(steps: Sequence[Step]) -> str:
+    return "".join(f"<p>{text(step.label)}: <code>{text(step.text)}</code></p>" for step in steps)
+
+
 def _errors(diagnosis: Mapping[str, Any]) -> str:
     """The errors, and the effects that cannot be told apart."""
     told, floor = errors_told(diagnosis), diagnosis["heldout_noise_floor"]
     said = [text(diagnosis["capture"]) + ". "] if diagnosis.get("capture") else []
     if told:
-        noise = [] if floor is None else [f"noise alone {floor:.2f} DN"]
+        noise = [] if floor is None else [f"sensor noise {floor:.2f} DN"]
         words = ", ".join([f"{name} {error_text(error, floor, 2)}" for name, error in told] + noise)
-        said.append(f"{words[0].upper()}{words[1:]}. ")
-    said += [f"{text(words)} " for words in geometry_words(diagnosis)]
-    if others := rivals(diagnosis):
-        tags = "".join(f'<span class="tag">{text(name)}</span>' for name in others)
-        said.append(f"This data cannot tell {text(diagnosis['ranking'][0]['effect'])} from {tags}")
-    return "".join(said)
+        said.append(f"Errors on frames that no fit has seen: {words}. ")
+    return "".join([*said, *(f"{text(words)} " for words in (*rival_words(diagnosis), *geometry_words(diagnosis)))])
 
 
 @dataclass(frozen=True)

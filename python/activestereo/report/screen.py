@@ -28,38 +28,54 @@ class Figure:
     size: float | None = None
 
 
+@dataclass(frozen=True)
+class Step:
+    """A command to paste, in words as a shell takes them. label: stands before it."""
+
+    words: tuple[str, ...]
+    label: str
+
+    @property
+    def text(self) -> str:
+        return " ".join(self.words)
+
+
 def screen(
-    sentence: str, figures: Sequence[Figure] = (), notes: Sequence[str] = (), steps: Sequence[Sequence[str]] = (),
+    sentence: str, figures: Sequence[Figure] = (), notes: Sequence[str] = (), steps: Sequence[Step] = (),
     see: str | Path | None = None, details: str = "", verbose: bool = False,
 ) -> str:  # fmt: skip
     """The text, without a last line feed.
 
-    notes: sentences below the figures, most important first; those beyond six lines are told under `verbose` alone.
+    notes: sentences below the figures, most important first; those that six lines have no room for are told under
+    `verbose` alone.
     steps: by command(). see: a file that shows more. details: tables that `verbose` adds at the end.
     """
     lines = _wrapped(sentence)
     drawn = _drawn(figures[:_MOST_LINES])
-    said = [[f"  {note}"] if verbose else _wrapped(note, "  ") for note in notes]
-    room, told = _MOST_LINES - len(drawn), 0
-    while told < len(said) and (verbose or len(said[told]) <= room):
-        room -= len(said[told])
-        told += 1
-    lines += [*drawn, *(line for note in said[:told] for line in note)]
+    room, told = _MOST_LINES - len(drawn), []
+    for said in ([f"  {note}"] if verbose else _wrapped(note, "  ") for note in notes):
+        if verbose or len(said) <= room:
+            room -= len(said)
+            told.append(said)
+    lines += [*drawn, *(line for said in told for line in said)]
     lines += [line for step in steps for line in _pasted(step)]
-    more = [] if verbose or (told == len(said) and not details) else ["more: --verbose"]
-    lines += [*([f"see: {printable(see)}"] if see else []), *more]
+    more = "" if verbose or (len(told) == len(notes) and not details) else "more: --verbose"
+    if see:
+        lines.append(f"see: {printable(see)}" + (f" ({more})" if more else ""))
+    elif more:
+        lines.append(more)
     return "\n".join([*lines, *(["", details] if verbose and details else [])])
 
 
-def command(*words: object) -> list[str]:
-    """A command of ours in words, as a shell takes them; None and the option before it are left out."""
+def command(*words: object, label: str = "next") -> Step:
+    """A command of ours; None and the option before it are left out."""
     given: list[str] = ["activestereo", *(["--allow-outside"] if is_outside_allowed() else [])]
     for word in words:
         if word is None:
             given.pop()
         else:
             given.append(_quoted(str(word)))
-    return given
+    return Step(tuple(given), label)
 
 
 def _drawn(figures: Sequence[Figure]) -> list[str]:
@@ -81,17 +97,18 @@ def _wrapped(text: str, indent: str = "") -> list[str]:
     )  # fmt: skip
 
 
-def _pasted(words: Sequence[str]) -> list[str]:
+def _pasted(step: Step) -> list[str]:
     """Lines that a shell takes as one command."""
     parts: list[str] = []
-    for word in words:  # an option and its value stay together
+    for word in step.words:  # an option and its value stay together
         if parts and parts[-1].startswith("-") and " " not in parts[-1]:
             parts[-1] += f" {word}"
         else:
             parts.append(word)
-    lines = ["next:"]
+    start = f"{step.label}:"
+    lines = [start]
     for part in parts:
-        if len(lines[-1]) + len(part) > COLUMNS - 3 and lines != ["next:"]:
+        if len(lines[-1]) + len(part) > COLUMNS - 3 and lines != [start]:
             lines[-1] += " \\"
             lines.append("   ")
         lines[-1] += f" {part}"

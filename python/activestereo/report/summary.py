@@ -3,16 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from activestereo.report.error_words import what_is_missed
-from activestereo.report.screen import Figure, screen
+from activestereo.report.screen import Figure, Step, screen
 
 
-def comparison_screen(scores: dict[str, Any], next_step: Sequence[str], page: Path, kept: str, verbose: bool) -> str:
-    """The end of the command. next_step: by screen.command(); kept: what the cache holds, for `verbose`."""
+def comparison_screen(scores: dict[str, Any], next_step: Step, page: Path, kept: str, verbose: bool) -> str:
+    """The end of the command. kept: what the cache holds, for `verbose`."""
     sentence, *notes = what_is_missed(scores)
     figures = []
     for split, values in scores["ir"].items():

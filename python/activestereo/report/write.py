@@ -26,6 +26,7 @@ from activestereo.report.found_strips import found_strips
 from activestereo.report.lettering import write_figure
 from activestereo.report.models import model_images
 from activestereo.report.page import page
+from activestereo.report.screen import Step
 from activestereo.report.sheet import comparison_figure
 
 if TYPE_CHECKING:
@@ -47,21 +48,21 @@ def write_report(
     diagnosis: dict[str, Any] | None = None,
     effects: Mapping[str, Effect] | None = None,
     progress: Callable[[float], object] | None = None,
-    next_step: Sequence[str] = (),
+    steps: Sequence[Step] = (),
 ) -> tuple[Path, Path]:
     """Writes compare.json, compare.png and report.html into `folder` (made where absent); returns the paths of the
 first and the last.
 
     diagnosis: contents of diagnose.json, a dict; None for the folder's own diagnose.json, if it is of this capture.
     effects: {id: Effect} that it may name, None for the built-in ones. progress: called as progress(fraction done).
-    next_step: a command in words, by screen.command().
+    steps: commands to paste, by screen.command().
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     if diagnosis is None:
         diagnosis = _stored_diagnosis(folder, comparison.capture.name)
     json_text = json.dumps(comparison.scores, indent=1, allow_nan=False) + "\n"
-    html_text = report_page(comparison, diagnosis, effects, progress, next_step=next_step)
+    html_text = report_page(comparison, diagnosis, effects, progress, steps=steps)
     replace_file(folder / "compare.json", lambda file: file.write(json_text.encode()))
     figure = comparison_figure(comparison)
     write_figure(folder / "compare.png", figure)
@@ -75,15 +76,15 @@ def report_page(
     effects: Mapping[str, Effect] | None = None,
     progress: Callable[[float], object] | None = None,
     found_images: Mapping[ImageKey, NDArray] | None = None,
-    next_step: Sequence[str] = (),
+    steps: Sequence[Step] = (),
 ) -> str:
-    """The page's text. found_images: as in model_images(); next_step: as in write_report()."""
+    """The page's text. found_images: as in model_images(); steps: as in write_report()."""
     scores = comparison.scores
     images = model_images(comparison, diagnosis, effects, progress, found_images)
     missed, explorer = what_is_missed(scores), explorer_section(comparison, images)
-    body = [comparison_first_screen(comparison, images, missed, next_step), cards(scores), explorer]
+    body = [comparison_first_screen(comparison, images, missed, steps), cards(scores), explorer]
     if diagnosis:
-        verdict = first_screen(diagnosis, comparison, images)
+        verdict = first_screen(diagnosis, comparison, images, steps)
         strips = found_strips(comparison, diagnosis, images, library() if effects is None else effects)
         sections = diagnosis_sections(diagnosis, images)
         told = "".join(f"<p>{text(sentence)}</p>" for sentence in missed)
@@ -98,17 +99,19 @@ def write_diagnosis_report(
     folder: str | Path,
     effects: Mapping[str, Effect] | None = None,
     progress: Callable[[float], object] | None = None,
+    steps: Sequence[Step] = (),
 ) -> Path:
     """Writes report.html of a diagnosis into `folder` (made where absent) and returns its path; renders nothing.
 
     effects: {id: Effect} that it chose from, None for the built-in ones. progress: called as progress(fraction done).
+    steps: as in write_report().
     """
     result, comparison = diagnosis.result, diagnosis.comparison()
     if comparison is None:
         title = f"{result.get('capture', 'capture')}: diagnosis"
-        html_text = page(title, [first_screen(result), *diagnosis_sections(result)])
+        html_text = page(title, [first_screen(result, steps=steps), *diagnosis_sections(result)])
     else:
-        html_text = report_page(comparison, result, effects, progress, diagnosis.predictions())
+        html_text = report_page(comparison, result, effects, progress, diagnosis.predictions(), steps)
     path = Path(folder) / "report.html"
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, html_text)

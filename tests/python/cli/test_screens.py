@@ -32,7 +32,7 @@ def test_a_screen_keeps_its_lines_and_its_words():
     text = screen("Sentence.", figures, notes, see="report.html")
     first, second = (line.count("█") for line in text.splitlines()[1:3])
     assert first == 2 * second and "third" in text and "most important" in text and "told under" not in text
-    assert "see: report.html\nmore: --verbose" in text and max(map(len, text.splitlines())) <= 80
+    assert "see: report.html (more: --verbose)" in text and max(map(len, text.splitlines())) <= 80
     assert "told under" in screen("Sentence.", figures, notes, verbose=True)
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A depth error's parts add up, and each is found where it alone was made."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from activestereo.compare.render import render_halves
 from activestereo.diagnose.channels.depth_engine import Depth
 from activestereo.diagnose.answer.depth_split import OWN, PARTS, DepthErrors, depth_split, split_of
 from activestereo.effects import Model, builtin
-from activestereo.report.depth_parts import depth_parts_lines, depth_parts_section
+from activestereo.report.depth_parts import split_sentences
 from lab_worlds import WorldRenderer, with_device_depth
 from virtual_sensor.world import make_world
 
@@ -90,19 +91,21 @@ def test_distances_and_materials_hold_all_pixels():
     assert before == 0.0 < after
 
 
-def test_terminal_and_report_tell_every_part_by_place():
-    told = split_of([frame()], [frame(by_effects=lambda d: 0.1 * np.sin(d))], {0: "wood", 1: "<steel>"}.get)
+def test_sentences_tell_parts_that_add_up():
+    """A part of opposite sign is taken off, and roundings leave the sum whole."""
+    told = split_of([frame()], [frame(by_effects=lambda d: 0.1 * np.sin(d), own=lambda d: 0.003 * d)], str)
     told |= {"images_agree": False, "filters": []}
-    lines = depth_parts_lines(told)
-    assert "still lack something" in lines[0] and depth_parts_lines(None) == [] and depth_parts_section(None) == ""
-    words = " ".join(lines)
-    for name in (*PARTS, "sensor's own", "wood", "<steel>", "0.50 to 0.8"):
-        assert name in words
+    size, parts, *rest = split_sentences(told)
     whole = told["after"]
-    [row] = [line for line in lines if line.strip().startswith("whole error")]
-    assert row.split()[-4:] == [f"{1e3 * whole['rms_m']:.2f}", "mm", f"{whole['rms_px']:.3f}", "px"]
-    page = depth_parts_section(told)
-    assert "&lt;steel&gt;" in page and "<steel>" not in page and page.count("<tr>") == 10 + 7
+    assert f"{1e3 * whole['rms_m']:.2f} mm ({whole['rms_px']:.3f} px)" in size and "20000 pixels" in size
+    assert sum(int(share) for share in re.findall(r"(\d+) % comes", parts)) == 100
+    assert "still lack something" in rest[0] and rest[1].count(" mm at ") == 4 and split_sentences(None) == []
+    shares = {"any matcher": 1.106, "calibration": 0.006, "other matcher": -0.112}
+    for name, part in whole["parts"].items():
+        part["share_m"] = shares.get(name, 0.0)
+    kept, taken = split_sentences(told)[1].split(", less ")
+    percents = [sum(int(share) for share in re.findall(r"(\d+) %", words)) for words in (kept, taken)]
+    assert percents == [111, 11]
 
 
 @pytest.mark.parametrize("stretch", [1.0, 1.03])

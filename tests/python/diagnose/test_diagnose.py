@@ -16,7 +16,8 @@ from activestereo.cli import main
 from activestereo.effects import Model, builtin
 from activestereo.lab import Lab
 from activestereo.diagnose import diagnose
-from activestereo.report.diagnosis_text import diagnosis_text
+from activestereo.diagnose.score.intervals import Z90
+from activestereo.report.diagnosis_text import diagnosis_table
 from activestereo.report.write_diagnosis import write_diagnosis
 from activestereo.compare.model_file import library, read_model, write_model
 
@@ -62,11 +63,15 @@ def test_a_hidden_lens_shading_is_named_and_its_exponent_found(hidden_shading):
     assert words[1].startswith("verdict: effect (vignetting)")
     found = first["parameters"]["exponent"]
     assert found["value"] == pytest.approx(EXPONENT, rel=0.1) and found["low"] < EXPONENT < found["high"]
+    assert 0.5 * (found["high"] - found["low"]) > found["floor"] == pytest.approx(0.1 * Z90 * found["value"])
 
 
 def test_its_set_holds_it_alone_and_probabilities_add_up(hidden_shading):
     result = hidden_shading[1].result
     assert [s["effects"] for s in result["sets"]] == [["vignetting"]]
+    shares = {entry["effect"]: entry["explained_share"] for entry in result["ranking"]}
+    for rival, share in result["sets"][0]["rivals"].items():
+        assert share < shares["vignetting"] and share == pytest.approx(shares[rival], abs=0.02), rival
     given = result["probabilities"]
     assert sum(given["named"].values()) + given["none"] + given["something_else"] == pytest.approx(1.0)
 
@@ -121,7 +126,7 @@ def test_files_keep_the_schema_and_the_model_reads_back(hidden_shading, tmp_path
     assert violations(written, schema) == []
     model = read_model(tmp_path / "model.json", library())
     assert [e.id for e, _ in model.effects] == ["vignetting"]
-    assert "vignetting" in diagnosis_text(written)
+    assert "vignetting" in diagnosis_table(written)
 
 
 def test_add_command_takes_the_parameters_of_a_diagnosis(hidden_shading, tmp_path, capsys):

@@ -12,7 +12,7 @@ import pytest
 import activestereo.report
 from activestereo.diagnose import diagnose
 from activestereo.effects import Parameter, Stage, builtin, effect
-from activestereo.report.diagnosis_text import diagnosis_text
+from activestereo.report.diagnosis_text import diagnosis_screen
 from activestereo.report.write import write_diagnosis_report
 from lab_worlds import BLACK_DN, WorldRenderer, altered
 from schema_check import violations
@@ -58,8 +58,9 @@ def test_own_effects_say_why_they_rank_where_they_do(diagnosis):
         assert own["mine_idle"].startswith(f"it may not be named: it explains {share:.1f} % of the error")
     else:
         assert own["mine_idle"] == "it explains next to nothing of the images"
-    text = diagnosis_text(result)
-    assert text.startswith("My lens is dark: ") and all(f"yours: {why}" in text for why in own.values())
+    text = diagnosis_screen(result, [], Path("report.html"), "", True)
+    assert "one effect: mine_shading (my lens is dark)" in " ".join(text.split())
+    assert all(f"yours: {why}" in text for why in own.values())
 
 
 def test_the_report_of_a_diagnosis_needs_no_render(diagnosis, renderer, tmp_path, monkeypatch):
@@ -69,7 +70,7 @@ def test_the_report_of_a_diagnosis_needs_no_render(diagnosis, renderer, tmp_path
     monkeypatch.setattr(WorldRenderer, "__call__", refused)
     path = write_diagnosis_report(diagnosis, tmp_path / "new", {"mine_shading": mine_shading})
     page = path.read_text()
-    assert "<h1>My lens is dark: " in page and page.index('id="verdict"') < page.index('id="explorer"')
+    assert "mine_shading (my lens is dark).</h1>" in page and page.index('id="verdict"') < page.index('id="explorer"')
     data = json.loads(page.split('id="explorer-data">')[1].split("</script>")[0])
     assert list(data["models"]) == ["base", "found", "mine_shading"]
     view = next(v for v in data["views"] if v["camera"] == "left" and v["split"] == "test")

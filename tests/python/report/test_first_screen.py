@@ -12,6 +12,7 @@ from PIL import Image
 
 from activestereo.report.first_screen import _largest_window, first_screen
 from activestereo.report.models import model_images
+from activestereo.report.screen import command
 from activestereo.report.write import write_report
 from chromium import Page, is_installed
 from report_worlds import DIAGNOSIS, WITH_MODEL
@@ -25,7 +26,8 @@ FOUND = WITH_MODEL | {
 
 @pytest.fixture(scope="module")
 def screen(ball_comparison):
-    return first_screen(FOUND, ball_comparison, model_images(ball_comparison, FOUND))
+    steps = [command("simulate", "a.gltf", label="use")]
+    return first_screen(FOUND, ball_comparison, model_images(ball_comparison, FOUND), steps)
 
 
 def _pictures(html):
@@ -35,11 +37,12 @@ def _pictures(html):
 
 
 def test_the_sentence_the_rivals_and_the_advice_are_there(screen):
-    gone = 1.0 - (2.51**2 - 2.44**2) / (6.21**2 - 2.44**2)
-    assert f"<h1>{SAYS}: {100 * gone:.0f} % of the squared error beyond noise goes.</h1>" in screen
-    assert "cannot tell radial_distortion from" in screen and ">principal_point_offset</span>" in screen
+    named = f"radial_distortion ({SAYS[0].lower()}{SAYS[1:]})"
+    assert f"<h1>The model lacks one effect: {named}.</h1>" in screen
+    assert "98 % of the error; this data cannot tell it from principal_point_offset." in screen
     assert "Measure: a second distance." in screen
-    assert "Held-out RMSE before 6.21 DN, with what was found 2.51 DN" in screen
+    assert "no fit has seen: model now 6.21 DN, with the effect 2.51 DN, sensor noise 2.44 DN" in screen
+    assert "<p>use: <code>activestereo simulate a.gltf</code></p>" in screen
     assert screen.count("data:image/svg+xml") == 1  # the curve
 
 

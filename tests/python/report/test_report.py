@@ -15,7 +15,7 @@ from schema_check import violations
 from activestereo.report import explorer, write
 from activestereo.report.charts import effects_chart
 from activestereo.report.diagnosis import diagnosis_sections
-from activestereo.report.diagnosis_text import diagnosis_text
+from activestereo.report.diagnosis_text import diagnosis_screen
 from activestereo.report.encode import encoded_image
 from activestereo.report.explorer import explorer_data
 from activestereo.report.models import model_images
@@ -235,12 +235,13 @@ def test_text_is_escaped():
     assert "<b>" not in table(["<b>"], [])
 
 
-@pytest.mark.parametrize("after, said", [(2.51, "2.51 DN"), (2.43, "at the noise floor")])
-def test_no_error_below_the_noise_floor_is_told(after, said):
+@pytest.mark.parametrize("after, told", [(2.51, "2.51 DN"), (2.43, "at the noise floor")])
+def test_no_error_below_the_noise_floor_is_told(after, told):
     result = DIAGNOSIS | {"heldout_ir_rmse_after": after, "ranking": [], "next_measurement": [], "depth": {}}
-    [line] = [line for line in diagnosis_text(result).splitlines() if "with what was found" in line]
+    said = diagnosis_screen(result, [], Path("report.html"), "", False)
+    [line] = [line for line in said.splitlines() if "with the effect" in line]
     page = "".join(diagnosis_sections(result))
-    assert said.split()[0] in line and f"6.21 DN → {said}" in page
+    assert told.split()[0] in line and f"6.21 DN → {told}" in page
     assert (f"{after:.2f}" in line) == (after > result["heldout_noise_floor"])
 
 

@@ -2,6 +2,7 @@
 """The commands of the command line, as the parser has them, and run in this process."""
 
 import argparse
+import re
 import shlex
 import signal
 from contextlib import ExitStack
@@ -46,7 +47,8 @@ def led_on(text):
     whole = text.replace(" \\\n   ", "").splitlines()
     assert len(whole) <= 11, text
     assert all(len(line) <= 80 or max(map(len, line.split())) > 40 for line in text.splitlines()), text
-    commands = [shlex.split(line.removeprefix("next: "))[1:] for line in whole if line.startswith("next: ")]
+    found = [re.match(r"(?:next|check|use): activestereo (.*)", line) for line in whole]
+    commands = [shlex.split(line[1]) for line in found if line is not None]
     assert commands, text
     for words in commands:
         args = make_parser().parse_args(words + (["--no-browser", "--device", "cpu"] if words[0] == "view" else []))

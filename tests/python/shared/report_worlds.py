@@ -20,15 +20,18 @@ DIAGNOSIS = {
     "ranking": [
         {
             "effect": "radial_distortion", "family": "camera geometry", "score_nats": 812.4, "confidence": 0.97,
+            "explained_share": 0.98,
             "parameters": {"k1": {"value": -0.0085, "low": -0.0088, "high": -0.0082, "unit": "1"}},
             "equivalent": ["radial_distortion", "principal_point_offset"],
         },
         {
             "effect": "vignetting", "family": "lens <shading>", "score_nats": 3.1, "confidence": 0.01,
+            "explained_share": 0.01,
             "parameters": {"exponent": {"value": 0.1, "low": None, "high": None, "unit": "1"}}, "equivalent": [],
         },
     ],
     "added": ["radial_distortion"],
+    "sets": [{"effects": ["radial_distortion", "principal_point_offset"], "probabilities": [0.6, 0.4]}],
     "heldout_ir_rmse_before": 6.21,
     "heldout_ir_rmse_after": 2.51,
     "heldout_noise_floor": 2.44,

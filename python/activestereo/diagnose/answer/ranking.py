@@ -45,9 +45,7 @@ def ranking_of(
     """Names first, in the order of their gains; then what this recording cannot tell from them; then the others by
     their scores. name_of: a material's name."""
     entries: dict[str, Json] = {}
-    pixels = sum(o.pixels for o in outcome.fitter.observations)
-    drawn = sum(name.gain for name in outcome.names if name.field is not None)  # the fits are of images without these
-    before = max(outcome.first.sums.total / pixels - 1.0 + drawn, 1e-9)
+    pixels = _pixels(outcome)
     known = 1.0 / (1.0 + _odds(outcome, numbers))
 
     def add(effect: Effect, gain: float, nats: float, p: float, found: Parameters, same: list[str]) -> None:
@@ -60,7 +58,7 @@ def ranking_of(
             "channel": "noise" if effect.id in outcome.noise else "infrared",
             "score_nats": nats,
             "confidence": p,
-            "explained_share": min(gain / before, 1.0),
+            "explained_share": _explained(outcome, gain),
             "gain_reduced_chi2": gain,
             "parameters": {q.name: parameter_json(q, found[q.name], name_of) for q in effect.parameters},
             "equivalent": same,
@@ -89,7 +87,7 @@ def ranking_of(
 
 
 def _add_fit(outcome: Outcome, seen: Round, member: str, p: float, same: list[str], add: Callable[..., None]) -> None:
-    fit, pixels = seen.fits[member].solution, sum(o.pixels for o in outcome.fitter.observations)
+    fit, pixels = seen.fits[member].solution, _pixels(outcome)
     effect = fit.effects[-1]
     own = fit.theta[len(fit.theta) - len(effect.parameters) :]
     found = {q.name: Interval(float(v), q.low, q.high, q.unit) for q, v in zip(effect.parameters, own, strict=True)}
@@ -99,7 +97,7 @@ def _add_fit(outcome: Outcome, seen: Round, member: str, p: float, same: list[st
 
 def _nats(outcome: Outcome, gain: float) -> float:
     """The gain of log-likelihood by a fall of the mean square from where the first fit is."""
-    pixels, first = sum(o.pixels for o in outcome.fitter.observations), outcome.first.sums.total
+    pixels, first = _pixels(outcome), outcome.first.sums.total
     return nats_of(first, max(first - gain * pixels, 1e-3 * first), pixels, _design(outcome))
 
 
@@ -126,8 +124,30 @@ def probabilities_of(outcome: Outcome, numbers: Numbers) -> Json:
 
 
 def sets_of(outcome: Outcome) -> list[Json]:
-    """[{effects, probabilities}] of each name: what this recording cannot tell apart, likeliest first."""
-    return [{"effects": list(n.members), "probabilities": list(n.members.values())} for n in outcome.names]
+    """[{effects, probabilities, rivals}] of each name: what this recording cannot tell apart, likeliest first, and what
+    was fitted beside and explains less: {effect: share that it explains}, the best first."""
+    return [
+        {"effects": list(n.members), "probabilities": list(n.members.values()), "rivals": _rivals(outcome, n)}
+        for n in outcome.names
+    ]
+
+
+def _rivals(outcome: Outcome, name: Name) -> dict[str, float]:
+    if name.seen is None:
+        return {}
+    gains = {id: (name.seen.chi2 - fit.chi2) / _pixels(outcome) for id, fit in name.seen.fits.items()}
+    others = {id: _explained(outcome, gain) for id, gain in gains.items() if id not in name.members}
+    return dict(sorted(others.items(), key=lambda other: -other[1]))
+
+
+def _pixels(outcome: Outcome) -> int:
+    return sum(o.pixels for o in outcome.fitter.observations)
+
+
+def _explained(outcome: Outcome, gain: float) -> float:
+    """The share of the error beyond noise that a fall of the mean square is, noise variances."""
+    drawn = sum(name.gain for name in outcome.names if name.field is not None)  # the fits are of images without these
+    return min(gain / max(outcome.first.sums.total / _pixels(outcome) - 1.0 + drawn, 1e-9), 1.0)
 
 
 def judging_of(outcome: Outcome) -> dict[str, Any]:

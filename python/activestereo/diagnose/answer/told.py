@@ -60,12 +60,12 @@ def html_of(result: Mapping[str, Any]) -> str:
         [
             text(entry["effect"]),
             f"{entry['score_nats']:.1f}",
-            f"{100 * entry['confidence']:.0f} %",
+            "—" if entry["explained_share"] is None else f"{100 * entry['explained_share']:.0f} %",
             text(", ".join(alike(result, entry))) or "—",
         ]
         for entry in result["ranking"][:_ROWS]
     ]
-    head = ["effect", "gain, nats", "confidence", "cannot be told from"]
+    head = ["effect", "gain, nats", "explains", "cannot be told from"]
     ranking = table(head, rows, numbers=(1, 2)) if rows else ""
     advice = "".join(f"<li>{text(step)}</li>" for step in next_steps(result))
     return f"<p><b>{text(headline(result))}</b></p>{ranking}<ul>{advice}</ul>"

@@ -6,8 +6,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-# Beyond noise less than this share of the noise variance is no error whose fall could be told.
-_LEAST_EXCESS = 0.02
+from activestereo.common.shown import listed
+
+_COUNTS = ("no effect", "one effect", "two effects", "three effects")
+_RIVALS = 2  # are told with their shares
 # A stated uncertainty that a correction exceeds by so much was stated wrong.
 IMPOSSIBLE_SIGMAS = 10.0
 # What to do where an effect of a family was found; where it is none of these, the sensor is what differs.
@@ -32,41 +34,22 @@ def error_text(rmse_dn: float, floor_dn: float | None, decimals: int) -> str:
 
 
 def errors_told(result: Mapping[str, Any]) -> list[tuple[str, float]]:
-    """(name, root mean square of the held-out frames in DN) of the models between which the verdict's share of the
-    squared error goes, and of the one with the geometry as it was measured where that is another; else nothing."""
+    """(name, root mean square of the held-out frames in DN) of the given model, of the one with the geometry as it was
+    measured where that is another, and of the one found; else nothing."""
     before, after = result["heldout_ir_rmse_before"], result["heldout_ir_rmse_after"]
     if before is None or after is None:
         return []
     standing = result.get("heldout_ir_rmse_geometry", before)
     measured = [] if standing == before else [("geometry as measured", standing)]
-    last = "with what was found" if result["added"] else "with its own scales"
-    return [("held-out RMSE before", before), *measured, (last, after)]
+    last = f"with the effect{'s' * (len(result['added']) > 1)}" if result["added"] else "with its own scales"
+    return [("model now", before), *measured, (last, after)]
 
 
-def share_gone(result: Mapping[str, Any]) -> float | None:
-    """The share of the held-out squared error beyond noise that goes with what was added, the geometry as it was
-    measured; None where it cannot be told."""
-    before, after, floor = (
-        result[key] for key in ("heldout_ir_rmse_before", "heldout_ir_rmse_after", "heldout_noise_floor")
-    )
-    before = result.get("heldout_ir_rmse_geometry", before)
-    if before is None or after is None or floor is None or before**2 < (1.0 + _LEAST_EXCESS) * floor**2:
-        return None
-    return 1.0 - max(after**2 - floor**2, 0.0) / (before**2 - floor**2)
-
-
-def finding_words(result: Mapping[str, Any], effect_id: str) -> str:
-    """The meaning of an effect that was found: its own sentence, else one with its id."""
+def _named(result: Mapping[str, Any], effect_id: str) -> str:
+    """An effect with the meaning of its being found, where it says one."""
     entries = [*result["ranking"], *(result.get("depth") or {}).get("ranking", [])]
-    own = next((entry.get("finding") for entry in entries if entry["effect"] == effect_id), None)
-    return own or f"The model lacks {effect_id}"
-
-
-def rivals(result: Mapping[str, Any]) -> list[str]:
-    """Ids of the effects that the data cannot tell from the first one."""
-    if not result["ranking"] or result["verdict"] not in ("effect", "undetermined"):
-        return []
-    return alike(result, result["ranking"][0])
+    meaning = next((entry.get("finding") for entry in entries if entry["effect"] == effect_id), None)
+    return effect_id + (f" ({_lowered(meaning)})" if meaning else "")
 
 
 def alike(result: Mapping[str, Any], entry: Mapping[str, Any]) -> list[str]:
@@ -78,22 +61,41 @@ def alike(result: Mapping[str, Any], entry: Mapping[str, Any]) -> list[str]:
     return [x for x in entry["equivalent"] if x != own and (is_first or own in says.get(x, [own]))]
 
 
+def rival_words(result: Mapping[str, Any]) -> list[str]:
+    """A sentence for each name: the share of the error that it explains, and how far behind the best rival is; or the
+    effects that the data cannot tell from it."""
+    entries = {entry["effect"]: entry for entry in result["ranking"]}
+    said = []
+    for own in result.get("sets", []):
+        entry, rivals_of = entries.get(own["effects"][0]), own.get("rivals", {})
+        if entry is None or entry.get("explained_share") is None or entry.get("channel") == "noise":
+            continue
+        name = "it" if len(result["sets"]) == 1 else entry["effect"]
+        words = f"explains {_percent(entry['explained_share'])}"
+        if same := alike(result, entry):
+            said.append(f"{entry['effect']} {words} of the error; this data cannot tell it from {listed(same)}.")
+        elif rivals_of:
+            behind = 100.0 * max(entry["explained_share"] - max(rivals_of.values()), 0.0)
+            shares = ", ".join(f"{id} {_percent(rival)}" for id, rival in [*rivals_of.items()][:_RIVALS])
+            said.append(f"No rival within {behind:.{0 if behind >= 1.0 else 1}f} %: {name} {words}, {shares}.")
+        else:
+            said.append(f"{entry['effect']} {words} of the error beyond noise.")
+    return said
+
+
 def headline(result: Mapping[str, Any]) -> str:
     """The verdict in one sentence."""
     left = _left(result)
     if result["verdict"] == "effect":
-        found = [finding_words(result, name) for name in result["added"]]
-        said = " and ".join([*found[:1], *map(_lowered, found[1:])])
-        gone = share_gone(result)
-        if gone is None or gone <= 0.0:
-            return f"{said}."
-        return f"{said}: {100 * gone:.0f} % of the squared error beyond noise goes."
+        added = result["added"]
+        count = _COUNTS[len(added)] if len(added) < len(_COUNTS) else f"{len(added)} effects"
+        return f"The model lacks {count}: {listed([_named(result, name) for name in added])}."
     if result["verdict"] == "unknown":
         return f"Something is missing that no known effect explains{left}."
     if result["verdict"] == "none":
         engine = (result.get("depth") or {}).get("added", [])
         if engine:
-            return f"The images lack nothing; in the depth: {_lowered(finding_words(result, engine[0]))}."
+            return f"The images lack nothing; the depth engine has one effect more: {_named(result, engine[0])}."
         return f"Nothing is missing: the model is at the noise floor{left}."
     reason = f": {result['reason']}" if result.get("reason") else ""
     return f"This data cannot tell what is missing{reason}."
@@ -116,6 +118,10 @@ def _lowered(words: str) -> str:
     return words[0].lower() + words[1:]
 
 
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
+
+
 def _left(result: Mapping[str, Any]) -> str:
     error, floor = result["heldout_ir_rmse_after"], result["heldout_noise_floor"]
     if error is None or floor is None:
@@ -130,11 +136,11 @@ def next_steps(result: Mapping[str, Any]) -> list[str]:
         if any(entry.get("stated_sigmas", 0.0) > IMPOSSIBLE_SIGMAS for entry in result.get(kind, [])):
             steps.append(f'{again} again, or state a larger "uncertainty" in capture.json.')
     if result["verdict"] == "effect":
-        steps.append(f"{_remedies(result)}, or simulate with it: activestereo simulate --model model.json.")
+        steps.append(f"{_remedies(result)}, or simulate with model.json, which has it.")
     elif result["verdict"] == "unknown":
-        steps.insert(0, "Edit effect_stub.py, which holds a formula of what is left, and add --effects effect_stub.py.")
+        steps.insert(0, "Edit effect_stub.py, which holds a formula of what is left, and diagnose with it.")
     elif result["verdict"] == "none":
-        steps.insert(0, "Simulate with model.json, which holds scales and noise: activestereo simulate --model FILE.")
+        steps.insert(0, "Simulate with model.json, which holds scales and noise.")
     return steps
 
 

@@ -53,7 +53,7 @@ def field_parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:
     for p in effect.parameters:
         value = fit.share if p.name in shares else fit.sigma.get(p.name, p.neutral)
         found[p.name] = interval(p, float(np.clip(value, p.low, p.high)), fit.error.get(p.name, 0.0))
-    return within_ranges(effect, found)
+    return within_ranges(effect, found, has_floor=True)
 
 
 def fit_fields(effect: Effect, train: Sequence[ImageResidual], black_dn: float, numbers: Numbers) -> FieldFit | None:

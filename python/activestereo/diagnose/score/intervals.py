@@ -22,12 +22,14 @@ Limits = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Interval:
-    """A parameter as found: value, and the ends of its 90 % interval, in unit."""
+    """A parameter as found: value, and the ends of its 90 % interval, in unit. floor: the half width that the interval
+    has however well the parameter was fitted."""
 
     value: float
     low: float
     high: float
     unit: str
+    floor: float = 0.0
 
     def as_json(self) -> dict[str, float | str]:
         return asdict(self)
@@ -39,24 +41,28 @@ def is_shape(parameter: Parameter) -> bool:
 
 
 def interval(parameter: Parameter, value: float, deviation: float) -> Limits:
-    """(value, low, high) of a 90 % interval: a standard error, and the models' own discrepancy for what was found:
-    an amplitude's distance from neutral, a shape's whole value, whose neutral one is a usual place and not the
-    absence of anything.
-    """
-    size = value if is_shape(parameter) else value - parameter.neutral
-    half = 0.0 if parameter.choice else Z90 * float(np.hypot(deviation, _INADEQUACY * size))
+    """(value, low, high) of a 90 % interval: a standard error, and the floor for what was found."""
+    half = 0.0 if parameter.choice else float(np.hypot(Z90 * deviation, floor(parameter, value)))
     return value, value - half, value + half
+
+
+def floor(parameter: Parameter, value: float) -> float:
+    """Half of a 90 % interval by the models' own discrepancy alone: of an amplitude's distance from neutral, of a
+    shape's whole value, whose neutral one is a usual place and not the absence of anything."""
+    size = value if is_shape(parameter) else value - parameter.neutral
+    return 0.0 if parameter.choice else Z90 * _INADEQUACY * abs(float(size))
 
 
 def intervals(fitter: Fitter, solution: Solution, effect: Effect) -> dict[str, Interval]:
     """The 90 % intervals of an effect's parameters in a Solution."""
     deviation = np.sqrt(np.maximum(np.diag(fitter.covariance(solution)), 0.0))[: len(solution.theta)]
     found = zip(solution.space.pairs, solution.theta, deviation, strict=True)
-    return within_ranges(effect, {p.name: interval(p, v, d) for (e, p), v, d in found if e.id == effect.id})
+    return within_ranges(effect, {p.name: interval(p, v, d) for (e, p), v, d in found if e.id == effect.id}, True)
 
 
-def within_ranges(effect: Effect, found: Mapping[str, Limits]) -> dict[str, Interval]:
-    """Intervals inside the parameters' ranges; neutral and the whole range where a parameter was not found."""
+def within_ranges(effect: Effect, found: Mapping[str, Limits], has_floor: bool = False) -> dict[str, Interval]:
+    """Intervals inside the parameters' ranges; neutral and the whole range where a parameter was not found. has_floor:
+    they are of interval()."""
     out = {}
     for p in effect.parameters:
         value, low, high = found.get(p.name, (p.neutral, p.low, p.high))
@@ -64,5 +70,6 @@ def within_ranges(effect: Effect, found: Mapping[str, Limits]) -> dict[str, Inte
             min(max(p.low, low), p.high),
             max(min(p.high, high), p.low),
         )  # an end that is no number is the range's
-        out[p.name] = Interval(float(np.clip(value, p.low, p.high)), float(low), float(high), p.unit)
+        least = floor(p, value) if has_floor and p.name in found else 0.0
+        out[p.name] = Interval(float(np.clip(value, p.low, p.high)), float(low), float(high), p.unit, least)
     return out
