@@ -52,7 +52,7 @@ def diagnosis_screen(
 
 
 def diagnosis_table(result: Mapping[str, Any]) -> str:
-    """What the screen leaves out: the ranking, the depth engine, and what to measure."""
+    """The ranking, the depth engine, and what to measure: the screen leaves them out."""
     lines = _table(result)
     if (size := result.get("binning", 1)) > 1:
         lines.append(f"searched in images averaged over {size}x{size} pixels (--bin); figures are of whole images")
