@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache, scene_digest
-from activestereo.compare.fit_model import fit_with_exposures
 from activestereo.compare.kuafu_renderer import engine_version
 from activestereo.compare.layers import Layers
-from activestereo.compare.nuisances import Fit, Nuisances
+from activestereo.compare.nuisances import Fit, Nuisances, fit_with_exposures
 from activestereo.effects import Light, Model, View
 from activestereo.effects.core.descriptor import Randomness
 from activestereo.effects.engines import CameraLight, CaptureRenderer, SceneMeasurement

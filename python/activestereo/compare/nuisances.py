@@ -1,29 +1,43 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The nuisances of a comparison: projector scale, ambient scale and black level, by least squares on the train frames.
+"""The nuisances of a comparison: projector scale, ambient scale and black level, by least squares on the train frames;
+and the images that a model expects with them.
 
     DN = black + exposure_s * gain * (projector_scale * power * P + ambient_scale * level * A),  clipped to the sensor's
     range
 
-P and A are the rendered radiance under the projector at power 1 and under ambient radiance 1. All train pixels of both
-cameras weigh alike, so that the fit minimises the RMSE that compare reports. diagnose/refine/fitter.py, which weighs
-pixels by their variance and fits focal lengths, albedos and effects too, starts from it.
+P and A are the radiance that falls on the sensor under the projector at power 1 and under ambient radiance 1. A model's
+effects may bend that line: Gauss-Newton's rounds fit the line that touches it. All train pixels of both cameras weigh
+alike, so that the fit minimises the RMSE that compare reports. diagnose/refine/fitter.py, which weighs pixels by their
+variance and fits focal lengths, albedos and effects too, starts from it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 
-from activestereo.capture.capture import Frame
+from activestereo.capture.capture import SIDES, Capture, CaptureError, Frame, ImageKey
 from activestereo.common.normal_matrix import inverse_normal_matrix
+from activestereo.effects.core.model import scales
+
+if TYPE_CHECKING:
+    from activestereo.compare.render import LayersOfFrames
+    from activestereo.effects.core.model import Model
+    from activestereo.effects.core.view import View
 
 # Pixels predicted this many residual deviations from the ends of the range are left out: there clipping biases the
 # mean.
-CLIP_MARGIN_SIGMA = 4.0
-_CLIP_ROUNDS = 4
+_CLIP_MARGIN_SIGMA = 4.0
+# Rounds of what is clipped, of a bent line, and of exposures that are not exact.
+_CLIP_ROUNDS, _BENT_ROUNDS, _EXPOSURE_ROUNDS = 4, 5, 3
+_STEP = 1e-3
+# (Frame or View, light, the nuisances or None at the start) -> (columns [3][n], offset [n] or 0): the expected image is
+# offset + nuisances @ columns.
+_Line: TypeAlias = Callable[[Any, Any, "np.ndarray | None"], "tuple[np.ndarray, np.ndarray | float]"]
 
 
 @dataclass(frozen=True)
@@ -66,17 +80,26 @@ class Images(Protocol):
     def ambient(self) -> np.ndarray: ...
 
 
-def regressors(frame: Frame, layers: Images) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def regressors(frame: Frame, light: Images) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The derivatives of an unclipped prediction by (projector scale, ambient scale, black), each [height][width]."""
-    light = frame.exposure_gain
-    level = 1.0 if frame.ambient is None else frame.ambient
-    projector = layers.projector.astype(np.float64) * (light * frame.projector_power)
-    return projector, layers.ambient.astype(np.float64) * (light * level), np.ones(layers.ambient.shape)
+    projector, ambient = scales(frame)
+    images = light.projector.astype(np.float64) * projector, light.ambient.astype(np.float64) * ambient
+    return *images, np.ones(light.ambient.shape)
 
 
-def predict(frame: Frame, layers: Images, nuisances: Nuisances, max_dn: float) -> np.ndarray:
+def slopes(image: Callable[..., np.ndarray], nuisances: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+    """image(projector scale, ambient scale, black), and its derivatives by them, by differences."""
+    here, columns = image(*nuisances), []
+    for j, value in enumerate(nuisances):
+        moved = nuisances.copy()
+        moved[j] += _STEP * max(abs(value), 1.0)
+        columns.append((image(*moved) - here) / (moved[j] - value))
+    return here, columns
+
+
+def predict(frame: Frame, light: Images, nuisances: Nuisances, max_dn: float) -> np.ndarray:
     """Expected DN before rounding, float64 [height][width], clipped to 0..max_dn."""
-    columns = regressors(frame, layers)
+    columns = regressors(frame, light)
     value = sum(scale * column for scale, column in zip(nuisances.vector(), columns, strict=True))
     return np.clip(value, 0.0, max_dn)
 
@@ -84,29 +107,116 @@ def predict(frame: Frame, layers: Images, nuisances: Nuisances, max_dn: float) -
 def fit_nuisances(
     observations: Sequence[tuple[Frame, Any, np.ndarray]], max_dn: float, black_dn: tuple[float, float] | None = None
 ) -> Fit:
-    """observations: iterable of (frame, layers, measured DN, NaN where it is not to count). black_dn: the measured
-    black level and its deviation, which is then held. Returns a Fit; ValueError where there is nothing to fit."""
-    observations = list(observations)
+    """observations: (frame, light, measured DN, NaN where it is not to count). black_dn: the measured black level and
+    its deviation, which is then held. Returns a Fit; ValueError where there is nothing to fit."""
+    return _fitted(observations, _straight, max_dn, black_dn)
+
+
+def fit_under_model(
+    model: Any, observations: Sequence[tuple[View, Any, np.ndarray]], max_dn: float,
+    black_dn: tuple[float, float] | None = None,
+) -> Fit:  # fmt: skip
+    """fit_nuisances() under a model with effects. observations: (View, Light that falls on the sensor, measured DN)."""
+    linear = fit_nuisances([(view.frame, light, measured) for view, light, measured in observations], max_dn, black_dn)
+    if not model.effects:
+        return linear
+    return _fitted(observations, partial(_touching, model), max_dn, black_dn, linear.nuisances.vector())
+
+
+def fit_with_exposures(
+    capture: Capture, model: Any, lights: Mapping[ImageKey, Any], views: Mapping[ImageKey, View],
+    measured: Mapping[ImageKey, np.ndarray],
+) -> tuple[Fit, dict[ImageKey, View]]:  # fmt: skip
+    """(fit_under_model() of the train frames, the views): with the exposures that fit best, of test frames, too, where
+    the capture states that they are not exact. lights: {(frame id, side): what falls on the sensor}. CaptureError where
+    there is nothing to fit."""
+    seen = dict(views)
+
+    def fit() -> Fit:
+        keys = [(frame.id, side) for frame in capture.split("train") for side in SIDES]
+        observations = [(seen[key], lights[key], measured[key]) for key in keys]
+        try:
+            return fit_under_model(model, observations, capture.rig.max_dn, capture.rig.black_dn)
+        except ValueError as error:
+            raise CaptureError(f"{capture.path}: {error}") from error
+
+    found = fit()
+    for _ in range(_EXPOSURE_ROUNDS if capture.uncertainty.exposure else 0):
+        for frame in capture.frames:
+            keys = [(frame.id, side) for side in SIDES]
+            share = _exposure_share(model, [(seen[key], lights[key], measured[key]) for key in keys], found)
+            for key in keys:
+                exposed = replace(seen[key].frame, exposure_s=share * seen[key].frame.exposure_s)
+                seen[key] = replace(seen[key], frame=exposed)
+        found = fit()
+    return found, seen
+
+
+def predict_under_model(
+    capture: Capture,
+    model: Model,
+    layers: Sequence[LayersOfFrames],
+    views: Mapping[ImageKey, View],
+    measured: Mapping[ImageKey, np.ndarray],
+) -> tuple[Fit, dict[ImageKey, list[np.ndarray]]]:
+    """(the Fit of the nuisances on the train frames, {(frame id, side): expected DN, [height][width] each}) under a
+    Model.
+
+    layers: those that are fitted, then those whose images are wanted, or the first alone where they are the same;
+    views and measured: {(frame id, side): View and DN}. CaptureError where there is nothing to fit.
+    """
+    lights = [{key: model.light(of[key[0]][key[1]], view) for key, view in views.items()} for of in layers]
+    fit, seen = fit_with_exposures(capture, model, lights[0], views, measured)
+    wanted = lights[1:] or lights
+    return fit, {
+        key: [model.signal(light[key], view, fit.nuisances) for light in wanted] for key, view in seen.items()
+    }
+
+
+def _exposure_share(model: Any, observations: Sequence[Any], fit: Fit) -> float:
+    """By what one frame's light is to be multiplied; 1 where nothing tells it."""
+    both = np.zeros(2)
+    for view, light, measured in observations:
+        expected = model.signal(light, view, fit.nuisances) - fit.nuisances.black_dn
+        keep = (expected > 0.0) & (measured < view.max_dn - 1)  # of what is not known, NaN, it does not hold
+        both += expected[keep] @ (measured[keep] - fit.nuisances.black_dn), expected[keep] @ expected[keep]
+    return float(both[0] / both[1]) if both.min() > 0.0 else 1.0
+
+
+def _straight(frame: Frame, light: Images, nuisances: np.ndarray | None) -> tuple[np.ndarray, float]:
+    """The line of a sensor without effects."""
+    return np.stack([column.ravel() for column in regressors(frame, light)]), 0.0
+
+
+def _touching(model: Any, view: View, light: Any, nuisances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The line that touches a model's images at the nuisances."""
+    here, columns = slopes(lambda *values: model.signal(light, view, Nuisances(*values)).ravel(), nuisances)
+    along = np.stack(columns)
+    return along, here - nuisances @ along
+
+
+def _fitted(
+    observations: Sequence[Any],
+    line: _Line,
+    max_dn: float,
+    black_dn: tuple[float, float] | None,
+    solution: np.ndarray | None = None,
+) -> Fit:
+    """solution: where a bent line begins; None for a straight one."""
     if not observations:
         raise ValueError("nothing to fit: the capture has no train frames")
     total = sum(np.count_nonzero(np.isfinite(measured)) for _, _, measured in observations)
-    solution: np.ndarray | None = None
-    deviation = 0.0
-    at_bound: tuple[str, ...] = ()
-    for _ in range(_CLIP_ROUNDS):
+    is_straight, deviation = solution is None, 0.0
+    for _ in range(_CLIP_ROUNDS if is_straight else _BENT_ROUNDS):
         with np.errstate(over="ignore", invalid="ignore"):
-            gram, moment, energy, used = _normal_equations(observations, solution, deviation, max_dn)
+            gram, moment, energy, used = _normal_equations(observations, line, solution, deviation, max_dn)
         if not np.isfinite(gram).all():
-            most = max(observations, key=lambda o: o[0].exposure_gain)[0]
-            raise ValueError(
-                f"nothing to fit: frame {most.id} has an exposure x gain of {most.exposure_gain:.3g} s, beyond all "
-                "measure"
-            )
+            raise ValueError(_beyond_measure(observations))
         if used == 0:
             raise ValueError("nothing to fit: every pixel of the train frames is clipped")
         solution, inverse, at_bound = solve_bounded(gram, moment, black_dn)
-        deviation = np.sqrt(max(0.0, energy + solution @ (gram @ solution - 2.0 * moment)) / used)
-        if used == total:
+        deviation = float(np.sqrt(max(0.0, energy + solution @ (gram @ solution - 2.0 * moment)) / used))
+        if is_straight and used == total:
             break  # nothing near the ends of the range: the linear fit is final
     assert solution is not None  # there is one round at least
     errors = deviation * np.sqrt(np.maximum(np.diag(inverse), 0.0))
@@ -115,20 +225,29 @@ def fit_nuisances(
     )
 
 
+def _beyond_measure(observations: Sequence[Any]) -> str:
+    frames = [getattr(seen, "frame", seen) for seen, _, _ in observations]
+    most = max(frames, key=lambda frame: frame.exposure_gain)
+    return (
+        f"nothing to fit: frame {most.id} has an exposure x gain of {most.exposure_gain:.3g} s, beyond all measure"
+    )
+
+
 def _normal_equations(
-    observations: Sequence[Any], solution: np.ndarray | None, deviation: Any, max_dn: float
+    observations: Sequence[Any], line: _Line, solution: np.ndarray | None, deviation: float, max_dn: float
 ) -> tuple[np.ndarray, np.ndarray, float, int]:
-    """Gram matrix and moments over pixels away from the range's ends: by the measurement at first, then by the
-    prediction, which unlike the measurement does not select on its own noise."""
+    """Gram matrix, moments, sum of squares and count over pixels away from the range's ends: by the measurement at
+    first, then by the prediction, which unlike the measurement does not select on its own noise."""
     gram, moment, energy, used = np.zeros((3, 3)), np.zeros(3), 0.0, 0
-    for frame, layers, measured in observations:
-        columns = np.stack([c.ravel() for c in regressors(frame, layers)])
-        value = measured.ravel().astype(np.float64)
+    for seen, light, measured in observations:
+        columns, offset = line(seen, light, solution)
+        measured_dn = measured.ravel().astype(np.float64)
+        value = measured_dn - offset
         if solution is None:
-            keep = (value > 0) & (value < max_dn)  # of what is not known, NaN, neither holds
+            keep = (measured_dn > 0) & (measured_dn < max_dn)  # of what is not known, NaN, neither holds
         else:
-            predicted = solution @ columns
-            margin = CLIP_MARGIN_SIGMA * deviation
+            predicted = solution @ columns + offset
+            margin = _CLIP_MARGIN_SIGMA * deviation
             keep = (predicted < max_dn - margin) & (predicted > min(margin, 0.5 * solution[2])) & np.isfinite(value)
         if not keep.all():
             columns, value = columns[:, keep], value[keep]

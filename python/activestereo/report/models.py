@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from activestereo.capture.capture import SIDES
-from activestereo.compare.fit_model import predict_under_model
 from activestereo.compare.model_file import library
+from activestereo.compare.nuisances import predict_under_model
 from activestereo.effects import Model, Randomness, Stage, View
 
 if TYPE_CHECKING:

@@ -16,10 +16,10 @@ from activestereo.capture.capture import CaptureError, read_capture
 from activestereo.effects import Model, builtin
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_model import DepthModel
-from activestereo.compare.fit_model import fit_train_frames
 from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.compare.layers import Layers, RenderRequest, ViewCamera
 from activestereo.compare.model_file import read_model
+from activestereo.compare.nuisances import fit_with_exposures
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD
 from virtual_sensor.world import make_world
 
@@ -103,6 +103,7 @@ def test_a_model_by_hand_is_told_what_is_wrong(tmp_path, effects):
 
 
 def test_a_capture_with_nothing_to_fit_is_named(tmp_path):
-    capture = SimpleNamespace(path=tmp_path / "desk", rig=SimpleNamespace(max_dn=255, black_dn=None))
+    rig = SimpleNamespace(max_dn=255, black_dn=None)
+    capture = SimpleNamespace(path=tmp_path / "desk", rig=rig, split=lambda name: [])
     with pytest.raises(CaptureError, match="desk: nothing to fit"):
-        fit_train_frames(capture, Model(), [])
+        fit_with_exposures(capture, Model(), {}, {}, {})

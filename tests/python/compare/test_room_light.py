@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from activestereo.capture.capture import SIDES, Frame, Uncertainty
-from activestereo.compare.fit_model import fit_with_exposures
 from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.compare.layers import RenderRequest, ViewCamera
-from activestereo.compare.nuisances import fit_nuisances
+from activestereo.compare.nuisances import fit_nuisances, fit_with_exposures
 from activestereo.effects import Light as Seen
 from activestereo.effects import Model
 from activestereo.effects.core.laws import example_view

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from activestereo.capture.capture import Frame
+from activestereo.compare.nuisances import slopes
 from activestereo.diagnose.evidence.observation import Observation
 from activestereo.effects import Effect, Light, Model, View
 from activestereo.effects.core.model import acted, scales
@@ -29,7 +30,6 @@ _REMEMBERED = 3
 _SHARED = ("camera_to_world", "camera_velocity", "is_moving", "temperature_c")
 # The first entries of phi: scales and black level; with the focal lengths after them, those that all pixels share.
 SCALES, DENSE = 3, 5
-_STEP = 1e-3
 
 
 class _AskedForFrame(Exception):
@@ -177,13 +177,4 @@ def _through_sensor(
         value = projector_scale * projector + ambient_scale * ambient
         return pixels.of(model.digital(value.reshape(shape), view, black_dn))
 
-    here = image(*phi[:SCALES])
-    if not with_slopes:
-        return here, None
-    columns = []
-    for j in range(SCALES):
-        moved = phi[:SCALES].copy()
-        step = _STEP * max(abs(phi[j]), 1.0)
-        moved[j] += step
-        columns.append((image(*moved) - here) / step)
-    return here, columns
+    return slopes(image, phi[:SCALES]) if with_slopes else (image(*phi[:SCALES]), None)
