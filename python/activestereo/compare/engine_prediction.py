@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -16,12 +15,17 @@ from numpy.typing import NDArray
 from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache, scene_digest
-from activestereo.compare.kuafu_renderer import engine_version
 from activestereo.compare.layers import Layers
 from activestereo.compare.nuisances import Fit, Nuisances, fit_with_exposures
 from activestereo.effects import Light, Model, View
 from activestereo.effects.core.descriptor import Randomness
-from activestereo.effects.engines import CameraLight, CaptureRenderer, SceneMeasurement
+from activestereo.effects.engines import (
+    CameraLight,
+    CaptureRenderer,
+    SceneMeasurement,
+    capture_renderer,
+    scene_renderer,
+)
 from activestereo.effects.engines.halves import HALVES
 from activestereo.effects.engines.imager import ExpectedImager
 
@@ -105,9 +109,9 @@ def kept_lights(
     half: int | None = None,
 ) -> dict[ImageKey, LightOnly]:
     """renderer.lights(), kept in a cache by all that decides them, the code that makes them included."""
-    code = inspect.getsource(sys.modules[type(renderer).__module__])
+    code = [inspect.getsource(module) for module in (capture_renderer, scene_renderer)]
     own = renderer.lights_key(model, frames, scene_measurement, half), code
-    of_world = scene_digest(renderer.capture.scene_path), engine_version(renderer.device)
+    of_world = scene_digest(renderer.capture.scene_path), scene_renderer.engine_version(renderer.device)
     key = hashlib.sha256(repr((own, of_world)).encode()).hexdigest()
     stored = cache.get_arrays(key)
     if stored is None:

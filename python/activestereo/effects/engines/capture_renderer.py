@@ -5,12 +5,8 @@ and simsense."""
 from __future__ import annotations
 
 import hashlib
-import os
-import threading
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,14 +17,13 @@ from activestereo.common.progress_bar import part_of
 from activestereo.effects.core.descriptor import Randomness
 from activestereo.effects.core.engine import EngineInputs, apply_engine
 from activestereo.effects.core.model import Model, Scales
-from activestereo.effects.core.room_light import BOUNCED_SHARE, BOUNCED_VERSION, light_by_room, spread
-from activestereo.effects.core.scene_surfaces import split_surfaces
+from activestereo.effects.core.room_light import BOUNCED_VERSION
 from activestereo.effects.engines.capture_inputs import capture_inputs
 from activestereo.effects.engines.halves import half_samples, half_seeds
 from activestereo.effects.engines.imager import ExpectedImager
 from activestereo.effects.engines.scene_measurement import SceneMeasurement
+from activestereo.effects.engines.scene_renderer import GEOMETRY, LIGHT, SceneRenderer
 from activestereo.effects.engines.smooth import SMOOTH_VERSION
-from activestereo.effects.engines.smoothing import seen_surfaces, smooth_view
 from activestereo.effects.engines.world import (
     changed_world,
     copy_camera,
@@ -38,10 +33,7 @@ from activestereo.effects.engines.world import (
     record_key,
     world_key,
 )
-from activestereo.scene_io.scene_files import load_scene_file
 
-_LIGHT = ("projector_direct", "projector_indirect", "ambient")
-_GEOMETRY = ("depth", "normal", "position", "material_id")
 # Lights that effects add have a group of their own: the room's light is scaled, theirs is not.
 _ADDED_GROUP = 1
 # So many renders are remembered.
@@ -93,27 +85,16 @@ class CaptureRenderer:
     ) -> None:
         self.capture = capture
         self.samples_per_pixel, self.max_bounces, self.seed = samples_per_pixel, max_bounces, seed
-        self._device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
-        self._renderer = kuafu.Renderer(self._device)
-        self._scene = self._loaded_scene()
-        self._one_at_a_time = threading.Lock()
+        self._world = SceneRenderer(capture.scene_path, device, smooth)
         self._pattern = capture.rig.projector.pattern()
         self._smooth = smooth
-        self._is_changed = False
         self._kept: dict[tuple, list[list[dict[str, NDArray]]]] = {}
         camera = capture.rig.left
         self._imager = ExpectedImager(camera.width, camera.height, capture.rig.max_dn)
 
-    def _loaded_scene(self) -> kuafu.Scene:
-        scene = kuafu.Scene(self._device)
-        load_scene_file(scene, self.capture.scene_path)
-        split_surfaces(scene, self.capture.scene_path)
-        self._room = light_by_room(scene, self._device, self.capture.scene_path)
-        return scene
-
     @property
     def device(self) -> kuafu.Device:
-        return self._device
+        return self._world.device
 
     def inputs(
         self, frame: Frame, model: Model, scene_measurement: SceneMeasurement | None = None, random: bool = False
@@ -121,7 +102,7 @@ class CaptureRenderer:
         """The engines' inputs for a frame: calibration and settings, the scene measurement's corrections, then the
         model's effects. random=False: those that draw numbers are left out, for they have no part in an expected
         image."""
-        inputs = capture_inputs(self.capture, frame, self._scene, self._pattern, self.seed)
+        inputs = capture_inputs(self.capture, frame, self._world.scene, self._pattern, self.seed)
         if scene_measurement is not None:
             scene_measurement.apply(inputs)
         of_pixels = ((e, e.on_pixels(p, self.capture.binning)) for e, p in model.effects)
@@ -209,18 +190,12 @@ class CaptureRenderer:
     def _images(
         self, jobs: list[_Job], progress: Callable[[float], object] | None, half: int | None
     ) -> list[list[dict[str, NDArray]]]:
-        """[job][side]: images by name; remembered, so that what changes no ray traces none. One thread at a time, and a
-        render that failed leaves neither images nor a changed scene."""
+        """[job][side]: images by name; remembered, so that what changes no ray traces none."""
         key = (half, *(_job_key(job.inputs) for job in jobs))
-        with self._one_at_a_time:
+        with self._world.alone() as scene:
             if key not in self._kept:
-                if self._is_changed:  # by a render that failed: what could not be taken back goes with the old scene
-                    self._scene = self._loaded_scene()
-                self._is_changed = True
-                with changed_world(self._scene, jobs[0].inputs):
-                    images = self._render_world(jobs, progress, half)
-                self._is_changed = False
-                self._kept[key] = images
+                with changed_world(scene, jobs[0].inputs):
+                    self._kept[key] = self._render_world(jobs, progress, half)
                 while len(self._kept) > _KEPT:
                     self._kept.pop(next(iter(self._kept)))
             return self._kept[key]
@@ -228,20 +203,14 @@ class CaptureRenderer:
     def _render_world(
         self, jobs: list[_Job], progress: Callable[[float], object] | None, half: int | None
     ) -> list[list[dict[str, NDArray]]]:
-        images = self._render(jobs, _LIGHT + _GEOMETRY, own=True, progress=progress, half=half)
+        images = self._render(jobs, LIGHT + GEOMETRY, own=True, progress=progress, half=half)
         if any(light.kind == "projector" for job in jobs for light in job.inputs.added_lights):
             # Projectors' light has one pair of outputs; that of further units belongs to the room's.
-            others = self._render(jobs, _LIGHT[:2], own=False, progress=None, half=half)
+            others = self._render(jobs, LIGHT[:2], own=False, progress=None, half=half)
             images["added"] = images["added"] + others["projector_direct"]
             images["added_indirect"] = others["projector_indirect"]
-        count = len(jobs) * len(SIDES)
-        views = [{name: image[k] for name, image in images.items()} for k in range(count)]
-        if self._smooth:
-            cameras = [side.camera for job in jobs for side in job.inputs.sides]
-            surfaces = seen_surfaces(self._scene, images["material_id"])
-            with ThreadPoolExecutor(os.cpu_count()) as pool:
-                views = list(pool.map(lambda view, camera: smooth_view(view, camera, surfaces), views, cameras))
-        return [views[k : k + len(SIDES)] for k in range(0, count, len(SIDES))]
+        views = self._world.views(images, [side.camera for job in jobs for side in job.inputs.sides])
+        return [views[k : k + len(SIDES)] for k in range(0, len(views), len(SIDES))]
 
     def _render(
         self,
@@ -253,71 +222,32 @@ class CaptureRenderer:
     ) -> dict[str, NDArray]:
         """One render of all jobs, an environment each: own: the rig's projector at 1 W/sr and lamps; else further
         projectors alone."""
-        lights: list[int] = []
-        textures: dict[bytes, int] = {}
+        lights: list[tuple[kuafu.Light, NDArray | None]] = []
         has_lamps = own and any(light.kind != "projector" for job in jobs for light in job.inputs.added_lights)
-        group = f"light_group_{_ADDED_GROUP}"
-        try:
-            moments = _moments(jobs)
-            for environment, (job, delay_s) in enumerate(moments):
-                for light in _lights(job.inputs, own, delay_s):
-                    if light.kind == "projector" and job.inputs.pattern is not None:
-                        light.texture = self._texture(job.inputs.pattern, textures)
-                    light.environment, light.light_group = environment, _ADDED_GROUP
-                    lights.append(self._scene.add_light(light))
-            sides = [(moments.index((job, side.delay_s)), side) for job in jobs for side in job.inputs.sides]
-            cameras = [copy_camera(side.camera, side.delay_s) if side.delay_s else side.camera for _, side in sides]
-            options: dict[str, Any] = {
-                "optics": [side.optics for _, side in sides],
-                "seed": self.seed if half is None else half_seeds(self.seed)[half],
-            }
-            spp = self.samples_per_pixel if half is None else half_samples(self.samples_per_pixel)
-            images: dict[str, NDArray] = {}
-            passes = self._passes(jobs, (*outputs, group) if has_lamps else outputs, spp)
-            for done, (names, max_bounces, samples) in enumerate(passes):
-                images |= self._renderer.render(
-                    self._scene,
-                    cameras,
-                    names,
-                    band="infrared",
-                    environments=[n for n, _ in sides],
-                    max_bounces=max_bounces,
-                    spp=samples,
-                    progress=part_of(progress, done / len(passes), (done + 1) / len(passes)),
-                    **options,
-                )
-            if len(passes) > 1:
-                images["projector_indirect"] = spread(images["projector_indirect"])
-            if self._room is not None and "ambient" in images:
-                images["ambient"] = images["ambient"] + self._room.images(self._renderer, cameras, spp, **options)
-        finally:
-            for number in lights:
-                self._scene.remove_light(number)
-            for texture in textures.values():
-                self._scene.remove_texture(texture)
-        images["added"] = images.pop(group) if has_lamps else np.zeros_like(images[outputs[0]])
+        group = (f"light_group_{_ADDED_GROUP}",) if has_lamps else ()
+        moments = _moments(jobs)
+        for environment, (job, delay_s) in enumerate(moments):
+            for light in _lights(job.inputs, own, delay_s):
+                light.environment, light.light_group = environment, _ADDED_GROUP
+                lights.append((light, job.inputs.pattern if light.kind == "projector" else None))
+        sides = [(moments.index((job, side.delay_s)), side) for job in jobs for side in job.inputs.sides]
+        with self._world.lit(lights):
+            images = self._world.images(
+                [copy_camera(side.camera, side.delay_s) if side.delay_s else side.camera for _, side in sides],
+                outputs + group,
+                self.samples_per_pixel if half is None else half_samples(self.samples_per_pixel),
+                self.max_bounces,
+                progress,
+                keeps_surfaces=all(keeps_surfaces(job.inputs) for job in jobs),
+                environments=[n for n, _ in sides],
+                optics=[side.optics for _, side in sides],
+                seed=self.seed if half is None else half_seeds(self.seed)[half],
+            )
+        images["added"] = images.pop(*group) if has_lamps else np.zeros_like(images[outputs[0]])
         images["added_indirect"] = np.zeros_like(images["added"])
         if "ambient" in images:
             images["ambient"] = images["ambient"] - images["added"]
         return images
-
-    def _passes(
-        self, jobs: list[_Job], outputs: tuple[str, ...], spp: int
-    ) -> list[tuple[tuple[str, ...], int, int]]:
-        """(outputs, bounces, samples) of each pass of a render: where nothing but the projector's light is bounced, and
-        by matt surfaces alone, that light takes few samples."""
-        if self._room is None or not all(keeps_surfaces(job.inputs) for job in jobs):
-            return [(outputs, self.max_bounces, spp)]
-        bounced = tuple(name for name in outputs if name in _LIGHT[1:])
-        first = tuple(name for name in outputs if name not in bounced)
-        return [(first, 0, spp), (bounced, self.max_bounces, max(1, round(BOUNCED_SHARE * spp)))]
-
-    def _texture(self, pattern: NDArray[np.float32], textures: dict[bytes, int]) -> int:
-        content = np.ascontiguousarray(pattern, dtype=np.float32)
-        key = content.tobytes()
-        if key not in textures:
-            textures[key] = self._scene.add_texture(content, name="pattern")
-        return textures[key]
 
 
 def _moments(jobs: list[_Job]) -> list[tuple[_Job, float]]:

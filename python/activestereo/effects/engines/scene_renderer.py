@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scene file in kuafu and images of its light, infrared band: the one renderer of captures. The base model's layers
+(compare/kuafu_renderer.py) and the images under a model (capture_renderer.py) are both its images."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kuafu
+from activestereo.common.progress_bar import part_of
+from activestereo.effects.core.room_light import BOUNCED_SHARE, light_by_room, spread
+from activestereo.effects.core.scene_surfaces import split_surfaces
+from activestereo.effects.engines.smoothing import seen_surfaces, smooth_view
+from activestereo.scene_io.scene_files import load_scene_file
+
+LIGHT = ("projector_direct", "projector_indirect", "ambient")
+GEOMETRY = ("depth", "normal", "position", "material_id")
+
+
+class SceneRenderer:
+    """Its scene has ambient light 1 from all sides, or the room's own, and no other.
+
+    device: 'auto', 'cpu', an index or a kuafu.Device. smooth: bounced and ambient light on matt surfaces is filtered,
+    see smooth.py. Raises kuafu.NoDeviceError or kuafu.FileError.
+    """
+
+    def __init__(self, scene_path: Path, device: str | int | kuafu.Device = "auto", smooth: bool = True) -> None:
+        self.device = device if isinstance(device, kuafu.Device) else kuafu.Device(device)
+        self._renderer = kuafu.Renderer(self.device)
+        self._path, self._smooth = scene_path, smooth
+        self._one_at_a_time, self._is_changed = threading.Lock(), False
+        self._load()
+
+    def _load(self) -> None:
+        self.scene = kuafu.Scene(self.device)
+        load_scene_file(self.scene, self._path)
+        split_surfaces(self.scene, self._path)
+        self._room = light_by_room(self.scene, self.device, self._path)
+
+    @property
+    def has_room_light(self) -> bool:
+        """Whether ambient light was measured on each surface (room_light.py)."""
+        return self._room is not None
+
+    @contextmanager
+    def alone(self) -> Iterator[kuafu.Scene]:
+        """The scene, for one thread at a time. After an error, what could not be taken back goes with the old scene."""
+        with self._one_at_a_time:
+            if self._is_changed:
+                self._load()
+            self._is_changed = True
+            yield self.scene
+            self._is_changed = False
+
+    @contextmanager
+    def lit(self, lights: Iterable[tuple[kuafu.Light, NDArray | None]]) -> Iterator[None]:
+        """The scene under further lights, each with its projector's pattern or None."""
+        numbers: list[int] = []
+        textures: dict[bytes, int] = {}
+        try:
+            for light, pattern in lights:
+                if pattern is not None:
+                    content = np.ascontiguousarray(pattern, dtype=np.float32)
+                    if (key := content.tobytes()) not in textures:
+                        textures[key] = self.scene.add_texture(content, name="pattern")
+                    light.texture = textures[key]
+                numbers.append(self.scene.add_light(light))
+            yield
+        finally:
+            for number in numbers:
+                self.scene.remove_light(number)
+            for texture in textures.values():
+                self.scene.remove_texture(texture)
+
+    def images(
+        self,
+        cameras: Sequence[kuafu.Camera],
+        outputs: Sequence[str],
+        samples_per_pixel: int,
+        max_bounces: int,
+        progress: Callable[[float], object] | None = None,
+        keeps_surfaces: bool = True,
+        environments: Sequence[int] | None = None,
+        **options: Any,
+    ) -> dict[str, NDArray]:
+        """{output: [camera][height][width][channels]}. keeps_surfaces: whether surfaces are matt where a room has its
+        own light, as the file has them. options: as of kuafu.Renderer.render()."""
+        images: dict[str, NDArray] = {}
+        passes = [(tuple(outputs), max_bounces, samples_per_pixel)]
+        if self._room is not None and keeps_surfaces and max_bounces > 0:
+            # The projector's light alone is bounced, and by matt surfaces: it takes few samples.
+            bounced = tuple(name for name in outputs if name in LIGHT[1:])
+            few = max(1, round(BOUNCED_SHARE * samples_per_pixel))
+            first = tuple(name for name in outputs if name not in bounced)
+            passes = [(first, 0, samples_per_pixel), (bounced, max_bounces, few)]
+        placed = {} if environments is None else {"environments": environments}
+        for done, (names, bounces, samples) in enumerate(passes):
+            share = part_of(progress, done / len(passes), (done + 1) / len(passes))
+            images |= self._renderer.render(
+                self.scene, cameras, names, band="infrared", max_bounces=bounces, spp=samples, progress=share,
+                **placed, **options,
+            )  # fmt: skip
+        if len(passes) > 1:
+            images["projector_indirect"] = spread(images["projector_indirect"])
+        if self._room is not None and "ambient" in images:
+            room = self._room.images(self._renderer, cameras, samples_per_pixel, **options)
+            images["ambient"] = images["ambient"] + room
+        return images
+
+    def views(self, images: Mapping[str, NDArray], cameras: Sequence[kuafu.Camera]) -> list[dict[str, NDArray]]:
+        """[camera]: {output: [height][width][channels]}, smoothed."""
+        views = [{name: image[k] for name, image in images.items()} for k in range(len(cameras))]
+        if not self._smooth:
+            return views
+        surfaces = seen_surfaces(self.scene, images["material_id"])
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            return list(pool.map(lambda view, camera: smooth_view(view, camera, surfaces), views, cameras))
+
+
+def engine_version(device: kuafu.Device) -> str:
+    """Changes with the library's code and the device: pixels are the same bits on one device only."""
+    return f"kuafu {kuafu.__version__} {_library_digest()} on {device.info.name}"
+
+
+@cache
+def _library_digest() -> str:
+    """Short content hash of the loaded libkuafu, so that no cached picture outlives the code that made it."""
+    maps = Path("/proc/self/maps").read_text(encoding="utf-8").split("\n")
+    paths = sorted({line.split(maxsplit=5)[5] for line in maps if "/libkuafu.so" in line})
+    return hashlib.sha256(b"".join(Path(path).read_bytes() for path in paths)).hexdigest()[:12]
