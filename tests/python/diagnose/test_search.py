@@ -8,6 +8,7 @@ import pytest
 
 from activestereo.diagnose.answer.ranking import ranking_of
 from activestereo.diagnose.numbers import NUMBERS
+from activestereo.diagnose.score.calibration import probability_right
 from activestereo.diagnose.score.intervals import Interval
 from activestereo.diagnose.search.dictionary import carried
 from activestereo.diagnose.search.loop import Name, Round
@@ -88,6 +89,13 @@ def fitted(name, chi2):
 )
 def test_the_verdict_follows_from_what_is_explained_and_left(rest, named, floor, verdict):
     assert verdict_of(rest, named, floor, NUMBERS) == verdict
+
+
+def test_a_name_is_stated_the_likelier_right_the_less_is_missing():
+    stated = [probability_right(missing, True) for missing in (0.1, 0.4, 0.9, 1.5, 1e9)]
+    assert stated == sorted(stated, reverse=True)
+    assert 0.4 < stated[-1] < 0.5 and 0.98 < stated[0] < 1.0
+    assert probability_right(0.5, False) > 0.5 > probability_right(1.5, False)
 
 
 def test_a_set_ends_where_it_holds_its_mass():

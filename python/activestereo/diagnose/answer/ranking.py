@@ -8,6 +8,7 @@ import numpy as np
 
 from activestereo.diagnose.channels.field_fit import field_parameters
 from activestereo.diagnose.numbers import Numbers
+from activestereo.diagnose.score.calibration import probability_right
 from activestereo.diagnose.score.intervals import Interval, intervals
 from activestereo.diagnose.score.likelihood import design_effect, nats_of
 from activestereo.diagnose.search.loop import Name, Outcome, Round
@@ -15,9 +16,6 @@ from activestereo.diagnose.search.verdict import missing
 from activestereo.effects import Effect, Parameter
 from activestereo.effects.core.surfaces import material_numbers
 
-# Something else is as likely as not where the verdict turns; its odds go with this power of what is missing.
-_ODDS = 4.0
-_MOST_RATIO = 100.0
 _SHOWN = 12
 
 Parameters = Mapping[str, Interval]
@@ -45,8 +43,7 @@ def ranking_of(
     """Names first, in the order of their gains; then what this recording cannot tell from them; then the others by
     their scores. name_of: a material's name."""
     entries: dict[str, Json] = {}
-    pixels = _pixels(outcome)
-    known = 1.0 / (1.0 + _odds(outcome, numbers))
+    pixels, known = _pixels(outcome), _known(outcome, numbers)
 
     def add(effect: Effect, gain: float, nats: float, p: float, found: Parameters, same: list[str]) -> None:
         if effect.id in entries:
@@ -68,13 +65,13 @@ def ranking_of(
         own = outcome.noise.get(name.id)
         nats = _nats(outcome, name.gain) if own is None else own.nats
         same = [other for other in name.members if other != name.id]
-        sure = known if verdict_is_effect else 1.0 - known
-        add(name.effect, name.gain, nats, sure * name.members[name.id], parameters_of(outcome, name), same)
+        add(name.effect, name.gain, nats, known * name.members[name.id], parameters_of(outcome, name), same)
     for name in outcome.names:
         for member, p in name.members.items():
             if name.seen is not None and member in name.seen.fits:
                 _add_fit(outcome, name.seen, member, known * p, [m for m in name.members if m != member], add)
-    for seen in (outcome.rounds[-1], *outcome.rounds[:1]):
+    rivals = outcome.rounds[:1] + outcome.rounds[-1:]  # of the first name, and what may be missing beside all names
+    for seen in rivals if verdict_is_effect else reversed(rivals):
         for member in sorted(seen.fits, key=lambda m: seen.fits[m].chi2):
             _add_fit(outcome, seen, member, 0.0, [], add)
     for candidate in list(outcome.rounds[0].candidates.values())[:_SHOWN]:
@@ -110,13 +107,15 @@ def _unit(outcome: Outcome) -> float:
     return max(1.0, _design(outcome))
 
 
-def _odds(outcome: Outcome, numbers: Numbers) -> float:
-    return float(np.clip(missing(outcome.rest, bool(outcome.names), numbers), 0.0, _MOST_RATIO)) ** _ODDS
+def _known(outcome: Outcome, numbers: Numbers) -> float:
+    """The probability that what was found is right."""
+    is_named = bool(outcome.names)
+    return probability_right(missing(outcome.rest, is_named, numbers), is_named)
 
 
 def probabilities_of(outcome: Outcome, numbers: Numbers) -> Json:
     """{"named": {id: p}, "none": p, "something_else": p}, which add up to 1."""
-    known = 1.0 / (1.0 + _odds(outcome, numbers))
+    known = _known(outcome, numbers)
     first = outcome.names[0].members if outcome.names else {}
     total = sum(first.values())
     named = {name: known * p / total for name, p in first.items()}

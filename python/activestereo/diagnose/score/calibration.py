@@ -1,0 +1,18 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How often names are right, as counted: a probability that a verdict may state.
+
+Counted are the first names of 171 training cases of the benchmark suite that hide something, outside of the library
+too: generations 35383 and 39806, `tests/benchmark_suite/run_suite.py --set all --generation N`, 2026-11-26.
+"""
+
+# (what is missing up to here (search/verdict.py), names that were right, names)
+_COUNTED = ((0.25, 66, 66), (0.5, 39, 40), (1.0, 35, 37), (2.0, 11, 17), (float("inf"), 5, 11))
+# The same where nothing was named: cases that hide nothing, or less than what counts as detectable.
+_NONE_COUNTED = ((1.0, 45, 47), (float("inf"), 0, 2))
+
+
+def probability_right(missing: float, is_named: bool) -> float:
+    """That the first name, or none, is right where so much is missing, by Laplace's rule of succession."""
+    counted = _COUNTED if is_named else _NONE_COUNTED
+    right, all_of_them = next((right, n) for limit, right, n in counted if missing <= limit)
+    return (right + 1) / (all_of_them + 2)
