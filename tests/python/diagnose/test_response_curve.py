@@ -38,7 +38,7 @@ def evidence(tmp_path_factory):
 
 def fitted(evidence, effect):
     fitter = Fitter(evidence.train, evidence.nuisance_prior(), evidence.tiles)
-    space = ParameterSpace.of(Model(), builtin()[effect])
+    space = ParameterSpace.of(Model(), builtin().get(effect))
     return fitter, fitter.refine(space, space.start + 0.1, fitter.phi0(evidence.nuisances), 8)
 
 
@@ -52,6 +52,7 @@ def test_a_curve_of_any_shape_takes_what_the_formula_of_the_response_leaves(evid
     np.testing.assert_array_equal(effect.apply(dark, view, log_exponent=0.0), dark)
 
 
-def test_effects_that_are_no_curve_of_values_keep_their_fit(evidence):
-    fitter, formula = fitted(evidence, "gain_mismatch")
+@pytest.mark.parametrize("effect", ["gain_mismatch", "none"])
+def test_what_is_no_curve_of_values_keeps_its_fit(evidence, effect):
+    fitter, formula = fitted(evidence, effect)
     assert with_any_curve(fitter, formula) is formula

@@ -53,9 +53,9 @@ def is_response(effect: Effect) -> bool:
 def with_any_curve(fitter: Fitter, solution: Solution) -> Solution:
     """The fit where the response that was named last has the curve that fits best; the solution itself where another
     effect was named."""
-    effect = solution.effects[-1]
-    if not is_response(effect):
+    if not solution.effects or not is_response(solution.effects[-1]):
         return solution
+    effect = solution.effects[-1]
     linear, own = linearised(fitter, solution), len(solution.theta)
     pixels = fitter.pixels()
     weight = np.concatenate([p.root_weight for p in pixels])
