@@ -34,12 +34,12 @@ class EngineModel:
     """A Model whose signal is simsense's; what has no engine field acts on the image before (light) or after it
     (counts).
 
-    It has the interface of a Model that fits of nuisances use: `effects` and `signal`.
+    It has the interface of a Model that fits of nuisances use: `is_linear` and `signal`.
     """
 
     def __init__(self, model: Model, renderer: CaptureRenderer) -> None:
         capture = renderer.capture
-        self.effects = model.effects
+        self.is_linear = not model.effects
         self.rest = Model(
             tuple((e, p) for e, p in model.effects if e.engine is None and e.randomness is Randomness.NONE)
         )

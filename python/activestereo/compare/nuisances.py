@@ -118,7 +118,7 @@ def fit_under_model(
 ) -> Fit:  # fmt: skip
     """fit_nuisances() under a model with effects. observations: (View, Light that falls on the sensor, measured DN)."""
     linear = fit_nuisances([(view.frame, light, measured) for view, light, measured in observations], max_dn, black_dn)
-    if not model.effects:
+    if model.is_linear:
         return linear
     return _fitted(observations, partial(_touching, model), max_dn, black_dn, linear.nuisances.vector())
 

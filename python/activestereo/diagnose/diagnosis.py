@@ -295,9 +295,9 @@ def examine(
            for e in chosen if e.id in outcome.unjudged],
         "added": [name.id for name in names] if is_found else [],
         "depth": depth_json(depth, numbers, name_of),
-        "heldout_ir_rmse_before": left_out_rmse(outcome.fitter, outcome.first),
-        "heldout_ir_rmse_geometry": left_out_rmse(outcome.fitter, outcome.first),
-        "heldout_ir_rmse_after": left_out_rmse(outcome.fitter, solution),
+        "heldout_ir_rmse_before": None,
+        "heldout_ir_rmse_geometry": None,
+        "heldout_ir_rmse_after": None,
         "heldout_noise_floor": float(np.sqrt(evidence.floor_variance(evidence.train))) if evidence.has_floor else None,
         "curve": [],
         "depth_split": None,
@@ -318,6 +318,10 @@ def examine(
         result |= {name: value for name, value in figures.items() if value is not None}
         plain = errors.plain()
         result["depth_split"] = depth_split(errors.capture, plain, moved, after, depth, name_of, evidence.seed)
+    if result["heldout_ir_rmse_before"] is None:  # no frames were kept for this
+        first, last = (left_out_rmse(outcome.fitter, fit) for fit in (outcome.first, solution))
+        result |= {f"heldout_ir_rmse_{which}": first for which in ("before", "geometry")}
+        result["heldout_ir_rmse_after"] = last
     return Diagnosis(result, accepted, None if residual is None else residual.stub(), complete, before, after)
 
 

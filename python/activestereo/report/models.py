@@ -4,12 +4,14 @@ the ranking."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from activestereo.capture.capture import SIDES
+from activestereo.common.processes import forked
 from activestereo.compare.model_file import library
 from activestereo.compare.nuisances import predict_under_model
 from activestereo.effects import Model, Randomness, Stage, View
@@ -68,16 +70,19 @@ def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callab
     keys = [(frame, side) for frame in capture.frames for side in SIDES]
     views = {(f.id, side): View.of(capture, f, side, comparison.layers[f.id][side]) for f, side in keys}
     measured = comparison.measured
-    out = {}
-    for done, (name, model) in enumerate(models.items()):
-        same = given.get(name) or (comparison.predictions if model == comparison.model else None)
-        if same is None:
-            expected = predict_under_model(capture, model, (comparison.layers,), views, measured)[1]
-            same = {key: images[0].astype(np.float32) for key, images in expected.items()}
-        out[name] = same
+    out = {name: given.get(name) or (comparison.predictions if model == comparison.model else None)
+           for name, model in models.items()}  # fmt: skip
+    left = [name for name, images in out.items() if images is None]
+
+    def predicted(name: str) -> dict[tuple[int, str], np.ndarray]:
+        expected = predict_under_model(capture, models[name], (comparison.layers,), views, measured)[1]
+        return {key: images[0].astype(np.float32) for key, images in expected.items()}
+
+    for i, work in forked(predicted, left, os.cpu_count() or 1):
+        out[left[i]] = None if work.exception() else work.result()
         if progress:
-            progress((done + 1) / len(models))
-    return out
+            progress(sum(images is not None for images in out.values()) / len(models))
+    return {name: predicted(name) if images is None else images for name, images in out.items()}
 
 
 def _found(diagnosis: dict[str, Any] | None, effects: Mapping[str, Effect]) -> Any:

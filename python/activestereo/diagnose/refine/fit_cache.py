@@ -7,7 +7,7 @@ start and the settings of the fit. Fits with an effect of a user's own are never
 """
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from itertools import islice
@@ -37,6 +37,10 @@ class FitCache:
         self._renders, self._key = renders, content_key(_FORMAT, code_digest(), observations)
         self._known: dict[str, Arrays] = dict(_apart(renders.get_arrays(self._key) or {}))
         self._kept_before = len(self._known)
+
+    def __iter__(self) -> Iterator[str]:
+        """The keys of what is kept."""
+        return iter(self._known)
 
     def make_ahead(self, work: Callable[[Any], object], items: Sequence[Any], workers: int) -> None:
         """Makes the fits that work(item) asks for, of every item, in so many processes. Items that fail there are left

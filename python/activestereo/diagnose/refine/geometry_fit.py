@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import blake2b
+from typing import Any
 
 import numpy as np
 
@@ -83,7 +84,9 @@ def gather_where_it_stands(
     key = None if memory is None else _key(capture, model, seed, rendered_by, near)
     known = None if memory is None or key is None else memory.get_arrays(key)
     if known is not None:
-        geometry = replace(Geometry.as_stated(capture), **{name: known[f"geometry/{name}"] for name in _FOUND})
+        found: dict[str, Any] = {name: known[f"geometry/{name}"] for name in _FOUND}
+        # Of the same type as when it was found: keys of fits tell a number from an array.
+        geometry = replace(Geometry.as_stated(capture), **found | {"misfit": float(found["misfit"])})
         if near is not None and _is_same(geometry, near.geometry):
             return near
         capture = geometry.capture()

@@ -5,8 +5,9 @@ A column is the exact difference of two expected images, no derivative: dots tha
 Effects whose likelihood has narrow peaks propose their own points (Effect.starts).
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import product
 from multiprocessing import RawArray
 from typing import Any
@@ -50,18 +51,44 @@ class Atom:
         return slice(self.first, self.first + len(self.steps))
 
 
-def atoms_of(linear: Linear, effects: Iterable[Effect], reach: float) -> list[Atom]:
-    """The atoms of effects. reach: deviation of the amplitudes' prior in typical values."""
+def atoms_of(
+    linear: Linear, effects: Sequence[Effect], reach: float, workers: int = 1, memory: FitCache | None = None
+) -> list[Atom]:
+    """The atoms of effects. reach: deviation of the amplitudes' prior in typical values; memory keeps what built-in
+    effects propose, which so many processes make."""
     atoms: list[Atom] = []
-    seen: list[StartImage] = []
+    proposals = _proposals(linear, [e for e in effects if e.starts is not None], workers, memory)
     first = 0
     for effect in effects:
-        seen = seen or (start_images(linear) if effect.starts else [])
-        for values, steps, sigma in _plans(effect, seen, reach):
+        for values, steps, sigma in _plans(effect, proposals.get(effect.id), reach):
             signed = tuple(p.low < p.neutral for p, _ in steps)
             atoms.append(Atom(effect, values, tuple((p.name, s) for p, s in steps), signed, sigma, first))
             first += len(steps)
     return atoms
+
+
+def _proposals(
+    linear: Linear, effects: Sequence[Effect], workers: int, memory: FitCache | None
+) -> dict[str, NDArray[np.float64]]:
+    """{effect: [n][parameters]}: where narrow peaks may be, NaN = at neutral."""
+    contents = {e.id: effect_content(e) for e in effects}
+    keys = {name: c and content_key("starts", linear.residual, c) for name, c in contents.items()}
+    seen = cache(lambda: start_images(linear))
+
+    def proposed(effect: Effect) -> dict[str, NDArray[np.float64]]:
+        assert effect.starts is not None
+        starts = effect.starts(seen())[:_MOST_PROPOSED]
+        values = [start.get(p.name, np.nan) for start in starts for p in effect.parameters]
+        return {"starts": np.array(values).reshape(-1, len(effect.parameters))}
+
+    def kept(effect: Effect) -> NDArray[np.float64]:
+        found = proposed(effect) if memory is None else memory.once(keys[effect.id], lambda: proposed(effect))
+        return found["starts"]
+
+    if memory is not None and (new := [e for e in effects if keys[e.id] not in (None, *memory)]):
+        seen()
+        memory.make_ahead(kept, new, workers)
+    return {effect.id: kept(effect) for effect in effects}
 
 
 def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitCache | None = None) -> Columns:
@@ -156,10 +183,10 @@ def start_images(linear: Linear) -> list[StartImage]:
 _Plan = tuple[dict[str, float], list[tuple[Parameter, float]], tuple[float, ...]]
 
 
-def _plans(effect: Effect, seen: list[StartImage], reach: float) -> Iterator[_Plan]:
-    """(values, steps, sigma) of an effect's atoms."""
-    if effect.starts is not None:
-        yield from _proposed(effect, seen)
+def _plans(effect: Effect, starts: NDArray[np.float64] | None, reach: float) -> Iterator[_Plan]:
+    """(values, steps, sigma) of an effect's atoms. starts: its own proposals [n][parameters], NaN = neutral."""
+    if starts is not None:
+        yield from _proposed(effect, starts)
         return
     shapes = [p for p in effect.parameters if p.neutral != 0 and not p.choice]
     amplitudes = [p for p in effect.parameters if p.neutral == 0 and not p.choice]
@@ -175,12 +202,11 @@ def _plans(effect: Effect, seen: list[StartImage], reach: float) -> Iterator[_Pl
             yield effect.neutral_values | own, steps, tuple(reach * p.typical / abs(step) for p, step in steps)
 
 
-def _proposed(effect: Effect, seen: list[StartImage]) -> Iterator[_Plan]:
-    assert effect.starts is not None
+def _proposed(effect: Effect, starts: NDArray[np.float64]) -> Iterator[_Plan]:
     lead = effect.parameters[0]
-    for start in effect.starts(seen)[:_MOST_PROPOSED]:
-        within = {p.name: float(np.clip(start[p.name], p.low, p.high)) for p in effect.parameters if p.name in start}
-        values = effect.neutral_values | within
+    for start in starts:
+        within = zip(effect.parameters, start, strict=True)
+        values = {p.name: p.neutral if np.isnan(v) else float(np.clip(v, p.low, p.high)) for p, v in within}
         if values[lead.name] != lead.neutral:
             yield values, [(lead, values[lead.name] - lead.neutral)], (1.0,)
 

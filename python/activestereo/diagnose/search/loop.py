@@ -134,7 +134,7 @@ class Search:
         """Names effects until nothing passes."""
         linear = linearised(self._fitter, self._solution)
         images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
-        atoms = atoms_of(linear, images, self._numbers.prior_reach)
+        atoms = atoms_of(linear, images, self._numbers.prior_reach, self._workers, self._memory)
         columns = columns_of(linear, atoms, self._workers, self._memory)
         while self._name_one(linear, self._unnamed(atoms), columns):
             before = linear.fitter

@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """The few likely effects are fitted beside the model: from where the line leads, and from points of the dictionary."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from activestereo.diagnose.refine import Fitter, ParameterSpace, Solution
+from activestereo.diagnose.refine.fit_cache import fit_key
 from activestereo.diagnose.search.rendered import Rendering, fitted_to_renders, is_transport
 from activestereo.diagnose.search.selection import Candidate
 from activestereo.effects import Effect, Model
 from activestereo.effects.core.differences import known_differences
 
-# Fits have so many steps; those that come within this part of the best have more; the start is the best of all, the
-# fit the best of two.
-_STEPS, _MORE, _CLOSE, _FITTED = 4, 8, 0.85, 2
+# Fits have so few steps, from the best start and another one that gains this part of what it gains; those that come
+# within this part of the best fit have more.
+_STEPS, _RIVAL, _MORE, _CLOSE = 2, 0.6, 8, 0.6
 # An effect whose formula was never measured may miss this share of its squared signature.
 _UNMEASURED = 1.0 / 3.0
 
@@ -42,20 +43,21 @@ def refits(
     workers: int,
 ) -> dict[str, Refit]:
     """{effect: Refit} of candidates beside a model whose own fit leaves base_chi2."""
-    effects = [c.best.atom.effect for c in chosen]
     starts = {c.best.atom.effect.id: c.starts for c in chosen}
+    spaces = [ParameterSpace.of(model, c.best.atom.effect) for c in chosen]
+    found: dict[str, Refit] = {}
 
-    def fit(effect: Effect) -> Solution:
-        return _from_starts(fitter, ParameterSpace.of(model, effect), effect, starts[effect.id], phi)
+    def fit(space: ParameterSpace) -> Solution:
+        return _from_starts(fitter, space, starts[_name(space)], phi, base_chi2)
 
-    if fitter.memory is not None:
-        fitter.memory.make_ahead(fit, effects, workers)
-    found = {effect.id: Refit(fit(effect)) for effect in effects}
+    def settled(space: ParameterSpace) -> Solution:
+        s = found[_name(space)].solution
+        return fitter.refine(space, s.theta, s.phi, _MORE)
+
+    found |= _side_by_side(fitter, fit, spaces, workers)
     most = max((base_chi2 - f.chi2 for f in found.values()), default=0.0)
-    for name, f in found.items():
-        s = f.solution
-        if len(found) > 1 and base_chi2 - f.chi2 > _CLOSE * most:
-            found[name] = Refit(fitter.refine(s.space, s.theta, s.phi, _MORE))
+    close = [space for space in spaces if base_chi2 - found[_name(space)].chi2 >= _CLOSE * most]
+    found |= _side_by_side(fitter, settled, close, workers)
     most = max((base_chi2 - f.chi2 for f in found.values()), default=0.0)
     for name, f in found.items():
         if rendering is not None and is_transport(f.solution.effects[-1]):
@@ -72,13 +74,31 @@ def formula_error(effect: Effect, otherwise: float) -> float:
     return otherwise if measured is None else min(measured**2, _UNMEASURED)
 
 
+def _name(space: ParameterSpace) -> str:
+    """The effect that is fitted."""
+    return space.pairs[-1][0].id
+
+
+def _side_by_side(
+    fitter: Fitter, fit: Callable[[ParameterSpace], Solution], spaces: Sequence[ParameterSpace], workers: int
+) -> dict[str, Refit]:
+    """{effect: Refit}; fits that are kept are made by so many processes."""
+    if fitter.memory is not None:
+        fitter.memory.make_ahead(fit, [space for space in spaces if fit_key("", space) is not None], workers)
+    return {_name(space): Refit(fit(space)) for space in spaces}
+
+
 def _from_starts(
-    fitter: Fitter, space: ParameterSpace, effect: Effect, starts: Sequence[Mapping[str, float]], phi: np.ndarray
+    fitter: Fitter, space: ParameterSpace, starts: Sequence[Mapping[str, float]], phi: np.ndarray, base_chi2: float
 ) -> Solution:
     """The best fit from the starts, each looked at once."""
+    effect = space.pairs[-1][0]
     own = len(space.start) - len(effect.parameters)
     thetas = [np.concatenate([space.start[:own], [start[p.name] for p in effect.parameters]]) for start in starts]
-    seen = [fitter.nuisance_fit(space, theta, phi)[1] for theta in thetas]
-    chosen = [thetas[k] for k in np.argsort(seen)[:_FITTED]]
-    fits = [fitter.refine(space, theta, phi, _STEPS) for theta in chosen]
+    look = lambda: {"chi2": np.array([fitter.nuisance_fit(space, theta, phi)[1] for theta in thetas])}  # noqa: E731
+    seen = fitter.remembered(look, space, thetas, phi)["chi2"]
+    best, *others = np.argsort(seen)
+    gain = base_chi2 - seen
+    chosen = [best, *(k for k in others[:1] if gain[k] > _RIVAL * gain[best])]
+    fits = [fitter.refine(space, thetas[k], phi, _STEPS) for k in chosen]
     return min(fits, key=lambda f: f.sums.total)
