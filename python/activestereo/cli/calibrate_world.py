@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 
 from activestereo.cli.arguments import CommandError, add_shared, integer_from, print_json
@@ -41,11 +40,12 @@ _STEP_OF = {"dots": "pattern"}
 def add_parts(parts: argparse._SubParsersAction) -> None:
     """The parsers of calibrate's parts that take recordings with depth."""
     world = parts.add_parser("world", help="a camera and a room from views with depth", description=_WORLD)
-    _add_arguments(world)
-    world.add_argument("--plan", action=_Plan, help="print what to record for which effect, ten minutes in all")
+    _add_arguments(world, needs_out=False)
+    text = "print what else to record for which effect, with minutes; RECORDING is a capture that calibrate world made"
+    world.add_argument("--plan", action="store_true", help=text)
     text = "a step whose part of the capture stays as it is; repeatable"
     world.add_argument("--keep", choices=tuple(_STEPS)[:-1], action="append", default=[], help=text)
-    world.set_defaults(run=_run, steps=None)
+    world.set_defaults(run=_run_world, steps=None)
     for name, summary in _STEPS.items():
         text = f"One step of calibrate world: {summary}.\nThe rest of the capture stays as it is."
         step = parts.add_parser(name, help=summary, description=text)
@@ -53,25 +53,39 @@ def add_parts(parts: argparse._SubParsersAction) -> None:
         step.set_defaults(run=_run, steps=(_STEP_OF.get(name, name),), keep=[])
 
 
-class _Plan(argparse.Action):
-    """Prints the plan of recordings and ends."""
-
-    def __init__(self, option_strings: Sequence[str], dest: str, help: str | None = None) -> None:
-        super().__init__(option_strings, dest, nargs=0, help=help)
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object, **__: object) -> None:
-        from activestereo.diagnose.room.plan import plan_text
-
-        print(plan_text())
-        parser.exit()
-
-
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
+def _add_arguments(parser: argparse.ArgumentParser, needs_out: bool = True) -> None:
     add = parser.add_argument
     add("recording", type=Path, metavar="RECORDING", help="capture of views with depth")
-    add("-o", "--out", required=True, type=Path, metavar="DIR", help="the new capture, which must not exist")
+    add("-o", "--out", required=needs_out, type=Path, metavar="DIR", help="the new capture, which must not exist")
     add("--test", type=integer_from(0), action="append", default=[], metavar="ID", help="frame to hold out; repeatable")
     add_shared(parser, seed="same seed, same result", json=True, verbose="all steps")
+
+
+def _run_world(args: argparse.Namespace) -> None:
+    if args.plan:
+        _print_plan(args)
+    elif args.out is None:
+        raise CommandError("-o is missing: the folder of the new capture")
+    else:
+        _run(args)
+
+
+def _print_plan(args: argparse.Namespace) -> None:
+    from activestereo.calibrate.world.cells import Room
+    from activestereo.capture.capture import read_capture
+    from activestereo.diagnose.room.diagnosed import is_measured_room
+    from activestereo.diagnose.room.names import seen_of
+    from activestereo.diagnose.room.plan import plan_of, plan_text
+    from activestereo.effects import builtin
+
+    capture = read_capture(args.recording)
+    if not is_measured_room(capture):
+        raise CommandError(f"{args.recording}: is no measured room: make one with calibrate world")
+    plan = plan_of(seen_of(Room(capture), tuple(builtin().values())))
+    if args.json:
+        print_json([{"text": r.text, "minutes": r.minutes, "nats": dict(r.tells)} for r in plan])
+    else:
+        print(plan_text(plan))
 
 
 def _run(args: argparse.Namespace) -> None:

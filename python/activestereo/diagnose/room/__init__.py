@@ -9,6 +9,7 @@ evidence   how much likelier an effect is than none
 rows       noise that the rows of one image share
 names      what may be named
 unseen     held-out views as the others predict them
+imagined   a room with a view that was not recorded yet
 plan       what to record for what
 diagnosed  all of it as diagnose.json holds it
 """

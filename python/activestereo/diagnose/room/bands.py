@@ -19,7 +19,7 @@ from activestereo.calibrate.world.views import Image
 
 BANDS = ("slow", "fine", "dots", "pair")
 _FAST_PX, _AMPLITUDE_PX, _SLOW_PX = 2.0, 4.5, 3.0
-_FINE_PX, _PAIR_PX = 0.8, 0.6
+_FINE_PX, _PAIR_PX = 0.8, 1.2
 _LEAST_DOTS, _LEAST_USABLE = 2e-4, 0.05
 
 

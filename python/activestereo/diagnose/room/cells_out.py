@@ -8,7 +8,7 @@ least squares of t takes the cells' means out (Schur's complement, block by bloc
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -45,12 +45,13 @@ class Block:
 @dataclass(frozen=True)
 class Normal:
     """Sums over tiles and bands: information [tile][c][c] and score [tile][c] of the columns, textures out; spread:
-    of residuals, in what was expected, by band."""
+    of residuals, in what was expected, by band; trust: the weight that cells kept beside what was expected, by band."""
 
     names: tuple[str, ...]
     information: NDArray[np.float64]
     score: NDArray[np.float64]
     spread: Mapping[str, float]
+    trust: Mapping[str, float]
 
 
 def blocks_of(room: Room, light: RoomLight, columns: Sequence[Column], bands: Sequence[str] = BANDS) -> list[Block]:
@@ -68,16 +69,16 @@ def blocks_of(room: Room, light: RoomLight, columns: Sequence[Column], bands: Se
 
 
 def _changed(light: RoomLight, column: Column, k: int, bands: Sequence[str]) -> dict[str, Image]:
-    """A column of one image in every band where it shows."""
-    looks = light.looks[k]
+    """A column of one image in every band where it is asked about."""
+    looks, asked = light.looks[k], [band for band in bands if band in column.bands]
     out: dict[str, Image] = {}
     room = column.change(k, light.room[k])
     if room is not None:
-        out |= looks.of_room(room)
-    if room is not None and not column.moves:
+        out |= {band: image for band, image in looks.of_room(room).items() if band in asked}
+    if room is not None and "dots" in asked:
         lit = column.change(k, light.room[k] + light.dots[k])
         out["dots"] = looks.even(looks.amplitude(room if lit is None else lit - room))
-    if "pair" in bands and (both := column.change(k, light.both[k])) is not None:
+    if "pair" in asked and (both := column.change(k, light.both[k])) is not None:
         out["pair"] = looks.pair(both)
     return out
 
@@ -153,38 +154,68 @@ class _Frame:
 
 def _offset(frame: _Frame) -> int:
     """Tiles of bands are apart."""
-    return BANDS.index(frame.band) * frame.room.views * _TILES[0] * _TILES[1]
+    return BANDS.index(frame.band) * _tiles(frame.room)
 
 
-def normal(room: Room, columns: Sequence[Column], blocks: Sequence[Block], held: Sequence[int]) -> Normal:
-    """The Normal of blocks. held: the numbers of the columns beside which cells are weighed: all others would find
-    themselves in the weights.
+def normal(room: Room, columns: Sequence[Column], blocks: Sequence[Block], beside: Sequence[int]) -> Normal:
+    """The Normal of blocks. beside: the numbers of the columns beside which cells are weighed: an effect that is not
+    among them is taken for outliers.
 
     Cells weigh by their own residual (Student's), and a band by its cells' spread; information is divided by how much
     more the tiles' scores vary than those of independent cells would (a tempered likelihood).
     """
-    count, tiles = len(columns), room.views * _TILES[0] * _TILES[1]
-    information, score = np.zeros((len(BANDS) * tiles, count, count)), np.zeros((len(BANDS) * tiles, count))
-    prior, spread = np.array([c.sd**-2.0 for c in columns]), {}
-    for number, band in enumerate(BANDS):
-        own = [b for b in blocks if len(b.tile) and b.tile[0] // tiles == number]
-        if not own:
-            continue
-        weights = [1.0 / b.variance for b in own]
-        weights, scale = _student(own, weights, held, prior)
-        for b, w in zip(own, weights, strict=True):
-            z = _projected(np.concatenate([b.residual[None], b.columns]), w, b.gain)
-            order = np.argsort(b.tile, kind="stable")
-            for part in np.split(order, np.flatnonzero(np.diff(b.tile[order])) + 1):
-                here = z[:, :, part].reshape(count + 1, -1)
-                product = ((here * w[:, part].ravel()) @ here.T).astype(np.float64)
-                information[b.tile[part[0]]], score[b.tile[part[0]]] = product[1:, 1:], product[1:, 0]
-        of_band = slice(number * tiles, (number + 1) * tiles)
-        temper = _temper(information[of_band], score[of_band], held, prior)
+    prior, spread, trust = np.array([c.sd**-2.0 for c in columns]), {}, {}
+    information, score = _empty(room, columns)
+    for band, of_band, own in _by_band(room, blocks):
+        first = [1.0 / b.variance for b in own]
+        weights, spread[band] = _student(own, first, beside, prior)
+        _sum_tiles(own, weights, information, score)
+        temper = _temper(information[of_band], score[of_band], beside, prior)
         information[of_band] /= temper
         score[of_band] /= temper
-        spread[band] = scale
-    return Normal(tuple(c.name for c in columns), information, score, spread)
+        trust[band] = float(sum(w.sum() for w in weights) / sum(w.sum() for w in first)) / temper
+    return Normal(tuple(c.name for c in columns), information, score, spread, trust)
+
+
+def imagined(room: Room, columns: Sequence[Column], blocks: Sequence[Block], trust: Mapping[str, float]) -> Normal:
+    """The Normal of blocks that were not recorded, cells trusted as those of a recording are: it has no scores."""
+    information, score = _empty(room, columns)
+    for band, _, own in _by_band(room, blocks):
+        weights = [np.float32(trust.get(band, 0.0)) / b.variance for b in own]
+        _sum_tiles(own, weights, information, score)
+    return Normal(tuple(c.name for c in columns), information, np.zeros_like(score), {}, trust)
+
+
+def _empty(room: Room, columns: Sequence[Column]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    tiles, count = len(BANDS) * _tiles(room), len(columns)
+    return np.zeros((tiles, count, count)), np.zeros((tiles, count))
+
+
+def _tiles(room: Room) -> int:
+    """Tiles of a band."""
+    return room.views * _TILES[0] * _TILES[1]
+
+
+def _by_band(room: Room, blocks: Sequence[Block]) -> Iterator[tuple[str, slice, list[Block]]]:
+    """(band, its tiles, its blocks) where there are any."""
+    tiles = _tiles(room)
+    for number, band in enumerate(BANDS):
+        if own := [b for b in blocks if len(b.tile) and b.tile[0] // tiles == number]:
+            yield band, slice(number * tiles, (number + 1) * tiles), own
+
+
+def _sum_tiles(
+    blocks: Sequence[Block], weights: Sequence[NDArray[np.float32]], information: NDArray[np.float64],
+    score: NDArray[np.float64],
+) -> None:  # fmt: skip
+    """Writes the information and scores of the blocks' tiles."""
+    for b, w in zip(blocks, weights, strict=True):
+        z = _projected(np.concatenate([b.residual[None], b.columns]), w, b.gain)
+        order = np.argsort(b.tile, kind="stable")
+        for part in np.split(order, np.flatnonzero(np.diff(b.tile[order])) + 1):
+            here = z[:, :, part].reshape(len(z), -1)
+            product = ((here * w[:, part].ravel()) @ here.T).astype(np.float64)
+            information[b.tile[part[0]]], score[b.tile[part[0]]] = product[1:, 1:], product[1:, 0]
 
 
 def _projected(z: NDArray[np.float32], weight: NDArray[np.float32], gain: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -195,10 +226,10 @@ def _projected(z: NDArray[np.float32], weight: NDArray[np.float32], gain: NDArra
 
 
 def _student(
-    blocks: Sequence[Block], weights: list[NDArray[np.float32]], held: Sequence[int], prior: NDArray[np.float64]
+    blocks: Sequence[Block], weights: list[NDArray[np.float32]], beside: Sequence[int], prior: NDArray[np.float64]
 ) -> tuple[list[NDArray[np.float32]], float]:
-    """(weights of whole cells from residuals beside the held columns, the spread)."""
-    first, scale, of = [w.copy() for w in weights], 1.0, np.asarray(held)
+    """(weights of whole cells from residuals beside columns, the spread)."""
+    first, scale, of = [w.copy() for w in weights], 1.0, np.asarray(beside)
     for _ in range(_ROUNDS):
         z = [_projected(np.concatenate([b.residual[None], b.columns[of]]), w, b.gain)
              for b, w in zip(blocks, weights, strict=True)]  # fmt: skip
@@ -218,9 +249,9 @@ def _student(
 
 
 def _temper(
-    information: NDArray[np.float64], score: NDArray[np.float64], held: Sequence[int], prior: NDArray[np.float64]
+    information: NDArray[np.float64], score: NDArray[np.float64], beside: Sequence[int], prior: NDArray[np.float64]
 ) -> float:
-    H, s, of = information.sum(axis=0), score.sum(axis=0), np.asarray(held)
+    H, s, of = information.sum(axis=0), score.sum(axis=0), np.asarray(beside)
     block = H[np.ix_(of, of)]
     rest = score - information[:, :, of] @ np.linalg.solve(block + np.diag(prior[of] + _RIDGE * np.diag(block)), s[of])
     told = np.diag(H) > 1e-9

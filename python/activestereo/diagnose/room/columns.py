@@ -14,6 +14,7 @@ import numpy as np
 
 from activestereo.calibrate.world.cells import Room
 from activestereo.calibrate.world.views import Image, normals_of, points_of
+from activestereo.diagnose.room.bands import BANDS
 from activestereo.diagnose.room.light import RoomLight
 from activestereo.effects import Effect, Light, Stage, View
 from activestereo.effects.core.descriptor import Parameter, Randomness
@@ -23,6 +24,9 @@ from activestereo.effects.core.model import acted
 # Warps are linear in small steps alone, a part of what is typical.
 _STEP_OF_A_WARP = 0.1
 _REACH = 2.0
+# What moves light about says nothing of the dots' amplitude. What scales it is told by slow light, and by the pair
+# where its cameras differ in it: elsewhere its columns are what looks leave of textures and dots.
+_MOVED, _SCALED, _OF_ONE_CAMERA = ("slow", "fine", "pair"), ("slow",), ("slow", "pair")
 _TURN_RAD, _FOCAL, _BASELINE = 5e-4, 0.003, 0.1
 _SLOW_LAW, _DOTS_LIGHT = 0.03, 1.0
 # Periods of bands, in heights of the image.
@@ -36,7 +40,7 @@ Change = Callable[[int, Image], Image | None]
 class Column:
     """change(image's number, light above black) is what one unit changes in an image, DN, None for nothing. sd: of its
     prior, in units. effect, parameter, step: of the library, and the parameter's change by a unit; None of a nuisance.
-    moves: whether it moves light about, which says nothing on the dots' amplitude."""
+    bands: those where it is asked about."""
 
     name: str
     change: Change
@@ -44,7 +48,7 @@ class Column:
     effect: Effect | None = None
     parameter: Parameter | None = None
     step: float = 1.0
-    moves: bool = False
+    bands: tuple[str, ...] = BANDS
 
 
 def nuisances(room: Room, light: RoomLight, black_sd: float, vignetting_sd: float) -> list[Column]:
@@ -130,7 +134,7 @@ def _flow(
         dx, dy = of(k)
         return np.asarray(-np.float32(scale) * (dx * across + dy * down), np.float32)
 
-    return Column(name, change, sd, moves=True)
+    return Column(name, change, sd, bands=_MOVED)
 
 
 def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[Column]:
@@ -149,8 +153,17 @@ def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[
             if p is not lead and not _stands_alone(effect, p, views[0], light.room[0]):
                 continue
             change = _difference(effect, {p.name: value}, views, light.black_dn, 1.0 / share)
-            out.append(Column(f"{effect.id}.{p.name}", change, _REACH, effect, p, value / share, moves))
+            bands = _MOVED if moves else _OF_ONE_CAMERA if _differs(change, light.room[0]) else _SCALED
+            out.append(Column(f"{effect.id}.{p.name}", change, _REACH, effect, p, value / share, bands))
     return out
+
+
+def _differs(change: Change, image: Image) -> bool:
+    """Whether the two cameras of a view change in another way."""
+    left, right = (change(k, image) for k in (0, 1))
+    if left is None or right is None:
+        return left is not right
+    return not np.allclose(left, right, atol=1e-3 * float(np.abs(left).max()))
 
 
 def _in_camera(effect: Effect) -> bool:
@@ -202,7 +215,7 @@ def pedestals(room: Room, effects: Iterable[Effect]) -> list[Column]:
     p = effect.parameters[0]
     one = np.full(room.shape, p.typical, np.float32)
     of = lambda view: lambda k, image: one if room.images[k].view == view else None  # noqa: E731
-    return [Column(f"black_level.{v}", of(v), 1.0, effect, p, p.typical) for v in range(1, room.views)]
+    return [Column(f"black_level.{v}", of(v), 1.0, effect, p, p.typical, _SCALED) for v in range(1, room.views)]
 
 
 def waves(room: Room, effects: Iterable[Effect]) -> dict[int, list[Column]]:
@@ -215,7 +228,7 @@ def waves(room: Room, effects: Iterable[Effect]) -> dict[int, list[Column]]:
     for period in (round(2 * room.shape[0] * share) for share in _PERIODS):
         angle = 2.0 * np.pi * rows / period
         out[period] = [
-            Column(f"{_PERIODIC}.{view} {name}", _factor(room, _same(wave), view), 0.5, effect, p, p.typical)
+            Column(f"{_PERIODIC}.{view} {name}", _factor(room, _same(wave), view), 0.5, effect, p, p.typical, _SCALED)
             for view in range(room.views)
             for name, wave in (("sine", p.typical * np.sin(angle)), ("cosine", p.typical * np.cos(angle)))
         ]

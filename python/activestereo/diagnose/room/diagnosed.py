@@ -13,7 +13,7 @@ from activestereo.capture.capture import Capture
 from activestereo.compare.model_file import model_json
 from activestereo.diagnose.room.evidence import Found
 from activestereo.diagnose.room.names import NEEDED, Named, Names, names_of
-from activestereo.diagnose.room.plan import recordings_for
+from activestereo.diagnose.room.plan import plan_of
 from activestereo.diagnose.room.unseen import unseen_rmse
 from activestereo.diagnose.score.intervals import Z90
 from activestereo.diagnose.search.verdict import EFFECT, NONE
@@ -107,7 +107,7 @@ def _falloff_nats(parameters: Parameters) -> float:
 
 
 def _told(named: Named, names: Names) -> tuple[Effect, Parameters]:
-    return named.found.effect, parameters_of(named.found, names.period_rows)
+    return named.found.effect, parameters_of(named.found, names.seen.period_rows)
 
 
 def parameters_of(found: Found, period_rows: int | None) -> Parameters:
@@ -124,14 +124,11 @@ def parameters_of(found: Found, period_rows: int | None) -> Parameters:
 
 def _ranking(names: Names) -> list[dict[str, Any]]:
     sure = {n.found.effect.id: n for n in names.named}
-    out = [_entry(n.found.effect, parameters_of(n.found, names.period_rows), n.found.nats, n.members[n.found.effect.id],
+    told = lambda found: parameters_of(found, names.seen.period_rows)  # noqa: E731
+    out = [_entry(n.found.effect, told(n.found), n.found.nats, n.members[n.found.effect.id],
                   [m for m in n.members if m != n.found.effect.id]) for n in names.named]  # fmt: skip
-    out += [
-        _entry(f.effect, parameters_of(f, names.period_rows), max(f.nats, 0.0), 0.0, [])
-        for f in names.ranking
-        if f.effect.id not in sure
-    ]
-    return out
+    rest = [f for f in names.ranking if f.effect.id not in sure]
+    return out + [_entry(f.effect, told(f), max(f.nats, 0.0), 0.0, []) for f in rest]
 
 
 def _entry(effect: Effect, parameters: Parameters, nats: float, sure: float, same: list[str]) -> dict[str, Any]:
@@ -166,12 +163,8 @@ def _not_ranked(effects: Sequence[Effect], given: Model, names: Names) -> list[d
 
 def _next(names: Names) -> list[dict[str, Any]]:
     """The recordings that would tell what this one cannot."""
-    named = {n.found.effect.id for n in names.named}
-    unseen_ones = [f.effect.id for f in names.ranking if f.tells < NEEDED and f.effect.id not in named]
-    return [
-        {"text": recording.text, "separates": list(own), "change": None}
-        for recording, own in recordings_for(unseen_ones)
-    ]
+    return [{"text": f"{r.text} ({r.minutes:g} min)", "separates": list(r.tells), "change": None}
+            for r in plan_of(names.seen)]  # fmt: skip
 
 
 def _unseen(room: Room, capture: Capture, given: Model, accepted: Model) -> list[dict[str, float]]:

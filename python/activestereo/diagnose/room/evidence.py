@@ -57,6 +57,9 @@ def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> 
     information = H[np.ix_(E, E)] - A @ H[np.ix_(N, E)]
     information = 0.5 * (information + information.T)
     score = s[E] - A @ s[N]
+    chosen = tuple(columns[j] for j in E)
+    if not score.any():  # nothing was recorded yet
+        return Reduced(chosen, score, information, information + 1e-9 * np.diag(np.diag(information) + 1e-9))
     own = np.linalg.solve(information + np.diag(prior[E]), score)
     beside = np.linalg.solve(inner, s[N] - H[np.ix_(N, E)] @ own)
     each = normal.score - normal.information[:, :, N] @ beside - normal.information[:, :, E] @ own
@@ -64,7 +67,7 @@ def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> 
     each -= each.mean(axis=0)
     covariance = _BY_TILES * each.T @ each + (1.0 - _BY_TILES) * information
     covariance += 1e-6 * np.diag(np.diag(covariance) + 1e-12)
-    return Reduced(tuple(columns[j] for j in E), score, information, covariance)
+    return Reduced(chosen, score, information, covariance)
 
 
 def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, float], few: float) -> list[Found]:
@@ -99,8 +102,16 @@ def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, floa
         parameters = {
             names[j]: (float(value[j] * room.columns[j].step), float(deviation[j] * room.columns[j].step)) for j in own
         }
+        if any(room.columns[j].step * value[j] < 0.0 for j in own if _one_sided(room.columns[j])):
+            nats = min(nats, 0.0)  # something else than the effect does that
         out.append(Found(effect, student(float(nats), few), parameters, student(float(tells) - cost, few)))
     return sorted(out, key=lambda found: -found.nats)
+
+
+def _one_sided(column: Column) -> bool:
+    """Whether a column's parameter is never below its neutral value; waves have either sign by their phase."""
+    p = column.parameter
+    return p is not None and p.low == p.neutral and not column.name.endswith("sine")
 
 
 def student(nats: float, few: float) -> float:

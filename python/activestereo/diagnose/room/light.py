@@ -4,6 +4,7 @@ exposure and falloff."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from activestereo.calibrate.world.views import Image
 from activestereo.diagnose.room.bands import Looks, blur
 
 _SLOW_PX, _AGREE_PX, _NO_CONTRAST_DN2 = 3.0, 4.0, 0.01
+_MOST_GEOMETRY, _LEAST_WEIGHT = 5.0, 1e-6
 
 
 @dataclass(frozen=True)
@@ -36,13 +38,14 @@ def room_light(room: Room, black_dn: float, exponent: float) -> RoomLight:
     count = len(room.images)
     looks = [Looks.of(image) for image in room.images]
     gain = [(i.exposure * (1.0 + i.r2()) ** (-0.5 * exponent)).astype(np.float32) for i in room.images]
+    lit = [g * np.minimum(i.geometry, _MOST_GEOMETRY) for g, i in zip(gain, room.images, strict=True)]
     seen = [image.dn - np.float32(black_dn) for image in room.images]
     split = [look.split(image) for look, image in zip(looks, seen, strict=True)]
-    own = [s[0] for s in split]
+    own, amplitude = [s[0] for s in split], [look.even(s[1]) for look, s in zip(looks, split, strict=True)]
     rooms, dots, both = [], [], []
     for k in range(count):
         rooms.append(_expected(room, k, own, gain))
-        dots.append(np.maximum(looks[k].even(split[k][1]), 0.0) * room.images[k].dots)
+        dots.append(np.maximum(_mean(room, k, amplitude, lit)[0], 0.0) * room.images[k].dots)
         partner = room.places(k, k ^ 1)
         beside = partner.read(seen[k ^ 1])
         both.append(np.where(partner.seen, 0.5 * (seen[k] + beside), seen[k]).astype(np.float32))
@@ -50,23 +53,29 @@ def room_light(room: Room, black_dn: float, exponent: float) -> RoomLight:
 
 
 def _expected(room: Room, k: int, own: list[Image], gain: list[Image]) -> Image:
-    """Room light of image k: slow light of all images; of what is fine, as much as other views agree to, for noise and
-    what dots leave would weaken every column that is made of it."""
-    total, weight = gain[k] * own[k], gain[k] ** 2
-    other, views = np.zeros_like(own[k]), np.zeros_like(own[k])
-    fine = own[k] - blur(own[k], _SLOW_PX)
-    for j in range(len(own)):
-        if j == k:
-            continue
-        there = room.places(k, j)
-        total = total + there.read(gain[j] * own[j]) * there.seen
-        weight = weight + there.read(gain[j] ** 2) * there.seen
-        if room.images[j].view != room.images[k].view:
-            other += there.read((own[j] - blur(own[j], _SLOW_PX)) / gain[j]) * gain[k] * there.seen
-            views += there.seen
-    have = (views > 0).astype(np.float32)
-    other = other / np.maximum(views, 1.0)
-    product, square = blur(fine * other * have, _AGREE_PX), blur((fine**2 + other**2) * have, _AGREE_PX)
+    """Room light of image k: slow light of all images; of what is fine, as much as views agree to, for noise and what
+    dots leave would weaken every column that is made of it."""
+    fine = [image - blur(image, _SLOW_PX) for image in own]
+    mean, _ = _mean(room, k, own, gain)
+    fine_mean, _ = _mean(room, k, fine, gain)
+    view = room.images[k].view
+    other, have = _mean(room, k, fine, gain, [j for j in range(len(own)) if room.images[j].view != view])
+    product, square = blur(fine[k] * other * have, _AGREE_PX), blur((fine[k] ** 2 + other**2) * have, _AGREE_PX)
     agreed = np.clip(product / (0.5 * square + _NO_CONTRAST_DN2), 0.0, 1.0)
-    slow = blur(gain[k] * total / weight, _SLOW_PX)
-    return np.asarray(slow + have * agreed / (1.0 + agreed) * (fine + other), np.float32)
+    return np.asarray(blur(mean, _SLOW_PX) + have * 2.0 * agreed / (1.0 + agreed) * fine_mean, np.float32)
+
+
+def _mean(
+    room: Room, k: int, of: list[Image], gain: list[Image], images: Sequence[int] | None = None
+) -> tuple[Image, Image]:
+    """(what images that see the same places, all by default, say of image k, where there are any): weighed alike for
+    all k, for a column with an image's own errors in it would find them."""
+    total, weight = np.zeros_like(of[k]), np.zeros_like(of[k])
+    for j in range(len(of)) if images is None else images:
+        if j == k:
+            total, weight = total + gain[k] * of[k], weight + gain[k] ** 2
+        else:
+            there = room.places(k, j)
+            total = total + there.read(gain[j] * of[j]) * there.seen
+            weight = weight + there.read(gain[j] ** 2) * there.seen
+    return np.asarray(gain[k] * total / np.maximum(weight, _LEAST_WEIGHT)), (weight > _LEAST_WEIGHT).astype(np.float32)

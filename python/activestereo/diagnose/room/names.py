@@ -10,24 +10,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from activestereo.calibrate.world.cells import Room
-from activestereo.diagnose.room.cells_out import blocks_of, normal
+from activestereo.diagnose.room.cells_out import blocks_of, imagined, normal
 from activestereo.diagnose.room.columns import Column, effects_of, nuisances, pedestals, waves
 from activestereo.diagnose.room.evidence import Found, Reduced, judged, reduced, student
+from activestereo.diagnose.room.imagined import ImaginedRoom, Take
 from activestereo.diagnose.room.light import RoomLight, room_light
 from activestereo.diagnose.room.rows import row_variance
-from activestereo.diagnose.room.sessions import BETWEEN, OF_A_UNIT
+from activestereo.diagnose.room.sessions import BETWEEN, OF_A_UNIT, SHARED
 from activestereo.diagnose.search.selection import credible
 from activestereo.effects import Effect, Model
 
 # A name needs so many nats; sessions tell their spread with so many degrees of freedom.
-NEEDED, FEW = 5.0, 5.0
+NEEDED, FEW = 4.5, 5.0
 _MOST_NAMES, _MASS = 3, 0.95
 _ROW_FLOOR_DN2, _LEAST_ROWS_DN2, _MOST_NATS = 0.002, 0.01, 30.0
 _BLACK_SD_DN, _EXPONENT_SD = 1.5, 0.5
 # Asked about along with the effects: what `calibrate world` measured of the camera itself.
 _CAMERA = ("black", "falloff", "right row")
-# Of single views, and no property of a unit; deviation of a pair's rows between sessions.
-_OF_ONE_VIEW, _ROWS_PX = ("flicker_banding", "black_level"), 0.035
+# Of single views or scenes, and no property of a unit; deviation of a pair's rows between sessions.
+_OF_ONE_VIEW, _ROWS_PX = ("flicker_banding", "black_level", "veiling_glare"), 0.035
+# Waves were looked for at many periods.
+LOOKED = {"flicker_banding": float(np.log(21.0))}
 
 
 @dataclass(frozen=True)
@@ -41,28 +44,45 @@ class Named:
 @dataclass(frozen=True)
 class Names:
     """named: in the order of their evidence; ranking: all that were asked about, as they stood before the first name;
-    period_rows: of the waves that were looked at."""
+    seen: what the room says alone."""
 
     named: tuple[Named, ...]
     ranking: tuple[Found, ...]
+    seen: Seen
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A room, its light, and scores of the columns with a known spread and of the camera's own. asked: effects;
+    period_rows: of the waves that were looked at; trust: as a Normal has it."""
+
+    room: Room
+    light: RoomLight
+    asked: tuple[Effect, ...]
+    scores: Reduced
     period_rows: int | None
+    trust: Mapping[str, float]
+
+    def known(self, spread: Mapping[str, float]) -> dict[str, float]:
+        """{column: deviation between sessions, in units}."""
+        return {c.name: spread[key(c)] / c.step for c in self.scores.columns if c.effect is not None}
 
 
 def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Sequence[Room] = ()) -> Names:
     """The Names of a room beside a given model. reference: rooms of the same unit when it was good."""
-    asked = [e for e in effects if e.id not in {g.id for g, _ in given.effects}]
+    asked = tuple(e for e in effects if e.id not in {g.id for g, _ in given.effects})
     spread = BETWEEN if reference else OF_A_UNIT
-    seen, period = _seen(room, asked, spread)
-    rows = _rows(room, asked)
+    seen = seen_of(room, asked)
+    scores, rows = seen.scores, _rows(room, asked)
     if reference:
-        seen = _beside(seen, [_seen(other, asked, spread)[0] for other in reference])
+        scores = _beside(scores, [seen_of(other, asked).scores for other in reference])
         rows += _pitch(room, reference, asked)
     named: list[Named] = []
     ranking: tuple[Found, ...] = ()
-    known = {c.name: spread[key(c)] / c.step for c in seen.columns if c.effect is not None}
+    known = seen.known(spread)
     while len(named) < _MOST_NAMES:
         before = {n.found.effect.id for n in named}
-        found = [*(f for f in judged(seen, known, _looked(), FEW) if f.effect.id not in before), *rows]
+        found = [*(f for f in judged(scores, known, LOOKED, FEW) if f.effect.id not in before), *rows]
         found.sort(key=lambda f: -f.nats)
         ranking = ranking or tuple(found)
         if not found or found[0].nats < NEEDED:
@@ -71,26 +91,44 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
         members = credible({f.effect.id: f.nats for f in found if f.nats > 0.0}, _MASS)
         named.append(Named(best, members if best not in rows else {best.effect.id: 1.0}))
         rows = [f for f in rows if f is not best]
-        known = {c.name: c.sd if c.effect is best.effect else known.get(c.name, c.sd) for c in seen.columns}
-    return Names(tuple(named), ranking, period)
+        known = {c.name: c.sd if c.effect is best.effect else known.get(c.name, c.sd) for c in scores.columns}
+    return Names(tuple(named), ranking, seen)
 
 
-def _seen(room: Room, asked: Sequence[Effect], spread: Mapping[str, float]) -> tuple[Reduced, int | None]:
-    """(scores of the columns with a known spread and of the camera's own, rows of a period of the waves in them)."""
+def seen_of(room: Room, asked: Sequence[Effect]) -> Seen:
+    """What a room says of effects."""
     measured = room.capture.measured.get("exposure", {})
     black = room.capture.rig.black_dn[0] if room.capture.rig.black_dn else 0.0
     light = room_light(room, black, (measured.get("vignetting_exponent") or (0.0,))[0])
     still = nuisances(room, light, _BLACK_SD_DN, _EXPONENT_SD)
     period, wave = _wave(room, light, still, asked)
-    columns = [*still, *effects_of(room, light, asked), *pedestals(room, asked), *wave]
-    columns = [c for c in columns if c.effect is None or key(c) in spread]
-    sums = normal(room, columns, blocks_of(room, light, columns), range(len(still)))
-    of = [j for j, c in enumerate(columns) if c.effect is not None or c.name.startswith(_CAMERA)]
-    return reduced(sums, columns, of), period
+    columns = [*still, *_of_effects(room, light, asked, wave)]
+    sums = normal(room, columns, blocks_of(room, light, columns), range(len(columns)))
+    return Seen(room, light, tuple(asked), reduced(sums, columns, _looked_at(columns)), period, sums.trust)
+
+
+def with_take(seen: Seen, take: Take) -> Reduced:
+    """The Reduced that a room has with one more Take, before it is recorded."""
+    room = ImaginedRoom(seen.room, seen.light, take)
+    light = room_light(room, seen.light.black_dn, seen.light.lens)
+    wave = waves(room, seen.asked)[seen.period_rows] if seen.period_rows is not None else []
+    columns = [*nuisances(room, light, _BLACK_SD_DN, _EXPONENT_SD), *_of_effects(room, light, seen.asked, wave)]
+    sums = imagined(room, columns, blocks_of(room, light, columns), seen.trust)
+    return reduced(sums, columns, _looked_at(columns))
+
+
+def _of_effects(room: Room, light: RoomLight, asked: Sequence[Effect], wave: Sequence[Column]) -> list[Column]:
+    """Columns of effects with a known spread."""
+    return [c for c in (*effects_of(room, light, asked), *pedestals(room, asked), *wave) if key(c) in OF_A_UNIT]
+
+
+def _looked_at(columns: Sequence[Column]) -> list[int]:
+    return [j for j, c in enumerate(columns) if c.effect is not None or c.name.startswith(_CAMERA)]
 
 
 def _beside(seen: Reduced, others: Sequence[Reduced]) -> Reduced:
-    """The scores, less what good sessions have of effects that stay with a unit: their joint fit."""
+    """The scores, less what good sessions have of effects that stay with a unit: as much of their joint fit as sessions
+    share."""
     lasting = [c.name for c in seen.columns if c.effect is not None and c.effect.id not in _OF_ONE_VIEW]
     H, s = np.zeros((len(lasting),) * 2), np.zeros(len(lasting))
     for other in others:
@@ -102,7 +140,8 @@ def _beside(seen: Reduced, others: Sequence[Reduced]) -> Reduced:
         H += other.information[np.ix_(at, at)] - A @ other.information[np.ix_(rest, at)]
         s += other.score[at] - A @ other.score[rest]
     prior = np.diag([next(c.sd for c in seen.columns if c.name == name) ** -2.0 for name in lasting])
-    value = dict(zip(lasting, np.linalg.solve(H + prior, s), strict=True))
+    share = len(others) * SHARED / (1.0 + (len(others) - 1) * SHARED)
+    value = dict(zip(lasting, share * np.linalg.solve(H + prior, s), strict=True))
     return replace(seen, score=seen.score - seen.information @ np.array([value.get(c.name, 0.0) for c in seen.columns]))
 
 
@@ -134,11 +173,6 @@ def key(column: Column) -> str:
     """A column's place in a table of spreads."""
     assert column.effect is not None and column.parameter is not None
     return f"{column.effect.id}.{column.parameter.name}"
-
-
-def _looked() -> dict[str, float]:
-    """Waves were looked for at many periods."""
-    return {"flicker_banding": float(np.log(21.0))}
 
 
 def _wave(

@@ -1,60 +1,106 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings by which effects can be told: each with the effects that it tells and the minutes that it takes."""
+"""The recordings that would tell what a room leaves open: by the evidence that one more view of this very room would
+bring, and by the commands that measure what no view of a room shows."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from activestereo.diagnose.room.evidence import Reduced, judged
+from activestereo.diagnose.room.imagined import Take
+from activestereo.diagnose.room.names import FEW, LOOKED, NEEDED, Seen, key, with_take
+from activestereo.diagnose.room.sessions import BETWEEN, OF_A_UNIT
+from activestereo.effects import Effect, Stage
 
 
 @dataclass(frozen=True)
 class Recording:
-    """One recording of a plan: what to do, the minutes that it takes, and the effects that it tells."""
+    """A recording: what to do, its minutes, and {effect: nats that twice its typical size would reach}, None where they
+    are not computed."""
 
     text: str
     minutes: float
-    tells: tuple[str, ...]
+    tells: Mapping[str, float | None]
 
 
-# The order follows evidence per minute of a prototype on a D415's views; it is not measured anew for a recording.
-PLAN = (
-    Recording(
-        "turn the camera by 15 degrees between three views of a still room, exposure fixed", 2.0,
-        ("vignetting", "gain_mismatch", "row_noise", "flicker_banding", "tangential_distortion", "focus_mismatch"),
-    ),
-    Recording(
-        "roll the camera by 90 degrees at one of these places", 1.0,
-        ("flicker_banding", "lens_ghost", "veiling_glare", "tangential_distortion", "radial_distortion"),
-    ),
-    Recording(
-        "one view at twice the exposure time, nothing moved, both times stated", 1.0,
-        ("response_gamma", "saturation_blooming", "gain_error"),
-    ),
-    Recording("cover the lenses and record twenty frames", 1.0, ("black_level", "dark_signal", "fixed_pattern_noise",
-                                                                 "hot_pixels")),
-    Recording("twenty frames of one view, nothing moved", 1.0, ("shot_noise", "read_noise", "quantisation", "prnu")),
-    Recording("the same views with the projector off", 2.0, ("dot_gain_spread", "projector_defocus", "haze",
-                                                             "second_projector", "external_light")),
-    Recording(
-        "the first recording again when the unit is known to be good: give it as --reference", 2.0,
-        ("lens_psf", "stereo_pitch", "stereo_roll", "pattern_scale_drift", "baseline_drift", "thermal_drift",
-         "double_image", "response_gamma", "veiling_glare"),
-    ),
-)  # fmt: skip
+_VIEWS = (
+    ("one more view, turned by 15 degrees, exposure fixed", Take(turn_deg=(0.0, 15.0, 0.0))),
+    ("one more view, rolled by 90 degrees where the first one was taken", Take(turn_deg=(0.0, 0.0, 90.0))),
+)
+_COVERED = "cover both lenses and record twenty frames: activestereo calibrate noise --dark"
+_COVERED_DN = 0.05
+_REFERENCE = "the same views when the unit is known to be good: give them to diagnose as --reference"
+
+# What views of one room never show, and what measures it.
+_BY_DRIFT = ("thermal_drift", "laser_power_drift", "chromatic_drift", "pattern_scale_drift", "baseline_drift")
+_COMMANDS = (
+    ("ten minutes of a still scene from switching on: activestereo calibrate drift", 10.0),
+    ("twenty frames of a still scene at two exposures: activestereo calibrate noise", 2.0),
+    ("a flat wall at two distances, twenty frames each: activestereo calibrate pattern", 3.0),
+    ("fifteen pairs of a board, projector off: activestereo calibrate rig", 3.0),
+    ("a scene of known shape: activestereo diagnose renders it", 10.0),
+)
 
 
-def recordings_for(effects: Iterable[str]) -> list[tuple[Recording, tuple[str, ...]]]:
-    """The fewest recordings of the plan, in its order, that tell effects, each with those that it is for."""
-    left, out = set(effects), []
-    for recording in PLAN[1:]:
-        own = tuple(name for name in recording.tells if name in left)
-        if own:
-            out.append((recording, own))
-            left -= set(own)
-    return out
+def plan_of(seen: Seen) -> list[Recording]:
+    """Recordings that tell what this one cannot: views of this room by evidence per minute, then commands. Every effect
+    that was asked about is told by this recording or stands in one of them; the last one has what none tells."""
+    now = _tells(seen.scores, seen.known(OF_A_UNIT))
+    left = {effect for effect, nats in now.items() if nats < NEEDED}
+    offers = [(text, 1.0, _tells(r, _known(r, OF_A_UNIT))) for text, take in _VIEWS for r in [with_take(seen, take)]]
+    offers.append((_COVERED, 1.0, _tells(_covered(seen.scores), seen.known(OF_A_UNIT))))
+    offers.append((_REFERENCE, 2.0, _tells(seen.scores, seen.known(BETWEEN))))
+    plan = []
+    for text, minutes, nats in offers:
+        tells = {effect: nats[effect] for effect in sorted(left, key=lambda e: -nats[e]) if nats[effect] >= NEEDED}
+        if tells:
+            plan.append(Recording(text, minutes, tells))
+    plan.sort(key=lambda r: -sum(n for n in r.tells.values() if n is not None) / r.minutes)
+    told = {effect for r in plan for effect in r.tells} | set(now) - left
+    return plan + _by_commands(e for e in seen.asked if e.id not in told | {"vignetting", "row_noise"})
 
 
-def plan_text() -> str:
-    """The whole plan, a line each."""
-    lines = [f"{n}. {r.text} ({r.minutes:g} min): {', '.join(r.tells)}" for n, r in enumerate(PLAN, 1)]
-    return "\n".join([*lines, f"{sum(r.minutes for r in PLAN):g} minutes in all"])
+def _tells(scores: Reduced, known: Mapping[str, float]) -> dict[str, float]:
+    return {found.effect.id: found.tells for found in judged(scores, known, LOOKED, FEW)}
+
+
+def _known(scores: Reduced, spread: Mapping[str, float]) -> dict[str, float]:
+    return {c.name: spread[key(c)] / c.step for c in scores.columns if c.effect is not None}
+
+
+def _covered(scores: Reduced) -> Reduced:
+    """The scores with every view's black level known."""
+    more = np.array([
+        (c.step / _COVERED_DN) ** 2 if c.name.startswith("black") else 0.0 for c in scores.columns
+    ])  # fmt: skip
+    return replace(scores, information=scores.information + np.diag(more), covariance=scores.covariance + np.diag(more))
+
+
+def _by_commands(effects: Iterable[Effect]) -> list[Recording]:
+    tells: list[dict[str, None]] = [{} for _ in _COMMANDS]
+    for effect in effects:
+        tells[_command(effect)][effect.id] = None
+    return [Recording(text, minutes, own) for (text, minutes), own in zip(_COMMANDS, tells, strict=True) if own]
+
+
+def _command(effect: Effect) -> int:
+    if effect.id in _BY_DRIFT:
+        return 0
+    if effect.stage in (Stage.CHARGE, Stage.READOUT, Stage.DIGITAL):
+        return 1
+    if effect.stage is Stage.PROJECTOR or effect.family == "speckle":
+        return 2
+    return 3 if effect.family == "camera geometry" else 4
+
+
+def plan_text(plan: Sequence[Recording]) -> str:
+    """A plan, a line each."""
+    lines = [f"{n}. {r.text} ({r.minutes:g} min): {_told(r)}" for n, r in enumerate(plan, 1)]
+    return "\n".join(lines) if lines else "this recording tells every effect that it was asked about"
+
+
+def _told(recording: Recording) -> str:
+    return ", ".join(e if nats is None else f"{e} {nats:.0f} nats" for e, nats in recording.tells.items())
