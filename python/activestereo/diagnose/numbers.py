@@ -23,7 +23,7 @@ class Numbers:
     least_excess: float = _number(0.01, "noise variances", "least fall of the mean square by a name: the noise is "
         "known no better")
     formula_error: float = _number(0.035, "1", "share of a name's gain that even rendered images or draws may miss: "
-        "the unit of the odds in a set; a further name exceeds it, twice beside formulas, or their measured error")
+        "the unit of the odds in a set; a further name exceeds it, twice beside formulas, or what these may look like")
     credible: float = _number(0.95, "1", "probability that a set holds")
     prior_reach: float = _number(3.0, "typical values", "deviation of an amplitude's prior")
     most_names: int = _number(4, "1", "largest number of names")

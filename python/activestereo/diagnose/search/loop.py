@@ -5,7 +5,7 @@ One dictionary serves all rounds. After a name the weights are estimated again, 
 and for misplaced edges, and the rig is measured again beside it.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,12 +22,13 @@ from activestereo.diagnose.score.likelihood import design_effect, occam_nats
 from activestereo.diagnose.score.structure import local_structure
 from activestereo.diagnose.search.dictionary import Atom, atoms_of, carried, columns_of
 from activestereo.diagnose.search.fields import fields_of
+from activestereo.diagnose.search.formulas import freed, gain_beyond
 from activestereo.diagnose.search.linear import Columns, Linear, fitted_model, linearised, some_pixels
 from activestereo.diagnose.search.refit import Refit, formula_error, refits
 from activestereo.diagnose.search.rendered import Rendering
 from activestereo.diagnose.search.scores import scores
 from activestereo.diagnose.search.selection import Candidate, by_chance, candidates, credible
-from activestereo.diagnose.search.tone import with_any_curve
+from activestereo.diagnose.search.tone import is_response, with_any_curve
 from activestereo.diagnose.search.verdict import Remainder
 from activestereo.diagnose.search.weights import weighed_again
 from activestereo.effects import Effect, Model, Stage
@@ -194,7 +195,9 @@ class Search:
 
     def _name_one(self, linear: Linear, atoms: Sequence[Atom], columns: Columns) -> bool:
         """Names the effect that is likeliest to be missing, where one may be named."""
-        numbers, seen = self._numbers, scores(linear, columns)
+        numbers, formulas = self._numbers, [n.effect for n in self._names if self._is_in_model(n)]
+        linear = freed(linear, formulas, numbers.formula_error)
+        seen = scores(linear, columns)
         found = candidates(atoms, seen)
         if found and not self._rounds:
             self._says(f"looks like {', '.join(list(found)[:3])}")
@@ -208,9 +211,10 @@ class Search:
         if len(self._names) == numbers.most_names or max(by_line, by_draws) < floor:
             return False
         fits = self._fits(found)
-        left = {name: fit.chi2 for name, fit in fits.items()}
+        now = self._rounds[-1] = replace(now, fits=fits)
+        left = {name: fit.chi2 for name, fit in fits.items() if self._is_another(linear, fit)}
         for name, (share, _) in fields.items():
-            if self._may_be_draws(name):
+            if self._may_be_draws(name) and self._chi2 * share > self._missed([n.missed for n in self._names]):
                 left[name] = self._chi2 * (1.0 - share)
         if not left:
             return False
@@ -218,14 +222,12 @@ class Search:
         name = next(iter(members))
         gain = self._chi2 - left[name]
         chance = by_chance(atoms, seen, numbers.alpha) if gain < _CLEAR * floor else 0.0
-        now = self._rounds[-1] = replace(
-            now, fits=fits, members=members, gain=gain / self._chi2, chance=chance / self._chi2
-        )
+        now = self._rounds[-1] = replace(now, members=members, gain=gain / self._chi2, chance=chance / self._chi2)
         if gain < max(floor, chance):
             return False
         effect = next(e for e in self._effects if e.id == name)
         missed = numbers.formula_error
-        if name in fits and not fits[name].rendered:
+        if name in fits and not (fits[name].rendered or is_response(effect)):
             missed = max(2.0 * missed, formula_error(effect, missed))
         drawn = fields[name][1] if name not in fits else None
         named = Name(effect, members, gain / self._pixels, missed, drawn, now)
@@ -237,10 +239,24 @@ class Search:
         return True
 
     def _floor(self) -> float:
-        """The fall of chi2 that a name needs: a size of its own, and more than the names before it may have missed."""
-        numbers = self._numbers
-        missed = self._pixels * sum(n.gain * n.missed for n in self._names)
-        return max(numbers.least_excess * self._pixels, numbers.least_share * self._excess * self._pixels, missed)
+        """The fall of chi2 that a name needs."""
+        return self._pixels * max(self._numbers.least_excess, self._numbers.least_share * self._excess)
+
+    def _is_another(self, linear: Linear, fit: Refit) -> bool:
+        """Whether a fit explains more than the names so far may have missed: by its size, or beyond what their formulas
+        may look like."""
+        if self._chi2 - fit.chi2 > self._missed([n.missed for n in self._names]):
+            return True
+        usual = self._numbers.formula_error
+        own = [usual if n.field else min(usual, formula_error(n.effect, usual)) for n in self._names]
+        return gain_beyond(linear, fit.solution) > max(self._floor(), self._missed(own))
+
+    def _missed(self, shares: Sequence[float]) -> float:
+        """The fall of chi2 that these shares of the names' gains are."""
+        return self._pixels * sum(n.gain * share for n, share in zip(self._names, shares, strict=True))
+
+    def _is_in_model(self, name: Name) -> bool:
+        return any(effect.id == name.id for effect, _ in self._solution.model.effects)
 
     def _floor_of_draws(self) -> float:
         """The fall of chi2 that a field needs beside other fields: every image adds its noise to what is known of their
@@ -272,20 +288,27 @@ class Search:
 
     def _members(self, left: dict[str, float], fits: dict[str, Refit]) -> dict[str, float]:
         """The set that holds the truth, likeliest first. Formulas are not exact: odds count in units of what they may
-        miss of the best one's gain."""
-        best = min(left, key=lambda name: left[name])
+        miss of the best one's gain. That is as likely what was measured of those in question as the usual share."""
+        best, share = min(left, key=lambda name: left[name]), self._numbers.formula_error
         solution = fits[best].solution if best in fits else self._solution
         design = design_effect(solution.sums.tile_chi2, self._tile_pixels())
         nats = {name: 0.5 * self._pixels / design * np.log(self._chi2 / chi2) for name, chi2 in left.items()}
-        unit = max(1.0, self._numbers.formula_error * nats[best])
-        logs = {}
-        for name, value in nats.items():
-            occam = _OF_A_FIELD
-            if name in fits:
-                s = fits[name].solution
-                occam = occam_nats(self._fitter, s, s.effects[-1], design * unit)
-            logs[name] = value / unit + occam
-        return credible(logs, self._numbers.credible)
+
+        def logs(names: Iterable[str], missed: float) -> dict[str, float]:
+            unit = max(1.0, missed * nats[best])
+            return {name: nats[name] / unit + self._occam(fits.get(name), design * unit) for name in names}
+
+        question = credible(logs(nats, share), 1.0 - self._numbers.alpha)
+        measured = max(formula_error(e, share) for e in self._effects if e.id in question)
+        sharp = credible(logs(question, min(measured, share)), 1.0)
+        both = {name: float(np.log(p + sharp.get(name, 0.0))) for name, p in question.items()}
+        return credible(both, self._numbers.credible)
+
+    def _occam(self, fit: Refit | None, design: float) -> float:
+        """The penalty for what a fit, None for a field of draws, may choose."""
+        if fit is None:
+            return _OF_A_FIELD
+        return occam_nats(self._fitter, fit.solution, fit.solution.effects[-1], design)
 
     def _tile_pixels(self) -> np.ndarray:
         tiles = [p.tile for p in self._fitter.pixels()]
