@@ -44,7 +44,7 @@ class Named:
 @dataclass(frozen=True)
 class Names:
     """named: in the order of their evidence; ranking: all that were asked about, as they stood before the first name;
-    seen: what the room says alone."""
+    seen: by the room alone."""
 
     named: tuple[Named, ...]
     ranking: tuple[Found, ...]
@@ -96,7 +96,7 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
 
 
 def seen_of(room: Room, asked: Sequence[Effect]) -> Seen:
-    """What a room says of effects."""
+    """The Seen of a room."""
     measured = room.capture.measured.get("exposure", {})
     black = room.capture.rig.black_dn[0] if room.capture.rig.black_dn else 0.0
     light = room_light(room, black, (measured.get("vignetting_exponent") or (0.0,))[0])
