@@ -25,7 +25,7 @@ from wall_worlds import WallWorld
 import kuafu
 from activestereo.calibrate.frames import Repeats
 from activestereo.calibrate.noise import calibrate_noise
-from activestereo.calibrate.noise_models import GammaModel, ShotModel
+from activestereo.calibrate.noise_fit import GammaModel, ShotModel
 from activestereo.calibrate.pattern import calibrate_pattern
 from activestereo.capture.capture import Capture, read_capture
 from activestereo.report.overlay import Overlay

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.stats import rankdata
 
 from activestereo.common.input_files import read_text
+from activestereo.common.text_table import markdown
 
 _DRAWS, _LEVEL = 2000, 0.95
 _HEAD = ("criterion", "method", "world")
@@ -177,8 +178,11 @@ def agreements(scores: Scores, real: str, seed: int = 0) -> dict[str, dict[str, 
 
 def agreement_table(found: dict[str, dict[str, Agreement]]) -> list[str]:
     """Lines of Markdown: how each world agrees with the real one."""
-    lines = ["| criterion | ranked in | Pearson | Spearman | mean gap |", "|---|---|---|---|---|"]
-    for criterion, worlds in found.items():
-        for world, own in worlds.items():
-            lines.append(f"| {criterion} | `{world}` | {own.pearson} | {own.spearman} | {own.gap} |")
-    return lines
+    return markdown(
+        ("criterion", "ranked in", "Pearson", "Spearman", "mean gap"),
+        [
+            (criterion, f"`{world}`", own.pearson, own.spearman, own.gap)
+            for criterion, worlds in found.items()
+            for world, own in worlds.items()
+        ],
+    )

@@ -16,9 +16,17 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from activestereo.calibrate.frames import LEAST_REPEATS, Repeats, check_still
-from activestereo.calibrate.glow import ProjectorView, SeenWall, light_between_dots, power_factor, projected
 from activestereo.calibrate.spots import Spots, find_spots
-from activestereo.calibrate.wall import Wall, find_wall, wall_points
+from activestereo.calibrate.wall import (
+    ProjectorView,
+    SeenWall,
+    Wall,
+    find_wall,
+    light_between_dots,
+    power_factor,
+    projected,
+    wall_points,
+)
 from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
 from activestereo.capture.capture import Rig as CaptureRig
 from activestereo.capture.images import read_gray

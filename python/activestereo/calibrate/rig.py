@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The calibration of both infrared cameras from frames of a board: K, lenses, the place of the right camera, and every
-board's pose.
+board's pose; and the picture of where corners were seen.
 
 OpenCV's calibrateCamera and stereoCalibrate (Zhang 2000) give the start; a bundle adjustment over everything gives the
-answer and its covariance: J^T J over the variance of the residuals, times 1.1 for what is not Gaussian about corners.
-"""
+answer and its covariance: J^T J over the variance of the residuals, times 1.1 for what is not Gaussian about
+corners."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,6 +12,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
@@ -19,6 +20,8 @@ from scipy.sparse import lil_matrix
 from activestereo.calibrate.boards import Board
 from activestereo.capture.capture import SIDES, Camera
 from activestereo.capture.images import read_gray
+from activestereo.common.output_files import replace_file
+from activestereo.common.palette import INK, MUTED
 from activestereo.common.progress_bar import part_of
 from activestereo.model import Rig, SensorModel
 
@@ -336,3 +339,49 @@ def _pose(turn: NDArray[np.float64], translation: NDArray[np.float64]) -> NDArra
 
 def _vector(pose: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([np.ravel(cv2.Rodrigues(pose[:3, :3])[0]), pose[:3, 3]])
+
+
+def write_coverage(path: Path, result: Calibration) -> None:
+    """Writes a PNG."""
+    figure = coverage_figure(result)
+    replace_file(path, lambda file: figure.savefig(file, format="png", dpi=110))
+
+
+def coverage_figure(result: Calibration) -> Figure:
+    """A matplotlib Figure: each camera's corners, coloured by what the calibration leaves of them, pixels."""
+    figure = Figure(figsize=(11.0, 4.1), facecolor="white", layout="constrained")
+    width, height = result.size
+    shown = None
+    for axes, side in zip(figure.subplots(1, 2), SIDES, strict=True):
+        places, lengths = corner_errors(result, side)
+        shown = axes.scatter(*places.T, c=lengths, s=7, cmap="viridis", vmin=0.0, vmax=max(4.0 * result.rms_px, 1e-3))
+        axes.set(xlim=(0, width), ylim=(height, 0), aspect="equal")
+        axes.set_title(
+            f"{side}: {len(places)} corners reach {100 * result.coverage[side]:.0f} % of the picture",
+            size=10,
+            color=INK,
+            loc="left",
+        )
+        axes.tick_params(labelsize=8, colors=MUTED)
+    figure.colorbar(shown, ax=figure.axes, shrink=0.8).set_label("left over, px", size=9, color=MUTED)
+    return figure
+
+
+def corner_errors(result: Calibration, side: str) -> tuple[np.ndarray, np.ndarray]:
+    """(pixels [n][2] of all corners of a camera, how far off each is)."""
+    places, lengths = [], []
+    for view in result.views:
+        if side in view.corners:
+            points, pixels = view.corners[side]
+            pose = (
+                result.board_to_left[view.name]
+                if side == "left"
+                else result.left_to_right @ result.board_to_left[view.name]
+            )
+            turn = cv2.Rodrigues(pose[:3, :3])[0]
+            drawn = cv2.projectPoints(points, turn, pose[:3, 3], result.K[side], result.distortion[side])[0].reshape(
+                -1, 2
+            )
+            places.append(pixels)
+            lengths.append(np.linalg.norm(drawn - pixels, axis=1))
+    return np.concatenate(places), np.concatenate(lengths)

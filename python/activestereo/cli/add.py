@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.compare.model_file import find, library
     from activestereo.effects.core.surfaces import SURFACES
     from activestereo.model import Quantity, SensorModel, read_model, write_model
-    from activestereo.model.found import found_effect
+    from activestereo.model.diagnosed import found_effect
     from activestereo.model.words import quantity_text
 
     check_out_file(args.out)

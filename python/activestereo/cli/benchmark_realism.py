@@ -55,8 +55,7 @@ def _capture(text: str) -> tuple[Path, Path | None]:
 
 
 def _run(args: argparse.Namespace) -> None:
-    from activestereo.benchmarks.realism.board import board, verdicts
-    from activestereo.benchmarks.realism.page import write_board
+    from activestereo.benchmarks.realism.board import board, verdicts, write_board
     from activestereo.common.progress_bar import ProgressBar
 
     make_folder(args.out)

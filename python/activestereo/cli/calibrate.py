@@ -172,10 +172,9 @@ def _run_pattern(args: argparse.Namespace) -> None:
 
 def _run_rig(args: argparse.Namespace) -> None:
     from activestereo.calibrate.boards import Board
-    from activestereo.calibrate.coverage import write_coverage
     from activestereo.calibrate.hand_eye import hand_eye, read_poses
     from activestereo.calibrate.model_section import replace_sections
-    from activestereo.calibrate.rig import calibrate_rig
+    from activestereo.calibrate.rig import calibrate_rig, write_coverage
     from activestereo.common.output_files import replace_file
     from activestereo.common.progress_bar import ProgressBar
 

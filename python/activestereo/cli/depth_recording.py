@@ -225,8 +225,8 @@ def _spread(count: int) -> list[int]:
 
 def _chosen_pairs(recording: Path, chosen: list[int]) -> list[Pair]:
     from activestereo.capture.importers.bag import is_bag
-    from activestereo.capture.importers.foreign import refuse_foreign
     from activestereo.capture.importers.pairs import recorded_pairs
+    from activestereo.capture.importers.trajectory import refuse_foreign
 
     if not recording.is_dir() and not is_bag(recording):
         refuse_foreign(recording)

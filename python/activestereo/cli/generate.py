@@ -79,7 +79,7 @@ def _part(text: str) -> tuple[int, int]:
 
 def run(args: argparse.Namespace) -> None:
     from activestereo.benchmarks.generate.formats import require, write_formats
-    from activestereo.benchmarks.generate.ranges import Ranges
+    from activestereo.benchmarks.generate.layout import Ranges
     from activestereo.benchmarks.generate.run import generate
     from activestereo.benchmarks.generate.studio import Settings
     from activestereo.common.declared_ranges import read_ranges

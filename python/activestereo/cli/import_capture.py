@@ -185,10 +185,9 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
     from activestereo.camera.presets import StereoDepthSensorConfig
     from activestereo.capture.images import image_size
     from activestereo.capture.importers.bag import extract_bag, has_color, is_bag
-    from activestereo.capture.importers.foreign import refuse_foreign
     from activestereo.capture.importers.live import record_live
     from activestereo.capture.importers.realsense_folder import import_realsense, swapped
-    from activestereo.capture.importers.trajectory import read_trajectory
+    from activestereo.capture.importers.trajectory import read_trajectory, refuse_foreign
     from activestereo.common.progress_bar import ProgressBar
 
     units: float | None = None
@@ -244,8 +243,8 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
 
 def _frame_files(folder: Path, depth_word: str | None) -> list[FrameFiles]:
     """frame_files(), which a folder of another kind is named by what it is."""
-    from activestereo.capture.importers.foreign import refuse_foreign
     from activestereo.capture.importers.realsense_folder import frame_files
+    from activestereo.capture.importers.trajectory import refuse_foreign
 
     try:
         return frame_files(folder, depth_word)

@@ -71,7 +71,7 @@ def _run(args: argparse.Namespace) -> None:
 def _of_capture(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]]]:
     import numpy as np
 
-    from activestereo.calibrate.object_views import View, object_views
+    from activestereo.calibrate.material_views import View, object_views
     from activestereo.capture.capture import read_capture
     from activestereo.report.overlay import Overlay
 

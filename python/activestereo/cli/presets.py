@@ -8,6 +8,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from activestereo.cli.arguments import Commands, add_shared, print_json
+from activestereo.common.text_table import columns
 
 if TYPE_CHECKING:
     from activestereo.camera.camera_file import CameraData, Figure
@@ -63,8 +64,7 @@ def _table(cameras: list[CameraData]) -> str:
             f"{camera.value('projector', 'laser_power_mw'):.0f} mW" if has_laser else "none",
             f"{camera.value('imager', 'black_level_dn'):g} DN", camera.value("exposure", "mode"), camera.title,
         ))  # fmt: skip
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return "\n".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows)
+    return columns(rows)
 
 
 def _figures(camera: CameraData) -> str:

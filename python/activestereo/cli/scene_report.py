@@ -11,8 +11,8 @@ import numpy as np
 
 from activestereo.common.shown import printable
 from activestereo.report.screen import Figure
+from activestereo.scene_io.gltf_document import size_hint
 from activestereo.scene_io.staging import ROOM_LUX
-from activestereo.scene_io.units import size_hint
 
 if TYPE_CHECKING:
     import kuafu

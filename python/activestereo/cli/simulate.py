@@ -29,7 +29,7 @@ from activestereo.cli.engine_options import add_matching, add_options, given, gi
 from activestereo.cli.parser import rare_group
 from activestereo.cli.record_options import add_records, set_records
 from activestereo.common.parameter import RENDER, RENDERER
-from activestereo.scene_io.lamp_kinds import INFRARED_SHARES, infrared_share
+from activestereo.scene_io.staging import INFRARED_SHARES, infrared_share
 
 if TYPE_CHECKING:
     import kuafu
@@ -230,7 +230,7 @@ def resized(config: StereoDepthSensorConfig, resolution: tuple[int, int]) -> Ste
 def _load_scene(args: argparse.Namespace, config: StereoDepthSensorConfig) -> tuple[kuafu.Scene, float | None]:
     """The scene, and the radiance from all sides that was added because it has no light of its own."""
     import kuafu
-    from activestereo.scene_io.lamp_kinds import set_infrared_share
+    from activestereo.scene_io.staging import set_infrared_share
     from activestereo.scene_io.usd import is_usd
 
     scene = kuafu.Scene(kuafu.Device(args.device))
@@ -341,7 +341,7 @@ def _write(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any])
 
 def _camera(sensor: StereoDepthSensor) -> dict[str, Any]:
     from activestereo.common.pose import camera_to_world
-    from activestereo.sensor.camera_info import cameras_json
+    from activestereo.sensor.results import cameras_json
 
     return cameras_json(sensor.get_config(), camera_to_world(sensor.get_pose()))
 

@@ -7,8 +7,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 
-from activestereo.common.progress_bar import Progress, ProgressBar
-from activestereo.common.usual_time import UsualTime
+from activestereo.common.progress_bar import Progress, ProgressBar, UsualTime
 
 # A phase that takes longer than it used to is told to need this share of its time so far.
 _OVERTIME = 0.1

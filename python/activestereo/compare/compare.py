@@ -18,7 +18,7 @@ from activestereo.capture.binning import usual_samples
 from activestereo.capture.capture import SIDES, Capture, read_capture
 from activestereo.common.html_table import table, text
 from activestereo.common.phases import Phases
-from activestereo.common.usual_time import UsualTime
+from activestereo.common.progress_bar import UsualTime
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthFrame, depth_scores, model_depths
 from activestereo.compare.error_shape import error_shape

@@ -21,9 +21,8 @@ from activestereo.compare.render import WARP_SCALE, render_frames
 from activestereo.compare.surrogate import trial_capture
 from activestereo.effects.core.descriptor import Effect, Stage
 from activestereo.effects.core.model import Model, inverse_depth
-from activestereo.effects.core.random_stream import random_stream
 from activestereo.effects.core.surfaces import SURFACES
-from activestereo.effects.core.view import View
+from activestereo.effects.core.view import View, random_stream
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Capture, Frame

@@ -26,8 +26,8 @@ from activestereo.effects.engines import (
     capture_renderer,
     scene_renderer,
 )
-from activestereo.effects.engines.halves import HALVES
 from activestereo.effects.engines.imager import ExpectedImager
+from activestereo.effects.engines.smooth import HALVES
 
 
 class EngineModel:

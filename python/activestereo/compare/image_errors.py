@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from activestereo.capture.capture import SIDES, SPLITS, Capture, Frame, ImageKey
 from activestereo.compare.engine_prediction import predict_in_engines
-from activestereo.compare.noise import NoiseModel
-from activestereo.compare.noise_variances import noise_variances_of
+from activestereo.compare.noise import NoiseModel, noise_variances_of
 from activestereo.compare.nuisances import Fit, predict_under_model
 from activestereo.compare.render import Halves, LayersOfFrames
 from activestereo.compare.render_noise import mean_of_halves, noise_square, rmse_without_noise

@@ -1,27 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The noise floor of a capture: how far a perfect model would still be from the measurement, in DN.
+"""The noise of a capture's images: a photon-transfer noise model, and the floor of every image, which says how far a
+perfect model would still be from the measurement, in DN.
 
 Repeats of one static view differ by temporal noise alone, so their pixelwise unbiased variance is the floor of their
-frames. Frames without repeats get it from a photon-transfer noise model (EMVA 1288 with a quadratic term for speckle)
+frames. Frames without repeats get it from a noise model (EMVA 1288 with a quadratic term for speckle)
+
     variance = q0 + q1 * gain * signal + q2 * signal^2
+
 fitted to the repeats; signal is DN above black. Applied to measured pixels the noise model needs no model of the scene:
 the square of a noisy signal exceeds the squared mean by the variance itself, so mean(variance) = mean(q0 + q1 g s + q2
-s^2) / (1 + q2). What is static and random (fixed pattern, static speckle) is not in the floor: it is for effects to
-explain.
-"""
+s^2) / (1 + q2). The noise at gains that no repeat has shown follows from neighbours that the model expects alike.
+
+A capture without repeats has the difference of each frame's two cameras. Where the image is smooth, left and right show
+the same light at the scene's depth: half of the variance of their difference is one camera's noise. Speckle, which
+differs between the cameras, is in it; what the scene's depth gets wrong adds to it, so it is an upper bound.
+
+What is static and random (fixed pattern, static speckle) is not in the floor: it is for effects to explain."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, TypeAlias, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, TypeAlias, TypeVar
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude, uniform_filter1d
 from scipy.optimize import nnls
 
-from activestereo.capture.capture import SIDES, Capture, Frame
+from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
 from activestereo.common.rounding import ROUNDING_VARIANCE
+from activestereo.compare.camera_warp import warp_between
+from activestereo.effects.core.view import View
 
 _BINS = 40
 _LEAST_WIDTH_DN = 2.0
@@ -190,3 +200,170 @@ def frame_noise_variances(
                 lit = capture.ir(frame, side) - known.get((frame.id, side), 0.0)
                 noise_variances[frame.id, side] = (noise_model.mean_variance(lit, frame.gain), "noise model")
     return noise_variances, noise_model
+
+
+# Neighbours whose expected values differ by less than this share show noise alone in their difference.
+_ALIKE = 0.1
+# A squared difference beyond so many variances is a dot out of place.
+_OUTLIER = 12.0
+
+
+class ObservedImage(Protocol):
+    """One camera of one frame: measured DN [height][width], view.max_dn, key (frame id, side)."""
+
+    @property
+    def frame(self) -> Frame: ...
+    @property
+    def view(self) -> View: ...
+    @property
+    def measured(self) -> np.ndarray: ...
+    @property
+    def key(self) -> tuple[int, str]: ...
+
+
+def noise_model_at_other_gains(
+    noise_model: NoiseModel,
+    observations: Sequence[ObservedImage],
+    images: dict[tuple[int, str], np.ndarray],
+    shown_gains: set[float],
+) -> NoiseModel:
+    """The noise model with the shot noise that frames at other gains than the repeats' show between neighbours alike in
+    expected value.
+
+    What a missing effect leaves there grows with the square of the signal, at all gains alike: the shown gains tell
+    how much.
+    """
+    shown = [o for o in observations if o.frame.gain in shown_gains and o.frame.projector_power > 0]
+    others = [o for o in observations if o.frame.gain not in shown_gains]
+    if not shown or not others:
+        return noise_model
+    missing = max(_slope(noise_model, shown, images, lambda o, signal: signal**2, 0.0), 0.0)
+    return replace(
+        noise_model,
+        shot=noise_model.shot
+        + max(_slope(noise_model, others, images, lambda o, signal: o.frame.gain * signal, missing), 0.0),
+    )
+
+
+def _slope(
+    noise_model: NoiseModel,
+    observations: Sequence[ObservedImage],
+    images: dict[tuple[int, str], np.ndarray],
+    lever_of: Callable,
+    missing: float,
+) -> float:
+    """By how much the variance between alike neighbours, beyond the noise model's and missing x signal^2, grows with a
+    lever.
+    """
+    top = bottom = 0.0
+    for o in observations:
+        image = images[o.key]
+        rest = o.measured - image
+        mean = 0.5 * (image[:, 1:] + image[:, :-1])
+        signal = np.maximum(mean - noise_model.black_dn, 0.0)
+        known = noise_model.variance(mean, o.frame.gain) + missing * signal**2
+        alike = (np.abs(image[:, 1:] - image[:, :-1]) < _ALIKE * mean) & (mean < o.view.max_dn - 1)
+        if (scene := o.view.known) is not None:
+            alike &= scene[:, 1:] & scene[:, :-1]
+        pair = np.minimum(0.5 * (rest[:, 1:] - rest[:, :-1]) ** 2, _OUTLIER * known)
+        lever, weight = lever_of(o, signal), 1.0 / np.maximum(known, ROUNDING_VARIANCE) ** 2
+        top += (weight * lever * (pair - known))[alike].sum()
+        bottom += (weight * lever**2)[alike].sum()
+    return top / bottom if bottom > 0 else 0.0
+
+
+_PAIR_NOISE_BINS = 24
+_LEAST_PIXELS = 200
+_SMOOTHEST = 0.25  # share of a bin's pixels that is taken: those with the least slope
+_LOCAL_MEAN_PX = 4.0  # gain and offset between the cameras go with the local mean of the difference
+_TRIM = 4.0  # deviations
+
+Pair = tuple[View, View, NDArray[np.generic], NDArray[np.generic]]
+
+
+def pair_noise_model(pairs: Iterable[Pair], black_dn: float) -> NoiseModel | None:
+    """A NoiseModel from (left view, right view, left DN, right DN) of frames; None where too little is smooth."""
+    rows = [row for pair in pairs for row in _rows(*pair)]
+    if not rows:
+        return None
+    gain, mean, variance, weight = np.array(rows).T
+    terms = np.stack([np.ones_like(mean), gain * np.maximum(mean - black_dn, 0.0)], axis=1)
+    (offset, shot), _ = fit_terms(terms, variance, weight)
+    return NoiseModel(max(offset, ROUNDING_VARIANCE), shot, 0.0, float(black_dn))
+
+
+def _rows(left: View, right: View, left_dn: NDArray, right_dn: NDArray) -> list[tuple[float, float, float, float]]:
+    """(gain, mean, variance of one camera, weight) by brightness."""
+    warp = warp_between(left, right)
+    image, there = np.asarray(left_dn, np.float64), warp.read(right_dn)
+    rest = image - there
+    rest = rest - gaussian_filter(rest, _LOCAL_MEAN_PX)
+    kept = 1.0 - 1.0 / (2.0 * np.pi * _LOCAL_MEAN_PX**2)  # of the variance, by first order, without the local mean
+    one_side = rest**2 / (kept * (1.0 + warp.interpolation_variance))
+    slope = gaussian_gradient_magnitude(image, 1.0) + gaussian_gradient_magnitude(there, 1.0)
+    usable = warp.seen & (image > 0) & (np.maximum(image, there) < left.max_dn - 1)
+    if left.known is not None:
+        usable &= left.known
+    level = gaussian_filter(image, 1.0)
+    if usable.sum() < _LEAST_PIXELS:
+        return []
+    edges = np.unique(np.quantile(level[usable], np.linspace(0.0, 1.0, _PAIR_NOISE_BINS + 1)))
+    rows = []
+    for low, high in zip(edges, edges[1:], strict=False):
+        inside = usable & (level >= low) & (level < high)
+        if inside.sum() < _LEAST_PIXELS:
+            continue
+        smooth = inside & (slope <= np.quantile(slope[inside], _SMOOTHEST))
+        squares = one_side[smooth]
+        limit = _TRIM**2 * max(np.median(squares) / 0.455, ROUNDING_VARIANCE)  # 0.455: median of chi square, 1 dof
+        variance = float(squares[squares <= limit].mean())
+        rows.append(
+            (left.frame.gain, float(level[smooth].mean()), variance, float(np.sqrt(squares.size) / max(variance, 1e-3)))
+        )
+    return rows
+
+
+@dataclass(frozen=True)
+class _Shot:
+    frame: Frame
+    view: View
+    measured: np.ndarray
+    key: ImageKey
+
+
+def noise_variances_of(
+    capture: Capture,
+    views: Mapping[ImageKey, View],
+    measured: Mapping[ImageKey, np.ndarray],
+    predicted: Mapping[ImageKey, np.ndarray],
+    black_dn: float,
+    no_noise: Mapping[ImageKey, np.ndarray],
+) -> tuple[dict[ImageKey, tuple[float, str]], NoiseModel | None]:
+    """({(frame id, side): (variance in DN^2, 'repeats', 'noise model' or 'pair')}, noise model). Empty and None where
+    not even the pairs tell: nothing in them is smooth. predicted: expected DN; no_noise: what is known to differ
+    between repeats, DN."""
+    noise_variances, noise_model = frame_noise_variances(capture, black_dn, no_noise)
+    if noise_model is None:
+        frames = capture.split("train") or capture.frames
+        pairs = [
+            (views[f.id, "left"], views[f.id, "right"], measured[f.id, "left"], measured[f.id, "right"]) for f in frames
+        ]
+        noise_model = pair_noise_model(pairs, black_dn)
+        if noise_model is None:
+            return {}, None
+        return {
+            key: (_variance(noise_model, measured[key], views[key].frame.gain), "pair") for key in measured
+        }, noise_model
+    # As a diagnosis has it: at gains that no repeat shows the noise model is what neighbours tell.
+    train = [_Shot(f, views[f.id, e], measured[f.id, e], (f.id, e)) for f in capture.split("train") for e in SIDES]
+    shown = {f.gain for f in capture.split("train") if f.repeat_group is not None}
+    noise_model = noise_model_at_other_gains(noise_model, train, dict(predicted), shown)
+    others = {key: view.frame.gain for key, view in views.items() if view.frame.gain not in shown}
+    at_others = {key: (_variance(noise_model, measured[key], gain), "noise model") for key, gain in others.items()}
+    return {
+        key: (max(v, ROUNDING_VARIANCE), source) for key, (v, source) in noise_variances.items()
+    } | at_others, noise_model
+
+
+def _variance(noise_model: NoiseModel, image: np.ndarray, gain: float) -> float:
+    return max(noise_model.mean_variance(image, gain), ROUNDING_VARIANCE)

@@ -14,7 +14,7 @@ from typing import Any
 from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.input_files import read_json
 from activestereo.common.output_files import write_text
-from activestereo.common.usual_time import UsualTime
+from activestereo.common.progress_bar import UsualTime
 from activestereo.compare.cache import default_cache_folder
 
 _FILE = "phase_times.json"

@@ -13,7 +13,7 @@ from activestereo.capture.capture_json import CaptureError
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache, request_key
 from activestereo.compare.layers import Layers, RenderRequest, rig_request, sampling_of
-from activestereo.effects.engines.halves import half_samples, half_seeds
+from activestereo.effects.engines.smooth import half_samples, half_seeds
 
 # {frame id: {side: Layers}}, and of two independent halves of the samples.
 LayersOfFrames: TypeAlias = Mapping[int, Mapping[str, Layers]]

@@ -61,7 +61,7 @@ from activestereo.effects.core.judging import Channel
 from activestereo.effects.core.room_light import has_room_light
 from activestereo.effects.core.scene_surfaces import surface_names
 from activestereo.effects.core.surfaces import SURFACES
-from activestereo.effects.engines.halves import half_samples
+from activestereo.effects.engines.smooth import half_samples
 from activestereo.model import SensorModel
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@
 Noise variances: mean squares of residuals over those of the noise (a reduced chi-square).
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 
@@ -44,12 +44,3 @@ class Numbers:
 
 
 NUMBERS = Numbers()
-
-
-def numbers_table() -> str:
-    """The table as Markdown: name, value, unit, what it decides."""
-    lines = ["| number | value | unit | decides |", "|---|---|---|---|"]
-    for f in fields(Numbers):
-        unit = "" if f.metadata["unit"] == "1" else f.metadata["unit"]
-        lines.append(f"| `{f.name}` | {getattr(NUMBERS, f.name):g} | {unit} | {f.metadata['decides']} |")
-    return "\n".join(lines)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from activestereo.common.phases import Phases
-from activestereo.common.usual_time import UsualTime
+from activestereo.common.progress_bar import UsualTime
 from activestereo.diagnose.answer.figures import ErrorsOfModels
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.numbers import NUMBERS, Numbers

@@ -8,9 +8,9 @@ import numpy as np
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.light import Light
-from activestereo.effects.core.pointing import axes
 from activestereo.effects.core.room_unit import room_unit_starts
 from activestereo.effects.core.shading import Shading
+from activestereo.effects.core.unit_match import axes
 from activestereo.effects.core.view import View
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from activestereo.common.html_table import text
 from activestereo.common.input_files import read_json
 from activestereo.common.output_files import replace_file, write_text
-from activestereo.common.usual_time import UsualTime
+from activestereo.common.progress_bar import UsualTime
 from activestereo.compare.model_file import library
 from activestereo.report.comparison import cards, comparison_sections, settings_section
 from activestereo.report.diagnosis import diagnosis_sections

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import kuafu
 from activestereo.common.nearest import did_you_mean
-from activestereo.common.pose_arrays import PosesLike, host_array, pose_fault, pose_matrices
+from activestereo.common.pose import PosesLike, host_array, pose_fault, pose_matrices
 from activestereo.scene_io.meshes import Mesh
 
 

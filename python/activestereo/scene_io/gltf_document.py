@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The JSON of a glTF file, be it text or the first chunk of a .glb."""
+"""The JSON of a glTF file, be it text or the first chunk of a .glb, and scene files whose unit is not the metre."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ import json
 import struct
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from activestereo.common.input_files import open_file
 
@@ -21,3 +24,17 @@ def read_document(path: Path) -> tuple[dict[str, Any], int | None]:
         (length,) = struct.unpack_from("<I", head, 12)
         document = dict(json.loads(file.read(length)))
         return document, 28 + length if len(file.read(8)) == 8 else None
+
+
+def scale(unit_m: float) -> NDArray[np.float64]:
+    """4x4 from a file's unit to metres."""
+    return np.diag([unit_m, unit_m, unit_m, 1.0])
+
+
+def size_hint(size_m: float) -> str:
+    """The unit that a scene of an unlikely size may have been written in, or nothing."""
+    if size_m > 50.0:
+        return f"{size_m:.4g} m large: its file may be in millimetres, which --unit 0.001 says"
+    if size_m < 2e-3:
+        return f"{1e3 * size_m:.2g} mm large: its file may be in kilometres, which --unit 1000 says"
+    return ""

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from activestereo.common.output_files import replace_file
-from activestereo.scene_io.lamp_kinds import LUMENS_PER_WATT
 from activestereo.scene_io.meshes import Mesh
+from activestereo.scene_io.staging import LUMENS_PER_WATT
 
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
 _FLOAT, _UINT = 5126, 5125

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from activestereo.common.input_files import read_bytes
 from activestereo.common.output_files import write_bytes, write_png, write_text
-from activestereo.scene_io.gltf_document import read_document
-from activestereo.scene_io.units import scale
+from activestereo.scene_io.gltf_document import read_document, scale
 
 if TYPE_CHECKING:
     import kuafu

@@ -10,8 +10,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from activestereo.scene_io.gltf_document import scale
 from activestereo.scene_io.ktx2 import load_ktx2, needs_ktx2
-from activestereo.scene_io.units import scale
 from activestereo.scene_io.usd import is_usd, load_usd
 
 if TYPE_CHECKING:

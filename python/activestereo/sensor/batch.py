@@ -25,8 +25,7 @@ from activestereo.camera.config_limits import RENDER_SEED
 from activestereo.camera.plan import plan_of
 from activestereo.camera.presets import StereoDepthSensorConfig, own_config
 from activestereo.common.limits import POWER
-from activestereo.common.pose import PoseLike, as_matrix
-from activestereo.common.pose_arrays import pose_fault
+from activestereo.common.pose import PoseLike, as_matrix, pose_fault
 from activestereo.model import SensorModel
 from activestereo.sensor.cuda_memory import CudaArray
 from activestereo.sensor.devices import Devices

@@ -6,17 +6,23 @@
 
 CUDA's driver is opened when memory is made. Names and numbers are those of NVIDIA's CUDA Driver API, section "External
 Resource Interoperability". One side must have finished (Renderer.render has, torch.cuda.synchronize()) before the other
-reads.
-"""
+reads."""
+
+from __future__ import annotations
 
 import ctypes as c
+import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from math import prod
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import DTypeLike
+from numpy.typing import DTypeLike, NDArray
+
+import simsense
+from activestereo.camera.config_limits import DEPTH_MAPS
 
 _OPAQUE_FD, _DEDICATED = 1, 1
 
@@ -133,7 +139,7 @@ class CudaMemory:
         """CUdeviceptr of the buffer's first byte."""
         return self._address.value
 
-    def array(self, dtype: DTypeLike, shape: Sequence[int], offset_bytes: int = 0) -> "CudaArray":
+    def array(self, dtype: DTypeLike, shape: Sequence[int], offset_bytes: int = 0) -> CudaArray:
         """A packed view for torch.as_tensor(..., device="cuda"), cupy.asarray() and numba.cuda.as_cuda_array(). Raises
         ValueError if it exceeds the buffer."""
         kind = np.dtype(dtype)
@@ -158,3 +164,98 @@ class CudaArray:
             "stream": None,
             "version": 3,
         }
+
+
+if TYPE_CHECKING:
+    import torch
+
+
+def cuda_tensor(array: CudaArray) -> torch.Tensor:
+    """Returns a torch tensor of the same memory. Call wait_for() on torch's work with it before the engines write
+    again."""
+    return _torch().as_tensor(array, device=f"cuda:{array.ordinal}")
+
+
+def copied_to_cuda(array: NDArray[Any]) -> torch.Tensor:
+    """A copy of a host's array on torch's current CUDA device."""
+    return _torch().from_numpy(np.ascontiguousarray(array)).cuda()
+
+
+def wait_for(tensor: torch.Tensor) -> torch.Tensor:
+    """Waits for torch's work on the tensor's device, then returns the tensor."""
+    if tensor.is_cuda:
+        _torch().cuda.current_stream(tensor.device).synchronize()
+    return tensor
+
+
+def require_no_capture() -> None:
+    """Raises RuntimeError while torch captures a CUDA graph."""
+    if _torch().cuda.is_current_stream_capturing():
+        raise RuntimeError(
+            "a CUDA graph is being captured, and it would not hold what Vulkan allocates and computes here: call the"
+            " sensor before or after the graph's replay"
+        )
+
+
+def _torch() -> Any:
+    try:
+        import torch
+    except ImportError as error:
+        raise RuntimeError("arrays on CUDA need torch (pip install torch); the host's is get_...()") from error
+    if not torch.cuda.is_available():
+        raise RuntimeError("torch sees no CUDA device here: read the host's array, get_...() without _cuda")
+    return torch
+
+
+# get_cuda()'s names: the depth engine's or kuafu's by them.
+_OF_EVERY_SENSOR = ("disparity", "ir_left", "ir_right")
+MAPS = {"depth": "depth_rgb"} | {name: name for name in (*_OF_EVERY_SENSOR, *DEPTH_MAPS)}
+PICTURES = {
+    "rgba8": "srgb",
+    "radiance": "radiance",
+    "true_depth": "depth",
+    "instance_ids": "instance_id",
+    "material_ids": "material_id",
+}
+
+
+@dataclass(frozen=True)
+class CudaMap:
+    """One map: the image that the engine writes, and CUDA's view of its memory."""
+
+    image: simsense.Image
+    memory: CudaMemory
+
+    def array(self, shape: tuple[int, ...]) -> CudaArray:
+        """The map as an array of another shape with as many elements."""
+        assert math.prod(shape) == math.prod(self.image.shape)
+        return self.memory.array(self.image.dtype, shape)
+
+    def read(self) -> NDArray[Any]:
+        """A copy in host memory."""
+        return self.image.buffer.read().view(self.image.dtype).reshape(self.image.shape)
+
+
+class CudaMaps:
+    """Memory of each map; every picture overwrites it."""
+
+    def __init__(self, device: simsense.Device) -> None:
+        self._device = device
+        self._maps: dict[str, CudaMap] = {}
+
+    def compute(self, names: Iterable[str], match: Callable[[Any], Mapping[str, NDArray[Any]]]) -> dict[str, CudaMap]:
+        """Computes the named maps of the last picture. match: computes maps into new arrays if it gets names, else into
+        {name: simsense.Image}. The first arrays of a map tell its type and shape. Raises CudaError without CUDA, or if
+        this GPU lacks it."""
+        names = list(names)
+        new = [name for name in names if name not in self._maps]
+        for name, like in match(new).items() if new else ():
+            self._maps[name] = self._made(like)
+        found = {name: self._maps[name] for name in names}
+        match({name: one.image for name, one in found.items()})
+        return found
+
+    def _made(self, like: NDArray[Any]) -> CudaMap:
+        is_host = self._device.info.kind in ("cpu", "host")
+        buffer = simsense.Buffer(self._device, like.nbytes, exportable=True, host_visible=is_host)
+        return CudaMap(buffer.image(like.dtype, like.shape), CudaMemory(buffer))

@@ -19,13 +19,11 @@ from activestereo.camera.auto_exposure import Setting
 from activestereo.camera.plan import SensorPlan
 from activestereo.common.progress_bar import Progress, part_of
 from activestereo.model import SensorModel
-from activestereo.sensor.exposure import expose_each
 from activestereo.sensor.foreign_matcher import MatcherLike, as_matcher, foreign_maps
 from activestereo.sensor.image_effects import ImageEffects
 from activestereo.sensor.ir_link import IrLink
 from activestereo.sensor.maps import Maps
-from activestereo.sensor.picture_memory import RGB_OUTPUTS, PictureMemory
-from activestereo.sensor.pictures import Picture, Taken, UnderWay
+from activestereo.sensor.pictures import RGB_OUTPUTS, Picture, PictureMemory, Taken, UnderWay, expose_each
 from activestereo.sensor.result_memory import PartOfResults
 from activestereo.sensor.rig import Rig
 from activestereo.sensor.rig_inputs import RigInputs

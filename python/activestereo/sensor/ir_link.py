@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hands the infrared pair from kuafu to simsense in memory that both address, so no frame is copied.
+"""Hands the infrared pair from kuafu to simsense in memory that both address, so no frame is copied, and checks
+infrared images of one's own.
 
 kuafu exports the buffer once: as an opaque file descriptor if both devices can (GPUs, lavapipe), else as a host
 pointer. simsense imports it. A GPU with its own memory keeps the pair there and copies it for the host on request;
 host-visible memory would move every pixel over the bus twice. With copy=True each library has its own buffer and every
-frame is copied; that is slower and shows the gain of sharing.
-"""
+frame is copied; that is slower and shows the gain of sharing."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 import kuafu
 import simsense
@@ -105,3 +106,33 @@ class IrLink:
             self._sink.write(self._source.read())
             if self._laser is not None:
                 self._laser.deliver()
+
+
+Pair = tuple[NDArray[np.float32], NDArray[np.float32]]
+
+
+def checked_radiance(
+    left: ArrayLike, right: ArrayLike, left_laser: ArrayLike | None, right_laser: ArrayLike | None,
+    shape: tuple[int, ...],
+) -> tuple[Pair, dict[str, NDArray[np.float32]]]:  # fmt: skip
+    """((left, right), keyword arguments of simsense.Engine.compute for the laser's part), float32 of this shape. Raises
+    ValueError with the image, the place and the value that is no radiance."""
+    if (left_laser is None) != (right_laser is None):
+        raise ValueError("left_laser and right_laser come together, or not at all: then all light has speckle")
+    pair = _checked("left", left, shape), _checked("right", right, shape)
+    if left_laser is None or right_laser is None:
+        return pair, {}
+    lasers = ("left_laser", left_laser), ("right_laser", right_laser)
+    return pair, {name: _checked(name, image, shape) for name, image in lasers}
+
+
+def _checked(name: str, image: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    values = np.ascontiguousarray(image, np.float32)
+    if values.shape != shape:
+        raise ValueError(f"{name} is {list(values.shape)}, expected {list(shape)} of W/(sr m^2)")
+    is_light = np.isfinite(values) & (values >= 0.0)
+    if not is_light.all():
+        place = np.unravel_index(int(np.argmin(is_light)), shape)
+        where = ", ".join(str(int(i)) for i in place)
+        raise ValueError(f"{name}[{where}] is {values[place]}, expected a radiance of 0 or more")
+    return values

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 import simsense
 from activestereo.camera.plan import SensorPlan
-from activestereo.sensor.cuda_maps import CudaMap, CudaMaps
-from activestereo.sensor.cuda_memory import CudaArray
+from activestereo.sensor.cuda_memory import CudaArray, CudaMap, CudaMaps
 from activestereo.sensor.result_memory import Kind, PartOfResults
 
 

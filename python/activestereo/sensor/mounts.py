@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo.common.pose import Pose, PoseLike, as_matrix
-from activestereo.common.pose_arrays import PosesLike, host_array, pose_fault, pose_matrices
+from activestereo.common.pose import Pose, PoseLike, PosesLike, as_matrix, host_array, pose_fault, pose_matrices
 from activestereo.scene_io.scene_files import load_scene_file
 
 # At most so many broken poses stand in the error's text; the error object lists all environments.

@@ -1,21 +1,83 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures in their own memory, renders that were submitted and have not been waited for, and the pipelined sensors
-that a scene's changes wait for."""
+"""Pictures in their own memory, which stay there until somebody reads one; how each is exposed for its own view; and
+renders that were submitted, with the sensors that a scene's changes wait for."""
 
 from __future__ import annotations
 
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 import kuafu
-from activestereo.camera.auto_exposure import Setting
+from activestereo.camera.auto_exposure import AutoExposure, Setting
+from activestereo.effects.core.engine import EngineInputs
+from activestereo.sensor.cuda_memory import CudaArray, CudaMemory
 from activestereo.sensor.ir_link import IrLink
-from activestereo.sensor.picture_memory import PictureMemory
+
+# dtype and channels of an RGB picture's outputs
+RGB_OUTPUTS = {
+    "radiance": (np.float32, 3),
+    "srgb": (np.uint8, 4),
+    "depth": (np.float32, 1),
+    "material_id": (np.uint32, 1),
+    "instance_id": (np.uint32, 1),
+}
+
+
+class PictureMemory:
+    """Images [count, height, width, channels] of several outputs; each picture overwrites the last. After an output is
+    read once, a GPU writes it directly to host memory, which saves a copy. `radiance` stays on the GPU, which reads it
+    itself.
+
+    outputs: {kuafu's name: (dtype, channels)}. host_visible: None = no on a GPU. on_cuda: CUDA sees the memory, too;
+    raises CudaError without CUDA on this GPU.
+    """
+
+    def __init__(
+        self,
+        device: kuafu.Device,
+        shape: tuple[int, int, int],
+        outputs: Mapping[str, tuple[DTypeLike, int]],
+        host_visible: bool | None = None,
+        on_cuda: bool = False,
+    ) -> None:
+        is_host = device.info.kind in ("cpu", "host") if host_visible is None else host_visible
+        self._device = device
+        self.targets: dict[str, kuafu.Image] = {}
+        for name, (dtype, channels) in outputs.items():
+            full = (*shape, channels)
+            size_bytes = int(np.prod(full)) * np.dtype(dtype).itemsize
+            self.targets[name] = kuafu.Buffer(device, size_bytes, host_visible=is_host, exportable=on_cuda).image(
+                dtype, full
+            )
+        shared = self.targets if on_cuda else {}
+        self._cuda = {name: CudaMemory(image.buffer) for name, image in shared.items()}
+        self._on_device = set() if is_host or on_cuda else set(outputs) - {"radiance"}
+        self._read: dict[str, NDArray[Any]] = {}
+
+    def forget(self) -> None:
+        """Forgets the last picture's outputs, before a render into `targets`."""
+        for name in self._on_device & self._read.keys():
+            image = self.targets[name]
+            self.targets[name] = kuafu.Buffer(self._device, image.buffer.size_bytes).image(image.dtype, image.shape)
+            self._on_device.remove(name)
+        self._read = {}
+
+    def read(self, name: str) -> NDArray[Any]:
+        """One output of the last picture; a copy, the same one until forget()."""
+        if name not in self._read:
+            image = self.targets[name]
+            self._read[name] = image.buffer.read().view(image.dtype).reshape(image.shape)
+        return self._read[name]
+
+    def cuda(self, name: str, shape: tuple[int, ...]) -> CudaArray:
+        """One output of the last picture in this shape, in the memory that it was rendered into. No copy; the next
+        picture overwrites it."""
+        return self._cuda[name].array(self.targets[name].dtype, shape)
 
 
 class Taken(NamedTuple):
@@ -102,3 +164,20 @@ class PipelinedSensors:
                 errors.append(error)
         if errors:
             raise errors[0]
+
+
+def expose_each(picture: Picture, auto: AutoExposure, inputs: EngineInputs) -> None:
+    """Brings rendered pairs to their sensors' exposures. inputs: of each sensor."""
+    link, shares = picture.link, picture.light_share
+    if auto.mode == "fixed" and bool((shares == 1.0).all()):
+        return
+    is_laser_apart = picture.taken is not None and picture.taken.is_laser_apart
+    links = [link, link.laser()] if is_laser_apart else [link]
+    pairs = [(images := one.images()).reshape(2, shares.size, *images.shape[1:]) for one in links]
+    light = shares.astype(np.float32)
+    if auto.mode != "fixed":
+        light *= auto.settled_light(inputs.left.signal, pairs[0][0], inputs.max_dn)
+    for images in pairs:
+        images *= light[:, None, None]
+    for one, images in zip(links, pairs, strict=True):
+        one.put(images)

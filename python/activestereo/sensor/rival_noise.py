@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates, uniform_filter
 
 from activestereo.common.window_statistics import mean_and_deviation
-from activestereo.sensor.gbuffer.rig import inverse_depth
-from activestereo.sensor.gbuffer.warp import in_front, warped
+from activestereo.sensor.gbuffer.warp import in_front, inverse_depth, warped
 
 Depth = NDArray[np.float32]
 # simkinect (github.com/ankurhanda/simkinect, add_noise.py, commit 1106ad0b). Each pixel's value comes from a neighbour.

@@ -25,16 +25,15 @@ from activestereo.common.pose import Pose, as_matrix, camera_to_world
 from activestereo.common.progress_bar import Progress
 from activestereo.effects.core.engine import EngineInputs
 from activestereo.model import SensorModel
-from activestereo.sensor.camera_info import CAMERAS
 from activestereo.sensor.cuda_memory import CudaArray
 from activestereo.sensor.engine import SensorEngine
 from activestereo.sensor.foreign_matcher import MatcherLike
-from activestereo.sensor.gbuffer.traced import traced_causes
+from activestereo.sensor.gbuffer.cause import traced_causes
 from activestereo.sensor.image_effects import ImageEffects, ModelCostWarning
+from activestereo.sensor.ir_link import checked_radiance
 from activestereo.sensor.mounts import HasPose, RigPlace, as_mount
 from activestereo.sensor.mounts import Mount as Mount
-from activestereo.sensor.radiance import checked_radiance
-from activestereo.sensor.results import SensorResults
+from activestereo.sensor.results import CAMERAS, SensorResults
 
 
 class StereoDepthSensor(SensorResults):

@@ -18,7 +18,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from matchers.pairs import Pairs
-from activestereo.sensor.onnx_matcher import METADATA
+from activestereo.sensor.foreign_matcher import METADATA
 
 FEATURES, GROUPS, VOLUME_CHANNELS, REFINER_CHANNELS = 16, 4, 8, 16
 _COARSE = 4  # pixels to one of the cost volume's

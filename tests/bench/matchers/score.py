@@ -17,7 +17,7 @@ from matchers.pairs import MATERIALS, Pairs, PairStudio
 from activestereo.camera.plan import matcher_parameters
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.sensor.foreign_matcher import Matcher, OpenCVMatcher
-from activestereo.sensor.onnx_matcher import OnnxMatcher
+from activestereo.sensor.foreign_matcher import OnnxMatcher
 
 EMITTERS = ("on", "off", "in turn")
 _WRONG_PX = 1.0

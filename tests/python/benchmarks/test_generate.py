@@ -20,10 +20,10 @@ from activestereo.cli import main
 from activestereo.common.declared_ranges import read_ranges
 from activestereo.benchmarks.generate import bop
 from activestereo.benchmarks.generate.layout import drop, scatter
-from activestereo.benchmarks.generate.ranges import Ranges
+from activestereo.benchmarks.generate.layout import Ranges
 from activestereo.benchmarks.generate.run import generate
 from activestereo.benchmarks.generate.studio import Settings, Studio, sensor_config
-from activestereo.benchmarks.generate.things import Things
+from activestereo.benchmarks.generate.layout import Things
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.effects.core.scene_surfaces import instance_transforms

@@ -13,7 +13,7 @@ import pytest
 from activestereo.scene_io import meshes
 from activestereo.cli import main
 from activestereo.benchmarks.generate import bop
-from activestereo.benchmarks.generate.ranges import Ranges
+from activestereo.benchmarks.generate.layout import Ranges
 from activestereo.benchmarks.generate.ray_actors import StudioActor, frames_of, room_for
 from activestereo.benchmarks.generate.run import generate
 from activestereo.benchmarks.generate.studio import Settings

@@ -8,10 +8,10 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from activestereo.benchmarks.realism.board import DEVICE, HOLES, NOISE, Board, Interval, verdicts
-from activestereo.benchmarks.realism.infrared import statistics
+from activestereo.benchmarks.realism.measures import statistics
 from activestereo.benchmarks.realism.measures import depth_measures
 from activestereo.benchmarks.realism.methods import fitted_light
-from activestereo.benchmarks.realism.patches import PATCH_PX, planar_patches
+from activestereo.benchmarks.realism.measures import PATCH_PX, planar_patches
 from activestereo.benchmarks.realism.views import RealView
 
 _FB_PX_M, _SIZE = 50.0, (192, 288)

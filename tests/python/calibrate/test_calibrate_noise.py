@@ -10,7 +10,7 @@ from activestereo import StereoDepthSensorConfig
 from activestereo.calibrate.frames import Repeats
 from activestereo.calibrate.model_section import replace_sections
 from activestereo.calibrate.noise import calibrate_noise
-from activestereo.calibrate.noise_models import GammaModel, ShotModel
+from activestereo.calibrate.noise_fit import GammaModel, ShotModel
 from activestereo.cli import main
 from activestereo.capture.images import write_gray
 from activestereo.model import read_model

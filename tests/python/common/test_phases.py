@@ -9,7 +9,7 @@ import pytest
 
 from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import ProgressBar
-from activestereo.common.usual_time import UsualTime
+from activestereo.common.progress_bar import UsualTime
 from activestereo.compare.phase_times import PhaseTimes
 
 USUAL_S = {"render": 10.0, "fit": 30.0, "write": 20.0}

@@ -16,7 +16,7 @@ from activestereo.capture.images import read_gray, write_gray
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
 from activestereo.compare.nuisances import solve_bounded
-from activestereo.compare.pair_noise import pair_noise_model
+from activestereo.compare.noise import pair_noise_model
 from activestereo.compare.render import render_frames
 from activestereo.report.summary import summary_table
 from lab_worlds import WorldRenderer

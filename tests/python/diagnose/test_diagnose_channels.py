@@ -3,7 +3,7 @@
 own are judged alike."""
 
 import ast
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,8 @@ from activestereo.cli import main
 from activestereo.effects import Randomness, builtin
 from activestereo.effects.core.judging import Channel, Lever, RandomTerm, Unjudged
 from activestereo.diagnose import diagnose
-from activestereo.diagnose.numbers import NUMBERS, numbers_table
+from activestereo.common.text_table import markdown
+from activestereo.diagnose.numbers import NUMBERS
 from lab_worlds import BLACK_DN, WorldRenderer, altered
 
 EFFECTS = builtin()
@@ -34,8 +35,8 @@ def test_no_effect_is_named_in_the_lab():
 
 def test_every_built_in_effect_says_how_it_is_judged():
     assert all(e.channel is not None or any(isinstance(j, Unjudged) for j in e.judged) for e in EFFECTS.values())
-    fields = {e.id for e in EFFECTS.values() if e.channel is Channel.STATIC_FIELD}
-    assert fields == {e.id for e in EFFECTS.values() if e.randomness is Randomness.STATIC}
+    static = {e.id for e in EFFECTS.values() if e.channel is Channel.STATIC_FIELD}
+    assert static == {e.id for e in EFFECTS.values() if e.randomness is Randomness.STATIC}
 
 
 def test_a_term_names_a_parameter_of_its_effect():
@@ -79,7 +80,12 @@ def test_what_cannot_be_ranked_is_listed_with_the_reason(result):
 
 
 def test_page_and_help_print_the_numbers_that_decide(capsys):
-    assert len(vars(NUMBERS)) <= 15 and numbers_table() in (LAB / "README.md").read_text()
+    rows = [
+        (f"`{f.name}`", f"{getattr(NUMBERS, f.name):g}", f.metadata["unit"].strip("1"), f.metadata["decides"])
+        for f in fields(NUMBERS)
+    ]
+    table = "\n".join(markdown(("number", "value", "unit", "decides"), rows))
+    assert len(rows) <= 15 and table in (LAB / "README.md").read_text()
     with pytest.raises(SystemExit):
         main(["diagnose", "--help"])
     said = capsys.readouterr().out

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import activestereo.realsense as rs
-from activestereo.integrations.realsense.profiles import StreamRequest
+from activestereo.integrations.realsense.frames import StreamRequest
 
 _SIZE = (96, 72)
 

@@ -14,7 +14,7 @@ reason = "the package pyrealsense2 is not installed (pip install pyrealsense2)"
 real = pytest.importorskip("pyrealsense2", reason=reason)
 
 import activestereo.realsense as rs
-from activestereo.integrations.realsense.profiles import StreamRequest
+from activestereo.integrations.realsense.frames import StreamRequest
 from real_software_device import SoftwareDevice
 
 SUFFIX = ".db3" if tuple(map(int, version("pyrealsense2").split(".")[:2])) >= (2, 58) else ".bag"

@@ -12,7 +12,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 
 import activestereo.realsense as rs
-from activestereo.integrations.realsense.profiles import StreamRequest
+from activestereo.integrations.realsense.frames import StreamRequest
 from activestereo.integrations.realsense.ros_topics import TopicPublisher
 
 _BASELINE_M, _FOCAL_PX = 0.05, 50.0

@@ -8,7 +8,7 @@ import kuafu
 from activestereo import Pose
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, BodyPoseError, Shape, add_mesh
-from activestereo.common.pose_arrays import host_array, pose_fault, pose_matrices
+from activestereo.common.pose import host_array, pose_fault, pose_matrices
 
 K = [[40, 0, 15.5], [0, 40, 15.5], [0, 0, 1]]
 

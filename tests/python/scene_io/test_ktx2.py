@@ -19,7 +19,7 @@ from PIL import Image
 import kuafu
 import activestereo
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig, cli
-from activestereo.benchmarks.generate.things import Things
+from activestereo.benchmarks.generate.layout import Things
 from activestereo.scene_io.ktx2 import Ktx2Error, convert, load_ktx2, needs_ktx2
 from activestereo.scene_io.scene_files import load_scene_file
 

@@ -11,7 +11,7 @@ import pytest
 
 import kuafu
 from activestereo.scene_io.gltf_writer import GltfWriter
-from activestereo.scene_io.lamp_kinds import INFRARED_SHARES, infrared_share, set_infrared_share
+from activestereo.scene_io.staging import INFRARED_SHARES, infrared_share, set_infrared_share
 
 _WHITE_LED_LM_PER_W = 300.0
 _NM = np.arange(380.0, 1100.0)

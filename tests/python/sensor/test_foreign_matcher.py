@@ -10,7 +10,7 @@ import kuafu
 from activestereo import Mounts, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
-from activestereo.sensor.onnx_matcher import METADATA, OnnxInterface, OnnxMatcher
+from activestereo.sensor.foreign_matcher import METADATA, OnnxInterface, OnnxMatcher
 from sensor_scenes import wall_scene
 
 _DISPARITY_PX = 6.25

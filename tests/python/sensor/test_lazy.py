@@ -10,7 +10,7 @@ import pytest
 import kuafu
 from activestereo import StereoDepthSensor
 from activestereo.sensor.maps import Maps
-from activestereo.sensor.picture_memory import PictureMemory
+from activestereo.sensor.pictures import PictureMemory
 
 
 def test_maps_that_were_read_are_computed_with_the_next_picture():

@@ -11,7 +11,7 @@ import numpy as np
 
 from activestereo.integrations.realsense.enums import format, stream
 from activestereo.integrations.realsense.frames import composite_frame, frame
-from activestereo.integrations.realsense.profiles import video_stream_profile
+from activestereo.integrations.realsense.frames import video_stream_profile
 
 
 class SoftwareDevice:

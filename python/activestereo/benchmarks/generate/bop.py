@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import simsense
+from activestereo.benchmarks.generate.layout import Thing
 from activestereo.benchmarks.generate.studio import Found, Frame
-from activestereo.benchmarks.generate.things import Thing
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import SIDES
 from activestereo.common.accuracy import is_invented
@@ -39,7 +39,7 @@ from activestereo.common.output_files import (
     write_text,
     written_together,
 )
-from activestereo.sensor.camera_info import CameraInfo, camera_info
+from activestereo.sensor.results import CameraInfo, camera_info
 
 SPLIT = "train_pbr"
 FRAMES_PER_SCENE = 1000

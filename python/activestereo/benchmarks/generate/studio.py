@@ -10,9 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo.benchmarks.generate.layout import LAYOUTS
-from activestereo.benchmarks.generate.ranges import Ranges
-from activestereo.benchmarks.generate.things import Things
+from activestereo.benchmarks.generate.layout import LAYOUTS, Ranges, Things
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import CAMERA_TO_BODY, look_at
 from activestereo.scene_io import solids
@@ -20,7 +18,7 @@ from activestereo.scene_io.bodies import add_mesh
 from activestereo.scene_io.scene_files import keep_transparent
 from activestereo.sensor.batch import StereoDepthSensorBatch
 from activestereo.sensor.mounts import Mounts
-from activestereo.sensor.picture_memory import PictureMemory
+from activestereo.sensor.pictures import PictureMemory
 
 _TABLE_HALF_M = 2.0
 _UP = np.array([0.0, 0.0, 1.0])

@@ -11,14 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.benchmarks.noise_profiles.distance import Distance, distance
 from activestereo.benchmarks.noise_profiles.elevation_mapping import ElevationMapping
 from activestereo.benchmarks.noise_profiles.gazebo import Gazebo
 from activestereo.benchmarks.noise_profiles.isaac import Isaac
 from activestereo.benchmarks.noise_profiles.mujoco_ros2_control import MujocoRos2Control
 from activestereo.benchmarks.noise_profiles.open3d import Open3D
-from activestereo.benchmarks.noise_profiles.profile import Profile, fitted
-from activestereo.benchmarks.noise_profiles.rooms import Views, take_views
+from activestereo.benchmarks.noise_profiles.profile import Distance, Profile, Views, distance, fitted, take_views
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.output_files import write_text
 from activestereo.common.progress_bar import Progress

@@ -15,8 +15,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.benchmarks.noise_profiles.profile import Profile
-from activestereo.benchmarks.noise_profiles.rooms import Views
+from activestereo.benchmarks.noise_profiles.profile import Profile, Views
 from activestereo.sensor.rival_noise import IsaacSettings, isaac
 
 

@@ -14,8 +14,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.benchmarks.noise_profiles.profile import Profile, clipped
-from activestereo.benchmarks.noise_profiles.rooms import Views
+from activestereo.benchmarks.noise_profiles.profile import Profile, Views, clipped
 from activestereo.sensor.rival_noise import gaussian
 
 

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The base of all noise models, and how one is fitted."""
+"""A sensor in rooms of solids, drawn under a seed; what every noise model is fitted to; and the distance between the
+errors of two kinds of depth."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from copy import deepcopy
 from dataclasses import asdict, dataclass, replace
 from typing import Any, ClassVar
 
@@ -11,8 +13,168 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from activestereo.benchmarks.noise_profiles.distance import distance
-from activestereo.benchmarks.noise_profiles.rooms import Views
+import kuafu
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.pose import CAMERA_TO_BODY, Pose, as_matrix, look_at
+from activestereo.common.progress_bar import Progress
+from activestereo.model import SensorModel
+from activestereo.scene_io import solids
+from activestereo.scene_io.bodies import add_mesh
+from activestereo.sensor.sensor import StereoDepthSensor
+
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Views:
+    """Rooms in one sensor's left camera. truth_m, found_m: float32 [rooms, height, width] metres, 0 = no surface, or
+    not measured. gray: float32 of the same shape, 0..1, the surfaces' reflectance. near_m, far_m: the sensor's range of
+    depth."""
+
+    truth_m: NDArray[np.float32]
+    found_m: NDArray[np.float32]
+    gray: NDArray[np.float32]
+    k: NDArray[np.float64]
+    baseline_m: float
+    near_m: float
+    far_m: float
+
+    @property
+    def focal_baseline_px_m(self) -> float:
+        return float(self.k[0, 0]) * self.baseline_m
+
+    def bands(self, height: int, period: int) -> Views:
+        """The first `height` of every `period` rows: enough for noise that reaches few rows."""
+        is_kept = np.arange(self.truth_m.shape[1]) % period < height
+        return replace(self, **{name: getattr(self, name)[:, is_kept] for name in ("truth_m", "found_m", "gray")})
+
+
+def take_views(
+    config: StereoDepthSensorConfig, model: SensorModel | None, count: int, seed: int, device: str | int = "auto",
+    progress: Progress | None = None,
+) -> Views:  # fmt: skip
+    """Views of `count` rooms. model: its effects act, except those on named surfaces, which are absent here."""
+    config = _seen_by_the_left_camera(config)
+    if model is not None:
+        model = replace(model, effects=tuple(e for e in model.effects if not e.surfaces), materials={}, poses=())
+    taken: list[tuple[NDArray[np.float32], ...]] = []
+    for number in range(count):
+        random = np.random.default_rng([seed, number])
+        scene = kuafu.Scene(kuafu.Device(device))
+        camera_to_world = _furnish(scene, random)
+        config.render_seed = config.noise_seed = int(random.integers(2**31))
+        with StereoDepthSensor(config, scene, pose=Pose(camera_to_world @ CAMERA_TO_BODY.T), model=model) as sensor:
+            sensor.take_picture(infrared_only=True)
+            sensor.compute_depth()
+            seen = sensor.get_pictures(["depth", "albedo"])
+            taken.append((seen["depth"][..., 0].copy(), sensor.get_depth().copy(), seen["albedo"].mean(axis=-1)))
+        if progress is not None:
+            progress((number + 1) / count)
+    truth, found, gray = (np.stack(images).astype(np.float32) for images in zip(*taken, strict=True))
+    baseline_m = config.focal_baseline_px_m / float(config.ir_intrinsic[0, 0])
+    k = np.array(config.rgb_intrinsic, np.float64)
+    return Views(truth, found, gray, k, baseline_m, config.min_depth_m, config.max_depth_m)
+
+
+def _seen_by_the_left_camera(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
+    """The same sensor with depth registered to a pinhole in its left infrared camera's place."""
+    out = deepcopy(config)
+    left_inverse = np.linalg.inv(as_matrix(config.trans_pose_l))
+    out.trans_pose_l = Pose()
+    out.trans_pose_r = Pose(left_inverse @ as_matrix(config.trans_pose_r))
+    out.pose_rgb_irproj = Pose(left_inverse @ as_matrix(config.pose_rgb_irproj))
+    out.rgb_resolution, out.rgb_distortion = config.ir_resolution, (0.0,) * 5
+    out.rgb_intrinsic = np.array(config.ir_intrinsic)
+    if out.ir_exposure_mode == "converging":
+        out.ir_exposure_mode = "settled"
+    return out
+
+
+def _furnish(scene: kuafu.Scene, random: np.random.Generator) -> NDArray[np.float64]:
+    """Floor, two walls, things, a lamp and light from all sides; returns camera_to_world."""
+    far_m = random.uniform(1.5, 3.5)
+    meshes = [add_mesh(scene, mesh) for mesh in (solids.box(), solids.sphere(), solids.cylinder())]
+
+    def add_thing(mesh: int, half: NDArray[np.float64], at: NDArray[np.float64], turn: float, is_plain: bool) -> None:
+        local_to_world = np.eye(4)
+        local_to_world[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
+        local_to_world[:3, :3] *= half
+        local_to_world[:3, 3] = at
+        scene.add_instance(
+            meshes[mesh], [scene.add_material(_material(random, is_plain))], local_to_world=local_to_world
+        )
+
+    wall_m = random.uniform(1.0, 2.0)
+    add_thing(0, np.array([4.0, 4.0, 0.02]), np.array([0.0, 0.0, -0.02]), 0.0, True)
+    add_thing(0, np.array([0.02, 4.0, 3.0]), np.array([far_m, 0.0, 1.0]), random.uniform(-0.2, 0.2), True)
+    add_thing(0, np.array([4.0, 0.02, 3.0]), np.array([0.0, wall_m, 1.0]), 0.0, True)
+    for _ in range(int(random.integers(5, 11))):
+        half = random.uniform(0.05, 0.25, 3)
+        at = np.array([random.uniform(0.5, far_m - 0.3), random.uniform(-0.7, 0.8) * wall_m, half[2]])
+        add_thing(int(random.integers(3)), half, at, random.uniform(0.0, np.pi), False)
+    ambient = random.uniform(0.01, 0.3)
+    scene.set_environment((ambient,) * 3)
+    lamp_to_world = np.eye(4)
+    lamp_to_world[:3, 3] = random.uniform([-0.5, -0.5, 1.5], [1.5, 0.5, 2.5])
+    power = random.uniform(0.1, 1.5)
+    scene.add_light(kuafu.Light(kind="point", intensity=(power,) * 3, light_to_world=lamp_to_world))
+    eye = np.array([random.uniform(-0.4, 0.0), random.uniform(-0.2, 0.2), random.uniform(0.4, 1.0)])
+    return look_at(eye, np.array([far_m, random.uniform(-0.3, 0.3), random.uniform(0.1, 0.5)]), _UP)
+
+
+def _material(random: np.random.Generator, is_plain: bool) -> kuafu.Material:
+    """A twentieth of the things is black, a tenth of metal."""
+    kind, albedo = random.uniform(), random.uniform(0.3, 0.8)
+    if not is_plain and kind < 0.05:
+        albedo = 0.04
+    red, green, blue = (float(v) for v in albedo * random.uniform(0.7, 1.0, 3))
+    material = kuafu.Material(base_color=(red, green, blue, 1.0), ir_albedo=albedo)
+    material.roughness = random.uniform(0.6 if is_plain else 0.2, 1.0)
+    material.metallic = 1.0 if not is_plain and 0.05 <= kind < 0.15 else 0.0
+    return material
+
+
+# Errors count up to this: mismatches of tens of pixels, which no model of noise has, would outweigh all others.
+_MOST_PX = 2.0
+_QUANTILES = (np.arange(1000) + 0.5) / 1000.0
+
+
+@dataclass(frozen=True)
+class Distance:
+    """error_px: the 1-Wasserstein distance between the distributions of the errors of depth as disparities, each cut
+    off at 2 px, over pixels that are measured. holes: by how much the shares of pixels without depth differ."""
+
+    error_px: float
+    holes: float
+
+    @property
+    def total(self) -> float:
+        """A pixel without depth weighs as much as one that is wrong by 1 px."""
+        return self.error_px + self.holes
+
+
+def distance(views: Views, depth_m: NDArray[np.float32]) -> Distance:
+    """The distance of depth [rooms, height, width], metres, 0 = none, from the measured one; mean of the rooms."""
+    rooms = [
+        _room_distance(truth, found, depth, views)
+        for truth, found, depth in zip(views.truth_m, views.found_m, depth_m, strict=True)
+    ]
+    return Distance(float(np.mean([r.error_px for r in rooms])), float(np.mean([r.holes for r in rooms])))
+
+
+def _room_distance(
+    truth: NDArray[np.float32], found: NDArray[np.float32], depth: NDArray[np.float32], views: Views
+) -> Distance:
+    is_there = (truth >= views.near_m) & (truth <= views.far_m)
+    errors: list[NDArray[np.float64]] = []
+    holes: list[float] = []
+    for image in (found, depth):
+        is_valid = is_there & (image > 0)
+        px = views.focal_baseline_px_m * (1.0 / image[is_valid].astype(np.float64) - 1.0 / truth[is_valid])
+        errors.append(np.quantile(np.clip(px, -_MOST_PX, _MOST_PX), _QUANTILES) if px.size else np.zeros(1000))
+        holes.append(1.0 - is_valid.sum() / max(int(is_there.sum()), 1))
+    return Distance(float(np.mean(np.abs(errors[0] - errors[1]))), abs(holes[0] - holes[1]))
+
 
 _BAND, _PERIOD = 8, 64
 _MOST_EVALUATIONS = 120

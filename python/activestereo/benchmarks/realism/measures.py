@@ -1,17 +1,113 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures of one depth image, of a device or simulated, beside the device's and the scene's model."""
+"""Measures of one depth image beside the device's and the scene's own, and of infrared pairs, on flat patches."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.benchmarks.realism.infrared import STATISTICS, statistics
-from activestereo.benchmarks.realism.patches import Patch, fitted_plane
 from activestereo.benchmarks.realism.views import RealView
 from activestereo.common.accuracy import is_invented
 
 Map = NDArray[np.float32]
+PATCH_PX = 96
+_MOST_RMS_PX, _LEAST_KNOWN = 0.05, 0.95
+
+
+@dataclass(frozen=True)
+class Patch:
+    """place: rows and columns. plane: disparity = plane @ (x, y, 1) of the image's pixels. depth_m: in the middle."""
+
+    place: tuple[slice, slice]
+    plane: NDArray[np.float64]
+    depth_m: float
+
+    def disparity(self) -> Map:
+        v, u = np.mgrid[self.place]
+        return (self.plane[0] * u + self.plane[1] * v + self.plane[2]).astype(np.float32)
+
+
+def planar_patches(truth: Map, focal_baseline_px_m: float) -> list[Patch]:
+    """truth: disparities, NaN = unknown. Patches side by side."""
+    height, width = truth.shape
+    found = []
+    for y in range(0, height - PATCH_PX + 1, PATCH_PX):
+        for x in range(0, width - PATCH_PX + 1, PATCH_PX):
+            place = slice(y, y + PATCH_PX), slice(x, x + PATCH_PX)
+            plane, rms = fitted_plane(truth[place], y, x)
+            if rms < _MOST_RMS_PX:
+                middle = float(plane @ [x + 0.5 * PATCH_PX, y + 0.5 * PATCH_PX, 1.0])
+                found.append(Patch(place, plane, focal_baseline_px_m / middle))
+    return found
+
+
+def fitted_plane(
+    disparity: Map, y: int = 0, x: int = 0, least_known: float = _LEAST_KNOWN
+) -> tuple[NDArray[np.float64], float]:
+    """(plane, RMS distance from it) without pixels more than 1 px off; inf if less than the least share is known."""
+    rows, columns = np.nonzero(np.isfinite(disparity))
+    values = disparity[rows, columns].astype(np.float64)
+    if len(values) < least_known * disparity.size:
+        return np.zeros(3), np.inf
+    terms = np.stack([columns + x, rows + y, np.ones(len(rows))], axis=1).astype(np.float64)
+    kept = np.ones(len(values), bool)
+    plane = np.zeros(3)
+    for _ in range(4):
+        plane = np.linalg.lstsq(terms[kept], values[kept], rcond=None)[0]
+        kept = np.abs(values - terms @ plane) < 1.0
+        if kept.sum() < 0.5 * len(values):
+            return plane, np.inf
+    return plane, float(np.sqrt(np.mean((values - terms @ plane)[kept] ** 2)))
+
+
+STATISTICS = ("dots' RMS, DN", "dots' share of light, %", "left-right residual, %", "side peak", "its lag, px")
+_BLUR_PX, _BORDER_PX = 6.0, 6
+_LEAST_LAG_PX, _LARGEST_LAG_PX = 4.0, 30.0
+_MOST_UNEVEN = 0.15  # of the mean: above it a surface has a texture of its own
+
+
+def statistics(left: Map, right: Map, patch: Patch, black_dn: float) -> dict[str, float] | None:
+    """The STATISTICS of a patch with planar disparity; None if the surface has a texture.
+
+    Fine structure is the image less its Gaussian blur of 6 px. The residual is left less right at the true disparity,
+    over sqrt 2 and the dots' RMS. The side peak is the largest autocorrelation from 4 to 30 px, with 1 in the
+    middle."""
+    rows, columns = patch.place
+    image = left[rows, columns].astype(np.float32)
+    coarse = cv2.GaussianBlur(image, (0, 0), _BLUR_PX)
+    level = float(image.mean()) - black_dn
+    if coarse.std() > _MOST_UNEVEN * image.mean() or level <= 0:
+        return None
+    fine = image - coarse
+    v, u = np.mgrid[rows, columns].astype(np.float32)
+    inside = np.s_[_BORDER_PX:-_BORDER_PX, _BORDER_PX:-_BORDER_PX]
+    rest = np.inf
+    for step in np.arange(-0.4, 0.41, 0.1):  # the eyes' rows are a few tenths of a pixel apart
+        seen = cv2.remap(right.astype(np.float32), u - patch.disparity(), v + np.float32(step), cv2.INTER_CUBIC)
+        other = seen - cv2.GaussianBlur(seen, (0, 0), _BLUR_PX)
+        gain = fine[inside].std() / max(float(other[inside].std()), 1e-6)
+        rest = min(rest, float((fine - gain * other)[inside].std()) / float(np.sqrt(1.0 + gain**2)))
+    rms = float(fine.std())
+    peak, lag = _side_peak(fine)
+    values = rms, 100.0 * rms / level, 100.0 * rest / max(rms, 1e-9), peak, lag
+    return dict(zip(STATISTICS, values, strict=True))
+
+
+def _side_peak(fine: Map) -> tuple[float, float]:
+    spectrum = np.abs(np.fft.fft2(fine - fine.mean())) ** 2
+    correlation = np.fft.fftshift(np.fft.ifft2(spectrum).real)
+    correlation /= max(float(correlation.max()), 1e-12)
+    middle = PATCH_PX // 2
+    y, x = np.mgrid[-middle : PATCH_PX - middle, -middle : PATCH_PX - middle]
+    distance = np.hypot(x, y)
+    ring = np.where((distance > _LEAST_LAG_PX) & (distance < _LARGEST_LAG_PX), correlation, -1.0)
+    at = np.unravel_index(int(ring.argmax()), ring.shape)
+    return float(ring[at]), float(distance[at])
+
+
 DISTANCES_M = (0.5, 0.8, 1.2, 1.7, 2.3, 3.2)
 _STEP_PX, _NEAR_EDGE_PX, _RUN_PX = 3.0, 5, 12
 _BETWEEN_PX = 1.0  # a flying pixel is so far from both surfaces

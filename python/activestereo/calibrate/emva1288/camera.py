@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import chi2
 
-from activestereo.calibrate.emva1288.fit import DEVIATIONS
 from activestereo.calibrate.emva1288.nonuniformity import Nonuniformity, nonuniformity
 from activestereo.calibrate.emva1288.recording import Recording, read_descriptor, read_folders
-from activestereo.calibrate.emva1288.transfer import PhotonTransfer, photon_transfer
+from activestereo.calibrate.emva1288.transfer import DEVIATIONS, PhotonTransfer, photon_transfer
 from activestereo.calibrate.frames import LEAST_REPEATS
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.effects import builtin

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import chi2
 
-from activestereo.calibrate.emva1288.fit import DEVIATIONS
 from activestereo.calibrate.emva1288.recording import LARGEST_CLIPPED, Recording, Step
+from activestereo.calibrate.emva1288.transfer import DEVIATIONS
 from activestereo.model import Quantity
 
 Array = NDArray[np.float64]

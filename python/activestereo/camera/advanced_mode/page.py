@@ -2,6 +2,7 @@
 """The page of all keys: python3 -m activestereo.camera.advanced_mode.page > README.md (of this folder)."""
 
 from activestereo.camera.advanced_mode.settings import Key, keys
+from activestereo.common.text_table import markdown
 
 _TEXT = """\
 # Advanced-mode keys
@@ -14,19 +15,17 @@ the D400's matcher: a key that has the camera's default leaves the matcher as th
 it by the same share, and no key is the device's own in its number. What a key does not set is told. Names and defaults
 are librealsense's; a range is the field's width as published presets fill it.
 
-| key | default | range | sets | what it is on the camera |
-|---|---|---|---|---|
-{rows}
+{table}
 
 Settings without an effect here, whose values are checked all the same: {rest}.
 """
 
 
-def _row(key: Key) -> str:
+def _row(key: Key) -> tuple[object, ...]:
     name = f"`{key.name}`" + (f", `{key.alias}`" if key.alias else "")
     low, high = key.range
     possible = f"{low:g} to {high:g}" if key.words is None else ", ".join(key.words)
-    return f"| {name} | {key.default} | {possible} | {', '.join(f'`{one}`' for one in key.to)} | {key.meaning} |"
+    return name, key.default, possible, ", ".join(f"`{one}`" for one in key.to), key.meaning
 
 
 def page() -> str:
@@ -36,7 +35,7 @@ def page() -> str:
         mapped=len(mapped),
         count=len(keys()),
         names=len(mapped) + sum(bool(key.alias) for key in mapped),
-        rows="\n".join(_row(key) for key in mapped),
+        table="\n".join(markdown(("key", "default", "range", "sets", "what it is on the camera"), map(_row, mapped))),
         rest=", ".join(f"`{key.name}`" for key in keys().values() if not key.to),
     )
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Advanced-mode JSON as Intel's Viewer and rs400_advanced_mode write it: one object of keys, or one with the keys under
-"parameters"; numbers may be text."""
+"parameters"; numbers may be text. The D400's visual presets are such settings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from activestereo.common.input_files import read_json_object, read_toml
-from activestereo.common.nearest import did_you_mean
+from activestereo.common.nearest import did_you_mean, unknown
 from activestereo.common.output_files import write_text
 
 Value = float | str
@@ -128,3 +128,18 @@ def write_settings(path: str | Path, settings: AdvancedSettings) -> None:
 
 def _text(value: Value) -> str:
     return value if isinstance(value, str) else f"{value:.6g}"
+
+
+_FILE = Path(__file__).with_name("presets.toml")
+_EMPTY = ("custom", "default")
+
+
+def visual_preset(name: str) -> AdvancedSettings:
+    """The settings of a preset, by librealsense's name: custom, default, hand, high_accuracy, high_density or
+    medium_density. ValueError lists them."""
+    if name in _EMPTY:
+        return AdvancedSettings({})
+    known = read_toml(_FILE)
+    if name not in known:
+        raise ValueError(unknown("visual preset", name, [*_EMPTY, *known]))
+    return parse_settings(known[name], name)

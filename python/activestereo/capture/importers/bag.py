@@ -4,17 +4,20 @@
 Reading needs the package rosbags (pip install rosbags). Topics are recognised by name: librealsense's
 /device_0/sensor_0/Infrared_1/image/data, realsense-ros's /camera/infra1/image_rect_raw, and others with the same words.
 The baseline comes from the right camera's camera_info (-P[3] / P[0]), else from librealsense's transform of the stream.
-Infrared 1 is the left camera on every D4xx.
-"""
+Infrared 1 is the left camera on every D4xx. A bag may be one .db3 file without metadata.yaml, as librealsense records
+since 2.58."""
 
 from __future__ import annotations
 
 import io
+import json
 import re
+import sqlite3
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -24,11 +27,51 @@ from scipy.spatial.transform import Rotation
 
 from activestereo.capture.capture import Camera
 from activestereo.capture.images import write_gray
-from activestereo.capture.importers.lone_db3 import described
 from activestereo.capture.importers.realsense_folder import LEAST_TIME_MS, SAME_FRAME_MS
 from activestereo.capture.importers.realsense_text import DeviceText
 from activestereo.common.baseline import chosen_baseline_m
+from activestereo.common.output_files import write_text
 from activestereo.common.pose import printed_motion
+
+
+@contextmanager
+def described(path: Path) -> Iterator[Path]:
+    """Makes a folder with a link to the file and its metadata.yaml; only reads the file. Raises sqlite3.Error if it is
+    no such bag."""
+    with TemporaryDirectory(prefix="activestereo.") as name:
+        folder = Path(name)
+        (folder / path.name).symlink_to(path.absolute())
+        write_text(folder / "metadata.yaml", json.dumps(_metadata(path)))  # JSON is YAML
+        yield folder
+
+
+def _metadata(path: Path) -> dict[str, object]:
+    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as file:
+        count, first, last = file.execute("SELECT COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages").fetchone()
+        counts = dict(file.execute("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id").fetchall())
+        topics = file.execute("SELECT id, name, type, serialization_format FROM topics").fetchall()
+    return {
+        "rosbag2_bagfile_information": {
+            "version": 5,
+            "storage_identifier": "sqlite3",
+            "relative_file_paths": [path.name],
+            "starting_time": {"nanoseconds_since_epoch": first or 0},
+            "duration": {"nanoseconds": (last or 0) - (first or 0)},
+            "message_count": count,
+            "compression_format": "",
+            "compression_mode": "",
+            "topics_with_message_count": [
+                {
+                    "topic_metadata": {
+                        "name": topic, "type": kind, "serialization_format": form, "offered_qos_profiles": ""
+                    },
+                    "message_count": counts.get(number, 0),
+                }
+                for number, topic, kind, form in topics
+            ],
+        }
+    }  # fmt: skip
+
 
 _STREAMS = {
     "Aligned": re.compile(r"aligned_depth", re.I),  # to colour, or to an infrared stream

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from activestereo.capture.importers.calibration_yaml import read_calibration_yaml
-from activestereo.capture.importers.foreign import refuse_foreign
 from activestereo.capture.importers.middlebury import is_middlebury, read_middlebury
 from activestereo.capture.importers.realsense_text import DeviceText, read_device_text
+from activestereo.capture.importers.trajectory import refuse_foreign
 from activestereo.common.baseline import with_baseline
 from activestereo.common.input_files import read_text
 

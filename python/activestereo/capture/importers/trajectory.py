@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Camera poses over time as a TUM text file: each line is timestamp tx ty tz qx qy qz qw, camera_to_world, # starts a
-comment."""
+comment; and other files that people take for poses or calibrations, by the names that their makers give them."""
+
+from __future__ import annotations
 
 from pathlib import Path
 
@@ -8,8 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
-from activestereo.capture.importers.foreign import refuse_foreign
-from activestereo.common.input_files import read_text
+from activestereo.common.input_files import read_json_object, read_text
+
+_TRANSFORMS = "transforms.json"
+
+
+def refuse_foreign(path: Path) -> None:
+    """Raises ValueError if a file, or a folder's transforms.json, is of a known kind that is not supported."""
+    path = path / _TRANSFORMS if path.is_dir() else path
+    if path.suffix.lower() != ".json" or not path.is_file():
+        return
+    frames = read_json_object(path).get("frames")
+    if isinstance(frames, list) and any(isinstance(frame, dict) and "transform_matrix" in frame for frame in frames):
+        raise ValueError(
+            f"{path}: is nerfstudio's transforms.json (instant-ngp's, too): lens and poses of one colour camera, no "
+            "infrared pair: give a recording with left and right images, and --calibration of both cameras"
+        )
 
 
 def read_trajectory(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

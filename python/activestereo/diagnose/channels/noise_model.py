@@ -9,10 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
 
 from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.compare.noise import by_repeats, repeat_statistics, transfer_rows
+from activestereo.compare.noise import by_repeats, fit_terms, repeat_statistics, transfer_rows
 from activestereo.diagnose.evidence import Evidence, Observation
 from activestereo.diagnose.numbers import Numbers
 from activestereo.diagnose.score.intervals import Z90, Interval, Limits, within_ranges
@@ -200,12 +199,13 @@ def _fit_levers(
 ) -> tuple[float, float, float]:
     """(chi2, first lever's coefficient, its standard error)."""
     gain, mean, square, variance, weight = np.array(rows).T
-    target = (variance - ROUNDING_VARIANCE) * weight
+    target = variance - ROUNDING_VARIANCE
     if not levers:
-        return float((target**2).sum()), 0.0, 0.0
-    design = np.stack([_column(lever, gain, mean, square, black_dn) for lever in levers], axis=1) * weight[:, None]
-    coefficients, misfit = nnls(design, target)
+        return float(((target * weight) ** 2).sum()), 0.0, 0.0
+    terms = np.stack([_column(lever, gain, mean, square, black_dn) for lever in levers], axis=1)
+    coefficients, chi2 = fit_terms(terms, target, weight)
+    design = terms * weight[:, None]
     norm = np.maximum(np.sqrt((design**2).sum(axis=0)), 1e-300)
     inverse = np.linalg.pinv((design / norm).T @ (design / norm), rcond=1e-12, hermitian=True)
-    scale = max(1.0, misfit**2 / max(len(target) - len(levers), 1))
-    return float(misfit**2), float(coefficients[0]), float(np.sqrt(inverse[0, 0] * scale) / norm[0])
+    scale = max(1.0, chi2 / max(len(target) - len(levers), 1))
+    return float(chi2), coefficients[0], float(np.sqrt(inverse[0, 0] * scale) / norm[0])

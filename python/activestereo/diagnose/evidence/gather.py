@@ -7,10 +7,8 @@ import numpy as np
 
 from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.rounding import ROUNDING_VARIANCE
-from activestereo.compare.gain_noise import noise_model_at_other_gains
-from activestereo.compare.noise import NoiseModel, frame_noise_variances
+from activestereo.compare.noise import NoiseModel, frame_noise_variances, noise_model_at_other_gains, pair_noise_model
 from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
-from activestereo.compare.pair_noise import pair_noise_model
 from activestereo.compare.render import LayersOfFrames
 from activestereo.compare.unsteady_light import unsteady_light
 from activestereo.diagnose.evidence.geometry import Geometry, focal_slopes, geometry_slopes

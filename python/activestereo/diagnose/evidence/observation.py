@@ -4,7 +4,7 @@ their noise.
 
 The *noise floor* of an image is its mean temporal variance in DN^2: what a perfect model would leave of the squared
 error. It comes from repeated frames of a static view (activestereo.compare.noise), or where there are none from the
-difference of each frame's two cameras (activestereo.compare.pair_noise), an upper bound. Every figure named
+difference of each frame's two cameras (activestereo.compare.noise), an upper bound. Every figure named
 `reduced_chi2` is a mean square in units of that variance.
 """
 

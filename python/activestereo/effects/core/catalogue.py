@@ -3,6 +3,7 @@
 
 from typing import Any
 
+from activestereo.common.text_table import columns, markdown
 from activestereo.effects.core.descriptor import Effect, Parameter, Stage
 
 _WHERE = {
@@ -26,11 +27,7 @@ def table(effects: dict[str, Effect]) -> str:
         (e.id, e.stage.name.lower(), e.family, _where(e), ", ".join(_with_unit(p) for p in e.parameters))
         for e in effects.values()
     ]
-    last = len(rows[0]) - 1
-    widths = [max(len(row[i]) for row in rows) for i in range(last)]
-    return "\n".join(
-        "  ".join([*(cell.ljust(w) for cell, w in zip(row, widths, strict=False)), row[last]]) for row in rows
-    )
+    return columns(rows)
 
 
 def as_json(effects: dict[str, Effect]) -> list[dict[str, Any]]:
@@ -71,19 +68,13 @@ def _where(e: Effect) -> str:
 
 
 def _engine_table(effects: dict[str, Effect], differences: dict[str, float]) -> list[str]:
-    lines = [
-        "## In the engines",
-        "",
-        _ENGINE,
-        "",
-        "| effect | simulated in | engine fields, or why there is none | difference |",
-        "|---|---|---|---|",
-    ]
+    rows = []
     for e in effects.values():
         fields = e.image_only if e.engine is None else ", ".join(f"`{name}`" for name in e.engine_fields)
         difference = f"{100 * differences[e.id]:.1f} %" if e.id in differences else ""
-        lines.append(f"| [{e.id}](#{e.id}) | {_where(e)} | {fields} | {difference} |")
-    return [*lines, ""]
+        rows.append((f"[{e.id}](#{e.id})", _where(e), fields, difference))
+    head = ("effect", "simulated in", "engine fields, or why there is none", "difference")
+    return ["## In the engines", "", _ENGINE, "", *markdown(head, rows), ""]
 
 
 def _with_unit(parameter: Parameter) -> str:
@@ -102,12 +93,12 @@ def _entry(e: Effect) -> list[str]:
         f"Family: {e.family}{random}. Source: {e.source}.",
         "",
     ]
-    if e.parameters:
-        lines += ["| parameter | unit | neutral | range | typical | |", "|---|---|---|---|---|---|"]
-    for p in e.parameters:
-        lines.append(
-            f"| `{p.name}` | {p.unit} | {p.neutral:g} | {p.low:g} to {p.high:g} | {p.typical_value:g} | {p.source} |"
-        )
+    rows = [
+        (f"`{p.name}`", p.unit, f"{p.neutral:g}", f"{p.low:g} to {p.high:g}", f"{p.typical_value:g}", p.source)
+        for p in e.parameters
+    ]
+    if rows:
+        lines += markdown(("parameter", "unit", "neutral", "range", "typical", "source"), rows)
     return [*lines, ""]
 
 

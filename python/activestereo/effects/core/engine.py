@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from activestereo.capture.capture import Frame
-from activestereo.effects.core.random_stream import random_stream
 from activestereo.effects.core.resample import blur
 from activestereo.effects.core.surfaces import material_numbers
+from activestereo.effects.core.view import random_stream
 
 if TYPE_CHECKING:
     import kuafu

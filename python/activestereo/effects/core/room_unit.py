@@ -14,9 +14,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from activestereo.effects.core.judging import StartImage
-from activestereo.effects.core.plane_match import PlaneMatch
-from activestereo.effects.core.seen_points import SeenPoints
-from activestereo.effects.core.sphere_match import SphereMatch
+from activestereo.effects.core.unit_match import PlaneMatch, SeenPoints, SphereMatch
 
 _IMAGES, _COARSE_PIXELS, _FINE_PIXELS = 4, 10000, 20000
 # Places around the seen points: so far beyond them, so far apart (blurred dots meet their own within some 3 cm), not

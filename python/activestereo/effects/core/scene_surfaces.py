@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.common.pose_arrays import pose_matrices
+from activestereo.common.pose import pose_matrices
 from activestereo.effects.core.surfaces import MOST_MATERIALS
 from activestereo.scene_io.gltf_document import read_document
 

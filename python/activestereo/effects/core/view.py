@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A View holds what an effect may know of one image: camera, rig, geometry, frame settings, and random numbers of its
-own."""
+own. Counter-based streams by seed and name give every part that asks the same numbers."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, fields
 from functools import lru_cache
@@ -13,8 +14,22 @@ import numpy as np
 
 from activestereo.common.computed_once import computed_once
 from activestereo.common.lens import distort, is_distorting, undistort
-from activestereo.effects.core.picked import once_of_picked
-from activestereo.effects.core.random_stream import random_stream
+
+
+def random_stream(seed: int, name: str, salt: bytes = b"") -> np.random.Generator:
+    """A numpy Generator of its own for each seed, name and salt."""
+    digest = hashlib.sha256(f"{seed} {name} ".encode() + salt).digest()
+    return np.random.Generator(np.random.Philox(key=np.frombuffer(digest[:16], dtype=np.uint64)))
+
+
+def once_of_picked(known: list[tuple[np.ndarray, Any]], pick: np.ndarray, make: Callable[[], Any]) -> Any:
+    """make(), computed the first time that these pixels are asked for. known: what was made so far, is extended."""
+    for before, value in known:
+        if before is pick or np.array_equal(before, pick):
+            return value
+    known.append((pick, make()))
+    return known[-1][1]
+
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Capture, Frame

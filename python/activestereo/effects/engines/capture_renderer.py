@@ -19,11 +19,10 @@ from activestereo.effects.core.engine import EngineInputs, apply_engine
 from activestereo.effects.core.model import Model, Scales
 from activestereo.effects.core.room_light import BOUNCED_VERSION
 from activestereo.effects.engines.capture_inputs import capture_inputs
-from activestereo.effects.engines.halves import half_samples, half_seeds
 from activestereo.effects.engines.imager import ExpectedImager
 from activestereo.effects.engines.scene_measurement import SceneMeasurement
 from activestereo.effects.engines.scene_renderer import GEOMETRY, LIGHT, SceneRenderer
-from activestereo.effects.engines.smooth import SMOOTH_VERSION
+from activestereo.effects.engines.smooth import SMOOTH_VERSION, half_samples, half_seeds
 from activestereo.effects.engines.world import (
     changed_world,
     copy_camera,

@@ -21,7 +21,7 @@ import kuafu
 from activestereo.common.progress_bar import part_of
 from activestereo.effects.core.room_light import BOUNCED_SHARE, light_by_room, spread
 from activestereo.effects.core.scene_surfaces import split_surfaces
-from activestereo.effects.engines.smoothing import seen_surfaces, smooth_view
+from activestereo.effects.engines.smooth import seen_surfaces, smooth_view
 from activestereo.scene_io.scene_files import load_scene_file
 
 LIGHT = ("projector_direct", "projector_indirect", "ambient")

@@ -11,7 +11,7 @@ from typing import Any
 import torch
 
 import kuafu
-from activestereo.integrations.sapien.looks import Looks, is_visible, light_record, render_system
+from activestereo.integrations.sapien.shapes import Looks, is_visible, light_record, render_system
 from activestereo.scene_io.bodies import Bodies, Shape
 from activestereo.sensor.pictures import PipelinedSensors
 

@@ -22,8 +22,15 @@ from numpy.typing import NDArray
 
 import kuafu
 from activestereo.common.pose import CAMERA_TO_BODY
-from activestereo.integrations.mujoco.geoms import cube_uvs, geom_mesh, has_own_uvs, plane_uvs
-from activestereo.integrations.mujoco.looks import Looks, ambient_radiance, light
+from activestereo.integrations.mujoco.geoms import (
+    Looks,
+    ambient_radiance,
+    cube_uvs,
+    geom_mesh,
+    has_own_uvs,
+    light,
+    plane_uvs,
+)
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
 
 # A MuJoCo camera looks along -z with y up.

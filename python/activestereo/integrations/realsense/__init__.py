@@ -3,9 +3,8 @@
 
 from typing import NoReturn
 
-from activestereo.integrations.realsense.align import align
 from activestereo.integrations.realsense.camera import LATENCY_MS, World
-from activestereo.integrations.realsense.cloud import colorizer, pointcloud, points, save_to_ply
+from activestereo.integrations.realsense.cloud import align, colorizer, pointcloud, points, save_to_ply
 from activestereo.integrations.realsense.device import (
     context,
     depth_sensor,
@@ -34,7 +33,15 @@ from activestereo.integrations.realsense.filters import (
     temporal_filter,
     threshold_filter,
 )
-from activestereo.integrations.realsense.frames import composite_frame, depth_frame, disparity_frame, frame, video_frame
+from activestereo.integrations.realsense.frames import (
+    composite_frame,
+    depth_frame,
+    disparity_frame,
+    frame,
+    stream_profile,
+    video_frame,
+    video_stream_profile,
+)
 from activestereo.integrations.realsense.geometry import (
     extrinsics,
     intrinsics,
@@ -50,7 +57,6 @@ from activestereo.integrations.realsense.pipeline import (
     pipeline_profile,
     pipeline_wrapper,
 )
-from activestereo.integrations.realsense.profiles import stream_profile, video_stream_profile
 from activestereo.integrations.realsense.ros_topics import TopicPublisher, write_topics
 from activestereo.integrations.realsense.software_device import (
     software_device,

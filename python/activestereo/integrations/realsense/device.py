@@ -9,7 +9,6 @@ from typing import Any
 
 from activestereo.camera.advanced_mode.settings import parse_settings
 from activestereo.integrations.realsense.camera import SimulatedCamera, World, sensor_ranges
-from activestereo.integrations.realsense.control_groups import GROUPS, ControlGroup, group_of, with_group
 from activestereo.integrations.realsense.enums import (
     camera_info,
     format,
@@ -17,8 +16,8 @@ from activestereo.integrations.realsense.enums import (
     rs400_visual_preset,
     stream,
 )
-from activestereo.integrations.realsense.options import Options
-from activestereo.integrations.realsense.profiles import StreamRequest, video_stream_profile
+from activestereo.integrations.realsense.frames import StreamRequest, video_stream_profile
+from activestereo.integrations.realsense.options import GROUPS, ControlGroup, Options, group_of, with_group
 
 _PRODUCT_IDS = {"D405": "0B5B", "D415": "0AD3", "D435": "0B07", "D435I": "0B3A", "D455": "0B5C"}
 _SIZES, _FPS = ((640, 480), (848, 480), (1280, 720)), 30

@@ -11,8 +11,14 @@ from numpy.typing import NDArray
 from activestereo.integrations.realsense.camera import SimulatedCamera
 from activestereo.integrations.realsense.device import context, device
 from activestereo.integrations.realsense.enums import format, frame_metadata_value, option, stream
-from activestereo.integrations.realsense.frames import composite_frame, depth_frame, frame, video_frame
-from activestereo.integrations.realsense.profiles import StreamRequest, video_stream_profile
+from activestereo.integrations.realsense.frames import (
+    StreamRequest,
+    composite_frame,
+    depth_frame,
+    frame,
+    video_frame,
+    video_stream_profile,
+)
 
 _FORMATS = {
     stream.depth: (format.z16,),

@@ -12,10 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.integrations.realsense.enums import format, option, stream, timestamp_domain
-from activestereo.integrations.realsense.frames import composite_frame, depth_frame, frame, video_frame
+from activestereo.integrations.realsense.frames import (
+    StreamRequest,
+    composite_frame,
+    depth_frame,
+    frame,
+    video_frame,
+    video_stream_profile,
+)
 from activestereo.integrations.realsense.geometry import intrinsics as Intrinsics
 from activestereo.integrations.realsense.options import Options
-from activestereo.integrations.realsense.profiles import StreamRequest, video_stream_profile
 
 _KINDS: dict[format, tuple[type, int]] = {
     format.z16: (np.uint16, 1), format.y8: (np.uint8, 1), format.y16: (np.uint16, 1), format.rgb8: (np.uint8, 3),

@@ -9,7 +9,7 @@ import numpy as np
 
 from activestereo.camera.auto_exposure import DARKEST, SRGB, STRIDE, exposure_of_median
 from activestereo.common.computed_once import computed_once
-from activestereo.sensor.cuda_tensor import copied_to_cuda, cuda_tensor, wait_for
+from activestereo.sensor.cuda_memory import copied_to_cuda, cuda_tensor, wait_for
 from activestereo.sensor.sensor import StereoDepthSensor
 
 if TYPE_CHECKING:

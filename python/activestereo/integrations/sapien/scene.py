@@ -11,7 +11,7 @@ import sapien
 
 import kuafu
 from activestereo.common.pose import as_matrix
-from activestereo.integrations.sapien.looks import Looks, is_visible, light_record, render_system
+from activestereo.integrations.sapien.shapes import Looks, is_visible, light_record, render_system
 from activestereo.scene_io.bodies import Bodies
 from activestereo.sensor.pictures import PipelinedSensors
 

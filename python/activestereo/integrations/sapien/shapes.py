@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""SAPIEN's render shapes, visual records and collision shapes as meshes, in the shape's own frame, scale included.
+"""SAPIEN's entities in kuafu's terms: render shapes, visual records and collision shapes as meshes in the shape's own
+frame, scale included, with their materials, textures and lights.
 
-SAPIEN's cylinders and capsules lie along x, its planes face along x. kuafu's meshes get the names of SAPIEN's classes.
-"""
+SAPIEN's cylinders and capsules lie along x, its planes face along x. kuafu's meshes get the names of SAPIEN's
+classes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,8 +15,126 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import kuafu
+from activestereo.common.pose import as_matrix, camera_to_world
+from activestereo.integrations.sapien.builder import VisualRecords
 from activestereo.scene_io import solids
+from activestereo.scene_io.bodies import Shape
 from activestereo.scene_io.meshes import Mesh
+
+# SAPIEN's specular s is a reflectance of 0.08 s at normal incidence; glTF's weighs the 0.04 of an index of 1.5.
+_SPECULAR = 0.08 / 0.04
+
+
+class Looks:
+    """Puts the looks of entities into a kuafu scene. Equal materials, and textures, are there once."""
+
+    def __init__(self, scene: kuafu.Scene) -> None:
+        self._scene = scene
+        self._materials: dict[Any, int] = {}
+        self._textures: dict[int, tuple[int, Any]] = {}
+
+    def shapes(self, entity: Any, name: str) -> list[Shape]:
+        """The entity's shapes, with meshes of this name."""
+        return [self._shape(part, pose, name) for part, pose in parts(entity)]
+
+    def materials(self, entity: Any) -> list[int]:
+        """The materials of shapes(), for an entity with meshes in the scene already."""
+        return [self.material(part.material) for part, _ in parts(entity)]
+
+    def _shape(self, part: Part, pose: Any, name: str) -> Shape:
+        optional = {"normals": part.normals, "uvs": part.uvs}
+        given = {key: value for key, value in optional.items() if value is not None}
+        mesh = self._scene.add_mesh(part.positions, part.indices, name=name, **given)
+        to_body = as_matrix(pose) @ np.diag([*np.asarray(part.scale, np.float64), 1.0])
+        return Shape(mesh, [self.material(part.material)], to_body)
+
+    def material(self, material: Any) -> int:
+        if isinstance(material, kuafu.Material):
+            return self._scene.add_material(material)
+        texture = material.base_color_texture
+        values = [*material.base_color, *material.emission, material.metallic, material.roughness]
+        values += [material.specular, material.transmission, material.ior]
+        key = (*values, None if texture is None else id(texture))
+        if key not in self._materials:
+            fields = {
+                "base_color": tuple(material.base_color),
+                "emission": tuple(material.emission[:3]),
+                "metallic": material.metallic,
+                "roughness": material.roughness,
+                "transmission": material.transmission,
+            }
+            if material.transmission > 0:
+                fields["ior"] = material.ior
+            else:
+                fields["specular"] = min(_SPECULAR * material.specular, 1.0)
+            if texture is not None:
+                fields["base_color_texture"] = self._texture(texture)
+            self._materials[key] = self._scene.add_material(kuafu.Material(**fields))
+        return self._materials[key]
+
+    def _texture(self, texture: Any) -> int:
+        if id(texture) not in self._textures:
+            texels = np.ascontiguousarray(texture.download())
+            # With the texture itself, so that its id stays its own.
+            self._textures[id(texture)] = (self._scene.add_texture(texels, srgb=texture.is_srgb), texture)
+        return self._textures[id(texture)][0]
+
+
+def is_visible(entity: Any) -> bool:
+    """Whether it has a body, and SAPIEN shows it."""
+    bodies = _components(entity, "RenderBodyComponent")
+    if bodies:
+        return any(body.visibility > 0 for body in bodies)
+    return any(isinstance(c, VisualRecords) or hasattr(c, "collision_shapes") for c in entity.components)
+
+
+def parts(entity: Any) -> Iterator[tuple[Part, Any]]:
+    """The parts of an entity's looks, each with the shape's pose in the entity."""
+    shapes: list[tuple[Any, Any, Callable[[Any], Iterator[Part]]]]
+    bodies = _components(entity, "RenderBodyComponent")
+    records = [r for c in entity.components if isinstance(c, VisualRecords) for r in c.records]
+    if bodies:
+        shapes = [(shape, shape.local_pose, render_parts) for body in bodies for shape in body.render_shapes]
+    elif any(isinstance(c, VisualRecords) for c in entity.components):
+        shapes = [(record, record.pose, record_parts) for record in records]
+    else:
+        solid = [s for c in entity.components for s in getattr(c, "collision_shapes", [])]
+        shapes = [(shape, shape.local_pose, collision_parts) for shape in solid]
+    for shape, pose, parts_of in shapes:
+        for part in parts_of(shape):
+            yield part, pose
+
+
+def light_record(light: Any, environment: int | None = None) -> kuafu.Light | None:
+    """None for a projector, which a sensor makes, and for kinds that kuafu lacks."""
+    fields = {
+        "intensity": tuple(light.color),
+        "light_to_world": camera_to_world(light.entity.pose * light.local_pose),
+        "environment": environment,
+    }
+    kind = type(light).__name__
+    if kind == "RenderDirectionalLightComponent":
+        return kuafu.Light(kind="directional", **fields)
+    if kind == "RenderPointLightComponent":
+        return kuafu.Light(kind="point", **fields)
+    if kind == "RenderSpotLightComponent":
+        return kuafu.Light(kind="spot", inner_rad=light.inner_fov / 2, outer_rad=light.outer_fov / 2, **fields)
+    if kind == "RenderParallelogramLightComponent":
+        return kuafu.Light(kind="rectangle", size_m=(2 * light.half_width, 2 * light.half_height), **fields)
+    return None
+
+
+def render_system(scene: Any) -> Any:
+    """SAPIEN's render system; None if SAPIEN has no renderer."""
+    try:
+        return scene.render_system
+    except RuntimeError:  # SAPIEN's error without a renderer
+        return None
+
+
+def _components(entity: Any, kind: str) -> list[Any]:
+    return [c for c in entity.components if type(c).__name__ == kind]
+
 
 # Half the side of a collision plane, which SAPIEN has endless, in metres.
 _ENDLESS_M = 50.0

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from activestereo.scene_io.gltf_document import scale
 from activestereo.scene_io.gltf_writer import GltfWriter
-from activestereo.scene_io.units import scale
 from activestereo.scene_io.usd import lamps, shapes
 from activestereo.scene_io.usd.stage import Stage, UsdError, cause, columns, open_stage
 from activestereo.scene_io.usd.surfaces import Surfaces

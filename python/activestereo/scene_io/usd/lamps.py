@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from activestereo.scene_io.gltf_writer import GltfWriter
-from activestereo.scene_io.lamp_kinds import LUMENS_PER_WATT, infrared_share
 from activestereo.scene_io.meshes import Mesh
+from activestereo.scene_io.staging import LUMENS_PER_WATT, infrared_share
 from activestereo.scene_io.usd.stage import Stage, UsdError
 
 _LEAST_RADIUS = 1e-4  # in stage units: what shines has an extent

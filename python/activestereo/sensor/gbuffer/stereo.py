@@ -27,14 +27,11 @@ from activestereo.common.shown import shown
 from activestereo.effects.core.engine import EngineInputs
 from activestereo.effects.engines.world import copy_record
 from activestereo.model import SensorModel
-from activestereo.sensor.cuda_maps import CudaMaps
-from activestereo.sensor.cuda_tensor import require_no_capture
+from activestereo.sensor.cuda_memory import CudaMaps, require_no_capture
 from activestereo.sensor.gbuffer.cause import causes, hidden_from_right
-from activestereo.sensor.gbuffer.inputs import InputImages, host_image, require_metres
-from activestereo.sensor.gbuffer.materials import MaterialNumbers
-from activestereo.sensor.gbuffer.rig import inverse_depth, require_row
-from activestereo.sensor.ir_link import IrLink
-from activestereo.sensor.radiance import checked_radiance
+from activestereo.sensor.gbuffer.inputs import InputImages, MaterialNumbers, host_image, require_metres
+from activestereo.sensor.gbuffer.warp import inverse_depth, require_row
+from activestereo.sensor.ir_link import IrLink, checked_radiance
 from activestereo.sensor.rig_inputs import RigInputs
 
 _ENVIRONMENTS = Limits(1, 1_000_000, whole=True)
