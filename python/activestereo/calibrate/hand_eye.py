@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a camera sits on a robot's gripper: OpenCV's five closed-form methods side by side, then the least squares of
+"""The place of a camera on a robot's gripper: OpenCV's five closed-form methods side by side, then the least squares of
 all board poses.
 
 gripper_to_base_i  camera_to_gripper  board_to_camera_i = board_to_base, for every frame i.

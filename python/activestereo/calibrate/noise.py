@@ -231,8 +231,7 @@ def _transfer(views: list[Repeats], max_dn: int) -> tuple[TransferPoint, ...]:
 
 
 def _black_of_exposures(views: list[Repeats], max_dn: int) -> float | None:
-    """Where the mean of unclipped pixels of one view would be at exposure 0; None where no view was exposed
-    differently."""
+    """The mean of one view's unclipped pixels at exposure 0, by a line; None if no view was exposed differently."""
     of: dict[str, list[Repeats]] = {}
     for view in views:
         if view.exposure_gain is not None:

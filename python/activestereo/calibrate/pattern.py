@@ -237,7 +237,7 @@ def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[
 
 
 def _as_if_not_turned(right: Spots, rig: CaptureRig) -> Spots:
-    """Where the right camera's spots would lie, were its axes the left one's: a measured rig is a little turned."""
+    """The right camera's spots under axes parallel to the left one's: a measured rig is a little turned."""
     H = rig.right.K @ rig.left_to_right[:3, :3].T @ np.linalg.inv(rig.right.K)
     u, v, w = H @ np.stack([right.u, right.v, np.ones(len(right))])
     return replace(right, u=u / w, v=v / w)

@@ -153,7 +153,7 @@ class SeenWall:
 
 @dataclass(frozen=True)
 class ProjectorView:
-    """Where the projector stands: its origin in the left camera's frame, the rotation into its own, its K, and the
+    """The projector's place: its origin in the left camera's frame, the rotation into its own, its K, and the
     pattern's width and height in pixels."""
 
     position_m: NDArray[np.float64]

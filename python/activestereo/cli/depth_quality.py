@@ -98,7 +98,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _steps(args: argparse.Namespace, frames: np.ndarray) -> str | None:
-    """Where a PNG's steps are coarse against the noise of stereo, a twentieth of a pixel."""
+    """A remark if a PNG's steps are coarse against the noise of stereo, a twentieth of a pixel."""
     measured = frames[frames > 0]
     if not measured.size or all(path.suffix == ".npy" for path in args.depth):
         return None

@@ -91,5 +91,5 @@ def given_matching(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def given_rig(args: argparse.Namespace) -> dict[str, Any]:
-    """Where and how the depth engine works, by name, as far as it was given."""
+    """The given options of the rig on which the depth engine works, by name."""
     return given(args, RIG)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where an import has the infrared cameras' calibration from, and what it found and assumed, in lines for people."""
+"""The source of an import's calibration of the infrared cameras, its findings and assumptions, in lines for people."""
 
 from __future__ import annotations
 

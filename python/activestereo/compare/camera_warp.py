@@ -15,7 +15,7 @@ _OCCLUSION = 0.02  # relative difference of depth from which on the two cameras 
 
 @dataclass(frozen=True)
 class Warp:
-    """Where each pixel of the left camera is in the right camera's image: u, v [height][width]; seen: both cameras see
+    """The place of each left pixel in the right camera's image: u, v [height][width]; seen: both cameras see
     it."""
 
     u: NDArray[np.float64]

@@ -135,7 +135,7 @@ class Sampling:
 
 
 def ideal_pixels(camera: Camera, column: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where an ideal pinhole of the same K draws what a capture's Camera draws at pixels (column, row)."""
+    """Pixels (column, row) of a capture's Camera as an ideal pinhole of the same K draws them."""
     y = (row - camera.K[1, 2]) / camera.K[1, 1]
     x = (column - camera.K[0, 2] - camera.K[0, 1] * y) / camera.K[0, 0]
     x, y = undistort(x, y, camera.distortion)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the model fails: the residual against each covariate, binned, with block-bootstrap intervals and a false
+"""The places of a model's failure: the residual against each covariate, binned, with block-bootstrap intervals and a false
 discovery rate."""
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ def pattern_scale_drift(light: Light, view: View, scale: float, per_k: float) ->
 
 
 def _before(u: np.ndarray, v: np.ndarray, K: np.ndarray, growth: float) -> tuple[np.ndarray, np.ndarray]:
-    """Where the light that arrives at pattern pixels (u, v) would have gone without the growth."""
+    """Pattern pixels that light at (u, v) would have reached without the growth."""
     y = (v - K[1, 2]) / K[1, 1]
     x = (u - K[0, 2] - K[0, 1] * y) / K[0, 0]
     square = x * x + y * y

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Real views: a pair, the device's depth, and the surfaces that it looked at."""
+"""Real views: a pair, the device's depth, and the surfaces in view."""
 
 from __future__ import annotations
 

@@ -109,7 +109,7 @@ def _by_features(first: Surface, second: Surface, K: NDArray[np.float64]) -> Pos
 
 @dataclass(frozen=True)
 class Contact:
-    """Where samples of a surface meet another: flat pixel of each in the first, points and rays there, in the second's
+    """Samples of a surface on another one: flat pixel of each in the first, points and rays there, in the second's
     frame; distance from its plane (m) along the normal; normal, in the second's frame; and the second's own point."""
 
     pixel: NDArray[np.int64]

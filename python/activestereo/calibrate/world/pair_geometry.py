@@ -94,6 +94,6 @@ def _correlated(a: Image, b: Image, weight: Image) -> NDArray[np.float32]:
 
 
 def _top(before: Image, middle: Image, after: Image) -> NDArray[np.float64]:
-    """Where a parabola through three values has its top, in steps."""
+    """The top of a parabola through three values, in steps."""
     bend = before - 2.0 * middle + after
     return np.where(bend < -1e-6, 0.5 * (before - after) / np.where(bend < -1e-6, bend, -1.0), np.nan)

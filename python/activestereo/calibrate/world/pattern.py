@@ -241,7 +241,7 @@ def _agreement(total: Image, count: Image, square: Image, count2: Image) -> floa
 
 
 def _peak(design: NDArray, values: Vector) -> Vector:
-    """Where the paraboloid through values on the design has its top; within two steps."""
+    """The top of the paraboloid through values on the design, within two steps."""
     i, j, k = design.T.astype(float)
     columns = np.stack([np.ones_like(i), i, j, k, i * i, j * j, k * k, i * j, i * k, j * k], axis=1)
     c = np.linalg.lstsq(columns, values, rcond=None)[0]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where each view was taken from: all overlaps' points on each other's planes in one least squares, so that loops are
+"""The pose of each view: all overlaps' points on each other's planes in one least squares, so that loops are
 closed; focal length and centre are free in it where views have turned enough to tell them."""
 
 from __future__ import annotations

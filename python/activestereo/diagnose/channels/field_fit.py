@@ -116,7 +116,7 @@ def _sparse(totals: np.ndarray, hot_sigma: float) -> tuple[float, float | None]:
 
 
 def _stands_out(totals: np.ndarray, hot_sigma: float) -> np.ndarray:
-    """Where the draws of a sparse field are beyond hot_sigma deviations of the noise."""
+    """Whether the draws of a sparse field are beyond hot_sigma deviations of the noise, per pixel."""
     a, b = totals
     return b > hot_sigma * np.sqrt(np.maximum(a, 1e-30))
 

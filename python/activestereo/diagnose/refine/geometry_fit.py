@@ -245,7 +245,7 @@ def _of_poses(chosen: np.ndarray) -> np.ndarray:
 
 
 def _own_places(fitted: Sequence[Observation], others: Sequence[Observation]) -> np.ndarray:
-    """Where the poses that only others have stand in NuisancePrior."""
+    """The rows of NuisancePrior with poses that only others have."""
     seen, all_seen = (
         {int(place) for o in observations for place in o.geometry_places} for observations in (fitted, others)
     )

@@ -129,7 +129,7 @@ class Sums:
             self.gram[np.ix_(diagonal, rows)] += both.T
 
     def _own_rows(self, pixels: Pixels, columns: list[np.ndarray]) -> np.ndarray:
-        """Where the geometry of an observation stands; columns: as of add()."""
+        """The rows of an observation's geometry; columns: as of add()."""
         return len(columns) - len(SIDES) + pixels.observation.geometry_places
 
     def add_blocks(

@@ -29,7 +29,7 @@ from activestereo.effects.core.judging import Channel, CodeSteps, EngineFault, J
 
 
 class Stage(IntEnum):
-    """Where in the pipeline an effect acts."""
+    """The step of the pipeline at which an effect acts."""
 
     PROJECTOR = 1
     MEDIUM = 2

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where to start a fit of light that flickers: its likelihood has a peak every hundredth of a hertz, so all of
+"""Starting values for a fit of light that flickers: its likelihood has a peak every hundredth of a hertz, so all of
 them are looked at.
 
 A row's share of ambient light is linear in the sine and cosine of the flicker's phase at that row's time: per

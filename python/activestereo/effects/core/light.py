@@ -215,7 +215,7 @@ _NAMES = ("direct", "indirect", "ambient", "flat")
 
 
 def _places(names: tuple[str, ...]) -> tuple[int, ...]:
-    """Where the named images stand among the four."""
+    """Indices of the named images among the four."""
     return tuple(map(_NAMES.index, names))
 
 

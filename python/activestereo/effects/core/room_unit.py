@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a fit of a pattern projector that stands in the world may start.
+"""Starting values for a fit of a pattern projector that stands in the world.
 
 The search first keeps the places whose light would fall onto the surfaces as strongly as the residual's dots show. At
 each of them the residual, gathered by its direction, is correlated with the pattern at all pans and tilts. The best few

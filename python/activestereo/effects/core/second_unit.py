@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where to start a fit of a second unit's dots: they match the picture at one place of that unit alone.
+"""Starting values for a fit of a second unit's dots: they match the picture at one place of that unit alone.
 
 A fine grid of places beside the rig and of yaw angles is looked at, each by the regression of the residual on the
 dots that a unit there would project.
