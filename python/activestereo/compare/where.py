@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The places of a model's failure: the residual against each covariate, binned, with block-bootstrap intervals and a false
-discovery rate."""
+"""The places of a model's failure: the residual against each covariate, binned, with block-bootstrap intervals and
+a false discovery rate."""
 
 from __future__ import annotations
 

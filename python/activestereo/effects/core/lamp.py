@@ -114,8 +114,8 @@ def _projection(K: np.ndarray) -> tuple[tuple[np.float32, int, np.float32], ...]
 
 
 def lamp_starts(images: list[StartImage]) -> list[dict[str, float]]:
-    """Starting values of a fit: a light that is far away, the same as a lamp, and the likeliest lamp of a coarse grid of
-    places in the room.
+    """Starting values of a fit: a light that is far away, the same as a lamp, and the likeliest lamp of a coarse grid
+    of places in the room.
     """
     return _far_starts(images) + _near_starts(images)
 
