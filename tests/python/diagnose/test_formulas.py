@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a formula misses of a named effect is no other effect's gain."""
+"""The part of a named effect that a formula misses is no other effect's gain."""
 
 from dataclasses import replace
 
