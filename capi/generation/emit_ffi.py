@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 
 from make_api_table import Function, declared_functions
 from table import SCALARS, Field, Struct, Tables
@@ -155,7 +156,8 @@ def python_structs(tables: Tables, headers: dict[str, str]) -> str:
             kind = _type(field, {k: f"c.{v}" for k, v in CTYPES.items()}, "c.c_void_p", tables)
             count = _count(field, constants)
             fields.append(f'("{field.name}", {kind}{"" if count == 1 else f" * {count}"})')
-        out += ["    _fields_ = [", *(f"        {text}," for text in fields), "    ]", ""]
+        rows = textwrap.wrap(", ".join(text.replace(" ", "\0") for text in fields), 110)
+        out += ["    _fields_ = [", *(f"        {row}".replace("\0", " ") for row in rows), "    ]", ""]
     return "\n".join(out)
 
 

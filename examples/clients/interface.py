@@ -238,617 +238,335 @@ KS_LOG_ERROR = 2
 class simsense_parameters(c.Structure):
     type_id = SIMSENSE_TYPE_PARAMETERS
     _fields_ = [
-        ("header", ks_header),
-        ("noise_seed", c.c_uint64),
-        ("frame_index", c.c_uint64),
-        ("roi_x", c.c_uint32),
-        ("roi_y", c.c_uint32),
-        ("roi_width", c.c_uint32),
-        ("roi_height", c.c_uint32),
-        ("census_width", c.c_uint32),
-        ("census_height", c.c_uint32),
-        ("census_kind", c.c_uint32),
-        ("census_contrast", c.c_float),
-        ("census_noise_dn", c.c_uint32),
-        ("min_disparity", c.c_int32),
-        ("max_disparity", c.c_uint32),
-        ("block_width", c.c_uint32),
-        ("block_height", c.c_uint32),
-        ("p1", c.c_uint32),
-        ("p2", c.c_uint32),
-        ("p2_full_gradient_dn", c.c_uint32),
-        ("path_count", c.c_uint32),
-        ("subpixel", c.c_uint32),
-        ("uniqueness_ratio", c.c_uint32),
-        ("lr_max_diff", c.c_int32),
-        ("median_size", c.c_uint32),
-        ("speckle_max_size", c.c_uint32),
-        ("speckle_max_diff_px", c.c_float),
-        ("min_texture_dn", c.c_uint32),
-        ("edge_step_px", c.c_float),
-        ("right_border_px", c.c_uint32),
-        ("low_texture_dn", c.c_uint32),
-        ("hole_filling", c.c_uint32),
-        ("min_depth_m", c.c_float),
-        ("max_depth_m", c.c_float),
-        ("depth_dilation", c.c_uint32),
-        ("splat_size", c.c_uint32),
-        ("min_correlation", c.c_float),
-        ("correlation_window", c.c_uint32),
+        ("header", ks_header), ("noise_seed", c.c_uint64), ("frame_index", c.c_uint64), ("roi_x", c.c_uint32),
+        ("roi_y", c.c_uint32), ("roi_width", c.c_uint32), ("roi_height", c.c_uint32), ("census_width", c.c_uint32),
+        ("census_height", c.c_uint32), ("census_kind", c.c_uint32), ("census_contrast", c.c_float),
+        ("census_noise_dn", c.c_uint32), ("min_disparity", c.c_int32), ("max_disparity", c.c_uint32),
+        ("block_width", c.c_uint32), ("block_height", c.c_uint32), ("p1", c.c_uint32), ("p2", c.c_uint32),
+        ("p2_full_gradient_dn", c.c_uint32), ("path_count", c.c_uint32), ("subpixel", c.c_uint32),
+        ("uniqueness_ratio", c.c_uint32), ("lr_max_diff", c.c_int32), ("median_size", c.c_uint32),
+        ("speckle_max_size", c.c_uint32), ("speckle_max_diff_px", c.c_float), ("min_texture_dn", c.c_uint32),
+        ("edge_step_px", c.c_float), ("right_border_px", c.c_uint32), ("low_texture_dn", c.c_uint32),
+        ("hole_filling", c.c_uint32), ("min_depth_m", c.c_float), ("max_depth_m", c.c_float),
+        ("depth_dilation", c.c_uint32), ("splat_size", c.c_uint32), ("min_correlation", c.c_float),
+        ("correlation_window", c.c_uint32)
     ]
 
 
 class simsense_signal(c.Structure):
     type_id = SIMSENSE_TYPE_SIGNAL
     _fields_ = [
-        ("header", ks_header),
-        ("exposure_s", c.c_float),
-        ("responsivity_e", c.c_float),
-        ("speckle_shape", c.c_float),
-        ("speckle_scale", c.c_float),
-        ("speckle_correlation", c.c_float),
-        ("speckle_psf_sigma_px", c.c_float),
-        ("prnu", c.c_float),
-        ("dark_current_e_per_s", c.c_float),
-        ("hot_pixel_share", c.c_float),
-        ("hot_pixel_e_per_s", c.c_float),
-        ("temperature_c", c.c_float),
-        ("dark_reference_c", c.c_float),
-        ("dark_doubling_k", c.c_float),
-        ("shot_noise", c.c_float),
-        ("full_well_e", c.c_float),
-        ("blooming", c.c_float),
-        ("dsnu_e", c.c_float),
-        ("row_fixed_e", c.c_float),
-        ("column_fixed_e", c.c_float),
-        ("row_noise_e", c.c_float),
-        ("column_noise_e", c.c_float),
-        ("read_noise_e", c.c_float),
-        ("conversion_gain_dn_per_e", c.c_float),
-        ("gain", c.c_float),
-        ("response_exponent", c.c_float),
-        ("adc_noise_dn", c.c_float),
-        ("black_level_dn", c.c_float),
-        ("black_level_dn_per_k", c.c_float),
-        ("bit_depth", c.c_uint32),
-        ("first_view", c.c_uint32),
-        ("scene_index", c.c_uint64),
+        ("header", ks_header), ("exposure_s", c.c_float), ("responsivity_e", c.c_float), ("speckle_shape", c.c_float),
+        ("speckle_scale", c.c_float), ("speckle_correlation", c.c_float), ("speckle_psf_sigma_px", c.c_float),
+        ("prnu", c.c_float), ("dark_current_e_per_s", c.c_float), ("hot_pixel_share", c.c_float),
+        ("hot_pixel_e_per_s", c.c_float), ("temperature_c", c.c_float), ("dark_reference_c", c.c_float),
+        ("dark_doubling_k", c.c_float), ("shot_noise", c.c_float), ("full_well_e", c.c_float),
+        ("blooming", c.c_float), ("dsnu_e", c.c_float), ("row_fixed_e", c.c_float), ("column_fixed_e", c.c_float),
+        ("row_noise_e", c.c_float), ("column_noise_e", c.c_float), ("read_noise_e", c.c_float),
+        ("conversion_gain_dn_per_e", c.c_float), ("gain", c.c_float), ("response_exponent", c.c_float),
+        ("adc_noise_dn", c.c_float), ("black_level_dn", c.c_float), ("black_level_dn_per_k", c.c_float),
+        ("bit_depth", c.c_uint32), ("first_view", c.c_uint32), ("scene_index", c.c_uint64)
     ]
 
 
 class kuafu_material_desc(c.Structure):
     type_id = KUAFU_TYPE_MATERIAL_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("name", c.c_char_p),
-        ("base_color", c.c_float * 4),
-        ("base_color_texture", c.c_uint32),
-        ("metallic", c.c_float),
-        ("roughness", c.c_float),
-        ("metallic_roughness_texture", c.c_uint32),
-        ("specular", c.c_float),
-        ("specular_texture", c.c_uint32),
-        ("ior", c.c_float),
-        ("ior_texture", c.c_uint32),
-        ("diffuse_roughness", c.c_float),
-        ("bsdf", c.c_uint32),
-        ("ir_albedo", c.c_float),
-        ("ir_albedo_texture", c.c_uint32),
-        ("ir_roughness", c.c_float),
-        ("ir_ior", c.c_float),
-        ("normal_texture", c.c_uint32),
-        ("normal_scale", c.c_float),
-        ("alpha_mode", c.c_uint32),
-        ("alpha_cutoff", c.c_float),
-        ("emission", c.c_float * 3),
-        ("emission_texture", c.c_uint32),
-        ("ir_emission", c.c_float),
-        ("light_group", c.c_uint32),
-        ("transmission", c.c_float),
-        ("transmission_texture", c.c_uint32),
-        ("transmission_roughness", c.c_float),
-        ("thin_walled", c.c_uint32),
-        ("attenuation_color", c.c_float * 3),
-        ("attenuation_distance_m", c.c_float),
-        ("dispersion", c.c_float),
-        ("ir_transmission", c.c_float),
-        ("ir_transmission_roughness", c.c_float),
-        ("ir_attenuation_color", c.c_float),
-        ("diffuse_transmission", c.c_float),
-        ("diffuse_transmission_texture", c.c_uint32),
-        ("diffuse_transmission_color", c.c_float * 3),
-        ("diffuse_transmission_color_texture", c.c_uint32),
-        ("ir_diffuse_transmission_color", c.c_float),
-        ("subsurface", c.c_float),
-        ("subsurface_color", c.c_float * 3),
-        ("subsurface_radius_m", c.c_float * 3),
-        ("ir_subsurface_color", c.c_float),
-        ("ir_subsurface_radius_m", c.c_float),
-        ("clearcoat", c.c_float),
-        ("clearcoat_texture", c.c_uint32),
-        ("clearcoat_roughness", c.c_float),
-        ("clearcoat_roughness_texture", c.c_uint32),
-        ("clearcoat_normal_texture", c.c_uint32),
-        ("clearcoat_normal_scale", c.c_float),
-        ("anisotropy", c.c_float),
-        ("anisotropy_rotation_rad", c.c_float),
-        ("anisotropy_texture", c.c_uint32),
-        ("sheen_color", c.c_float * 3),
-        ("sheen_color_texture", c.c_uint32),
-        ("sheen_roughness", c.c_float),
-        ("sheen_roughness_texture", c.c_uint32),
-        ("ir_sheen_color", c.c_float),
-        ("iridescence", c.c_float),
-        ("iridescence_texture", c.c_uint32),
-        ("iridescence_ior", c.c_float),
-        ("iridescence_thickness_nm", c.c_float),
-        ("iridescence_least_thickness_nm", c.c_float),
-        ("iridescence_thickness_texture", c.c_uint32),
+        ("header", ks_header), ("name", c.c_char_p), ("base_color", c.c_float * 4),
+        ("base_color_texture", c.c_uint32), ("metallic", c.c_float), ("roughness", c.c_float),
+        ("metallic_roughness_texture", c.c_uint32), ("specular", c.c_float), ("specular_texture", c.c_uint32),
+        ("ior", c.c_float), ("ior_texture", c.c_uint32), ("diffuse_roughness", c.c_float), ("bsdf", c.c_uint32),
+        ("ir_albedo", c.c_float), ("ir_albedo_texture", c.c_uint32), ("ir_roughness", c.c_float),
+        ("ir_ior", c.c_float), ("normal_texture", c.c_uint32), ("normal_scale", c.c_float),
+        ("alpha_mode", c.c_uint32), ("alpha_cutoff", c.c_float), ("emission", c.c_float * 3),
+        ("emission_texture", c.c_uint32), ("ir_emission", c.c_float), ("light_group", c.c_uint32),
+        ("transmission", c.c_float), ("transmission_texture", c.c_uint32), ("transmission_roughness", c.c_float),
+        ("thin_walled", c.c_uint32), ("attenuation_color", c.c_float * 3), ("attenuation_distance_m", c.c_float),
+        ("dispersion", c.c_float), ("ir_transmission", c.c_float), ("ir_transmission_roughness", c.c_float),
+        ("ir_attenuation_color", c.c_float), ("diffuse_transmission", c.c_float),
+        ("diffuse_transmission_texture", c.c_uint32), ("diffuse_transmission_color", c.c_float * 3),
+        ("diffuse_transmission_color_texture", c.c_uint32), ("ir_diffuse_transmission_color", c.c_float),
+        ("subsurface", c.c_float), ("subsurface_color", c.c_float * 3), ("subsurface_radius_m", c.c_float * 3),
+        ("ir_subsurface_color", c.c_float), ("ir_subsurface_radius_m", c.c_float), ("clearcoat", c.c_float),
+        ("clearcoat_texture", c.c_uint32), ("clearcoat_roughness", c.c_float),
+        ("clearcoat_roughness_texture", c.c_uint32), ("clearcoat_normal_texture", c.c_uint32),
+        ("clearcoat_normal_scale", c.c_float), ("anisotropy", c.c_float), ("anisotropy_rotation_rad", c.c_float),
+        ("anisotropy_texture", c.c_uint32), ("sheen_color", c.c_float * 3), ("sheen_color_texture", c.c_uint32),
+        ("sheen_roughness", c.c_float), ("sheen_roughness_texture", c.c_uint32), ("ir_sheen_color", c.c_float),
+        ("iridescence", c.c_float), ("iridescence_texture", c.c_uint32), ("iridescence_ior", c.c_float),
+        ("iridescence_thickness_nm", c.c_float), ("iridescence_least_thickness_nm", c.c_float),
+        ("iridescence_thickness_texture", c.c_uint32)
     ]
 
 
 class kuafu_optics_desc(c.Structure):
     type_id = KUAFU_TYPE_OPTICS_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("vignetting_exponent", c.c_double),
-        ("vignetting_polynomial", c.c_double * 3),
-        ("defocus_lens_radius_m", c.c_double),
-        ("defocus_focus_m", c.c_double),
-        ("psf_sigma_px", c.c_double),
-        ("psf_corner_sigma_px", c.c_double),
-        ("veiling_glare_fraction", c.c_double),
-        ("firefly_factor", c.c_double),
+        ("header", ks_header), ("vignetting_exponent", c.c_double), ("vignetting_polynomial", c.c_double * 3),
+        ("defocus_lens_radius_m", c.c_double), ("defocus_focus_m", c.c_double), ("psf_sigma_px", c.c_double),
+        ("psf_corner_sigma_px", c.c_double), ("veiling_glare_fraction", c.c_double), ("firefly_factor", c.c_double)
     ]
 
 
 class kuafu_medium_desc(c.Structure):
     type_id = KUAFU_TYPE_MEDIUM_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("extinction_per_m", c.c_float * 3),
-        ("ir_extinction_per_m", c.c_float),
-        ("albedo", c.c_float * 3),
-        ("ir_albedo", c.c_float),
-        ("phase_g", c.c_float),
-        ("housing_m", c.c_float),
-        ("bounds_min_m", c.c_double * 3),
-        ("bounds_max_m", c.c_double * 3),
+        ("header", ks_header), ("extinction_per_m", c.c_float * 3), ("ir_extinction_per_m", c.c_float),
+        ("albedo", c.c_float * 3), ("ir_albedo", c.c_float), ("phase_g", c.c_float), ("housing_m", c.c_float),
+        ("bounds_min_m", c.c_double * 3), ("bounds_max_m", c.c_double * 3)
     ]
 
 
 class ks_lens(c.Structure):
     _fields_ = [
-        ("model", c.c_uint32),
-        ("reserved", c.c_uint32),
-        ("distortion", c.c_double * 8),
+        ("model", c.c_uint32), ("reserved", c.c_uint32), ("distortion", c.c_double * 8)
     ]
 
 
 class kuafu_environment_desc(c.Structure):
     type_id = KUAFU_TYPE_ENVIRONMENT_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("radiance", c.c_float * 3),
-        ("ir_radiance", c.c_float),
-        ("texture", c.c_uint32),
-        ("light_group", c.c_uint32),
-        ("map_to_world", c.c_double * 9),
+        ("header", ks_header), ("radiance", c.c_float * 3), ("ir_radiance", c.c_float), ("texture", c.c_uint32),
+        ("light_group", c.c_uint32), ("map_to_world", c.c_double * 9)
     ]
 
 
 class kuafu_scene_summary(c.Structure):
     type_id = KUAFU_TYPE_SCENE_SUMMARY
     _fields_ = [
-        ("header", ks_header),
-        ("mesh_count", c.c_uint32),
-        ("texture_count", c.c_uint32),
-        ("material_count", c.c_uint32),
-        ("instance_count", c.c_uint32),
-        ("light_count", c.c_uint32),
-        ("camera_count", c.c_uint32),
-        ("animation_count", c.c_uint32),
-        ("reserved", c.c_uint32),
-        ("triangle_count", c.c_uint64),
-        ("bounds_min_m", c.c_double * 3),
-        ("bounds_max_m", c.c_double * 3),
+        ("header", ks_header), ("mesh_count", c.c_uint32), ("texture_count", c.c_uint32),
+        ("material_count", c.c_uint32), ("instance_count", c.c_uint32), ("light_count", c.c_uint32),
+        ("camera_count", c.c_uint32), ("animation_count", c.c_uint32), ("reserved", c.c_uint32),
+        ("triangle_count", c.c_uint64), ("bounds_min_m", c.c_double * 3), ("bounds_max_m", c.c_double * 3)
     ]
 
 
 class kuafu_mesh_desc(c.Structure):
     type_id = KUAFU_TYPE_MESH_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("name", c.c_char_p),
-        ("positions", c.c_void_p),
-        ("normals", c.c_void_p),
-        ("uvs", c.c_void_p),
-        ("uvs_1", c.c_void_p),
-        ("colors", c.c_void_p),
-        ("indices", c.c_void_p),
-        ("slots", c.c_void_p),
-        ("vertex_count", c.c_uint32),
-        ("triangle_count", c.c_uint32),
+        ("header", ks_header), ("name", c.c_char_p), ("positions", c.c_void_p), ("normals", c.c_void_p),
+        ("uvs", c.c_void_p), ("uvs_1", c.c_void_p), ("colors", c.c_void_p), ("indices", c.c_void_p),
+        ("slots", c.c_void_p), ("vertex_count", c.c_uint32), ("triangle_count", c.c_uint32)
     ]
 
 
 class kuafu_texture_desc(c.Structure):
     type_id = KUAFU_TYPE_TEXTURE_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("name", c.c_char_p),
-        ("texels", c.c_void_p),
-        ("width", c.c_uint32),
-        ("height", c.c_uint32),
-        ("channels", c.c_uint32),
-        ("format", c.c_uint32),
-        ("srgb", c.c_uint32),
-        ("wrap_u", c.c_uint32),
-        ("wrap_v", c.c_uint32),
-        ("filter", c.c_uint32),
-        ("uv_set", c.c_uint32),
-        ("uv_transform", c.c_float * 6),
-        ("reserved", c.c_uint32),
+        ("header", ks_header), ("name", c.c_char_p), ("texels", c.c_void_p), ("width", c.c_uint32),
+        ("height", c.c_uint32), ("channels", c.c_uint32), ("format", c.c_uint32), ("srgb", c.c_uint32),
+        ("wrap_u", c.c_uint32), ("wrap_v", c.c_uint32), ("filter", c.c_uint32), ("uv_set", c.c_uint32),
+        ("uv_transform", c.c_float * 6), ("reserved", c.c_uint32)
     ]
 
 
 class kuafu_instance_desc(c.Structure):
     type_id = KUAFU_TYPE_INSTANCE_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("name", c.c_char_p),
-        ("mesh", c.c_uint32),
-        ("environment", c.c_uint32),
-        ("materials", c.c_void_p),
-        ("material_count", c.c_uint32),
-        ("semantic_id", c.c_uint32),
-        ("local_to_world", c.c_double * 16),
-        ("linear_velocity", c.c_double * 3),
-        ("angular_velocity", c.c_double * 3),
+        ("header", ks_header), ("name", c.c_char_p), ("mesh", c.c_uint32), ("environment", c.c_uint32),
+        ("materials", c.c_void_p), ("material_count", c.c_uint32), ("semantic_id", c.c_uint32),
+        ("local_to_world", c.c_double * 16), ("linear_velocity", c.c_double * 3), ("angular_velocity", c.c_double * 3)
     ]
 
 
 class kuafu_renderer_desc(c.Structure):
     type_id = KUAFU_TYPE_RENDERER_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("tracer", c.c_uint32),
-        ("reserved", c.c_uint32),
-        ("oidn_library", c.c_char_p),
+        ("header", ks_header), ("tracer", c.c_uint32), ("reserved", c.c_uint32), ("oidn_library", c.c_char_p)
     ]
 
 
 class kuafu_render_desc(c.Structure):
     type_id = KUAFU_TYPE_RENDER_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("views", c.c_void_p),
-        ("outputs", c.c_void_p),
-        ("view_count", c.c_uint32),
-        ("output_count", c.c_uint32),
-        ("samples_per_pixel", c.c_uint32),
-        ("max_bounces", c.c_uint32),
-        ("seed", c.c_uint64),
-        ("first_sample", c.c_uint32),
-        ("ir_ambient_scale", c.c_float),
-        ("ir_ambient_radiance", c.c_float),
-        ("glass_surfaces", c.c_uint32),
-        ("progress", c.c_void_p),
-        ("progress_user", c.c_void_p),
-        ("light_sampling", c.c_uint32),
-        ("denoise", c.c_uint32),
-        ("projector", c.c_uint32),
-        ("temporal_weight", c.c_float),
-        ("accumulate", c.c_uint32),
-        ("glass_shadows", c.c_uint32),
-        ("max_seconds", c.c_double),
-        ("relative_error", c.c_double),
-        ("wait", c.c_void_p),
+        ("header", ks_header), ("views", c.c_void_p), ("outputs", c.c_void_p), ("view_count", c.c_uint32),
+        ("output_count", c.c_uint32), ("samples_per_pixel", c.c_uint32), ("max_bounces", c.c_uint32),
+        ("seed", c.c_uint64), ("first_sample", c.c_uint32), ("ir_ambient_scale", c.c_float),
+        ("ir_ambient_radiance", c.c_float), ("glass_surfaces", c.c_uint32), ("progress", c.c_void_p),
+        ("progress_user", c.c_void_p), ("light_sampling", c.c_uint32), ("denoise", c.c_uint32),
+        ("projector", c.c_uint32), ("temporal_weight", c.c_float), ("accumulate", c.c_uint32),
+        ("glass_shadows", c.c_uint32), ("max_seconds", c.c_double), ("relative_error", c.c_double),
+        ("wait", c.c_void_p)
     ]
 
 
 class kuafu_render_summary(c.Structure):
     type_id = KUAFU_TYPE_RENDER_SUMMARY
     _fields_ = [
-        ("header", ks_header),
-        ("samples_per_pixel", c.c_uint32),
-        ("call_samples_per_pixel", c.c_uint32),
-        ("relative_error", c.c_double),
-        ("seconds", c.c_double),
+        ("header", ks_header), ("samples_per_pixel", c.c_uint32), ("call_samples_per_pixel", c.c_uint32),
+        ("relative_error", c.c_double), ("seconds", c.c_double)
     ]
 
 
 class kuafu_gbuffer(c.Structure):
     type_id = KUAFU_TYPE_GBUFFER
     _fields_ = [
-        ("header", ks_header),
-        ("depth", c.c_void_p),
-        ("normal", c.c_void_p),
-        ("albedo", c.c_void_p),
-        ("material", c.c_void_p),
+        ("header", ks_header), ("depth", c.c_void_p), ("normal", c.c_void_p), ("albedo", c.c_void_p),
+        ("material", c.c_void_p)
     ]
 
 
 class kuafu_gbuffer_desc(c.Structure):
     type_id = KUAFU_TYPE_GBUFFER_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("left_view", c.c_void_p),
-        ("right_view", c.c_void_p),
-        ("left", c.c_void_p),
-        ("right", c.c_void_p),
-        ("projector_depth", c.c_void_p),
-        ("laser_power", c.c_void_p),
-        ("ambient_radiance", c.c_void_p),
-        ("outputs", c.c_void_p),
-        ("output_count", c.c_uint32),
-        ("environment_count", c.c_uint32),
-        ("depth_kind", c.c_uint32),
-        ("reserved", c.c_uint32),
+        ("header", ks_header), ("left_view", c.c_void_p), ("right_view", c.c_void_p), ("left", c.c_void_p),
+        ("right", c.c_void_p), ("projector_depth", c.c_void_p), ("laser_power", c.c_void_p),
+        ("ambient_radiance", c.c_void_p), ("outputs", c.c_void_p), ("output_count", c.c_uint32),
+        ("environment_count", c.c_uint32), ("depth_kind", c.c_uint32), ("reserved", c.c_uint32)
     ]
 
 
 class ks_buffer_create(c.Structure):
     type_id = KS_TYPE_BUFFER_CREATE
     _fields_ = [
-        ("header", ks_header),
-        ("size_bytes", c.c_uint64),
-        ("flags", c.c_uint32),
-        ("reserved", c.c_uint32),
+        ("header", ks_header), ("size_bytes", c.c_uint64), ("flags", c.c_uint32), ("reserved", c.c_uint32)
     ]
 
 
 class ks_buffer_desc(c.Structure):
     type_id = KS_TYPE_BUFFER_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("memory", c.c_uint32),
-        ("memory_type_index", c.c_uint32),
-        ("handle", c.c_uint64),
-        ("allocation_bytes", c.c_uint64),
-        ("offset_bytes", c.c_uint64),
-        ("size_bytes", c.c_uint64),
-        ("dedicated", c.c_uint32),
-        ("reserved", c.c_uint32),
-        ("device_uuid", c.c_uint8 * 16),
-        ("driver_uuid", c.c_uint8 * 16),
+        ("header", ks_header), ("memory", c.c_uint32), ("memory_type_index", c.c_uint32), ("handle", c.c_uint64),
+        ("allocation_bytes", c.c_uint64), ("offset_bytes", c.c_uint64), ("size_bytes", c.c_uint64),
+        ("dedicated", c.c_uint32), ("reserved", c.c_uint32), ("device_uuid", c.c_uint8 * 16),
+        ("driver_uuid", c.c_uint8 * 16)
     ]
 
 
 class ks_vulkan_device(c.Structure):
     type_id = KS_TYPE_VULKAN_DEVICE
     _fields_ = [
-        ("header", ks_header),
-        ("instance", c.c_void_p),
-        ("physical_device", c.c_void_p),
-        ("device", c.c_void_p),
-        ("queue", c.c_void_p),
-        ("create_info", c.c_void_p),
-        ("queue_family_index", c.c_uint32),
-        ("api_version", c.c_uint32),
-        ("lock_queue", c.c_void_p),
-        ("lock_user", c.c_void_p),
+        ("header", ks_header), ("instance", c.c_void_p), ("physical_device", c.c_void_p), ("device", c.c_void_p),
+        ("queue", c.c_void_p), ("create_info", c.c_void_p), ("queue_family_index", c.c_uint32),
+        ("api_version", c.c_uint32), ("lock_queue", c.c_void_p), ("lock_user", c.c_void_p)
     ]
 
 
 class ks_host_services(c.Structure):
     type_id = KS_TYPE_HOST_SERVICES
     _fields_ = [
-        ("header", ks_header),
-        ("parallel_for", c.c_void_p),
-        ("parallel_user", c.c_void_p),
-        ("allocate", c.c_void_p),
-        ("deallocate", c.c_void_p),
-        ("memory_user", c.c_void_p),
+        ("header", ks_header), ("parallel_for", c.c_void_p), ("parallel_user", c.c_void_p), ("allocate", c.c_void_p),
+        ("deallocate", c.c_void_p), ("memory_user", c.c_void_p)
     ]
 
 
 class ks_device_desc(c.Structure):
     type_id = KS_TYPE_DEVICE_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("select", c.c_uint32),
-        ("index", c.c_uint32),
-        ("uuid", c.c_uint8 * 16),
-        ("worker_count", c.c_uint32),
-        ("validation", c.c_uint32),
-        ("log", c.c_void_p),
-        ("log_user", c.c_void_p),
-        ("cache_directory", c.c_char_p),
-        ("vulkan", c.c_void_p),
-        ("host", c.c_void_p),
+        ("header", ks_header), ("select", c.c_uint32), ("index", c.c_uint32), ("uuid", c.c_uint8 * 16),
+        ("worker_count", c.c_uint32), ("validation", c.c_uint32), ("log", c.c_void_p), ("log_user", c.c_void_p),
+        ("cache_directory", c.c_char_p), ("vulkan", c.c_void_p), ("host", c.c_void_p)
     ]
 
 
 class ks_device_info(c.Structure):
     type_id = KS_TYPE_DEVICE_INFO
     _fields_ = [
-        ("header", ks_header),
-        ("name", c.c_char * 256),
-        ("driver", c.c_char * 256),
-        ("refused", c.c_char * 512),
-        ("device_uuid", c.c_uint8 * 16),
-        ("driver_uuid", c.c_uint8 * 16),
-        ("index", c.c_uint32),
-        ("kind", c.c_uint32),
-        ("api_version", c.c_uint32),
-        ("usable", c.c_uint32),
-        ("capabilities", c.c_uint64),
-        ("memory_bytes", c.c_uint64),
+        ("header", ks_header), ("name", c.c_char * 256), ("driver", c.c_char * 256), ("refused", c.c_char * 512),
+        ("device_uuid", c.c_uint8 * 16), ("driver_uuid", c.c_uint8 * 16), ("index", c.c_uint32), ("kind", c.c_uint32),
+        ("api_version", c.c_uint32), ("usable", c.c_uint32), ("capabilities", c.c_uint64),
+        ("memory_bytes", c.c_uint64)
     ]
 
 
 class ks_image_desc(c.Structure):
     type_id = KS_TYPE_IMAGE_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("format", c.c_uint32),
-        ("dim_count", c.c_uint32),
-        ("shape", c.c_uint64 * 5),
-        ("byte_stride", c.c_int64 * 5),
-        ("offset_bytes", c.c_uint64),
+        ("header", ks_header), ("format", c.c_uint32), ("dim_count", c.c_uint32), ("shape", c.c_uint64 * 5),
+        ("byte_stride", c.c_int64 * 5), ("offset_bytes", c.c_uint64)
     ]
 
 
 class ks_sync(c.Structure):
     type_id = KS_TYPE_SYNC
     _fields_ = [
-        ("header", ks_header),
-        ("kind", c.c_uint32),
-        ("reserved", c.c_uint32),
-        ("handle", c.c_uint64),
-        ("value", c.c_uint64),
+        ("header", ks_header), ("kind", c.c_uint32), ("reserved", c.c_uint32), ("handle", c.c_uint64),
+        ("value", c.c_uint64)
     ]
 
 
 class ks_stage_time(c.Structure):
     _fields_ = [
-        ("name", c.c_char * 32),
-        ("milliseconds", c.c_double),
+        ("name", c.c_char * 32), ("milliseconds", c.c_double)
     ]
 
 
 class kuafu_camera_desc(c.Structure):
     type_id = KUAFU_TYPE_CAMERA_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("width", c.c_uint32),
-        ("height", c.c_uint32),
-        ("k", c.c_double * 9),
-        ("camera_to_world", c.c_double * 16),
-        ("near_m", c.c_double),
-        ("far_m", c.c_double),
-        ("lens", ks_lens),
-        ("lens_radius_m", c.c_double),
-        ("focus_m", c.c_double),
-        ("shutter", c.c_uint32),
-        ("readout", c.c_uint32),
-        ("exposure_s", c.c_double),
-        ("line_time_s", c.c_double),
-        ("linear_velocity", c.c_double * 3),
-        ("angular_velocity", c.c_double * 3),
+        ("header", ks_header), ("width", c.c_uint32), ("height", c.c_uint32), ("k", c.c_double * 9),
+        ("camera_to_world", c.c_double * 16), ("near_m", c.c_double), ("far_m", c.c_double), ("lens", ks_lens),
+        ("lens_radius_m", c.c_double), ("focus_m", c.c_double), ("shutter", c.c_uint32), ("readout", c.c_uint32),
+        ("exposure_s", c.c_double), ("line_time_s", c.c_double), ("linear_velocity", c.c_double * 3),
+        ("angular_velocity", c.c_double * 3)
     ]
 
 
 class kuafu_light_desc(c.Structure):
     type_id = KUAFU_TYPE_LIGHT_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("name", c.c_char_p),
-        ("kind", c.c_uint32),
-        ("environment", c.c_uint32),
-        ("intensity", c.c_float * 3),
-        ("ir_intensity", c.c_float),
-        ("texture", c.c_uint32),
-        ("light_group", c.c_uint32),
-        ("light_to_world", c.c_double * 16),
-        ("linear_velocity", c.c_double * 3),
-        ("angular_velocity", c.c_double * 3),
-        ("on_from_s", c.c_double),
-        ("on_until_s", c.c_double),
-        ("radius_m", c.c_double),
-        ("size_m", c.c_double * 2),
-        ("angle_rad", c.c_double),
-        ("inner_rad", c.c_double),
-        ("outer_rad", c.c_double),
-        ("range_m", c.c_double),
-        ("k", c.c_double * 9),
-        ("lens", ks_lens),
-        ("falloff", c.c_double),
-        ("focus_m", c.c_double),
-        ("pattern_scale", c.c_double),
-        ("dots", c.c_void_p),
-        ("dot_count", c.c_uint32),
-        ("pattern_width", c.c_uint32),
-        ("pattern_height", c.c_uint32),
-        ("dot_sigma_px", c.c_float),
-        ("dot_background", c.c_double),
-        ("ir_share", c.c_double),
+        ("header", ks_header), ("name", c.c_char_p), ("kind", c.c_uint32), ("environment", c.c_uint32),
+        ("intensity", c.c_float * 3), ("ir_intensity", c.c_float), ("texture", c.c_uint32),
+        ("light_group", c.c_uint32), ("light_to_world", c.c_double * 16), ("linear_velocity", c.c_double * 3),
+        ("angular_velocity", c.c_double * 3), ("on_from_s", c.c_double), ("on_until_s", c.c_double),
+        ("radius_m", c.c_double), ("size_m", c.c_double * 2), ("angle_rad", c.c_double), ("inner_rad", c.c_double),
+        ("outer_rad", c.c_double), ("range_m", c.c_double), ("k", c.c_double * 9), ("lens", ks_lens),
+        ("falloff", c.c_double), ("focus_m", c.c_double), ("pattern_scale", c.c_double), ("dots", c.c_void_p),
+        ("dot_count", c.c_uint32), ("pattern_width", c.c_uint32), ("pattern_height", c.c_uint32),
+        ("dot_sigma_px", c.c_float), ("dot_background", c.c_double), ("ir_share", c.c_double)
     ]
 
 
 class kuafu_output_desc(c.Structure):
     type_id = KUAFU_TYPE_OUTPUT_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("output", c.c_uint32),
-        ("scale", c.c_float),
-        ("buffer", c.c_void_p),
-        ("image", ks_image_desc),
+        ("header", ks_header), ("output", c.c_uint32), ("scale", c.c_float), ("buffer", c.c_void_p),
+        ("image", ks_image_desc)
     ]
 
 
 class simsense_camera(c.Structure):
     _fields_ = [
-        ("width", c.c_uint32),
-        ("height", c.c_uint32),
-        ("k", c.c_double * 9),
-        ("lens", ks_lens),
+        ("width", c.c_uint32), ("height", c.c_uint32), ("k", c.c_double * 9), ("lens", ks_lens)
     ]
 
 
 class simsense_image(c.Structure):
     _fields_ = [
-        ("buffer", c.c_void_p),
-        ("host", c.c_void_p),
-        ("image", ks_image_desc),
+        ("buffer", c.c_void_p), ("host", c.c_void_p), ("image", ks_image_desc)
     ]
 
 
 class kuafu_view_desc(c.Structure):
     type_id = KUAFU_TYPE_VIEW_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("camera", kuafu_camera_desc),
-        ("band", c.c_uint32),
-        ("environment", c.c_uint32),
-        ("optics", c.c_void_p),
-        ("previous_camera_to_world", c.c_double * 16),
+        ("header", ks_header), ("camera", kuafu_camera_desc), ("band", c.c_uint32), ("environment", c.c_uint32),
+        ("optics", c.c_void_p), ("previous_camera_to_world", c.c_double * 16)
     ]
 
 
 class simsense_rig_desc(c.Structure):
     type_id = SIMSENSE_TYPE_RIG_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("left", simsense_camera),
-        ("right", simsense_camera),
-        ("rgb", simsense_camera),
-        ("left_to_right", c.c_double * 16),
-        ("left_to_rgb", c.c_double * 16),
-        ("rectified", c.c_uint32),
-        ("batch_count", c.c_uint32),
-        ("faults", c.c_uint32),
-        ("back_end", c.c_uint32),
-        ("low_memory", c.c_uint32),
-        ("reserved", c.c_uint32),
+        ("header", ks_header), ("left", simsense_camera), ("right", simsense_camera), ("rgb", simsense_camera),
+        ("left_to_right", c.c_double * 16), ("left_to_rgb", c.c_double * 16), ("rectified", c.c_uint32),
+        ("batch_count", c.c_uint32), ("faults", c.c_uint32), ("back_end", c.c_uint32), ("low_memory", c.c_uint32),
+        ("reserved", c.c_uint32)
     ]
 
 
 class simsense_output_desc(c.Structure):
     type_id = SIMSENSE_TYPE_OUTPUT_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("output", c.c_uint32),
-        ("reserved", c.c_uint32),
-        ("image", simsense_image),
+        ("header", ks_header), ("output", c.c_uint32), ("reserved", c.c_uint32), ("image", simsense_image)
     ]
 
 
 class simsense_compute_desc(c.Structure):
     type_id = SIMSENSE_TYPE_COMPUTE_DESC
     _fields_ = [
-        ("header", ks_header),
-        ("left", simsense_image),
-        ("right", simsense_image),
-        ("left_laser", simsense_image),
-        ("right_laser", simsense_image),
-        ("rgb", simsense_image),
-        ("outputs", c.c_void_p),
-        ("output_count", c.c_uint32),
-        ("reserved", c.c_uint32),
-        ("progress", c.c_void_p),
-        ("progress_user", c.c_void_p),
-        ("wait", c.c_void_p),
-        ("noise_seeds", c.c_void_p),
+        ("header", ks_header), ("left", simsense_image), ("right", simsense_image), ("left_laser", simsense_image),
+        ("right_laser", simsense_image), ("rgb", simsense_image), ("outputs", c.c_void_p),
+        ("output_count", c.c_uint32), ("reserved", c.c_uint32), ("progress", c.c_void_p),
+        ("progress_user", c.c_void_p), ("wait", c.c_void_p), ("noise_seeds", c.c_void_p)
     ]
