@@ -30,7 +30,7 @@ from activestereo.calibrate.pattern import calibrate_pattern
 from activestereo.capture.capture import Capture, read_capture
 from activestereo.report.overlay import Overlay
 from activestereo.common.pose import look_at
-from activestereo.model.calibrated import calibrated
+from activestereo.model.diagnosed import calibrated
 
 SIZE = (40, 64)
 WALLS = ((1.0, 0.0), (1.7, 0.1))  # metres, yaw

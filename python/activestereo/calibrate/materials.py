@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from activestereo.calibrate.material_fit import COLORS, PARAMETERS, MaterialFit
-from activestereo.calibrate.material_refine import Refined, refine
+from activestereo.calibrate.material_fit import COLORS, PARAMETERS, MaterialFit, Refined, refine
 from activestereo.calibrate.material_views import MaterialScene, pictures
 from activestereo.capture.capture import read_capture
 from activestereo.common.progress_bar import part_of
 from activestereo.effects.core.scene_surfaces import surface_names, surfaces_of_object
 from activestereo.model import Quantity, SensorModel
-from activestereo.model.calibrated import calibrated
+from activestereo.model.diagnosed import calibrated
 
 _CANDIDATES, _KEEP = 32, 4  # a quarter of each round goes on, with four times the samples
 _LEAST_KEPT = 4  # so that one of another roughness is among the last

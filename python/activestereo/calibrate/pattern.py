@@ -34,7 +34,7 @@ from activestereo.common.progress_bar import part_of
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.model import Pattern as SensorPattern
 from activestereo.model import Rig, SensorModel
-from activestereo.model.calibrated import calibrated
+from activestereo.model.diagnosed import calibrated
 
 # A dot covers some ten pixels of a hundred: a tenth of the dots may clip at their tops.
 _LARGEST_SATURATED = 0.005

@@ -114,7 +114,7 @@ def _under_model(args: argparse.Namespace, effects: "dict[str, Effect]") -> dict
     from activestereo.effects.core.scene_surfaces import surface_names
     from activestereo.effects.engines import CaptureRenderer
     from activestereo.model import read_model
-    from activestereo.model.calibrated import calibrated
+    from activestereo.model.diagnosed import calibrated
 
     model, names = read_model(args.model, effects), surface_names(scene_of(args.capture))
     return {

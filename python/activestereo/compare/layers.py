@@ -11,7 +11,7 @@ import numpy as np
 
 from activestereo.capture.capture import SIDES, Camera, Capture, Frame, Rig
 from activestereo.common.lens import distort, is_drawn, undistort
-from activestereo.effects.core.supersampled import SupersampledImages
+from activestereo.effects.core.resample import SupersampledImages
 
 # Rendered beyond the frame at finer scales: what calibration errors, lenses and motion bring into sight.
 _MARGIN_SHARE = 0.02

@@ -13,7 +13,7 @@ import numpy as np
 
 from activestereo.compare.layers import Layers, PixelLayers
 from activestereo.compare.render import Halves, LayersOfFrames
-from activestereo.effects.core.supersampled import SupersampledImages
+from activestereo.effects.core.resample import SupersampledImages
 
 
 def noise_square(first: np.ndarray, second: np.ndarray) -> float:

@@ -4,7 +4,7 @@
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.light import Light
-from activestereo.effects.core.shifted import shifted
+from activestereo.effects.core.motion import shifted
 from activestereo.effects.core.view import View
 
 

@@ -7,9 +7,8 @@ import numpy as np
 
 from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
-from activestereo.effects.core.ggx import IOR, base_share, fresnel, highlight, ior_of, reflected_share
 from activestereo.effects.core.light import Light
-from activestereo.effects.core.shading import Shading
+from activestereo.effects.core.shading import IOR, Shading, base_share, fresnel, highlight, ior_of, reflected_share
 from activestereo.effects.core.surfaces import SURFACES, on_surfaces
 from activestereo.effects.core.view import View
 

@@ -9,7 +9,7 @@ from material_worlds import NOMINAL, PAINTS, record, seen_of
 
 from activestereo.calibrate import materials
 from activestereo.calibrate.material_fit import MaterialFit
-from activestereo.calibrate.material_refine import refine
+from activestereo.calibrate.material_fit import refine
 from activestereo.calibrate.material_views import MaterialScene
 from activestereo.capture.capture import read_capture
 from activestereo.cli import main

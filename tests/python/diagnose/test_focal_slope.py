@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from activestereo.effects.core.supersampled import SupersampledImages
+from activestereo.effects.core.resample import SupersampledImages
 from activestereo.effects.core.laws import example_view
 from activestereo.diagnose.evidence.geometry import focal_slopes
 from activestereo.diagnose.evidence.measured_image import MeasuredImage

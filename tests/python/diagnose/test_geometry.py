@@ -28,7 +28,7 @@ from activestereo.effects import Model, builtin
 from activestereo.effects.core.laws import example_view
 from activestereo.effects.core.view import transform
 from activestereo.model import SensorModel
-from activestereo.model.calibrated import calibrated
+from activestereo.model.diagnosed import calibrated
 from activestereo.model.model import MeasuredPose
 from activestereo.model.read import read_model
 from activestereo.model.write import write_model

@@ -10,7 +10,7 @@ import pytest
 from activestereo.effects import Light, builtin
 from activestereo.effects.core.beam import glow
 from activestereo.effects.core.descriptor import Stage
-from activestereo.effects.core.ggx import reflected_share
+from activestereo.effects.core.shading import reflected_share
 from activestereo.effects.core.laws import example_value, example_view
 from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.compare.layers import RenderRequest, ViewCamera

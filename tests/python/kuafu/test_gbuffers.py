@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import kuafu
-from activestereo.effects.core.ggx import base_share, cosines_of, highlight
+from activestereo.effects.core.shading import base_share, cosines_of, highlight
 
 FOCAL_PX, BASELINE_M, PROJECTOR_M = 100.0, 0.05, 0.03
 IMAGES = {"depth": np.float32, "normal": np.float32, "albedo": np.float32, "material": np.uint32}

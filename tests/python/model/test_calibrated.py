@@ -8,7 +8,7 @@ import pytest
 
 from activestereo.capture.capture import Camera, Capture, Projector, Rig
 from activestereo.model import Pattern, SensorModel, read_model, write_model
-from activestereo.model.calibrated import calibrated, pattern_image
+from activestereo.model.diagnosed import calibrated, pattern_image
 from activestereo.model.model import Rig as ModelRig
 
 _K = np.array([[100.0, 0, 31.5], [0, 100.0, 23.5], [0, 0, 1.0]])

@@ -23,7 +23,7 @@ from activestereo.diagnose.search.linear import linearised
 from activestereo.effects import Model
 from activestereo.effects.core.scene_surfaces import surface_names
 from activestereo.model import SensorModel
-from activestereo.model.calibrated import calibrated
+from activestereo.model.diagnosed import calibrated
 
 if TYPE_CHECKING:
     from activestereo.effects.engines import CaptureRenderer

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from activestereo.effects.core.resample import Spline, blur, sample, shifted_sum
-from activestereo.effects.core.supersampled import SupersampledImages
+from activestereo.effects.core.resample import Spline, SupersampledImages, blur, sample, shifted_sum
 from activestereo.effects.core.view import once_of_picked
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ from activestereo.compare.depth_model import DepthModel
 from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.effects.core.scene_surfaces import split_surfaces
 from activestereo.model import Pattern, Rig, SensorModel
-from activestereo.model.calibrated import calibrated
 from activestereo.model.configure import configured
+from activestereo.model.diagnosed import calibrated
 from activestereo.report.view.fit import fitted_noise, fitted_nuisances
 from activestereo.report.view.simulation import Exposure, Pictures, Simulation, disparity_of, with_left_as_colour
 from activestereo.scene_io.scene_files import load_scene_file
