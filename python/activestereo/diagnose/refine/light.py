@@ -26,10 +26,13 @@ if TYPE_CHECKING:
 
 # Lights that are remembered, per observation: those of a model's first effects, before the last one.
 _REMEMBERED = 3
-# Of a frame, what effects may look at where several frames share a light.
-_SHARED = ("camera_to_world", "camera_velocity", "is_moving", "temperature_c")
+# Of a frame, what effects may look at where several frames share a light: those of one pose and motion; then those of
+# one temperature.
+_SHARED = ("camera_to_world", "camera_velocity", "is_moving")
+_LEVELS = (_SHARED, (*_SHARED, "temperature_c"))
 # The first entries of phi: scales and black level; with the focal lengths after them, those that all pixels share.
 SCALES, DENSE = 3, 5
+_ONE_PIXEL = np.zeros(1, np.intp)
 
 
 class _AskedForFrame(Exception):
@@ -37,13 +40,13 @@ class _AskedForFrame(Exception):
 
 
 class _SharedFrame:
-    """A frame, of which effects see what frames of one pose, motion and temperature have in common."""
+    """A frame, of which effects see what several frames have in common."""
 
-    def __init__(self, frame: Frame) -> None:
-        self._frame = frame
+    def __init__(self, frame: Frame, shared: tuple[str, ...]) -> None:
+        self._frame, self._shared = frame, shared
 
     def __getattr__(self, name: str) -> Any:
-        if name not in _SHARED:
+        if name not in self._shared:
             raise _AskedForFrame(name)
         return getattr(self._frame, name)
 
@@ -57,28 +60,35 @@ class LightMemory:
         self._rendered: list[tuple[Light, Light] | None] = [None] * len(observations)
         self._before: OrderedDict[tuple, Light] = OrderedDict()
         self._lock = Lock()
-        self._first = _first_of_group(observations)
-        self._views = {i: _shared_view(observations[i].view) for i in set(self._first)}
-        self._of_frames: set[Effect] = set()
+        self._firsts = [_firsts_of_groups(observations, shared) for shared in _LEVELS]
+        self._views = [
+            {i: _shared_view(observations[i].view, shared) for i in set(firsts)}
+            for shared, firsts in zip(_LEVELS, self._firsts, strict=True)
+        ]
+        self._level: dict[Effect, int] = {}
 
     def __call__(self, model: Model, i: int, supersampled: bool = True) -> Light:
         """The Light of observation i that falls on the sensor; supersampled: see Model.light."""
         chain = tuple((e, tuple(values.items())) for e, values in model.on_light())
         if not chain:
             return self._of_layers(i)[supersampled]
-        first = self._first[i]
-        if self._first.count(first) > 1 and self._of_frames.isdisjoint(effect for effect, _ in chain):
-            with suppress(_AskedForFrame):
-                return self._remembered(chain, first, supersampled, self._views[first])
+        for level in range(max(self._level.get(effect, 0) for effect, _ in chain), len(_LEVELS)):
+            first = self._firsts[level][i]
+            if self._firsts[level].count(first) > 1:
+                with suppress(_AskedForFrame):
+                    return self._remembered(chain, first, supersampled, self._views[level][first])
         view = self._observations[i].view
         return self._acted(chain[-1], self._remembered(chain[:-1], i, supersampled, view), view)
 
     def _acted(self, link: tuple[Effect, tuple], light: Light, view: View) -> Light:
         effect, values = link
         try:
-            return acted(effect, dict(values), light, view)
-        except _AskedForFrame:
-            self._of_frames.add(effect)
+            after = acted(effect, dict(values), light, view)
+            if effect.is_pointwise:
+                after.at(_ONE_PIXEL)  # it acts when it is asked for pixels
+            return after
+        except _AskedForFrame as asked:
+            self._level[effect] = 1 if str(asked) in _LEVELS[1] else len(_LEVELS)
             raise
 
     def _remembered(self, chain: tuple, i: int, supersampled: bool, view: View) -> Light:
@@ -105,15 +115,16 @@ class LightMemory:
         return known
 
 
-def _first_of_group(observations: Sequence[Observation]) -> list[int]:
-    """The first observation, for each, that shows the same light but for what single frames change."""
+def _firsts_of_groups(observations: Sequence[Observation], shared: tuple[str, ...]) -> list[int]:
+    """The first observation, for each, that shows the same light to an effect that looks at nothing else."""
     firsts: dict[tuple, int] = {}
-    keys = ((o.side, id(o.layers), o.frame.camera_velocity.tobytes(), o.frame.temperature_c) for o in observations)
+    seen = (repr([np.asarray(getattr(o.frame, name)).tolist() for name in shared]) for o in observations)
+    keys = ((o.side, id(o.layers), own) for o, own in zip(observations, seen, strict=True))
     return [firsts.setdefault(key, i) for i, key in enumerate(keys)]
 
 
-def _shared_view(view: View) -> View:
-    return replace(view, frame=cast(Frame, _SharedFrame(view.frame)))
+def _shared_view(view: View, shared: tuple[str, ...]) -> View:
+    return replace(view, frame=cast(Frame, _SharedFrame(view.frame, shared)))
 
 
 class AllPixels:

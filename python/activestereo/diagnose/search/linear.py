@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from activestereo.diagnose.evidence import Observation
 from activestereo.diagnose.refine import Fitter, ParameterSpace, Solution
 from activestereo.diagnose.refine.light import SCALES
-from activestereo.diagnose.refine.normal_equations import Pixels, cluster_of
+from activestereo.diagnose.refine.normal_equations import Cluster, Pixels, cluster_of
 from activestereo.effects import Model
 
 # The algebra looks at so many pixels, and so many Gauss-Newton steps lead to the first fit.
@@ -20,11 +20,14 @@ Columns = NDArray[np.float32]
 
 
 def some_pixels(observations: Sequence[Observation], seed: int = 0) -> tuple[Observation, ...]:
-    """The observations with a random part of their pixels: as much as the algebra and the fits need."""
+    """The observations with a random part of their pixels, as much as the algebra and the fits need: the same ones of
+    all images of one view, whose light is then computed once."""
     share = min(1.0, _LOOKED_AT / max(sum(o.pixels for o in observations), 1))
+    views: dict[Cluster, int] = {}
     out = []
-    for k, o in enumerate(observations):
-        rng = np.random.Generator(np.random.PCG64([_SEED, seed, k]))
+    for o in observations:
+        number = views.setdefault(cluster_of(o), len(views))
+        rng = np.random.Generator(np.random.PCG64([_SEED, seed, number]))
         pool = np.arange(o.measured.size) if o.pick is None else o.pick
         out.append(replace(o, pick=np.sort(rng.permutation(pool)[: max(1, round(share * len(pool)))])))
     return tuple(out)

@@ -14,8 +14,8 @@ from activestereo.effects import Effect, Model
 from activestereo.effects.core.differences import known_differences
 
 # Fits have so few steps, from the best start and another one that gains this part of what it gains; those that come
-# within this part of the best fit have more.
-_STEPS, _RIVAL, _MORE, _CLOSE = 2, 0.6, 8, 0.6
+# within this part of the best fit have more, until chi2 falls by a small part of itself.
+_STEPS, _RIVAL, _MORE, _CLOSE, _TOLERANCE = 2, 0.6, 8, 0.75, 1e-4
 # An effect whose formula was never measured may miss this share of its squared signature.
 _UNMEASURED = 1.0 / 3.0
 
@@ -52,7 +52,7 @@ def refits(
 
     def settled(space: ParameterSpace) -> Solution:
         s = found[_name(space)].solution
-        return fitter.refine(space, s.theta, s.phi, _MORE)
+        return fitter.refine(space, s.theta, s.phi, _MORE, _TOLERANCE)
 
     found |= _side_by_side(fitter, fit, spaces, workers)
     most = max((base_chi2 - f.chi2 for f in found.values()), default=0.0)

@@ -137,11 +137,7 @@ def blur(images: np.ndarray, sigma_px: float | np.ndarray) -> np.ndarray:
         return blur(images, float(np.sqrt(low)))
     levels = np.linspace(low, high, _MAX_LEVELS)
     position = (variance - low) / (high - low) * (_MAX_LEVELS - 1)
-    out = np.zeros(images.shape, np.result_type(images, np.float32))
-    for i, level in enumerate(levels):
-        weight = np.maximum(0.0, 1.0 - np.abs(position - i)).astype(out.dtype)
-        out += weight * blur(images, float(np.sqrt(level)))
-    return out
+    return _between_levels(images, position, [2 * [_kernel(float(np.sqrt(level)))] for level in levels])
 
 
 def blur_along(images: np.ndarray, sigma_px: np.ndarray, axis: int) -> np.ndarray:
@@ -154,12 +150,20 @@ def blur_along(images: np.ndarray, sigma_px: np.ndarray, axis: int) -> np.ndarra
     low, high = variance.min(), variance.max()
     count = min(2 + int(np.log2(high / low)), _MAX_RATIO_LEVELS)
     levels = np.unique(np.geomspace(low, high, count))
+    position = np.interp(variance, levels, np.arange(len(levels)))
+    kernels = [[_kernel(np.sqrt(level)), np.ones(1)] for level in levels]
+    return _between_levels(images, position, kernels if axis == -1 else [pair[::-1] for pair in kernels])
+
+
+def _between_levels(images: np.ndarray, position: np.ndarray, kernels: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
+    """Images under the kernels, linear between those of one number and the next by position [height][width]."""
     out = np.zeros(images.shape, np.result_type(images, np.float32))
-    position = np.interp(variance, levels, np.arange(len(levels))).astype(out.dtype)
-    for i, level in enumerate(levels):
-        kernels = (_kernel(np.sqrt(level)), np.ones(1))
-        weight = np.maximum(0.0, 1.0 - np.abs(position - i))
-        out += weight * _along_both(images, *(kernels if axis == -1 else kernels[::-1]))
+    position = position.astype(out.dtype)
+    for i, (kernel_u, kernel_v) in enumerate(kernels):
+        weight = 1.0 - np.abs(position - out.dtype.type(i))
+        blurred = _along_both(images, kernel_u, kernel_v)
+        blurred *= np.maximum(weight, 0.0, out=weight)
+        out += blurred
     return out
 
 
