@@ -45,6 +45,8 @@ from activestereo.diagnose.answer.residual_model import residual_model
 from activestereo.diagnose.answer.told import explained, html_of, ranking_figure, sets_told
 from activestereo.diagnose.channels.depth_engine import judged_depth
 from activestereo.diagnose.evidence import Evidence
+from activestereo.diagnose.kept import Found, keep, key_of
+from activestereo.diagnose.kept import kept as found_before
 from activestereo.diagnose.next_measurement import next_measurements
 from activestereo.diagnose.numbers import NUMBERS, Numbers
 from activestereo.diagnose.refine import Fitter, ImageResidual, Solution
@@ -188,21 +190,41 @@ def diagnose(
     made_by = renderer.version, sampled["samples_per_pixel"], max_bounces
 
     def located(model: Model, near: Evidence | None = None) -> tuple[Evidence, Rendering | None]:
-        evidence = gather_where_it_stands(capture, render, model, seed, workers, kept, made_by, near)
+        evidence = gather_where_it_stands(capture, render, model, seed, kept, made_by, near)
         return evidence, None if rendering is None else rendering(evidence.capture)
 
-    evidence, engine = located(known)
-    memory = FitCache(kept, evidence.train)
     told: dict[str, Any] = {"samples_per_pixel": samples_per_pixel, "max_bounces": max_bounces, "seed": seed}
     told |= {"progress": part_of(phases, 0.0, _BASE_SHARE), "scale": WARP_SCALE}
     base = partial(render_halves, renderer=renderer, cache=kept, **told)
     errors = ErrorsOfModels(whole, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0), kept)
+    made = RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed)
+    options = made, searched, capture.binning, numbers, rendering is None, engines is None
+    key = None if model is not None else key_of(whole, effects, *options)
+    known_before = None if key is None else found_before(kept, key)
+    if known_before is not None:
+        return _told_again(known_before, errors, phases, made, says)
+    evidence, engine = located(known)
+    memory = FitCache(kept, evidence.train)
     settings = Settings(workers, phases, numbers, engine, memory, errors, located, says)
     try:
         diagnosis = examine(evidence, model, list(effects.values()), settings)
-        return replace(diagnosis, made=RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed))
     finally:
         memory.save()  # what was done before a cancellation need not be done again
+    if key is not None and diagnosis.sensor_model is not None:
+        keep(kept, key, Found(diagnosis.result, diagnosis.sensor_model, diagnosis.stub))
+    return replace(diagnosis, made=made)
+
+
+def _told_again(
+    found: Found, errors: ErrorsOfModels, phases: Phases, made: RenderedWith, says: Callable[[str], object]
+) -> Diagnosis:
+    """The Diagnosis of what was found before, with the images that kept renders give."""
+    result, complete = found.result, found.model
+    says(_verdict_words(result["verdict"], result["added"]))
+    phases.begin(BOTH)
+    _, before, _, after = held_out_figures(errors.standing_by(complete), None, result["added"], complete)
+    accepted = complete.bound(surface_names(errors.capture.scene_path))
+    return Diagnosis(result, accepted, found.stub, complete, before, after, made)
 
 
 def no_infrared(capture_path: str | Path) -> str | None:
@@ -265,8 +287,7 @@ def examine(
     evidence, names, name_of = outcome.evidence, outcome.names, surface_text(evidence.capture.scene_path)
     verdict = verdict_of(outcome.rest, bool(names), evidence.has_floor, numbers)
     is_found = verdict == EFFECT
-    named = f" ({', '.join(name.id for name in names)})" if is_found else ""
-    settings.says(f"verdict: {verdict}{named}; test frames have to confirm it")
+    settings.says(_verdict_words(verdict, [name.id for name in names] if is_found else []))
     solution = outcome.solution if is_found else outcome.first
     rows = outcome.rows if is_found or not names else _rows(evidence, solution)
     found = {name.id: parameters_of(outcome, name) for name in names}
@@ -323,6 +344,11 @@ def examine(
         result |= {f"heldout_ir_rmse_{which}": first for which in ("before", "geometry")}
         result["heldout_ir_rmse_after"] = last
     return Diagnosis(result, accepted, None if residual is None else residual.stub(), complete, before, after)
+
+
+def _verdict_words(verdict: str, added: Sequence[str]) -> str:
+    named = f" ({', '.join(added)})" if added else ""
+    return f"verdict: {verdict}{named}; test frames have to confirm it"
 
 
 def _effects_of(given: Model | SensorModel | None, scene_path: Path | None) -> Model:

@@ -14,6 +14,7 @@ from activestereo.capture.capture import read_capture
 from activestereo.capture.images import read_gray
 from activestereo.capture.write import write_capture
 from activestereo.cli import main
+from activestereo.compare.cache import LayerCache
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.surrogate import trial_capture
 from activestereo.diagnose import diagnose
@@ -96,3 +97,26 @@ def test_diagnose_and_compare_tell_the_same_figures(tmp_path, starts_from):
         assert step["heldout_ir_rmse"] == told["test"]["rmse_dn"] and step["train_ir_rmse"] == told["train"]["rmse_dn"]
     left, had = (figures["test"]["explainable_rmse_dn"] for figures in (after, before))
     assert left < 0.2 * had
+
+
+def test_a_diagnosis_is_kept_whole_but_with_an_effect_of_a_users_own(tmp_path, monkeypatch):
+    hidden = Model().with_effect(FEW["vignetting"], exponent=2.0)
+    capture, cache, said = recorded(tmp_path, hidden), LayerCache(tmp_path / "cache"), []
+
+    def told(effects):
+        engines = lambda seen: CaptureRenderer(seen, "auto", *SAMPLING)  # noqa: E731
+        settings = dict(zip(("samples_per_pixel", "max_bounces", "seed"), SAMPLING, strict=True))
+        return diagnose(capture, None, effects, cache=cache, engines=engines, says=said.append, **settings)
+
+    first = told(FEW)
+    monkeypatch.setattr("activestereo.diagnose.diagnosis.examine", lambda *given: pytest.fail("searched again"))
+    again = told(FEW)
+    assert said[-1] == said[1] and said[-1].startswith("verdict: effect (vignetting)")
+    for folder, diagnosis in (("first", first), ("again", again)):
+        write_diagnosis(diagnosis, tmp_path / folder)
+    for name in ("diagnose.json", "model.json", "model.pattern.png"):
+        assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
+    assert all(np.array_equal(again.predictions()[key], image) for key, image in first.predictions().items())
+    own = replace(FEW["vignetting"], apply=lambda image, view, **values: image)
+    with pytest.raises(pytest.fail.Exception, match="searched again"):
+        told(FEW | {"vignetting": own})

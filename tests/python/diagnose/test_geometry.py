@@ -166,7 +166,7 @@ def test_a_lens_that_distorts_moves_nothing(lab_world, lab_cache):
         return tuple(replace(o, measured=o.measured + seen(o, hidden) - seen(o, Model())) for o in observations)
 
     evidence = replace(evidence, train=bent(evidence.train), test=bent(evidence.test))
-    assert _searched(evidence, render_never, Model(), 1, (3.0,)).geometry.is_as_stated()
+    assert _searched(evidence, render_never, Model(), (3.0,)).geometry.is_as_stated()
 
 
 def test_a_coarse_observation_is_what_a_blurred_camera_sees(lab_world, lab_cache):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Short diagnoses with 2 to 16 threads, one after the other: none dies, and each gives what one thread gave."""
+"""Short diagnoses with 2 to 16 processes, one after the other: none dies, and each gives what one gave."""
 
 import os
 from dataclasses import replace
@@ -39,7 +39,7 @@ def hazy(tmp_path_factory):
     return replace(clean, train=tuple(map(exposed, clean.train)), test=tuple(map(exposed, clean.test)))
 
 
-def test_many_diagnoses_with_many_threads_give_one_result(hazy):
+def test_many_diagnoses_with_many_processes_give_one_result(hazy):
     renders = []
 
     def result(workers):
@@ -55,4 +55,4 @@ def test_many_diagnoses_with_many_threads_give_one_result(hazy):
     assert first["ranking"][0]["effect"] == "haze" and renders
     for number in range(1, TIMES):
         workers = 2 + number % 15
-        assert result(workers) == first, f"diagnosis {number}, {workers} threads"
+        assert result(workers) == first, f"diagnosis {number}, {workers} processes"

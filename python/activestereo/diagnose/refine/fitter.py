@@ -8,10 +8,7 @@ never extrapolated.
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from itertools import islice
-from multiprocessing import parent_process
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,10 +30,6 @@ _HELD = 1e-3
 _DAMPING, _DAMPING_STEP, _LEAST_RAISED, _MOST_DAMPING = 1e-3, 10.0, 1e-2, 10.0
 # Solutions whose images are remembered.
 _REMEMBERED = 12
-# Threads that take turns in Python: more of them take longer.
-MOST_THREADS = 4
-_In = TypeVar("_In")
-_Out = TypeVar("_Out")
 
 
 class ImageResidual(NamedTuple):
@@ -53,8 +46,7 @@ class Fitter:
     """Fits over given observations.
 
     prior: what is known of the nuisances beforehand. supersampled=False, for scans: warps look up pixels alone.
-    memory: where fits are kept, or None. threads: that work on images at a time; a process that was made for fits has
-    one.
+    memory: where fits are kept, or None.
     """
 
     def __init__(
@@ -64,9 +56,8 @@ class Fitter:
         tiles: int,
         supersampled: bool = True,
         memory: FitCache | None = None,
-        threads: int = 1,
     ) -> None:
-        self.observations, self.memory, self.threads = observations, memory, min(threads, MOST_THREADS)
+        self.observations, self.memory = observations, memory
         self._supersampled = supersampled
         self.nuisance_prior = prior
         self._tiles = tiles
@@ -104,15 +95,8 @@ class Fitter:
         scales = nuisances.vector() if known is None else [*nuisances.vector()[:-1], known[0]]
         return np.concatenate([scales, np.zeros(len(self.nuisance_prior.sigma))])
 
-    def _side_by_side(self, work: Callable[[_In], _Out], items: Sequence[_In]) -> list[_Out]:
-        """work(item) of each, by the threads."""
-        if self.threads == 1 or len(items) < 2 or parent_process() is not None:
-            return [work(item) for item in items]
-        with ThreadPoolExecutor(self.threads) as pool:
-            return list(pool.map(work, items))
-
     def _prepared(self, model: Model) -> Model:
-        """The model, whose effects have at hand what they need for every observation: threads render nothing."""
+        """The model, whose effects have at hand what they need for every observation."""
         for effect, _ in model.effects:
             if effect.prepare is not None:
                 effect.prepare(o.view for o in self.observations)
@@ -121,7 +105,7 @@ class Fitter:
     def lights(self, space: ParameterSpace, theta: np.ndarray) -> list[Light]:
         """The Light of every observation."""
         model = self._prepared(space.model(theta))
-        return self._side_by_side(lambda i: self._lights(model, i, self._supersampled), range(len(self.observations)))
+        return [self._lights(model, i, self._supersampled) for i in range(len(self.observations))]
 
     def light(self, model: Model, i: int) -> Light:
         """The Light of observation i under a model."""
@@ -146,19 +130,17 @@ class Fitter:
             residual = o.measured - image if o.view.known is None else np.where(o.view.known, o.measured - image, 0.0)
             return ImageResidual(o, image, dots, residual)
 
-        return self._side_by_side(residual, range(len(self.observations)))
+        return [residual(i) for i in range(len(self.observations))]
 
     def chi2(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> float:
         """Squared residuals of the pixels under (theta, phi), and squared offsets of the nuisances, in deviations."""
         model = space.model(theta)
 
-        def squares(seen: tuple[Pixels, Light]) -> float:
-            pixels, light = seen
+        def squares(pixels: Pixels, light: Light) -> float:
             rest = pixels.measured - _moved(exposed(model, pixels, light, phi)[0], pixels, phi)
             return float(((rest * pixels.root_weight) ** 2).sum())
 
-        images = self._side_by_side(squares, list(zip(self.pixels(), lights, strict=True)))
-        return sum(images) + float((self.sigmas(phi) ** 2).sum())
+        return sum(map(squares, self.pixels(), lights)) + float((self.sigmas(phi) ** 2).sum())
 
     def sigmas(self, phi: np.ndarray) -> np.ndarray:
         """How far nuisances are from what is stated, in its deviations."""
@@ -214,11 +196,7 @@ class Fitter:
             return pixels, columns, pixels.measured - image - _displacement(pixels, phi)
 
         seen = ((i, pixels, light) for i, (pixels, light) in enumerate(zip(self.pixels(), lights, strict=True)))
-        if not isinstance(lights, Sequence):  # no more than one is in memory at a time
-            yield from map(one, seen)
-            return
-        while several := list(islice(seen, self.threads)):  # no more are in memory at a time
-            yield from self._side_by_side(one, several)
+        yield from map(one, seen)  # no more than one is in memory at a time
 
     @staticmethod
     def _moved(space: ParameterSpace, theta: np.ndarray, steps: np.ndarray, j: int) -> Model | None:

@@ -72,7 +72,6 @@ def gather_where_it_stands(
     render: Render,
     model: Model,
     seed: int = 0,
-    threads: int = 1,
     memory: LayerCache | None = None,
     rendered_by: object = None,
     near: Evidence | None = None,
@@ -92,7 +91,7 @@ def gather_where_it_stands(
         capture = geometry.capture()
         return gather(capture, render(capture), seed, geometry)
     start = near or gather(capture, render(capture), seed)
-    evidence = _searched(start, render, model, threads, _BLURS_PX if near is None else ())
+    evidence = _searched(start, render, model, _BLURS_PX if near is None else ())
     if memory is not None and key is not None:
         memory.put_arrays(key, {f"geometry/{name}": getattr(evidence.geometry, name) for name in _FOUND})
     return near if near is not None and _is_same(evidence.geometry, near.geometry) else evidence
@@ -113,13 +112,13 @@ def _key(capture: Capture, model: Model, seed: int, rendered_by: object, near: E
     return content_key("geometry", code_digest(), *seen, effects, seed, rendered_by, start)
 
 
-def _searched(evidence: Evidence, render: Render, model: Model, threads: int, blurs_px: Sequence[float]) -> Evidence:
+def _searched(evidence: Evidence, render: Render, model: Model, blurs_px: Sequence[float]) -> Evidence:
     """See gather_where_it_stands(). Where the images as they are ask for no correction, blurred ones are not asked."""
-    step = _step(evidence, model, threads)
+    step = _step(evidence, model)
     if _change(evidence, step.focal, step.twists) >= _LINEAR_SHARE:
         for sigma_px in blurs_px:
-            evidence = _moved(evidence, _step(evidence, model, threads, sigma_px), render)
-        step = _step(evidence, model, threads) if blurs_px else step
+            evidence = _moved(evidence, _step(evidence, model, sigma_px), render)
+        step = _step(evidence, model) if blurs_px else step
         evidence = _moved(evidence, step, render)
     return replace(evidence, geometry=replace(evidence.geometry, deviations=step.deviations, misfit=step.misfit))
 
@@ -135,7 +134,7 @@ def _moved(evidence: Evidence, step: _Step, render: Render) -> Evidence:
     return gather(capture, render(capture), evidence.seed, geometry)
 
 
-def _step(evidence: Evidence, model: Model, threads: int, blur_px: float = 0.0) -> _Step:
+def _step(evidence: Evidence, model: Model, blur_px: float = 0.0) -> _Step:
     """Gauss-Newton of the train frames at rest, and of all other frames' own poses, which nothing else depends on: a
     view that moves shows more than geometry."""
     at_rest = [o for o in evidence.train if not o.frame.is_moving] or list(evidence.train)
@@ -144,16 +143,16 @@ def _step(evidence: Evidence, model: Model, threads: int, blur_px: float = 0.0) 
     seen = partial(coarse, sigma_px=blur_px) if blur_px else partial(_some, seed=evidence.seed)
     at_rest, others = list(map(seen, at_rest)), list(map(seen, others))
     misfit = 1.0
-    prior, fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, threads, blur_px)
+    prior, fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, blur_px)
     if np.abs(_without_albedos(fitter.sigmas(solution.phi), evidence)).max() > _BELIEVED_SIGMAS:
         start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)
         misfit = _misfit(fitter, fitter.refine(start, start.start, phi0, 0))
-        prior, fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, threads, blur_px)
+        prior, fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, blur_px)
     phi, first = solution.phi.copy(), len(solution.theta) + SCALES
     variance = np.diag(fitter.inverse(solution))[first:].copy()
     own = _own_places(at_rest, others)
     if own.size:
-        other = Fitter(_tiled(others), prior, evidence.tiles, not blur_px, threads=threads)
+        other = Fitter(_tiled(others), prior, evidence.tiles, not blur_px)
         space = solution.space
         sums = other.linearise(space, solution.theta, phi, other.lights(space, solution.theta))
         precision = 1.0 / prior.sigma[own] ** 2
@@ -177,11 +176,11 @@ def _some(o: Observation, seed: int) -> Observation:
 
 
 def _fit_at_rest(
-    evidence: Evidence, misfit: float, at_rest: Sequence[Observation], model: Model, threads: int, blur_px: float
+    evidence: Evidence, misfit: float, at_rest: Sequence[Observation], model: Model, blur_px: float
 ) -> tuple[NuisancePrior, Fitter, Solution]:
     """The fit of the frames at rest whose likelihood counts by 1 / misfit."""
     prior = replace(evidence, geometry=replace(evidence.geometry, misfit=misfit)).nuisance_prior()
-    fitter = Fitter(at_rest, prior, evidence.tiles, not blur_px, threads=threads)
+    fitter = Fitter(at_rest, prior, evidence.tiles, not blur_px)
     start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)
     space, theta = (start, start.start) if blur_px else _with_lens(evidence, model, fitter, phi0)
     return prior, fitter, fitter.refine(space, theta, phi0, _ITERATIONS)

@@ -10,7 +10,6 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from threading import Lock
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -59,7 +58,6 @@ class LightMemory:
         self._observations = observations
         self._rendered: list[tuple[Light, Light] | None] = [None] * len(observations)
         self._before: OrderedDict[tuple, Light] = OrderedDict()
-        self._lock = Lock()
         self._firsts = [_firsts_of_groups(observations, shared) for shared in _LEVELS]
         self._views = [
             {i: _shared_view(observations[i].view, shared) for i in set(firsts)}
@@ -95,16 +93,12 @@ class LightMemory:
         if not chain:
             return self._of_layers(i)[supersampled]
         key = chain, i, supersampled, id(view)
-        with self._lock:
-            if key in self._before:
-                self._before.move_to_end(key)
-                return self._before[key]
-        light = self._acted(chain[-1], self._remembered(chain[:-1], i, supersampled, view), view)
-        with self._lock:
-            self._before[key] = light
+        if key not in self._before:
+            self._before[key] = self._acted(chain[-1], self._remembered(chain[:-1], i, supersampled, view), view)
             while len(self._before) > _REMEMBERED * len(self._observations):
                 self._before.popitem(last=False)
-        return light
+        self._before.move_to_end(key)
+        return self._before[key]
 
     def _of_layers(self, i: int) -> tuple[Light, Light]:
         """Without and with supersampled images."""

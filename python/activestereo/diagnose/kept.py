@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Diagnoses kept on disk beside renders and fits: a capture is not searched again by the same code and options."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from activestereo.capture.capture import SIDES, Capture
+from activestereo.compare.cache import LayerCache, scene_digest
+from activestereo.diagnose.refine.fit_cache import code_digest, content_key, effect_content
+from activestereo.effects import Effect
+from activestereo.model import SensorModel, read_model
+from activestereo.model.write import model_json
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a diagnosis found, but for images: the contents of diagnose.json and model.json, and an effect's stub."""
+
+    result: dict[str, Any]
+    model: SensorModel
+    stub: str | None
+
+
+def key_of(capture: Capture, effects: Mapping[str, Effect], *options: object) -> str | None:
+    """The key of a diagnosis that starts without effects; None where an effect is a user's own."""
+    contents = [effect_content(effect) for effect in effects.values()]
+    if None in contents:
+        return None
+    images = [(capture.ir(f, side), capture.known(f, side)) for f in capture.frames for side in SIDES]
+    seen = capture, capture.rig.projector.pattern(), images, [capture.depth(f) for f in capture.frames]
+    return content_key("diagnosis", code_digest(), *seen, scene_digest(capture.scene_path), contents, options)
+
+
+def keep(cache: LayerCache, key: str, found: Found) -> None:
+    """Writes what was found."""
+    pattern = found.model.pattern.file if found.model.pattern else None
+    record = found.result, model_json(found.model, "pattern.png"), pattern and str(pattern), found.stub
+    cache.put_arrays(key, {"found": np.frombuffer(json.dumps(record).encode(), np.uint8)})
+
+
+def kept(cache: LayerCache, key: str) -> Found | None:
+    """What was found before."""
+    stored = cache.get_arrays(key)
+    if stored is None:
+        return None
+    result, model, pattern, stub = json.loads(stored["found"].tobytes())
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "model.json"
+        path.with_name("pattern.png").touch()
+        path.write_text(json.dumps(model))
+        found = read_model(path)
+    if found.pattern is not None and pattern is not None:
+        found = replace(found, pattern=replace(found.pattern, file=Path(pattern)))
+    return Found(result, found, stub)
