@@ -228,7 +228,7 @@ def print_section(args: argparse.Namespace, section: str, text: str, *after: "St
     from activestereo.report.screen import command, screen
 
     if args.json:
-        print_json(read_json_object(args.out)[section])
+        print_json(read_json_object(args.out).get(section, []))
         return
     sentence, *notes = text.splitlines()
     steps = after or [command("model", "show", args.out)]

@@ -16,6 +16,7 @@ leaves the others as they are; the file is written at the end, whole.
   pattern    frames of a flat wall    -> pattern
   rig        frames of a board        -> rig
   materials  views of an object       -> materials
+  drift      frames of a warm-up      -> effects
   scene      depth of one pose        -> a scene where there is no CAD
   world      views with depth         -> a capture: camera, poses, pattern, light
   camera, poses, dots                 -> one step of it
@@ -84,6 +85,21 @@ examples:
   activestereo calibrate rig boards/ --board charuco:9x6:0.03:0.022 --robot poses.csv -o model.json
 """
 
+_DRIFT = """\
+What moves while a camera warms up, per kelvin, from frames of a still scene over ten
+minutes or more from switching on, as effects of the model with 90 % intervals: the
+pair's centres and focal length, the laser's power, the pattern's size. No scene is
+measured, and lamps and the mount may change.
+
+FRAMES is a capture: import's folders on/ and off/, for some frames must have the
+projector off. Temperatures are the frames' own (temperature_c) or --temperatures,
+a CSV of seconds,celsius, such as a D4xx's ASIC or projector temperature.
+
+example:
+  activestereo import warm_up/ --calibration d435.txt -o captures/warm_up
+  activestereo calibrate drift captures/warm_up --temperatures asic.csv -o model.json
+"""
+
 
 def add_parser(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
@@ -118,6 +134,10 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         "--k", type=camera_matrix, metavar="FX,FY,CX,CY", help="the device's own K of both rectified cameras, held"
     )
     rig.set_defaults(run=_run_rig)
+    drift = _part(parts, "drift", "what moves with temperature, from frames of a warm-up", _DRIFT)
+    drift.add_argument("frames", type=Path, metavar="FRAMES", help="capture of a still scene, some frames without dots")
+    drift.add_argument("--temperatures", type=Path, metavar="FILE", help="CSV of seconds,celsius")
+    drift.set_defaults(run=_run_drift)
     calibrate_scene.add_parts(parts)
     calibrate_world.add_parts(parts)
 
@@ -154,6 +174,16 @@ def _run_noise(args: argparse.Namespace) -> None:
             measured = calibrate_noise(args.frames, args.dark, args.paper, args.seed, bar)
     replace_sections(args.out, measured.model())
     print_section(args, "imager", measured.summary())
+
+
+def _run_drift(args: argparse.Namespace) -> None:
+    from activestereo.calibrate.drift import calibrate_drift
+    from activestereo.calibrate.model_section import replace_sections
+
+    check_out_file(args.out)
+    drift = calibrate_drift(args.frames, args.temperatures)
+    replace_sections(args.out, drift.model())
+    print_section(args, "effects", drift.summary())
 
 
 def _run_pattern(args: argparse.Namespace) -> None:

@@ -21,6 +21,17 @@ PLANES = [
 BALLS = [((-0.35, 0.3, 1.5), 0.3), ((0.4, 0.35, 1.4), 0.25), ((0.05, -0.2, 1.8), 0.2)]
 
 
+@dataclass(frozen=True)
+class Warm:
+    """What warmth does to a rig: pixels by which the right image moves, growth of both images and of the sines of the
+    pattern's angles, and the laser's power."""
+
+    right_px: float = 0.0
+    growth: float = 0.0
+    pattern: float = 0.0
+    power: float = 1.0
+
+
 @dataclass
 class Room:
     """turns_deg: of each view, about y and x; exposures: relative."""
@@ -58,10 +69,28 @@ class Room:
                     cv2.imwrite(str(folder / "depth" / f"{k:03d}.png"), np.rint(1e4 * noisy).astype(np.uint16))
         return folder
 
-    def _image(self, k: int, offset: float, pattern: np.ndarray, waves: list) -> tuple[np.ndarray, np.ndarray]:
-        pose = self.pose(k)
-        v, u = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
-        ray = np.stack([(u - CX) / F, (v - CY) / F, np.ones_like(u)], axis=-1)
+    def write_warm_up(self, folder: Path, warmth: list[Warm], off: int = 4) -> Path:
+        """Pairs of the first view, one for each Warm, in on/; `off` cold pairs without dots in off/. Frame k has the
+        number k. A lens and pixels blur what is drawn, for edges that jump from pixel to pixel show no drift."""
+        rng = np.random.default_rng(self.seed)
+        pattern, waves = _dots(rng), _waves(rng)
+        states = [("off", k, Warm(power=0.0)) for k in range(off)] + [("on", k, w) for k, w in enumerate(warmth)]
+        for name, k, warm in states:
+            for side, offset in (("left", 0.0), ("right", BASELINE_M)):
+                (folder / name / side).mkdir(parents=True, exist_ok=True)
+                fine = cv2.GaussianBlur(self._image(0, offset, pattern, waves, warm, 2)[1], (0, 0), 1.2)
+                image = cv2.resize(fine, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
+                dn = np.rint(np.clip(image + rng.normal(0, 0.4, image.shape), 0, 255)).astype(np.uint8)
+                cv2.imwrite(str(folder / name / side / f"{k:03d}.png"), dn)
+        return folder
+
+    def _image(
+        self, k: int, offset: float, pattern: np.ndarray, waves: list, warm: Warm = Warm(), parts: int = 1
+    ) -> tuple[np.ndarray, np.ndarray]:
+        pose, f = self.pose(k), F * (1.0 + warm.growth)
+        v, u = (np.mgrid[0 : HEIGHT * parts, 0 : WIDTH * parts] + 0.5) / parts - 0.5
+        cx = CX + (warm.right_px if offset else 0.0)
+        ray = np.stack([(u - cx) / f, (v - CY) / f, np.ones_like(u)], axis=-1)
         z, normal, surface = self._cast(pose[:3, :3] @ (offset, 0, 0) + pose[:3, 3], ray @ pose[:3, :3].T, k)
         here = ray * z[..., None] + (offset, 0, 0)  # in the left camera's frame
         world = here @ pose[:3, :3].T + pose[:3, 3]
@@ -70,8 +99,10 @@ class Room:
         ray_p = here - PLACE_M
         distance = np.linalg.norm(ray_p, axis=-1)
         cosine = np.abs((ray_p * (normal @ pose[:3, :3])).sum(axis=-1)) / distance
-        at = [(2 * F * ray_p[..., i] / ray_p[..., 2] + pattern.shape[1 - i] / 2).astype(np.float32) for i in (0, 1)]
-        lit = cv2.remap(pattern, *at, cv2.INTER_LINEAR) * self.dots_dn * albedo * cosine / distance**2
+        sine = ray_p / distance[..., None] / (1.0 + warm.pattern)
+        tangent = sine[..., :2] / np.sqrt(1.0 - (sine[..., :2] ** 2).sum(axis=-1))[..., None]
+        at = [(2 * F * tangent[..., i] + pattern.shape[1 - i] / 2).astype(np.float32) for i in (0, 1)]
+        lit = cv2.remap(pattern, *at, cv2.INTER_LINEAR) * self.dots_dn * warm.power * albedo * cosine / distance**2
         lens = (1.0 + ((ray[..., :2]) ** 2).sum(axis=-1)) ** (-EXPONENT / 2)
         return z, BLACK_DN + self.exposures[k] * lens * (room + lit)
 

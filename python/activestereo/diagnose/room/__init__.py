@@ -7,6 +7,7 @@ columns    how images change by each effect, and by what calibration has wrong
 cells_out  the cells' radiances projected out, sums by tiles
 evidence   how much likelier an effect is than none
 rows       noise that the rows of one image share
+drops      places of one camera that are blurred in every view
 names      what may be named
 unseen     held-out views as the others predict them
 imagined   a room with a view that was not recorded yet

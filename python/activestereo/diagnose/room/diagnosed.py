@@ -126,19 +126,21 @@ def _ranking(names: Names) -> list[dict[str, Any]]:
     sure = {n.found.effect.id: n for n in names.named}
     told = lambda found: parameters_of(found, names.seen.period_rows)  # noqa: E731
     out = [_entry(n.found.effect, told(n.found), n.found.nats, n.members[n.found.effect.id],
-                  [m for m in n.members if m != n.found.effect.id]) for n in names.named]  # fmt: skip
+                  [m for m in n.members if m != n.found.effect.id], n.found.finding) for n in names.named]  # fmt: skip
     rest = [f for f in names.ranking if f.effect.id not in sure]
     return out + [_entry(f.effect, told(f), max(f.nats, 0.0), 0.0, []) for f in rest]
 
 
-def _entry(effect: Effect, parameters: Parameters, nats: float, sure: float, same: list[str]) -> dict[str, Any]:
+def _entry(
+    effect: Effect, parameters: Parameters, nats: float, sure: float, same: list[str], finding: str = ""
+) -> dict[str, Any]:
     shown = {
         p.name: {"value": value, "low": value - Z90 * sd, "high": value + Z90 * sd, "unit": p.unit}
         for p in effect.parameters
         for value, sd in [parameters.get(p.name, (p.neutral, 0.0))]
     }
     return {
-        "effect": effect.id, "family": effect.family, "finding": effect.finding,
+        "effect": effect.id, "family": effect.family, "finding": finding or effect.finding,
         "channel": "noise" if effect.id == "row_noise" else "infrared", "score_nats": nats, "confidence": sure,
         "explained_share": None, "gain_reduced_chi2": None,
         "parameters": shown, "equivalent": same,

@@ -38,12 +38,14 @@ class Reduced:
 @dataclass(frozen=True)
 class Found:
     """An effect's evidence in nats, by its tempered and Student's likelihood, and parameters {name: (value, deviation)}
-    as a fit beside all other columns has them. tells: nats that an effect of twice its typical size would reach."""
+    as a fit beside all other columns has them. tells: nats that an effect of twice its typical size would reach.
+    finding: what is said in place of the effect's own sentence."""
 
     effect: Effect
     nats: float
     parameters: Mapping[str, tuple[float, float]]
     tells: float
+    finding: str = ""
 
 
 def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> Reduced:

@@ -12,6 +12,7 @@ import numpy as np
 from activestereo.calibrate.world.cells import Room
 from activestereo.diagnose.room.cells_out import blocks_of, imagined, normal
 from activestereo.diagnose.room.columns import Column, effects_of, nuisances, pedestals, waves
+from activestereo.diagnose.room.drops import blurred_places
 from activestereo.diagnose.room.evidence import Found, Reduced, judged, reduced, student
 from activestereo.diagnose.room.imagined import ImaginedRoom, Take
 from activestereo.diagnose.room.light import RoomLight, room_light
@@ -29,6 +30,8 @@ _BLACK_SD_DN, _EXPONENT_SD = 1.5, 0.5
 _CAMERA = ("black", "falloff", "right row")
 # Of single views or scenes, and no property of a unit; deviation of a pair's rows between sessions.
 _OF_ONE_VIEW, _ROWS_PX = ("flicker_banding", "black_level", "veiling_glare"), 0.035
+# Share of an image that is blurred in places on good sessions; a dot's own blur.
+_BLURRED_SHARE, _DOT_PX = 0.003, 1.4
 # Waves were looked for at many periods.
 LOOKED = {"flicker_banding": float(np.log(21.0))}
 
@@ -74,6 +77,7 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
     spread = BETWEEN if reference else OF_A_UNIT
     seen = seen_of(room, asked)
     scores, rows = seen.scores, _rows(room, asked)
+    rows += _drops(room, asked)
     if reference:
         scores = _beside(scores, [seen_of(other, asked).scores for other in reference])
         rows += _pitch(room, reference, asked)
@@ -81,7 +85,7 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
     ranking: tuple[Found, ...] = ()
     known = seen.known(spread)
     while len(named) < _MOST_NAMES:
-        before = {n.found.effect.id for n in named}
+        before = {n.found.effect.id for n in named} | {f.effect.id for f in rows}
         found = [*(f for f in judged(scores, known, LOOKED, FEW) if f.effect.id not in before), *rows]
         found.sort(key=lambda f: -f.nats)
         ranking = ranking or tuple(found)
@@ -193,6 +197,22 @@ def _wave(
         gains[period] = float(gain)
     best = max(gains, key=lambda period: gains[period])
     return best, sets[best]
+
+
+def _drops(room: Room, effects: Sequence[Effect]) -> list[Found]:
+    """The evidence for one camera's blur in places, where it is enough for a name; its size is the image's mean."""
+    effect = next((e for e in effects if e.id == "focus_mismatch"), None)
+    worst = max(blurred_places(room), key=lambda b: b.share, default=None)
+    if effect is None or worst is None:
+        return []
+    nats = student(min(0.5 * (worst.share / _BLURRED_SHARE) ** 2, _MOST_NATS), FEW)
+    if nats < NEEDED:
+        return []
+    here = _DOT_PX * float(np.sqrt(np.expm1(worst.log_ratio)))
+    mean = (1.0 if worst.side == "right" else -1.0) * worst.share * here
+    place = f"The {worst.side} camera is blurred in places, {100 * worst.share:.0f} % of its image, by {here:.1f} px"
+    said = f"{place}: drops or dirt on its window"
+    return [Found(effect, nats, {"focus_mismatch.sigma_px": (mean, 0.3 * abs(mean))}, nats, said)]
 
 
 def _rows(room: Room, effects: Sequence[Effect]) -> list[Found]:

@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Drifts of a camera that warms up, from frames of a still scene: effects of the library per kelvin.
+
+No scene is measured: frames with the projector off are the room's light, the rest of the others is the dots'. Each
+frame's difference from the mean is a sum of derivative images of the two, by the library's own effects and by what may
+move otherwise (mount, lamps); their sizes over temperature are lines, whose deviations know that frames in a row err
+alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
+from activestereo.effects import Light, View, builtin
+from activestereo.effects.core.model import acted
+from activestereo.effects.core.view import REFERENCE_TEMPERATURE_C
+from activestereo.model import Quantity, SensorModel
+
+# Effects with a law per kelvin that shows without a scene. A laser's power and a filter's transmission are one change.
+_EFFECTS = ("thermal_drift.cx_px_per_k", "thermal_drift.focal_per_k", "laser_power_drift.per_k")
+_GROWTH = "pattern_scale_drift.per_k"
+_FEWEST, _LEAST_K, _NAMED, _Z90 = 8, 3.0, 4.0, 1.645
+_STEP_PX = 2  # between pixels that are looked at
+_READ_DN2, _SHOT_DN = 0.5, 0.05  # noise that weighs pixels
+_FULL = 0.95
+_RIDGE = 1e-9
+# Noise in a derivative image would make what moves too small.
+_SMOOTH_PX = 1.0
+
+Matrix = NDArray[np.float64]
+Layers = tuple[Matrix, Matrix]  # the dots' light and the room's, DN [height][width]
+Change = Callable[[str, Layers], Matrix]
+
+
+@dataclass(frozen=True)
+class Slope:
+    """A parameter's change per kelvin, its deviation and unit. moves: whether it is beyond what frames scatter by."""
+
+    name: str
+    value: float
+    deviation: float
+    unit: str
+
+    @property
+    def moves(self) -> bool:
+        return abs(self.value) > _NAMED * self.deviation
+
+
+@dataclass(frozen=True)
+class Drift:
+    """slopes of the library's effects; celsius: lowest and highest; frames: how many; source: of all."""
+
+    slopes: tuple[Slope, ...]
+    celsius: tuple[float, float]
+    frames: int
+    source: str
+
+    def model(self) -> SensorModel:
+        """model.json's effects: those that move."""
+        model = SensorModel()
+        for name in dict.fromkeys(s.name.split(".")[0] for s in self.slopes if s.moves):
+            own = [s for s in self.slopes if s.name.startswith(f"{name}.")]
+            values = {
+                s.name.split(".")[1]: Quantity(
+                    s.value, s.value - _Z90 * s.deviation, s.value + _Z90 * s.deviation, s.unit, self.source
+                )
+                for s in own
+            }
+            model = model.with_effect(builtin()[name], values)
+        return model
+
+    def summary(self) -> str:
+        """A sentence, then a line for each parameter, with 90 % intervals."""
+        moving = [s.name for s in self.slopes if s.moves]
+        low, high = self.celsius
+        first = f"{', '.join(moving) or 'nothing'} moves with temperature, {low:g} to {high:g} C, {self.frames} frames"
+        lines = [f"{s.name}: {s.value:.3g} +- {_Z90 * s.deviation:.2g} {s.unit}" for s in self.slopes]
+        lines.append("laser_power_drift may be chromatic_drift.transmission_per_k: above 25 C they are one")
+        return "\n".join([first, *lines])
+
+
+def calibrate_drift(folder: Path, temperatures: Path | None = None) -> Drift:
+    """The Drift of a capture's frames. temperatures: CSV of seconds, celsius, between which lines are drawn; None:
+    the frames' own. ValueError where frames, kelvins or the projector's off are missing."""
+    capture = read_capture(folder)
+    frames = _with_temperatures(capture, temperatures)
+    lit = [f for f in frames if f.projector_power > 0.0]
+    dark = [f for f in capture.frames if f.has_infrared and f.projector_power == 0.0]
+    if not dark:
+        raise ValueError(f"{folder}: no frame has the projector off: record some into off/, the others into on/")
+    if len(lit) < _FEWEST:
+        raise ValueError(f"{folder}: {len(lit)} frames with dots have a temperature: {_FEWEST} are needed")
+    celsius = np.array([f.temperature_c for f in lit], float)
+    if np.ptp(celsius) < _LEAST_K:
+        raise ValueError(
+            f"{folder}: frames span {np.ptp(celsius):.2g} K: record from switching on, {_LEAST_K:g} K or more"
+        )
+    layers = {side: _layers(capture, side, lit, dark) for side in SIDES}
+    names, columns, weight = _columns(capture, lit[0], layers)
+    mean = np.concatenate([_picked(sum(layers[side])) for side in SIDES])
+    changes = np.stack([_pixels(capture, frame) - mean for frame in lit])
+    weighted = columns * weight
+    square = weighted @ columns.T
+    sizes = np.linalg.solve(square + _RIDGE * np.diag(np.diag(square)), weighted @ changes.T).T
+    slopes = tuple(_slope(name, celsius, sizes[:, j]) for j, name in enumerate(names) if "." in name)
+    return Drift(slopes, (float(celsius.min()), float(celsius.max())), len(lit), f"{len(lit)} frames of {capture.name}")
+
+
+def _with_temperatures(capture: Capture, temperatures: Path | None) -> list[Frame]:
+    """Frames with a temperature, in the order of time."""
+    frames = sorted((f for f in capture.frames if f.has_infrared), key=lambda f: f.timestamp_s)
+    if temperatures is not None:
+        try:
+            table = np.loadtxt(temperatures, delimiter=",", ndmin=2, comments="#")
+        except (OSError, ValueError) as error:
+            raise ValueError(f"{temperatures}: is no CSV of seconds, celsius ({error})") from error
+        if table.shape[1] != 2 or len(table) < 2 or not np.all(np.diff(table[:, 0]) > 0.0):
+            raise ValueError(f"{temperatures}: needs two rows or more of seconds, celsius, seconds rising")
+        frames = [
+            replace(f, temperature_c=float(np.interp(f.timestamp_s, *table.T)))
+            for f in frames
+            if table[0, 0] <= f.timestamp_s <= table[-1, 0]
+        ]
+    return [f for f in frames if f.temperature_c is not None]
+
+
+def _layers(capture: Capture, side: str, lit: Sequence[Frame], dark: Sequence[Frame]) -> Layers:
+    """(dots, room light and black level) of one camera, means of frames."""
+    room, both = (np.mean([_smooth(capture, f, side) for f in frames], axis=0) for frames in (dark, lit))
+    return both - room, room
+
+
+def _columns(capture: Capture, frame: Frame, layers: dict[str, Layers]) -> tuple[list[str], Matrix, Matrix]:
+    """(names, columns [n][pixel of both cameras], weights of pixels): changes by a unit."""
+    f = capture.rig.left.K[0, 0]
+    changes: dict[str, Change] = {name: _per_kelvin(capture, frame, name) for name in _EFFECTS}
+    changes[_GROWTH] = lambda side, of: _flow(of[0], *_grown(capture, side))
+    for axis, name in ((0, "x"), (1, "y")):
+        unit = (1.0 - axis, float(axis))
+        changes[f"rig {name}"] = lambda side, of, u=unit: _flow(of[0] + of[1], *u)
+        changes[f"dots {name}"] = lambda side, of, u=unit: _flow(of[0], *u)
+        # What moves by a part of a pixel is blurred in the mean; a dot's blur would pass for the laser's power.
+        changes[f"blur {name}"] = lambda side, of, u=unit: _flow(_flow(of[0] + of[1], *u), *u)
+    changes["right row"] = lambda side, of: _flow(of[0] + of[1], 0.0, float(side == "right"))
+    changes["roll"] = lambda side, of: _flow(of[0] + of[1], *_rolled(capture, side, f))
+    changes["room light"] = lambda side, of: of[1]
+    changes["offset"] = lambda side, of: np.ones_like(of[0])
+    columns = [np.concatenate([_picked(change(side, layers[side])) for side in SIDES]) for change in changes.values()]
+    light = np.concatenate([_picked(sum(layers[side])) for side in SIDES])
+    weight = np.where(light < _FULL * capture.rig.max_dn, 1.0 / (_READ_DN2 + _SHOT_DN * np.maximum(light, 0.0)), 0.0)
+    return list(changes), np.stack(columns), weight
+
+
+def _per_kelvin(capture: Capture, frame: Frame, name: str) -> Change:
+    """An effect's change of both layers' sum when it is one kelvin warmer, by a unit of its parameter."""
+    effect, key = builtin()[name.split(".")[0]], name.split(".")[1]
+    typical = next(p.typical for p in effect.parameters if p.name == key)
+
+    def change(side: str, layers: Layers) -> Matrix:
+        nothing = np.zeros_like(layers[0])
+        view = _view(capture, replace(frame, temperature_c=REFERENCE_TEMPERATURE_C + 1.0), side)
+        before = Light.of_images([layers[0], nothing, layers[1], nothing])
+        after = acted(effect, effect.values({key: typical}), before, view)
+        return np.asarray((after.images.sum(axis=0) - before.images.sum(axis=0)) / typical)
+
+    return change
+
+
+def _view(capture: Capture, frame: Frame, side: str) -> View:
+    rig, nothing = capture.rig, np.zeros((capture.rig.left.height, capture.rig.left.width))
+    to_camera = np.eye(4) if side == "left" else rig.left_to_right
+    return View(
+        side, rig.camera(side).K, nothing, np.zeros((*nothing.shape, 3)), rig.projector.pattern(), rig.projector.K,
+        rig.projector.left_to_projector @ np.linalg.inv(to_camera), to_camera, frame, rig.max_dn, rig.line_time_s,
+        baseline_m=rig.baseline_m,
+    )  # fmt: skip
+
+
+def _rays(capture: Capture, side: str) -> tuple[Matrix, Matrix]:
+    camera = capture.rig.camera(side)
+    row, column = np.indices((camera.height, camera.width), dtype=float)
+    return (column - camera.K[0, 2]) / camera.K[0, 0], (row - camera.K[1, 2]) / camera.K[1, 1]
+
+
+def _grown(capture: Capture, side: str) -> tuple[Matrix, Matrix]:
+    """Pixels by which dots move when sines of the pattern's angles grow by one unit: f t (1 + t^2) of the tangent t,
+    which on far surfaces is the camera's own; what parallax adds is a shift."""
+    x, y = _rays(capture, side)
+    K, grown = capture.rig.camera(side).K, 1.0 + x * x + y * y
+    return K[0, 0] * x * grown, K[1, 1] * y * grown
+
+
+def _rolled(capture: Capture, side: str, f: float) -> tuple[Matrix, Matrix]:
+    x, y = _rays(capture, side)
+    return -f * y, f * x
+
+
+def _flow(image: Matrix, dx: Matrix | float, dy: Matrix | float) -> Matrix:
+    """The change of an image that moves by so many pixels."""
+    down, across = np.gradient(image)
+    return np.asarray(-(dx * across + dy * down))
+
+
+def _smooth(capture: Capture, frame: Frame, side: str) -> Matrix:
+    return np.asarray(gaussian_filter(capture.ir(frame, side).astype(float), _SMOOTH_PX))
+
+
+def _picked(image: Matrix) -> Matrix:
+    return np.asarray(image[1:-1:_STEP_PX, 1:-1:_STEP_PX], float).ravel()
+
+
+def _pixels(capture: Capture, frame: Frame) -> Matrix:
+    return np.concatenate([_picked(_smooth(capture, frame, side)) for side in SIDES])
+
+
+def _slope(name: str, celsius: Matrix, size: Matrix) -> Slope:
+    """The line of a parameter's size over temperature; neighbours in time err alike (AR(1): Bartlett 1935)."""
+    effect, key = name.split(".")
+    unit = next(p.unit for p in builtin()[effect].parameters if p.name == key)
+    x = celsius - celsius.mean()
+    value = float(x @ size / (x @ x))
+    rest = size - size.mean() - value * x
+    alike = float(np.clip(rest[1:] @ rest[:-1] / max(float(rest @ rest), 1e-30), 0.0, 0.9))
+    variance = float(rest @ rest) / (len(size) - 2) * (1.0 + alike) / (1.0 - alike)
+    return Slope(name, value, float(np.sqrt(variance / (x @ x))), unit)

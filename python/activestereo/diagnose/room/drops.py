@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Places of one camera that are blurred in every view: drops or dirt on its window stay while the rig turns, and the
+view's other camera sees the same dots sharp."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from activestereo.calibrate.world.cells import Room
+from activestereo.calibrate.world.views import Image
+from activestereo.diagnose.room.bands import blur
+
+_FINE_PX, _COARSE_PX, _AROUND_PX, _PLACE_PX = 0.6, 3.0, 3.0, 4.0
+_LEAST_DN2, _NOISE_DN2, _MOST_LOG = 0.6, 0.03, 2.0
+_LEAST_SEEN, _BLURRED_LOG = 0.4, 0.5
+
+
+@dataclass(frozen=True)
+class Blurred:
+    """The places of one camera where it is less sharp than the other one in all views of at least two: depth, how many
+    deviations of the map the worst lies below its median; log_ratio of the fine energy there; share of the image."""
+
+    side: str
+    depth: float
+    log_ratio: float
+    share: float
+
+
+def blurred_places(room: Room) -> list[Blurred]:
+    """The Blurred of both cameras."""
+    maps = [_per_view(room, view) for view in range(room.views)]
+    out = []
+    for s, side in enumerate(("left", "right")):
+        each = np.stack([m[s] for m in maps])
+        often = np.isfinite(each).sum(axis=0) > 1
+        if not often.any():
+            continue
+        mildest = np.nanmax(each[:, often], axis=0)
+        middle = float(np.median(mildest))
+        deviation = 1.4826 * float(np.median(np.abs(mildest - middle)))
+        low = middle - float(mildest.min())
+        share = float((mildest < middle - _BLURRED_LOG).mean())
+        out.append(Blurred(side, low / max(deviation, 1e-3), low, share))
+    return out
+
+
+def _per_view(room: Room, view: int) -> tuple[Image, Image]:
+    """Maps [height][width] of log(fine energy here / in the other camera), NaN where none is told."""
+    images, places = room.images[2 * view : 2 * view + 2], room.places(2 * view, 2 * view + 1)
+    energy = [blur((blur(i.dn, _FINE_PX) - blur(i.dn, _COARSE_PX)) ** 2, _AROUND_PX) for i in images]
+    other = places.read(energy[1])
+    known = places.seen & (energy[0] + other > _LEAST_DN2)
+    if not known.any():
+        nothing = np.full(room.shape, np.nan, np.float32)
+        return nothing, nothing
+    ratio = np.log((energy[0] + _NOISE_DN2) / (other + _NOISE_DN2))
+    ratio = np.clip(ratio - np.median(ratio[known]), -_MOST_LOG, _MOST_LOG)[known]
+    row, column = np.nonzero(known)
+    there = np.rint(places.row[known]).astype(int), np.rint(places.column[known]).astype(int)
+    return _spread(room, row, column, ratio), _spread(room, *there, -ratio)
+
+
+def _spread(room: Room, row: np.ndarray, column: np.ndarray, value: np.ndarray) -> Image:
+    total, count = np.zeros(room.shape, np.float32), np.zeros(room.shape, np.float32)
+    np.add.at(total, (row, column), value)
+    np.add.at(count, (row, column), 1.0)
+    near = blur(count, _PLACE_PX)
+    return np.where(near > _LEAST_SEEN, blur(total, _PLACE_PX) / np.maximum(near, 1e-3), np.nan).astype(np.float32)

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`calibrate drift` on warm-ups that NumPy drew: drifts are named, their sizes right to 15 % and the interval, and what
+stays is not; recordings that tell no drift are refused with their reason."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from activestereo.cli import main
+from activestereo.model import read_model
+from room_worlds import BASELINE_M, CX, CY, F, Room, Warm
+
+_FRAMES, _KELVIN = 8, 12.0
+CELSIUS = 27.0 + _KELVIN * (1.0 - np.exp(-np.arange(_FRAMES) / 3.0))
+
+
+def warm_up(folder: Path, **per_k: float) -> Path:
+    """The capture of a warm-up with drifts per kelvin, beside its temperatures.csv."""
+    warm = CELSIUS - CELSIUS[0]
+    states = [
+        Warm(
+            per_k.get("cx_px_per_k", 0.0) * k, per_k.get("focal_per_k", 0.0) * k, per_k.get("pattern", 0.0) * k,
+            float(np.exp(per_k.get("power", 0.0) * k)),
+        )
+        for k in warm
+    ]  # fmt: skip
+    Room(turns_deg=((0, 0),), exposures=(1.0,)).write_warm_up(folder / "views", states, off=2)
+    stated = ["--k", f"{F},{F},{CX},{CY}", "--baseline", str(BASELINE_M), "--sensor", "d415"]
+    assert main(["import", str(folder / "views"), *stated, "-o", str(folder / "capture")]) == 0
+    frames = json.loads((folder / "capture" / "capture.json").read_text())["frames"]
+    lit = sorted(f["timestamp_s"] for f in frames if f["projector_power"] > 0)
+    rows = [f"{t},{c}" for t, c in zip(lit, CELSIUS, strict=True)]
+    (folder / "temperatures.csv").write_text("\n".join(rows) + "\n")
+    return folder / "capture"
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
+    """A function: the capture of a warm-up with drifts, drawn once."""
+    made = {}
+
+    def capture(drifts):
+        key = tuple(sorted(drifts.items()))
+        if key not in made:
+            made[key] = warm_up(tmp_path_factory.mktemp("warm"), **drifts)
+        return made[key]
+
+    return capture
+
+
+@pytest.mark.parametrize(
+    "hidden, truth",
+    [
+        ({}, {}),
+        (
+            {"cx_px_per_k": 0.012, "focal_per_k": -4e-5},
+            {"thermal_drift.cx_px_per_k": 0.012, "thermal_drift.focal_per_k": -4e-5},
+        ),
+        ({"pattern": 8e-5, "power": -0.006}, {"pattern_scale_drift.per_k": 8e-5, "laser_power_drift.per_k": -0.006}),
+    ],
+)
+def test_what_drifts_is_named_and_what_stays_is_not(drawn, tmp_path, capsys, hidden, truth):
+    capture, model = drawn(hidden), tmp_path / "model.json"
+    given = ["--temperatures", str(capture.parent / "temperatures.csv"), "-o", str(model)]
+    assert main(["calibrate", "drift", str(capture), *given]) == 0
+    said = capsys.readouterr().out.split("moves with temperature")[0]
+    assert all(name in said for name in truth) and ("nothing" in said) == (not truth)
+    found = {f"{e.effect.id}.{name}": q for e in read_model(model).effects for name, q in e.parameters.items()}
+    assert {name.split(".")[0] for name in found} == {name.split(".")[0] for name in truth}
+    for name, value in truth.items():
+        half = (found[name].high - found[name].low) / 2
+        assert abs(found[name].value - value) < 2 * half + 0.15 * abs(value), (name, found[name])
+        assert half < 0.25 * abs(value)
+
+
+@pytest.mark.parametrize(
+    "change, said",
+    [
+        (lambda frames: [f for f in frames if f["projector_power"] > 0], "no frame has the projector off"),
+        (lambda frames: [f | {"temperature_c": 30.0} for f in frames], "frames span 0 K"),
+        (lambda frames: [f | {"temperature_c": None} for f in frames], "0 frames with dots have a temperature"),
+    ],
+)
+def test_what_tells_no_drift_is_refused(drawn, tmp_path, capsys, change, said):
+    capture = shutil.copytree(drawn({}), tmp_path / "capture")
+    described = json.loads((capture / "capture.json").read_text())
+    described["frames"] = change(described["frames"])
+    (capture / "capture.json").write_text(json.dumps(described))
+    assert main(["calibrate", "drift", str(capture), "-o", str(tmp_path / "model.json")]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+    assert not (tmp_path / "model.json").exists()
