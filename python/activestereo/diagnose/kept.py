@@ -20,7 +20,7 @@ from activestereo.model.write import model_json
 
 @dataclass(frozen=True)
 class Found:
-    """What a diagnosis found, but for images: the contents of diagnose.json and model.json, and an effect's stub."""
+    """A diagnosis but for its images: the contents of diagnose.json and model.json, and an effect's stub."""
 
     result: dict[str, Any]
     model: SensorModel
@@ -38,14 +38,14 @@ def key_of(capture: Capture, effects: Mapping[str, Effect], *options: object) ->
 
 
 def keep(cache: LayerCache, key: str, found: Found) -> None:
-    """Writes what was found."""
+    """Writes a diagnosis."""
     pattern = found.model.pattern.file if found.model.pattern else None
     record = found.result, model_json(found.model, "pattern.png"), pattern and str(pattern), found.stub
     cache.put_arrays(key, {"found": np.frombuffer(json.dumps(record).encode(), np.uint8)})
 
 
 def kept(cache: LayerCache, key: str) -> Found | None:
-    """What was found before."""
+    """The diagnosis that was kept, or None."""
     stored = cache.get_arrays(key)
     if stored is None:
         return None
