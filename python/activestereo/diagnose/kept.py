@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from activestereo.capture.capture import SIDES, Capture
+from activestereo.common.output_files import write_text
 from activestereo.compare.cache import LayerCache, scene_digest
 from activestereo.diagnose.refine.fit_cache import code_digest, content_key, effect_content
 from activestereo.effects import Effect
@@ -53,7 +54,7 @@ def kept(cache: LayerCache, key: str) -> Found | None:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "model.json"
         path.with_name("pattern.png").touch()
-        path.write_text(json.dumps(model))
+        write_text(path, json.dumps(model))
         found = read_model(path)
     if found.pattern is not None and pattern is not None:
         found = replace(found, pattern=replace(found.pattern, file=Path(pattern)))
