@@ -176,7 +176,6 @@ def run(args: argparse.Namespace) -> None:
 
 def _steps(args: argparse.Namespace, diagnosis: Diagnosis) -> list[Step]:
     """The commands that follow from the verdict: with the model found, or with the effect to edit."""
-    from activestereo.compare.model_file import scene_of
     from activestereo.report.screen import command
 
     own = [word for file in args.effects for word in ("--effects", file)]
@@ -185,10 +184,11 @@ def _steps(args: argparse.Namespace, diagnosis: Diagnosis) -> list[Step]:
         return [command("diagnose", args.capture, "--model", args.model, *own, *stub)]
     if diagnosis.sensor_model is None:
         return [command("view", args.capture)]
-    model, scene = ("--model", args.out / "model.json", *own), scene_of(args.capture)
-    check = command("compare", args.capture, *model, "-o", args.out / "after", label="check")
-    use = [] if scene is None else [command("simulate", scene, *model, "-o", args.out / "simulated", label="use")]
-    return [check, *use]
+    model = "--model", args.out / "model.json", *own
+    return [
+        command("compare", args.capture, *model, "-o", args.out / "after", label="check"),
+        command("simulate", args.capture, *model, "-o", args.out / "simulated", label="use"),
+    ]
 
 
 @contextmanager

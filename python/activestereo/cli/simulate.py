@@ -44,9 +44,9 @@ infrared pair with projected dots, imager noise, stereo matching, registration t
 the RGB camera.
 
 SCENE is .gltf .glb .obj .dae .stl or .ply, in metres, or .usd .usda .usdc .usdz
-(needs: pip install usd-core); KTX2 textures of glTF need: pip install --pre
-opengl_basisu. The sensor stands at the file's
-first camera, or at --camera-to-world, or where all of the scene is seen. Lamps have
+(needs: pip install usd-core), or a capture's folder; KTX2 textures of glTF need:
+pip install --pre opengl_basisu. The sensor stands at the file's first camera, at a
+capture's first view, at --camera-to-world, or where all of the scene is seen. Lamps have
 the units of the file's format. A scene without lights is a room of 400 lux (--ambient).
 
 Writes into DIR:
@@ -60,7 +60,7 @@ Writes into DIR:
 
 examples:
   activestereo simulate table_top.gltf --sensor d435 --out out/table_top
-  activestereo simulate table_top.gltf --sensor d435 --model out/diagnosis/model.json --out out/as_measured
+  activestereo simulate captures/table --model out/diagnosis/model.json --out out/as_measured
   activestereo simulate table_top.gltf --velocity 0.5,0,0 --ir-distortion -0.06,0.01,0,0 --out out/moving
 """
 
@@ -70,7 +70,7 @@ _OF_THE_CAMERA = dict.fromkeys(OF_THE_CAMERA, "the camera's")
 
 def add_parser(commands: Commands) -> None:
     parser = commands.add_parser("simulate", help="what a depth sensor gives in a scene", description=_TEXT)
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file")
+    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file, or a capture for its scene")
     text = "the scene as its animations pose it then (default: without animation)"
     parser.add_argument("--time", type=positive, metavar="SECONDS", help=text)
     add_shared(parser, unit="SCENE", keep_transparent=True)
@@ -152,11 +152,12 @@ def run(args: argparse.Namespace) -> None:
     config = make_config(args, model)
     if not args.scene.exists():
         raise CommandError(f"{args.scene}: there is no such file")
+    view = _view_of_capture(args) if args.scene.is_dir() else None
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.sensor.sensor import StereoDepthSensor
 
     scene, added = _load_scene(args, config)
-    sensor = StereoDepthSensor(config, scene, pose=_sensor_pose(args, scene, config.min_depth_m), model=model)
+    sensor = StereoDepthSensor(config, scene, pose=_sensor_pose(args, scene, config, view), model=model)
     if args.velocity is not None:
         sensor.set_velocity(args.velocity[:3], args.velocity[3:])
     make_folder(args.out)
@@ -296,18 +297,33 @@ def _load_file(scene: kuafu.Scene, args: argparse.Namespace) -> tuple[float, flo
         raise CommandError(str(error)) from error
 
 
-def _sensor_pose(args: argparse.Namespace, scene: kuafu.Scene, least_m: float) -> Pose:
-    from activestereo.common.pose import body_pose
+def _view_of_capture(args: argparse.Namespace) -> np.ndarray:
+    """Puts a capture's scene in the place of its folder; returns the pose of the left camera in its first frame."""
+    from activestereo.capture.capture import read_capture
+
+    capture = read_capture(args.scene)
+    if capture.scene_path is None:
+        raise CommandError(f"{args.scene}: this capture has no scene: give a scene file")
+    args.scene = capture.scene_path
+    return capture.frames[0].camera_to_world
+
+
+def _sensor_pose(
+    args: argparse.Namespace, scene: kuafu.Scene, config: StereoDepthSensorConfig, left_to_world: np.ndarray | None
+) -> Pose:
+    from activestereo.common.pose import Pose, body_pose, camera_to_camera
     from activestereo.scene_io.staging import overall_view
 
     if args.camera_to_world is not None:
         return body_pose(args.camera_to_world)
+    if left_to_world is not None and args.camera is None:
+        return body_pose(left_to_world @ camera_to_camera(Pose(), config.trans_pose_l))
     count = scene.summary.camera_count
     if args.camera is not None and args.camera >= count:
         raise CommandError(f"--camera {args.camera}: {args.scene} has {count} camera{'' if count == 1 else 's'}")
     if count:
         return body_pose(scene.camera(args.camera or 0).camera_to_world)
-    return body_pose(overall_view(scene.summary, least_m))
+    return body_pose(overall_view(scene.summary, config.min_depth_m))
 
 
 def _accuracy(sensor: StereoDepthSensor) -> list[Any]:
