@@ -9,12 +9,13 @@ from pathlib import Path
 
 import kuafu
 import numpy as np
-from PIL import Image
 
 from activestereo import Mounts, StereoDepthSensorBatch, StereoDepthSensorConfig
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
 from activestereo.common.pose import body_pose, look_at
+from activestereo.report.labelled import Labelled, labelled_figure
+from activestereo.report.lettering import write_figure
 
 BALLS, RADIUS_M, STEP_S = 5, 0.05, 0.01
 
@@ -75,10 +76,10 @@ def run(out: Path, environments: int, pictures: int, samples: int) -> float:
     good = np.abs(depth - truth)[measured] < 0.02 * truth[measured]
     print(f"{100 * good.mean():.1f} % of the measured pixels are within 2 % of the true depth")
     out.mkdir(parents=True, exist_ok=True)
-    shown = slice(0, min(4, environments))
-    shades = np.repeat((255 * np.clip((1.4 - depth) / 1.0, 0, 1) * (depth > 0))[..., None], 3, axis=-1)
-    rows = [np.hstack(list(tiles[shown])) for tiles in (255 * rgb, shades)]
-    Image.fromarray(np.vstack(rows).astype(np.uint8)).save(out / "any_simulator.png")
+    shown = range(min(4, environments))
+    pictures = [Labelled(f"environment {e}: colour", rgb[e]) for e in shown]
+    pictures += [Labelled("depth that the sensor measures", depth[e], (0.4, 1.4)) for e in shown]
+    write_figure(out / "any_simulator.png", labelled_figure(pictures, columns=len(shown)))
     return float(good.mean())
 
 

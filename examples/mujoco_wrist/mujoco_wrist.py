@@ -12,7 +12,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 try:
     import mujoco
@@ -21,7 +20,10 @@ except ImportError:
 
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.integrations.mujoco import MujocoScene
+from activestereo.report.labelled import Labelled, labelled_figure
+from activestereo.report.lettering import write_figure
 
+NEAR_FAR_M = 0.5, 1.3
 TABLE = """<mujoco>
 <asset>
   <texture name="wood" type="2d" builtin="checker" rgb1=".62 .45 .30" rgb2=".52 .36 .23" width="64" height="64"/>
@@ -87,12 +89,13 @@ def run(out: Path, pictures: int, scale: float, samples: int) -> float:
     good = np.abs(depth - truth)[measured] < 0.02 * truth[measured]
     print(f"{100 * measured.mean():.1f} % measured, {100 * good.mean():.1f} % of that within 2 % of the true depth")
     out.mkdir(parents=True, exist_ok=True)
-    near, far = 0.5, 1.3
-    shades = [255 * np.clip((far - z) / (far - near), 0, 1) * (z > 0) for z in (depth, truth)]
-    left = np.repeat(255 * sensor.get_ir()[0][..., None], 3, axis=2)
-    tiles = [255 * sensor.get_rgb(), left, *(np.repeat(s[..., None], 3, axis=2) for s in shades)]
-    tiles = [np.asarray(Image.fromarray(t.astype(np.uint8)).resize(config.rgb_resolution)) for t in tiles]
-    Image.fromarray(np.vstack([np.hstack(tiles[:2]), np.hstack(tiles[2:])])).save(out / "mujoco_wrist.png")
+    pictures = [
+        Labelled("colour", sensor.get_rgb()),
+        Labelled("left infrared camera", sensor.get_ir()[0]),
+        Labelled("depth that the D435 measures", depth, NEAR_FAR_M),
+        Labelled("true depth", truth, NEAR_FAR_M),
+    ]
+    write_figure(out / "mujoco_wrist.png", labelled_figure(pictures, columns=2))
     return float(good.mean())
 
 

@@ -11,7 +11,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 try:
     import sapien
@@ -19,6 +18,8 @@ except ImportError:
     sys.exit("this example needs the package sapien: pip install sapien")
 
 from activestereo.integrations.sapien import ActorBuilder, StereoDepthSensor, StereoDepthSensorConfig
+from activestereo.report.labelled import Labelled, labelled_figure
+from activestereo.report.lettering import write_figure
 
 
 def make_scene() -> tuple[sapien.Scene, sapien.Entity]:
@@ -64,10 +65,12 @@ def run(out: Path, scale: float, samples: int, steps: int) -> float:
     good = np.abs(depth - truth)[measured] < 0.02 * truth[measured]
     print(f"{100 * measured.mean():.1f} % measured, {100 * good.mean():.1f} % of that within 2 % of the true depth")
     out.mkdir(parents=True, exist_ok=True)
-    near, far = 0.5, 1.4
-    shade = 255 * np.clip((far - depth) / (far - near), 0, 1) * (depth > 0)
-    tiles = [255 * sensor.get_rgb(), np.repeat(shade[..., None], 3, axis=2)]
-    Image.fromarray(np.hstack(tiles).astype(np.uint8)).save(out / "sapien_sensor.png")
+    pictures = [
+        Labelled("colour", sensor.get_rgb()),
+        Labelled("depth that the D435 measures", depth, (0.5, 1.4)),
+        Labelled("true depth", truth, (0.5, 1.4)),
+    ]
+    write_figure(out / "sapien_sensor.png", labelled_figure(pictures, columns=3))
     for entity in list(
         scene.entities
     ):  # SAPIEN ends the process where a scene without a renderer goes with its entities

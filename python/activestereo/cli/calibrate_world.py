@@ -103,6 +103,6 @@ def _run(args: argparse.Namespace) -> None:
         print_json(read_json_object(args.out / "capture.json")["measured"])
         return
     sentence = f"{args.out}: {', '.join(steps)} measured from {args.recording}, each with a picture."
-    next_step = command("compare", args.out, "-o", f"{args.out}_compare")
+    leads = [command(name, args.out, "-o", f"{args.out}_{name}") for name in ("diagnose", "compare")]
     notes = [note for line in lines for note in line.splitlines()]
-    print(screen(sentence, (), notes, [next_step], args.out / "measured", verbose=args.verbose))
+    print(screen(sentence, (), notes, leads, args.out / "measured", verbose=args.verbose))

@@ -70,6 +70,7 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.compare.kuafu_renderer import KuafuRenderer
     from activestereo.compare.model_file import library
     from activestereo.compare.phase_times import PhaseTimes
+    from activestereo.report.error_words import is_near_noise
     from activestereo.report.paper import write_comparison_csv, write_comparison_pdf
     from activestereo.report.screen import command
     from activestereo.report.summary import comparison_screen
@@ -77,7 +78,6 @@ def run(args: argparse.Namespace) -> None:
 
     effects = library(*args.effects)
     own = [word for file in args.effects for word in ("--effects", file)]
-    next_step = command("diagnose", args.capture, "--model", args.model, *own, "-o", args.out / "diagnosis")
     under_model = {} if args.model is None else _under_model(args, effects)
     times = PhaseTimes("compare" if args.model is None else "compare --model")
     with ProgressBar(f"comparing {args.capture.name}") as bar:
@@ -91,6 +91,11 @@ def run(args: argparse.Namespace) -> None:
             progress=phases,
             **under_model,
         )
+        model = "--model", args.model, *own
+        if args.model is not None and is_near_noise(comparison.scores):
+            next_step = command("simulate", args.capture, *model, "-o", args.out / "simulated")
+        else:
+            next_step = command("diagnose", args.capture, *model, "-o", args.out / "diagnosis")
         phases.begin(WRITING)
         write_report(comparison, args.out, effects=effects, progress=phases, steps=[next_step])
         if args.csv:

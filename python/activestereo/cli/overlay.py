@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from activestereo.cli.arguments import CommandError, Commands, add_shared, make_folder, share, size
-from activestereo.common.shown import printable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -48,6 +47,7 @@ def add_parser(commands: Commands) -> None:
 def _run(args: argparse.Namespace) -> None:
     from activestereo.common.output_files import write_png
     from activestereo.report.overlay import can_show_windows, show_window
+    from activestereo.report.screen import command, screen
 
     is_capture = (args.source / "capture.json").is_file() or args.source.name == "capture.json"
     if args.scene is None and not is_capture:
@@ -65,7 +65,9 @@ def _run(args: argparse.Namespace) -> None:
     for name, picture in pictures:
         write_png(args.out / f"{name}.png", picture)
         names.append(name)
-    print(f"written: {len(names)} pictures in {printable(args.out)}, {names[0]}.png first")
+    sentence = f"{len(names)} pictures in {args.out}, {names[0]}.png first: edges of the scene lie over the camera's."
+    leads = [command("compare", args.source, "-o", args.out / "compare")] if is_capture and args.scene is None else []
+    print(screen(sentence, (), (), leads))
 
 
 def _of_capture(args: argparse.Namespace) -> Iterator[tuple[str, NDArray[np.uint8]]]:

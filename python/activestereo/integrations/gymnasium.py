@@ -7,6 +7,15 @@ evaluated on the depth that it was trained on.
 robosuite and LIBERO give MuJoCo's depth buffer, upside down: take it with
 
     metres=lambda z: get_real_depth_map(env.sim, z)[::-1], and put back with back=lambda z: z[::-1]
+
+LeRobot's LiberoEnv gives no depth, and its policies take bytes of three channels:
+
+    def rendered(env):
+        sim = env.unwrapped._env.env.sim
+        return get_real_depth_map(sim, sim.render(256, 256, camera_name="agentview", depth=True)[1])[::-1]
+
+    StereoDepth(env, depth=("pixels", "depth"), color=("pixels", "image"), back=lambda z: z[::-1], rendered=rendered,
+                coded=lambda z: np.repeat(np.uint8(255 * np.clip(z / 2.0, 0, 1))[..., None], 3, axis=2))
 """
 
 from __future__ import annotations
@@ -32,24 +41,33 @@ class StereoDepth(gymnasium.ObservationWrapper):
     depth, color: the keys of planar depth [H, W] or [H, W, 1] and of the colour image, whose red stands for the
     infrared albedo; without color all surfaces have albedo_of_all. fovy_deg: the camera's vertical field of view, as
     MuJoCo has it. camera: a preset or a configuration. metres: makes metres of the environment's depth, seen upright;
-    back: turns the result as the environment has it. Noise follows the seed of reset(). Raises ValueError without the
-    keys.
+    back: turns the result as the environment has it. rendered: the upright planar depth [H, W] in metres of an
+    environment whose observation has none; color then has its size. coded: makes of metres [H, W] what the policy
+    takes, float or bytes. Noise follows the seed of reset(). Raises ValueError without the keys.
     """
 
     def __init__(
         self, env: gymnasium.Env, depth: Keys, color: Keys | None = None, fovy_deg: float = 45.0,
         camera: StereoDepthSensorConfig | str = "D435", metres: Images | None = None, back: Images | None = None,
-        albedo_of_all: float = 0.5,
+        albedo_of_all: float = 0.5, rendered: Callable[[gymnasium.Env], NDArray[Any]] | None = None,
+        coded: Images | None = None,
     ) -> None:  # fmt: skip
         super().__init__(env)
         self._depth, self._color = _path(depth), None if color is None else _path(color)
         self._metres, self._back, self._albedo = metres or _same, back or _same, albedo_of_all
-        space = _at(env.observation_space, self._depth)
-        height, width = space.shape[:2]
+        self._rendered, self._coded = rendered, coded
+        if rendered is not None and self._color is None:
+            raise ValueError("rendered depth has the size of the colour image: give color, too")
+        given = self._depth if rendered is None or self._color is None else self._color
+        shape = _at(env.observation_space, given).shape
+        self._shape = shape if rendered is None else (*shape[:2], 1)
+        height, width = shape[:2]
         fovx_deg = float(np.rad2deg(2.0 * np.arctan(np.tan(np.deg2rad(fovy_deg) / 2.0) * width / height)))
         config = centred(own_config(camera).resized(width, height, fovx_deg))
         self._sensor = GBufferStereo(config)
-        box = gymnasium.spaces.Box(0.0, float(config.max_depth_m), space.shape, np.float32)
+        sample = self._told(np.zeros((height, width), np.float32))
+        most = 255 if sample.dtype == np.uint8 else float(config.max_depth_m)
+        box = gymnasium.spaces.Box(0, most, sample.shape, sample.dtype.type)
         self.observation_space = _with(env.observation_space, self._depth, box, gymnasium.spaces.Dict)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
@@ -58,13 +76,19 @@ class StereoDepth(gymnasium.ObservationWrapper):
         return super().reset(seed=seed, options=options)
 
     def observation(self, observation: Mapping[str, Any]) -> dict[str, Any]:
-        given = np.asarray(_at(observation, self._depth))
-        depth_m = self._metres(given).reshape(self._sensor.shape)
+        if self._rendered is None:
+            depth_m = self._metres(np.asarray(_at(observation, self._depth))).reshape(self._sensor.shape)
+        else:
+            depth_m = np.asarray(self._rendered(self.env)).reshape(self._sensor.shape)
         albedo = np.full(self._sensor.shape, self._albedo)
         if self._color is not None:  # upright as the depth is: the same turn takes either there and back
             albedo = self._back(np.asarray(_at(observation, self._color)))[None]
         found = self._sensor(depth=depth_m, albedo=albedo, outputs=("depth",))["depth"]
-        return _with(observation, self._depth, self._back(found.reshape(given.shape)), dict)
+        return _with(observation, self._depth, self._told(found.reshape(self._shape[:2])), dict)
+
+    def _told(self, depth_m: NDArray[np.float32]) -> NDArray[Any]:
+        """Upright metres [H, W] as the observation has them."""
+        return self._back(depth_m.reshape(self._shape) if self._coded is None else self._coded(depth_m))
 
 
 def _same(image: NDArray[Any]) -> NDArray[Any]:

@@ -15,7 +15,7 @@ from activestereo.diagnose.answer.verdict_words import (
     rival_words,
 )
 from activestereo.report.depth_parts import split_sentences
-from activestereo.report.screen import Figure, Step, screen
+from activestereo.report.screen import COLUMNS, Figure, Step, screen, wrapped
 
 NATS_WORDS = "nats: the logarithm of how much likelier the effect makes the images"
 EXPLAINS_WORDS = "explains: share of the squared error beyond noise (noise effects: of the noise, no error)"
@@ -60,7 +60,7 @@ def diagnosis_table(result: Mapping[str, Any]) -> str:
     lines += [f"next measurement: {advice['text']}" for advice in result["next_measurement"][1:]]
     if result.get("residual_model"):
         lines.append(f"model of the residual ({result['residual_model']['stage']}): {result['residual_model']['text']}")
-    return "\n".join(lines)
+    return "\n".join(line for told in lines for line in (wrapped(told) if len(told) > COLUMNS else [told]))
 
 
 def _notes(result: Mapping[str, Any]) -> list[str]:
@@ -104,7 +104,7 @@ def _table(result: Mapping[str, Any]) -> list[str]:
         lines.append(
             f"{place:>2}  {entry['effect']:26}{entry['family']:20}{entry['score_nats']:>12.1f}{share:>10}"
         )
-        lines += [f"{'':6}{words}" for words in [*([values] if values else []), *_row_notes(result, entry)]]
+        lines += [line for words in (values, *_row_notes(result, entry)) for line in wrapped(words, " " * 4)]
     placed = {entry["effect"] for entry in ranking}
     lines += [NATS_WORDS, EXPLAINS_WORDS, FLOOR_WORDS] if told else []
     return lines + [f" -  {name:26}yours: {why}" for name, why in own.items() if name not in placed]

@@ -59,6 +59,14 @@ _MOST_MATERIALS, _MOST_FAMILIES = 3, 4
 _ALIKE = 0.7
 # An error that falls by less than this share did not fall.
 _SAME = 0.02
+# An error above the noise by less than this share of it is nearly all noise.
+_NEAR_NOISE = 0.05
+
+
+def is_near_noise(scores: Mapping[str, Any]) -> bool:
+    """Whether the infrared error is hardly more than noise."""
+    values = next(reversed(scores["ir"].values()))
+    return values["noise_floor_dn"] is not None and values["rmse_dn"] < (1.0 + _NEAR_NOISE) * values["noise_floor_dn"]
 
 
 def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
@@ -79,6 +87,8 @@ def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
     kind = words.format(ways[amount > 0] if ways else abs(amount))
     where = "" if place is None else f": {_percent(place['share'])} of the error lies {place['words']}"
     area = "" if place is None else f", in {_percent(place['pixel_share'])} of the pixels"
+    if is_near_noise(scores):
+        said += [f"Little is missing: the infrared error is within {_percent(_NEAR_NOISE)} of noise alone."]
     said.append(f"{kind}{where}{area}.")
     suspects = _FAMILIES[shape["kind"]]
     alike = [one["covariate"] for one in places if _gain(one) > _ALIKE * _gain(places[0])] or [""]

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 # The details show so much of the image's width and height, of small images more: a detail has so many pixels across.
 _DETAIL, _LEAST_PX = 1.0 / 3.0, 140
+_MOST_CELLS = 6  # two rows of pictures and charts
 _NOT_COMPARED = "#8a94a0"
 
 
@@ -66,7 +67,7 @@ def comparison_first_screen(
     said = "".join(f"<p>{text(sentence)}</p>" for sentence in sentences[1:])
     advice = f"<h2>What to do next</h2>{_pasted(steps)}" if steps else ""
     cells = _pictures(comparison, images)
-    for place in error_places(comparison.scores["where"])[:2]:
+    for place in error_places(comparison.scores["where"])[: _MOST_CELLS - len(cells)]:
         drawn = chart(covariates_chart([place["table"]], "DN"), f"the error against {place['covariate']}")
         cells.append(f'<div class="curve">{drawn}</div>')
     pictures = f'<div class="evidence">{"".join(cells)}</div>'

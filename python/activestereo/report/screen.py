@@ -50,20 +50,19 @@ def screen(
     `verbose` alone.
     steps: by command(). see: a file that shows more. details: tables that `verbose` adds at the end.
     """
-    lines = _wrapped(sentence)
+    lines = wrapped(sentence)
     drawn = _drawn(figures[:_MOST_LINES])
     room, told = _MOST_LINES - len(drawn), []
-    for said in ([f"  {note}"] if verbose else _wrapped(note, "  ") for note in notes):
+    for said in ([f"  {note}"] if verbose else wrapped(note, "  ") for note in notes):
         if verbose or len(said) <= room:
             room -= len(said)
             told.append(said)
     lines += [*drawn, *(line for said in told for line in said)]
     lines += [line for step in steps for line in _pasted(step)]
     more = "" if verbose or (len(told) == len(notes) and not details) else "more: --verbose"
-    if see:
-        lines.append(f"see: {printable(see)}" + (f" ({more})" if more else ""))
-    elif more:
-        lines.append(more)
+    shown = f"see: {printable(see)}" if see else ""
+    is_short = shown and more and len(shown) + len(more) + 3 <= COLUMNS
+    lines += [f"{shown} ({more})"] if is_short else [line for line in (shown, more) if line]
     return "\n".join([*lines, *(["", details] if verbose and details else [])])
 
 
@@ -90,7 +89,8 @@ def _drawn(figures: Sequence[Figure]) -> list[str]:
     ]
 
 
-def _wrapped(text: str, indent: str = "") -> list[str]:
+def wrapped(text: str, indent: str = "") -> list[str]:
+    """Lines of the terminal's width; those after the first are indented twice as far."""
     return wrap(
         printable(text), COLUMNS, initial_indent=indent, subsequent_indent=2 * indent, break_long_words=False,
         break_on_hyphens=False,

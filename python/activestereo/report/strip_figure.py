@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from activestereo.common.palette import INK, MUTED
 from activestereo.effects.core.surfaces import SURFACES
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
 _PANEL_IN = 4.2
 _SHOWN_QUANTILE = 0.998
+# A difference that varies by less than this share of its size is the same everywhere.
+_FLAT = 0.02
 
 
 def strip_figure(strips: Sequence[EffectStrip]) -> Figure:
@@ -39,25 +42,39 @@ def parameter_words(strip: EffectStrip) -> str:
 
 
 def strip_ranges(strip: EffectStrip) -> tuple[float, float]:
-    """(the picture's brightest shown value, the difference's largest), in the strip's unit. A depth that appears or
+    """(the picture's brightest shown value, in the strip's unit, shown_change()'s largest). A depth that appears or
     vanishes changes by its whole value, so other changes alone set the range, if there are any."""
     shown = lambda image: max(float(np.quantile(image, _SHOWN_QUANTILE)), 1e-6)  # noqa: E731
-    difference = np.abs(strip.difference)
+    change = np.abs(shown_change(strip)[0])
     stays = (strip.without > 0) & (strip.with_it > 0)
-    is_depth = strip.unit != "DN" and difference[stays].any()
-    return shown(strip.without), shown(difference[stays] if is_depth else difference)
+    is_depth = strip.unit != "DN" and change[stays].any()
+    return shown(strip.without), shown(change[stays] if is_depth else change)
+
+
+def is_flat(strip: EffectStrip) -> bool:
+    """Whether the effect adds the same to every pixel."""
+    size = float(np.abs(strip.difference).mean())
+    return strip.unit == "DN" and float(strip.difference.std()) < _FLAT * size
+
+
+def shown_change(strip: EffectStrip, as_share: bool | None = None) -> tuple[NDArray[np.float64], str]:
+    """(change [height][width], its unit): the difference, or, where that is the same everywhere, its percentage of the
+    picture, which shows where it tells. as_share: which, None for is_flat()."""
+    if is_flat(strip) if as_share is None else as_share:
+        return 100.0 * strip.difference / np.maximum(strip.without, 1.0), "% of the picture"
+    return strip.difference, strip.unit
 
 
 def _panels(row: Figure, strip: EffectStrip) -> None:
     axes = row.subplots(1, 3)
     is_light = strip.unit == "DN"
-    high, limit = strip_ranges(strip)
+    (high, limit), (change, unit) = strip_ranges(strip), shown_change(strip)
     span = {"cmap": "gray" if is_light else "viridis", "vmin": 0.0, "vmax": high}
     signed = {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit}
     panels = (
         ("without", strip.without, span),
         ("with it", strip.with_it, span),
-        ("difference", strip.difference, signed),
+        ("difference", change, signed),
     )
     for place, (name, image, style) in zip(axes, panels, strict=True):
         shown = place.imshow(image, interpolation="nearest", **style)
@@ -65,5 +82,5 @@ def _panels(row: Figure, strip: EffectStrip) -> None:
         place.set_xticks([])
         place.set_yticks([])
         bar = row.colorbar(shown, ax=place, shrink=0.85, extend="both" if name == "difference" else "max")
-        bar.set_label(strip.unit, size=9, color=MUTED)
+        bar.set_label(unit if name == "difference" else strip.unit, size=9, color=MUTED)
         bar.ax.tick_params(labelsize=8, colors=MUTED)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from activestereo.common.html_table import text
 from activestereo.report.encode import data_address
 from activestereo.report.page import page, web_file
-from activestereo.report.strip_figure import parameter_words, strip_ranges
+from activestereo.report.strip_figure import is_flat, parameter_words, shown_change, strip_ranges
 
 if TYPE_CHECKING:
     from activestereo.compare.effect_strip import EffectStrip
@@ -30,14 +30,14 @@ def strip_page(effects: Sequence[Sequence[EffectStrip]]) -> str:
 def strip_section(strips: Sequence[EffectStrip], title: str, middle_words: str) -> str:
     """A section for a page with strip.js. middle_words: the strength that is shown first."""
     middle, effect = strips[len(strips) // 2], strips[0].effect
-    high, limit = strip_ranges(middle)
+    (high, limit), is_share = strip_ranges(middle), is_flat(middle)
     colours = "gray" if middle.unit == "DN" else "viridis"
     shade = lambda image: _shaded(image / high, colours)  # noqa: E731
     strengths = [
         {
             "words": parameter_words(strip),
             "with_it": shade(strip.with_it),
-            "difference": _shaded(0.5 + 0.5 * strip.difference / limit, "RdBu_r"),
+            "difference": _shaded(0.5 + 0.5 * shown_change(strip, is_share)[0] / limit, "RdBu_r"),
         }
         for strip in strips
     ]
@@ -50,7 +50,7 @@ def strip_section(strips: Sequence[EffectStrip], title: str, middle_words: str) 
         "last": str(len(strips) - 1),
         "typical": str(len(strips) // 2),
         "scale": text(f"0 to {high:.3g} {middle.unit}"),
-        "signed": text(f"\u00b1{limit:.2g} {middle.unit}"),
+        "signed": text(f"\u00b1{limit:.2g} {shown_change(middle)[1]}"),
         # A "<" would end the script element early.
         "strengths": json.dumps(strengths).replace("<", "\\u003c"),
     }

@@ -11,7 +11,9 @@ import pytest
 
 import activestereo.report
 from activestereo.diagnose import diagnose
+from activestereo.diagnose.answer.residual_model import ResidualModel, Term
 from activestereo.effects import Parameter, Stage, builtin, effect
+from activestereo.effects.core.load import load_effects
 from activestereo.report.diagnosis_text import diagnosis_screen
 from activestereo.report.write import write_diagnosis_report
 from lab_worlds import BLACK_DN, WorldRenderer, altered
@@ -84,3 +86,11 @@ def test_the_report_of_a_diagnosis_needs_no_render(diagnosis, renderer, tmp_path
 def test_the_answer_obeys_its_schema(diagnosis):
     schema = Path(activestereo.report.__file__).parent / "schema/diagnose.schema.json"
     assert violations(diagnosis.result, json.loads(schema.read_text())) == []
+
+
+@pytest.mark.parametrize("stage", ["PROJECTOR", "READOUT", "DIGITAL"])
+def test_the_stub_of_an_unknown_effect_loads_before_anybody_edits_it(tmp_path, stage):
+    terms = (Term(term="r^2", code="(x**2 + y**2)", value=-0.3, low=-0.35, high=-0.27),)
+    (tmp_path / "stub.py").write_text(ResidualModel('a user\'s "room"', stage, terms, 0.5).stub())
+    [loaded] = load_effects(tmp_path / "stub.py").values()
+    assert loaded.id == "my_effect" and loaded.stage is Stage[stage]

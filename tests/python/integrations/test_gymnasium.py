@@ -111,3 +111,32 @@ def test_a_seed_repeats_the_noise_and_a_step_does_not(env):
 def test_a_missing_key_is_named():
     with pytest.raises(ValueError, match="has no pixels/deep"):
         StereoDepth(Wall(), ("pixels", "deep"))
+
+
+class Libero(Wall):
+    """LeRobot's LiberoEnv in what matters here (lerobot 0.4, envs/libero.py): colours upside down, and no depth."""
+
+    observation_space = gymnasium.spaces.Dict({
+        "pixels": gymnasium.spaces.Dict({"image": gymnasium.spaces.Box(0, 255, (HEIGHT, WIDTH, 3), np.uint8)})
+    })  # fmt: skip
+
+    def seen(self):
+        return {"pixels": {"image": np.full((HEIGHT, WIDTH, 3), 160, np.uint8)}}
+
+
+def test_an_environment_without_depth_gets_bytes_that_lerobot_takes():
+    """lerobot 0.4, envs/utils.py, preprocess_observation(): bytes, and fewer channels than rows and columns."""
+    env = StereoDepth(
+        Libero(), ("pixels", "depth"), ("pixels", "image"), 58.0, back=lambda z: z[::-1],
+        rendered=lambda env: np.full((HEIGHT, WIDTH), DISTANCE_M),
+        coded=lambda z: np.repeat(np.uint8(255 * np.clip(z / 2.0, 0, 1))[..., None], 3, axis=2),
+    )  # fmt: skip
+    seen, _ = env.reset(seed=3)
+    assert env.observation_space.contains(seen) and list(seen["pixels"]) == ["image", "depth"]
+    for image in seen["pixels"].values():
+        height, width, channels = image.shape
+        assert image.dtype == np.uint8 and channels < height and channels < width
+    told = seen["pixels"]["depth"][..., 0]
+    assert np.median(told[told > 0]) == pytest.approx(255 * DISTANCE_M / 2.0, abs=2)
+    with pytest.raises(ValueError, match="give color"):
+        StereoDepth(Libero(), ("pixels", "depth"), rendered=lambda env: None)

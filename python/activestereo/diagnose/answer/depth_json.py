@@ -18,7 +18,7 @@ def depth_json(depth: Depth, numbers: Numbers, name_of: Callable[[int], str]) ->
     if not depth.findings:
         verdict, reason = UNDETERMINED, "the capture has no device depth in its train frames"
     elif not depth.images_agree:
-        verdict, reason = UNDETERMINED, "the infrared images still lack something, and the depth engine matched those"
+        verdict, reason = UNDETERMINED, "the model's infrared images differ from those that it matched"
     entries = [
         {
             "effect": f.effect.id,

@@ -29,9 +29,10 @@ from activestereo.effects import Parameter, Stage, effect
     "my_effect",
     stage=Stage.{stage},
     family="unknown",
-    source="found by activestereo diagnose in {capture}",
-    parameters=[Parameter("amount", "1", neutral=0.0, low=-5.0, high=5.0, typical=1.0, source="1 = the formula as
-    found")],
+    source={source!r},
+    parameters=[
+        Parameter("amount", "1", neutral=0.0, low=-5.0, high=5.0, typical=1.0, source="1 = the formula as found")
+    ],
 )
 def my_effect({value}, view, amount):
     """{text}"""
@@ -89,9 +90,8 @@ class ResidualModel:
             "DIGITAL": "dn + amount * formula",
         }[self.stage]
         value = "light" if light else "signal" if self.stage == "READOUT" else "dn"
-        return _STUB.format(
-            stage=self.stage, capture=self.capture, value=value, text=self.text, code=code, result=result
-        )
+        source = f"found by activestereo diagnose in {self.capture}"
+        return _STUB.format(stage=self.stage, source=source, value=value, text=self.text, code=code, result=result)
 
 
 # Name, code in the stub, and function of (x, y, z, frame's time, kelvins above reference, exposure).

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every command that a command's end gives to paste runs as it stands, and leads on in its turn."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from activestereo.capture.images import write_gray
+from activestereo.scene_io import meshes
+from activestereo.scene_io.gltf_writer import GltfWriter
+from command_line import led_on, run_here
+from lab_worlds import with_device_depth
+from virtual_sensor.world import make_world
+
+_QUICK = ("--device", "cpu", "--spp", "1")
+_PATIENCE_S = 500
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Odd letters stay in the names of files."""
+    return tmp_path_factory.mktemp("a user's")
+
+
+@pytest.fixture(scope="module")
+def capture(folder):
+    return with_device_depth(make_world(folder / "world", size=(160, 90), grid=3), folder / "table", ids=(0, 2, 4))
+
+
+@pytest.fixture(scope="module")
+def scene(folder):
+    writer = GltfWriter()
+    writer.add_mesh("cube", meshes.box(0.05, 0.05, 0.05), writer.add_material("grey"))
+    writer.write(folder / "cube.glb")
+    return folder / "cube.glb"
+
+
+def _kind(words):
+    """A command without its paths: its name, and the options that are given."""
+    name = words[:2] if words[0] in ("calibrate", "model") else words[:1]
+    return " ".join([*name, *sorted(word for word in words if word in ("--model", "--effects"))])
+
+
+def _follow(capsys, *seed):
+    """The kinds of commands that a command and those that it leads to give; led_on() views, each other kind is run
+    once, as it is pasted."""
+    waiting, done = [[str(word) for word in seed]], []
+    while waiting:
+        words = waiting.pop(0)
+        if _kind(words) in done or words[0] == "view":
+            continue
+        end = run_here(capsys, *words, patience_s=_PATIENCE_S)
+        assert end.returncode == 0, (words, end.stderr)
+        done.append(_kind(words))
+        if done[-1] != "model show":  # a table is its end
+            waiting += led_on(end.stdout)
+    return done
+
+
+def test_from_a_comparison_to_a_sensor_with_what_was_found(capsys, folder, capture):
+    kinds = _follow(capsys, "compare", capture, *_QUICK, "-o", folder / "compare")
+    assert kinds[:4] == ["compare", "diagnose", "compare --model", "simulate --model"]
+
+
+def test_from_an_overlay_to_a_comparison(capsys, folder, capture):
+    end = run_here(capsys, "overlay", capture, "-o", folder / "overlay", "--device", "cpu")
+    assert [words[:2] for words in led_on(end.stdout)] == [["compare", str(capture)]]
+
+
+def test_from_scenes_to_pictures(capsys, folder, scene):
+    assert _follow(capsys, "simulate", scene, *_QUICK, "--resolution", "106x60", "-o", folder / "out") == ["simulate"]
+    small = ("--rgb-size", "64x48", "--ir-size", "106x60")
+    assert _follow(capsys, "generate", scene, *_QUICK, "--count", "1", *small, "-o", folder / "set") == ["generate"]
+
+
+def test_from_a_recording_to_a_simulation_of_what_it_shows(capsys, folder):
+    recording, rng = folder / "tum", np.random.default_rng(0)
+    for kind in ("rgb", "depth"):
+        (recording / kind).mkdir(parents=True)
+        (recording / f"{kind}.txt").write_text(f"1.0 {kind}/0.png\n")
+    Image.fromarray(rng.integers(0, 255, (24, 32, 3), np.uint8)).save(recording / "rgb/0.png")
+    write_gray(recording / "depth/0.png", rng.integers(4000, 4100, (24, 32)).astype(np.uint16))
+    kinds = _follow(capsys, "import", recording, "--k", "30,31,15.5,11.5", "-o", folder / "rec")
+    assert kinds == ["import", "calibrate scene", "simulate"]
+
+
+def test_from_a_calibration_to_what_a_model_says(capsys, folder):
+    repeats, rng = folder / "repeats", np.random.default_rng(0)
+    repeats.mkdir()
+    level = np.broadcast_to(np.linspace(20.0, 160.0, 80), (60, 80))
+    for number in range(12):
+        write_gray(repeats / f"{number:02d}.png", rng.poisson(level).astype(np.uint8))
+    kinds = _follow(capsys, "calibrate", "noise", repeats, "-o", folder / "model.json")
+    assert kinds == ["calibrate noise", "model show"]
