@@ -16,16 +16,11 @@ from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache, scene_digest
 from activestereo.compare.layers import Layers
-from activestereo.compare.nuisances import Fit, Nuisances, fit_with_exposures
+from activestereo.compare.nuisances import Nuisances
 from activestereo.effects import Light, Model, View
 from activestereo.effects.core.descriptor import Randomness
-from activestereo.effects.engines import (
-    CameraLight,
-    CaptureRenderer,
-    SceneMeasurement,
-    capture_renderer,
-    scene_renderer,
-)
+from activestereo.effects.core.light import RenderedLight
+from activestereo.effects.engines import CaptureRenderer, SceneMeasurement, capture_renderer, scene_renderer
 from activestereo.effects.engines.imager import ExpectedImager
 from activestereo.effects.engines.smooth import HALVES
 
@@ -51,7 +46,7 @@ class EngineModel:
             for side, part in zip(SIDES, renderer.inputs(frame, model).sides, strict=True)
         }
 
-    def light(self, seen: CameraLight | LightOnly, flat: NDArray[np.float32], view: View) -> Light:
+    def light(self, seen: RenderedLight, flat: NDArray[np.float32], view: View) -> Light:
         """The light that falls on the imager. flat: of the base layers, for effects of the projector that have no
         engine field."""
         images = (seen.direct, seen.indirect, seen.ambient, flat)
@@ -121,41 +116,21 @@ def kept_lights(
     return {(f.id, side): LightOnly(*stored[f"{side}_{f.id}"]) for f in frames for side in SIDES}
 
 
-def predict_in_engines(
-    capture: Capture,
+def engine_lights(
     model: Model,
     scene_measurement: SceneMeasurement,
     renderer: CaptureRenderer,
     layers: Mapping[int, Mapping[str, Layers]],
     views: Mapping[ImageKey, View],
-    measured: Mapping[ImageKey, NDArray],
+    cache: LayerCache,
     progress: Callable[[float], object] | None = None,
-    cache: LayerCache | None = None,
-) -> tuple[Fit, dict[ImageKey, list[NDArray[np.float64]]]]:
-    """(the Fit of the nuisances on the train frames, {(frame id, side): expected DN [height][width] by each of two
-    independent halves of the samples}).
-
-    layers: the base model's; views and measured: {(frame id, side): View and DN}. cache: where light is kept, or None.
-    ValueError where there is nothing to fit.
-    """
+) -> tuple[EngineModel, list[dict[ImageKey, Light]]]:
+    """(the model in the engines, {(frame id, side): what falls on the imager}: the mean, and each of two independent
+    halves of the samples). layers: the base model's; cache: where light is kept."""
     engine, halves = EngineModel(model, renderer), []
     for half in HALVES:
         share = part_of(progress, half / 2, (half + 1) / 2)
-        frames = renderer.capture.frames
-        seen: Mapping[ImageKey, CameraLight | LightOnly]
-        if cache is None:
-            seen = renderer.lights(model, frames, scene_measurement, progress=share, half=half)
-        else:
-            seen = kept_lights(renderer, cache, model, frames, scene_measurement, share, half)
+        seen = kept_lights(renderer, cache, model, renderer.capture.frames, scene_measurement, share, half)
         halves.append({k: engine.light(seen[k], layers[k[0]][k[1]].flat, view) for k, view in views.items()})
-    means = {key: mean_light(*(lights[key] for lights in halves)) for key in views}
-    fit, exposed = fit_with_exposures(capture, engine, means, views, measured)
-    return fit, {
-        key: [engine.signal(lights[key], view, fit.nuisances) for lights in halves] for key, view in exposed.items()
-    }
-
-
-def mean_light(first: Light, second: Light) -> Light:
-    """The mean of two renders' light on the imager."""
-    names = ("direct", "indirect", "ambient", "flat")
-    return Light.of_images([0.5 * (getattr(first, name) + getattr(second, name)) for name in names])
+    means = {key: Light.of_images(0.5 * (halves[0][key].images + halves[1][key].images)) for key in views}
+    return engine, [means, *halves]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.capture.capture import SIDES, SPLITS, Capture, Frame, ImageKey
-from activestereo.compare.engine_prediction import predict_in_engines
+from activestereo.compare.engine_prediction import EngineModel, engine_lights
 from activestereo.compare.noise import NoiseModel, noise_variances_of
 from activestereo.compare.nuisances import Fit, predict_under_model
 from activestereo.compare.render import Halves, LayersOfFrames
@@ -98,7 +98,7 @@ def image_errors(
     halves: the base model's light on all frames, by render_halves(). engines: makes a CaptureRenderer of the capture,
     in which the model's effects act; None: their image functions do. scene_measurement: what is known of focal lengths
     and albedos, which engines alone show. progress: called as progress(fraction done) while engines render.
-    cache: where the engines' light is kept, or None. mean: mean_of_halves(halves), where it is known.
+    cache: where the engines' light is kept, None for the user's own. mean: mean_of_halves(halves), where it is known.
     """
     layers = mean_of_halves(halves) if mean is None else mean
     measured = {(frame.id, side): capture.ir(frame, side) for frame in capture.frames for side in SIDES}
@@ -108,13 +108,13 @@ def image_errors(
         for side in SIDES
     }
     counted = {key: _where_known(view, measured[key]) for key, view in views.items()}
+    sensor: Model | EngineModel = model
     if engines is None:
-        fit, expected = predict_under_model(capture, model, (layers, *halves), views, counted)
+        lights = [{(f, e): model.light(of[f][e], view) for (f, e), view in views.items()} for of in (layers, *halves)]
     else:
-        fit, expected = predict_in_engines(
-            capture, model, scene_measurement or SceneMeasurement(), engines(capture), layers, views, counted, progress,
-            cache,
-        )
+        known = scene_measurement or SceneMeasurement()
+        sensor, lights = engine_lights(model, known, engines(capture), layers, views, cache or LayerCache(), progress)
+    fit, expected = predict_under_model(capture, sensor, lights, views, counted)
     predictions = {key: (0.5 * (a + b)).astype(np.float32) for key, (a, b) in expected.items()}
     seen = {(f, e): (views[f, e].frame, layers[f][e], image) for (f, e), image in measured.items()}
     noise_variances, noise_model = noise_variances_of(

@@ -15,7 +15,7 @@ from activestereo.effects.core.scene_surfaces import surface_names
 from activestereo.model import Quantity, SensorModel
 from activestereo.model import read_model as read_sensor_model
 from activestereo.model import write_model as write_sensor_model
-from activestereo.model.model import NUISANCES, with_surfaces
+from activestereo.model.model import with_surfaces
 
 FORMAT = "active-stereo-model"
 
@@ -63,14 +63,9 @@ def model_json(model: Model, nuisances: Nuisances | None = None) -> dict[str, An
     return {"format": FORMAT, "version": 1, "effects": effects, "nuisances": vars(nuisances) if nuisances else {}}
 
 
-def write_model(
-    path: str | Path, model: Model, nuisances: Nuisances | None = None, scene_path: str | Path | None = None
-) -> None:
-    """Writes a model file of the effects and nuisances alone."""
-    names = surface_names(scene_path)
-    values = vars(nuisances) if nuisances else {}
-    quantities = {name: Quantity(float(value), unit=NUISANCES[name][0]) for name, value in values.items()}
-    out = SensorModel(nuisances=quantities)
+def write_model(path: str | Path, model: Model, scene_path: str | Path | None = None) -> None:
+    """Writes a model file of the effects alone."""
+    names, out = surface_names(scene_path), SensorModel()
     for effect, values in model.effects:
         units = {p.name: p.unit for p in effect.parameters}
         plain, surfaces = with_surfaces(effect, values, names)

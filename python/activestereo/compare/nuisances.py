@@ -25,8 +25,6 @@ from activestereo.common.normal_matrix import inverse_normal_matrix
 from activestereo.effects.core.model import scales
 
 if TYPE_CHECKING:
-    from activestereo.compare.render import LayersOfFrames
-    from activestereo.effects.core.model import Model
     from activestereo.effects.core.view import View
 
 # Pixels predicted this many residual deviations from the ends of the range are left out: there clipping biases the
@@ -154,18 +152,18 @@ def fit_with_exposures(
 
 def predict_under_model(
     capture: Capture,
-    model: Model,
-    layers: Sequence[LayersOfFrames],
+    model: Any,
+    lights: Sequence[Mapping[ImageKey, Any]],
     views: Mapping[ImageKey, View],
     measured: Mapping[ImageKey, np.ndarray],
 ) -> tuple[Fit, dict[ImageKey, list[np.ndarray]]]:
     """(the Fit of the nuisances on the train frames, {(frame id, side): expected DN, [height][width] each}) under a
-    Model.
+    Model or an EngineModel.
 
-    layers: those that are fitted, then those whose images are wanted, or the first alone where they are the same;
-    views and measured: {(frame id, side): View and DN}. CaptureError where there is nothing to fit.
+    lights: {(frame id, side): what falls on the sensor}: those that are fitted, then those whose images are wanted, or
+    the first alone where they are the same; views and measured: {(frame id, side): View and DN}. CaptureError where
+    there is nothing to fit.
     """
-    lights = [{key: model.light(of[key[0]][key[1]], view) for key, view in views.items()} for of in layers]
     fit, seen = fit_with_exposures(capture, model, lights[0], views, measured)
     wanted = lights[1:] or lights
     return fit, {

@@ -75,7 +75,8 @@ def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callab
     left = [name for name, images in out.items() if images is None]
 
     def predicted(name: str) -> dict[tuple[int, str], np.ndarray]:
-        expected = predict_under_model(capture, models[name], (comparison.layers,), views, measured)[1]
+        light = {key: models[name].light(comparison.layers[key[0]][key[1]], view) for key, view in views.items()}
+        expected = predict_under_model(capture, models[name], [light], views, measured)[1]
         return {key: images[0].astype(np.float32) for key, images in expected.items()}
 
     for i, work in forked(predicted, left, os.cpu_count() or 1):

@@ -157,32 +157,24 @@ class CaptureRenderer:
         self,
         model: Model,
         nuisances: Scales,
-        frames: Iterable[Frame] | None = None,
         scene_measurement: SceneMeasurement | None = None,
         random: bool = False,
-        progress: Callable[[float], object] | None = None,
     ) -> dict[ImageKey, NDArray[np.float32]]:
-        """{(frame id, side): expected DN [height][width]} of the frames, all by default; random: one exposure instead,
-        not rounded."""
-        frames = list(self.capture.frames if frames is None else frames)
-        lights = self.lights(model, frames, scene_measurement, random, progress)
-        return {key: dn for frame in frames for key, dn in self.counts(frame, lights, model, nuisances, random).items()}
-
-    def counts(
-        self, frame: Frame, lights: dict[ImageKey, CameraLight], model: Model, nuisances: Scales, random: bool = False
-    ) -> dict[ImageKey, NDArray[np.float32]]:
-        """expected() of one frame from its lights: no ray is traced."""
-        inputs = self.inputs(frame, model, random=random)
-        per_s = nuisances.projector_scale * frame.projector_power
-        ambient_per_s = nuisances.ambient_scale * (1.0 if frame.ambient is None else frame.ambient)
-        images, signals = [], []
-        for side, part in zip(SIDES, inputs.sides, strict=True):
-            light = lights[frame.id, side]
-            laser = per_s * light.projector
-            images.append((laser + ambient_per_s * light.ambient, laser if inputs.speckle_of_laser else None))
-            signals.append(part.signal | {"black_level_dn": part.signal["black_level_dn"] + nuisances.black_dn})
-        counts = self._imager.counts(images, signals, inputs.seed + frame.id if random else None)
-        return {(frame.id, side): image for side, image in zip(SIDES, counts, strict=True)}
+        """{(frame id, side): expected DN [height][width]}; random: one exposure instead, not rounded."""
+        lights, out = self.lights(model, None, scene_measurement, random), {}
+        for frame in self.capture.frames:
+            inputs = self.inputs(frame, model, random=random)
+            per_s = nuisances.projector_scale * frame.projector_power
+            ambient_per_s = nuisances.ambient_scale * (1.0 if frame.ambient is None else frame.ambient)
+            images, signals = [], []
+            for side, part in zip(SIDES, inputs.sides, strict=True):
+                light = lights[frame.id, side]
+                laser = per_s * light.projector
+                images.append((laser + ambient_per_s * light.ambient, laser if inputs.speckle_of_laser else None))
+                signals.append(part.signal | {"black_level_dn": part.signal["black_level_dn"] + nuisances.black_dn})
+            counts = self._imager.counts(images, signals, inputs.seed + frame.id if random else None)
+            out |= {(frame.id, side): image for side, image in zip(SIDES, counts, strict=True)}
+        return out
 
     # ---- inside ----
 
