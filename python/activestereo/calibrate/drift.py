@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
+from activestereo.common.input_files import read_text
 from activestereo.effects import Light, View, builtin
 from activestereo.effects.core.model import acted
 from activestereo.effects.core.view import REFERENCE_TEMPERATURE_C
@@ -118,7 +120,7 @@ def _with_temperatures(capture: Capture, temperatures: Path | None) -> list[Fram
     frames = sorted((f for f in capture.frames if f.has_infrared), key=lambda f: f.timestamp_s)
     if temperatures is not None:
         try:
-            table = np.loadtxt(temperatures, delimiter=",", ndmin=2, comments="#")
+            table = np.loadtxt(StringIO(read_text(temperatures)), delimiter=",", ndmin=2, comments="#")
         except (OSError, ValueError) as error:
             raise ValueError(f"{temperatures}: is no CSV of seconds, celsius ({error})") from error
         if table.shape[1] != 2 or len(table) < 2 or not np.all(np.diff(table[:, 0]) > 0.0):

@@ -23,7 +23,7 @@ BALLS = [((-0.35, 0.3, 1.5), 0.3), ((0.4, 0.35, 1.4), 0.25), ((0.05, -0.2, 1.8),
 
 @dataclass(frozen=True)
 class Warm:
-    """What warmth does to a rig: pixels by which the right image moves, growth of both images and of the sines of the
+    """A rig that has warmed up: pixels by which the right image moves, growth of both images and of the sines of the
     pattern's angles, and the laser's power."""
 
     right_px: float = 0.0
