@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -120,10 +119,11 @@ def _with_temperatures(capture: Capture, temperatures: Path | None) -> list[Fram
     frames = sorted((f for f in capture.frames if f.has_infrared), key=lambda f: f.timestamp_s)
     if temperatures is not None:
         try:
-            table = np.loadtxt(StringIO(read_text(temperatures)), delimiter=",", ndmin=2, comments="#")
+            rows = [line.split(",") for line in read_text(temperatures).splitlines() if line.strip()]
+            table = np.array([(float(seconds), float(celsius)) for seconds, celsius in rows])
         except (OSError, ValueError) as error:
             raise ValueError(f"{temperatures}: is no CSV of seconds, celsius ({error})") from error
-        if table.shape[1] != 2 or len(table) < 2 or not np.all(np.diff(table[:, 0]) > 0.0):
+        if len(table) < 2 or not np.isfinite(table).all() or not np.all(np.diff(table[:, 0]) > 0.0):
             raise ValueError(f"{temperatures}: needs two rows or more of seconds, celsius, seconds rising")
         frames = [
             replace(f, temperature_c=float(np.interp(f.timestamp_s, *table.T)))
