@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulators' own images as GBufferStereo takes them: a ball before a wall, whose depth and normals geometry tells."""
 
+import runpy
 import sys
 import types
 from abc import ABC, abstractmethod
 from dataclasses import MISSING, dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from activestereo.integrations.gbuffers.pinhole import centred, vertical_fov_deg
 from activestereo.integrations.gbuffers.sapien import sapien_gbuffers
 
 BALL_M, RADIUS_M, WALL_M = np.array([-0.1, -0.05, 0.8]), 0.15, 1.1  # camera axes
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 CONFIG = StereoDepthSensorConfig("D435").resized(96, 72, fov=40)
 MJCF = """<mujoco><worldbody>
 <camera pos="0 0 0" xyaxes="0 -1 0 0 0 1"/>
@@ -255,6 +258,23 @@ def _cfg(kind):
         if value is MISSING:
             setattr(kind, name, None)
     return dataclass(kind)
+
+
+def test_the_cameras_of_an_isaac_lab_task_get_the_renderer(monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "torch", types.ModuleType("torch"))  # nothing is rendered
+    _, _, RendererCfg = isaac_lab(monkeypatch)
+    sensors = types.ModuleType("isaaclab.sensors")
+    sensors.CameraCfg = type("CameraCfg", (types.SimpleNamespace,), {})
+    monkeypatch.setitem(sys.modules, "isaaclab.sensors", sensors)
+    recipe = runpy.run_path(str(EXAMPLES / "gbuffers/isaac_lab.py"))["with_stereo_depth"]
+    rtx = RendererCfg()
+    wrist = sensors.CameraCfg(data_types=["rgb", "depth"], renderer_cfg=rtx)
+    given = types.SimpleNamespace(scene=types.SimpleNamespace(wrist=wrist, robot="robot"))
+    assert recipe(given, "D415", 3) is given
+    assert wrist.data_types == ["rgb", "depth", "distance_to_image_plane", "normals", "albedo"]
+    assert (wrist.renderer_cfg.source, wrist.renderer_cfg.camera, wrist.renderer_cfg.seed) == (rtx, "D415", 3)
+    with pytest.raises(ValueError, match="no camera"):
+        recipe(types.SimpleNamespace(scene=types.SimpleNamespace(robot="robot")))
 
 
 def test_isaac_lab(monkeypatch) -> None:

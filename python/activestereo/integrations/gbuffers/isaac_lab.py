@@ -21,7 +21,7 @@ from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.integrations.gbuffers.pinhole import centred
 from activestereo.sensor.gbuffer.stereo import GBufferStereo
 
-_NEEDS = ("depth", "distance_to_image_plane", "normals", "albedo")
+NEEDS = ("depth", "distance_to_image_plane", "normals", "albedo")
 _OWN = ("update_camera", "read_output")
 
 
@@ -51,10 +51,10 @@ class ActiveStereoRenderer(_Forwarding):
     def read_output(self, render_data: Any, camera_data: Any) -> None:
         """Reads the camera's output. Raises ValueError if it lacks one of the data types above."""
         self.source.read_output(render_data, camera_data)
-        missing = [name for name in _NEEDS if name not in camera_data.output]
+        missing = [name for name in NEEDS if name not in camera_data.output]
         if missing:
-            raise ValueError(f"an active stereo camera's data_types lack {missing}, it needs {list(_NEEDS)}")
-        depth, planar, normal, albedo = (_tensor(camera_data.output[name]) for name in _NEEDS)
+            raise ValueError(f"an active stereo camera's data_types lack {missing}, it needs {list(NEEDS)}")
+        depth, planar, normal, albedo = (_tensor(camera_data.output[name]) for name in NEEDS)
         turns, focal_px = self._cameras[id(render_data)]
         count, height, width, _ = planar.shape
         sensor = self._sensor(count, height, width, focal_px)

@@ -89,19 +89,23 @@ async function simulate() {
   }
 }
 
-// The colours of a kind: [map, low, high, power, limit of differences, unit].
+function quantile(values, share) {
+  const sorted = values.filter((value) => !Number.isNaN(value)).sort();
+  return sorted.length ? sorted[Math.floor(share * (sorted.length - 1))] : 0;
+}
+
+// The colours of a kind: [map, low, high, power, least limit of differences, unit].
 function colours() {
   const values = (pictures.measured || pictures.simulated).images[kind];
-  const sorted = values.filter((value) => !Number.isNaN(value)).sort();
-  const at = (share) => (sorted.length ? sorted[Math.floor(share * (sorted.length - 1))] : 0);
+  const at = (share) => quantile(values, share);
   if (kind === "disparity") return [maps.viridis, at(0.01), Math.max(at(0.99), at(0.01) + 0.01), 1, 1, "px"];
   const high = Math.max(at(0.998), 1);
-  return [maps.gray, 0, high, 0.5, 0.2 * high, "DN"];
+  return [maps.gray, 0, high, 0.5, 0.02 * high, "DN"];
 }
 
 function draw() {
   if (!pictures.measured && !pictures.simulated) return;
-  const [stops, low, high, power, limit, unit] = colours();
+  const [stops, low, high, power, least, unit] = colours();
   for (const name of ["measured", "simulated"]) {
     const values = pictures[name] && pictures[name].images[kind];
     wait(name, !values);
@@ -113,6 +117,7 @@ function draw() {
   part("difference").parentElement.hidden = part("simulated").parentElement.hidden = !facts.is_simulated;
   wait("difference", !residual);
   if (residual) {
+    const limit = Math.max(least, quantile(residual.map(Math.abs), 0.995));
     zoom.show(part("difference"), colouredCanvas(residual, facts.width, facts.height, maps.RdBu_r, -limit, limit, 1));
     showScale(part("difference-scale"), maps.RdBu_r, -limit, limit, unit, 1);
     const squares = residual.filter((value) => !Number.isNaN(value)).map((value) => value * value);

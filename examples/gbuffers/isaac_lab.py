@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Isaac Lab 3: all cameras of a task measure depth as a D435 does. One file to paste beside a task:
+
+    from isaac_lab import with_stereo_depth
+    env = gymnasium.make(TASK, cfg=with_stereo_depth(parse_env_cfg(TASK)))
+
+'depth' is measured, 0 where there is none; 'distance_to_image_plane' stays the truth. Cameras look from the left
+infrared camera's place.
+"""
+
+from typing import Any
+
+from activestereo.integrations.gbuffers.isaac_lab import NEEDS, ActiveStereoRendererCfg
+from isaaclab.sensors import CameraCfg
+
+
+def with_stereo_depth(env_cfg: Any, camera: str = "D435", seed: int = 0) -> Any:
+    """The task's configuration with such cameras; ValueError where its scene has none. camera: a preset's name or a
+    camera's .toml file."""
+    cameras = [part for part in vars(env_cfg.scene).values() if isinstance(part, CameraCfg)]
+    if not cameras:
+        raise ValueError("the task's scene has no camera: add a CameraCfg with a renderer")
+    for cfg in cameras:
+        cfg.data_types = [*dict.fromkeys([*cfg.data_types, *NEEDS])]
+        cfg.renderer_cfg = ActiveStereoRendererCfg(source=cfg.renderer_cfg, camera=camera, seed=seed)
+    return env_cfg
