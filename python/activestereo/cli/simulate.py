@@ -367,6 +367,7 @@ def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]
     from activestereo.cli.scene_report import depth_sentence, failing, light_lines, warn_of_light, warn_of_unseen
     from activestereo.common.accuracy import accuracy_table
     from activestereo.report.screen import command, screen
+    from activestereo.scene_io.gltf_document import likely_unit
     from activestereo.sensor.light_share import light_share
     from activestereo.sensor.unseen import unseen_bodies
 
@@ -391,4 +392,7 @@ def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]
     details = "\n".join([device, matching_line(sensor.engine), stage_table(groups), accuracy_table(rows)])
     sentence = depth_sentence(f"{sensor.get_config().model} in {args.scene.name} ({size_m:.2g} m large)", rows)
     notes, page = light_lines(share, added), args.out / "overview.png"
-    print(screen(sentence, failing(rows), notes, [command("view", args.out)], page, details, args.verbose))
+    leads, unit = [command("view", args.out)], likely_unit(size_m)
+    if not rows[-1].pixels and args.unit == 1.0 != unit:
+        leads = [command("simulate", args.scene, "--sensor", args.sensor, "--unit", f"{unit:g}", "-o", args.out)]
+    print(screen(sentence, failing(rows), notes, leads, page, details, args.verbose))

@@ -31,10 +31,15 @@ def scale(unit_m: float) -> NDArray[np.float64]:
     return np.diag([unit_m, unit_m, unit_m, 1.0])
 
 
+def likely_unit(size_m: float) -> float:
+    """The metres of the unit that a scene of this size, read as metres, was written in."""
+    return 0.001 if size_m > 50.0 else 1000.0 if size_m < 2e-3 else 1.0
+
+
 def size_hint(size_m: float) -> str:
     """The unit that a scene of an unlikely size may have been written in, or nothing."""
-    if size_m > 50.0:
-        return f"{size_m:.4g} m large: its file may be in millimetres, which --unit 0.001 says"
-    if size_m < 2e-3:
-        return f"{1e3 * size_m:.2g} mm large: its file may be in kilometres, which --unit 1000 says"
-    return ""
+    unit = likely_unit(size_m)
+    if unit == 1.0:
+        return ""
+    said = f"{size_m:.4g} m" if unit < 1.0 else f"{1e3 * size_m:.2g} mm"
+    return f"{said} large: its file may be in {'milli' if unit < 1.0 else 'kilo'}metres, which --unit {unit:g} says"

@@ -69,6 +69,13 @@ def test_from_an_overlay_to_a_comparison(capsys, folder, capture):
 
 def test_from_scenes_to_pictures(capsys, folder, scene):
     assert _follow(capsys, "simulate", scene, *_QUICK, "--resolution", "106x60", "-o", folder / "out") == ["simulate"]
+    writer = GltfWriter()
+    writer.add_mesh("cube", meshes.box(80.0, 80.0, 80.0), writer.add_material("grey"))
+    writer.write(folder / "millimetres.glb")
+    few = (*_QUICK, "--resolution", "106x60")
+    [again] = led_on(run_here(capsys, "simulate", folder / "millimetres.glb", *few, "-o", folder / "a").stdout)
+    assert again[again.index("--unit") + 1] == "0.001"
+    assert "have depth" in run_here(capsys, *again, *few).stdout
     small = ("--rgb-size", "64x48", "--ir-size", "106x60")
     assert _follow(capsys, "generate", scene, *_QUICK, "--count", "1", *small, "-o", folder / "set") == ["generate"]
 
