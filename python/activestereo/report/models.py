@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from activestereo.capture.capture import SIDES
 from activestereo.common.processes import forked
 from activestereo.compare.model_file import library
 from activestereo.compare.nuisances import predict_under_model
+from activestereo.diagnose.evidence.measured_image import MeasuredImage
+from activestereo.diagnose.refine.light import LightMemory
 from activestereo.effects import Model, Randomness, Stage, View
 
 if TYPE_CHECKING:
@@ -66,24 +67,27 @@ def model_images(
 
 def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callable[[float], object] | None) -> Any:
     """given: {name: images} of models with known images."""
-    capture = comparison.capture
-    keys = [(frame, side) for frame in capture.frames for side in SIDES]
-    views = {(f.id, side): View.of(capture, f, side, comparison.layers[f.id][side]) for f, side in keys}
-    measured = comparison.measured
+    capture, measured = comparison.capture, comparison.measured
+    images = [
+        MeasuredImage(f, side, View.of(capture, f, side, layers), layers, measured[f.id, side])
+        for f in capture.frames
+        for side, layers in comparison.layers[f.id].items()
+    ]
+    views, light_of = {image.key: image.view for image in images}, LightMemory(images)
     out = {name: given.get(name) or (comparison.predictions if model == comparison.model else None)
            for name, model in models.items()}  # fmt: skip
-    left = [name for name, images in out.items() if images is None]
+    left = [name for name, known in out.items() if known is None]
 
     def predicted(name: str) -> dict[tuple[int, str], np.ndarray]:
-        light = {key: models[name].light(comparison.layers[key[0]][key[1]], view) for key, view in views.items()}
+        light = {image.key: light_of(models[name], i) for i, image in enumerate(images)}
         expected = predict_under_model(capture, models[name], [light], views, measured)[1]
-        return {key: images[0].astype(np.float32) for key, images in expected.items()}
+        return {key: image.astype(np.float32) for key, (image,) in expected.items()}
 
     for i, work in forked(predicted, left, os.cpu_count() or 1):
         out[left[i]] = None if work.exception() else work.result()
         if progress:
-            progress(sum(images is not None for images in out.values()) / len(models))
-    return {name: predicted(name) if images is None else images for name, images in out.items()}
+            progress(sum(known is not None for known in out.values()) / len(models))
+    return {name: predicted(name) if known is None else known for name, known in out.items()}
 
 
 def _found(diagnosis: dict[str, Any] | None, effects: Mapping[str, Effect]) -> Any:

@@ -16,6 +16,7 @@ import numpy as np
 
 from activestereo.capture.capture import Frame
 from activestereo.compare.nuisances import slopes
+from activestereo.diagnose.evidence.measured_image import MeasuredImage
 from activestereo.diagnose.evidence.observation import Observation
 from activestereo.effects import Effect, Light, Model, View
 from activestereo.effects.core.model import acted, scales
@@ -54,7 +55,7 @@ class LightMemory:
     """Lights of observations under models; effects that came earlier in the pipeline are not applied again when a
     later one changes. Frames that differ in nothing that an effect looks at share its light."""
 
-    def __init__(self, observations: Sequence[Observation]) -> None:
+    def __init__(self, observations: Sequence[MeasuredImage]) -> None:
         self._observations = observations
         self._rendered: list[tuple[Light, Light] | None] = [None] * len(observations)
         self._before: OrderedDict[tuple, Light] = OrderedDict()
@@ -109,7 +110,7 @@ class LightMemory:
         return known
 
 
-def _firsts_of_groups(observations: Sequence[Observation], shared: tuple[str, ...]) -> list[int]:
+def _firsts_of_groups(observations: Sequence[MeasuredImage], shared: tuple[str, ...]) -> list[int]:
     """The first observation, for each, that shows the same light to an effect that looks at nothing else."""
     firsts: dict[tuple, int] = {}
     seen = (repr([np.asarray(getattr(o.frame, name)).tolist() for name in shared]) for o in observations)
