@@ -92,7 +92,6 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Ge
         has_floor=has_floor,
         materials=len(materials),
         tiles=count,
-        edge_discrepancy_m=edge_discrepancy_m,
         geometry=geometry,
         seed=seed,
     )

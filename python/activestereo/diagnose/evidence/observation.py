@@ -78,8 +78,7 @@ class Evidence:
     nuisances: a first fit of projector scale, ambient scale and black level. noise_model: the photon-transfer noise
     model of the noise; has_floor: whether repeats gave it, or the two cameras of each frame. noise_variances: {(frame
     id, side): DN^2}. materials: how many albedo nuisances there are. tiles: how many tiles. seed: rules every random
-    choice. edge_discrepancy_m: standard deviation of the positions of the scene's edges. geometry: corrections of the
-    stated one that the capture has here.
+    choice. geometry: corrections of the stated one that the capture has here.
     """
 
     capture: Capture
@@ -91,7 +90,6 @@ class Evidence:
     has_floor: bool
     materials: int
     tiles: int
-    edge_discrepancy_m: float
     geometry: Geometry
     seed: int = 0
 

@@ -38,7 +38,6 @@ def weighed_again(evidence: Evidence, model: Model, black_dn: float, rows: Seque
     weighed = tuple(replace(o, weight=weight_of(noise_model, edges_m, o, lit[o.key])) for o in train)
     return replace(
         evidence, train=weighed, noise_model=noise_model, noise_variances=evidence.noise_variances | variances,
-        edge_discrepancy_m=edges_m,
     )  # fmt: skip
 
 

@@ -161,7 +161,8 @@ class CaptureRenderer:
         random: bool = False,
     ) -> dict[ImageKey, NDArray[np.float32]]:
         """{(frame id, side): expected DN [height][width]}; random: one exposure instead, not rounded."""
-        lights, out = self.lights(model, None, scene_measurement, random), {}
+        lights = self.lights(model, None, scene_measurement, random)
+        out: dict[ImageKey, NDArray[np.float32]] = {}
         for frame in self.capture.frames:
             inputs = self.inputs(frame, model, random=random)
             per_s = nuisances.projector_scale * frame.projector_power

@@ -104,12 +104,11 @@ class SceneRenderer:
             few = max(1, round(BOUNCED_SHARE * samples_per_pixel))
             first = tuple(name for name in outputs if name not in bounced)
             passes = [(first, 0, samples_per_pixel), (bounced, max_bounces, few)]
-        placed = {} if environments is None else {"environments": environments}
         for done, (names, bounces, samples) in enumerate(passes):
             share = part_of(progress, done / len(passes), (done + 1) / len(passes))
             images |= self._renderer.render(
                 self.scene, cameras, names, band="infrared", max_bounces=bounces, spp=samples, progress=share,
-                **placed, **options,
+                environments=environments, **options,
             )  # fmt: skip
         if len(passes) > 1:
             images["projector_indirect"] = spread(images["projector_indirect"])
