@@ -72,20 +72,20 @@ _COMMANDS = (
 
 # What is said where no command is given; README.md has the same table.
 _WANTED = """\
-activestereo simulates active stereo depth cameras, and finds out what the model of one lacks.
+activestereo simulates depth cameras, and finds out what the model of one lacks.
 
-you want                                        command
-  see it all in a minute                        activestereo demo
-  depth as a real camera gives it, in a scene   activestereo simulate SCENE --sensor d435 -o DIR
-  depth of a recorded infrared pair             activestereo depth LEFT.png RIGHT.png ...
-  depth of a bag                                activestereo depth FILE.bag
-  recordings of your camera as a capture        activestereo import
-  a capture beside the simulation               activestereo compare CAPTURE -o DIR
-  a capture, scene or bag in the browser        activestereo view CAPTURE
-  the effect that your model lacks              activestereo diagnose CAPTURE -o DIR
-  your own camera measured                      activestereo calibrate
-  training data                                 activestereo generate
-  to know what works on this machine            activestereo doctor
+you want                                 command
+  see it all in a minute                 activestereo demo
+  depth of a scene, as a camera has it   activestereo simulate SCENE -o DIR
+  depth of a recorded infrared pair      activestereo depth LEFT.png RIGHT.png
+  depth of a bag                         activestereo depth FILE.bag
+  recordings of your camera              activestereo import
+  a capture beside the simulation        activestereo compare CAPTURE -o DIR
+  a capture, scene or bag in a browser   activestereo view CAPTURE
+  the effect that your model lacks       activestereo diagnose CAPTURE -o DIR
+  your own camera measured               activestereo calibrate
+  training data                          activestereo generate
+  to know what works on this machine     activestereo doctor
 
 All commands: activestereo --help; one of them: activestereo COMMAND --help."""
 

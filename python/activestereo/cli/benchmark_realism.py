@@ -37,7 +37,6 @@ def add_realism(kinds: Commands) -> None:
         "realism",
         help="measure how close kinds of simulated depth come to a real camera's",
         description=_TEXT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     text = "a capture's folder, or with =DIR the device's depth of it"
     parser.add_argument("captures", nargs="+", type=_capture, metavar="CAPTURE[=DIR]", help=text)

@@ -21,6 +21,7 @@ from activestereo.cli.arguments import (
     print_json,
     share,
 )
+from activestereo.cli.parser import Help
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Capture
@@ -65,7 +66,7 @@ Every number that decides: python/activestereo/diagnose/README.md.
 _STOPPED = "stopped.txt"
 
 
-class _HelpWithNumbers(argparse.RawDescriptionHelpFormatter):
+class _HelpWithNumbers(Help):
     """Fills in numbers from the table that decides, which takes its time to load."""
 
     def _format_text(self, text: str) -> str:

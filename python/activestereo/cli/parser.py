@@ -4,21 +4,68 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Sequence
 from itertools import takewhile
+from textwrap import wrap
 from typing import Any, NoReturn
 
 from activestereo.cli.exit_codes import USAGE
 from activestereo.common.nearest import did_you_mean, nearest, unknown
 from activestereo.common.shown import printable
+from activestereo.report.screen import COLUMNS
+
+
+class Help(argparse.RawDescriptionHelpFormatter):
+    """A description as it is written, but for what is wider than a terminal: prose and lists are filled anew, commands
+    go on in another line."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        return "\n".join(line for part in _parts(text.splitlines()) for line in _fitted(part))
+
+
+def _parts(lines: Sequence[str]) -> list[list[str]]:
+    """Paragraphs, and entries of lists with the lines that are indented as far as their texts; blank lines alone."""
+    parts: list[list[str]] = []
+    for line in lines:
+        first = parts[-1][0] if parts else ""
+        is_prose = _indent(line) == 0 == _indent(first)
+        if first and line and (is_prose or _indent(line) >= _hang(first) > 0):
+            parts[-1].append(line)
+        else:
+            parts.append([line])
+    return parts
+
+
+def _fitted(part: Sequence[str]) -> list[str]:
+    if max(map(len, part)) <= COLUMNS:
+        return list(part)
+    start, hang = _indent(part[0]), _hang(part[0])
+    text = " ".join(line.strip().removesuffix("\\").rstrip() for line in part)
+    if text.startswith("activestereo "):
+        lines = wrap(text, COLUMNS - start - 2, subsequent_indent="    ", break_long_words=False)
+        return [" " * start + line + " \\" * (line is not lines[-1]) for line in lines]
+    return wrap(
+        text, COLUMNS, initial_indent=" " * start, subsequent_indent=" " * hang, break_long_words=False,
+        break_on_hyphens=False,
+    )  # fmt: skip
+
+
+def _indent(line: str) -> int:
+    return len(line) - len(line.lstrip())
+
+
+def _hang(line: str) -> int:
+    """The column at which an entry of a list goes on in its next line; 0 of prose."""
+    entry = re.match(r" +\S+(?: \S+)*?  +(?=\S)", line)
+    return entry.end() if entry else _indent(line) + 2 * line.startswith(" ")
 
 
 class Parser(argparse.ArgumentParser):
-    """argparse's own, whose commands and options are looked up by the nearest name where they are not known, and whose
-    description is shown as it is written."""
+    """argparse's own, whose commands and options are looked up by the nearest name where they are not known."""
 
-    def __init__(self, *, formatter_class: Any = argparse.RawDescriptionHelpFormatter, **own: Any) -> None:
+    def __init__(self, *, formatter_class: Any = Help, **own: Any) -> None:
         super().__init__(formatter_class=formatter_class, **own)
         self._rare: list[Any] = []  # groups that --help-all alone shows
 

@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _table(cameras: list[CameraData]) -> str:
-    rows = [("name", "images", "f px", "baseline", "laser", "black", "exposure", "camera")]
+    rows = [("name", "images", "f px", "baseline", "laser", "black", "exposure")]
     for camera in cameras:
         width, height = camera.value("rig", "ir_resolution")
         left, right = (camera.value("rig", f"{side}_position_m") for side in ("left", "right"))
@@ -62,7 +62,7 @@ def _table(cameras: list[CameraData]) -> str:
         rows.append((
             camera.name, f"{width}x{height}", f"{camera.value('rig', 'ir_intrinsic')[0]:.1f}", f"{baseline_mm:.1f} mm",
             f"{camera.value('projector', 'laser_power_mw'):.0f} mW" if has_laser else "none",
-            f"{camera.value('imager', 'black_level_dn'):g} DN", camera.value("exposure", "mode"), camera.title,
+            f"{camera.value('imager', 'black_level_dn'):g} DN", camera.value("exposure", "mode"),
         ))  # fmt: skip
     return columns(rows)
 

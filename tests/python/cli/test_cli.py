@@ -83,7 +83,7 @@ def test_help_of_each_command(run):
             "depth_true.png",
             "example",
         ),
-        "depth": ("--k", "--baseline", "more (--help-all): matching", "cloud.ply", "example", "0,0,1 \\\n"),
+        "depth": ("--k", "--baseline", "more (--help-all): matching", "cloud.ply", "example", " \\\n      427.12,0"),
         "compare": ("--out", "compare.json", "--spp"),
         "devices": ("lavapipe", "--device"),
     }.items():

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from activestereo.cli import exit_codes, main, make_parser
+from activestereo.cli.parser import Parser
 from command_line import leaves
 
 PAGE = Path(__file__).resolve().parents[3] / "examples/guide/command_line.md"
@@ -41,11 +42,21 @@ def test_a_misspelt_name_is_answered_with_the_nearest(arguments, meant, capsys):
     assert ended.value.code == 2 and said.count("\n") == 1 and meant in said, said
 
 
+def test_every_help_fits_a_terminal(monkeypatch):
+    """Prose is filled anew, and a command goes on in a line that a shell takes for the same one."""
+    monkeypatch.setenv("COLUMNS", "80")
+    for name, parser in leaves().items():
+        assert max(map(len, parser.format_help().splitlines())) <= 80, name
+    own = Parser(description=f"{'word ' * 20}\n\nexamples:\n  activestereo depth {'file ' * 20}-o out\n  last")
+    prose, command = own.format_help().split("\n\n")[1:3]
+    assert len(prose.splitlines()) == 2 and " \\\n      file" in command and command.endswith("-o out\n  last")
+
+
 def test_no_command_is_answered_with_what_one_may_want(capsys):
     """The screen has the rows of the first page's table that are commands, and no other."""
     assert main([]) == 2
     said = capsys.readouterr().err
-    assert len(said.splitlines()) <= 24 and max(map(len, said.splitlines())) <= 100
+    assert len(said.splitlines()) <= 24 and max(map(len, said.splitlines())) <= 80
     table = (PAGE.parents[2] / "README.md").read_text(encoding="utf-8").partition("## What you want")[2]
     named = re.compile(r"\bactivestereo ([a-z]+)")
     assert set(named.findall(said.partition("\n\n")[2].rpartition("\n\n")[0])) == set(named.findall(table))

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The effects as text: a table for the terminal, a page for the documentation. Both come from the descriptors alone."""
 
+from textwrap import fill
 from typing import Any
 
 from activestereo.common.text_table import columns, markdown
 from activestereo.effects.core.descriptor import Effect, Parameter, Stage
 
+_INDENT = 4 * " "
 _WHERE = {
     Stage.PROJECTOR: "Light leaves the projector",
     Stage.MEDIUM: "Light passes through air",
@@ -21,13 +23,14 @@ _WHERE = {
 
 
 def table(effects: dict[str, Effect]) -> str:
-    """One line per effect: id, stage, family, whether the engines have it, parameters with units."""
-    rows = [("id", "stage", "family", "simulated", "parameters")]
-    rows += [
-        (e.id, e.stage.name.lower(), e.family, _where(e), ", ".join(_with_unit(p) for p in e.parameters))
-        for e in effects.values()
-    ]
-    return columns(rows)
+    """A line per effect: id, stage, family, whether the engines have it; below it parameters with units."""
+    rows = [("id", "stage", "family", "simulated")]
+    rows += [(e.id, e.stage.name.lower(), e.family, _where(e)) for e in effects.values()]
+    head, *lines = columns(rows).splitlines()
+    for line, e in zip(lines, effects.values(), strict=True):
+        said = ", ".join(_with_unit(p) for p in e.parameters)
+        head += f"\n{line}" + f"\n{fill(said, 80, initial_indent=_INDENT, subsequent_indent=_INDENT)}" * bool(said)
+    return head
 
 
 def as_json(effects: dict[str, Effect]) -> list[dict[str, Any]]:
