@@ -12,7 +12,7 @@ namespace {
 
 using ull = unsigned long long;
 
-/// What runs on a device, for its barriers.
+/// Stages and accesses of a device's commands, for its barriers.
 struct Work {
   VkPipelineStageFlags stages = VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT;
   VkAccessFlags writes = VK_ACCESS_SHADER_WRITE_BIT | VK_ACCESS_TRANSFER_WRITE_BIT;

@@ -8,7 +8,7 @@
 namespace ks {
 namespace {
 
-/// What a chain of feature structs enables, as far as we use it.
+/// The features that a chain of structs enables, as far as we use them.
 struct Enabled {
   VkPhysicalDeviceFeatures base{};
   VkPhysicalDeviceVulkan11Features v11{};

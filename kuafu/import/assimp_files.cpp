@@ -41,7 +41,7 @@ Assimp::IOStream* SceneFiles::Open(const char* name, const char* mode) {
   try {
     return new FileInMemory(read_named(name));
   } catch (const ks::Error& error) {
-    // What is not there assimp says itself, if it was asked for and not tried by guess.
+    // Assimp itself says that a file is not there, if it was asked for and not tried by guess.
     const std::string_view reason(error.what());
     if (!reason.starts_with("cannot open")) import_.warn(error.what());
     return nullptr;

@@ -10,7 +10,7 @@
 
 namespace kuafu {
 
-/// What a file may not name is said as a warning, and is not there for assimp, which does without it or fails. `scene_file`: what the scene
+/// A forbidden file gives a warning, and is not there for assimp, which does without it or fails. `scene_file`: what the scene
 /// file has for assimp.
 class SceneFiles final : public Assimp::IOSystem {
  public:

@@ -15,7 +15,7 @@ namespace {
 
 using ull = unsigned long long;
 
-/// Of this process, mapped now.
+/// Bytes that this process has mapped now.
 uint64_t address_space_bytes() {
   unsigned long long pages = 0;
   if (std::FILE* file = std::fopen("/proc/self/statm", "r")) {

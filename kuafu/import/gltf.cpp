@@ -264,7 +264,7 @@ class Nodes {
     }
     return *out;
   }
-  /// Of a mesh whose vertices move each node has its own.
+  /// Each node has its own copy of a mesh whose vertices move.
   Loaded load_deforming(const Place& at, size_t index) {
     std::optional<GltfMesh> mesh = read_mesh(import_, model_, index, materials_.uses_uv_1());
     if (!mesh) return {};

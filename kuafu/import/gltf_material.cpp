@@ -76,7 +76,7 @@ Material GltfMaterials::read(const tinygltf::Material& from, const std::string& 
   return to;
 }
 
-// What glTF has no words for: fields of kuafu_material_desc by their names.
+// Fields without words in glTF: those of kuafu_material_desc by their names.
 void GltfMaterials::read_extras(const tinygltf::Value& extras, const std::string& field, Material& to) {
   for (const auto& [name, value] : extras_numbers(to)) *value = static_cast<float>(number_of(extras, name, *value));
   for (const auto& [name, value] : extras_flags(to))

@@ -14,7 +14,7 @@ namespace kuafu {
 struct GltfMesh {
   Mesh mesh;
   std::vector<int> materials;  // per slot: index into the file's materials, -1 = glTF's default material
-  // What moves its vertices (scene/rig.h).
+  // Skin and targets that move its vertices (scene/rig.h).
   std::vector<SkinWeights> skin_weights;
   std::vector<MorphTarget> targets;
 };

@@ -11,7 +11,7 @@ namespace {
 
 constexpr const char* meshopt_extension = "EXT_meshopt_compression";
 
-/// What the extension's object of a buffer view says.
+/// The extension's object of a buffer view.
 struct Compressed {
   size_t count = 0, stride = 0;
   std::string mode, filter;

@@ -8,10 +8,10 @@
 
 namespace kuafu {
 
-/// Of a file's JSON: compressed views mean their compressed bytes from here on. Returns whether there was any.
+/// Lets compressed views in a file's JSON mean their compressed bytes from here on. Returns whether there was any.
 bool read_compressed_views(nlohmann::json& root);
 
-/// Of the tables made of that: every compressed view gets a buffer of its decoded bytes. Throws KS_ERROR_FILE that names the view.
+/// Decodes in the tables made of that: every compressed view gets a buffer of its decoded bytes. Throws KS_ERROR_FILE that names the view.
 void decode_meshopt(Budget& budget, tinygltf::Model& model);
 
 }  // namespace kuafu

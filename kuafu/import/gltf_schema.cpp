@@ -86,7 +86,7 @@ constexpr Row rows[] = {
     {"/textures/*/extensions/EXT_texture_webp", "source:index ..."},
 };
 
-// Of each member of the kind "texture".
+// Members of each member of the kind "texture".
 constexpr Row texture_rows[] = {
     {"", "index:index texCoord:index ..."},
     {"/extensions/KHR_texture_transform", "offset:number[2] scale:number[2] rotation:number texCoord:index ..."},

@@ -17,13 +17,13 @@ struct TextureUse {
   int uv_set = 0;
   std::array<float, 6> uv_transform{};  // Texture::uv_transform
 
-  /// Of tinygltf's TextureInfo, NormalTextureInfo.
+  /// The texture of tinygltf's TextureInfo, NormalTextureInfo.
   template <class Info>
   static TextureUse of(const Info& info, const std::string& field) {
     const auto found = info.extensions.find("KHR_texture_transform");
     return make(info.index, info.texCoord, found == info.extensions.end() ? nullptr : &found->second, field);
   }
-  /// Of a member of an extension or of extras; none where it is absent.
+  /// The texture of a member of an extension or of extras; none where it is absent.
   static TextureUse of(const tinygltf::Value& object, const char* key, const std::string& field);
 
  private:

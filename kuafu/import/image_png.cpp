@@ -71,7 +71,7 @@ class PngReader {
       throw std::bad_alloc();
     }
     png_set_progressive_read_fn(png_, &output_, on_header, on_row, nullptr);
-    // What describes the picture but is no part of it may be as long as it likes; libpng need not keep it.
+    // Descriptions of the picture may have any length; libpng need not keep them.
     png_set_keep_unknown_chunks(png_, PNG_HANDLE_CHUNK_NEVER, nullptr, 0);
   }
   ~PngReader() { png_destroy_read_struct(&png_, &info_, nullptr); }

@@ -39,7 +39,7 @@ std::string lower_extension(const std::filesystem::path& path);
 /// A name from a file: one line of at most 200 bytes.
 std::string clean_name(std::string_view name);
 
-/// What this helper program reads; each is linked with one reader. Errors it throws name the field; the host puts the file's path before
+/// The reader of this helper program; each is linked with one. Errors it throws name the field; the host puts the file's path before
 /// it.
 void read_scene_file(Import& import);
 

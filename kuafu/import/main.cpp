@@ -30,7 +30,7 @@ void set_limit(decltype(RLIMIT_CORE) what, rlim_t value, rlim_t more = 0) {
   (void)setrlimit(what, &limit);
 }
 
-/// What the program gives up before it looks at the file: it cannot write files, leave core dumps, gain privileges or outlive its host.
+/// Gives up rights before the program looks at the file: it then cannot write files, leave core dumps, gain privileges or outlive its host.
 /// False where the host has ended already.
 bool confine(unsigned long seconds, pid_t host) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);

@@ -149,7 +149,7 @@ class ObjReader {
     return static_cast<uint32_t>(index - 1);
   }
 
-  /// What corners name may stand behind them.
+  /// Vertices that corners name may stand behind them.
   void finish_corners() {
     const std::array<size_t, Named::kinds> counts{out_.positions.size(), out_.uvs.size(), out_.normals.size()};
     for (size_t k = 0; k < Named::kinds; ++k)

@@ -37,7 +37,7 @@ class PhongTextures;
 /// Values outside a field's range are clamped, with a warning.
 Material read_material(Import& import, const PhongMaterial& from, PhongTextures& textures);
 
-/// What shows colours of vertices where the file has no material: white and Lambertian.
+/// The material of coloured vertices in a file without materials: white and Lambertian.
 Material colored_material();
 
 /// Files say nothing about their colours; scanners and editors write sRGB. Values outside of 0 to 1 are clamped.

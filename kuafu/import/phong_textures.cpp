@@ -30,7 +30,7 @@ float grey(const Texture& t, uint32_t x, uint32_t y) {
   return (c.r + c.g + c.b) / 3.0f;
 }
 
-/// Of an image of another size, the texel at the same place.
+/// The texel at the same place in an image of another size.
 float grey_at(const Texture& t, uint32_t x, uint32_t y, const Texture& of) {
   const auto place = [](uint32_t i, uint32_t count, uint32_t all) { return static_cast<uint32_t>(uint64_t{i} * count / all); };
   return grey(t, place(x, t.width, of.width), place(y, t.height, of.height));

@@ -17,7 +17,7 @@ using View = std::string_view;
 
 constexpr size_t most_header_lines = 1000;
 
-/// What a property says of a vertex or a face: numbers, then lists.
+/// Meanings of the properties of vertices and faces: numbers, then lists.
 struct Role {
   enum Kind : size_t { x, y, z, nx, ny, nz, red, green, blue, alpha, u, v, image, numbers, corners = numbers, uvs, none };
   View name;
@@ -274,7 +274,7 @@ class PlyReader {
     }
   }
 
-  /// Of the image with this number; one more is of none.
+  /// The material of the image with this number; one more has no image.
   PolygonPart& part_of(double number) {
     const size_t index = number >= 0.0 && number < static_cast<double>(images_.size()) ? static_cast<size_t>(number) : images_.size();
     while (out_.parts.size() <= index) out_.parts.emplace_back();

@@ -100,7 +100,7 @@ class EarCutter {
   void cut(std::vector<glm::uvec3>& triangles) {
     uint32_t at = 1, passed = 0;
     for (uint32_t left = count_; left > 2;) {
-      // Where none is an ear the polygon crosses itself, and any corner will do.
+      // Without any ear the polygon crosses itself, and any corner will do.
       if (left > 3 && passed < left && !is_ear(at)) {
         at = after_[at];
         ++passed;

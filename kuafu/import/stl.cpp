@@ -54,7 +54,7 @@ class AsciiReader {
     while (!rest_.empty()) {
       ++line_;
       std::string line(take_line(rest_));
-      // Where a comma is the decimal point there is no other one.
+      // A comma is the decimal point if there is no other one.
       std::replace(line.begin(), line.end(), ',', line.find('.') == std::string::npos ? '.' : ' ');
       statement(line);
     }

@@ -21,7 +21,7 @@ inline std::string_view trimmed(std::string_view text) {
   return text;
 }
 
-/// Of ASCII letters.
+/// Lower case of ASCII letters.
 inline std::string lower_case(std::string_view text) {
   std::string out(text);
   for (char& c : out)

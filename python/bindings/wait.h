@@ -39,7 +39,7 @@ bool wait_in_slices(double timeout_s, const Wait& wait) {
   }
 }
 
-/// What a call on a thread of its own came to; the message is that thread's.
+/// The outcome of a call on a thread of its own; the message is that thread's.
 struct Outcome {
   ks_status status = KS_OK;
   std::string message;

@@ -53,7 +53,7 @@ const Output& find_output(const std::string& name) {
   raise_argument<Kuafu>("unknown output '" + name + "' (known: " + known + ")");
 }
 
-/// What of a call is not in its C descriptor: as the caller gave it.
+/// The caller's arguments that are not in the call's C descriptor.
 struct Call {
   py::object cameras, outputs;
   std::string band;
@@ -85,7 +85,7 @@ class Renderer {
     check<Kuafu>(status);
   }
 
-  /// What is under way ends first, and its thread may want to tell the log.
+  /// A render under way ends first, and its thread may want to tell the log.
   ~Renderer() {
     const Unlocked nogil;
     handle_.reset();
@@ -165,7 +165,7 @@ class Renderer {
   void cancel() { check<Kuafu>(kuafu_renderer_cancel(get())); }
 
  private:
-  /// What the descriptor of a call points to.
+  /// Memory to which a call's descriptor points.
   struct Arguments {
     Arguments(const Renderer& renderer, const Call& call, kuafu_render_desc& desc)
         : views(read_views(call.cameras, call.band, call.environments)), optics(read_optics(call.optics, views.size())) {
@@ -304,7 +304,7 @@ class Renderer {
   Handle<kuafu_renderer, kuafu_renderer_release> handle_;
 };
 
-/// What Renderer.submit has begun: keeps the renderer, and the buffers that it fills.
+/// A render that Renderer.submit has begun: keeps the renderer, and the buffers that it fills.
 struct Submission {
   py::object renderer;
   ks_sync sync;

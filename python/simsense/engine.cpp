@@ -145,7 +145,7 @@ class Engine {
     return py::make_tuple(matrix(k, 3, 3), baseline_m, matrix(left_to_rectified, 4, 4));
   }
 
-  /// What a call reads; all but the first two may be None.
+  /// The inputs of a call; all but the first two may be None.
   struct Inputs {
     py::object left, right, left_laser, right_laser, rgb, noise_seeds;
   };

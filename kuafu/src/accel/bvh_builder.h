@@ -31,7 +31,7 @@ void set_child_box(BvhNode& node, int child, const Box& box);
 /// Both children's.
 Box node_box(const BvhNode& node);
 
-/// What a ray that meets the root's box is expected to cost, in triangle tests (the surface area heuristic); 0 for a tree without extent.
+/// Expected cost of a ray that meets the root's box, in triangle tests (the surface area heuristic); 0 for a tree without extent.
 double expected_cost(std::span<const BvhNode> nodes);
 
 struct Bvh {

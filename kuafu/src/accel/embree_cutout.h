@@ -12,7 +12,7 @@
 
 namespace kuafu {
 
-/// What the filter finds through Embree's context, which it begins with.
+/// The filter's data at the beginning of Embree's context.
 struct EmbreeContext {
   RTCIntersectContext context{};
   const SceneAddresses* scene = nullptr;  // null: everything is there

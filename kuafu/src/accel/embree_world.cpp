@@ -12,7 +12,7 @@
 namespace kuafu {
 namespace {
 
-/// Of an instance that keeps its geometry: Embree's is made for a mesh, and for motion or none.
+/// Whether an instance keeps its geometry: Embree's is made for a mesh, and for motion or none.
 bool alike(const Placement& a, const Placement& b) { return a.mesh == b.mesh && a.sweep.has_value() == b.sweep.has_value(); }
 
 void set_transform(RTCGeometry geometry, const Placement& placement) {

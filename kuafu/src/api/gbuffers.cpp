@@ -67,7 +67,7 @@ std::vector<float> read_numbers(const float* values, uint32_t count, float other
   return numbers;
 }
 
-/// Where the sum of the projector's parts alone is asked for, it goes through the optics, which are linear, as one image.
+/// The sum of the projector's parts, if it alone is asked for, goes through the optics, which are linear, as one image.
 void join_projector_parts(GbufferLaunch& gbuffers) {
   auto& outputs = gbuffers.launch.outputs;
   if (!outputs[output_projector].buffer || outputs[output_projector_direct].buffer || outputs[output_projector_indirect].buffer) return;

@@ -39,7 +39,7 @@ void Frame::fit(const Launch& launch) {
   for (uint32_t kind = 0; kind < output_kind_count; ++kind) outputs[kind] = target(launch, kind);
 }
 
-/// Where memory is short, the images that no launch needs now make room.
+/// Images that no launch needs now make room if memory is short.
 std::shared_ptr<ks::Buffer> Frame::new_image(uint64_t bytes) {
   const uint32_t flags = memory_.device->is_cpu() ? KS_BUFFER_HOST_VISIBLE : 0;
   try {

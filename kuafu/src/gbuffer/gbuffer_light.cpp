@@ -31,7 +31,7 @@ float value_at(const ks::Buffer& buffer, uint64_t word) {
   return value;
 }
 
-/// What is wrong with a pixel of an image, and what would be right.
+/// The fault of a pixel of an image, and the remedy.
 std::string complaint(const GbufferImages& images, uint32_t what, uint64_t pixel, uint32_t materials) {
   char text[160];
   if (what == gbuffer_bad_depth) {

@@ -14,7 +14,7 @@
 
 namespace kuafu {
 
-/// What is given of one camera, in all environments; packed, a null buffer is not given.
+/// Images of one camera in all environments; packed, a null buffer is not given.
 struct GbufferImages {
   std::shared_ptr<ks::Buffer> depth, normal, albedo, material;
 };
@@ -44,7 +44,7 @@ class GbufferLight {
   void write_record(const Scene& scene, const GbufferLaunch& gbuffers, const Frame& frame);
   void write_camera(const GbufferLaunch& gbuffers, uint32_t camera, GbufferCamera& record) const;
 
-  /// What the means of a pattern depend on.
+  /// The inputs of a pattern's means.
   struct PatternKey {
     std::shared_ptr<const void> scene;  // its identity
     uint32_t texture = none;

@@ -71,7 +71,7 @@ bool are_matt(const VertexLanes& lanes) {
   return most == 0.0f;
 }
 
-/// Of pixel i, the one after `before`.
+/// The place of pixel i, the one after `before`.
 Gbuffer::GbufferPlace next_place(Gbuffer& stage, Gbuffer::GbufferPlace before, uint i) {
   if (before.column + 1 == stage.push.record.at[0].width) return stage.gbuffer_place(i);
   ++before.column;

@@ -49,7 +49,7 @@ class SpawnSettings {
 /// posix_spawn shares the host's memory until the program starts (as vfork does) and runs no code of the host: safe beside other threads.
 pid_t start(const std::filesystem::path& program, const std::vector<std::string>& arguments, int answer) {
   SpawnSettings settings;
-  // Where `answer` is answer_fd already, this only keeps it open in the child.
+  // If `answer` is answer_fd already, this only keeps it open in the child.
   posix_spawn_file_actions_adddup2(&settings.files, answer, answer_fd);
   posix_spawn_file_actions_addopen(&settings.files, 0, "/dev/null", O_RDONLY, 0);
   posix_spawn_file_actions_addopen(&settings.files, 1, "/dev/null", O_WRONLY, 0);

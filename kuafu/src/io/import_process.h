@@ -15,7 +15,7 @@
 
 namespace kuafu {
 
-/// Where the helper of this name is: in `folder` if given, else beside the library that this code is in, or in ../bin, ../libexec/kuafu or
+/// Path of the helper of this name: in `folder` if given, else beside the library that this code is in, or in ../bin, ../libexec/kuafu or
 /// kuafu/ from there. Throws KS_ERROR_FILE that names the places.
 std::filesystem::path find_helper(const std::string& name, const std::filesystem::path& folder);
 

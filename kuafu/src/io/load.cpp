@@ -43,7 +43,7 @@ uint64_t size_of_regular_file(const std::filesystem::path& path) {
   return static_cast<uint64_t>(status.st_size);
 }
 
-/// What the helper's main() takes (kuafu/import/main.cpp). Hexadecimal floats pass unrounded.
+/// Arguments of the helper's main() (kuafu/import/main.cpp). Hexadecimal floats pass unrounded.
 std::vector<std::string> helper_arguments(const std::filesystem::path& path, const glm::dmat4& root_to_world, const LoadLimits& limits,
                                           bool outside_folder) {
   std::vector<std::string> arguments{path.string(),
@@ -79,7 +79,7 @@ std::vector<std::string> load_file(Scene& scene, const std::filesystem::path& pa
   try {
     answer = read(path, root_to_world, options);
   } catch (const ks::Error& error) {
-    // What is an invalid argument to Scene is an invalid file here.
+    // An invalid argument to Scene is an invalid file here.
     const bool content = error.status() == KS_ERROR_INVALID_ARGUMENT;
     ks::fail(content ? KS_ERROR_FILE : error.status(), "%s: %s", shown.c_str(), error.what());
   }

@@ -49,7 +49,7 @@ void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, M
   });
 }
 
-// What a file can say of these is part of them.
+// Files can state a part of these structs alone.
 template <class Stream, class T>
 void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, Instance> {
   s.text(t.name), s.plain(t.mesh), s.array(t.materials), s.plain(t.local_to_world);

@@ -13,7 +13,7 @@
 
 namespace kuafu {
 
-/// Of one answer: further warnings are counted, not kept, and each text is cut to a line of this length.
+/// The warnings of one answer: further ones are counted, not kept, and each text is cut to a line of this length.
 inline constexpr size_t most_warnings = 100, longest_text_bytes = 1000;
 
 struct ImportAnswer {

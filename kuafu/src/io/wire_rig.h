@@ -8,7 +8,7 @@
 namespace kuafu {
 
 void transfer(Writer& to, const Rig& rig);
-/// What it fills is not checked: Scene::add_rig does that.
+/// Fills without checks: Scene::add_rig does them.
 void transfer(Reader& from, Rig& rig);
 
 }  // namespace kuafu

@@ -34,7 +34,7 @@ class Writer {
     bytes(value.data(), value.size());
   }
   void flag(bool value) { plain(static_cast<uint8_t>(value)); }
-  /// Of things that `each` writes.
+  /// Things that `each` writes.
   template <class T, class Each>
   void list(const std::vector<T>& values, Each&& each) {
     plain(uint64_t{values.size()});

@@ -66,7 +66,7 @@ void shade_path(Shade& stage, Queues& queues, uint32_t i) {
   queues.next(shading.path, next);
 }
 
-/// What landed stands anywhere in memory, in three places that one leads to the next: a block of paths asks for each of them together.
+/// Landed light stands anywhere in memory, in three places that lead one to the next: a block of paths asks for each of them together.
 void gather_block(Shade& stage, uint32_t first, uint32_t end) {
   static thread_local std::vector<Shade::Gathering> gatherings;
   static thread_local std::vector<uint32_t> rays;

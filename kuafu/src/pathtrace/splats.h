@@ -16,9 +16,9 @@ class Splats {
 
   void fit(const BeamSources& sources);
   [[nodiscard]] uint32_t beam_count() const { return beam_count_; }
-  /// Of the SplatTable.
+  /// The address of the SplatTable.
   [[nodiscard]] uint64_t table() const { return table_.address(); }
-  /// What all steps of stage `follow` have in common.
+  /// The part that all steps of stage `follow` have in common.
   [[nodiscard]] BeamPush push(uint32_t key, const glm::vec2& jitter) const;
   /// The words that the table's steps find cleared.
   [[nodiscard]] const ks::Buffer& words() const { return *words_; }

@@ -38,7 +38,7 @@ class RenderQueue {
   /// Ends every render that has begun or was submitted.
   void cancel() { ++wishes_; }
 
-  /// Of the last render that its caller waited for.
+  /// Times of the last render that its caller waited for.
   [[nodiscard]] const std::vector<std::pair<std::string, double>>& stage_times() const { return stage_times_; }
   [[nodiscard]] const RenderSummary& summary() const { return summary_; }
   [[nodiscard]] const std::shared_ptr<ks::Device>& device() const { return renderer_.device(); }

@@ -25,7 +25,7 @@ void Scene::add_rig(Rig rig) {
   rigs_.push_back(std::make_shared<const Rig>(std::move(rig)));
 }
 
-/// What poses of rigs change. All of it is gathered and checked before any of it is taken.
+/// Everything that poses of rigs change. All of it is gathered and checked before any of it is taken.
 struct Scene::Posed {
   std::vector<std::pair<uint32_t, Vertices>> meshes;
   std::vector<uint32_t> instances, lights;

@@ -18,7 +18,7 @@ float depth_of(DepthParameters p, float disparity) {
 
 float keep(DepthParameters p, float z) { return z >= p.min_m && z < p.max_m ? z : 0.0f; }
 
-/// Of the z-buffer of pair n; column and row count from the margin's corner.
+/// A cell of the z-buffer of pair n; column and row count from the margin's corner.
 uint cell_at(DepthParameters p, uint n, int column, int row) {
   uint pitch = p.rgb_width + 2u * SPLAT_MARGIN, rows = p.rgb_height + 2u * SPLAT_MARGIN;
   return (n * rows + uint(row)) * pitch + uint(column);

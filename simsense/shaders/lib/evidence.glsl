@@ -29,7 +29,7 @@ struct Evidence {
   int slope, match_slope, difference;
 };
 
-/// Of a pixel of the image; moved: what is added to its disparity, px.
+/// The evidence of a pixel of the image; moved: px that are added to its disparity.
 Evidence look(int x, int y, float moved) {
   Evidence none = Evidence(false, 0, 0, 0, 0);
   float disparity = push.filtered.at[first_pixel() + uint(y) * push.width + uint(x)];

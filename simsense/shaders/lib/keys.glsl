@@ -66,7 +66,7 @@ void right_step(uint x) {
   right_keys[0] = lane() == 0u ? no_key : entering;
 }
 
-/// What is left when the sweep ends before x.
+/// Writes the rest when the sweep ends before x.
 void flush_right(uint x) {
   [[unroll]] for (uint k = 0u; k < lane_disparities; ++k)
     if (right_keys[k] != no_key) offer_right(int(x) - int(lane() * lane_disparities + k), right_keys[k] >> 16, right_keys[k] & 0xffffu);

@@ -71,7 +71,7 @@ void right_step(uint x) {
   right_keys[0] = last << 16 | (lane() == 0u ? no_key : entering);
 }
 
-/// What is left when the sweep ends before x.
+/// Writes the rest when the sweep ends before x.
 void flush_right(uint x) {
   [[unroll]] for (uint k = 0u; k < lane_pairs; ++k) {
     int column = int(x) - int(lane() * lane_disparities + k);

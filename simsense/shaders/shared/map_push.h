@@ -5,7 +5,7 @@
 #include "shared/choices.h"
 #include "shared/depth_push.h"
 
-// Of the check of texture (src/checks/texture.h), pixels.
+// Sizes of the check of texture (src/checks/texture.h), pixels.
 #define TEXTURE_SIDE 31u
 #define TEXTURE_EDGE 5u
 
@@ -35,7 +35,7 @@ struct PlacePush {
   float invalid;
 };
 
-/// Where the left image has too little texture (cpu/checks/texture.h).
+/// The check for too little texture of the left image (cpu/checks/texture.h).
 struct TexturePush {
   MapFloats disparity, confidence;  // [pairs][height][width]
   BytesAddress reason;

@@ -16,7 +16,7 @@ class CpuCalls {
 
   /// Until the outputs are written.
   void compute(const ComputeRequest& request, const StageSettings& settings);
-  /// Of the last call.
+  /// The times of the last call.
   [[nodiscard]] const std::vector<ks_stage_time>& stage_times() const { return stages_.times(); }
 
  private:

@@ -29,7 +29,7 @@ T to_millimetres(float z_m) {
 inline int16_t to_sixteenths(float disparity_px) { return static_cast<int16_t>(std::lrint(disparity_px * 16.0f)); }
 
 struct HostFrame : FrameOf<HostImage> {
-  /// Where a stage writes an output of one component of type T.
+  /// The memory for a stage's output of one component of type T.
   template <class T>
   T* target(uint32_t output, uint32_t batch_index, std::vector<T>& scratch, size_t pixels) const {
     if (wants(output) && outputs[output]->is_packed() && outputs[output]->format() == format_of<T>)

@@ -46,7 +46,7 @@ class CpuStages final : public Stages {
   void measure(const char* name, const std::function<void()>& run) override { clock_.measure(name, run); }
 
  private:
-  /// What run() was given.
+  /// The arguments of run().
   struct Call {
     const StageSettings& settings;
     const HostFrame& frame;

@@ -15,7 +15,7 @@ class PixelRays {
   /// A camera as it is: the ray of each pixel is undistorted once.
   explicit PixelRays(const simsense_camera& camera);
 
-  /// Of each column and each row, or where is_per_pixel() of each pixel, [height][width].
+  /// Ray slopes of each column and each row or, if is_per_pixel(), of each pixel, [height][width].
   [[nodiscard]] const std::vector<float>& x() const { return x_; }
   [[nodiscard]] const std::vector<float>& y() const { return y_; }
   [[nodiscard]] bool is_per_pixel() const { return per_pixel_; }

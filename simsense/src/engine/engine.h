@@ -40,7 +40,7 @@ class Engine {
   /// The semaphore of submit()'s values, as an fd of the caller's; KS_ERROR_UNSUPPORTED where there is none.
   [[nodiscard]] ks_sync export_timeline();
   [[nodiscard]] const std::shared_ptr<ks::Device>& device() const { return device_; }
-  /// Of the last compute() or wait().
+  /// The times of the last compute() or wait().
   [[nodiscard]] const std::vector<ks_stage_time>& stage_times() const { return stage_times_; }
 
  private:

@@ -16,7 +16,8 @@ struct ImageArgument {
   ks_image_desc image{};
 };
 
-/// What an image must be: [batch][height][width] or [batch][height][width][channels]; the batch dimension may be missing when it is 1.
+/// The shape that an image must have: [batch][height][width] or [batch][height][width][channels]; the batch dimension may be missing when
+/// it is 1.
 struct ImageShape {
   uint64_t batch = 1, height = 0, width = 0, channels = 0;  // channels 0: no such dimension
 };

@@ -16,7 +16,7 @@ enum class CensusKind : uint8_t {
   plain = CENSUS_PLAIN,                        // each pixel with the centre
 };
 
-/// Where between whole disparities the match lies, from the costs at winner - 1, winner and winner + 1.
+/// The match's place between whole disparities, from the costs at winner - 1, winner and winner + 1.
 enum class Subpixel : uint8_t {
   none = SUBPIXEL_NONE,
   parabola = SUBPIXEL_PARABOLA,  // vertex of the parabola through the aggregated costs, as the published SimSense; pulls towards whole
@@ -27,7 +27,7 @@ enum class Subpixel : uint8_t {
   lucas_kanade = SUBPIXEL_LUCAS_KANADE,  // the same, and after the median the counts themselves decide (match/refine.h): no pull
 };
 
-/// What an invalid pixel takes from its row (cpu/checks/holes.h).
+/// The value that an invalid pixel takes from its row (cpu/checks/holes.h).
 enum class HoleFilling : uint8_t {
   keep = HOLES_KEEP,
   left = HOLES_LEFT,              // the valid pixel to the left: what a left camera's occlusions border on

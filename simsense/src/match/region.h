@@ -14,7 +14,7 @@ struct Region {
   bool operator==(const Region&) const = default;
 };
 
-/// What must be matched to find a region's disparities in an image of this size: they follow from its own columns and those that lie as far
+/// The part to match for a region's disparities in an image of this size: they follow from its own columns and those that lie as far
 /// to the left (or right) as the disparities reach, and from some surroundings that steer the paths.
 Region reach(const Region& region, const MatchParameters& parameters, uint32_t width, uint32_t height);
 

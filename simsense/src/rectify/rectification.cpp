@@ -12,7 +12,7 @@
 namespace simsense {
 namespace {
 
-// What a pair that calls itself rectified may leave over: larger residuals shift rows by pixels and ruin the match silently.
+// The largest residuals of a pair that calls itself rectified: larger residuals shift rows by pixels and ruin the match silently.
 constexpr double max_rotation_rad = 0.01, max_sideways = 0.05 /* of the baseline */, max_focal_difference = 0.01 /* relative */,
                  max_row_offset_px = 1;
 // Beyond these it is a slip of units.

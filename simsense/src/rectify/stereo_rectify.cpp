@@ -33,7 +33,7 @@ constexpr int lens_steps = 5;
 
 Normalised ray_of(const Side& side, const Point& pixel) { return ray_of_pixel_by_steps(side.camera, pixel.x, pixel.y, lens_steps); }
 
-/// Where a ray of the source camera lands in an image of the rectified one.
+/// The place of a source camera's ray in an image of the rectified one.
 Point landing(const Side& side, const Pinhole& rectified, const Normalised& ray) {
   const Vector3 turned = multiply(side.to_rectified, Vector3{ray[0], ray[1], 1});
   return rounded(rectified.fx * turned[0] / turned[2] + rectified.cx, rectified.fy * turned[1] / turned[2] + rectified.cy);
@@ -43,7 +43,7 @@ struct Centre {
   double x, y;
 };
 
-/// That which puts the mean of the corners of one image into the middle of the rectified one.
+/// The centre that puts the mean of one image's corners into the middle of the rectified one.
 Centre centre_px(const Side& side, double focal_px) {
   const auto right = static_cast<float>(side.camera.width - 1), bottom = static_cast<float>(side.camera.height - 1);
   const Pinhole around_zero{focal_px, focal_px, 0, 0};

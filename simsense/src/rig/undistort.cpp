@@ -33,7 +33,7 @@ struct Fisheye {
   double k1, k2, k3, k4;
   explicit Fisheye(const double* d) : k1(d[0]), k2(d[1]), k3(d[2]), k4(d[3]) {}
 
-  /// Where a ray at this angle from the axis appears.
+  /// The image radius of a ray at this angle from the axis.
   [[nodiscard]] double radius(double angle) const {
     const double a2 = angle * angle;
     return angle * (1 + a2 * (k1 + a2 * (k2 + a2 * (k3 + a2 * k4))));

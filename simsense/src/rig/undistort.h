@@ -11,7 +11,7 @@ namespace simsense {
 /// Normalised coordinates, x / z and y / z of a ray.
 using Normalised = std::array<double, 2>;
 
-/// What the lens makes of a ray.
+/// A ray as the lens bends it.
 Normalised distorted(const ks_lens& lens, const Normalised& ray);
 
 /// Squared radius x^2 + y^2 of the first rays that the radial distortion no longer bends farther out than their neighbours within, or

@@ -30,7 +30,7 @@ inline float black_dn(const simsense_signal& s) {
 
 inline float max_dn(const simsense_signal& s) { return static_cast<float>((1u << s.bit_depth) - 1); }
 
-/// What gives speckle its grain: weights of the standard normal numbers that neighbouring pixels share as a point spread function makes
+/// The grain of speckle: weights of the standard normal numbers that neighbouring pixels share as a point spread function makes
 /// them, -radius..radius along one axis of the Gaussian PSF, their squares summing to 1; radius is 4 sigma, rounded up. Each sum is N(0,
 /// 1), so a quantile of it keeps its distribution; sums d pixels apart correlate by exp(-d^2 / (4 sigma^2)).
 std::vector<float> grain_kernel(float sigma_px);

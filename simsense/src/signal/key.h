@@ -10,7 +10,7 @@
 
 namespace simsense {
 
-/// What one image's noise depends on. Equal keys give equal noise; any difference gives an independent stream.
+/// The key of one image's noise. Equal keys give equal noise; any difference gives an independent stream.
 struct NoiseKey {
   uint64_t seed = 0, frame_index = 0, scene_index = 0;
   uint32_t view = 0, side = 0;  // side: 0 left, 1 right

@@ -11,7 +11,7 @@
 
 namespace simsense {
 
-/// What the outputs of a call ask of the stages.
+/// The stages that the outputs of a call need.
 struct Needs {
   bool disparity = false, confidence = false, reason = false;
   bool depth = false;       // disparities or depths for the caller, or points of the left camera

@@ -30,7 +30,7 @@ class VulkanCalls {
   [[nodiscard]] uint64_t submitted() const { return submitted_; }
   /// nullptr where the device has none: a submission has run when submit() returns.
   [[nodiscard]] const ks::Timeline* timeline() const { return timeline_ ? &*timeline_ : nullptr; }
-  /// Of the submission waited for last, on the device.
+  /// Times on the device of the submission waited for last.
   [[nodiscard]] const std::vector<ks_stage_time>& stage_times() const { return stage_times_; }
 
  private:

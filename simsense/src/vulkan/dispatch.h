@@ -16,7 +16,7 @@ void dispatch_pixels(ks::Commands& commands, const ks::ComputePipeline& pipeline
   commands.dispatch(pipeline, push, groups_of(width, 32), groups_of(height, 8), pairs);
 }
 
-/// Of the first element of packed images.
+/// The place of the first element of packed images.
 inline uint64_t address_of(const ImageRef& packed) { return packed.address + uint64_t{packed.first} * ks_format_bytes(packed.format); }
 
 inline ImageRef later_image(ImageRef image, uint32_t n) {

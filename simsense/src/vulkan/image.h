@@ -16,7 +16,7 @@ class HostStaging {
  public:
   explicit HostStaging(std::shared_ptr<ks::Device> device) : device_(std::move(device)) {}
   std::shared_ptr<ks::Buffer> take(uint64_t bytes);
-  /// What was taken may be taken again.
+  /// Ends all loans: memory may be taken again.
   void reset() { taken_ = 0; }
   [[nodiscard]] const std::shared_ptr<ks::Device>& device() const { return device_; }
 

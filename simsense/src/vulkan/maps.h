@@ -26,11 +26,11 @@ class VulkanMaps {
   /// pairs_at_once: at most, of later calls.
   VulkanMaps(std::shared_ptr<ks::Device> device, uint32_t width, uint32_t height, const StageSettings& settings, uint32_t pairs_at_once);
 
-  /// Where the maps of those pairs are made; disparity always.
+  /// The maps of those pairs; disparity always.
   DeviceMaps open(const DeviceFrame& frame, const Pairs& pairs);
   /// Whether the disparities are made where the caller wants them.
   [[nodiscard]] static bool is_in_place(const DeviceFrame& frame);
-  /// What the matcher reads and writes: the maps themselves, or those of the part it sees. images: packed, both of one format.
+  /// The matcher's inputs and outputs: the maps themselves, or those of the part it sees. images: packed, both of one format.
   MatchArrays match_arrays(const ImageRef (&images)[2], const DeviceMaps& maps);
   /// From the part's maps, as match_arrays() gave them, to those of the whole image.
   void place(ks::Commands& commands, const MatchArrays& part, const DeviceMaps& maps, uint32_t pairs);

@@ -40,7 +40,7 @@ struct MatchBuffers {
   }
 };
 
-/// What the cost and path stages share.
+/// The arrays that the cost and path stages share.
 PathPush path_push(const MatchPlan& plan, const MatchParameters& parameters, const MatchBuffers& buffers);
 
 }  // namespace simsense

@@ -39,7 +39,7 @@ class VulkanMatcher final : public MatchStages {
   void match(const DeviceImages& left, const DeviceImages& right, const DeviceImages& disparity);
   /// The same as part of other work, for at most plan().pairs_at_once pairs.
   void record(ks::Commands& commands, const MatchArrays& arrays, uint32_t pairs);
-  /// What the stages that follow record, where.
+  /// Sets the commands and arrays into which following stages record.
   void begin(ks::Commands& commands, const MatchArrays& arrays, uint32_t pairs);
   void census() override;
   void cost() override;

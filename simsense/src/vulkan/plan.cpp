@@ -59,7 +59,7 @@ bool can_sum_blocks(const MatchParameters& p) {
   return area > 1 && across <= most_across && p.census_bits() <= 32 && p.path_count == 4 && area * p.census_bits() + 64 * across <= 0xffff;
 }
 
-/// Of a workgroup whose subgroups have a required size.
+/// The most threads of a workgroup whose subgroups have a required size.
 uint32_t most_invocations(const ks::Device& device, uint32_t subgroup_lanes) {
   const uint32_t most = device.limits().maxComputeWorkGroupInvocations;
   if (!device.can_require_subgroup_size(subgroup_lanes)) return most;
@@ -114,7 +114,7 @@ uint64_t volume_bytes(const MatchPlan& one_pair) {
   return one_pair.sum_volumes * one_pair.sum_volume_bytes() + one_pair.cost_volume_bytes();
 }
 
-/// What volumes may take of a device's memory.
+/// The part of a device's memory that volumes may take.
 uint64_t volume_allowance_bytes(const ks::Device& device) { return device_memory_bytes(device) / 16; }
 
 /// As many pairs as fill a large GPU with lanes of paths, the stage that has the fewest. A CPU device gains nothing.

@@ -16,7 +16,7 @@ enum class Minima : uint8_t { automatic, half, integer };
 /// How costs of a block of pixels reach the paths: from a volume in memory, or summed again by each path (less than half of the memory).
 enum class BlockCosts : uint8_t { automatic, stored, summed };
 
-/// What a caller may fix, to measure or to test; 0 = the default of the device.
+/// Values that a caller may fix, to measure or to test; 0 = the default of the device.
 struct MatchTuning {
   uint32_t path_lanes = 0;     // power of two, 4 .. subgroup size
   uint32_t steps = 0;          // pixels that a path reads ahead: 4 or 8
@@ -49,7 +49,7 @@ struct MatchPlan {
   [[nodiscard]] uint32_t block_columns() const { return 256 / block_group_parts * 4; }
   [[nodiscard]] uint64_t pixels() const { return uint64_t{width} * height * pairs_at_once; }
   [[nodiscard]] bool sums_blocks() const { return summed_lines > 0; }
-  /// Of one volume.
+  /// The bytes of one volume.
   [[nodiscard]] uint64_t sum_volume_bytes() const { return pixels() * padded_disparities() * sum_bytes; }
   [[nodiscard]] uint64_t cost_volume_bytes() const { return stored_costs ? pixels() * padded_disparities() * 2 : 0; }
   [[nodiscard]] uint64_t right_copy_words() const { return uint64_t{right_pitch} * height * pairs_at_once; }

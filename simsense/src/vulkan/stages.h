@@ -55,14 +55,14 @@ class VulkanStages final : public Stages {
   void measure(const char* name, const std::function<void()>& run) override;
 
  private:
-  /// What record() was given.
+  /// The arguments of record().
   struct Call {
     ks::Commands& commands;
     const StageSettings& settings;
     const DeviceFrame& frame;
     Pairs pairs;
   };
-  /// What the matcher and its maps were made for.
+  /// The settings that the matcher and its maps were made for.
   struct Matching {
     MatchParameters parameters;
     Region wanted, used;

@@ -8,7 +8,7 @@
 
 const float largest_charge_e = 1e30f;
 
-/// What is not a number reads as 0, and no product overflows.
+/// Values that are not numbers read as 0, and no product overflows.
 vec4 expose(vec4 light, float electrons_per_unit) {
   bvec4 not_number = greaterThan(floatBitsToUint(light) & 0x7fffffffu, uvec4(0x7f800000u));
   light = clamp(mix(light, vec4(0.0f), not_number), -3e38f, 3e38f);

@@ -41,7 +41,7 @@ HWY_INLINE V median_of(const V (&values)[count]) {
   }
 }
 
-/// Of a square with sorted columns whose rows were sorted after them, as many values as (row + 1) (column + 1) are no greater than this
+/// In a square with sorted columns whose rows were sorted after them, as many values as (row + 1) (column + 1) are no greater than this
 /// one.
 constexpr bool may_be_median(size_t size, size_t row, size_t column) {
   const size_t rank = size * size / 2 + 1;
@@ -54,7 +54,7 @@ constexpr size_t candidates(size_t size) {
   return count;
 }
 
-/// Of the windows whose sorted columns begin at `sorted`, [rank][column]; as many values leave above the median as below it.
+/// The medians of windows whose sorted columns begin at `sorted`, [rank][column]; as many values leave above the median as below it.
 template <size_t size, class Tag>
 HWY_INLINE hn::Vec<Tag> window_median(Tag tag, const float* sorted, size_t pitch) {
   hn::Vec<Tag> left[candidates(size)];

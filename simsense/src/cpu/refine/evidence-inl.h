@@ -23,10 +23,10 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Floats = hn::CappedTag<float, 16>;
 using Ints = hn::RebindToSigned<Floats>;
 
-/// What a window sums.
+/// The sums over a window.
 enum WindowSum : size_t { sum_slope, sum_match_slope, sum_difference, sum_product, sum_texture, sum_count, sum_disparity, window_sums };
 
-/// Of a row of sums: as wide as a window's reach before the image, and that and a vector behind it.
+/// The length of a row of sums: as wide as a window's reach before the image, and that and a vector behind it.
 inline size_t padded_width(size_t width) { return width + 2 * REFINE_REACH + 2 * hn::MaxLanes(Ints()); }
 
 class EvidenceRow {

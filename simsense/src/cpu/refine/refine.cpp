@@ -160,7 +160,7 @@ namespace {
 HWY_EXPORT(sum_cells);
 HWY_EXPORT(refine_band);
 
-/// Of a cell and those around it.
+/// The step by the sums of a cell and those around it.
 float cell_step(const std::vector<float>& cells, size_t columns, size_t rows, size_t cx, size_t cy) {
   float product = 0, texture = 0;
   for (size_t y = cy - (cy > 0); y < std::min(rows, cy + 2); ++y)

@@ -31,7 +31,7 @@ class Registration {
 
  private:
   static constexpr size_t chunk = 256;
-  /// Where points land: cells of the z-buffer, -1 = nowhere.
+  /// The points' cells of the z-buffer, -1 = nowhere.
   struct Landings {
     std::array<int32_t, chunk> cell;
     std::array<float, chunk> z;

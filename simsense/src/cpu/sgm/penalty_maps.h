@@ -17,7 +17,7 @@ class PenaltyMaps {
   /// One penalty everywhere: there are no maps.
   [[nodiscard]] bool uniform() const { return directions_ == 0; }
   void compute_rows(const PaddedImage& image, size_t first_row, size_t end_row);
-  /// Of row y, or of the row below the last; readable from column -64 to 64 behind the width.
+  /// Penalties of row y, or of the row below the last; readable from column -64 to 64 behind the width.
   [[nodiscard]] const uint8_t* row(PathDirection direction, size_t y) const {
     return storage_.data() + (direction * (height_ + 1) + y) * pitch_ + margin;
   }

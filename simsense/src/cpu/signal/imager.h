@@ -15,7 +15,7 @@ class ThreadPool;
 
 namespace simsense::cpu {
 
-/// What falls on one imager, [height][width], KS_FORMAT_U8, U16 or F32.
+/// The light on one imager, [height][width], KS_FORMAT_U8, U16 or F32.
 struct Irradiance {
   ConstPlane all;
   std::optional<ConstPlane> laser;  // its part that has speckle; without one, all has

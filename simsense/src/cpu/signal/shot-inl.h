@@ -12,7 +12,8 @@
 HWY_BEFORE_NAMESPACE();
 namespace simsense::cpu::HWY_NAMESPACE {
 
-/// Where the asymptotic expansion takes over from the sum; it misses the quantile by one electron in 5e-4 of draws here, and less above.
+/// From this mean on the asymptotic expansion replaces the sum; it misses the quantile by one electron in 5e-4 of draws here, and less
+/// above.
 constexpr float poisson_sum_below_e = 10;
 
 /// Normal asymptotic expansion of the quantile (Giles, Algorithm 955: approximation of the inverse Poisson CDF, ACM TOMS 42(1), 2016).

@@ -16,7 +16,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace simsense::cpu::HWY_NAMESPACE {
 
-/// What is known of each pixel of a row after the winner stage.
+/// Each pixel of a row after the winner stage.
 template <class T>
 struct WinnerRow {
   T *disparity, *before, *lowest, *after;        // winner and the costs at winner - 1, winner, winner + 1

@@ -17,7 +17,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace simsense::cpu::HWY_NAMESPACE {
 
-/// What all workers share.
+/// The part that all workers share.
 template <class T>
 struct Shared {
   Layout layout;

@@ -16,7 +16,7 @@ namespace simsense {
 
 class VulkanChecks {
  public:
-  /// What all checks of some pairs work on.
+  /// The maps on which all checks of some pairs work.
   struct Call {
     ks::Commands& commands;
     const StageSettings& settings;

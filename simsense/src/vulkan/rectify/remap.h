@@ -17,7 +17,7 @@ class VulkanRemap {
   /// target and copy get the same counts; either may be absent.
   void record(ks::Commands& commands, uint32_t side, bool nearest, const ImageRef& source, const ImageRef& target, const ImageRef& copy,
               uint32_t pairs) const;
-  /// Where each rectified left pixel lies in its source: addresses of [height][width] floats.
+  /// The place of each rectified left pixel in its source: addresses of [height][width] floats.
   [[nodiscard]] uint64_t left_x() const { return tables_[0].x->address(); }
   [[nodiscard]] uint64_t left_y() const { return tables_[0].y->address(); }
 

@@ -42,7 +42,7 @@ VulkanSgm::VulkanSgm(const std::shared_ptr<ks::Device>& device, const MatchPlan&
   if (p.path_count == 8) make(diagonals_, PATHS_DIAGONALS);
 }
 
-/// Where a dispatch adds to what another leaves, it waits for that.
+/// A dispatch that adds to another's results waits for it.
 void VulkanSgm::record(ks::Commands& commands, const MatchBuffers& buffers, uint32_t pairs) const {
   PathPush push = path_push(plan_, parameters_, buffers);
   const uint32_t lines = plan_.path_group / plan_.path_lanes / 2;
