@@ -37,7 +37,7 @@ def accuracy(name: str, measured: np.ndarray, true: np.ndarray, where: np.ndarra
 
 
 def _of_nothing(measured: np.ndarray, true: np.ndarray) -> Accuracy:
-    """Figures of the pixels that see nothing: each measurement is invented."""
+    """The accuracy where no surface stands: there each measurement is invented."""
     nothing = true <= 0
     share = float((measured[nothing] > 0).mean())
     return Accuracy(NOTHING, int(nothing.sum()), share, np.nan, np.nan, share)

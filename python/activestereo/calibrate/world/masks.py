@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The known part of the scene in each image: it was measured there, no edge is near, and another view that is not held
-out has seen it: what one view alone saw is predicted by that view itself."""
+"""The known part of the scene in each image: surfaces that were measured there, far from edges, and that a second view,
+not held out, has seen. A surface of one view alone would be predicted by that view itself."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ class ParameterSpace:
 
     @property
     def given(self) -> np.ndarray:
-        """Which entries are choices: fits take them as they are."""
+        """True for entries that are choices, which no fit changes."""
         return self.of_parameters("choice").astype(bool)
 
     @property

@@ -62,7 +62,7 @@ class decimation_filter(filter):
 
 
 def _median(values: NDArray[Any]) -> NDArray[Any]:
-    """The lower median of those above 0, along the last axis."""
+    """The lower median of the values above 0, along the last axis."""
     counts = np.count_nonzero(values, axis=-1)
     ordered = np.sort(values, axis=-1)
     place = np.minimum(values.shape[-1] - 1, values.shape[-1] - counts + np.maximum(counts - 1, 0) // 2)
