@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well rendered pictures under a candidate's materials explain the recorded ones, and the best materials near a
+"""The misfit of rendered pictures under a candidate's materials to the recorded ones, and the best materials near a
 candidate.
 
 loss = colour + lambda infrared, each the square of the residual in deviations plus that of an oriented filter bank

@@ -294,7 +294,7 @@ class _Bundle:
         return np.concatenate(out)
 
     def sparsity(self) -> lil_matrix:
-        """Which residuals depend on which parameters."""
+        """The sparsity of the Jacobian: 1 where a residual depends on a parameter."""
         rows = sum(2 * len(pixels) for view in self._views for _, pixels in view.corners.values())
         pattern, row = lil_matrix((rows, len(self.vector)), dtype=int), 0
         for number, view in enumerate(self._views):

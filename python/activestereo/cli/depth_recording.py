@@ -164,7 +164,7 @@ def _facts(
 
 
 def _same_run(path: Path, has_images: bool, facts: Mapping[str, Any]) -> None:
-    """Writes what the run is, or checks that a run which goes on is the same."""
+    """Writes the run's facts, or checks that a continued run has the same."""
     from activestereo.common.input_files import read_json_object
     from activestereo.common.output_files import write_text
 

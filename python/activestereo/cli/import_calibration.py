@@ -170,7 +170,7 @@ def sides_text(order: CameraOrder) -> str:
 
 
 def missing_text(files: Sequence[FrameFiles], has_poses: bool) -> list[str]:
-    """A text that names what the recording lacks, and what for."""
+    """A text that names the missing parts of a recording, and their use."""
     out = []
     if not any("depth" in entry.files for entry in files):
         out.append("no depth: poses, pattern and albedo cannot be measured from scenes; record the depth stream, too")

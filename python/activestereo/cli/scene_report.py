@@ -27,7 +27,7 @@ _MOST_MATERIALS = 3
 
 
 def depth_sentence(name: str, rows: Sequence[Accuracy]) -> str:
-    """How much of a picture has depth, and how wrong it is."""
+    """A sentence with the share of a picture that has depth, and its error."""
     whole = rows[-1]
     if not whole.pixels:
         return f"{name}: nothing is in the sensor's range."

@@ -107,7 +107,7 @@ def _missing_libraries(manifests: list[Path], device_count: int) -> Iterator[Pro
 
 
 def _needed_and_missing(library: str, fault: str | None) -> list[str]:
-    """The names that the dynamic loader does not find, of all that a library which cannot be opened is linked to."""
+    """Names that the dynamic loader does not find among those to which an unusable library is linked."""
     first = re.match(rf"{_LIBRARY}: cannot open shared object file", fault or "")
     if first is None or first[0].split(":")[0] == library:
         return []  # it opens, or is another machine's, or not there at all

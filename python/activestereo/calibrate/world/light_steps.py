@@ -114,7 +114,7 @@ def albedo_step(world: World, seed: int, folder: Path, progress: Progress) -> No
 
 
 def _train(world: World) -> list[int]:
-    """Which of the scene's views are not held out."""
+    """Indices of the scene's views that are not held out."""
     views, _ = world.scene_views()
     split = {frame.id: frame.split for frame in world.capture.frames}
     train = [k for k, view in enumerate(views) if split[view.frame.id] == "train"]

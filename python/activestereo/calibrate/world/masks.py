@@ -36,7 +36,7 @@ def known_masks(
 
 
 def _sees(other: SceneView, view: SceneView, to_other: Pose, K: NDArray[np.float64]) -> Mask:
-    """Which of the view's pixels are places on the other's known surface."""
+    """Mask of the view's pixels that lie on the other's known surface."""
     moved = points_of(view.depth_m, K) @ to_other[:3, :3].T.astype(np.float32) + to_other[:3, 3].astype(np.float32)
     z = np.maximum(moved[..., 2], 1e-3)
     column = np.asarray(K[0, 0] * moved[..., 0] / z + K[0, 2], np.float32)

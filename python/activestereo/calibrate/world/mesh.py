@@ -97,7 +97,7 @@ def closed_depth(depth_m: Image) -> Image:
 def _had(
     view: SceneView, pose: Pose, others: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64]
 ) -> Mask:
-    """Which pixels' surfaces earlier views have, a seam away from where theirs end."""
+    """Mask of pixels whose surfaces earlier views have, up to a seam before those end."""
     points = points_of(view.depth_m, K)
     had = np.zeros(view.depth_m.shape, bool)
     for other, own in zip(others, poses, strict=True):

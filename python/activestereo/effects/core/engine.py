@@ -157,7 +157,7 @@ class EngineInputs:
 
     @property
     def added_lights(self) -> list[kuafu.Light]:
-        """Those that the scene does not have."""
+        """Lights that effects add to the scene's own."""
         return [*self.rig_lights, *self.lights]
 
     def add_light(self, *, on_rig: bool, **fields: Any) -> None:

@@ -133,7 +133,7 @@ class Light:
         return some
 
     def pointwise(self, act: Callable[[Light, View], Light], view: View) -> Light:
-        """act(light, view), each of whose pixels depends on that pixel alone, done for those that are asked for."""
+        """act(light, view) on the wanted pixels alone; each pixel of its result depends on that pixel alone."""
         later, some = _Later(self, lambda images: images), []  # type: ignore[var-annotated]
         light = later.light()
         later.whole = lambda names: light._once("acted", lambda: act(self, view)).sum_of(names)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the projector lights what each pixel sees: distance, angles, the diffuse reflectance that the light layers tell,
+"""The projector's light on the surface in each pixel: distance, angles, the diffuse reflectance that the light layers tell,
 and the dielectric highlight of glTF 2.0's material model: GGX, Fresnel's exact reflectance, specularFactor 1.
 
 Arrays of cosines and directions may have any leading shape; roughness is a number (alpha = roughness squared); ior is
@@ -68,7 +68,7 @@ def reflected_share(cosine: np.ndarray, roughness: float, ior: float = IOR) -> n
 def base_share(
     cosine_in: np.ndarray, cosine_out: np.ndarray, roughness: float, factor: float, ior: float = IOR
 ) -> np.ndarray:
-    """How bright the diffuse base is below `factor` of the lobe, relative to the bare one: what the lobe lets in and
+    """Brightness of the diffuse base below `factor` of the lobe, relative to the bare one: what the lobe lets in and
     out, as the renderer has it (Kelemen and Szirmay-Kalos 2001)."""
     cosines, shares = _shares(float(roughness), float(ior))
     mean = trapezoid(shares * 2 * cosines, cosines)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well a pattern projector that stands in the world explains points which several images see, by what of each image
-is not explained.
+"""The match of a pattern projector that stands in the world with points in several images, by the images' unexplained
+part.
 
 On the unit's own image plane pan and tilt move the pattern, nearly, so that a correlation finds the best ones near a
 pose at once. Farther away the plane is seen too obliquely: what is not explained is then gathered by its direction from

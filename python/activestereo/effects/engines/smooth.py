@@ -46,7 +46,7 @@ class Surfaces(NamedTuple):
         return cls(np.asarray(depth_m, dtype=np.float32), normals, places, np.asarray(material))
 
     def at(self, place: Any) -> Surfaces:
-        """Those at an index of rows and columns."""
+        """The surfaces at an index of rows and columns."""
         index = (..., *place)
         return Surfaces(self.depth_m[index], self.normal[index], self.points[index], self.material[index])
 

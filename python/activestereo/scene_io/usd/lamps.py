@@ -196,7 +196,7 @@ def _emitter(writer: GltfWriter, name: str, shines: np.ndarray, share: float) ->
 
 
 def _scales(matrix: np.ndarray) -> np.ndarray:
-    """How long the axes become."""
+    """Lengths of the transformed axes."""
     return np.asarray(np.linalg.norm(matrix[:3, :3], axis=0))
 
 
