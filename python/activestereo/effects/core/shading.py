@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The projector's light on the surface in each pixel: distance, angles, the diffuse reflectance that the light layers tell,
+"""The projector's light on the surface in each pixel: distance, angles, the diffuse reflectance by the light layers,
 and the dielectric highlight of glTF 2.0's material model: GGX, Fresnel's exact reflectance, specularFactor 1.
 
 Arrays of cosines and directions may have any leading shape; roughness is a number (alpha = roughness squared); ior is
