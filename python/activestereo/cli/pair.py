@@ -9,14 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.cli.arguments import (
-    CommandError,
-    Commands,
-    add_shared,
-    make_folder,
-    positive,
-    print_json,
-)
+from activestereo.cli.arguments import CommandError, Commands, add_shared, make_folder, positive, print_json
 from activestereo.common.shown import printable
 
 _TEXT = """\

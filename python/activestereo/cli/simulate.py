@@ -23,11 +23,17 @@ from activestereo.cli.arguments import (
     size,
     transform,
 )
-from activestereo.cli.camera_options import add_camera_options, set_cameras
-from activestereo.cli.depth_maps import add_depth_maps, wanted_maps, write_maps
+from activestereo.cli.camera_options import add_camera_options, add_records, set_cameras, set_records
+from activestereo.cli.depth_maps import (
+    add_depth_maps,
+    matching_line,
+    matching_words,
+    stage_table,
+    wanted_maps,
+    write_maps,
+)
 from activestereo.cli.engine_options import add_matching, add_options, given, given_matching, given_rig
 from activestereo.cli.parser import rare_group
-from activestereo.cli.record_options import add_records, set_records
 from activestereo.common.parameter import RENDER, RENDERER
 from activestereo.scene_io.staging import INFRARED_SHARES, infrared_share
 
@@ -363,7 +369,6 @@ def _camera(sensor: StereoDepthSensor) -> dict[str, Any]:
 
 
 def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any], added: float | None) -> None:
-    from activestereo.cli.report import matching_line, matching_words, stage_table
     from activestereo.cli.scene_report import depth_sentence, failing, light_lines, warn_of_light, warn_of_unseen
     from activestereo.common.accuracy import accuracy_table
     from activestereo.report.screen import command, screen

@@ -11,13 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.calibrate.world.light import (
-    LightEstimate,
-    black_level,
-    light_view,
-    merged_textures,
-    solve_light,
-)
+from activestereo.calibrate.world.light import LightEstimate, black_level, light_view, merged_textures, solve_light
 from activestereo.calibrate.world.masks import known_masks
 from activestereo.calibrate.world.mesh import write_scene
 from activestereo.calibrate.world.pictures import albedo_picture, exposure_picture, known_picture

@@ -16,12 +16,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.calibrate.world.camera import (
-    CameraEstimate,
-    camera_from_boards,
-    camera_from_overlaps,
-    information_of,
-)
+from activestereo.calibrate.world.camera import CameraEstimate, camera_from_boards, camera_from_overlaps, information_of
 from activestereo.calibrate.world.light import darkness
 from activestereo.calibrate.world.light_steps import Progress, albedo_step, exposure_step
 from activestereo.calibrate.world.pair_geometry import pair_geometry

@@ -9,13 +9,7 @@ from typing import Any
 
 from activestereo.camera.advanced_mode.settings import parse_settings
 from activestereo.integrations.realsense.camera import SimulatedCamera, World, sensor_ranges
-from activestereo.integrations.realsense.enums import (
-    camera_info,
-    format,
-    option,
-    rs400_visual_preset,
-    stream,
-)
+from activestereo.integrations.realsense.enums import camera_info, format, option, rs400_visual_preset, stream
 from activestereo.integrations.realsense.frames import StreamRequest, video_stream_profile
 from activestereo.integrations.realsense.options import GROUPS, ControlGroup, Options, group_of, with_group
 
