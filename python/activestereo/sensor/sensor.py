@@ -58,7 +58,7 @@ class StereoDepthSensor(SensorResults):
     those of the picture before, with the same bits. Call wait() before changing the scene; otherwise kuafu.Error. A
     model that changes the images raises ValueError, with this or on_cuda.
 
-    matcher: 'simsense', 'opencv', the path of an .onnx file (sensor.onnx_matcher), or a sensor.foreign_matcher.Matcher,
+    matcher: 'simsense', 'opencv', the path of an .onnx file, or a sensor.foreign_matcher.Matcher,
     which gets the rectified pairs of simsense's imager. Raises ValueError with on_cuda or a model that changes the
     images.
     """
