@@ -19,7 +19,7 @@ FOLDER = Path(__file__).resolve().parent
 RESULTS = FOLDER / "results"
 CHAPTERS = {
     "Rendering": ("first_image", "render", "cpu", "mitsuba", "denoise", "noise", "scenes", "cancel", "load"),
-    "Matching": ("matcher", "matcher_vulkan", "memory", "depth", "accuracy", "pairs", "subpixel"),
+    "Matching": ("matcher", "matcher_vulkan", "memory", "depth", "accuracy", "pairs", "subpixel", "invented"),
     "Sensor": ("sensor", "split", "model_sensor", "gbuffer", "camera", "realism", "noise_profiles", "generate"),
     "Calibration": ("calibrate", "materials"),
 }

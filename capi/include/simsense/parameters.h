@@ -153,12 +153,12 @@ typedef struct simsense_parameters {
 
   /* -- check that both images show the same -- */
   /* No measurement where both images have less in common than this correlation: that of the counts in a window about
-   * the pixel, in each image less the mean around them, at the pixels' own matches. Noise has none: what the paths
-   * carry into an empty background or a black surface goes, and the reason is SIMSENSE_REASON_LOW_TEXTURE. 0 switches
-   * this check off. [0..1] */
+   * the pixel, in each image less the mean around them, at the pixels' own matches. Where few of them show anything,
+   * more is asked. Noise has none: what the paths carry into an empty background or a black surface goes, and the
+   * reason is SIMSENSE_REASON_LOW_TEXTURE. 0 switches this check off. [0..1] */
   float min_correlation;
-  /* Side of that window. The mean is that of a square of half its side. [5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27,
-   * 29 or 31 px; 0 means 21; 21 by default] */
+  /* Side of that window. A window of half its side must correlate a fifth as much, too. The mean is that of a square of
+   * three tenths of it. [5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29 or 31 px; 0 means 31; 31 by default] */
   uint32_t correlation_window;
 } simsense_parameters;
 static inline simsense_parameters simsense_parameters_init(void) {
@@ -182,7 +182,7 @@ static inline simsense_parameters simsense_parameters_init(void) {
   s.low_texture_dn = 4u;
   s.max_depth_m = 10.0f;
   s.splat_size = 1u;
-  s.correlation_window = 21u;
+  s.correlation_window = 31u;
   return s;
 }
 

@@ -103,14 +103,12 @@ OF_THE_CAMERA = {
 
 
 FIELD_OF_VIEW = Limits(1.0, 170.0, "degrees")
-# A block of summed costs has at least this side, that of a census window; a window that tells noise from texture has
-# at least this one.
-_LEAST_BLOCK_PX, _LEAST_CORRELATION_PX = 7, 11
+_LEAST_BLOCK_PX = 7  # side of a block of summed costs: that of a census window
 
 
-def _scaled_side(side_px: int, factor: float, least_px: int) -> int:
-    """Scales a window to an odd side."""
-    return min(side_px, max(least_px, 2 * int(0.5 * side_px * factor) + 1))
+def _scaled_block(side_px: int, factor: float) -> int:
+    """Scales a block to an odd side."""
+    return min(side_px, max(_LEAST_BLOCK_PX, 2 * int(0.5 * side_px * factor) + 1))
 
 
 def _is_equal(a: Any, b: Any) -> bool:
@@ -328,7 +326,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
     def scaled(self, factor: float) -> StereoDepthSensorConfig:
         """A copy with all images and the disparity range `factor` times as large; fields of view, readout times,
         projector and depths are the same. The matcher's block shrinks with them, but not below 7 pixels, and never
-        grows; nor does the window of its check by correlation, of 11 pixels at least."""
+        grows."""
         if not 0.0 < factor <= 100.0:
             raise ValueError(f"a sensor is scaled by a factor above 0 and up to 100, not {factor}")
         out = self._rescaled(factor)
@@ -364,10 +362,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         out = deepcopy(self)
         out.max_disparity = max(32, round(self.max_disparity * factor))
         out.block_width, out.block_height = (
-            _scaled_side(side, factor, _LEAST_BLOCK_PX) for side in (self.block_width, self.block_height)
+            _scaled_block(side, factor) for side in (self.block_width, self.block_height)
         )
-        # between a window of as much of the scene and one of as many counts
-        out.correlation_window = _scaled_side(self.correlation_window, factor**0.5, _LEAST_CORRELATION_PX)
         out.speckle_max_size = round(out.speckle_max_size * factor**2)  # an area
         if isinstance(out.ir_signal, dict) and "speckle_psf_sigma_px" in out.ir_signal:
             grain_px = factor * out.ir_signal["speckle_psf_sigma_px"]

@@ -9,7 +9,8 @@ layout(push_constant, scalar) uniform Push { CorrelationPush push; };
 
 const uint group = uint(CORRELATION_GROUP), widest = group + 2u * uint(CORRELATION_REACH);
 shared int pairs[widest * widest];         // left h << 16 | right h
-shared ivec3 row_sums[widest * group];  // products, squares of the left and of the right
+shared ivec3 row_sums[widest * group];  // products, squares of the left with the pixels that count above them, squares of the right
+const uint count_shift = 24u;           // a row's squares stay below
 
 uint pixel_of(ivec2 pixel) { return (gl_WorkGroupID.z * push.height + uint(pixel.y)) * push.width + uint(pixel.x); }
 
@@ -26,37 +27,48 @@ int pair_at(ivec2 pixel) {
   return signed_byte(uint(push.left.at[at])) << 16 | signed_byte(uint(push.right.at[pixel_of(ivec2(column, pixel.y))])) & 0xffff;
 }
 
-bool correlates(ivec3 sums) {
-  precise float both = float(sums.x) * float(sums.x);
-  precise float share = push.least * push.least;
-  precise float left = share * float(sums.y);
-  precise float least = left * float(sums.z);
-  return sums.x > 0 && both >= least;
-}
-
-void main() {
-  uint side = 2u * uint(push.reach) + 1u, tile = group + 2u * uint(push.reach);
-  ivec2 origin = ivec2(gl_WorkGroupID.xy * group) - push.reach;
-  for (uint i = gl_LocalInvocationIndex; i < tile * tile; i += group * group) pairs[i] = pair_at(origin + ivec2(i % tile, i / tile));
+/// Products, squares of the left and of the right, pixels, over the window of this reach about the invocation's pixel.
+ivec4 window_sums(int reach) {
+  uint side = 2u * uint(reach) + 1u, rows = group + 2u * uint(reach), tile = group + 2u * uint(push.reach), inset = uint(push.reach - reach);
   barrier();
-  for (uint i = gl_LocalInvocationIndex; i < tile * group; i += group * group) {
-    uint first = i / group * tile + i % group;
+  for (uint i = gl_LocalInvocationIndex; i < rows * group; i += group * group) {
+    uint first = (i / group + inset) * tile + i % group + inset;
     ivec3 sums = ivec3(0);
     for (uint k = first; k < first + side; ++k) {
       int left = pairs[k] >> 16, right = pairs[k] << 16 >> 16;
-      sums += ivec3(left * right, left * left, right * right);
+      sums += ivec3(left * right, left * left + (pairs[k] != 0 ? 1 << count_shift : 0), right * right);
     }
     row_sums[i] = sums;
   }
   barrier();
+  ivec4 sums = ivec4(0);
+  for (uint row = gl_LocalInvocationID.y; row < gl_LocalInvocationID.y + side; ++row) {
+    ivec3 found = row_sums[row * group + gl_LocalInvocationID.x];
+    sums += ivec4(found.x, found.y & (1 << count_shift) - 1, found.z, found.y >> count_shift);
+  }
+  return sums;
+}
+
+bool correlates(ivec4 wide, ivec4 near) {
+  precise float all = float(wide.y) * float(wide.z), near_all = float(near.y) * float(near.z);
+  precise float square = float(wide.x) * float(wide.x), counted = square * float(wide.w);
+  precise float share = push.least * push.least * push.area, least = share * all;
+  precise float near_square = float(near.x) * abs(float(near.x)) * float(near.w), noise = CORRELATION_NOISE * near_all;
+  precise float near_sum = near_square + noise, found = near_sum * all;
+  precise float near_least = CORRELATION_SHARE * square * near_all * float(near.w);
+  return wide.x > 0 && counted >= least && found > near_least;
+}
+
+void main() {
+  uint tile = group + 2u * uint(push.reach);
+  ivec2 origin = ivec2(gl_WorkGroupID.xy * group) - push.reach;
+  for (uint i = gl_LocalInvocationIndex; i < tile * tile; i += group * group) pairs[i] = pair_at(origin + ivec2(i % tile, i / tile));
+  ivec4 wide = window_sums(push.reach), near = window_sums(push.near_reach);
   ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
-  uvec2 local = gl_LocalInvocationID.xy;
   if (pixel.x >= int(push.width) || pixel.y >= int(push.height)) return;
-  ivec3 sums = ivec3(0);
-  for (uint row = local.y; row < local.y + side; ++row) sums += row_sums[row * group + local.x];
   uint at = pixel_of(pixel);
   float disparity = push.found.at[at];
-  bool goes = disparity != push.invalid && !correlates(sums);
+  bool goes = disparity != push.invalid && !correlates(wide, near);
   push.disparity.at[at] = goes ? push.invalid : disparity;
   if (!goes) return;
   if ((push.maps & MAPS_CONFIDENCE) != 0u) push.confidence.at[at] = 0.0f;

@@ -7,6 +7,8 @@
 #define CORRELATION_LARGEST 127  // 8ths of a count
 #define CORRELATION_REACH 15     // of the largest window
 #define CORRELATION_GROUP 16     // pixels of a workgroup's side
+#define CORRELATION_SHARE 0.04f  // of the wide window's correlation, which the near one must have, squared
+#define CORRELATION_NOISE 2.25f  // standard deviations of the near one's noise, squared
 
 #ifdef __cplusplus
 namespace simsense {
@@ -30,8 +32,8 @@ struct CorrelationPush {
   FloatArray confidence;  // if MAPS_CONFIDENCE
   ByteArray reason;       // if MAPS_REASON
   uint width, height;
-  int reach;  // of a window
-  float least;
+  int reach, near_reach;  // of the windows
+  float least, area;      // of a wide window's correlation; px of it
   float invalid;
   uint maps;  // MAPS_*
 };

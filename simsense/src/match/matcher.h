@@ -40,7 +40,7 @@ struct MatchParameters : MatchFields {
   [[nodiscard]] bool refines() const { return subpixel == Subpixel::lucas_kanade; }
   [[nodiscard]] bool correlates() const { return min_correlation > 0; }
   /// The side of the window; a client of an earlier header states none.
-  [[nodiscard]] uint32_t correlation_side() const { return correlation_window == 0 ? 21 : correlation_window; }
+  [[nodiscard]] uint32_t correlation_side() const { return correlation_window == 0 ? 31 : correlation_window; }
   /// The disparity of an invalid pixel: below every valid one.
   [[nodiscard]] float invalid_disparity() const { return static_cast<float>(min_disparity < 0 ? min_disparity - 1 : -1); }
 };

@@ -81,7 +81,7 @@ def test_no_sensor_is_scaled_to_nothing_or_beyond_measure(factor):
 def test_scaled_keeps_what_a_camera_sees():
     config = StereoDepthSensorConfig("D435")
     half = config.scaled(0.5)
-    assert half.ir_resolution == (424, 240) and half.max_disp == 64 and half.correlation_window == 15
+    assert half.ir_resolution == (424, 240) and half.max_disp == 64
     for camera, size in (("ir", config.ir_resolution), ("rgb", config.rgb_resolution)):
         for corner in (np.array([-0.5, -0.5]), np.array(size) - 0.5):
             ray = np.linalg.inv(getattr(config, f"{camera}_intrinsic")) @ [*corner, 1.0]

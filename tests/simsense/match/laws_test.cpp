@@ -117,7 +117,7 @@ TEST_P(matcher_law, noise_around_a_thing_gets_no_disparity_by_correlation) {
     double thing = 0, nothing = 0, pixels = 0;
     for (uint32_t y = 0; y < pair.height; ++y)
       for (uint32_t x = 0; x < pair.width; ++x) {
-        const bool is_far = x < 45 || x >= 135 || y < 25 || y >= 95, is_found = found[y * pair.width + x] >= 0;
+        const bool is_far = x < 40 || x >= 140 || y < 20 || y >= 100, is_found = found[y * pair.width + x] >= 0;
         thing += is_thing(x, y) && is_found;
         nothing += is_far && is_found;
         pixels += is_far;

@@ -2,6 +2,7 @@
 #include "simsense/reference/correlation.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "match/refine.h"
@@ -19,7 +20,7 @@ void around(size_t x, size_t y, uint32_t side, Visit visit) {
 
 /// 8ths of a count above the mean of the square around.
 Grid<int32_t> high_pass(ConstImage image, uint32_t bits, size_t width, size_t height, uint32_t window) {
-  const uint32_t side = window / 2 | 1;
+  const uint32_t side = std::max(3u, 3 * window / 10 | 1);
   const auto area = static_cast<int32_t>(side * side);
   const auto count = [&](ptrdiff_t x, ptrdiff_t y) {
     const ptrdiff_t column = std::clamp<ptrdiff_t>(x, 0, static_cast<ptrdiff_t>(width) - 1);
@@ -44,25 +45,41 @@ Grid<uint8_t> correlates(ConstImage left, ConstImage right, const Grid<float>& d
   const size_t width = disparity.width, height = disparity.height;
   const auto l = high_pass(left, p.left_bits, width, height, p.correlation_window);
   const auto r = high_pass(right, p.right_bits, width, height, p.correlation_window);
+  struct Sums {
+    int32_t both = 0, left = 0, right = 0, pixels = 0;
+  };
+  const auto sums_around = [&](size_t x, size_t y, uint32_t side) {
+    Sums sums;
+    around(x, y, side, [&](ptrdiff_t u, ptrdiff_t v) {
+      const auto beyond = [](ptrdiff_t at, size_t size) { return at < 0 || at >= static_cast<ptrdiff_t>(size); };
+      if (beyond(u, width) || beyond(v, height)) return;
+      const auto column = static_cast<size_t>(u), row = static_cast<size_t>(v);
+      const float d = disparity.at(column, row);
+      const ptrdiff_t match = u - static_cast<ptrdiff_t>(std::floor(d + 0.5f));
+      if (d == p.invalid_disparity() || beyond(match, width)) return;
+      const int32_t a = l.at(column, row), b = r.at(static_cast<size_t>(match), row);
+      sums.both += a * b;
+      sums.left += a * a;
+      sums.right += b * b;
+      sums.pixels += a != 0 || b != 0;
+    });
+    return sums;
+  };
+  const auto in_floats = [](const Sums& sums) {
+    return std::array{static_cast<float>(sums.both), static_cast<float>(sums.left) * static_cast<float>(sums.right),
+                      static_cast<float>(sums.pixels)};
+  };
+  const uint32_t side = p.correlation_window;
   Grid<uint8_t> out(width, height, 1);
   for (size_t y = 0; y < height; ++y)
     for (size_t x = 0; x < width; ++x) {
       if (disparity.at(x, y) == p.invalid_disparity()) continue;
-      int32_t both = 0, left_squares = 0, right_squares = 0;
-      around(x, y, p.correlation_window, [&](ptrdiff_t u, ptrdiff_t v) {
-        const auto beyond = [](ptrdiff_t at, size_t size) { return at < 0 || at >= static_cast<ptrdiff_t>(size); };
-        if (beyond(u, width) || beyond(v, height)) return;
-        const auto column = static_cast<size_t>(u), row = static_cast<size_t>(v);
-        const float d = disparity.at(column, row);
-        const ptrdiff_t match = u - static_cast<ptrdiff_t>(std::floor(d + 0.5f));
-        if (d == p.invalid_disparity() || beyond(match, width)) return;
-        const int32_t a = l.at(column, row), b = r.at(static_cast<size_t>(match), row);
-        both += a * b;
-        left_squares += a * a;
-        right_squares += b * b;
-      });
-      const float least = p.min_correlation * p.min_correlation * static_cast<float>(left_squares) * static_cast<float>(right_squares);
-      out.at(x, y) = both > 0 && static_cast<float>(both) * static_cast<float>(both) >= least;
+      const auto [both, all, pixels] = in_floats(sums_around(x, y, side));
+      const auto [near_both, near_all, near_pixels] = in_floats(sums_around(x, y, side / 2 | 1));
+      const float least = p.min_correlation * p.min_correlation * static_cast<float>(side * side) * all;
+      const bool is_wide = both > 0 && both * both * pixels >= least;
+      const float near = near_both * std::fabs(near_both) * near_pixels + 2.25f * near_all;
+      out.at(x, y) = is_wide && near * all > 0.04f * (both * both) * near_all * near_pixels;
     }
   return out;
 }

@@ -80,26 +80,13 @@ struct Pair {
   float invalid;
 };
 
-/// The sums of a window that moves down the image.
-class Window {
+/// h of both images at the pixels of the last rows; 0 where there is no match.
+class MatchedRows {
  public:
-  Window(const Pair& pair, uint32_t side) : pair_(pair), side_(side) {
-    for (auto& side_rows : rows_) side_rows.resize(side * pair.width);
-    for (size_t k = 0; k < 3; ++k) columns_[k].resize(pair.width + side - 1), sums_[k].resize(pair.width);
+  MatchedRows(const Pair& pair, size_t count) : pair_(pair), count_(count) {
+    for (auto& rows : rows_) rows.resize(count * pair.width);
   }
 
-  void add(size_t y) {
-    look(y);
-    accumulate(y, 1);
-  }
-  void drop(size_t y) { accumulate(y, -1); }
-  void sum() {
-    for (size_t k = 0; k < 3; ++k) sum_neighbours(columns_[k], side_, sums_[k]);
-  }
-  [[nodiscard]] CorrelationSums at(size_t x) const { return {sums_[0][x], sums_[1][x], sums_[2][x]}; }
-
- private:
-  /// h of both images at the pixels of a row; 0 where there is no match.
   void look(size_t y) {
     const size_t width = pair_.width, first = y * width;
     int16_t *left = row(0, y), *right = row(1, y);
@@ -111,34 +98,64 @@ class Window {
       right[x] = counts ? pair_.right[first + static_cast<size_t>(column)] : int16_t{0};
     }
   }
+  int16_t* row(size_t which, size_t y) { return rows_[which].data() + y % count_ * pair_.width; }
+  [[nodiscard]] size_t width() const { return pair_.width; }
+
+ private:
+  const Pair& pair_;
+  size_t count_;
+  std::vector<int16_t> rows_[2];
+};
+
+/// The sums of a window that moves down the image.
+class Window {
+ public:
+  Window(MatchedRows& rows, size_t side, size_t begin)
+      : rows_(rows), side_(side), first_(begin - std::min(begin, side / 2)), next_(first_) {
+    for (size_t k = 0; k < kinds; ++k) columns_[k].resize(rows.width() + side - 1), sums_[k].resize(rows.width());
+  }
+
+  /// Moves to row y from the one before; rows up to `end` have been looked at.
+  void move_to(size_t y, size_t end) {
+    const size_t reach = side_ / 2;
+    if (y > first_ + reach) accumulate(y - reach - 1, -1);
+    for (; next_ < std::min(end, y + reach + 1); ++next_) accumulate(next_, 1);
+    for (size_t k = 0; k < kinds; ++k) sum_neighbours(columns_[k], side_, sums_[k]);
+  }
+  [[nodiscard]] CorrelationSums at(size_t x) const { return {sums_[0][x], sums_[1][x], sums_[2][x], sums_[3][x]}; }
+
+ private:
   void accumulate(size_t y, int32_t sign) {
-    const int16_t *left = row(0, y), *right = row(1, y);
-    int32_t *both = columns_[0].data() + side_ / 2, *a = columns_[1].data() + side_ / 2, *b = columns_[2].data() + side_ / 2;
-    for (size_t x = 0; x < pair_.width; ++x) {
-      both[x] += sign * left[x] * right[x];
-      a[x] += sign * left[x] * left[x];
-      b[x] += sign * right[x] * right[x];
+    const int16_t *left = rows_.row(0, y), *right = rows_.row(1, y);
+    int32_t* at[kinds];
+    for (size_t k = 0; k < kinds; ++k) at[k] = columns_[k].data() + side_ / 2;
+    for (size_t x = 0; x < rows_.width(); ++x) {
+      at[0][x] += sign * left[x] * right[x];
+      at[1][x] += sign * left[x] * left[x];
+      at[2][x] += sign * right[x] * right[x];
+      at[3][x] += (left[x] | right[x]) != 0 ? sign : 0;
     }
   }
-  int16_t* row(size_t which, size_t y) { return rows_[which].data() + y % side_ * pair_.width; }
 
-  const Pair& pair_;
-  size_t side_;
-  std::vector<int16_t> rows_[2];               // the window's
-  std::vector<int32_t> columns_[3], sums_[3];  // over the rows of a window, with its reach beyond both ends; over all of it
+  static constexpr size_t kinds = 4;  // those of CorrelationSums
+  MatchedRows& rows_;
+  size_t side_, first_, next_;
+  std::vector<int32_t> columns_[kinds], sums_[kinds];  // over the rows of a window, with its reach beyond both ends; over all of it
 };
 
 void check_band(const Pair& pair, const MatchParameters& p, size_t begin, size_t end, const MatchMaps& maps) {
-  Window window(pair, p.correlation_side());
-  const size_t reach = p.correlation_side() / 2, first = begin - std::min(begin, reach);
-  size_t next = first;
+  const uint32_t side = p.correlation_side(), near_side = correlation_near_side(side);
+  const size_t reach = side / 2;
+  MatchedRows rows(pair, side + 1);  // one leaves the window as another comes
+  Window wide(rows, side, begin), near(rows, near_side, begin);
+  size_t next = begin - std::min(begin, reach);
   for (size_t y = begin; y < end; ++y) {
-    if (y > first + reach) window.drop(y - reach - 1);
-    for (; next < std::min(pair.height, y + reach + 1); ++next) window.add(next);
-    window.sum();
+    for (; next < std::min(pair.height, y + reach + 1); ++next) rows.look(next);
+    wide.move_to(y, next);
+    near.move_to(y, next);
     for (size_t x = 0; x < pair.width; ++x) {
       const size_t at = y * pair.width + x;
-      if (pair.found[at] == pair.invalid || correlates(window.at(x), p.min_correlation)) continue;
+      if (pair.found[at] == pair.invalid || correlates(wide.at(x), near.at(x), p.min_correlation, side * side)) continue;
       maps.disparity[at] = pair.invalid;
       if (maps.confidence) maps.confidence[at] = 0;
       if (maps.reason) maps.reason[at] = MatchReason::low_texture;

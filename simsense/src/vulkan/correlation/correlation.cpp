@@ -42,8 +42,11 @@ void VulkanCorrelation::record(ks::Commands& commands, const MatchBuffers& buffe
   push.reason = arrays.reason;
   push.width = plan_.width;
   push.height = plan_.height;
-  push.reach = static_cast<int>(parameters_.correlation_side() / 2);
+  const uint32_t side = parameters_.correlation_side();
+  push.reach = static_cast<int>(side / 2);
+  push.near_reach = static_cast<int>(correlation_near_side(side) / 2);
   push.least = parameters_.min_correlation;
+  push.area = static_cast<float>(side * side);
   push.invalid = parameters_.invalid_disparity();
   push.maps = arrays.maps();
   commands.dispatch(correlation_, push, columns, rows, pairs);
