@@ -36,6 +36,16 @@ def blur(dn, side, rng):
     return cv2.GaussianBlur(dn, (0, 0), 1.0) if side == "right" else dn
 
 
+def drops(dn, side, rng):
+    """The left camera's window is wet in three places."""
+    if side == "right":
+        return dn
+    wet = np.zeros(dn.shape)
+    for centre in ((120, 80), (260, 150), (360, 210)):
+        cv2.circle(wet, centre, 30, 1.0, -1)
+    return dn + cv2.GaussianBlur(wet, (0, 0), 4) * (cv2.GaussianBlur(dn, (0, 0), 3.0) - dn)
+
+
 def nothing(dn, side, rng):
     return dn
 
@@ -69,6 +79,7 @@ def capture_with(tmp_path_factory):
         (gain, ["gain_mismatch"], "gain", 0.22),
         (rows, ["row_noise"], "sigma_dn", 1.0),
         (blur, ["focus_mismatch"], None, None),
+        (drops, ["focus_mismatch"], None, None),
     ],
 )
 def test_what_the_camera_has_is_named_beside_its_own_falloff(capture_with, change, also, parameter, truth):
@@ -81,6 +92,15 @@ def test_what_the_camera_has_is_named_beside_its_own_falloff(capture_with, chang
     assert result["heldout_ir_rmse_after"] < 0.5 * result["heldout_ir_rmse_before"]
     if parameter is not None:
         assert found[also[0]][parameter]["value"] == pytest.approx(truth, rel=0.15)
+
+
+def test_drops_on_a_window_are_told_from_a_lens_out_of_focus(capture_with):
+    said = [
+        next(e["finding"] for e in diagnose(capture_with(change)).result["ranking"] if e["effect"] == "focus_mismatch")
+        for change in (drops, blur)
+    ]
+    assert "The left camera is blurred in places" in said[0] and "drops or dirt on its window" in said[0]
+    assert "drops" not in said[1]
 
 
 def test_a_camera_that_lacks_nothing_is_told_so_and_what_would_tell_more(capture_with):
