@@ -15,7 +15,7 @@ from activestereo.effects.core.differences import known_differences
 
 # Fits have so few steps, from the best start and another one that gains this part of what it gains; those that come
 # within this part of the best fit have more, until chi2 falls by a small part of itself.
-_STEPS, _RIVAL, _MORE, _CLOSE, _TOLERANCE = 2, 0.6, 8, 0.75, 1e-4
+_STEPS, _RIVAL, _MORE, _CLOSE, _TOLERANCE = 2, 0.6, 6, 0.75, 1e-3
 # An effect whose formula was never measured may miss this share of its squared signature.
 _UNMEASURED = 1.0 / 3.0
 
