@@ -216,7 +216,7 @@ def _paper(args: argparse.Namespace, diagnosis: Diagnosis) -> list[str]:
     """Writes what --pdf and --csv ask for; lines that say so."""
     from activestereo.report.paper import write_diagnosis_csv, write_diagnosis_pdf
 
-    lines, comparison = [], diagnosis.comparison()
+    lines, comparison = [], diagnosis.comparison() if args.pdf else None
     if args.csv:
         write_diagnosis_csv(args.csv, diagnosis.result)
         lines.append(f"written: {args.csv}")

@@ -81,7 +81,7 @@ class Diagnosis:
     model: the given model with what was added. stub: Python text of an effect, or None. sensor_model: what
     model.json holds; None where the capture's images could not be judged. before, after: the images that the given
     model and model.json expect, with their errors; None where those were not asked for. made: what they were
-    rendered with.
+    rendered with. kept_as: the key of all that decides it, None where a part is a user's own.
     """
 
     result: dict[str, Any]
@@ -91,6 +91,7 @@ class Diagnosis:
     before: ImageErrors | None = None
     after: ImageErrors | None = None
     made: RenderedWith | None = None
+    kept_as: str | None = None
 
     def predictions(self) -> dict[ImageKey, NDArray[np.float32]]:
         """{(frame id, side): DN [height][width]} that model.json expects; empty where no images were judged."""
@@ -202,7 +203,7 @@ def diagnose(
     key = None if model is not None else key_of(whole, effects, *options)
     known_before = None if key is None else found_before(kept, key)
     if known_before is not None:
-        return _told_again(known_before, errors, phases, made, says)
+        return replace(_told_again(known_before, errors, phases, made, says), kept_as=key)
     evidence, engine = located(known)
     memory = FitCache(kept, evidence.train)
     settings = Settings(workers, phases, numbers, engine, memory, errors, located, says)
@@ -212,7 +213,7 @@ def diagnose(
         memory.save()  # what was done before a cancellation need not be done again
     if key is not None and diagnosis.sensor_model is not None:
         keep(kept, key, Found(diagnosis.result, diagnosis.sensor_model, diagnosis.stub))
-    return replace(diagnosis, made=made)
+    return replace(diagnosis, made=made, kept_as=key)
 
 
 def _told_again(

@@ -42,7 +42,7 @@ def keep(cache: LayerCache, key: str, found: Found) -> None:
     """Writes a diagnosis."""
     pattern = found.model.pattern.file if found.model.pattern else None
     record = found.result, model_json(found.model, "pattern.png"), pattern and str(pattern), found.stub
-    cache.put_arrays(key, {"found": np.frombuffer(json.dumps(record).encode(), np.uint8)})
+    cache.put_arrays(key, {"diagnosis/found": np.frombuffer(json.dumps(record).encode(), np.uint8)})
 
 
 def kept(cache: LayerCache, key: str) -> Found | None:
@@ -50,7 +50,7 @@ def kept(cache: LayerCache, key: str) -> Found | None:
     stored = cache.get_arrays(key)
     if stored is None:
         return None
-    result, model, pattern, stub = json.loads(stored["found"].tobytes())
+    result, model, pattern, stub = json.loads(stored["diagnosis/found"].tobytes())
     with TemporaryDirectory() as folder:
         path = Path(folder) / "model.json"
         path.with_name("pattern.png").touch()

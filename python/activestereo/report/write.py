@@ -12,11 +12,15 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from activestereo.common.html_table import text
 from activestereo.common.input_files import read_json
 from activestereo.common.output_files import replace_file, write_text
 from activestereo.common.progress_bar import UsualTime
+from activestereo.compare.cache import LayerCache
 from activestereo.compare.model_file import library
+from activestereo.diagnose.refine.fit_cache import content_key
 from activestereo.report.comparison import cards, comparison_sections, settings_section
 from activestereo.report.diagnosis import diagnosis_sections
 from activestereo.report.error_words import what_is_missed
@@ -106,16 +110,35 @@ def write_diagnosis_report(
     effects: {id: Effect} that it chose from, None for the built-in ones. progress: called as progress(fraction done).
     steps: as in write_report().
     """
+    path = Path(folder) / "report.html"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, _kept_page(diagnosis, steps, lambda: _diagnosis_page(diagnosis, effects, progress, steps)))
+    return path
+
+
+def _kept_page(diagnosis: Diagnosis, steps: Sequence[Step], make: Callable[[], str]) -> str:
+    """The page of a diagnosis, or what it was for the same one before."""
+    if diagnosis.kept_as is None:
+        return make()
+    cache, key = LayerCache(), content_key("page", diagnosis.kept_as, steps)
+    stored = cache.get_arrays(key)
+    if stored is None:
+        stored = {"diagnosis/page": np.frombuffer(make().encode(), np.uint8)}
+        cache.put_arrays(key, stored)
+    return stored["diagnosis/page"].tobytes().decode()
+
+
+def _diagnosis_page(
+    diagnosis: Diagnosis,
+    effects: Mapping[str, Effect] | None,
+    progress: Callable[[float], object] | None,
+    steps: Sequence[Step],
+) -> str:
     result, comparison = diagnosis.result, diagnosis.comparison()
     if comparison is None:
         title = f"{result.get('capture', 'capture')}: diagnosis"
-        html_text = page(title, [first_screen(result, steps=steps), *diagnosis_sections(result)])
-    else:
-        html_text = report_page(comparison, result, effects, progress, diagnosis.predictions(), steps)
-    path = Path(folder) / "report.html"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_text(path, html_text)
-    return path
+        return page(title, [first_screen(result, steps=steps), *diagnosis_sections(result)])
+    return report_page(comparison, result, effects, progress, diagnosis.predictions(), steps)
 
 
 def _stored_diagnosis(folder: Path, capture: str) -> dict[str, Any] | None:

@@ -124,7 +124,9 @@ def content_key(*values: object) -> str:
 def code_digest() -> str:
     """The digest of this package's code and of the libraries that it computes with."""
     root, digest = Path(activestereo.__file__).parent, hashlib.sha256()
-    for path in sorted(path for path in root.rglob("*.py") if path.is_file()):  # a build tree may hold links to no file
+    kinds = {".py", ".html", ".css", ".js"}
+    # A build tree may hold links to no file.
+    for path in sorted(path for path in root.rglob("*") if path.suffix in kinds and path.is_file()):
         digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
     return f"{digest.hexdigest()} {np.__version__} {scipy.__version__} {_opencv_version()}"
 
