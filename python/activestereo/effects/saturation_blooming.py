@@ -7,8 +7,6 @@ from activestereo.effects.core.descriptor import Parameter, Stage, effect
 from activestereo.effects.core.engine import EngineInputs, moves
 from activestereo.effects.core.view import View
 
-_ROUNDS = 4
-
 
 @moves("signal.full_well_e", "signal.blooming")
 def _engine(inputs: EngineInputs, lost_range: float, spill: float) -> None:
@@ -48,14 +46,18 @@ def _engine(inputs: EngineInputs, lost_range: float, spill: float) -> None:
 )
 def saturation_blooming(signal: np.ndarray, view: View, lost_range: float, spill: float) -> np.ndarray:
     """Pixels stop counting before the range ends, and spill into the pixels above and below."""
-    if lost_range == 0.0:
-        return signal
     full = (1.0 - lost_range) * view.max_dn
-    value = signal
-    for _ in range(_ROUNDS):
-        over = np.maximum(value - full, 0.0)
-        if not over.any():
-            break
-        given = np.pad(0.5 * spill * over, ((1, 1), (0, 0)))
-        value = np.minimum(value, full) + given[:-2] + given[2:]
-    return np.minimum(value, full)
+    columns = (signal > full).any(axis=0)
+    if lost_range == 0.0 or not columns.any():
+        return signal
+    charge = np.minimum(signal, full)
+    part, half = charge[:, columns], 0.5 * spill * np.maximum(signal[:, columns] - full, 0.0)
+    # Half flows down its column, half up, until pixels have room for it: simsense's rule.
+    for rows in (range(len(part)), reversed(range(len(part)))):
+        flow = np.zeros(part.shape[1])
+        for y in rows:
+            taken = np.minimum(flow, full - part[y])
+            part[y] += taken
+            flow += half[y] - taken
+    charge[:, columns] = part
+    return charge
