@@ -30,8 +30,8 @@ search that scores all effects first has taken its place: {machine}.
 def of_scores():
     """The first results of the search that scores all effects first."""
     found = json.loads((RESULTS / "by_scores.json").read_text())
-    rows = [f"|{name}|{value}|" for name, value in found["rows"]]
-    return BEFORE.format(**found) + "\n".join(["|measure|answers|", "|--|--|", *rows])
+    rows = ["|".join(["", *row, ""]) for row in (found["columns"], ["--"] * len(found["columns"]), *found["rows"])]
+    return BEFORE.format(**found) + "\n".join(rows)
 
 
 HEAD = """# The benchmark suite
