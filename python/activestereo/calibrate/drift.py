@@ -105,7 +105,7 @@ def calibrate_drift(folder: Path, temperatures: Path | None = None) -> Drift:
         )
     layers = {side: _layers(capture, side, lit, dark) for side in SIDES}
     names, columns, weight = _columns(capture, lit[0], layers)
-    mean = np.concatenate([_picked(sum(layers[side])) for side in SIDES])
+    mean = np.concatenate([_picked(layers[side][0] + layers[side][1]) for side in SIDES])
     changes = np.stack([_pixels(capture, frame) - mean for frame in lit])
     weighted = columns * weight
     square = weighted @ columns.T
@@ -146,16 +146,16 @@ def _columns(capture: Capture, frame: Frame, layers: dict[str, Layers]) -> tuple
     changes[_GROWTH] = lambda side, of: _flow(of[0], *_grown(capture, side))
     for axis, name in ((0, "x"), (1, "y")):
         unit = (1.0 - axis, float(axis))
-        changes[f"rig {name}"] = lambda side, of, u=unit: _flow(of[0] + of[1], *u)
-        changes[f"dots {name}"] = lambda side, of, u=unit: _flow(of[0], *u)
+        changes[f"rig {name}"] = _moved(unit, dots_alone=False)
+        changes[f"dots {name}"] = _moved(unit, dots_alone=True)
         # What moves by a part of a pixel is blurred in the mean; a dot's blur would pass for the laser's power.
-        changes[f"blur {name}"] = lambda side, of, u=unit: _flow(_flow(of[0] + of[1], *u), *u)
+        changes[f"blur {name}"] = _blurred(unit)
     changes["right row"] = lambda side, of: _flow(of[0] + of[1], 0.0, float(side == "right"))
     changes["roll"] = lambda side, of: _flow(of[0] + of[1], *_rolled(capture, side, f))
     changes["room light"] = lambda side, of: of[1]
     changes["offset"] = lambda side, of: np.ones_like(of[0])
     columns = [np.concatenate([_picked(change(side, layers[side])) for side in SIDES]) for change in changes.values()]
-    light = np.concatenate([_picked(sum(layers[side])) for side in SIDES])
+    light = np.concatenate([_picked(layers[side][0] + layers[side][1]) for side in SIDES])
     weight = np.where(light < _FULL * capture.rig.max_dn, 1.0 / (_READ_DN2 + _SHOT_DN * np.maximum(light, 0.0)), 0.0)
     return list(changes), np.stack(columns), weight
 
@@ -202,6 +202,14 @@ def _grown(capture: Capture, side: str) -> tuple[Matrix, Matrix]:
 def _rolled(capture: Capture, side: str, f: float) -> tuple[Matrix, Matrix]:
     x, y = _rays(capture, side)
     return -f * y, f * x
+
+
+def _moved(unit: tuple[float, float], dots_alone: bool) -> Change:
+    return lambda side, of: _flow(of[0] if dots_alone else of[0] + of[1], *unit)
+
+
+def _blurred(unit: tuple[float, float]) -> Change:
+    return lambda side, of: _flow(_flow(of[0] + of[1], *unit), *unit)
 
 
 def _flow(image: Matrix, dx: Matrix | float, dy: Matrix | float) -> Matrix:

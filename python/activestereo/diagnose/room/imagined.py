@@ -39,9 +39,9 @@ class ImaginedRoom(Room):
         self._turn = [image.K @ z @ y @ x @ np.linalg.inv(image.K) for image in room.images[:2]]
         self._places = {}
         view = room.views if take.is_turned else 0
-        self.images = [*room.images, *(self._image(light, side, view, take) for side in (0, 1))]
+        self.images = [*room.images, *(self._taken(light, side, view, take) for side in (0, 1))]
 
-    def _image(self, light: RoomLight, side: int, view: int, take: Take) -> RoomImage:
+    def _taken(self, light: RoomLight, side: int, view: int, take: Take) -> RoomImage:
         """The first view's image of one side as the take shows it."""
         old = self._room.images[side]
         column, row = self._moved(side, *pixel_grid(old.dn.shape))
