@@ -126,7 +126,8 @@ def _value(place):
     kind, _, rest = place.partition(":")
     if kind == "rooms":
         said = [text for row in _read("examples/real_camera/results.json")["injected"]["rows"] for text in row[1:]]
-        return f"{sum(text.startswith('named') for text in said)} of {len(said)}"
+        named, ran = (sum(map(had, said)) for had in (lambda text: text.startswith("named"), lambda text: text != "-"))
+        return f"{named} of {ran}"
     results = _read(_file(kind))
     if kind == "next":
         return f"{results[rest]['resolved']} of {results[rest]['n']}"

@@ -19,8 +19,8 @@ from suite_bars import BARS
 
 FOLDER = Path(__file__).resolve().parent
 RESULTS = FOLDER / "results"
-BEFORE = """All further answers on this page are of the search by rules and thresholds, with its option `--greedy`. The
-search that scores all effects first has taken its place: {machine}.
+BEFORE = """The search that scores all effects first: {machine}.
+All further answers on this page are of the search by rules before it, which is gone.
 
     {command}
 
@@ -43,10 +43,9 @@ the answer key elsewhere, runs the tool on the capture alone, and scores what it
     python3 tests/benchmark_suite/run_suite.py --set small --out out/suite     # 12 fixed test cases
     python3 tests/benchmark_suite/run_suite.py --set all --jobs 2 --out out/suite-all
 
-`--generation N` makes other test cases of the same kinds by another seed. The lab learns from generation 1; generation
-0 is the suite's own. `--only NAME...` takes test cases by id or by an effect that they hide. A run goes on where it was
-stopped. `DIR/README.md` is its score page, `score.json` holds the numbers, and `keys/` the truth. `hide.py` makes one
-more test case for [examples/hidden_effect](../../examples/hidden_effect/README.md).
+`--generation N` makes other test cases of the same kinds by another seed. `--only NAME...` takes test cases by id or by
+an effect that they hide. A run goes on after a stop. `DIR/README.md` is its score page, `score.json` holds the numbers,
+and `keys/` the truth.
 
 | set | test cases | hidden |
 |---|---|---|
