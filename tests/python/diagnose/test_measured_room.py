@@ -2,6 +2,7 @@
 """A room recorded by the very camera that is judged: effects are put into the recording, before it is measured."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -92,6 +93,15 @@ def test_what_the_camera_has_is_named_beside_its_own_falloff(capture_with, chang
     assert result["heldout_ir_rmse_after"] < 0.5 * result["heldout_ir_rmse_before"]
     if parameter is not None:
         assert found[also[0]][parameter]["value"] == pytest.approx(truth, rel=0.15)
+
+
+def test_an_effect_is_not_named_at_a_size_that_cannot_be(capture_with):
+    most_a_tenth = builtin()["gain_mismatch"]
+    narrow = tuple(replace(p, low=-0.1, high=0.1) if p.name == "gain" else p for p in most_a_tenth.parameters)
+    effects = builtin() | {most_a_tenth.id: replace(most_a_tenth, parameters=narrow)}
+    result = diagnose(capture_with(gain), effects=effects).result
+    assert (result["verdict"], result["added"]) == ("undetermined", ["vignetting"])
+    assert "gain_mismatch would need gain 0.2" in result["reason"] and "more views" in result["reason"]
 
 
 def test_drops_on_a_window_are_told_from_a_lens_out_of_focus(capture_with):

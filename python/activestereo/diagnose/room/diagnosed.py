@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,13 +17,14 @@ from activestereo.diagnose.room.names import NEEDED, Named, Names, names_of
 from activestereo.diagnose.room.plan import plan_of
 from activestereo.diagnose.room.unseen import unseen_rmse
 from activestereo.diagnose.score.intervals import Z90
-from activestereo.diagnose.search.verdict import EFFECT, NONE
+from activestereo.diagnose.search.verdict import EFFECT, NONE, UNDETERMINED
 from activestereo.effects import Effect, Model, builtin
 from activestereo.effects.core.room_light import has_room_light
 from activestereo.model import SensorModel, diagnosed_model
 
 _FALLOFF = "vignetting"
 _MAINS_HZ = 100.0
+_DISAGREE = "the views disagree by more than the likeliest effect can explain; measure the room again from more views"
 _NOT_RANKED = "a room measured by the same camera has it in its dots or surfaces, or good sessions tell no spread of it"
 
 Parameters = dict[str, tuple[float, float]]
@@ -43,7 +45,10 @@ def diagnosed_room(
     room = Room(capture)
     names = names_of(room, given, effects, [_room_of(other, capture) for other in reference])
     falloff = _falloff(capture, given, effects)
-    found = ([falloff] if falloff is not None else []) + [_told(n, names) for n in names.named]
+    told = [_told(n, names) for n in names.named]
+    possible = list(itertools.takewhile(lambda each: not _beyond(*each), told))
+    beyond = _beyond(*told[len(possible)]) if len(possible) < len(told) else ""
+    found = ([falloff] if falloff is not None else []) + possible
     accepted, intervals = given, {}
     for effect, parameters in found:
         values = {p.name: float(np.clip(parameters[p.name][0], p.low, p.high)) for p in effect.parameters
@@ -54,13 +59,14 @@ def diagnosed_room(
     added = [effect.id for effect, _ in found]
     by_view = _unseen(room, capture, given, accepted)
     result: dict[str, Any] = {
-        "verdict": EFFECT if added else NONE,
+        "verdict": UNDETERMINED if beyond else EFFECT if added else NONE,
         "capture": capture.name,
         "binning": 1,
         "probabilities": _probabilities(names, added),
         "ranking": [*([_entry(*falloff, _falloff_nats(falloff[1]), 1.0, [])] if falloff is not None else []),
                     *_ranking(names)],
-        "sets": [{"effects": list(n.members), "probabilities": list(n.members.values())} for n in names.named],
+        "sets": [{"effects": list(n.members), "probabilities": list(n.members.values())}
+                 for n in names.named[: len(possible)]],
         "own": {e.id: _NOT_RANKED for e in effects if builtin().get(e.id) is not e},
         "not_ranked": _not_ranked(effects, given, names),
         "added": added,
@@ -78,6 +84,8 @@ def diagnosed_room(
         "residual_model": None,
         "model": model_json(accepted),
     }  # fmt: skip
+    if beyond:
+        result["reason"] = f"{_DISAGREE} ({beyond})"
     return result, accepted, diagnosed_model(capture, accepted, intervals=intervals)
 
 
@@ -120,6 +128,15 @@ def parameters_of(found: Found, period_rows: int | None) -> Parameters:
     if found.effect.id == "black_level":
         return {"offset_dn": max(found.parameters.values(), key=lambda told: abs(told[0]))}
     return {name.split(".")[1]: told for name, told in found.parameters.items()}
+
+
+def _beyond(effect: Effect, parameters: Parameters) -> str:
+    """The parameter that lies outside its range by more than chance; else nothing."""
+    for p in effect.parameters:
+        value, deviation = parameters.get(p.name, (p.neutral, 0.0))
+        if not p.low - Z90 * deviation <= value <= p.high + Z90 * deviation:
+            return f"{effect.id} would need {p.name} {value:.3g}, where {p.low:g} to {p.high:g} is possible"
+    return ""
 
 
 def _ranking(names: Names) -> list[dict[str, Any]]:

@@ -57,7 +57,7 @@ def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> 
     inner = H[np.ix_(N, N)] + np.diag(prior[N] + _RIDGE * np.diag(H)[N])
     A = np.linalg.solve(inner, H[np.ix_(N, E)]).T
     information = H[np.ix_(E, E)] - A @ H[np.ix_(N, E)]
-    information = 0.5 * (information + information.T)
+    information = _semidefinite(information, np.sqrt(np.maximum(np.diag(H)[E], 1e-12)))
     score = s[E] - A @ s[N]
     chosen = tuple(columns[j] for j in E)
     if not score.any():  # nothing was recorded yet
@@ -70,6 +70,12 @@ def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> 
     covariance = _BY_TILES * each.T @ each + (1.0 - _BY_TILES) * information
     covariance += 1e-6 * np.diag(np.diag(covariance) + 1e-12)
     return Reduced(chosen, score, information, covariance)
+
+
+def _semidefinite(information: Matrix, scale: Matrix) -> Matrix:
+    """An information that nuisances take almost whole may come out below zero by rounding."""
+    values, vectors = np.linalg.eigh(0.5 * (information + information.T) / np.outer(scale, scale))
+    return np.asarray((vectors * np.maximum(values, _RIDGE)) @ vectors.T * np.outer(scale, scale))
 
 
 def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, float], few: float) -> list[Found]:
