@@ -4,7 +4,7 @@
 Dots are found in the averaged images of both cameras (spots.py) and lie on the wall's plane (wall.py). Two distances
 give each dot a line; where the lines meet stands the projector. One distance leaves its place nominal. A dot's power
 follows from what it looks like: the camera sees radiance, which falls with the projector's distance and angle and with
-the camera's (power_factor in glow.py, which also finds the light between the dots).
+the camera's (power_factor in wall.py, which also finds the light between the dots).
 """
 
 from collections.abc import Callable

@@ -3,9 +3,7 @@
 
 | file | job |
 |--|--|
-| ranges.py | ranges of random values |
-| things.py | files of things, and their places in a scene |
-| layout.py | layouts: side by side, or dropped with physics |
+| layout.py | things, ranges of random values, layouts: side by side, or dropped with physics |
 | studio.py | one frame: layout, camera, light, pictures |
 | bop.py | folders and files of the BOP format |
 | ray_actors.py | frames from the machines of a Ray cluster |

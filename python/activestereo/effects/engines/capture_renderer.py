@@ -119,7 +119,7 @@ class CaptureRenderer:
     ) -> dict[ImageKey, CameraLight]:
         """{(frame id, side): CameraLight} of the frames, all by default. Frames that differ in exposure, power or gain
         alone share their images; all poses of one world are one render. half: 0 or 1, one of two independent halves of
-        the samples (halves.py)."""
+        the samples (smooth.py)."""
         jobs: dict[tuple, _Job] = {}
         for frame in self.capture.frames if frames is None else frames:
             inputs = self.inputs(frame, model, scene_measurement, random)
