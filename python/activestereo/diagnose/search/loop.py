@@ -244,9 +244,11 @@ class Search:
 
     def _is_another(self, linear: Linear, fit: Refit) -> bool:
         """Whether a fit explains more than the names so far may have missed: by its size, or beyond what their formulas
-        may look like."""
+        may look like, where it is of another family: what a distortion's formula misses is a distortion."""
         if self._chi2 - fit.chi2 > self._missed([n.missed for n in self._names]):
             return True
+        if fit.solution.effects[-1].family in {n.effect.family for n in self._names}:
+            return False
         usual = self._numbers.formula_error
         own = [usual if n.field else min(usual, formula_error(n.effect, usual)) for n in self._names]
         return gain_beyond(linear, fit.solution) > max(self._floor(), self._missed(own))
