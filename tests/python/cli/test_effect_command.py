@@ -37,8 +37,9 @@ def user_file(folder, body, parameters=A, stage="READOUT"):
 def test_list_names_every_effect_with_its_units(capsys):
     assert main(["effect", "list"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == ["id", *builtin()]
-    assert any(re.match(r"rolling_shutter +camera +motion +engine +line_time_s \[s\]", line) for line in lines)
+    rows = [line for line in lines if not line.startswith(" ")]
+    assert [line.split()[0] for line in rows] == ["id", *builtin()] and max(map(len, lines)) <= 80
+    assert re.search(r"^rolling_shutter +camera +motion +engine\s+line_time_s \[s\]$", "\n".join(lines), re.MULTILINE)
 
 
 def test_the_documentation_page_is_what_the_command_prints(capsys):

@@ -71,8 +71,14 @@ def _scores(**changed):
     return {
         "warnings": [], "shape": {"kind": "brightness", "share": 0.9, "amount": -2.0}, "where": [table],
         "regions": {"infrared": {"is_explainable": True}}, "without_effects": None,
-        "ir": {"test": {"rmse_dn": 2.08}}, "depth": {"test": {"rmse_px": 3.047}},
+        "ir": {"test": {"rmse_dn": 2.08, "noise_floor_dn": 1.5}}, "depth": {"test": {"rmse_px": 3.047}},
     } | changed  # fmt: skip
+
+
+@pytest.mark.parametrize("floor_dn, little", [(2.0, True), (1.9, False), (None, False)])
+def test_an_error_that_is_nearly_noise_is_called_little(floor_dn, little):
+    said = what_is_missed(_scores(ir={"test": {"rmse_dn": 2.08, "noise_floor_dn": floor_dn}}))
+    assert said[0].startswith("Little is missing") == little
 
 
 def test_the_sentence_says_what_where_and_which_families():

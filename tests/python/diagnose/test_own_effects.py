@@ -60,8 +60,8 @@ def test_own_effects_say_why_they_rank_where_they_do(diagnosis):
         assert own["mine_idle"].startswith(f"it may not be named: it explains {share:.1f} % of the error")
     else:
         assert own["mine_idle"] == "it explains next to nothing of the images"
-    text = diagnosis_screen(result, [], Path("report.html"), "", True)
-    assert "one effect: mine_shading (my lens is dark)" in " ".join(text.split())
+    text = " ".join(diagnosis_screen(result, [], Path("report.html"), "", True).split())
+    assert "one effect: mine_shading (my lens is dark)" in text
     assert all(f"yours: {why}" in text for why in own.values())
 
 
