@@ -201,7 +201,7 @@ def diagnose(
     made = RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed)
     options = made, searched, capture.binning, numbers, rendering is None, engines is None
     key = None if model is not None else key_of(whole, effects, *options)
-    known_before = None if key is None else found_before(kept, key)
+    known_before = None if key is None else found_before(kept, key, whole)
     if known_before is not None:
         return replace(_told_again(known_before, errors, phases, made, says), kept_as=key)
     evidence, engine = located(known)

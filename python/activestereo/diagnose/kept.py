@@ -40,22 +40,21 @@ def key_of(capture: Capture, effects: Mapping[str, Effect], *options: object) ->
 
 def keep(cache: LayerCache, key: str, found: Found) -> None:
     """Writes a diagnosis."""
-    pattern = found.model.pattern.file if found.model.pattern else None
-    record = found.result, model_json(found.model, "pattern.png"), pattern and str(pattern), found.stub
+    record = found.result, model_json(found.model, "pattern.png"), found.stub
     cache.put_arrays(key, {"diagnosis/found": np.frombuffer(json.dumps(record).encode(), np.uint8)})
 
 
-def kept(cache: LayerCache, key: str) -> Found | None:
-    """The diagnosis that was kept, or None."""
+def kept(cache: LayerCache, key: str, capture: Capture) -> Found | None:
+    """The diagnosis that was kept, or None. capture: may stand elsewhere now; its pattern is the model's."""
     stored = cache.get_arrays(key)
     if stored is None:
         return None
-    result, model, pattern, stub = json.loads(stored["diagnosis/found"].tobytes())
+    result, model, stub = json.loads(stored["diagnosis/found"].tobytes())
     with TemporaryDirectory() as folder:
         path = Path(folder) / "model.json"
         path.with_name("pattern.png").touch()
         write_text(path, json.dumps(model))
         found = read_model(path)
-    if found.pattern is not None and pattern is not None:
-        found = replace(found, pattern=replace(found.pattern, file=Path(pattern)))
+    if found.pattern is not None and found.pattern.file is not None:
+        found = replace(found, pattern=replace(found.pattern, file=capture.rig.projector.pattern_path))
     return Found(result, found, stub)

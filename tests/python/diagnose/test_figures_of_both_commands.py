@@ -2,6 +2,7 @@
 """diagnose tells of the given model, and of the model that it writes, what compare tells of them in any folder."""
 
 import json
+import shutil
 from contextlib import redirect_stdout
 from dataclasses import replace
 from io import StringIO
@@ -111,7 +112,9 @@ def test_a_diagnosis_is_kept_whole_but_with_an_effect_of_a_users_own(tmp_path, m
 
     first = told(FEW)
     monkeypatch.setattr("activestereo.diagnose.diagnosis.examine", lambda *given: pytest.fail("searched again"))
+    capture = Path(shutil.copytree(capture, tmp_path / "elsewhere"))
     again = told(FEW)
+    assert again.sensor_model.pattern.file.parent == capture
     assert said[-1] == said[1] and said[-1].startswith("verdict: effect (vignetting)")
     monkeypatch.setattr("activestereo.report.write.LayerCache", lambda: cache)
     for folder, diagnosis in (("first", first), ("again", again)):
