@@ -13,7 +13,7 @@ _NONE_COUNTED = ((1.0, 45, 47), (float("inf"), 0, 2))
 
 
 def probability_right(missing: float, is_named: bool) -> float:
-    """That the first name, or none, is right where so much is missing, by Laplace's rule of succession."""
+    """Probability that the first name, or none, is right where so much is missing, by Laplace's rule of succession."""
     counted = _COUNTED if is_named else _NONE_COUNTED
     right, all_of_them = next((right, n) for limit, right, n in counted if missing <= limit)
     return (right + 1) / (all_of_them + 2)
