@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -46,8 +45,9 @@ def diagnosed_room(
     names = names_of(room, given, effects, [_room_of(other, capture) for other in reference])
     falloff = _falloff(capture, given, effects)
     told = [_told(n, names) for n in names.named]
-    possible = list(itertools.takewhile(lambda each: not _beyond(*each), told))
-    beyond = _beyond(*told[len(possible)]) if len(possible) < len(told) else ""
+    reasons = [_beyond(*each) for each in told]
+    beyond = next(filter(None, reasons), "")
+    possible = told[: reasons.index(beyond)] if beyond else told
     found = ([falloff] if falloff is not None else []) + possible
     accepted, intervals = given, {}
     for effect, parameters in found:
