@@ -17,6 +17,7 @@ from inject.inject import plan, write_injected
 from inject.kinds import KINDS, STRENGTHS
 from inject.noise import measured_noise_model
 from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig, read_capture
+from activestereo.capture.images import read_gray, write_gray
 from activestereo.capture.write import write_capture
 from activestereo.effects import builtin
 
@@ -224,6 +225,18 @@ def test_without_repeats_quiet_places_tell_the_noise(tmp_path):
     noise_model = measured_noise_model(read_capture(write_wall(tmp_path, level, repeats=12, groups=False)), BLACK)
     assert noise_model.measured == "quietest places"
     assert noise_model.variance(np.array(90.0)) == pytest.approx(FLOOR + 1 / 12 + SLOPE * 90.0, rel=0.2)
+
+
+def test_views_that_are_called_repeats_but_moved_tell_no_noise(tmp_path):
+    level = 90.0 + 40.0 * np.sin(np.indices((HEIGHT, WIDTH)).sum(axis=0) / 9.0)
+    wall = write_wall(tmp_path, level)
+    for path in sorted((wall / "left").glob("*.png"))[::2]:
+        write_gray(path, read_gray(path)[:, ::-1].copy())
+    capture = read_capture(wall)
+    assert measured_noise_model(capture, BLACK).measured == "repeats"  # of the right camera, which stood still
+    for path in sorted((wall / "right").glob("*.png"))[::2]:
+        write_gray(path, read_gray(path)[:, ::-1].copy())
+    assert measured_noise_model(read_capture(wall), BLACK).measured == "quietest places"
 
 
 @pytest.mark.parametrize("name", ["blur", "veiling_glare", "vignetting", "radial_distortion"])
