@@ -25,7 +25,8 @@ from activestereo.calibrate.world.world import calibrate_world
 from activestereo.capture.capture import SIDES, read_capture
 from activestereo.diagnose import diagnose
 
-OWN = "vignetting"  # of every lens: no further name
+OWN = "vignetting"  # of every lens: no further name, but an exponent that grows
+EXPONENT_SD = 0.25  # of one pair of views
 # Drops on one camera's window: discs that are blurred by so many pixels, the same in every view.
 DROPS, DISCS, RADII_PX = {"medium": 1.5, "strong": 3.0}, 6, (25, 60)
 ACCEPTED = {name: kind.accepted for name, kind in KINDS.items()} | {"drops": ("focus_mismatch",)}
@@ -43,7 +44,7 @@ def main():
     args.out.mkdir(parents=True, exist_ok=True)
     rows = []
     for name, strength, recording in cases(args):
-        rows.append(judged(args, name, strength, recording))
+        rows.append(judged(args, name, strength, recording, rows))
         print(json.dumps(rows[-1]), flush=True)
         (args.out / "results.json").write_text(json.dumps(rows, indent=1) + "\n")
     hidden = [row for row in rows if row["hidden"] is not None]
@@ -82,8 +83,8 @@ def hidden(recording, out, name, strength, seed):
     return {"side": side, "sigma_px": DROPS[strength], "share": round(float(wet.mean()), 4)}
 
 
-def judged(args, name, strength, recording):
-    """A row of the results."""
+def judged(args, name, strength, recording, done):
+    """A row of the results. done: rows so far, of the recordings as they are first."""
     place = args.out / "_".join([recording.name, *([name, strength] if name else ["plain"])])
     row = {"recording": recording.name, "hidden": name, "strength": strength, "named": [], "verdict": "silent"}
     source, truth = recording, ()
@@ -104,6 +105,9 @@ def judged(args, name, strength, recording):
     row["nats"] = [round(entries[effect]["score_nats"], 1) for effect in row["named"]]
     row["exponent"] = round(entries[OWN]["parameters"]["exponent"]["value"], 2) if OWN in entries else None
     row["seconds"] = round(time.monotonic() - started, 1)
+    if name == OWN:  # more of what every lens has
+        grown = row["exponent"] - next(r["exponent"] for r in done if r["recording"] == recording.name)
+        row["verdict"] = "right" if abs(grown - row["truth"]["exponent"]) < EXPONENT_SD * 3.0 else "silent"
     if row["named"]:
         row["verdict"] = "right" if row["named"][0] in truth else "wrong"
     return row

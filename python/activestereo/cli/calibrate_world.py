@@ -41,7 +41,7 @@ def add_parts(parts: argparse._SubParsersAction) -> None:
     """The parsers of calibrate's parts that take recordings with depth."""
     world = parts.add_parser("world", help="a camera and a room from views with depth", description=_WORLD)
     _add_arguments(world, needs_out=False)
-    text = "print what else to record for which effect, with minutes; RECORDING is a capture that calibrate world made"
+    text = "print what it tells, from which size, and what to record for all else; RECORDING: calibrate world's capture"
     world.add_argument("--plan", action="store_true", help=text)
     text = "a step whose part of the capture stays as it is; repeatable"
     world.add_argument("--keep", choices=tuple(_STEPS)[:-1], action="append", default=[], help=text)
@@ -83,7 +83,8 @@ def _print_plan(args: argparse.Namespace) -> None:
         raise CommandError(f"{args.recording}: is no measured room: make one with calibrate world")
     plan = plan_of(seen_of(Room(capture), tuple(builtin().values())))
     if args.json:
-        print_json([{"text": r.text, "minutes": r.minutes, "nats": dict(r.tells)} for r in plan])
+        tells = [{effect: told and {told[0]: told[1]} for effect, told in r.tells.items()} for r in plan]
+        print_json([{"text": r.text, "minutes": r.minutes, "tells": t} for r, t in zip(plan, tells, strict=True)])
     else:
         print(plan_text(plan))
 

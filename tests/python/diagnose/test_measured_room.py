@@ -15,11 +15,9 @@ from activestereo.calibrate.world.world import calibrate_world
 from activestereo.capture.capture import read_capture
 from activestereo.cli import main
 from activestereo.diagnose import diagnose
-from activestereo.diagnose.room.evidence import judged
 from activestereo.diagnose.room.imagined import ImaginedRoom, Take
-from activestereo.diagnose.room.names import FEW, LOOKED, NEEDED, seen_of, with_take
+from activestereo.diagnose.room.names import seen_of, with_take
 from activestereo.diagnose.room.rows import row_variance
-from activestereo.diagnose.room.sessions import OF_A_UNIT
 from activestereo.effects import Model, builtin
 from room_worlds import BASELINE_M, BLACK_DN, CX, CY, EXPONENT, F, Room
 from schema_check import violations
@@ -79,7 +77,7 @@ def capture_with(tmp_path_factory):
         (nothing, [], None, None),
         (gain, ["gain_mismatch"], "gain", 0.22),
         (rows, ["row_noise"], "sigma_dn", 1.0),
-        (blur, ["focus_mismatch"], None, None),
+        (blur, ["focus_mismatch"], "sigma_px", 1.0),
         (drops, ["focus_mismatch"], None, None),
     ],
 )
@@ -140,16 +138,17 @@ def test_the_plan_is_of_the_recording_at_hand_and_leaves_no_effect_out(capture_w
     capture = capture_with(nothing)
     capsys.readouterr()
     assert main(["calibrate", "world", str(capture), "--plan", "--json"]) == 0
-    plan = json.loads(capsys.readouterr().out)
-    views = [r for r in plan if any(nats is not None for nats in r["nats"].values())]
-    worth = [sum(r["nats"].values()) / r["minutes"] for r in views]
+    this, *plan = json.loads(capsys.readouterr().out)
+    views = [r for r in plan if all(r["tells"].values())]
+    worth = [len(r["tells"]) / r["minutes"] for r in views]
     assert worth == sorted(worth, reverse=True) and sum(r["minutes"] for r in plan) <= 40.0
-    assert all(nats >= NEEDED for r in views for nats in r["nats"].values())
-    seen = seen_of(Measured(read_capture(capture)), tuple(builtin().values()))
-    told = {f.effect.id for f in judged(seen.scores, seen.known(OF_A_UNIT), LOOKED, FEW) if f.tells >= NEEDED}
-    assert told | {name for r in plan for name in r["nats"]} | {"vignetting", "row_noise"} == set(builtin())
+    assert {name for r in (this, *plan) for name in r["tells"]} | {"vignetting", "row_noise"} == set(builtin())
+    for recording in (this, *views):
+        for name, sizes in recording["tells"].items():
+            first = builtin()[name].parameters[0]
+            assert 0.0 < sizes[first.name] <= 2.0 * first.typical
     assert main(["calibrate", "world", str(capture), "--plan"]) == 0
-    assert capsys.readouterr().out.count("min): ") == len(plan)
+    assert capsys.readouterr().out.count("min): ") == 1 + len(plan)
     assert main(["calibrate", "world", str(capture.parent / "rec"), "--plan"]) == 2
     assert "is no measured room" in capsys.readouterr().err
 

@@ -27,11 +27,14 @@ _REACH = 2.0
 # What moves light about says nothing of the dots' amplitude. What scales it is told by slow light, and by the pair
 # where its cameras differ in it: elsewhere its columns are what looks leave of textures and dots.
 _MOVED, _SCALED, _OF_ONE_CAMERA = ("slow", "fine", "pair"), ("slow",), ("slow", "pair")
+_APART = 0.25
 _TURN_RAD, _FOCAL, _BASELINE = 5e-4, 0.003, 0.1
 _SLOW_LAW, _DOTS_LIGHT = 0.03, 1.0
 # Periods of bands, in heights of the image.
 _PERIODS = tuple(0.12 * 1.09**k for k in range(21))
 _PERIODIC = "flicker_banding"
+# Shares of a parameter's range at which an effect's size is looked up.
+_LADDER = np.geomspace(0.02, 1.0, 9)
 
 Change = Callable[[int, Image], Image | None]
 
@@ -147,8 +150,7 @@ def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[
             continue
         lead = effect.parameters[0]
         for p in (p for p in effect.parameters if lead.neutral == p.neutral == 0.0):
-            moves = effect.stage is Stage.CAMERA
-            share = _STEP_OF_A_WARP if moves and not effect.id.endswith(("psf", "mismatch")) else 1.0
+            moves, share = effect.stage is Stage.CAMERA, _share(effect)
             value = min(p.typical_value * share, p.high)
             if p is not lead and not _stands_alone(effect, p, views[0], light.room[0]):
                 continue
@@ -158,12 +160,18 @@ def effects_of(room: Room, light: RoomLight, effects: Iterable[Effect]) -> list[
     return out
 
 
+def _share(effect: Effect) -> float:
+    """The part of what is typical that a column steps by."""
+    is_warp = effect.stage is Stage.CAMERA and not effect.id.endswith(("psf", "mismatch"))
+    return _STEP_OF_A_WARP if is_warp else 1.0
+
+
 def _differs(change: Change, image: Image) -> bool:
-    """Whether the two cameras of a view change in another way."""
+    """Whether the two cameras of a view change in another way; centres that lie apart are none."""
     left, right = (change(k, image) for k in (0, 1))
     if left is None or right is None:
         return left is not right
-    return not np.allclose(left, right, atol=1e-3 * float(np.abs(left).max()))
+    return bool(np.square(left - right).sum() > _APART * np.square(left).sum())
 
 
 def _in_camera(effect: Effect) -> bool:
@@ -194,6 +202,26 @@ def acting(effect: Effect, values: dict[str, float], image: Image, view: View, b
     own = effect.on_pixels(given, view.binning)
     offset = black_dn if effect.stage is Stage.DIGITAL else 0.0
     return np.asarray(effect.apply(image.astype(np.float64) + offset, view, **own) - offset)
+
+
+def size_of(room: Room, light: RoomLight, effect: Effect, p: Parameter, linear: float) -> tuple[float, float]:
+    """(the parameter's value at which the effect changes images by as much as `linear` does along its column, its
+    derivative by `linear`): a blur grows as the square of its width."""
+    sign = np.sign(linear) if p.low < p.neutral else 1.0
+    limit = p.high if sign > 0.0 else -p.low
+    step = min(p.typical_value * _share(effect), limit)
+    for k in (0, 1):
+        view, image = _view(room, k), light.both[k]
+        unit = acting(effect, {p.name: sign * step}, image, view, light.black_dn) - image
+        if square := float((unit * unit).sum()):
+            values = np.r_[0.0, limit * _LADDER]
+            moved = (acting(effect, {p.name: sign * v}, image, view, light.black_dn) - image for v in values)
+            along = np.maximum.accumulate([step * float((m * unit).sum()) / square for m in moved])
+            if abs(linear) > along[-1]:
+                return linear, 1.0
+            value, beside = np.interp([abs(linear), 1.01 * abs(linear) + 1e-9], along, values)
+            return float(sign * value), float((beside - value) / (0.01 * abs(linear) + 1e-9))
+    return linear, 1.0
 
 
 def _view(room: Room, k: int) -> View:

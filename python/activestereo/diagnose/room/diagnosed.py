@@ -11,9 +11,10 @@ import numpy as np
 from activestereo.calibrate.world.cells import Room
 from activestereo.capture.capture import Capture
 from activestereo.compare.model_file import model_json
+from activestereo.diagnose.room.columns import size_of
 from activestereo.diagnose.room.evidence import Found
-from activestereo.diagnose.room.names import NEEDED, Named, Names, names_of
-from activestereo.diagnose.room.plan import plan_of
+from activestereo.diagnose.room.names import NEEDED, Named, Names, Seen, names_of
+from activestereo.diagnose.room.plan import plan_of, sizes
 from activestereo.diagnose.room.unseen import unseen_rmse
 from activestereo.diagnose.score.intervals import Z90
 from activestereo.diagnose.search.verdict import EFFECT, NONE, UNDETERMINED
@@ -115,11 +116,12 @@ def _falloff_nats(parameters: Parameters) -> float:
 
 
 def _told(named: Named, names: Names) -> tuple[Effect, Parameters]:
-    return named.found.effect, parameters_of(named.found, names.seen.period_rows)
+    return named.found.effect, parameters_of(named.found, names.seen)
 
 
-def parameters_of(found: Found, period_rows: int | None) -> Parameters:
+def parameters_of(found: Found, seen: Seen) -> Parameters:
     """{parameter: (value, deviation)} of what was found; of waves their size and the rows of a period, at the mains."""
+    period_rows = seen.period_rows
     if found.effect.id == "flicker_banding" and period_rows is not None:
         values = np.array([value for value, _ in found.parameters.values()])
         deviation = float(np.mean([sd for _, sd in found.parameters.values()]))
@@ -127,7 +129,12 @@ def parameters_of(found: Found, period_rows: int | None) -> Parameters:
         return {"depth": (depth, deviation), "line_time_s": (1.0 / (_MAINS_HZ * period_rows), 0.0)}
     if found.effect.id == "black_level":
         return {"offset_dn": max(found.parameters.values(), key=lambda told: abs(told[0]))}
-    return {name.split(".")[1]: told for name, told in found.parameters.items()}
+    told = {name.split(".")[1]: each for name, each in found.parameters.items()}
+    if found.finding or not any(c.effect is found.effect for c in seen.scores.columns):
+        return told
+    lead = {p.name: p for p in found.effect.parameters}
+    sizes = {name: size_of(seen.room, seen.light, found.effect, lead[name], value) for name, (value, _) in told.items()}
+    return {name: (value, slope * told[name][1]) for name, (value, slope) in sizes.items()}
 
 
 def _beyond(effect: Effect, parameters: Parameters) -> str:
@@ -141,7 +148,7 @@ def _beyond(effect: Effect, parameters: Parameters) -> str:
 
 def _ranking(names: Names) -> list[dict[str, Any]]:
     sure = {n.found.effect.id: n for n in names.named}
-    told = lambda found: parameters_of(found, names.seen.period_rows)  # noqa: E731
+    told = lambda found: parameters_of(found, names.seen)  # noqa: E731
     out = [_entry(n.found.effect, told(n.found), n.found.nats, n.members[n.found.effect.id],
                   [m for m in n.members if m != n.found.effect.id], n.found.finding) for n in names.named]  # fmt: skip
     rest = [f for f in names.ranking if f.effect.id not in sure]
@@ -181,9 +188,11 @@ def _not_ranked(effects: Sequence[Effect], given: Model, names: Names) -> list[d
 
 
 def _next(names: Names) -> list[dict[str, Any]]:
-    """The recordings that would tell what this one cannot."""
-    return [{"text": f"{r.text} ({r.minutes:g} min)", "separates": list(r.tells), "change": None}
-            for r in plan_of(names.seen)]  # fmt: skip
+    """The recordings that would tell what this one cannot; last, what this one can."""
+    this, *others = plan_of(names.seen)
+    out = [{"text": f"{r.text} ({r.minutes:g} min)", "separates": list(r.tells), "change": None} for r in others]
+    told = f"nothing more for what this recording tells, {sizes(this) or 'which is no effect'}"
+    return [*out, {"text": told, "separates": [], "change": None}]
 
 
 def _unseen(room: Room, capture: Capture, given: Model, accepted: Model) -> list[dict[str, float]]:

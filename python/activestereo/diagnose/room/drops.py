@@ -28,9 +28,9 @@ class Blurred:
     share: float
 
 
-def blurred_places(room: Room) -> list[Blurred]:
-    """The Blurred of both cameras."""
-    maps = [_per_view(room, view) for view in range(room.views)]
+def blurred_places(room: Room, exponent: float) -> list[Blurred]:
+    """The Blurred of both cameras under a falloff cos^exponent, which the two show of one place at different angles."""
+    maps = [_per_view(room, view, exponent) for view in range(room.views)]
     out = []
     for s, side in enumerate(("left", "right")):
         each = np.stack([m[s] for m in maps])
@@ -46,7 +46,7 @@ def blurred_places(room: Room) -> list[Blurred]:
     return out
 
 
-def _per_view(room: Room, view: int) -> tuple[Image, Image]:
+def _per_view(room: Room, view: int, exponent: float) -> tuple[Image, Image]:
     """Maps [height][width] of log(fine energy here / in the other camera), NaN where none is told."""
     images, places = room.images[2 * view : 2 * view + 2], room.places(2 * view, 2 * view + 1)
     energy = [blur((blur(i.dn, _FINE_PX) - blur(i.dn, _COARSE_PX)) ** 2, _AROUND_PX) for i in images]
@@ -55,7 +55,8 @@ def _per_view(room: Room, view: int) -> tuple[Image, Image]:
     if not known.any():
         nothing = np.full(room.shape, np.nan, np.float32)
         return nothing, nothing
-    ratio = np.log((energy[0] + _NOISE_DN2) / (other + _NOISE_DN2))
+    lens = [np.float32(-exponent) * np.log1p(image.r2()) for image in images]
+    ratio = np.log((energy[0] + _NOISE_DN2) / (other + _NOISE_DN2)) - lens[0] + places.read(lens[1])
     ratio = np.clip(ratio - np.median(ratio[known]), -_MOST_LOG, _MOST_LOG)[known]
     row, column = np.nonzero(known)
     there = np.rint(places.row[known]).astype(int), np.rint(places.column[known]).astype(int)

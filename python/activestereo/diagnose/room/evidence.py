@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from activestereo.diagnose.room.cells_out import Normal
 from activestereo.diagnose.room.columns import Column
+from activestereo.diagnose.room.sessions import ALIKE
 from activestereo.effects import Effect
 
 # Of V, the share that independent tiles make up: their own scatter is known from a few dozen of them.
@@ -38,13 +39,13 @@ class Reduced:
 @dataclass(frozen=True)
 class Found:
     """An effect's evidence in nats, by its tempered and Student's likelihood, and parameters {name: (value, deviation)}
-    as a fit beside all other columns has them. tells: nats that an effect of twice its typical size would reach.
+    as a fit beside all other columns has them. least: how large its first parameter must be for a name, by its column.
     finding: what is said in place of the effect's own sentence."""
 
     effect: Effect
     nats: float
     parameters: Mapping[str, tuple[float, float]]
-    tells: float
+    least: float = 0.0
     finding: str = ""
 
 
@@ -78,17 +79,19 @@ def _semidefinite(information: Matrix, scale: Matrix) -> Matrix:
     return np.asarray((vectors * np.maximum(values, _RIDGE)) @ vectors.T * np.outer(scale, scale))
 
 
-def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, float], few: float) -> list[Found]:
+def judged(
+    room: Reduced, spread: Mapping[str, float], looked: Mapping[str, float], few: float, needed: float
+) -> list[Found]:
     """The Found of every effect, likeliest first.
 
     spread: {column: deviation between sessions, in units}; columns that are not there may have any value. looked:
-    {effect: logarithm of the places where it was looked for}. few: degrees of freedom that spread rests on.
+    {effect: logarithm of the places where it was looked for}. few: degrees of freedom that spread rests on. needed:
+    nats of a name.
     """
     names = [c.name for c in room.columns]
-    both = zip(names, room.columns, strict=True)
-    D = np.array([_INFLATED * spread[name] ** 2 if name in spread else c.sd**2 for name, c in both])
+    D = _between_sessions(room.columns, spread)
     H, V, s = room.information, room.covariance, room.score
-    null = V + H @ np.diag(D) @ H
+    null = V + H @ D @ H
     at_null, out = _log_normal(s, null), []
     for effect in {c.effect.id: c.effect for c in room.columns if c.effect is not None}.values():
         own = np.array([j for j, c in enumerate(room.columns) if c.effect is effect])
@@ -99,21 +102,34 @@ def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, floa
         more = null + H @ np.diag(P) @ H
         cost = looked.get(effect.id, 0.0)
         nats = _log_normal(s, more) - at_null - cost
-        S = np.diag(P + D)
+        S = np.diag(P) + D
         M = S @ H @ np.linalg.inv(H @ S @ H + V)
         value, deviation = M @ s, np.sqrt(np.maximum(np.diag(S - M @ H @ S), 0.0))
-        typical = np.zeros(len(names))
-        typical[own] = 2.0
-        seen = H @ typical
         occam = 0.5 * (np.linalg.slogdet(more)[1] - np.linalg.slogdet(null)[1])
-        tells = 0.5 * seen @ np.linalg.solve(null, seen) - occam
+        lead = [j for j in own if room.columns[j].parameter is effect.parameters[0]] or list(own)
+        unit = H[:, lead] @ np.full(len(lead), np.sqrt(0.5) if names[lead[0]].endswith("sine") else 1.0)
+        missing = gaussian(needed, few) + occam + cost
+        least = room.columns[lead[0]].step * np.sqrt(2.0 * missing / max(unit @ np.linalg.solve(null, unit), 1e-12))
         parameters = {
             names[j]: (float(value[j] * room.columns[j].step), float(deviation[j] * room.columns[j].step)) for j in own
         }
         if any(room.columns[j].step * value[j] < 0.0 for j in own if _one_sided(room.columns[j])):
             nats = min(nats, 0.0)  # something else than the effect does that
-        out.append(Found(effect, student(float(nats), few), parameters, student(float(tells) - cost, few)))
+        out.append(Found(effect, student(float(nats), few), parameters, float(least)))
     return sorted(out, key=lambda found: -found.nats)
+
+
+def _between_sessions(columns: Sequence[Column], spread: Mapping[str, float]) -> Matrix:
+    """The covariance of what good sessions have, in units."""
+    names = [c.name for c in columns]
+    deviation = np.array([np.sqrt(_INFLATED) * spread.get(c.name, np.nan) for c in columns])
+    deviation = np.where(np.isfinite(deviation), deviation, [c.sd for c in columns])
+    D = np.diag(deviation**2)
+    for (one, other), correlation in ALIKE.items():
+        if one in spread and other in spread:
+            a, b = names.index(one), names.index(other)
+            D[a, b] = D[b, a] = correlation * deviation[a] * deviation[b]
+    return D
 
 
 def _one_sided(column: Column) -> bool:
@@ -125,6 +141,11 @@ def _one_sided(column: Column) -> bool:
 def student(nats: float, few: float) -> float:
     """Gaussian nats as Student's."""
     return 0.5 * (few + 1.0) * float(np.log1p(2.0 * nats / few)) if nats > 0 else nats
+
+
+def gaussian(nats: float, few: float) -> float:
+    """Student's nats, above 0, as Gaussian."""
+    return 0.5 * few * float(np.expm1(2.0 * nats / (few + 1.0)))
 
 
 def _log_normal(x: Matrix, covariance: Matrix) -> float:

@@ -77,7 +77,7 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
     spread = BETWEEN if reference else OF_A_UNIT
     seen = seen_of(room, asked)
     scores, rows = seen.scores, _rows(room, asked)
-    rows += _drops(room, asked)
+    rows += _drops(room, seen.light.lens, asked)
     if reference:
         scores = _beside(scores, [seen_of(other, asked).scores for other in reference])
         rows += _pitch(room, reference, asked)
@@ -86,7 +86,7 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
     known = seen.known(spread)
     while len(named) < _MOST_NAMES:
         before = {n.found.effect.id for n in named} | {f.effect.id for f in rows}
-        found = [*(f for f in judged(scores, known, LOOKED, FEW) if f.effect.id not in before), *rows]
+        found = [*(f for f in judged(scores, known, LOOKED, FEW, NEEDED) if f.effect.id not in before), *rows]
         found.sort(key=lambda f: -f.nats)
         ranking = ranking or tuple(found)
         if not found or found[0].nats < NEEDED:
@@ -95,7 +95,8 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
         members = credible({f.effect.id: f.nats for f in found if f.nats > 0.0}, _MASS)
         named.append(Named(best, members if best not in rows else {best.effect.id: 1.0}))
         rows = [f for f in rows if f is not best]
-        known = {c.name: c.sd if c.effect is best.effect else known.get(c.name, c.sd) for c in scores.columns}
+        own = {c.name for c in scores.columns if c.effect is best.effect}
+        known = {name: deviation for name, deviation in known.items() if name not in own}
     return Names(tuple(named), ranking, seen)
 
 
@@ -158,8 +159,8 @@ def _pitch(room: Room, reference: Sequence[Room], effects: Sequence[Effect]) -> 
     moved = (_row_offset(room) - float(np.mean(off))) / room.capture.rig.left.K[0, 0]
     deviation = _ROWS_PX / room.capture.rig.left.K[0, 0]
     reach = 2.0 * effect.parameters[0].typical
-    nats, tells = (_with_prior(value, deviation, reach) for value in (moved, reach))
-    return [Found(effect, nats, {"stereo_pitch.angle_rad": (moved, deviation)}, tells)]
+    nats = _with_prior(moved, deviation, reach)
+    return [Found(effect, nats, {"stereo_pitch.angle_rad": (moved, deviation)})]
 
 
 def _row_offset(room: Room) -> float:
@@ -199,10 +200,10 @@ def _wave(
     return best, sets[best]
 
 
-def _drops(room: Room, effects: Sequence[Effect]) -> list[Found]:
+def _drops(room: Room, exponent: float, effects: Sequence[Effect]) -> list[Found]:
     """The evidence for one camera's blur in places, where it is enough for a name; its size is the image's mean."""
     effect = next((e for e in effects if e.id == "focus_mismatch"), None)
-    worst = max(blurred_places(room), key=lambda b: b.share, default=None)
+    worst = max(blurred_places(room, exponent), key=lambda b: b.share, default=None)
     if effect is None or worst is None:
         return []
     nats = student(min(0.5 * (worst.share / _BLURRED_SHARE) ** 2, _MOST_NATS), FEW)
@@ -212,7 +213,7 @@ def _drops(room: Room, effects: Sequence[Effect]) -> list[Found]:
     mean = (1.0 if worst.side == "right" else -1.0) * worst.share * here
     place = f"The {worst.side} camera is blurred in places, {100 * worst.share:.0f} % of its image, by {here:.1f} px"
     said = f"{place}: drops or dirt on its window"
-    return [Found(effect, nats, {"focus_mismatch.sigma_px": (mean, 0.3 * abs(mean))}, nats, said)]
+    return [Found(effect, nats, {"focus_mismatch.sigma_px": (mean, 0.3 * abs(mean))}, finding=said)]
 
 
 def _rows(room: Room, effects: Sequence[Effect]) -> list[Found]:
@@ -224,6 +225,5 @@ def _rows(room: Room, effects: Sequence[Effect]) -> list[Found]:
     z = value / max(deviation, _ROW_FLOOR_DN2)
     nats = min(0.5 * z * z, _MOST_NATS) if value > _LEAST_ROWS_DN2 else -1.0
     sigma = float(np.sqrt(max(value, 0.0)))
-    tells = 0.5 * (4.0 * effect.parameters[0].typical ** 2 / max(deviation, _ROW_FLOOR_DN2)) ** 2
     found = {"row_noise.sigma_dn": (sigma, 0.5 * deviation / max(sigma, 1e-2))}
-    return [Found(effect, nats, found, min(tells, _MOST_NATS))]
+    return [Found(effect, nats, found)]

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from activestereo.diagnose.room.columns import size_of
 from activestereo.diagnose.room.evidence import Reduced, judged
 from activestereo.diagnose.room.imagined import Take
 from activestereo.diagnose.room.names import FEW, LOOKED, NEEDED, Seen, key, with_take
@@ -18,20 +19,22 @@ from activestereo.effects import Effect, Stage
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording: what to do, its minutes, and {effect: nats that twice its typical size would reach}, None where they
-    are not computed."""
+    """A recording: what to do, its minutes, and {effect: (its first parameter, the least size of it that is told)},
+    None where that is not computed."""
 
     text: str
     minutes: float
-    tells: Mapping[str, float | None]
+    tells: Mapping[str, tuple[str, float] | None]
 
 
+_THIS = "this recording"
 _VIEWS = (
     ("one more view, turned by 15 degrees, exposure fixed", Take(turn_deg=(0.0, 15.0, 0.0))),
     ("one more view, rolled by 90 degrees where the first one was taken", Take(turn_deg=(0.0, 0.0, 90.0))),
 )
 _COVERED = "cover both lenses and record twenty frames: activestereo calibrate noise --dark"
 _COVERED_DN = 0.05
+_REACH = 2.0
 _REFERENCE = "the same views when the unit is known to be good: give them to diagnose as --reference"
 
 # What views of one room never show, and what measures it.
@@ -46,25 +49,32 @@ _COMMANDS = (
 
 
 def plan_of(seen: Seen) -> list[Recording]:
-    """Recordings that tell what this one cannot: views of this room by evidence per minute, then commands. Every effect
-    that was asked about is told by this recording or stands in one of them; the last one has what none tells."""
-    now = _tells(seen.scores, seen.known(OF_A_UNIT))
-    left = {effect for effect, nats in now.items() if nats < NEEDED}
-    offers = [(text, 1.0, _tells(r, _known(r, OF_A_UNIT))) for text, take in _VIEWS for r in [with_take(seen, take)]]
-    offers.append((_COVERED, 1.0, _tells(_covered(seen.scores), seen.known(OF_A_UNIT))))
-    offers.append((_REFERENCE, 2.0, _tells(seen.scores, seen.known(BETWEEN))))
-    plan = []
-    for text, minutes, nats in offers:
-        tells = {effect: nats[effect] for effect in sorted(left, key=lambda e: -nats[e]) if nats[effect] >= NEEDED}
-        if tells:
-            plan.append(Recording(text, minutes, tells))
-    plan.sort(key=lambda r: -sum(n for n in r.tells.values() if n is not None) / r.minutes)
-    told = {effect for r in plan for effect in r.tells} | set(now) - left
-    return plan + _by_commands(e for e in seen.asked if e.id not in told | {"vignetting", "row_noise"})
+    """This recording with the sizes that it tells; then recordings that tell what it cannot, as it has no name below
+    twice an effect's typical size: views of this room, most effects per minute first, then commands. Every effect that
+    was asked about stands in one of them."""
+    now = _tells(seen, seen.scores, seen.known(OF_A_UNIT))
+    offers = [(text, 1.0, _tells(seen, r, _known(r, OF_A_UNIT))) for text, take in _VIEWS
+              for r in [with_take(seen, take)]]  # fmt: skip
+    offers.append((_COVERED, 1.0, _tells(seen, _covered(seen.scores), seen.known(OF_A_UNIT))))
+    offers.append((_REFERENCE, 2.0, _tells(seen, seen.scores, seen.known(BETWEEN))))
+    plan = [Recording(text, minutes, {e: least for e, least in tells.items() if e not in now})
+            for text, minutes, tells in offers]  # fmt: skip
+    plan = sorted((r for r in plan if r.tells), key=lambda r: -len(r.tells) / r.minutes)
+    told = {effect for r in plan for effect in r.tells} | set(now)
+    beside = _by_commands(e for e in seen.asked if e.id not in told | {"vignetting", "row_noise"})
+    return [Recording(_THIS, 0.0, now), *plan, *beside]
 
 
-def _tells(scores: Reduced, known: Mapping[str, float]) -> dict[str, float]:
-    return {found.effect.id: found.tells for found in judged(scores, known, LOOKED, FEW)}
+def _tells(seen: Seen, scores: Reduced, known: Mapping[str, float]) -> dict[str, tuple[str, float]]:
+    """{effect: (first parameter, least size that scores name)} of those that they name at twice the typical size."""
+    out = {}
+    for found in judged(scores, known, LOOKED, FEW, NEEDED):
+        p = found.effect.parameters[0]
+        by_law = any(c.name == f"{found.effect.id}.{p.name}" for c in seen.scores.columns)
+        least = size_of(seen.room, seen.light, found.effect, p, found.least)[0] if by_law else found.least
+        if least <= _REACH * p.typical:
+            out[found.effect.id] = p.name, least
+    return out
 
 
 def _known(scores: Reduced, spread: Mapping[str, float]) -> dict[str, float]:
@@ -98,9 +108,9 @@ def _command(effect: Effect) -> int:
 
 def plan_text(plan: Sequence[Recording]) -> str:
     """A plan, a line each."""
-    lines = [f"{n}. {r.text} ({r.minutes:g} min): {_told(r)}" for n, r in enumerate(plan, 1)]
-    return "\n".join(lines) if lines else "this recording tells every effect that it was asked about"
+    return "\n".join(f"{n}. {r.text} ({r.minutes:g} min): {sizes(r) or 'no effect'}" for n, r in enumerate(plan))
 
 
-def _told(recording: Recording) -> str:
-    return ", ".join(e if nats is None else f"{e} {nats:.0f} nats" for e, nats in recording.tells.items())
+def sizes(recording: Recording) -> str:
+    """The effects that a recording tells, with their least sizes."""
+    return ", ".join(e if told is None else f"{e} from {told[0]} {told[1]:.2g}" for e, told in recording.tells.items())
