@@ -30,9 +30,11 @@ if TYPE_CHECKING:
 # Pixels predicted this many residual deviations from the ends of the range are left out: there clipping biases the
 # mean.
 _CLIP_MARGIN_SIGMA = 4.0
-# Rounds of what is clipped, of a bent line, and of exposures that are not exact.
-_CLIP_ROUNDS, _BENT_ROUNDS, _EXPOSURE_ROUNDS = 4, 5, 3
+# Rounds of what is clipped, of a bent line, of its level, and of exposures that are not exact.
+_CLIP_ROUNDS, _BENT_ROUNDS, _LEVEL_ROUNDS, _EXPOSURE_ROUNDS = 4, 8, 12, 3
 _STEP = 1e-3
+# A step is halved where the residual deviation grows by more than this factor: noise of what is clipped is less.
+_WORSE = 1.01
 # (Frame or View, light, the nuisances or None at the start) -> (columns [3][n], offset [n] or 0): the expected image is
 # offset + nuisances @ columns.
 _Line: TypeAlias = Callable[[Any, Any, "np.ndarray | None"], "tuple[np.ndarray, np.ndarray | float]"]
@@ -118,7 +120,8 @@ def fit_under_model(
     linear = fit_nuisances([(view.frame, light, measured) for view, light, measured in observations], max_dn, black_dn)
     if model.is_linear:
         return linear
-    return _fitted(observations, partial(_touching, model), max_dn, black_dn, linear.nuisances.vector())
+    start = _at_measured_level(model, observations, linear.nuisances)
+    return _fitted(observations, partial(_touching, model), max_dn, black_dn, start)
 
 
 def fit_with_exposures(
@@ -186,6 +189,23 @@ def _straight(frame: Frame, light: Images, nuisances: np.ndarray | None) -> tupl
     return np.stack([column.ravel() for column in regressors(frame, light)]), 0.0
 
 
+def _at_measured_level(model: Any, observations: Sequence[Any], start: Nuisances) -> np.ndarray:
+    """start, its scales doubled or halved until a model that bends the line much is as bright as what was measured."""
+    black, target = start.black_dn, sum(float(np.nansum(measured - start.black_dn)) for _, _, measured in observations)
+    factor = previous = 1.0
+    for _ in range(_LEVEL_ROUNDS):
+        scaled = Nuisances(factor * start.projector_scale, factor * start.ambient_scale, black)
+        level = sum(
+            float(np.sum((model.signal(light, view, scaled) - black)[np.isfinite(measured)]))
+            for view, light, measured in observations
+        )
+        step = 2.0 if level < 0.8 * target else 0.5 if level > 1.25 * target else 1.0
+        if step == 1.0 or step * previous == 1.0:
+            break
+        factor, previous = factor * step, step
+    return np.array([factor * start.projector_scale, factor * start.ambient_scale, black])
+
+
 def _touching(model: Any, view: View, light: Any, nuisances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The line that touches a model's images at the nuisances."""
     here, columns = slopes(lambda *values: model.signal(light, view, Nuisances(*values)).ravel(), nuisances)
@@ -204,16 +224,22 @@ def _fitted(
     if not observations:
         raise ValueError("nothing to fit: the capture has no train frames")
     total = sum(np.count_nonzero(np.isfinite(measured)) for _, _, measured in observations)
-    is_straight, deviation = solution is None, 0.0
+    is_straight, deviation, best = solution is None, 0.0, None
     for _ in range(_CLIP_ROUNDS if is_straight else _BENT_ROUNDS):
         with np.errstate(over="ignore", invalid="ignore"):
             gram, moment, energy, used = _normal_equations(observations, line, solution, deviation, max_dn)
         if not np.isfinite(gram).all():
             raise ValueError(_beyond_measure(observations))
-        if used == 0:
+        if used == 0 and best is None:
             raise ValueError("nothing to fit: every pixel of the train frames is clipped")
+        if not is_straight:  # a step along a strongly bent line may overshoot: then half of it
+            here = _deviation(solution, gram, moment, energy, used)
+            if best is not None and here > _WORSE * best[1]:
+                solution = 0.5 * (solution + best[0])
+                continue
+            best = solution, here
         solution, inverse, at_bound = solve_bounded(gram, moment, black_dn)
-        deviation = float(np.sqrt(max(0.0, energy + solution @ (gram @ solution - 2.0 * moment)) / used))
+        deviation = _deviation(solution, gram, moment, energy, used)
         if is_straight and used == total:
             break  # nothing near the ends of the range: the linear fit is final
     assert solution is not None  # there is one round at least
@@ -221,6 +247,13 @@ def _fitted(
     return Fit(
         Nuisances(*map(float, solution)), Nuisances(*map(float, errors)), int(used), 1.0 - used / total, at_bound
     )
+
+
+def _deviation(solution: np.ndarray, gram: np.ndarray, moment: np.ndarray, energy: float, used: int) -> float:
+    """RMS residual of the used pixels, DN; infinite where there is none."""
+    if used == 0:
+        return np.inf
+    return float(np.sqrt(max(0.0, energy + solution @ (gram @ solution - 2.0 * moment)) / used))
 
 
 def _beyond_measure(observations: Sequence[Any]) -> str:

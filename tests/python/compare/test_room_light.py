@@ -11,9 +11,9 @@ import pytest
 from activestereo.capture.capture import SIDES, Frame, Uncertainty
 from activestereo.compare.kuafu_renderer import KuafuRenderer
 from activestereo.compare.layers import RenderRequest, ViewCamera
-from activestereo.compare.nuisances import fit_nuisances, fit_with_exposures
+from activestereo.compare.nuisances import Nuisances, fit_nuisances, fit_under_model, fit_with_exposures
 from activestereo.effects import Light as Seen
-from activestereo.effects import Model
+from activestereo.effects import Model, builtin
 from activestereo.effects.core.laws import example_view
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.meshes import sheet
@@ -98,3 +98,24 @@ def test_exposures_that_are_not_exact_are_fitted_of_held_out_frames_too(stated):
     else:
         np.testing.assert_allclose(times / times[0], (1.0, 1.2, 0.7), rtol=1e-3)
         assert fit.nuisances.black_dn == 4.0
+
+
+@pytest.mark.parametrize("exponent", [0.4, 2.5])
+def test_a_fit_along_a_strongly_bent_line_ends_at_the_truth(exponent):
+    rng = np.random.default_rng(0)
+    view = example_view()
+    model = Model().with_effect(builtin()["response_gamma"], log_exponent=np.log(exponent))
+    light = Seen.of_images(rng.uniform(0.1, 1, (4, *view.shape)))
+    measured = model.signal(light, view, Nuisances(8e3, 4e3, 4.0))
+    fit = fit_under_model(model, [(view, light, measured)], 255)
+    np.testing.assert_allclose(fit.nuisances.vector(), (8e3, 4e3, 4), rtol=1e-3)
+
+
+def test_a_model_that_cannot_reach_what_was_measured_still_has_its_best_fit():
+    """A rival that clips at a twentieth of the range: a step beyond it is halved, not an error."""
+    rng = np.random.default_rng(0)
+    view = example_view()
+    model = Model().with_effect(builtin()["saturation_blooming"], lost_range=0.95, spill=0.3)
+    light = Seen.of_images(rng.uniform(0.1, 1, (4, *view.shape)))
+    measured = Model().signal(light, view, Nuisances(8e3, 4e3, 4.0))
+    assert np.isfinite(fit_under_model(model, [(view, light, measured)], 255).nuisances.vector()).all()
