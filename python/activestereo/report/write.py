@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -112,20 +114,24 @@ def write_diagnosis_report(
     """
     path = Path(folder) / "report.html"
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_text(path, _kept_page(diagnosis, steps, lambda: _diagnosis_page(diagnosis, effects, progress, steps)))
+    make = partial(_diagnosis_page, diagnosis, effects, progress)
+    write_text(path, make(steps) if diagnosis.kept_as is None else _kept_page(diagnosis.kept_as, steps, make))
     return path
 
 
-def _kept_page(diagnosis: Diagnosis, steps: Sequence[Step], make: Callable[[], str]) -> str:
-    """The page of a diagnosis, or what it was for the same one before."""
-    if diagnosis.kept_as is None:
-        return make()
-    cache, key = LayerCache(), content_key("page", diagnosis.kept_as, steps)
+def _kept_page(kept_as: str, steps: Sequence[Step], make: Callable[[Sequence[Step]], str]) -> str:
+    """The page of a diagnosis, or what it was for the same one before: kept without the steps' words, which name
+    folders."""
+    cache, key = LayerCache(), content_key("page", kept_as, [step.label for step in steps])
+    marks = [replace(step, words=(f"{key}-{i}",)) for i, step in enumerate(steps)]
     stored = cache.get_arrays(key)
     if stored is None:
-        stored = {"diagnosis/page": np.frombuffer(make().encode(), np.uint8)}
+        stored = {"diagnosis/page": np.frombuffer(make(marks).encode(), np.uint8)}
         cache.put_arrays(key, stored)
-    return stored["diagnosis/page"].tobytes().decode()
+    kept = stored["diagnosis/page"].tobytes().decode()
+    for mark, step in zip(marks, steps, strict=True):
+        kept = kept.replace(mark.text, text(step.text))
+    return kept
 
 
 def _diagnosis_page(

@@ -22,6 +22,7 @@ from activestereo.diagnose import diagnose
 from activestereo.effects import Model, builtin
 from activestereo.effects.engines import CaptureRenderer, SceneMeasurement
 from activestereo.model import diagnosed_model, read_model, write_model
+from activestereo.report.screen import Step
 from activestereo.report.write import write_diagnosis_report
 from activestereo.report.write_diagnosis import write_diagnosis
 
@@ -119,9 +120,11 @@ def test_a_diagnosis_is_kept_whole_but_with_an_effect_of_a_users_own(tmp_path, m
     monkeypatch.setattr("activestereo.report.write.LayerCache", lambda: cache)
     for folder, diagnosis in (("first", first), ("again", again)):
         write_diagnosis(diagnosis, tmp_path / folder)
-        write_diagnosis_report(diagnosis, tmp_path / folder, FEW)
+        step = Step(("activestereo", "view", folder), "next")
+        write_diagnosis_report(diagnosis, tmp_path / folder, FEW, steps=[step])
+        assert f"activestereo view {folder}</code>" in (tmp_path / folder / "report.html").read_text()
         monkeypatch.setattr("activestereo.report.write.report_page", lambda *given: pytest.fail("written again"))
-    for name in ("diagnose.json", "model.json", "model.pattern.png", "report.html"):
+    for name in ("diagnose.json", "model.json", "model.pattern.png"):
         assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
     assert all(np.array_equal(again.predictions()[key], image) for key, image in first.predictions().items())
     own = replace(FEW["vignetting"], apply=lambda image, view, **values: image)
