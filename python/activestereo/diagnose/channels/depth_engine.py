@@ -28,9 +28,11 @@ from activestereo.effects import Effect, Model, Stage, View
 from activestereo.effects.core.judging import Channel
 
 _LARGEST_ERROR_PX = 1.0
-# Multiples of a parameter's typical value where fits start, and how often a fit may look.
+# Multiples of a parameter's typical value where fits start; how many frames a fit looks at, and how often at most. It
+# ends where it moves by less than a share of the typical value and gains less than a share of its cost.
 _STARTS = (-1.0, 0.3, 1.0, 3.0)
-_EVALUATIONS = 60
+_FIT_FRAMES, _EVALUATIONS = 3, 60
+_STEP_ENDS, _GAIN_ENDS = 0.02, 1e-5
 # Amplitudes of a filter that are tried, in typical values.
 _LADDER = np.linspace(0.4, 2.0, 5)
 # A filter that leaves more than this share of the neighbours' differences explains nothing.
@@ -264,10 +266,12 @@ class _Judge:
         shifts = [weight * frame.shift(effect, values, node * self._noise_px) for node, weight in _NODES]
         return np.sum(shifts, axis=0)
 
-    def _squares(self, effect: Effect, values: np.ndarray) -> list[np.ndarray]:
-        """Capped squared errors of each frame's valid pixels."""
+    def _squares(
+        self, effect: Effect, values: np.ndarray, frames: Sequence[_DepthFrame] | None = None
+    ) -> list[np.ndarray]:
+        """Capped squared errors of each frame's valid pixels, of all frames by default."""
         out = []
-        for frame in self._frames:
+        for frame in self._frames if frames is None else frames:
             rest = frame.device - 0.5 * (frame.engine[0] + frame.engine[1]) - self._shift(effect, values, frame)
             out.append(np.where(frame.valid, np.minimum(rest**2, _LARGEST_ERROR_PX**2), 0.0))
         return out
@@ -277,8 +281,10 @@ class _Judge:
             np.array([getattr(p, n) for p in effect.parameters]) for n in ("neutral", "typical", "low", "high")
         )
 
+        few = self._frames[:: -(-len(self._frames) // _FIT_FRAMES)]
+
         def cost(values: np.ndarray) -> float:
-            return float(sum(s.sum() for s in self._squares(effect, np.clip(values, low, high))))
+            return float(sum(s.sum() for s in self._squares(effect, np.clip(values, low, high), few)))
 
         trials = [neutral]
         for i, p in enumerate(effect.parameters):
@@ -289,9 +295,11 @@ class _Judge:
         best = min(trials, key=cost)
         corners = np.where(best == neutral, best + 0.1 * typical, 0.7 * best + 0.3 * neutral)
         simplex = np.vstack([best, *[np.where(np.arange(len(best)) == i, corners, best) for i in range(len(best))]])
-        options = {"maxfev": _EVALUATIONS, "initial_simplex": simplex}
+        ends = {"xatol": _STEP_ENDS * typical.min(), "fatol": _GAIN_ENDS * cost(best)}
+        options = {"maxfev": _EVALUATIONS, "initial_simplex": simplex, **ends}
         found = np.clip(minimize(cost, best, method="Nelder-Mead", options=options).x, low, high)
-        return self._judged(effect, neutral, found)
+        fit = self._judged(effect, neutral, found)
+        return fit if fit.own.nats > 0.0 else self._judged(effect, neutral, neutral)
 
     def _judged(self, effect: Effect, neutral: np.ndarray, found: np.ndarray) -> _DepthFit:
         base, now = self._squares(effect, neutral), self._squares(effect, found)
