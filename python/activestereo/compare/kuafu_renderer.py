@@ -97,9 +97,10 @@ def _matt_layers(
 ) -> tuple[Layers, ...]:
     """The layers of a world as matt_world.py makes them."""
     finer, wide = ([_resized(c, size) for c in request.cameras] for size in (matt_world.FINER, 1.0 / matt_world.FINER))
-    few, fewer = (
+    bounces = matt_world.bounced_share(request.cameras[0])
+    few, of_sky, fewer = (
         _share(request, matt_world.FINER**2 * share)
-        for share in (matt_world.bounced_share(request.cameras[0]), matt_world.FIRST_SHARE)
+        for share in (bounces, matt_world.SKY_SHARE * bounces, matt_world.FIRST_SHARE)
     )
 
     def render(
@@ -110,7 +111,7 @@ def _matt_layers(
 
     with world.lit([(_projector(request), request.pattern)]):
         bounced = render(wide, matt_world.SURFACE + LIGHT[1:], few, request.max_bounces, progress)
-        sky = render(wide, LIGHT[2:], few)
+        sky = render(wide, LIGHT[2:], of_sky)
         first = render(finer, matt_world.FIRST, fewer)
         seen = render(request.cameras, matt_world.SURFACE, fewer)
     light = np.stack([bounced["projector_indirect"], bounced["ambient"], sky["ambient"]])[..., 0]

@@ -24,8 +24,9 @@ from activestereo.effects.engines.smooth import Surfaces, alike, smooth_bounced
 FINER = 2
 FIRST = ("albedo", "projector_geometry", "projector_visibility", "projector_uv")
 SURFACE = "depth", "normal", "material_id"
-# Part of a view's samples that light by way of surfaces and from the sky takes, and the first surface's geometry.
-_BOUNCED_SHARE, FIRST_SHARE = 0.25, 1.0 / 16.0
+# Part of a view's samples that light by way of surfaces takes; the part of these that the sky's own light takes, which
+# effects look at beside the whole; and the first surface's geometry.
+_BOUNCED_SHARE, SKY_SHARE, FIRST_SHARE = 0.25, 0.25, 1.0 / 16.0
 # Images smaller than so many pixels share that many pixels' samples, up to so many times their own.
 _SHARED_PIXELS, _MOST_TIMES = 424 * 240, 4.0
 # Light that would come to a pixel from no neighbour of its surface comes from all of them.
@@ -33,7 +34,7 @@ _LEAST_ALIKE = 1e-4
 # Pixels that see the sky beside a surface; 1 are those of surfaces, 0 of the sky.
 _MIXED = 2
 # Changes whenever the light does.
-VERSION = 3
+VERSION = 4
 
 
 class MattSurfaces(NamedTuple):
@@ -44,7 +45,7 @@ class MattSurfaces(NamedTuple):
 
 
 def bounced_share(camera: ViewCamera) -> float:
-    """The part of a view's samples that light by way of surfaces and from the sky takes."""
+    """The part of a view's samples that light by way of surfaces takes."""
     return _BOUNCED_SHARE * float(np.clip(_SHARED_PIXELS / (camera.width * camera.height), 1.0, _MOST_TIMES))
 
 
