@@ -114,10 +114,9 @@ def run(args: argparse.Namespace) -> None:
 def _under_model(args: argparse.Namespace, effects: "dict[str, Effect]") -> dict[str, Any]:
     """A model's parts that compare() takes: its effects and the scene measurement in this scene, and engines in which
     they act."""
-    from activestereo.capture.binning import usual_samples
+    from activestereo.compare.engine_prediction import engines_of
     from activestereo.compare.model_file import scene_of
     from activestereo.effects.core.scene_surfaces import surface_names
-    from activestereo.effects.engines import CaptureRenderer
     from activestereo.model import read_model
     from activestereo.model.diagnosed import calibrated
 
@@ -126,7 +125,5 @@ def _under_model(args: argparse.Namespace, effects: "dict[str, Effect]") -> dict
         "model": model.bound(names),
         "scene_measurement": model.scene_measurement(names),
         "calibrate": lambda capture: calibrated(capture, model),
-        "engines": lambda capture: CaptureRenderer(
-            capture, args.device, args.spp or usual_samples(capture), args.max_bounces, args.seed
-        ),
+        "engines": engines_of(args.device, args.spp, args.max_bounces, args.seed),
     }

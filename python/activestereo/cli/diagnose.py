@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from activestereo.cli.arguments import (
     Commands,
@@ -24,7 +24,6 @@ from activestereo.cli.arguments import (
 from activestereo.cli.parser import Help
 
 if TYPE_CHECKING:
-    from activestereo.capture.capture import Capture
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.diagnose import Diagnosis
     from activestereo.report.screen import Step
@@ -113,31 +112,27 @@ def add_parser(commands: Commands) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from activestereo.capture.binning import usual_samples
     from activestereo.common.phases import Phases
     from activestereo.common.progress_bar import ProgressBar
     from activestereo.compare.cache import LayerCache
-    from activestereo.compare.engine_prediction import EngineImages
+    from activestereo.compare.engine_prediction import EngineImages, engines_of
     from activestereo.compare.kuafu_renderer import KuafuRenderer
     from activestereo.compare.model_file import library
     from activestereo.compare.phase_times import PhaseTimes
     from activestereo.diagnose import diagnose
     from activestereo.diagnose.numbers import NUMBERS
     from activestereo.diagnose.settings import PHASES
-    from activestereo.effects.engines import CaptureRenderer
     from activestereo.model import read_model
     from activestereo.report.diagnosis_text import diagnosis_screen
     from activestereo.report.write import WRITING, WRITING_TIME, write_diagnosis_report
     from activestereo.report.write_diagnosis import write_diagnosis
-
-    def sampled(capture: Capture) -> tuple[Any, ...]:
-        return args.device, args.spp or usual_samples(capture), args.max_bounces, args.seed
 
     make_folder(args.out)
     check_paper(args)
     effects = library(*args.effects)
     given = {name: getattr(args, name) for name in ("alpha", "least_share") if getattr(args, name) is not None}
     model = None if args.model is None else read_model(args.model, effects)
+    sampled = args.device, args.spp, args.max_bounces, args.seed
     asked = "diagnose" + " --no-refine" * (not args.refine)
     times = PhaseTimes(asked if args.spp is None else f"{asked} --spp {args.spp}")
     with ProgressBar(f"diagnosing {args.capture.name}") as bar, _told_where_stopped(args.out, bar):
@@ -153,8 +148,8 @@ def run(args: argparse.Namespace) -> None:
             workers=args.workers,
             progress=phases,
             numbers=replace(NUMBERS, **given),
-            rendering=(lambda capture: EngineImages(capture, *sampled(capture))) if args.refine else None,
-            engines=lambda capture: CaptureRenderer(capture, *sampled(capture)),
+            rendering=(lambda capture: EngineImages(capture, *sampled)) if args.refine else None,
+            engines=engines_of(*sampled),
             binning=args.bin,
             reference=args.reference,
             says=bar.tell,

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.capture.binning import usual_samples
 from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
 from activestereo.common.progress_bar import part_of
 from activestereo.compare.cache import LayerCache, scene_digest
@@ -22,7 +23,7 @@ from activestereo.effects.core.descriptor import Randomness
 from activestereo.effects.core.light import RenderedLight
 from activestereo.effects.engines import CaptureRenderer, SceneMeasurement, capture_renderer, scene_renderer
 from activestereo.effects.engines.imager import ExpectedImager
-from activestereo.effects.engines.smooth import HALVES
+from activestereo.effects.engines.smooth import HALVES, half_samples
 
 
 class EngineModel:
@@ -68,18 +69,32 @@ class EngineModel:
         return self.rest.digital(counts - black, view, black)
 
 
+def engines_of(
+    device: str | int, samples_per_pixel: int | None, max_bounces: int, seed: int
+) -> Callable[[Capture], CaptureRenderer]:
+    """Makes the engines of a capture for the images that are told of a model. They take half of the samples: the noise
+    of 32 is a tenth of a sensor's, and no figure holds it. samples_per_pixel: None for usual_samples()."""
+
+    def engines(capture: Capture) -> CaptureRenderer:
+        samples = half_samples(samples_per_pixel or usual_samples(capture))
+        return CaptureRenderer(capture, device, samples, max_bounces, seed)
+
+    return engines
+
+
 class EngineImages:
     """The light of a capture's train frames under a model by the engine (a Rendering of diagnose/search/rendered.py).
     Images are kept in the user's cache of renders.
 
-    Arguments as of CaptureRenderer. A search looks at differences of images with the same random numbers: an eighth of
-    the samples are enough.
+    Arguments as of engines_of(). A search looks at differences of images with the same random numbers: an eighth of the
+    samples are enough.
     """
 
     def __init__(
-        self, capture: Capture, device: str | int, samples_per_pixel: int, max_bounces: int, seed: int
+        self, capture: Capture, device: str | int, samples_per_pixel: int | None, max_bounces: int, seed: int
     ) -> None:
-        self._renderer = CaptureRenderer(capture, device, max(1, samples_per_pixel // 8), max_bounces, seed)
+        samples = max(1, (samples_per_pixel or usual_samples(capture)) // 8)
+        self._renderer = CaptureRenderer(capture, device, samples, max_bounces, seed)
         self._cache = LayerCache()
 
     def __call__(self, model: Model) -> Mapping[ImageKey, LightOnly]:

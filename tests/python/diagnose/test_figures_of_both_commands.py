@@ -16,6 +16,7 @@ from activestereo.capture.images import read_gray
 from activestereo.capture.write import write_capture
 from activestereo.cli import main
 from activestereo.compare.cache import LayerCache
+from activestereo.compare.engine_prediction import engines_of
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.surrogate import trial_capture
 from activestereo.diagnose import diagnose
@@ -84,7 +85,7 @@ def test_diagnose_and_compare_tell_the_same_figures(tmp_path, starts_from):
         max_bounces=bounces,
         seed=seed,
         workers=1,
-        engines=lambda of: CaptureRenderer(of, "auto", samples, bounces, seed),
+        engines=engines_of("auto", samples, bounces, seed),
     )
     write_diagnosis(diagnosis, tmp_path / "diagnosis")
     said = json.loads((tmp_path / "diagnosis" / "diagnose.json").read_text())
