@@ -14,7 +14,7 @@ namespace kuafu {
 KUAFU_CONST gbuffer_read = 0u;    // per pixel that was given: checked, its depth inverted
 KUAFU_CONST gbuffer_warp = 1u;    // per row: the views that were not given
 KUAFU_CONST gbuffer_light = 2u;   // per pixel of both cameras
-KUAFU_CONST gbuffer_cells = 3u;   // per cell of the cameras that were given
+KUAFU_CONST gbuffer_cells = 3u;   // per cell of the left camera
 KUAFU_CONST gbuffer_sky = 4u;     // the same
 KUAFU_CONST gbuffer_bounce = 5u;  // per pixel of both cameras
 
@@ -71,7 +71,7 @@ struct GbufferRecord {
   UintArray material_places;      // by 1 + a material's id: its place in the scene's table, 0 where it was removed
   UintArray measured_albedo;      // by place: nonzero where it has an infrared albedo
   FloatArray matt, lobes, laser;  // [camera][environment][row][column]: shares of light from all sides that are reflected; radiance
-  GbufferCells cells;             // [camera][environment][row][column]
+  GbufferCells cells;             // of the left camera, [environment][row][column]
   OutputArray outputs;
   SceneReference scene;
   PatternMeans pattern;

@@ -1,20 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage `gbuffer`, light between surfaces, as far as the image shows them. Matt surfaces get the room's light over the horizons that the
 // depth image has about them, and from below the horizons what is seen there sends out (Jimenez et al., "Practical Realtime Strategies for
-// Accurate Indirect Occlusion", 2016). Lobes look along mirrored rays.
+// Accurate Indirect Occlusion", 2016). Lobes look along mirrored rays. All of it is found in the left camera's image, for both cameras: a
+// point that sends light to all sides has one radiance, and what two images miss of it differs.
 const int horizon_slices = 4, horizon_steps = 6;
 const float horizon_growth = 2.2f;    // of the steps
 const float horizon_reach_m = 1.0f;   // what is farther away hides half of what it would, or less
 const int mirror_rays = 4, mirror_steps = 12;
+const int hidden_steps = 12;          // of a cell, past what hides a point from the left camera
+const float hides = 1.05f;            // times a point's 1/m
 
 uint cells_per_view() { return push.record.at[0].cell_columns * push.record.at[0].cell_rows; }
 
 /// The middle pixel of a cell.
 GbufferPlace cell_place(uint i) {
   GbufferPlace p;
-  uint view = i / cells_per_view(), cell = i - view * cells_per_view(), row = cell / push.record.at[0].cell_columns;
-  p.camera = view / push.record.at[0].environments;
-  p.environment = view - p.camera * push.record.at[0].environments;
+  p.camera = 0u;
+  p.environment = i / cells_per_view();
+  uint cell = i - p.environment * cells_per_view(), row = cell / push.record.at[0].cell_columns;
   p.row = min(row * gbuffer_cell_px + gbuffer_cell_px / 2u, push.record.at[0].height - 1u);
   p.column = min((cell - row * push.record.at[0].cell_columns) * gbuffer_cell_px + gbuffer_cell_px / 2u, push.record.at[0].width - 1u);
   p.pixel = (p.environment * push.record.at[0].height + p.row) * push.record.at[0].width + p.column;
@@ -24,7 +27,7 @@ GbufferPlace cell_place(uint i) {
 void mean_of_cell(uint i) {
   GbufferPlace p = cell_place(i);
   uint first_row = p.row / gbuffer_cell_px * gbuffer_cell_px, first_column = p.column / gbuffer_cell_px * gbuffer_cell_px;
-  uint base = p.camera * pixels_per_camera() + p.environment * pixels_per_view();
+  uint base = p.environment * pixels_per_view();
   float laser = 0.0f, albedo = 0.0f, count = 0.0f;
   for (uint row = first_row; row < min(first_row + gbuffer_cell_px, push.record.at[0].height); ++row)
     for (uint column = first_column; column < min(first_column + gbuffer_cell_px, push.record.at[0].width); ++column) {
@@ -33,7 +36,7 @@ void mean_of_cell(uint i) {
       albedo += push.record.at[0].matt.at[at];
       count += 1.0f;
     }
-  push.record.at[0].cells.at[i].inverse_depth = push.record.at[0].cameras[p.camera].inverse_depth.at[p.pixel];
+  push.record.at[0].cells.at[i].inverse_depth = push.record.at[0].cameras[0].inverse_depth.at[p.pixel];
   push.record.at[0].cells.at[i].laser = laser / count;
   push.record.at[0].cells.at[i].albedo = albedo / count;
 }
@@ -118,7 +121,7 @@ Horizon look_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3 to
 /// What arrives at a cell of the room's light and of surfaces' laser.
 void look_around(uint i) {
   GbufferPlace p = cell_place(i);
-  IN(GbufferCamera) camera = push.record.at[0].cameras[p.camera];
+  IN(GbufferCamera) camera = push.record.at[0].cameras[0];
   GbufferSurface s = surface_at_pixel(p);
   push.record.at[0].cells.at[i].room = 1.0f;
   push.record.at[0].cells.at[i].indirect = 0.0f;
@@ -149,9 +152,24 @@ void look_around(uint i) {
   push.record.at[0].cells.at[i].indirect = sum.laser * scale * back;
 }
 
-/// (room, indirect) at a pixel: of the cells about it, those that are of its surface.
-vec2 arriving_at(uint first_cell, IN(GbufferPlace) p, float inverse) {
-  vec2 place = vec2(float(p.column), float(p.row)) / float(gbuffer_cell_px) - 0.5f, base = floor(place), f = place - base, sum = vec2(0.0f);
+/// The column in which the left camera has what a pixel shows, or the first one past what hides it there.
+float left_column(IN(GbufferPlace) p, float inverse) {
+  float column = float(p.column);
+  if (p.camera == 0u) return column;
+  float last = float(push.record.at[0].width) - 1.0f, aside = push.record.at[0].baseline_px_m < 0.0f ? -1.0f : 1.0f;
+  column = clamp(column + push.record.at[0].baseline_px_m * inverse - push.record.at[0].cameras[1].shift_px, 0.0f, last);
+  uint first = p.pixel - p.column;
+  for (int s = 0; s < hidden_steps; ++s) {
+    float seen = push.record.at[0].cameras[0].inverse_depth.at[first + uint(column + 0.5f)], next = column + aside * float(gbuffer_cell_px);
+    if (seen < inverse * hides || next < 0.0f || next > last) break;
+    column = next;
+  }
+  return column;
+}
+
+/// (room, indirect) at a pixel of the left camera: of the cells about it, those that are of its surface.
+vec2 arriving_at(uint first_cell, vec2 pixel, float inverse) {
+  vec2 place = pixel / float(gbuffer_cell_px) - 0.5f, base = floor(place), f = place - base, sum = vec2(0.0f);
   float weights = 0.0f;
   for (int k = 0; k < 4; ++k) {
     int x = k & 1, y = k >> 1;
@@ -235,18 +253,17 @@ SeenLight mirrored_light(IN(GbufferCamera) camera, uint first_cell, IN(GbufferSu
 }
 
 void bounce_pixel(uint i, IN(GbufferPlace) p) {
-  GbufferPlace q = shown_place(p);
+  float inverse = push.record.at[0].cameras[p.camera].inverse_depth.at[p.pixel];
   float ambient = push.record.at[0].ambient.at[p.environment], direct = push.record.at[0].laser.at[i], indirect = 0.0f, light = ambient;
-  if (push.record.at[0].cameras[p.camera].inverse_depth.at[p.pixel] > 0.0f) {
-    IN(GbufferCamera) camera = push.record.at[0].cameras[q.camera];
-    uint first_cell = (q.camera * push.record.at[0].environments + q.environment) * cells_per_view();
-    vec2 arriving = arriving_at(first_cell, q, camera.inverse_depth.at[q.pixel]);
+  if (inverse > 0.0f) {
+    uint first_cell = p.environment * cells_per_view();
+    vec2 arriving = arriving_at(first_cell, vec2(left_column(p, inverse), float(p.row)), inverse);
     float matt = push.record.at[0].matt.at[i], lobes = push.record.at[0].lobes.at[i];
     light = matt * arriving.x * ambient;
     indirect = matt * arriving.y;
     if (lobes > 0.0f) {
       GbufferSurface s = surface_at_pixel(p);
-      SeenLight mirrored = mirrored_light(camera, first_cell, s, push.record.at[0].scene.at[0].materials.at[s.material].roughness, ambient);
+      SeenLight mirrored = mirrored_light(push.record.at[0].cameras[0], first_cell, s, push.record.at[0].scene.at[0].materials.at[s.material].roughness, ambient);
       light += lobes * mirrored.room;
       indirect += lobes * mirrored.laser;
     }

@@ -64,8 +64,7 @@ void GbufferLight::run(ks::Commands& commands, const Scene& scene, const Gbuffer
   const Launch& launch = gbuffers.launch;
   const uint32_t pixels = launch.pixel_count(), camera_pixels = pixels / 2;
   const GbufferRecord& record = record_.resize(memory_, 1)[0];
-  const uint32_t given_cameras = gbuffers.given[1].depth ? 2 : 1,
-                 cells = given_cameras * gbuffers.environments() * record.cell_columns * record.cell_rows;
+  const uint32_t given_cameras = gbuffers.given[1].depth ? 2 : 1, cells = gbuffers.environments() * record.cell_columns * record.cell_rows;
   const auto step = [&](const char* name, uint32_t which, uint32_t count) {
     step_.run(commands, name, GbufferPush{.record = record_.address(), .step = which, .count = count});
   };
@@ -86,7 +85,7 @@ void GbufferLight::fit(const GbufferLaunch& gbuffers) {
   grow(memory_, projector_inverse_, camera);
   for (auto* image : {&matt_, &lobes_, &laser_}) grow(memory_, *image, pixels);
   grow(memory_, cells_,
-       uint64_t(2) * gbuffers.environments() * cells_along(launch.width) * cells_along(launch.height) * (sizeof(GbufferCell) / 4));
+       uint64_t(gbuffers.environments()) * cells_along(launch.width) * cells_along(launch.height) * (sizeof(GbufferCell) / 4));
   const uint64_t error_bytes = uint64_t(gbuffers.environments()) * 4;
   if (!errors_ || errors_->size_bytes() < error_bytes) errors_ = ks::Buffer::create(memory_.device, error_bytes, KS_BUFFER_HOST_VISIBLE);
   std::memset(errors_->mapped(), 0xff, error_bytes);

@@ -20,10 +20,11 @@ def pose(x_m):
 
 
 def lit(
-    given, looks=MATT, baseline_m=BASELINE_M, ambient=0.0, tracer="auto", outputs=None, falloff=0.0, removed=0, **more
-):
+    given, looks=MATT, baseline_m=BASELINE_M, ambient=0.0, tracer="auto", outputs=None, falloff=0.0, removed=0,
+    right=None, **more,
+):  # fmt: skip
     """Outputs [2, E, height, width] of one material's surfaces under a projector whose pattern is 1 everywhere, 3 W/sr;
-    given: images [E, height, width] of the left camera; removed: how many materials were there before."""
+    given, right: images [E, height, width] of the cameras; removed: how many materials were there before."""
     device = kuafu.Device("cpu")
     scene = kuafu.Scene(device)
     for _ in range(removed):
@@ -39,16 +40,21 @@ def lit(
     count, height, width = given["depth"].shape
     k = [[FOCAL_PX, 0, (width - 1) / 2], [0, FOCAL_PX, (height - 1) / 2], [0, 0, 1]]
     cameras = [kuafu.Camera(width, height, k, camera_to_world=pose(x)) for x in (0.0, baseline_m)]
-    given = {"material": np.ones(given["depth"].shape)} | given
-    buffers = {}
-    for name, image in given.items():
-        buffers[name] = kuafu.Buffer(device, 4 * image.size, host_visible=True)
-        buffers[name].write(np.ascontiguousarray(image, IMAGES[name]))
     found = kuafu.Renderer(device, tracer=tracer).light_gbuffers(
-        scene, cameras, outputs or ["radiance", "projector_direct", "depth", "projector_visibility"], left=buffers,
+        scene, cameras, outputs or ["radiance", "projector_direct", "depth", "projector_visibility"],
+        left=buffers(device, given), right=right and buffers(device, right),
         environment_count=count, ambient_radiance=np.full(count, ambient), **more,
     )  # fmt: skip
     return {name: np.array(image).reshape(2, count, height, width) for name, image in found.items()}
+
+
+def buffers(device, given):
+    """The images in the device's memory; all surfaces are of the first material."""
+    out = {}
+    for name, image in ({"material": np.ones(given["depth"].shape)} | given).items():
+        out[name] = kuafu.Buffer(device, 4 * image.size, host_visible=True)
+        out[name].write(np.ascontiguousarray(image, IMAGES[name]))
+    return out
 
 
 def wall(*depths_m, shape=(24, 100)):
@@ -139,6 +145,26 @@ def test_a_corner_gets_less_of_the_room_and_light_of_its_other_wall():
     edge = int(np.argmax(depth < 0.8))
     assert light[edge : edge + 2] == pytest.approx(0.5 / (1.0 - 0.5 * 0.5), abs=0.12)
     assert light[10] > 0.85  # far above the floor
+
+
+@pytest.mark.parametrize("is_right_given", [False, True])
+@pytest.mark.parametrize("baseline_m", [BASELINE_M, -BASELINE_M])
+def test_a_matt_point_has_one_radiance_in_both_eyes(is_right_given, baseline_m):
+    """Blocks at 0.5 m before a wall at 1 m: their points stand 10 and 5 px aside in the other camera. The last block
+    stands at the left camera's border."""
+    given, right, aside = wall(1.0), wall(1.0), 5 if baseline_m > 0 else -5
+    for first, end in ((30, 45), (60, 64), (90, 100)):
+        given["depth"][:, 4:20, first:end] = 0.5
+        right["depth"][:, 4:20, first - 2 * aside : end - 2 * aside] = 0.5
+    found = lit(given, baseline_m=baseline_m, ambient=1.0, right=right if is_right_given else None)
+    row, column = np.indices(right["depth"].shape[1:])
+    there = column + np.where(right["depth"][0] == 0.5, 2 * aside, aside)
+    inside = (there >= 0) & (there < 100)
+    left, seen = row[inside], there[inside]
+    both = given["depth"][0, left, seen] == right["depth"][0][inside]
+    one, other = found["radiance"][0, 0, left, seen], found["radiance"][1, 0][inside]
+    assert both.mean() > 0.8 and np.ptp(one) > 0.1
+    np.testing.assert_allclose(other[both], one[both], rtol=1e-4)
 
 
 def test_the_host_and_vulkan_compute_agree():
