@@ -16,7 +16,8 @@ KUAFU_CONST gbuffer_warp = 1u;    // per row: the views that were not given
 KUAFU_CONST gbuffer_light = 2u;   // per pixel of both cameras
 KUAFU_CONST gbuffer_cells = 3u;   // per cell of the left camera
 KUAFU_CONST gbuffer_sky = 4u;     // the same
-KUAFU_CONST gbuffer_bounce = 5u;  // per pixel of both cameras
+KUAFU_CONST gbuffer_smooth = 5u;  // the same
+KUAFU_CONST gbuffer_bounce = 6u;  // per pixel of both cameras
 
 // GbufferCamera.given
 KUAFU_CONST gbuffer_has_depth = 1u;
@@ -38,6 +39,8 @@ KUAFU_CONST gbuffer_cell_px = 4u;  // on a side of the cells in which light betw
 struct GbufferCell {
   float inverse_depth, laser, albedo;  // of what is there; the mean radiance of the projector's light, the mean share that is reflected
   float room, indirect;                // what arrives: of the room's radiance as a share, and of surfaces' laser as a radiance
+  float smooth_room, smooth_indirect;  // the same, mixed with neighbours of the same surface
+  vec3 normal;                         // in the camera
 };
 KUAFU_WRITTEN_ARRAY(GbufferCells, GbufferCell, 4)
 

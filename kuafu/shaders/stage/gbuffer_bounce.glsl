@@ -3,10 +3,12 @@
 // depth image has about them, and from below the horizons what is seen there sends out (Jimenez et al., "Practical Realtime Strategies for
 // Accurate Indirect Occlusion", 2016). Lobes look along mirrored rays. All of it is found in the left camera's image, for both cameras: a
 // point that sends light to all sides has one radiance, and what two images miss of it differs.
-const int horizon_slices = 4, horizon_steps = 6;
-const float horizon_growth = 2.2f;    // of the steps
+const int horizon_slices = 4, horizon_steps = 8;
+const float horizon_growth = 1.7f;    // of the steps
 const float horizon_reach_m = 1.0f;   // what is farther away hides half of what it would, or less
-const int mirror_rays = 4, mirror_steps = 12;
+const int mirror_rays = 8, mirror_steps = 12;
+const float golden_turn = 0.618034f;  // between facets
+const float plane_share = 4e-3f;      // of its distance: a point that lies so far from a cell's plane is of its surface by half
 const int hidden_steps = 12;          // of a cell, past what hides a point from the left camera
 const float hides = 1.05f;            // times a point's 1/m
 
@@ -24,6 +26,8 @@ GbufferPlace cell_place(uint i) {
   return p;
 }
 
+vec3 in_camera(IN(GbufferCamera) camera, vec3 w) { return vec3(dot(camera.axis_x, w), dot(camera.axis_y, w), dot(camera.axis_z, w)); }
+
 void mean_of_cell(uint i) {
   GbufferPlace p = cell_place(i);
   uint first_row = p.row / gbuffer_cell_px * gbuffer_cell_px, first_column = p.column / gbuffer_cell_px * gbuffer_cell_px;
@@ -33,10 +37,12 @@ void mean_of_cell(uint i) {
     for (uint column = first_column; column < min(first_column + gbuffer_cell_px, push.record.at[0].width); ++column) {
       uint at = base + row * push.record.at[0].width + column;
       laser += push.record.at[0].laser.at[at];
-      albedo += push.record.at[0].matt.at[at];
+      albedo += push.record.at[0].matt.at[at] + push.record.at[0].lobes.at[at];
       count += 1.0f;
     }
-  push.record.at[0].cells.at[i].inverse_depth = push.record.at[0].cameras[0].inverse_depth.at[p.pixel];
+  GbufferSurface s = surface_at_pixel(p);
+  push.record.at[0].cells.at[i].normal = s.inverse_depth > 0.0f ? in_camera(push.record.at[0].cameras[0], s.normal) : vec3(0.0f, 0.0f, -1.0f);
+  push.record.at[0].cells.at[i].inverse_depth = s.inverse_depth;
   push.record.at[0].cells.at[i].laser = laser / count;
   push.record.at[0].cells.at[i].albedo = albedo / count;
 }
@@ -44,8 +50,6 @@ void mean_of_cell(uint i) {
 /// Share of the light on a surface that comes, within a slice, from between the viewer's direction and a horizon at `angle` from it; the
 /// normal is tilted by `tilt` in the slice.
 float horizon_arc(float angle, float tilt) { return 0.25f * (-cos(2.0f * angle - tilt) + cos(tilt) + 2.0f * angle * sin(tilt)); }
-
-vec3 in_camera(IN(GbufferCamera) camera, vec3 w) { return vec3(dot(camera.axis_x, w), dot(camera.axis_y, w), dot(camera.axis_z, w)); }
 
 vec3 seen_position(IN(GbufferCamera) camera, vec2 pixel, float inverse) {
   return vec3((pixel.x - camera.centre.x) / camera.focal.x, (pixel.y - camera.centre.y) / camera.focal.y, 1.0f) / inverse;
@@ -94,9 +98,9 @@ Met met_in(uint first_cell, vec2 wanted) {
 Met met_at(IN(GbufferCamera) camera, uint first_cell, vec3 q) { return met_in(first_cell, camera.centre + camera.focal * xy(q) / q.z); }
 
 /// On one side of a slice, whose normal is `axis`; `side` is the way on the image, `tilt` the normal's in the slice, towards that side.
-Horizon look_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3 to_camera, vec3 axis, vec2 pixel, vec2 side, float tilt) {
+Horizon look_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3 to_camera, vec3 axis, vec2 pixel, vec2 side, float tilt, float reach) {
   Horizon found = Horizon(0.0f, 0.0f, 0.0f);
-  float highest = min(tilt + 0.5f * pi, pi), open = horizon_arc(highest, tilt), reach = 1.0f;
+  float highest = min(tilt + 0.5f * pi, pi), open = horizon_arc(highest, tilt);
   for (int s = 0; s < horizon_steps; ++s) {
     vec2 at = pixel + side * (reach * float(gbuffer_cell_px));
     reach *= horizon_growth;
@@ -131,16 +135,17 @@ void look_around(uint i) {
   uint first_cell = i / cells_per_view() * cells_per_view();
   Horizon sum = Horizon(0.0f, 0.0f, 0.0f);
   uint cell_column = p.column / gbuffer_cell_px, cell_row = p.row / gbuffer_cell_px;
+  // Neighbours, which are mixed (smooth_cell), look other ways and at other distances.
   float all = 0.0f, turn = 0.25f * float((cell_column & 1u) + 2u * ((cell_row + cell_column) & 1u)) + 0.125f;
+  float reach = pow(horizon_growth, turn - 0.5f);
   for (int slice = 0; slice < horizon_slices; ++slice) {
-    // Neighbours, which are mixed (arriving_at), look other ways.
     vec2 side = unit_circle((float(slice) + turn) * (0.5f / float(horizon_slices)));
     vec3 across = vec3(side.x / camera.focal.x, side.y / camera.focal.y, 0.0f);
     vec3 along = normalize(across - to_camera * dot(across, to_camera)), axis = cross(along, to_camera);
     vec3 in_slice = normal - axis * dot(normal, axis);
     float weight = length(in_slice), tilt = atan(dot(in_slice, along), dot(in_slice, to_camera));
-    Horizon a = look_along(camera, first_cell, here, to_camera, axis, pixel, side, tilt);
-    Horizon b = look_along(camera, first_cell, here, to_camera, axis, pixel, -side, -tilt);
+    Horizon a = look_along(camera, first_cell, here, to_camera, axis, pixel, side, tilt, reach);
+    Horizon b = look_along(camera, first_cell, here, to_camera, axis, pixel, -side, -tilt, reach);
     sum.room += weight * (a.room + b.room);
     sum.laser += weight * (a.laser + b.laser);
     sum.albedo += weight * (a.albedo + b.albedo);
@@ -167,17 +172,50 @@ float left_column(IN(GbufferPlace) p, float inverse) {
   return column;
 }
 
+/// How much a cell, whose middle is `pixel`, is of the same surface as a point.
+float same_surface(uint cell, vec2 pixel, vec3 point) {
+  IN(GbufferCell) c = push.record.at[0].cells.at[cell];
+  if (!(c.inverse_depth > 0.0f)) return 0.0f;
+  float apart = dot(c.normal, point - seen_position(push.record.at[0].cameras[0], pixel, c.inverse_depth)) / (plane_share * point.z);
+  return 1.0f / (1.0f + apart * apart);
+}
+
+/// The middle pixel of a cell.
+vec2 cell_pixel(int column, int row) { return vec2(float(column), float(row)) * float(gbuffer_cell_px) + float(gbuffer_cell_px / 2u); }
+
+/// Mixes what arrives at a cell with its neighbours of the same surface: each of the four ways of looking counts as much.
+void smooth_cell(uint i) {
+  IN(GbufferCell) own = push.record.at[0].cells.at[i];
+  GbufferPlace p = cell_place(i);
+  int own_column = int(p.column / gbuffer_cell_px), own_row = int(p.row / gbuffer_cell_px);
+  vec3 point = seen_position(push.record.at[0].cameras[0], cell_pixel(own_column, own_row), max(own.inverse_depth, 1e-20f));
+  vec2 sum = 4.0f * vec2(own.room, own.indirect);
+  float weights = 4.0f;
+  for (int k = 0; k < 9; ++k) {
+    int x = k % 3 - 1, y = k / 3 - 1, column = own_column + x, row = own_row + y;
+    if (k == 4 || column < 0 || row < 0 || column >= int(push.record.at[0].cell_columns) || row >= int(push.record.at[0].cell_rows)) continue;
+    uint cell = p.environment * cells_per_view() + uint(row) * push.record.at[0].cell_columns + uint(column);
+    IN(GbufferCell) c = push.record.at[0].cells.at[cell];
+    float alike = max(dot(c.normal, own.normal), 0.0f);
+    float weight = float((2 - x * x) * (2 - y * y)) * same_surface(cell, cell_pixel(column, row), point) * alike * alike * alike * alike;
+    sum += weight * vec2(c.room, c.indirect);
+    weights += weight;
+  }
+  push.record.at[0].cells.at[i].smooth_room = sum.x / weights;
+  push.record.at[0].cells.at[i].smooth_indirect = sum.y / weights;
+}
+
 /// (room, indirect) at a pixel of the left camera: of the cells about it, those that are of its surface.
 vec2 arriving_at(uint first_cell, vec2 pixel, float inverse) {
   vec2 place = pixel / float(gbuffer_cell_px) - 0.5f, base = floor(place), f = place - base, sum = vec2(0.0f);
+  vec3 point = seen_position(push.record.at[0].cameras[0], pixel, inverse);
   float weights = 0.0f;
   for (int k = 0; k < 4; ++k) {
     int x = k & 1, y = k >> 1;
     int column = clamp(int(base.x) + x, 0, int(push.record.at[0].cell_columns) - 1), row = clamp(int(base.y) + y, 0, int(push.record.at[0].cell_rows) - 1);
     uint cell = first_cell + uint(row) * push.record.at[0].cell_columns + uint(column);
-    float apart = abs(push.record.at[0].cells.at[cell].inverse_depth - inverse) / inverse;
-    float weight = ((x == 1 ? f.x : 1.0f - f.x) * (y == 1 ? f.y : 1.0f - f.y) + 1e-3f) * (apart < 0.05f ? 1.0f : 1e-3f);
-    sum += weight * vec2(push.record.at[0].cells.at[cell].room, push.record.at[0].cells.at[cell].indirect);
+    float weight = ((x == 1 ? f.x : 1.0f - f.x) * (y == 1 ? f.y : 1.0f - f.y) + 1e-3f) * (same_surface(cell, cell_pixel(column, row), point) + 1e-3f);
+    sum += weight * vec2(push.record.at[0].cells.at[cell].smooth_room, push.record.at[0].cells.at[cell].smooth_indirect);
     weights += weight;
   }
   return sum / weights;
@@ -204,8 +242,8 @@ SeenLight seen_light(uint first_cell, IN(Met) m, float ambient) {
     IN(GbufferCell) cell = push.record.at[0].cells.at[first_cell + uint(row * columns + column)];
     float there = cell.inverse_depth;
     float weight = ((x == 1 ? f.x : 1.0f - f.x) * (y == 1 ? f.y : 1.0f - f.y) + 1e-3f) * (there > 0.0f ? 1.0f : 0.0f) * (abs(there - inverse) < 0.15f * inverse ? 1.0f : 1e-3f);
-    sum.room += weight * cell.albedo * cell.room * ambient;
-    sum.laser += weight * (cell.laser + cell.albedo * cell.indirect);
+    sum.room += weight * cell.albedo * cell.smooth_room * ambient;
+    sum.laser += weight * (cell.laser + cell.albedo * cell.smooth_indirect);
     weights += weight;
   }
   if (weights == 0.0f) return SeenLight(ambient, 0.0f);
@@ -236,16 +274,18 @@ SeenLight light_along(IN(GbufferCamera) camera, uint first_cell, vec3 here, vec3
   return SeenLight(ambient, 0.0f);
 }
 
-/// What comes from where a lobe looks.
+/// What comes from where a lobe looks: by facets whose tilts share GGX's distribution among them.
 SeenLight mirrored_light(IN(GbufferCamera) camera, uint first_cell, IN(GbufferSurface) s, float roughness, float ambient) {
   vec3 normal = in_camera(camera, s.normal), to_camera = in_camera(camera, s.to_camera), here = in_camera(camera, s.position - camera.view.origin);
-  vec3 mirrored = normal * (2.0f * dot(normal, to_camera)) - to_camera;
-  Frame frame = frame_around(mirrored);
-  float step_m = 2.0f * float(gbuffer_cell_px) / (camera.focal.x * s.inverse_depth);
+  Frame frame = frame_around(normal);
+  float step_m = 2.0f * float(gbuffer_cell_px) / (camera.focal.x * s.inverse_depth), alpha = roughness * roughness;
   SeenLight sum = SeenLight(0.0f, 0.0f);
   for (int k = 0; k < mirror_rays; ++k) {
-    vec2 aside = unit_circle((float(k) + 0.5f) / float(mirror_rays)) * (roughness * roughness);
-    SeenLight along = light_along(camera, first_cell, here, normalize(to_world(frame, vec3(aside, 1.0f))), step_m, ambient);
+    float share = (float(k) + 0.5f) / float(mirror_rays);
+    vec3 facet = normalize(to_world(frame, vec3(unit_circle(float(k) * golden_turn) * (alpha * sqrt(share / (1.0f - share))), 1.0f)));
+    vec3 mirrored = facet * (2.0f * dot(facet, to_camera)) - to_camera;
+    mirrored += normal * (2.0f * max(-dot(mirrored, normal), 0.0f));
+    SeenLight along = light_along(camera, first_cell, here, mirrored, step_m, ambient);
     sum.room += along.room;
     sum.laser += along.laser;
   }
@@ -280,5 +320,6 @@ void gbuffer_step(uint i) {
   else if (push.step == gbuffer_light) light_pixel(i);
   else if (push.step == gbuffer_cells) mean_of_cell(i);
   else if (push.step == gbuffer_sky) look_around(i);
+  else if (push.step == gbuffer_smooth) smooth_cell(i);
   else bounce_pixel(i, gbuffer_place(i));
 }

@@ -73,6 +73,7 @@ void GbufferLight::run(ks::Commands& commands, const Scene& scene, const Gbuffer
   step("light", gbuffer_light, pixels);
   step("bounce", gbuffer_cells, cells);
   step("bounce", gbuffer_sky, cells);
+  step("bounce", gbuffer_smooth, cells);
   step("bounce", gbuffer_bounce, pixels);
 }
 
