@@ -213,7 +213,10 @@ def test_where_nothing_is_the_material_and_the_normal_may_be_any_number():
     given = wall(0.5)
     given["depth"][0, 3:9, 20:40] = 0.0
     is_there = given["depth"] > 0
-    odd = {"material": np.where(is_there, 1, 0xFFFFFFFF), "normal": np.where(is_there[..., None], given["normal"], np.nan)}
+    odd = {
+        "material": np.where(is_there, 1, 0xFFFFFFFF),
+        "normal": np.where(is_there[..., None], given["normal"], np.nan),
+    }
     for name, image in lit(given | odd, ambient=0.1).items():
         np.testing.assert_array_equal(image, lit(given, ambient=0.1)[name], err_msg=name)
 
