@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from activestereo.diagnose.room.cells_out import Normal
 from activestereo.diagnose.room.columns import Column
-from activestereo.diagnose.room.sessions import ALIKE
+from activestereo.diagnose.room.sessions import ALIKE, FEW, FREEDOM
 from activestereo.effects import Effect
 
 # Of V, the share that independent tiles make up: their own scatter is known from a few dozen of them.
@@ -79,14 +79,11 @@ def _semidefinite(information: Matrix, scale: Matrix) -> Matrix:
     return np.asarray((vectors * np.maximum(values, _RIDGE)) @ vectors.T * np.outer(scale, scale))
 
 
-def judged(
-    room: Reduced, spread: Mapping[str, float], looked: Mapping[str, float], few: float, needed: float
-) -> list[Found]:
-    """The Found of every effect, likeliest first.
+def judged(room: Reduced, spread: Mapping[str, float], looked: Mapping[str, float], needed: float) -> list[Found]:
+    """The Found of every effect, likeliest first. An effect shows by one of its parameters as well as by all of them.
 
     spread: {column: deviation between sessions, in units}; columns that are not there may have any value. looked:
-    {effect: logarithm of the places where it was looked for}. few: degrees of freedom that spread rests on. needed:
-    nats of a name.
+    {effect: logarithm of the places where it was looked for}. needed: nats of a name.
     """
     names = [c.name for c in room.columns]
     D = _between_sessions(room.columns, spread)
@@ -97,18 +94,17 @@ def judged(
         own = np.array([j for j, c in enumerate(room.columns) if c.effect is effect])
         if not any(names[j] in spread for j in own):
             continue
-        P = np.zeros(len(names))
-        P[own] = [room.columns[j].sd ** 2 for j in own]
-        more = null + H @ np.diag(P) @ H
-        cost = looked.get(effect.id, 0.0)
-        nats = _log_normal(s, more) - at_null - cost
-        S = np.diag(P) + D
+        cost, few = looked.get(effect.id, 0.0), FREEDOM.get(effect.id, FEW)
+        ways = _ways(room.columns, own)
+        each = [null + (H * _prior(room.columns, way)) @ H for way in ways]
+        nats = np.logaddexp.reduce([_log_normal(s, more) for more in each]) - at_null - cost - np.log(len(ways))
+        S = np.diag(_prior(room.columns, own)) + D
         M = S @ H @ np.linalg.inv(H @ S @ H + V)
         value, deviation = M @ s, np.sqrt(np.maximum(np.diag(S - M @ H @ S), 0.0))
-        occam = 0.5 * (np.linalg.slogdet(more)[1] - np.linalg.slogdet(null)[1])
-        lead = [j for j in own if room.columns[j].parameter is effect.parameters[0]] or list(own)
+        lead = ways[0]
         unit = H[:, lead] @ np.full(len(lead), np.sqrt(0.5) if names[lead[0]].endswith("sine") else 1.0)
-        missing = gaussian(needed, few) + occam + cost
+        occam = 0.5 * (np.linalg.slogdet(each[0])[1] - np.linalg.slogdet(null)[1])
+        missing = gaussian(needed, few) + occam + cost + np.log(len(ways))
         least = room.columns[lead[0]].step * np.sqrt(2.0 * missing / max(unit @ np.linalg.solve(null, unit), 1e-12))
         parameters = {
             names[j]: (float(value[j] * room.columns[j].step), float(deviation[j] * room.columns[j].step)) for j in own
@@ -117,6 +113,20 @@ def judged(
             nats = min(nats, 0.0)  # something else than the effect does that
         out.append(Found(effect, student(float(nats), few), parameters, float(least)))
     return sorted(out, key=lambda found: -found.nats)
+
+
+def _ways(columns: Sequence[Column], own: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Columns by which an effect may show: one parameter alone, its first one first, or all."""
+    parameters = dict.fromkeys(columns[j].parameter for j in own)
+    alone = [np.array([j for j in own if columns[j].parameter == p]) for p in parameters]
+    return alone if len(alone) == 1 else [*alone, own]
+
+
+def _prior(columns: Sequence[Column], own: NDArray[np.int64]) -> Matrix:
+    """The variances that an effect adds to its columns, in units."""
+    out = np.zeros(len(columns))
+    out[own] = [columns[j].sd ** 2 for j in own]
+    return out
 
 
 def _between_sessions(columns: Sequence[Column], spread: Mapping[str, float]) -> Matrix:

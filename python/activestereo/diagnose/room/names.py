@@ -17,12 +17,12 @@ from activestereo.diagnose.room.evidence import Found, Reduced, judged, reduced,
 from activestereo.diagnose.room.imagined import ImaginedRoom, Take
 from activestereo.diagnose.room.light import RoomLight, room_light
 from activestereo.diagnose.room.rows import row_variance
-from activestereo.diagnose.room.sessions import BETWEEN, OF_A_UNIT, SHARED
+from activestereo.diagnose.room.sessions import BETWEEN, FEW, OF_A_UNIT, SHARED
 from activestereo.diagnose.search.selection import credible
 from activestereo.effects import Effect, Model
 
-# A name needs so many nats; sessions tell their spread with so many degrees of freedom.
-NEEDED, FEW = 4.5, 5.0
+# A name needs so many nats.
+NEEDED = 4.5
 _MOST_NAMES, _MASS = 3, 0.95
 _ROW_FLOOR_DN2, _LEAST_ROWS_DN2, _MOST_NATS = 0.002, 0.01, 30.0
 _BLACK_SD_DN, _EXPONENT_SD = 1.5, 0.5
@@ -86,7 +86,7 @@ def names_of(room: Room, given: Model, effects: Sequence[Effect], reference: Seq
     known = seen.known(spread)
     while len(named) < _MOST_NAMES:
         before = {n.found.effect.id for n in named} | {f.effect.id for f in rows}
-        found = [*(f for f in judged(scores, known, LOOKED, FEW, NEEDED) if f.effect.id not in before), *rows]
+        found = [*(f for f in judged(scores, known, LOOKED, NEEDED) if f.effect.id not in before), *rows]
         found.sort(key=lambda f: -f.nats)
         ranking = ranking or tuple(found)
         if not found or found[0].nats < NEEDED:

@@ -12,7 +12,7 @@ import numpy as np
 from activestereo.diagnose.room.columns import size_of
 from activestereo.diagnose.room.evidence import Reduced, judged
 from activestereo.diagnose.room.imagined import Take
-from activestereo.diagnose.room.names import FEW, LOOKED, NEEDED, Seen, key, with_take
+from activestereo.diagnose.room.names import LOOKED, NEEDED, Seen, key, with_take
 from activestereo.diagnose.room.sessions import BETWEEN, OF_A_UNIT
 from activestereo.effects import Effect, Stage
 
@@ -34,7 +34,7 @@ _VIEWS = (
 )
 _COVERED = "cover both lenses and record twenty frames: activestereo calibrate noise --dark"
 _COVERED_DN = 0.05
-_REACH = 2.0
+_REACH, _MUCH_LESS = 2.0, 0.75
 _REFERENCE = "the same views when the unit is known to be good: give them to diagnose as --reference"
 
 # What views of one room never show, and what measures it.
@@ -49,15 +49,15 @@ _COMMANDS = (
 
 
 def plan_of(seen: Seen) -> list[Recording]:
-    """This recording with the sizes that it tells; then recordings that tell what it cannot, as it has no name below
-    twice an effect's typical size: views of this room, most effects per minute first, then commands. Every effect that
-    was asked about stands in one of them."""
+    """This recording with the sizes that it tells; then recordings that tell what it cannot tell at twice the typical
+    size, or much less of what it can: views of this room, most effects per minute first, then commands. Every effect
+    that was asked about stands in one of them."""
     now = _tells(seen, seen.scores, seen.known(OF_A_UNIT))
     offers = [(text, 1.0, _tells(seen, r, _known(r, OF_A_UNIT))) for text, take in _VIEWS
               for r in [with_take(seen, take)]]  # fmt: skip
     offers.append((_COVERED, 1.0, _tells(seen, _covered(seen.scores), seen.known(OF_A_UNIT))))
     offers.append((_REFERENCE, 2.0, _tells(seen, seen.scores, seen.known(BETWEEN))))
-    plan = [Recording(text, minutes, {e: least for e, least in tells.items() if e not in now})
+    plan = [Recording(text, minutes, {e: told for e, told in tells.items() if _is_more(told, now.get(e))})
             for text, minutes, tells in offers]  # fmt: skip
     plan = sorted((r for r in plan if r.tells), key=lambda r: -len(r.tells) / r.minutes)
     told = {effect for r in plan for effect in r.tells} | set(now)
@@ -68,13 +68,17 @@ def plan_of(seen: Seen) -> list[Recording]:
 def _tells(seen: Seen, scores: Reduced, known: Mapping[str, float]) -> dict[str, tuple[str, float]]:
     """{effect: (first parameter, least size that scores name)} of those that they name at twice the typical size."""
     out = {}
-    for found in judged(scores, known, LOOKED, FEW, NEEDED):
+    for found in judged(scores, known, LOOKED, NEEDED):
         p = found.effect.parameters[0]
         by_law = any(c.name == f"{found.effect.id}.{p.name}" for c in seen.scores.columns)
         least = size_of(seen.room, seen.light, found.effect, p, found.least)[0] if by_law else found.least
         if least <= _REACH * p.typical:
             out[found.effect.id] = p.name, least
     return out
+
+
+def _is_more(told: tuple[str, float], now: tuple[str, float] | None) -> bool:
+    return now is None or told[1] < _MUCH_LESS * now[1]
 
 
 def _known(scores: Reduced, spread: Mapping[str, float]) -> dict[str, float]:
