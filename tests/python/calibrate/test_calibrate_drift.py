@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`calibrate drift` on warm-ups that NumPy drew: drifts are named, their sizes right to 15 % and the interval, and what
+"""`calibrate drift` on warm-ups that NumPy drew: drifts are named, their truths lie in their intervals, and what
 stays is not; recordings that tell no drift are refused with their reason."""
 
 import json
@@ -72,8 +72,7 @@ def test_what_drifts_is_named_and_what_stays_is_not(drawn, tmp_path, capsys, hid
     assert {name.split(".")[0] for name in found} == {name.split(".")[0] for name in truth}
     for name, value in truth.items():
         half = (found[name].high - found[name].low) / 2
-        assert abs(found[name].value - value) < 2 * half + 0.15 * abs(value), (name, found[name])
-        assert half < 0.25 * abs(value)
+        assert abs(found[name].value - value) < half < 0.15 * abs(value), (name, found[name])
 
 
 @pytest.mark.parametrize(

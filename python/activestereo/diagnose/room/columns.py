@@ -14,7 +14,7 @@ import numpy as np
 
 from activestereo.calibrate.world.cells import Room
 from activestereo.calibrate.world.views import Image, normals_of, points_of
-from activestereo.diagnose.room.bands import BANDS
+from activestereo.diagnose.room.bands import BANDS, Looks
 from activestereo.diagnose.room.light import RoomLight
 from activestereo.effects import Effect, Light, Stage, View
 from activestereo.effects.core.descriptor import Parameter, Randomness
@@ -204,19 +204,25 @@ def acting(effect: Effect, values: dict[str, float], image: Image, view: View, b
     return np.asarray(effect.apply(image.astype(np.float64) + offset, view, **own) - offset)
 
 
-def size_of(room: Room, light: RoomLight, effect: Effect, p: Parameter, linear: float) -> tuple[float, float]:
+def size_of(room: Room, light: RoomLight, column: Column, linear: float) -> tuple[float, float]:
     """(the parameter's value at which the effect changes images by as much as `linear` does along its column, its
     derivative by `linear`): a blur grows as the square of its width."""
+    effect, p = column.effect, column.parameter
+    assert effect is not None and p is not None
     sign = np.sign(linear) if p.low < p.neutral else 1.0
     limit = p.high if sign > 0.0 else -p.low
     step = min(p.typical_value * _share(effect), limit)
     for k in (0, 1):
-        view, image = _view(room, k), light.both[k]
-        unit = acting(effect, {p.name: sign * step}, image, view, light.black_dn) - image
+        view, image, looks = _view(room, k), light.both[k], light.looks[k]
+
+        def moved(size: float, view: View = view, image: Image = image, looks: Looks = looks) -> Image:
+            change = (acting(effect, {p.name: sign * size}, image, view, light.black_dn) - image).astype(np.float32)
+            return looks.pair(change) if "fine" in column.bands else change
+
+        unit = moved(step)
         if square := float((unit * unit).sum()):
             values = np.r_[0.0, limit * _LADDER]
-            moved = (acting(effect, {p.name: sign * v}, image, view, light.black_dn) - image for v in values)
-            along = np.maximum.accumulate([step * float((m * unit).sum()) / square for m in moved])
+            along = np.maximum.accumulate([step * float((moved(v) * unit).sum()) / square for v in values])
             if abs(linear) > along[-1]:
                 return linear, 1.0
             value, beside = np.interp([abs(linear), 1.01 * abs(linear) + 1e-9], along, values)

@@ -129,12 +129,14 @@ def parameters_of(found: Found, seen: Seen) -> Parameters:
         return {"depth": (depth, deviation), "line_time_s": (1.0 / (_MAINS_HZ * period_rows), 0.0)}
     if found.effect.id == "black_level":
         return {"offset_dn": max(found.parameters.values(), key=lambda told: abs(told[0]))}
-    told = {name.split(".")[1]: each for name, each in found.parameters.items()}
-    if found.finding or not any(c.effect is found.effect for c in seen.scores.columns):
-        return told
-    lead = {p.name: p for p in found.effect.parameters}
-    sizes = {name: size_of(seen.room, seen.light, found.effect, lead[name], value) for name, (value, _) in told.items()}
-    return {name: (value, slope * told[name][1]) for name, (value, slope) in sizes.items()}
+    columns = {c.name: c for c in seen.scores.columns if c.effect is found.effect}
+    out = {}
+    for name, (value, deviation) in found.parameters.items():
+        slope = 1.0
+        if name in columns and not found.finding:
+            value, slope = size_of(seen.room, seen.light, columns[name], value)
+        out[name.split(".")[1]] = (value, slope * deviation)
+    return out
 
 
 def _beyond(effect: Effect, parameters: Parameters) -> str:

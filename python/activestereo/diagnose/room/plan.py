@@ -52,29 +52,37 @@ def plan_of(seen: Seen) -> list[Recording]:
     """This recording with the sizes that it tells; then recordings that tell what it cannot tell at twice the typical
     size, or much less of what it can: views of this room, most effects per minute first, then commands. Every effect
     that was asked about stands in one of them."""
-    now = _tells(seen, seen.scores, seen.known(OF_A_UNIT))
+    this = _tells(seen, seen.scores, seen.known(OF_A_UNIT))
+    now = {effect: told for effect, told in this.items() if _is_usual(seen, effect, told)}
     offers = [(text, 1.0, _tells(seen, r, _known(r, OF_A_UNIT))) for text, take in _VIEWS
               for r in [with_take(seen, take)]]  # fmt: skip
     offers.append((_COVERED, 1.0, _tells(seen, _covered(seen.scores), seen.known(OF_A_UNIT))))
     offers.append((_REFERENCE, 2.0, _tells(seen, seen.scores, seen.known(BETWEEN))))
-    plan = [Recording(text, minutes, {e: told for e, told in tells.items() if _is_more(told, now.get(e))})
-            for text, minutes, tells in offers]  # fmt: skip
+    plan = []
+    for text, minutes, tells in offers:
+        usual = {e: told for e, told in tells.items() if _is_usual(seen, e, told)}
+        plan.append(Recording(text, minutes, {e: told for e, told in usual.items() if _is_more(told, now.get(e))}))
     plan = sorted((r for r in plan if r.tells), key=lambda r: -len(r.tells) / r.minutes)
     told = {effect for r in plan for effect in r.tells} | set(now)
     beside = _by_commands(e for e in seen.asked if e.id not in told | {"vignetting", "row_noise"})
-    return [Recording(_THIS, 0.0, now), *plan, *beside]
+    return [Recording(_THIS, 0.0, this), *plan, *beside]
 
 
 def _tells(seen: Seen, scores: Reduced, known: Mapping[str, float]) -> dict[str, tuple[str, float]]:
-    """{effect: (first parameter, least size that scores name)} of those that they name at twice the typical size."""
-    out = {}
+    """{effect: (first parameter, least size that scores name)} of those that they name at any size."""
+    out, columns = {}, {c.name: c for c in scores.columns}
     for found in judged(scores, known, LOOKED, NEEDED):
         p = found.effect.parameters[0]
-        by_law = any(c.name == f"{found.effect.id}.{p.name}" for c in seen.scores.columns)
-        least = size_of(seen.room, seen.light, found.effect, p, found.least)[0] if by_law else found.least
-        if least <= _REACH * p.typical:
+        column = columns.get(f"{found.effect.id}.{p.name}")
+        least = size_of(seen.room, seen.light, column, found.least)[0] if column is not None else found.least
+        if least <= p.high:
             out[found.effect.id] = p.name, least
     return out
+
+
+def _is_usual(seen: Seen, effect: str, told: tuple[str, float]) -> bool:
+    """Whether a size is at most twice what is typical."""
+    return told[1] <= _REACH * next(e for e in seen.asked if e.id == effect).parameters[0].typical
 
 
 def _is_more(told: tuple[str, float], now: tuple[str, float] | None) -> bool:
