@@ -32,7 +32,7 @@ def rows(dn, side, rng):
 
 
 def blur(dn, side, rng):
-    return cv2.GaussianBlur(dn, (0, 0), 1.0) if side == "right" else dn
+    return cv2.GaussianBlur(dn, (0, 0), 1.5) if side == "right" else dn
 
 
 def drops(dn, side, rng):
@@ -77,7 +77,7 @@ def capture_with(tmp_path_factory):
         (nothing, [], None, None),
         (gain, ["gain_mismatch"], "gain", 0.22),
         (rows, ["row_noise"], "sigma_dn", 1.0),
-        (blur, ["focus_mismatch"], "sigma_px", 1.0),
+        (blur, ["focus_mismatch"], "sigma_px", 1.5),
         (drops, ["focus_mismatch"], None, None),
     ],
 )
