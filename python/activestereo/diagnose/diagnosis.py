@@ -26,7 +26,7 @@ from activestereo.compare.compare import Comparison, RenderedWith, comparison_of
 from activestereo.compare.image_errors import ImageErrors
 from activestereo.compare.model_file import library, model_json, scene_of
 from activestereo.compare.phase_times import megapixels
-from activestereo.compare.render import WARP_SCALE, Renderer, render_frames, render_halves
+from activestereo.compare.render import WARP_SCALE, LayersOfFrames, Renderer, render_frames, render_halves
 from activestereo.compare.where_channels import surface_text
 from activestereo.diagnose.answer.albedo_json import albedo_json
 from activestereo.diagnose.answer.depth_json import depth_json
@@ -51,7 +51,7 @@ from activestereo.diagnose.next_measurement import next_measurements
 from activestereo.diagnose.numbers import NUMBERS, Numbers
 from activestereo.diagnose.refine import Fitter, ImageResidual, Solution
 from activestereo.diagnose.refine.fit_cache import FitCache
-from activestereo.diagnose.refine.geometry_fit import gather_where_it_stands, standing
+from activestereo.diagnose.refine.geometry_fit import gather_where_it_stands, standing, with_test_frames
 from activestereo.diagnose.room.diagnosed import diagnosed_room, is_measured_room
 from activestereo.diagnose.score.likelihood import design_effect
 from activestereo.diagnose.search.loop import Outcome, Search
@@ -185,14 +185,20 @@ def diagnose(
     searched = half_samples(samples_per_pixel or usual_samples(capture))
     samples_per_pixel = samples_per_pixel or usual_samples(whole)
     sampled: dict[str, Any] = {"samples_per_pixel": searched, "max_bounces": max_bounces}
-    sampled |= {"seed": seed, "cache": kept, "progress": phases, "scale": WARP_SCALE}
+    sampled |= {"seed": seed, "cache": kept, "scale": WARP_SCALE}
     known = _effects_of(model, capture.scene_path)
-    render = partial(render_frames, renderer=renderer, **sampled)
     made_by = renderer.version, sampled["samples_per_pixel"], max_bounces
+
+    def render(capture: Capture, split: str = "train", progress: Progress | None = phases) -> LayersOfFrames:
+        return render_frames(capture, renderer, **sampled, progress=progress, frames=capture.split(split))
 
     def located(model: Model, near: Evidence | None = None) -> tuple[Evidence, Rendering | None]:
         evidence = gather_where_it_stands(capture, render, model, seed, kept, made_by, near)
         return evidence, None if rendering is None else rendering(evidence.capture)
+
+    def with_test(evidence: Evidence, fitter: Fitter, solution: Solution, model: Model) -> Evidence:
+        test = partial(render, split="test", progress=None)
+        return with_test_frames(evidence, fitter, solution, model, test)
 
     told: dict[str, Any] = {"samples_per_pixel": samples_per_pixel, "max_bounces": max_bounces, "seed": seed}
     told |= {"progress": part_of(phases, 0.0, _BASE_SHARE), "scale": WARP_SCALE}
@@ -206,7 +212,7 @@ def diagnose(
         return replace(_told_again(known_before, errors, phases, made, says), kept_as=key)
     evidence, engine = located(known)
     memory = FitCache(kept, evidence.train)
-    settings = Settings(workers, phases, numbers, engine, memory, errors, located, says)
+    settings = Settings(workers, phases, numbers, engine, memory, errors, located, with_test, says)
     try:
         diagnosis = examine(evidence, model, list(effects.values()), settings)
     finally:
@@ -301,6 +307,9 @@ def examine(
     for fault in depth.faults()[:1]:
         accepted = accepted.with_effect(fault.effect, **{key: v.value for key, v in fault.parameters.items()})
         found[fault.effect.id] = fault.parameters
+    if settings.with_test is not None:
+        own = _with_own_functions(solution.model, candidates)
+        evidence = settings.with_test(evidence, outcome.fitter, solution, own)
     capture, black_dn = evidence.capture, solution.nuisances.black_dn
     residual = residual_model(rows, black_dn, capture.name, evidence.seed) if verdict == UNKNOWN else None
     result: dict[str, Any] = {

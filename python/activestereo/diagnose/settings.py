@@ -11,6 +11,7 @@ from activestereo.common.progress_bar import UsualTime
 from activestereo.diagnose.answer.figures import ErrorsOfModels
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.numbers import NUMBERS, Numbers
+from activestereo.diagnose.refine import Fitter, Solution
 from activestereo.diagnose.refine.fit_cache import FitCache
 from activestereo.diagnose.search.rendered import Rendering
 from activestereo.effects import Model
@@ -34,7 +35,8 @@ PHASES = {
 class Settings:
     """How evidence is examined. phases: told of each of PHASES but the first. rendering: the engine of the evidence.
     memory: where fits are kept, or None. errors: None leaves out the held-out figures of test frames. located: the
-    evidence, and its engine, from where the capture stands under a model; None leaves it where it is. says:
+    evidence, and its engine, from where the capture stands under a model; None leaves it where it is. with_test: the
+    evidence of an outcome with test frames, under a model; None leaves them out. says:
     called with words: the likeliest effects once all are scored, and the verdict before test frames confirm it."""
 
     workers: int = 2
@@ -44,4 +46,5 @@ class Settings:
     memory: FitCache | None = None
     errors: ErrorsOfModels | None = None
     located: Callable[[Model, Evidence], tuple[Evidence, Rendering | None]] | None = None
+    with_test: Callable[[Evidence, Fitter, Solution, Model], Evidence] | None = None
     says: Callable[[str], object] = lambda text: None

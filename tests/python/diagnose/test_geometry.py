@@ -23,7 +23,14 @@ from activestereo.diagnose.evidence import gather
 from activestereo.diagnose.evidence.coarse import coarse
 from activestereo.diagnose.evidence.geometry import TWIST, Geometry, geometry_slopes, matrix_of
 from activestereo.diagnose.evidence.measured_image import MeasuredImage
-from activestereo.diagnose.refine.geometry_fit import _moving_beyond_others, _searched, gather_where_it_stands
+from activestereo.diagnose.refine import Fitter
+from activestereo.diagnose.refine.geometry_fit import (
+    _moving_beyond_others,
+    _searched,
+    gather_where_it_stands,
+    with_test_frames,
+)
+from activestereo.diagnose.search.linear import fitted_model
 from activestereo.effects import Model, builtin
 from activestereo.effects.core.laws import example_view
 from activestereo.effects.core.view import transform
@@ -146,6 +153,28 @@ def test_a_capture_that_stands_as_stated_is_left_as_it_is(lab_world, lab_cache):
     render = partial(render_frames, renderer=RememberingRenderer(WorldRenderer(lab_world, grid=3)), cache=lab_cache)
     evidence = gather_where_it_stands(capture, render, Model())
     assert evidence.capture is capture and geometry_json(evidence.geometry) == []
+
+
+def test_a_test_view_is_found_after_all_else_and_moves_nothing_else(lab_world, lab_cache):
+    capture = read_capture(lab_world.capture_path)
+    first = capture.frames[0].camera_to_world
+    held = [replace(f, split="test" if (f.camera_to_world == first).all() else "train") for f in capture.frames]
+    wrong = first @ np.linalg.inv(matrix_of(POSE))
+    frames = tuple(replace(f, camera_to_world=wrong) if f.split == "test" else f for f in held)
+    capture = replace(capture, frames=frames, uncertainty=ROUGH)
+    renderer = RememberingRenderer(WorldRenderer(lab_world, grid=3))
+
+    def render(capture, split="train"):
+        return render_frames(capture, renderer, cache=lab_cache, frames=capture.split(split))
+
+    evidence = gather_where_it_stands(capture, render, Model())
+    assert evidence.test == () and not evidence.geometry.poses[0].any()
+    fitter = Fitter(evidence.train, evidence.nuisance_prior(), evidence.tiles)
+    solution = fitted_model(fitter, Model(), fitter.phi0(evidence.nuisances))
+    found = with_test_frames(evidence, fitter, solution, Model(), partial(render, split="test")).geometry
+    assert displacement_px(found.poses[0] - POSE) < 0.4 * displacement_px(POSE)
+    assert (found.poses[1:] == evidence.geometry.poses[1:]).all()
+    assert (found.projector == evidence.geometry.projector).all()
 
 
 def render_never(capture):

@@ -2,10 +2,11 @@
 """Gathers the evidence of a capture: images, their expected variances and tiles."""
 
 from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from activestereo.capture.capture import SIDES, Capture
+from activestereo.capture.capture import SIDES, SPLITS, Capture
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.noise import NoiseModel, frame_noise_variances, noise_model_at_other_gains, pair_noise_model
 from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
@@ -35,66 +36,96 @@ NoiseVariances = dict[tuple[int, str], float]
 
 
 def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Geometry | None = None) -> Evidence:
-    """The Evidence of a capture and its rendered layers {frame id: {side: Layers}}.
+    """The Evidence of a capture and its rendered layers {frame id: {side: Layers}}; frames without layers are left out.
 
     seed: rules every random choice. geometry: corrections that the capture has already; None = it is as stated.
     """
     geometry = geometry or Geometry.as_stated(capture)
-    places = geometry.places()
-    measured_images = [
+    measured_images = _measured_images(capture, layers, seed)
+    train = [s for s in measured_images if s.frame.split == "train"]
+    seen = [(s.frame, s.layers, s.where_known()) for s in train]
+    nuisances = fit_nuisances(seen, capture.rig.max_dn, capture.rig.black_dn).nuisances
+    noise_variances, noise_model, has_floor = _noise(capture, measured_images, nuisances)
+    if has_floor:
+        noise_model, noise_variances = noise_at_other_gains(
+            noise_model, noise_variances, measured_images, train, _predicted(train, nuisances)
+        )
+    tiles, count = _tiles(train)
+    evidence = Evidence(
+        capture=capture,
+        train=(),
+        test=(),
+        nuisances=nuisances,
+        noise_model=noise_model,
+        noise_variances=noise_variances,
+        has_floor=has_floor,
+        materials=len(_albedo_materials(train, _material_of(capture))),
+        tiles=count,
+        geometry=geometry,
+        seed=seed,
+    )
+    observed = _observed(evidence, train, measured_images, tiles)
+    of = {split: tuple(o for o in observed if o.frame.split == split) for split in SPLITS}
+    return replace(evidence, **of)
+
+
+def held_out(evidence: Evidence, capture: Capture, layers: LayersOfFrames) -> tuple[Observation, ...]:
+    """Observations of a capture's frames that have layers, with the noise and the materials of the evidence's train
+    frames."""
+    images, noise = _measured_images(capture, layers, evidence.seed), evidence.noise_model
+    variances = {s.key: max(noise.mean_variance(s.measured, s.frame.gain), ROUNDING_VARIANCE) for s in images}
+    evidence = replace(evidence, noise_variances=variances | evidence.noise_variances)
+    return _observed(evidence, evidence.train, images, {})
+
+
+def _measured_images(capture: Capture, layers: LayersOfFrames, seed: int) -> list[MeasuredImage]:
+    return [
         MeasuredImage(
             f, side, View.of(capture, f, side, layers[f.id][side], seed), layers[f.id][side], capture.ir(f, side)
         )
         for f in capture.frames
         for side in SIDES
+        if f.id in layers
     ]
-    train, test = ([s for s in measured_images if s.frame.split == split] for split in ("train", "test"))
-    seen = [(s.frame, s.layers, s.where_known()) for s in train]
-    nuisances = fit_nuisances(seen, capture.rig.max_dn, capture.rig.black_dn).nuisances
-    noise_variances, noise_model, has_floor = _noise(capture, measured_images, nuisances)
-    expected = _expected(measured_images, noise_variances, nuisances, capture.rig.max_dn)
-    predicted = {s.key: predict(s.frame, s.layers, nuisances, capture.rig.max_dn) for s in train}
-    if has_floor:
-        noise_model, noise_variances = noise_at_other_gains(
-            noise_model, noise_variances, measured_images, train, predicted
-        )
-    edge_discrepancy_m = edge_discrepancy(train, predicted, noise_model)
-    tiles, count = _tiles(train)
-    material_of = _material_of(capture)
+
+
+def _predicted(images: Sequence[MeasuredImage], nuisances: Nuisances) -> dict[tuple[int, str], np.ndarray]:
+    return {s.key: predict(s.frame, s.layers, nuisances, s.view.max_dn) for s in images}
+
+
+def _observed(
+    evidence: Evidence,
+    train: Sequence[MeasuredImage],
+    images: Sequence[MeasuredImage],
+    tiles: Mapping[tuple[int, str], np.ndarray],
+) -> tuple[Observation, ...]:
+    """Images with their weights, slopes and materials, as the evidence and its train images have noise and materials.
+    tiles: each pixel's tile of train images."""
+    nuisances, noise_model, places = evidence.nuisances, evidence.noise_model, evidence.geometry.places()
+    edge_discrepancy_m = edge_discrepancy(train, _predicted(train, nuisances), noise_model)
+    expected = _expected(images, evidence.noise_variances, nuisances)
+    material_of = _material_of(evidence.capture)
     materials = _albedo_materials(train, material_of)
-    growing, moving = focal_slopes(measured_images, nuisances), geometry_slopes(measured_images, nuisances)
+    growing, moving = focal_slopes(images, nuisances), geometry_slopes(images, nuisances)
 
-    def observation(measured_image: MeasuredImage) -> Observation:
-        weight = weight_of(noise_model, edge_discrepancy_m, measured_image, expected[measured_image.key])
-        tile = tiles.get(measured_image.key)
+    def observation(s: MeasuredImage) -> Observation:
+        tile = tiles.get(s.key)
         return Observation(
-            measured_image.frame,
-            measured_image.side,
-            measured_image.view,
-            measured_image.layers,
-            measured_image.measured,
-            weight,
-            np.full(measured_image.measured.shape, -1) if tile is None else tile,
-            _material_index(measured_image, materials, material_of),
-            growing[measured_image.key],
-            moving[measured_image.key],
-            len(SIDES) + len(materials) + places[measured_image.frame.id],
-            None if measured_image.view.known is None else np.flatnonzero(measured_image.view.known),
+            s.frame,
+            s.side,
+            s.view,
+            s.layers,
+            s.measured,
+            weight_of(noise_model, edge_discrepancy_m, s, expected[s.key]),
+            np.full(s.measured.shape, -1) if tile is None else tile,
+            _material_index(s, materials, material_of),
+            growing[s.key],
+            moving[s.key],
+            len(SIDES) + len(materials) + places[s.frame.id],
+            None if s.view.known is None else np.flatnonzero(s.view.known),
         )
 
-    return Evidence(
-        capture=capture,
-        train=tuple(map(observation, train)),
-        test=tuple(map(observation, test)),
-        nuisances=nuisances,
-        noise_model=noise_model,
-        noise_variances=noise_variances,
-        has_floor=has_floor,
-        materials=len(materials),
-        tiles=count,
-        geometry=geometry,
-        seed=seed,
-    )
+    return tuple(map(observation, images))
 
 
 def _noise(
@@ -135,7 +166,7 @@ def noise_at_other_gains(
 
 
 def _expected(
-    measured_images: Sequence[MeasuredImage], noise_variances: NoiseVariances, nuisances: Nuisances, max_dn: float
+    measured_images: Sequence[MeasuredImage], noise_variances: NoiseVariances, nuisances: Nuisances
 ) -> dict[tuple[int, str], np.ndarray]:
     """Expected values for the weights: the model's prediction, mixed with the measurement (the mean of repeats) by as
     much as the prediction fails.
@@ -150,7 +181,7 @@ def _expected(
         groups.setdefault(key, []).append(s)
     expected: dict[tuple[int, str], np.ndarray] = {}
     for group in groups.values():
-        images = [predict(s.frame, s.layers, nuisances, max_dn) for s in group]
+        images = [predict(s.frame, s.layers, nuisances, s.view.max_dn) for s in group]
         mean = np.mean([s.measured for s in group], axis=0)
         noise = np.mean([noise_variances[s.key] for s in group])
         square = np.mean([np.nanmean((s.where_known() - image) ** 2) for s, image in zip(group, images, strict=True)])

@@ -74,16 +74,21 @@ class Geometry:
         )
 
     def beyond_stated(self) -> NDArray[np.float64]:
-        """By how much the views at rest are farther off than is stated, [2]: the root mean square of their moves and of
-        their turns in the stated deviations; at least 1, which they are where the capture is as stated."""
-        moving, known = self.moving(), self.stated.uncertainty
-        at_rest = self.poses[~moving].reshape(-1, 2, TWIST // 2) / np.array([[known.pose_m], [known.pose_rad]])
+        """By how much the train views at rest are farther off than is stated, [2]: the root mean square of their moves
+        and of their turns in the stated deviations; at least 1, which they are where the capture is as stated."""
+        known, counts = self.stated.uncertainty, ~(self.moving() | self.held_out())
+        at_rest = self.poses[counts].reshape(-1, 2, TWIST // 2) / np.array([[known.pose_m], [known.pose_rad]])
         return np.maximum(np.sqrt((at_rest**2).mean(axis=(0, 2))), 1.0) if at_rest.size else np.ones(2)
 
     def moving(self) -> NDArray[np.bool_]:
         """Which poses are of moving frames, [n]."""
         moving = {f.id for f in self.stated.frames if f.is_moving}
         return np.array([not moving.isdisjoint(self.frames_of(row)) for row in range(len(self.poses))])
+
+    def held_out(self) -> NDArray[np.bool_]:
+        """Which poses are of test frames alone, [n]."""
+        train = {f.id for f in self.stated.split("train")}
+        return np.array([train.isdisjoint(self.frames_of(row)) for row in range(len(self.poses))])
 
     def places(self) -> dict[int, NDArray[np.intp]]:
         """{frame id: where the numbers that its images depend on stand in twists()}."""

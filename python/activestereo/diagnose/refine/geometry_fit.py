@@ -25,6 +25,7 @@ from activestereo.compare.cache import LayerCache, scene_digest
 from activestereo.compare.render import LayersOfFrames
 from activestereo.diagnose.evidence import Evidence, Geometry, Observation, gather
 from activestereo.diagnose.evidence.coarse import coarse
+from activestereo.diagnose.evidence.gather import held_out
 from activestereo.diagnose.evidence.geometry import TWIST
 from activestereo.diagnose.evidence.observation import NuisancePrior, one_of_each_situation
 from activestereo.diagnose.refine.fit_cache import code_digest, content_key, effect_content
@@ -76,7 +77,7 @@ def gather_where_it_stands(
     rendered_by: object = None,
     near: Evidence | None = None,
 ) -> Evidence:
-    """The Evidence of the capture with its geometry corrected. capture: as stated. render: the layers of a capture.
+    """The Evidence of the train frames with their geometry corrected. capture: as stated. render: their layers.
     model: the effects that are known already. memory: where the geometry is kept for a second diagnosis; rendered_by:
     all that decides the layers of a capture, for its key. near: from where to search on under another model; itself
     where nothing has to be rendered again."""
@@ -114,33 +115,38 @@ def _key(capture: Capture, model: Model, seed: int, rendered_by: object, near: E
 
 def _searched(evidence: Evidence, render: Render, model: Model, blurs_px: Sequence[float]) -> Evidence:
     """See gather_where_it_stands(). Where the images as they are ask for no correction, blurred ones are not asked."""
+
+    def again(geometry: Geometry) -> Evidence:
+        capture = geometry.capture()
+        return gather(capture, render(capture), evidence.seed, geometry)
+
     step = _step(evidence, model)
     if _change(evidence, step.focal, step.twists) >= _LINEAR_SHARE:
         for sigma_px in blurs_px:
-            evidence = _moved(evidence, _step(evidence, model, sigma_px), render)
+            step = _step(evidence, model, sigma_px)
+            evidence = _moved(evidence, step.focal, step.twists, again)
         step = _step(evidence, model) if blurs_px else step
-        evidence = _moved(evidence, step, render)
+        evidence = _moved(evidence, step.focal, step.twists, again)
     return replace(evidence, geometry=replace(evidence.geometry, deviations=step.deviations, misfit=step.misfit))
 
 
-def _moved(evidence: Evidence, step: _Step, render: Render) -> Evidence:
-    """The evidence from where the step leads; itself where that makes no difference."""
-    twists, stated = step.twists.copy(), _of_poses(_moving_beyond_others(evidence, step.twists))
+def _moved(
+    evidence: Evidence, focal: np.ndarray, twists: np.ndarray, again: Callable[[Geometry], Evidence]
+) -> Evidence:
+    """The evidence from where a step leads, by again(geometry); itself where that makes no difference."""
+    twists, stated = twists.copy(), _of_poses(_moving_beyond_others(evidence, twists))
     twists[stated] = -evidence.geometry.twists()[stated]
-    if _change(evidence, step.focal, twists) < _LINEAR_SHARE:
+    if _change(evidence, focal, twists) < _LINEAR_SHARE:
         return evidence
-    geometry = evidence.geometry.moved(step.focal, twists)
-    capture = geometry.capture()
-    return gather(capture, render(capture), evidence.seed, geometry)
+    return again(evidence.geometry.moved(focal, twists))
 
 
 def _step(evidence: Evidence, model: Model, blur_px: float = 0.0) -> _Step:
-    """Gauss-Newton of the train frames at rest, and of all other frames' own poses, which nothing else depends on: a
+    """Gauss-Newton of the train frames at rest, and of the moving ones' own poses, which nothing else depends on: a
     view that moves shows more than geometry."""
     at_rest = [o for o in evidence.train if not o.frame.is_moving] or list(evidence.train)
     fitted = {o.key for o in at_rest}
-    others = [o for o in (*evidence.train, *evidence.test) if o.key not in fitted]
-    seen = partial(coarse, sigma_px=blur_px) if blur_px else partial(_some, seed=evidence.seed)
+    others, seen = [o for o in evidence.train if o.key not in fitted], _look(evidence, blur_px)
     at_rest, others = list(map(seen, at_rest)), list(map(seen, others))
     misfit = 1.0
     prior, fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, blur_px)
@@ -148,23 +154,73 @@ def _step(evidence: Evidence, model: Model, blur_px: float = 0.0) -> _Step:
         start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)
         misfit = _misfit(fitter, fitter.refine(start, start.start, phi0, 0))
         prior, fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, blur_px)
-    phi, first = solution.phi.copy(), len(solution.theta) + SCALES
-    variance = np.diag(fitter.inverse(solution))[first:].copy()
+    phi = solution.phi.copy()
+    variance = np.diag(fitter.inverse(solution))[len(solution.theta) + SCALES :].copy()
     own = _own_places(at_rest, others)
     if own.size:
-        other = Fitter(_tiled(others), prior, evidence.tiles, not blur_px)
-        space = solution.space
-        sums = other.linearise(space, solution.theta, phi, other.lights(space, solution.theta))
-        precision = 1.0 / prior.sigma[own] ** 2
-        stated = -evidence.geometry.twists()[own - len(SIDES) - evidence.materials]
-        gram = sums.gram[np.ix_(first + own, first + own)] + np.diag(precision)
-        moment = sums.moment[first + own] - precision * (phi[SCALES + own] - stated)
-        inverse = np.linalg.inv(gram)
-        phi[SCALES + own] += inverse @ moment
-        variance[own] = np.diag(inverse)
+        moved, variance[own] = _own_step(evidence, others, prior, own, solution.space, solution.theta, phi, not blur_px)
+        phi[SCALES + own] += moved
     focal, twists = np.split(_without_albedos(phi[SCALES:], evidence), [len(SIDES)])
     deviations = np.sqrt(_misfit(fitter, solution) * _without_albedos(variance, evidence))
     return _Step(focal, twists, deviations, misfit)
+
+
+def _own_step(
+    evidence: Evidence,
+    others: Sequence[Observation],
+    prior: NuisancePrior,
+    own: np.ndarray,
+    space: ParameterSpace,
+    theta: np.ndarray,
+    phi: np.ndarray,
+    supersampled: bool,
+) -> tuple[np.ndarray, np.ndarray]:
+    """(step, variance) of the numbers at places own of the prior, on which others alone depend."""
+    fitter, at = Fitter(_tiled(others), prior, evidence.tiles, supersampled), len(theta) + SCALES + own
+    sums = fitter.linearise(space, theta, phi, fitter.lights(space, theta))
+    precision = 1.0 / prior.sigma[own] ** 2
+    stated = -evidence.geometry.twists()[own - len(SIDES) - evidence.materials]
+    inverse = np.linalg.inv(sums.gram[np.ix_(at, at)] + np.diag(precision))
+    return inverse @ (sums.moment[at] - precision * (phi[SCALES + own] - stated)), np.diag(inverse)
+
+
+def with_test_frames(evidence: Evidence, fitter: Fitter, solution: Solution, model: Model, render: Render) -> Evidence:
+    """The evidence with the test frames from where they stand: their own poses are searched beside the model and the
+    nuisances of a solution, after all is decided. model: the solution's, with its effects' own functions. render: the
+    layers of a capture's test frames."""
+    space, phi, unmoved = ParameterSpace.of(model), solution.phi, np.zeros(len(SIDES))
+    held = _of_poses(evidence.geometry.held_out())
+    own = len(SIDES) + evidence.materials + np.flatnonzero(held)
+
+    def again(geometry: Geometry) -> Evidence:
+        capture = geometry.capture()
+        test = held_out(evidence, capture, render(capture))
+        return replace(evidence, capture=capture, geometry=geometry, test=test)
+
+    def step(there: Evidence, blur_px: float) -> tuple[np.ndarray, np.ndarray]:
+        twists, look = np.zeros(len(held)), _look(evidence, blur_px)
+        others = [look(o) for o in there.test if np.isin(o.geometry_places, own).any()]
+        prior = there.nuisance_prior()
+        twists[held], variance = _own_step(there, others, prior, own, space, space.start, phi, not blur_px)
+        return twists, variance
+
+    there = again(evidence.geometry)
+    if not held.any():
+        return there
+    twists, variance = step(there, 0.0)
+    if _change(there, unmoved, twists) >= _LINEAR_SHARE:
+        for sigma_px in _BLURS_PX:
+            there = _moved(there, unmoved, step(there, sigma_px)[0], again)
+        twists, variance = step(there, 0.0)
+        there = _moved(there, unmoved, twists, again)
+    deviations = there.geometry.deviations.copy()
+    deviations[len(SIDES) :][held] = np.sqrt(_misfit(fitter, solution) * variance)
+    return replace(there, geometry=replace(there.geometry, deviations=deviations))
+
+
+def _look(evidence: Evidence, blur_px: float) -> Callable[[Observation], Observation]:
+    """How a search looks at observations: blurred, or at some of their pixels."""
+    return partial(coarse, sigma_px=blur_px) if blur_px else partial(_some, seed=evidence.seed)
 
 
 def _some(o: Observation, seed: int) -> Observation:
