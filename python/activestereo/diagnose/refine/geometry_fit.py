@@ -44,8 +44,8 @@ _ITERATIONS = 4
 _PIXEL_SHARE, _SEED = 0.25, 13
 # What moves this is a lens that may be fitted along; the share of chi2 that it has to take away in a scan.
 _LENS, _WORTH = "camera.distortion", 0.2
-# Values of the lens that are tried, in typical ones.
-_SCANNED = (0.3, 1.0, 3.0, -0.3, -1.0, -3.0)
+# Values of the lens that are tried, in typical ones, at every so manyth pixel of those that stand for all.
+_SCANNED, _SCANNED_PIXEL = (0.3, 1.0, 3.0, -0.3, -1.0, -3.0), 4
 # Images are rendered again where corrections change them by more than this share of the noise, in the quadratic mean.
 _LINEAR_SHARE = 0.1
 # A moving view is off by at most so many times what the views at rest are, and by so many stated deviations.
@@ -254,7 +254,8 @@ def _with_lens(evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarray
     gave way to the lens' displacements would hold its parameters where they are."""
     space, known = ParameterSpace.of(model), {effect.id for effect, _ in model.effects}
     lenses = [e for e in builtin().values() if e.engine_fields == (_LENS,) and e.id not in known]
-    seen = one_of_each_situation(evidence.train, evidence.seed)
+    picked = one_of_each_situation(evidence.train, evidence.seed)
+    seen = [replace(o, pick=np.arange(o.measured.size)[o.picked()][::_SCANNED_PIXEL]) for o in picked]
     scan = Fitter(seen, fitter.nuisance_prior, evidence.tiles, supersampled=False)
 
     def chi2(space: ParameterSpace, theta: np.ndarray) -> float:
