@@ -156,14 +156,18 @@ def blur_along(images: np.ndarray, sigma_px: np.ndarray, axis: int) -> np.ndarra
 
 
 def _between_levels(images: np.ndarray, position: np.ndarray, kernels: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
-    """Images under the kernels, linear between those of one number and the next by position [height][width]."""
+    """Images under the kernels, linear between those of one number and the next by position [height][width]. A kernel
+    looks at the rows that want it: what is near stands low in most images."""
     out = np.zeros(images.shape, np.result_type(images, np.float32))
     position = position.astype(out.dtype)
     for i, (kernel_u, kernel_v) in enumerate(kernels):
-        weight = 1.0 - np.abs(position - out.dtype.type(i))
-        blurred = _along_both(images, kernel_u, kernel_v)
-        blurred *= np.maximum(weight, 0.0, out=weight)
-        out += blurred
+        weight = np.maximum(1.0 - np.abs(position - out.dtype.type(i)), 0.0)
+        wanted = np.flatnonzero(weight.any(axis=1))
+        if wanted.size:
+            rows, reach = slice(wanted[0], wanted[-1] + 1), len(kernel_v) // 2
+            first = max(rows.start - reach, 0)
+            blurred = _along_both(images[..., first : rows.stop + reach, :], kernel_u, kernel_v)
+            out[..., rows, :] += blurred[..., rows.start - first : rows.stop - first, :] * weight[rows]
     return out
 
 
