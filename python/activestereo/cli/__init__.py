@@ -126,6 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(_WANTED, file=sys.stderr)
             return USAGE
         args = _parsed(given)
+        args.given = [word for word in given if word != "--allow-outside"]
         with outside_allowed() if args.allow_outside else nullcontext(), _no_empty_folder(getattr(args, "out", None)):
             with redirect_stdout(cast(TextIO, PlainStream(sys.stdout))):
                 _run(args)

@@ -215,6 +215,18 @@ def add_shared(
         parser.add_argument(*names, **{**option, "help": text, **own})
 
 
+# Options of renders that a command after another one takes over.
+SAME_RUN = "spp", "max_bounces", "seed", "device"
+
+
+def carried(args: argparse.Namespace, *names: str) -> list[Any]:
+    """The words of a run's options for the command that follows it: those of `names` with other values than their
+    defaults."""
+    usual = {option[-1]: keywords.get("default") for option, keywords in _SHARED.values()}
+    given = [(f"--{name.replace('_', '-')}", getattr(args, name)) for name in names]
+    return [word for option, value in given if value != usual.get(option) for word in (option, value)]
+
+
 def check_paper(args: argparse.Namespace) -> None:
     """Fails before the long work, not after it."""
     for path in (args.pdf, args.csv):

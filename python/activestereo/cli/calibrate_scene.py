@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import CommandError, add_shared, check_out_file, integer_from, print_section
+from activestereo.cli.arguments import CommandError, add_shared, carried, check_out_file, integer_from, print_section
 
 _SCENE = """\
 A scene where no geometry exists: the surface that one pose of the camera measured, as
@@ -87,5 +87,5 @@ def _run_materials(args: argparse.Namespace) -> None:
         found = calibrate_materials(args.capture, args.object, args.seed, args.full_grid, args.device, model, bar)
     replace_sections(args.out, found.model())
     folder = args.out.with_suffix("")
-    next_step = command("compare", args.capture, "--model", args.out, "-o", folder)
+    next_step = command("compare", args.capture, "--model", args.out, *carried(args, "seed", "device"), "-o", folder)
     print_section(args, "materials", found.summary(), next_step)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import CommandError, add_shared, integer_from, print_json
+from activestereo.cli.arguments import CommandError, add_shared, carried, integer_from, print_json
 from activestereo.common.input_files import read_json_object
 
 _WORLD = """\
@@ -104,6 +104,7 @@ def _run(args: argparse.Namespace) -> None:
         print_json(read_json_object(args.out / "capture.json")["measured"])
         return
     sentence = f"{args.out}: {', '.join(steps)} measured from {args.recording}, each with a picture."
-    leads = [command(name, args.out, "-o", f"{args.out}_{name}") for name in ("diagnose", "compare")]
+    same = args.out, *carried(args, "seed")
+    leads = [command(name, *same, "-o", f"{args.out}_{name}") for name in ("diagnose", "compare")]
     notes = [note for line in lines for note in line.splitlines()]
     print(screen(sentence, (), notes, leads, args.out / "measured", verbose=args.verbose))

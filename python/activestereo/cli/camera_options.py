@@ -99,7 +99,9 @@ def add_camera_options(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--readout",
         choices=READOUTS,
-        help="the way their lines go; a sensor built in upside down has rows_up (default: rows_down)",
+        metavar="NAME",
+        help=f"the way their lines go, {' | '.join(READOUTS)}; a sensor built in upside down has rows_up (default: "
+        "rows_down)",
     )
     group.add_argument(
         "--rgb-exposure-s",

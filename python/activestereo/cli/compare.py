@@ -5,7 +5,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from activestereo.cli.arguments import add_shared, check_paper, make_folder, print_json
+from activestereo.cli.arguments import SAME_RUN, add_shared, carried, check_paper, make_folder, print_json
 
 if TYPE_CHECKING:
     from activestereo.effects import Effect
@@ -91,11 +91,10 @@ def run(args: argparse.Namespace) -> None:
             progress=phases,
             **under_model,
         )
-        model = "--model", args.model, *own
-        if args.model is not None and is_near_noise(comparison.scores):
-            next_step = command("simulate", args.capture, *model, "-o", args.out / "simulated")
-        else:
-            next_step = command("diagnose", args.capture, *model, "-o", args.out / "diagnosis")
+        is_found = args.model is not None and is_near_noise(comparison.scores)
+        name, folder = ("simulate", "simulated") if is_found else ("diagnose", "diagnosis")
+        same = "--model", args.model, *own, *carried(args, *SAME_RUN)
+        next_step = command(name, args.capture, *same, "-o", args.out / folder)
         phases.begin(WRITING)
         write_report(comparison, args.out, effects=effects, progress=phases, steps=[next_step])
         if args.csv:

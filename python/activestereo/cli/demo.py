@@ -64,6 +64,7 @@ def _step(args: argparse.Namespace, number: int, words: list[str]) -> None:
     """Runs another command as if it had been typed."""
     print(f"\n== {number} of 3: activestereo {' '.join(words)}", flush=True)
     step = args.parser.parse_args(words)
+    step.given = words
     step.run(step)
 
 

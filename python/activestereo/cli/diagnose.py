@@ -12,8 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from activestereo.cli.arguments import (
+    SAME_RUN,
     Commands,
     add_shared,
+    carried,
     check_paper,
     integer_from,
     make_folder,
@@ -105,7 +107,7 @@ def add_parser(commands: Commands) -> None:
         seed="same seed, same answer",
     )
     text = "processes that fit (default: one per core)"
-    parser.add_argument("--workers", type=integer_from(1), default=os.cpu_count() or 1, metavar="N", help=text)
+    parser.add_argument("--workers", type=integer_from(1), metavar="N", help=text)
     add_shared(parser, device=True, pdf=True, csv="the ranking, a row for each parameter", json=True)
     add_shared(parser, verbose="the ranking, the depth's error, times")
     parser.set_defaults(run=run)
@@ -145,7 +147,7 @@ def run(args: argparse.Namespace) -> None:
             samples_per_pixel=args.spp,
             max_bounces=args.max_bounces,
             seed=args.seed,
-            workers=args.workers,
+            workers=args.workers or os.cpu_count() or 1,
             progress=phases,
             numbers=replace(NUMBERS, **given),
             rendering=(lambda capture: EngineImages(capture, *sampled)) if args.refine else None,
@@ -177,10 +179,13 @@ def _steps(args: argparse.Namespace, diagnosis: Diagnosis) -> list[Step]:
     own = [word for file in args.effects for word in ("--effects", file)]
     if diagnosis.stub:
         stub = ("--effects", args.out / "effect_stub.py", "-o", args.out / "again")
-        return [command("diagnose", args.capture, "--model", args.model, *own, *stub)]
+        how = carried(args, "alpha", "least_share", "bin", "workers", *SAME_RUN)
+        how += [word for folder in args.reference for word in ("--reference", folder)]
+        how += [] if args.refine else ["--no-refine"]
+        return [command("diagnose", args.capture, "--model", args.model, *own, *how, *stub)]
     if diagnosis.sensor_model is None:
-        return [command("view", args.capture)]
-    model = "--model", args.out / "model.json", *own
+        return [command("view", args.capture, *carried(args, "device"))]
+    model = "--model", args.out / "model.json", *own, *carried(args, *SAME_RUN)
     return [
         command("compare", args.capture, *model, "-o", args.out / "after", label="check"),
         command("simulate", args.capture, *model, "-o", args.out / "simulated", label="use"),

@@ -39,14 +39,15 @@ def _size(default: Any) -> str:
 
 def _facts(p: Parameter, default: Any) -> str:
     shown = {bool: str(default).lower(), tuple: "none; may be given several times"}.get(p.kind, default)
-    return ", ".join(filter(None, [f"{p.possible} {p.unit}".strip(), f"default: {'none' if shown is None else shown}"]))
+    possible = p.possible or " | ".join(p.choices)
+    return ", ".join(filter(None, [f"{possible} {p.unit}".strip(), f"default: {'none' if shown is None else shown}"]))
 
 
 def _kind(p: Parameter) -> dict[str, Any]:
     kinds: dict[type, dict[str, Any]] = {
         bool: {"action": argparse.BooleanOptionalAction},
         tuple: {"action": "append", "choices": p.choices, "metavar": "NAME"},
-        str: {"choices": p.choices} if p.choices else {"metavar": "TEXT"},
+        str: {"choices": p.choices, "metavar": "NAME"} if p.choices else {"metavar": "TEXT"},
         int: {"type": _within(p, whole), "metavar": "N"},
         float: {"type": _within(p, real), "metavar": "X"},
     }

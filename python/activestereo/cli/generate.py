@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from activestereo.cli.arguments import CommandError, Commands, add_shared, integer_from, make_folder, names_of, size
+from activestereo.cli.arguments import CommandError, Commands, add_shared, carried, integer_from, make_folder, names_of, size
 
 FORMATS = ("lerobot", "mcap")
 
@@ -126,5 +126,5 @@ def run(args: argparse.Namespace) -> None:
     if args.also and not done.missing:
         write_formats(args.out, args.count, args.also)
         notes += [f"also {', '.join(args.also)}"]
-    steps = [command("view", args.out)]
+    steps = [command("view", args.out, *carried(args, "device"))]
     print(screen(f"{'; '.join(notes)}, in {args.out}.", (), unseen, steps, verbose=args.verbose))

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from activestereo.cli.arguments import CommandError, Commands, add_shared, make_folder, share, size
+from activestereo.cli.arguments import CommandError, Commands, add_shared, carried, make_folder, share, size
 
 if TYPE_CHECKING:
     import numpy as np
@@ -66,7 +66,9 @@ def _run(args: argparse.Namespace) -> None:
         write_png(args.out / f"{name}.png", picture)
         names.append(name)
     sentence = f"{len(names)} pictures in {args.out}, {names[0]}.png first: edges of the scene lie over the camera's."
-    leads = [command("compare", args.source, "-o", args.out / "compare")] if is_capture and args.scene is None else []
+    leads = []
+    if is_capture and args.scene is None:
+        leads = [command("compare", args.source, *carried(args, "device"), "-o", args.out / "compare")]
     print(screen(sentence, (), (), leads))
 
 

@@ -57,15 +57,15 @@ def light_lines(share: LightShare | None, added: float | None) -> list[str]:
         return [*room, "light: no infrared light comes from the picture's middle"]
     other = f"; the brightest other is {share.brightest}, {_percent(share.brightest_share)}" if share.brightest else ""
     place = f"of the infrared light at the dots, {share.distance_m:.2f} m away in the middle"
-    return [*room, f"light: {_percent(share.dots)} {place}, is the projector's{other}"]
+    return [*room, f"light: {_percent(share.projector)} {place}, is the projector's{other}"]
 
 
 def warn_of_light(share: LightShare | None) -> None:
     """Says on stderr that a projector's dots hardly stand out, and in which light."""
-    if share is None or share.dots >= LEAST_SHARE or share.brightest is None:
+    if share is None or share.projector >= LEAST_SHARE or share.brightest is None:
         return
-    light = f"{share.brightest} gives {_percent(share.brightest_share)} of the infrared light"
-    _say(f"the dots hardly stand out: {light}, and the projector {_percent(share.dots)} of it at its dots")
+    light = f"{share.brightest} gives {_percent(share.brightest_share)} of the infrared light at them"
+    _say(f"the dots hardly stand out: {light}, the projector {_percent(share.projector)}")
 
 
 def warn_of_unseen(unseen: Sequence[tuple[str, str]], summary: kuafu.SceneSummary) -> None:

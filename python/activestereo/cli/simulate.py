@@ -16,6 +16,7 @@ from activestereo.cli.arguments import (
     CommandError,
     Commands,
     add_shared,
+    carried,
     integer_from,
     make_folder,
     positive,
@@ -397,7 +398,7 @@ def _report(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Any]
     details = "\n".join([device, matching_line(sensor.engine), stage_table(groups), accuracy_table(rows)])
     sentence = depth_sentence(f"{sensor.get_config().model} in {args.scene.name} ({size_m:.2g} m large)", rows)
     notes, page = light_lines(share, added), args.out / "overview.png"
-    leads, unit = [command("view", args.out)], likely_unit(size_m)
+    leads, unit = [command("view", args.out, *carried(args, "device"))], likely_unit(size_m)
     if not rows[-1].pixels and args.unit == 1.0 != unit:
-        leads = [command("simulate", args.scene, "--sensor", args.sensor, "--unit", f"{unit:g}", "-o", args.out)]
+        leads = [command(*args.given, "--unit", f"{unit:g}")]
     print(screen(sentence, failing(rows), notes, leads, page, details, args.verbose))

@@ -24,7 +24,7 @@ _PRINTED_TOLERANCE = 1e-3
 class HasMatrix(Protocol):
     """A pose of another library with to_transformation_matrix(), such as sapien.Pose."""
 
-    def to_transformation_matrix(self) -> np.ndarray: ...
+    def to_transformation_matrix(self) -> NDArray[Any]: ...
 
 
 class Pose:
@@ -53,7 +53,7 @@ class Pose:
             )
         self.q /= norm
 
-    def to_transformation_matrix(self) -> np.ndarray:
+    def to_transformation_matrix(self) -> NDArray[Any]:
         """4x4, body to parent."""
         w, x, y, z = self.q
         out = np.eye(4)
@@ -79,14 +79,14 @@ class Pose:
 PoseLike: TypeAlias = HasMatrix | ArrayLike
 
 
-def as_matrix(pose: PoseLike) -> np.ndarray:
+def as_matrix(pose: PoseLike) -> NDArray[Any]:
     """4x4 of a Pose, of anything with to_transformation_matrix() such as sapien.Pose, or of a 4x4 array."""
     if hasattr(pose, "to_transformation_matrix"):
         return np.asarray(pose.to_transformation_matrix(), dtype=np.float64)
     return Pose(pose).to_transformation_matrix()
 
 
-def camera_to_world(pose: PoseLike) -> np.ndarray:
+def camera_to_world(pose: PoseLike) -> NDArray[Any]:
     """camera_to_world (camera axes) of a camera with its body at `pose` (body axes)."""
     return as_matrix(pose) @ CAMERA_TO_BODY
 
@@ -96,12 +96,12 @@ def body_pose(camera_to_world: ArrayLike) -> Pose:
     return Pose(np.asarray(camera_to_world, dtype=np.float64) @ CAMERA_TO_BODY.T)
 
 
-def camera_to_camera(pose_a: PoseLike, pose_b: PoseLike) -> np.ndarray:
+def camera_to_camera(pose_a: PoseLike, pose_b: PoseLike) -> NDArray[Any]:
     """a_to_b in camera axes, from two poses (body axes) in one common frame."""
     return np.linalg.inv(camera_to_world(pose_b)) @ camera_to_world(pose_a)
 
 
-def carried_twist(a_to_b: np.ndarray, twist: ArrayLike) -> np.ndarray:
+def carried_twist(a_to_b: NDArray[Any], twist: ArrayLike) -> NDArray[Any]:
     """The twist [v, w] (6, m/s and rad/s) of frame b in its own axes, if b is fixed to a frame a with the twist
     `twist`. This is the adjoint of a_to_b (Lynch and Park, Modern Robotics, 3.3.2). Exact at any time, as pose(t) =
     pose(0) exp(t [v, w]) for both."""
@@ -111,7 +111,7 @@ def carried_twist(a_to_b: np.ndarray, twist: ArrayLike) -> np.ndarray:
     return np.concatenate([rotation @ twist[:3] + np.cross(offset, angular), angular])
 
 
-def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> np.ndarray:
+def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> NDArray[Any]:
     """camera_to_world of a camera at `eye` that looks at `target` with `up` upwards in the image, in the three's own
     axes."""
     eye, target, up = (np.asarray(v, dtype=np.float64) for v in (eye, target, up))
@@ -123,7 +123,7 @@ def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> np.ndarray:
     return out
 
 
-def rigid_fault(pose: np.ndarray, tolerance: float = _ROTATION_TOLERANCE) -> str | None:
+def rigid_fault(pose: NDArray[Any], tolerance: float = _ROTATION_TOLERANCE) -> str | None:
     """The reason why a [4, 4] is no rigid motion, in words that follow its name; None if it is one."""
     if pose.shape != (4, 4) or not np.isfinite(pose).all():
         return "is not a 4x4 of finite numbers"
@@ -140,7 +140,7 @@ def rigid_fault(pose: np.ndarray, tolerance: float = _ROTATION_TOLERANCE) -> str
 
 def printed_motion(
     rotation: ArrayLike, translation: ArrayLike, name: str, last_row: ArrayLike = (0.0, 0.0, 0.0, 1.0)
-) -> np.ndarray:
+) -> NDArray[Any]:
     """The rigid [4, 4] nearest to a rotation (9 numbers, row by row) and a translation (3) with few printed digits.
     last_row: of a printed 4x4. Raises ValueError, which begins with the name, if it is no rigid motion."""
     pose = np.eye(4)
@@ -158,7 +158,7 @@ def printed_motion(
     return pose
 
 
-def _quaternion(rotation: np.ndarray) -> np.ndarray:
+def _quaternion(rotation: NDArray[Any]) -> NDArray[Any]:
     """(w, x, y, z) of a rotation: the eigenvector of Bar-Itzhack's symmetric matrix, good at every angle (J. Guidance
     23(6), 2000)."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation

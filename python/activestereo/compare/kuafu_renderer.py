@@ -65,8 +65,9 @@ class KuafuRenderer:
         digest = scene_digest(request.scene_path)
         if self._world is None or digest != self._world.digest:
             renderer = SceneRenderer(request.scene_path, self._device, self._smooth)
-            may_be_matt = self._smooth and not self._traced and not renderer.has_room_light
-            self._world = _World(digest, renderer, may_be_matt and matt_world.is_matt_world(renderer.scene))
+            may_be_matt = self._smooth and not self._traced
+            is_matt = may_be_matt and matt_world.is_matt_world(renderer.scene, renderer.has_room_light)
+            self._world = _World(digest, renderer, is_matt)
         return self._world
 
 
@@ -109,19 +110,24 @@ def _matt_layers(
     ) -> dict[str, NDArray]:  # fmt: skip
         return world.images(list(map(_camera, cameras)), outputs, spp, max_bounces, progress, seed=request.seed)
 
+    spp, seed = request.samples_per_pixel, request.seed
+    room = world.room_light(list(map(_camera, request.cameras)), spp, seed=seed) if world.has_room_light else None
+    even = LIGHT[2:] if room is None else ()
     with world.lit([(_projector(request), request.pattern)]):
-        bounced = render(wide, matt_world.SURFACE + LIGHT[1:], few, request.max_bounces, progress)
-        sky = render(wide, LIGHT[2:], of_sky)
+        bounced = render(wide, matt_world.SURFACE + LIGHT[1:2] + even, few, request.max_bounces, progress)
+        sky = render(wide, even, of_sky)["ambient"] if room is None else room
         first = render(finer, matt_world.FIRST, fewer)
         seen = render(request.cameras, matt_world.SURFACE, fewer)
-    light = np.stack([bounced["projector_indirect"], bounced["ambient"], sky["ambient"]])[..., 0]
+    light = [bounced["projector_indirect"], *([bounced["ambient"], sky] if room is None else [])]
 
     def layers(i: int) -> Layers:
         albedo = first["albedo"][i, ..., 0]
         own = matt_world.surfaces_of(seen, i, request.cameras[i], albedo)
-        indirect, ambient, direct_sky = matt_world.bounced_light(
-            light[:, i], matt_world.surfaces_of(bounced, i, wide[i], albedo), own, wide[i].K[0, 0]
-        )
+        spread = matt_world.bounced_light(
+            np.stack([image[i, ..., 0] for image in light]), matt_world.surfaces_of(bounced, i, wide[i], albedo), own,
+            wide[i].K[0, 0],
+        )  # fmt: skip
+        indirect, ambient, direct_sky = spread if room is None else (spread[0], sky[i, ..., 0], sky[i, ..., 0])
         direct, flat = matt_world.first_light(first, i, request.pattern)
         depth_m, normal, material = (seen[name][i].copy() for name in matt_world.SURFACE)
         return Layers(direct, indirect, ambient, flat, depth_m[..., 0], normal, material[..., 0], direct_sky)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The light of a world whose surfaces are all matt, of one albedo each.
+"""The light of a world whose surfaces are all matt: of one albedo each, or of a room that `calibrate world` measured.
 
 Light off the first surface follows from geometry (Lambert): albedo / pi x cos / distance^2 x visibility x pattern,
 at the centres of FINER x FINER squares of each pixel. It has no noise. Bounced light has no dots: it is rendered with
@@ -63,14 +63,17 @@ def surfaces_of(images: Mapping[str, NDArray], i: int, camera: ViewCamera, albed
     return MattSurfaces(Surfaces.of(depth_m, normal, points, whole), mean)
 
 
-def is_matt_world(scene: kuafu.Scene) -> bool:
-    """Whether every material of a scene reflects by Lambert's law alone, with one albedo, and no light is its own."""
+def is_matt_world(scene: kuafu.Scene, is_painted: bool = False) -> bool:
+    """Whether every material of a scene reflects by Lambert's law alone, and no light is its own. is_painted: albedos
+    may be textures, which only light of the projector falls on."""
     seen = scene.summary
-    return seen.light_count == 0 and all(_is_matt(scene.get_material(number)) for number in range(seen.material_count))
+    materials = (scene.get_material(number) for number in range(seen.material_count))
+    return seen.light_count == 0 and all(_is_matt(material, is_painted) for material in materials)
 
 
-def _is_matt(m: kuafu.Material) -> bool:
-    textures = m.base_color_texture, m.ir_albedo_texture, m.metallic_roughness_texture, m.normal_texture
+def _is_matt(m: kuafu.Material, is_painted: bool) -> bool:
+    paint = () if is_painted else (m.base_color_texture, m.ir_albedo_texture)
+    textures = *paint, m.metallic_roughness_texture, m.normal_texture
     other = (
         m.metallic, m.specular, m.transmission, m.ir_transmission or 0.0, m.diffuse_transmission, m.subsurface,
         m.clearcoat, m.diffuse_roughness, m.ir_sheen_color or 0.0, *m.sheen_color, m.ir_emission, *m.emission,

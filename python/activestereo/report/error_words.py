@@ -57,6 +57,8 @@ _OF_FRAMES, _LEAST_FRAMES = ("time", "temperature"), 5
 _MOST_MATERIALS, _MOST_FAMILIES = 3, 4
 # A place that holds so much of what the first one does may be the one that matters.
 _ALIKE = 0.7
+# A mean error that changes its sign is told where it makes so much of the error.
+_LEAST_TURN = 0.5
 # An error that falls by less than this share did not fall.
 _SAME = 0.02
 # An error above the noise by less than this share of it is nearly all noise.
@@ -84,12 +86,15 @@ def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
     place = places[0] if places else None
     words, ways = _KINDS[shape["kind"]]
     amount = place["mean"] if place is not None and shape["kind"] == "brightness" else shape["amount"]
-    kind = words.format(ways[amount > 0] if ways else abs(amount))
-    where = "" if place is None else f": {_percent(place['share'])} of the error lies {place['words']}"
-    area = "" if place is None else f", in {_percent(place['pixel_share'])} of the pixels"
+    where = ""
+    if place is not None and place["turns"]:
+        where = f" {place['words']} and {ways[amount <= 0]} beyond: {_percent(place['share'])} of the error"
+    elif place is not None:
+        where = f": {_percent(place['share'])} of the error lies {place['words']}"
+        where += f", in {_percent(place['pixel_share'])} of the pixels"
     if is_near_noise(scores):
         said += [f"Little is missing: the infrared error is within {_percent(_NEAR_NOISE)} of noise alone."]
-    said.append(f"{kind}{where}{area}.")
+    said.append(f"{words.format(ways[amount > 0] if ways else abs(amount))}{where}.")
     suspects = _FAMILIES[shape["kind"]]
     alike = [one["covariate"] for one in places if _gain(one) > _ALIKE * _gain(places[0])] or [""]
     names = [*dict.fromkeys(name for one in alike for name in suspects.get(one, suspects[""]))][:_MOST_FAMILIES]
@@ -99,16 +104,29 @@ def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
 def error_places(tables: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """{words, covariate, its table, mean DN, share of the infrared error beyond noise, pixel_share} of pixels that one
     covariate tells, those that hold most of the error beside their number first; none where it lies everywhere alike.
+    turns: whether the mean error of all pixels makes that share, and has the other sign on the other side.
     """
     known = [t for t in tables if t["channel"] == "infrared" and t["is_finding"]]
     told = [t for t in known if t["covariate"] in (*_PLACES, "material") and t["concentration"] >= _LEAST_CONCENTRATION]
     told = [t for t in told if t["covariate"] not in _OF_FRAMES or len(t["bins"]) >= _LEAST_FRAMES]
-    places = [_materials(t) if t["covariate"] == "material" else _tail(t) for t in told]
+    places = [_materials(t) if t["covariate"] == "material" else _turn(t) or _tail(t) for t in told]
     return sorted(places, key=_gain, reverse=True)
 
 
 def _gain(place: Mapping[str, Any]) -> float:
     return float(place["share"] - place["pixel_share"])
+
+
+def _turn(table: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The pixels below the value at which the mean error changes its sign, where that mean makes most of the error."""
+    bins, low = table["bins"], _PLACES[table["covariate"]][0]
+    sums = [b["pixels"] * b["mean"] for b in bins]
+    parts = [(sum(sums[:i]), sum(sums[i:]), i) for i in range(1, len(bins))]
+    below, above, i = max(parts, key=lambda part: abs(part[0] - part[1]), default=(0.0, 0.0, 0))
+    if (table["mean_share"] or 0.0) < _LEAST_TURN or below * above >= 0.0:
+        return None
+    place = _place(table, bins[:i], low.format(bins[i]["low"]))
+    return place | {"share": table["mean_share"], "pixel_share": 0.0, "turns": True}
 
 
 def _tail(table: Mapping[str, Any]) -> dict[str, Any]:
@@ -134,7 +152,7 @@ def _place(table: Mapping[str, Any], own: Sequence[Mapping[str, Any]], words: st
     held, whole = (sum(b["pixels"] * max(b["excess"], 0.0) for b in bins) for bins in (own, all_bins))
     share, pixels = held / max(whole, 1e-12), sum(b["pixels"] for b in own) / sum(b["pixels"] for b in all_bins)
     mean = sum(b["pixels"] * b["mean"] for b in own) / max(sum(b["pixels"] for b in own), 1)
-    told = {"words": words, "covariate": table["covariate"], "table": table, "mean": mean}
+    told = {"words": words, "covariate": table["covariate"], "table": table, "mean": mean, "turns": False}
     return told | {"share": share, "pixel_share": pixels}
 
 

@@ -15,7 +15,8 @@ from activestereo.common.palette import BLUE, GRID, INK, MUTED, ORANGE
 from activestereo.report.lettering import as_written
 
 _NO_DATA = "#15181c"
-_ERROR_SCALE_M = 0.02
+_LEAST_SPAN_MM = 5.0  # of an error's colours, which span nine in ten pixels
+_LONGEST_NAME = 17
 
 
 def simulation_figure(
@@ -107,7 +108,7 @@ class _Page:
         return self._axes(left, self._size[1] - top, self.WIDTH, self._picture_height)
 
     def chart(self, index: int, count: int) -> Axes:
-        labels = 0.85
+        labels = 1.45
         width = self._inner / count
         return self._axes(self.MARGIN + index * width + labels, 0.4, width - labels - 0.35, self._chart_height)
 
@@ -172,10 +173,14 @@ def _depth(
 def _error(axes: Axes, depth: np.ndarray, true_depth: np.ndarray) -> None:
     both = (depth > 0) & (true_depth > 0)
     error = np.ma.masked_where(~both, 1e3 * (depth - true_depth))
-    limit = 1e3 * _ERROR_SCALE_M
+    limit = max(_LEAST_SPAN_MM, float(np.quantile(np.abs(error.compressed()), 0.9)) if both.any() else 0.0)
     shown = _picture(axes, error, "measured minus true depth", cmap="RdBu_r", vmin=-limit, vmax=limit)
     axes.set_facecolor(_NO_DATA)
     _color_bar(axes, shown, "mm", extend="both")
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
 
 
 def _bars(axes: Axes, rows: Sequence[Accuracy], values: Sequence[float], title: str, unit: str, color: str) -> None:
@@ -185,8 +190,8 @@ def _bars(axes: Axes, rows: Sequence[Accuracy], values: Sequence[float], title: 
     for place, value in zip(places, values, strict=True):
         text = f"{value:.1f} {unit}" if np.isfinite(value) else "none"
         axes.text(max(np.nan_to_num(value), 0.0) + 0.008 * most, place, text, va="center", fontsize=10.5, color=INK)
-    axes.set_yticks(places, [as_written(row.name) for row in rows], fontsize=11, color=INK)
-    axes.set_xlim(0, 1.13 * most)
+    axes.set_yticks(places, [_short(as_written(row.name)) for row in rows], fontsize=11, color=INK)
+    axes.set_xlim(0, 1.2 * most)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_title(f"{title} by material", fontsize=12.5, color=INK, loc="left", pad=6)
     axes.tick_params(axis="x", labelsize=9.5, color=GRID, labelcolor=MUTED)

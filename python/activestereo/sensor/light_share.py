@@ -23,13 +23,13 @@ _GROUPS = {group: f"light_group_{group}" for group in (LAMPS, SURFACES, ALL_SIDE
 
 @dataclass(frozen=True)
 class LightShare:
-    """Shares of the infrared light in the middle of the left camera's picture.
+    """Shares of the infrared light at the dots, the tenth of the pixels in the middle of the left camera's picture that
+    the projector lights most; of all pixels there without a projector.
 
-    distance_m: median distance there. dots: the projector's share at its dots, the brightest tenth of the pixels;
-    projector: its share over all pixels. brightest: name of the brightest other light, or None."""
+    distance_m: median distance there. projector: its share. brightest: name of the brightest other light, or None, and
+    its share."""
 
     distance_m: float
-    dots: float
     projector: float
     brightest: str | None
     brightest_share: float
@@ -42,26 +42,25 @@ def light_share(sensor: StereoDepthSensor) -> LightShare | None:
     names = ["depth", "position", *_GROUPS.values(), *(["projector"] if has_projector else [])]
     seen = sensor.get_pictures(names, "left", samples_per_pixel=_SAMPLES, denoise="none")
     middle = _middle(seen["depth"][..., 0])
-    light = {name: float(np.mean(image[middle])) for name, image in seen.items() if middle.any()}
-    total = sum(light[name] for name in names[2:]) if light else 0.0
+    if not middle.any():
+        return None
+    distance_m, place = float(np.median(seen["depth"][middle])), np.median(seen["position"][middle], axis=0)
+    if has_projector:
+        dots = seen["projector"][..., 0]
+        middle &= dots >= np.quantile(dots[middle], 0.9)
+    light = {name: float(np.mean(seen[name][middle])) for name in names[2:]}
+    total = sum(light.values())
     if total <= 0.0:
         return None
     group = max(_GROUPS, key=lambda number: light[_GROUPS[number]])
     share = light[_GROUPS[group]] / total
-    name, part = _brightest(sensor.scene, group, np.median(seen["position"][middle], axis=0))
+    name, part = _brightest(sensor.scene, group, place)
     return LightShare(
-        distance_m=float(np.median(seen["depth"][..., 0][middle])),
-        dots=_share_at_dots(seen, middle) if has_projector else 0.0,
+        distance_m=distance_m,
         projector=light.get("projector", 0.0) / total,
         brightest=name if share > 0.0 else None,
         brightest_share=share * part,
     )
-
-
-def _share_at_dots(seen: dict[str, NDArray[Any]], middle: NDArray[np.bool_]) -> float:
-    projector, rest = seen["projector"][middle], np.sum([seen[name][middle] for name in _GROUPS.values()], axis=0)
-    dots = projector >= np.quantile(projector, 0.9)
-    return float(projector[dots].sum() / max(float((projector + rest)[dots].sum()), 1e-30))
 
 
 def _middle(depth: NDArray[np.float32]) -> NDArray[np.bool_]:

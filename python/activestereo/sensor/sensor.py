@@ -116,7 +116,7 @@ class StereoDepthSensor(SensorResults):
     def compute_depth_from(
         self, left: ArrayLike, right: ArrayLike, left_laser: ArrayLike | None = None,
         right_laser: ArrayLike | None = None, outputs: tuple[str, ...] = ("disparity",), frame_index: int = 0,
-    ) -> dict[str, np.ndarray]:  # fmt: skip
+    ) -> dict[str, NDArray[Any]]:  # fmt: skip
         """{output of simsense.Engine.compute: array} of radiance of one's own, [height, width] W/(sr m^2), with picture
         frame_index's noise. *_laser: the projector's part, which alone has speckle; without, all has."""
         shape = self._config.ir_resolution[::-1]
@@ -175,7 +175,7 @@ class StereoDepthSensor(SensorResults):
         """The RGB camera's pose in the scene (body axes)."""
         return self._place.pose()
 
-    def set_local_pose(self, pose: Pose | np.ndarray) -> None:
+    def set_local_pose(self, pose: Pose | NDArray[Any]) -> None:
         """Sets the pose relative to the mount, or in the scene if there is no mount."""
         self._place.local = Pose(as_matrix(pose))
 

@@ -46,7 +46,8 @@ def test_every_help_fits_a_terminal(monkeypatch):
     """Prose is filled anew, and a command goes on in a line that a shell takes for the same one."""
     monkeypatch.setenv("COLUMNS", "80")
     for name, parser in leaves().items():
-        assert max(map(len, parser.format_help().splitlines())) <= 80, name
+        for text in (parser.format_help(), parser.format_all_help()):
+            assert max(map(len, text.splitlines())) <= 80, name
     own = Parser(description=f"{'word ' * 20}\n\nexamples:\n  activestereo depth {'file ' * 20}-o out\n  last")
     prose, command = own.format_help().split("\n\n")[1:3]
     assert len(prose.splitlines()) == 2 and " \\\n      file" in command and command.endswith("-o out\n  last")

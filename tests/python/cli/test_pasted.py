@@ -43,7 +43,7 @@ def _kind(words):
 
 def _follow(capsys, *seed):
     """The kinds of commands that a command and those that it leads to give; led_on() views, each other kind is run
-    once, as it is pasted."""
+    once, as it is pasted. The options of _QUICK are handed on."""
     waiting, done = [[str(word) for word in seed]], []
     while waiting:
         words = waiting.pop(0)
@@ -53,7 +53,9 @@ def _follow(capsys, *seed):
         assert end.returncode == 0, (words, end.stderr)
         done.append(_kind(words))
         if done[-1] != "model show":  # a table is its end
-            waiting += led_on(end.stdout)
+            leads = led_on(end.stdout)
+            assert all(lead[0] == "view" or set(_QUICK) & set(words) <= set(lead) for lead in leads), leads
+            waiting += leads
     return done
 
 
@@ -64,7 +66,9 @@ def test_from_a_comparison_to_a_sensor_with_what_was_found(capsys, folder, captu
 
 def test_from_an_overlay_to_a_comparison(capsys, folder, capture):
     end = run_here(capsys, "overlay", capture, "-o", folder / "overlay", "--device", "cpu")
-    assert [words[:2] for words in led_on(end.stdout)] == [["compare", str(capture)]]
+    [lead] = led_on(end.stdout)
+    assert lead[:2] == ["compare", str(capture)]
+    assert led_on(run_here(capsys, *lead, patience_s=_PATIENCE_S).stdout)
 
 
 def test_from_scenes_to_pictures(capsys, folder, scene):
@@ -73,9 +77,10 @@ def test_from_scenes_to_pictures(capsys, folder, scene):
     writer.add_mesh("cube", meshes.box(80.0, 80.0, 80.0), writer.add_material("grey"))
     writer.write(folder / "millimetres.glb")
     few = (*_QUICK, "--resolution", "106x60")
-    [again] = led_on(run_here(capsys, "simulate", folder / "millimetres.glb", *few, "-o", folder / "a").stdout)
-    assert again[again.index("--unit") + 1] == "0.001"
-    assert "have depth" in run_here(capsys, *again, *few).stdout
+    first = ("simulate", folder / "millimetres.glb", *few, "-o", folder / "a")
+    [again] = led_on(run_here(capsys, *first).stdout)
+    assert again == [*map(str, first), "--unit", "0.001"]
+    assert "have depth" in run_here(capsys, *again).stdout
     small = ("--rgb-size", "64x48", "--ir-size", "106x60")
     assert _follow(capsys, "generate", scene, *_QUICK, "--count", "1", *small, "-o", folder / "set") == ["generate"]
 

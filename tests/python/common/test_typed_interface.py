@@ -13,6 +13,7 @@ import activestereo
 
 # Each line with a mistake ends in "# wrong".
 SCRIPT = """\
+# pyright: strict
 from pathlib import Path
 
 import numpy as np
@@ -33,8 +34,8 @@ def picture() -> float:
     sensor.compute_depth()
     depth_m = sensor.get_depth()
     left, right = sensor.get_ir_measured()
-    points_m = sensor.get_pontcloud()  # wrong
-    print(left.shape, right.shape, points_m)
+    print(left.shape, right.shape)
+    print(sensor.get_pontcloud())  # wrong
     return float(depth_m.mean())
 
 
@@ -44,8 +45,7 @@ def batch() -> float:
     albedo = np.full(sensor.shape, 0.5)
     frame = sensor(depth=depth_m, albedo=albedo, outputs=["depth", "valid"])
     share = frame["valid"].mean()
-    nearest = frame["dpeth"].min()  # wrong
-    print(nearest)
+    print(frame["dpeth"].min())  # wrong
     return float(share)
 
 

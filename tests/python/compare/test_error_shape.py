@@ -63,7 +63,8 @@ def test_noise_alone_has_no_shape_and_unknown_pixels_count_nowhere():
 
 def _table(covariate, bins):
     rows = [{"low": a, "high": b, "pixels": n, "excess": e, "mean": -e} for a, b, n, e in bins]
-    return {"channel": "infrared", "covariate": covariate, "is_finding": True, "concentration": 0.5, "bins": rows}
+    return {"channel": "infrared", "covariate": covariate, "is_finding": True, "concentration": 0.5, "bins": rows,
+            "mean_share": 0.0}  # fmt: skip
 
 
 def _scores(**changed):
@@ -91,6 +92,19 @@ def test_the_sentence_says_what_where_and_which_families():
     assert what_is_missed(_scores(warnings=["swapped"]))[0] == "Warning: swapped."
     at_the_floor = {"infrared": {"is_explainable": False}}
     assert "noise floor" in what_is_missed(_scores(regions=at_the_floor))[0]
+
+
+def test_an_error_that_changes_its_sign_is_told_on_both_sides():
+    table = _table("radius", [(0.0, 0.3, 300, 20.0), (0.3, 0.6, 300, 2.0), (0.6, 1.0, 400, 20.0)])
+    for row, mean in zip(table["bins"], (4.0, 1.0, -4.0), strict=True):
+        row["mean"] = mean
+    depth = _table("depth", [(1.0, 2.0, 400, 30.0), (2.0, 3.0, 600, 2.0)])
+    said = what_is_missed(_scores(where=[depth, table | {"mean_share": 0.86}]))
+    assert said[0] == (
+        "The measured images are smoothly brighter than the model's within 0.6 of the way to the corners and darker "
+        "beyond: 86 % of the error."
+    )
+    assert said[1].startswith("Effects that do this: lens shading, projector shading.")
 
 
 @pytest.mark.parametrize("before_px, differ", [(2.919, True), (4.0, False), (None, False)])

@@ -22,7 +22,7 @@ def views(device, tmp_path_factory):
         for name, samples in (("geometry", 32), ("few", 32), ("many", 1024)):
             request = rig_request(capture, capture.frames[0], samples, 4, 0, sampling)
             rendered[name] = sampling.pixel_layers(KuafuRenderer(device)(request)[0], capture.rig.left)
-            patch.setattr(matt_world, "is_matt_world", lambda scene: False)
+            patch.setattr(matt_world, "is_matt_world", lambda *_: False)
     return rendered
 
 

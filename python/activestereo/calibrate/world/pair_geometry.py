@@ -42,11 +42,13 @@ class PairEstimate:
 
     @property
     def text(self) -> str:
-        sd = [1.645 * x for x in self.deviation]
-        baseline = f"baseline {1e3 * self.baseline_m:.2f} +- {1e3 * sd[0]:.2f} mm"
+        metre, _, row = (f" +- {1.645 * scale * x:.2f}" * bool(np.isfinite(x)) for scale, x in
+                         zip((1e3, 1.0, 1.0), self.deviation, strict=True))
+        baseline = f"baseline {1e3 * self.baseline_m:.2f}{metre} mm"
         if self.own_depth:
             baseline = f"baseline {1e3 * self.baseline_m:.2f} mm (nominal: depth was computed with it)"
-        return f"cameras: {baseline}; the right camera's rows are {self.row_px:+.2f} +- {sd[2]:.2f} px off (90 %)"
+        sure = "90 %" if row else "no interval: fewer than two views tell it"
+        return f"cameras: {baseline}; the right camera's rows are {self.row_px:+.2f}{row} px off ({sure})"
 
 
 def pair_geometry(views: Sequence[SceneView], rig: Rig) -> PairEstimate:

@@ -53,6 +53,11 @@ class SceneRenderer:
         """Whether ambient light was measured on each surface (room_light.py)."""
         return self._room is not None
 
+    def room_light(self, cameras: Sequence[kuafu.Camera], samples_per_pixel: int, **options: Any) -> NDArray:
+        """The measured ambient light of a scene with has_room_light, [camera][height][width][1]."""
+        assert self._room is not None
+        return self._room.images(self._renderer, cameras, samples_per_pixel, **options)
+
     @contextmanager
     def alone(self) -> Iterator[kuafu.Scene]:
         """The scene, for one thread at a time. After an error, what could not be taken back goes with the old scene."""
@@ -113,8 +118,7 @@ class SceneRenderer:
         if len(passes) > 1:
             images["projector_indirect"] = spread(images["projector_indirect"])
         if self._room is not None and "ambient" in images:
-            room = self._room.images(self._renderer, cameras, samples_per_pixel, **options)
-            images["ambient"] = images["ambient"] + room
+            images["ambient"] = images["ambient"] + self.room_light(cameras, samples_per_pixel, **options)
         return images
 
     def views(self, images: Mapping[str, NDArray], cameras: Sequence[kuafu.Camera]) -> list[dict[str, NDArray]]:
