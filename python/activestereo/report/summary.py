@@ -20,7 +20,18 @@ def comparison_screen(scores: dict[str, Any], next_step: Step, page: Path, kept:
     if floor is not None:
         figures.append(Figure("noise alone", f"{floor:.2f} DN", floor))
     details = f"{summary_table(scores)}\n{kept}"
-    return screen(sentence, figures, notes, [next_step], page, details, verbose)
+    return screen(sentence, figures, [*notes, *_depth_line(scores["depth"])], [next_step], page, details, verbose)
+
+
+def _depth_line(depth: dict[str, Any]) -> list[str]:
+    """The distance of the model's depth from the camera's, of the last split."""
+    values = next(reversed(depth.values()), None)
+    if values is None or values["median_abs_px"] is None:
+        return []
+    noise = values["noise_floor_median_abs_px"]
+    alone = "" if noise is None else f" (noise {noise:.2f} px)"
+    fill = f"fill {100 * values['fill_model']:.0f} % (camera {100 * values['fill_measured']:.0f} %)"
+    return [f"depth: {values['median_abs_px']:.2f} px apart in the median{alone}, {fill}"]
 
 
 def summary_table(scores: dict[str, Any]) -> str:

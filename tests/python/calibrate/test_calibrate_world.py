@@ -204,6 +204,9 @@ def test_counts_that_end_abruptly_are_the_black_level():
     blurred = cv2.GaussianBlur(ends + rng.normal(0.0, 0.4, ends.shape).astype(np.float32), (0, 0), 0.6)
     level, deviation = black_level([replace(view, left=blurred, right=blurred)])
     assert level == pytest.approx(4.0, abs=0.7) and deviation < 1.0
+    # Views whose darkest surfaces are as steep, but not alike, show no floor.
+    others = [replace(view, left=blurred + dark, right=blurred + dark) for dark in (0.0, 3.0, 6.0)]
+    assert black_level(others)[1] == pytest.approx(others[0].left.min() / np.sqrt(12.0), rel=0.2)
     level, deviation = black_level([replace(view, left=thins_out, right=thins_out)])
     assert deviation > 4.0 and level < 12.0
 

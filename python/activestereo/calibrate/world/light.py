@@ -89,7 +89,7 @@ def black_level(views: Sequence[SceneView]) -> tuple[float, float]:
         return float(np.median(floors)), float(np.hypot(_FLOOR_DN, np.std(floors) / np.sqrt(len(floors))))
     tails = [np.quantile(image, _TAIL) for view in views for image in (view.left, view.right)]
     steep = [b for a, b, c in tails if b - a <= _BLURRED_DN and c - b >= _STEEP * (b - a)]
-    if steep:
+    if steep and np.ptp(steep) <= _BLURRED_DN:  # all views have the same floor
         return float(np.median(steep)), _BLURRED_FLOOR_DN
     darkest = float(min(np.quantile(view.left, _DARKEST) for view in views))
     return 0.5 * darkest, max(darkest / np.sqrt(12.0), _FLOOR_DN)

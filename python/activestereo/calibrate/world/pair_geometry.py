@@ -36,7 +36,7 @@ class PairEstimate:
         return {
             "baseline_m": self.baseline_m,
             "right_centre_shift_px": [self.column_px, self.row_px],
-            "pair_deviation": list(self.deviation),
+            "pair_deviation": [x if np.isfinite(x) else None for x in self.deviation],
             "depth_is_the_devices": self.own_depth,
         }
 
